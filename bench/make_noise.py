@@ -1,0 +1,88 @@
+"""The benchmark's capture: cyclic PROFINET RT frames with transactions scattered among them.
+
+Half of the RT frames carry a VLAN tag, as controllers send them. The transactions come from the
+lab; the RT frames are patched templates, because a million of them should take seconds. Same
+arguments, same bytes.
+Needs the package and scapy: `pip install -e .[lab]`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+from ds47.lab import message
+from ds47.lab.client import Client
+from ds47.lab.stage import START_NS, Stage
+
+FRAMES = 1_000_000
+RPC_FRAMES_PER_TRANSACTION = 4
+FRAMES_PER_TRANSACTION = 500
+"""RT frames for each transaction: 2,000 transactions in a million."""
+PERIOD_NS = 31_250
+"""32 RT frames in a millisecond: 16 devices, both ways."""
+
+RECORD = struct.Struct("<IIII")
+PCAP_HEADER = struct.pack("<IHHiIII", 0xA1B23C4D, 2, 4, 0, 0, 262_144, 1)
+MACS = bytes.fromhex("001ff8000001 001c06000001")
+VLAN_TAG = bytes.fromhex("8100 c000")
+RT_HEAD = bytes.fromhex("8892 8001") + bytes(range(40))
+RT_STATUS = b"\x35\x00"
+
+
+def transactions(count: int) -> list[bytes]:
+    """The RPC frames of `count` reads of three parameters, in their order."""
+    stage = Stage()
+    client = Client(stage)
+    addresses = [message.address(pnu) for pnu in (21, 27, 68)]
+    for number in range(count):
+        reference = number % 255 + 1
+        values = [message.real(float(number + place)) for place in range(3)]
+        request = message.read(reference, 1, *addresses)
+        client.exchange(request, message.answer(reference, 1, 1, *values))
+    return [shot.data for shot in stage.shots]
+
+
+def rt_frames(count: int) -> Iterator[bytes]:
+    """RT frames with a counting cycle, every second one with a VLAN tag."""
+    heads = (MACS + RT_HEAD, MACS + VLAN_TAG + RT_HEAD)
+    for number in range(count):
+        yield heads[number & 1] + struct.pack(">H", number * 32 & 0xFFFF) + RT_STATUS
+
+
+def mixed(frames: int) -> Iterator[bytes]:
+    """RT frames with the RPC frames spread evenly among them."""
+    calls = iter(transactions(frames // FRAMES_PER_TRANSACTION))
+    every = FRAMES_PER_TRANSACTION // RPC_FRAMES_PER_TRANSACTION
+    for number, frame in enumerate(rt_frames(frames), start=1):
+        yield frame
+        if number % every == 0:
+            call = next(calls, None)
+            if call is not None:
+                yield call
+
+
+def write(path: Path, frames: int = FRAMES) -> int:
+    """Write a nanosecond pcap; the number of its frames."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    written = 0
+    with path.open("wb") as file:
+        file.write(PCAP_HEADER)
+        for written, data in enumerate(mixed(frames), start=1):
+            seconds, rest = divmod(START_NS + written * PERIOD_NS, 1_000_000_000)
+            file.write(RECORD.pack(seconds, rest, len(data), len(data)) + data)
+    return written
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("path", type=Path)
+    parser.add_argument("--frames", type=int, default=FRAMES, help="RT frames")
+    arguments = parser.parse_args()
+    print(f"{arguments.path}: {write(arguments.path, arguments.frames)} frames")
+
+
+if __name__ == "__main__":
+    main()

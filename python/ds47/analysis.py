@@ -1,0 +1,183 @@
+"""From a capture to transactions and findings: the pipeline.
+
+    frames -> RPC messages -> record calls -> jobs -> transactions with findings
+
+Each step is a module of its own; here they are only joined. Nothing is printed, no format is known.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+
+from ds47.capture import Capture, open_capture
+from ds47.findings import Findings
+from ds47.gate import Gate
+from ds47.model import CaptureResult, Finding, Transaction
+from ds47.naming import Naming
+from ds47.pairing import Job, Pairing
+from ds47.profidrive import Options, decode_response
+from ds47.profinet import rpc
+from ds47.profinet.calls import CallTracker
+from ds47.profinet.link import Packet, PacketSource
+from ds47.profinet.records import Record
+from ds47.profinet.status import status_hex
+from ds47.recordcalls import RecordCalls
+from ds47.rules import Judge, Remark
+from ds47.spec.semantics import limits
+from ds47.transactions import build, summarise
+
+OnTransaction = Callable[[Transaction, list[Finding]], None]
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysisOptions:
+    """What a user may choose.
+
+    Attributes:
+        indices: further record indices that carry the parameter channel.
+        lang: language of error and finding texts, "en" or "zh".
+        slow_ms: share of the drive from which a transaction is slow; None for the shipped limit.
+        select: rule ids or prefixes to report; empty for all.
+        ignore: rule ids or prefixes to leave out.
+        codec: dialects of the parameter channel.
+        digest: whether to compute the SHA-256 of the file (reads every byte).
+    """
+
+    indices: frozenset[int] = frozenset()
+    lang: str = "en"
+    slow_ms: float | None = None
+    select: tuple[str, ...] = ()
+    ignore: tuple[str, ...] = ()
+    codec: Options = field(default_factory=Options)
+    digest: bool = False
+
+
+def analyze(
+    source: str | Path | BinaryIO | Capture,
+    options: AnalysisOptions | None = None,
+    on_transaction: OnTransaction | None = None,
+) -> CaptureResult:
+    """Analyses one capture.
+
+    Args:
+        source: path, "-" for standard input, a binary stream, or an open capture.
+        options: choices of the user.
+        on_transaction: called for each finished transaction with its findings. The result then holds
+            no transaction and only the findings of none (memory stays bounded), and `id` counts in the
+            order in which transactions began.
+
+    Raises:
+        ds47.capture.CaptureError: nothing of the source can be read.
+    """
+    options = options or AnalysisOptions()
+    if isinstance(source, Capture):
+        return _Analysis(options, on_transaction).run(source)
+    with open_capture(source) as capture:
+        result = _Analysis(options, on_transaction).run(capture)
+    if options.digest and isinstance(source, (str, Path)) and str(source) != "-":
+        with Path(source).open("rb") as stream:
+            result.sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+    return result
+
+
+class _Analysis:
+    """One run over one capture."""
+
+    def __init__(self, options: AnalysisOptions, on_transaction: OnTransaction | None) -> None:
+        self._options = options
+        self._on_transaction = on_transaction
+        bounds = limits()
+        slow_ms = options.slow_ms
+        slow_ns = bounds.slow_ns if slow_ms is None else int(slow_ms * 1e6)
+        self._findings = Findings(options.lang, options.select, options.ignore)
+        self._judge = Judge(bounds, slow_ns, options.lang)
+        self._pairing = Pairing(bounds, self._answered, self._closed, self._nothing_to_read)
+        gate = Gate(options.indices, bounds.waiting_calls)
+        self._records = RecordCalls(gate, self._pairing, options.codec, self._findings.add)
+        self._calls = CallTracker(bounds, self._records.handlers())
+        self._fragments = rpc.Fragments(bounds.fragment_expiry_ns)
+        self._naming = Naming()
+        self._answers: dict[Job, list[Remark]] = {}
+        self._transactions: dict[Job, Transaction] = {}
+        self._summary: dict[str, int] = {"transactions": 0}
+
+    def run(self, capture: Capture) -> CaptureResult:
+        """Reads the capture to its end and sums up."""
+        packets = PacketSource(capture)
+        for packet in packets:
+            self._packet(packet)
+        self._findings.frames_dropped = bool(capture.dropped)
+        for pdu, have in self._fragments.unfinished():
+            self._records.incomplete(pdu, have, "RPC")
+        for packet, have in packets.unfinished():
+            part = rpc.parse(packet)
+            if part is not None:
+                self._records.incomplete(part, have, "IP")
+        self._calls.finish()
+        self._pairing.finish()
+        counts = self._records.counts
+        return CaptureResult(
+            path=capture.path,
+            frames=capture.frames,
+            complete=capture.complete,
+            problem=capture.problem,
+            dropped=capture.dropped,
+            rpc=self._calls.counts,
+            records={str(index): counts[index] for index in sorted(counts)},
+            devices=self._naming.devices(),
+            transactions=self._numbered(),
+            findings=self._findings.result(self._transactions),
+            summary=self._summary,
+        )
+
+    def _packet(self, packet: Packet) -> None:
+        if packet.kind != "udp":
+            self._naming.station(packet)
+            return
+        pdu = rpc.parse(packet)
+        if pdu is None or self._calls.is_copy(pdu):
+            return
+        whole = self._fragments.feed(pdu)
+        if whole is not None:
+            self._naming.message(whole)
+            self._calls.feed(whole)
+
+    def _answered(self, job: Job) -> None:
+        half = job.read_response
+        if half is not None and half.data:
+            job.response = decode_response(half.data, job.message, self._options.codec)
+        self._answers[job] = self._judge.answered(job)
+
+    def _closed(self, job: Job) -> None:
+        remarks = self._answers.pop(job, None)
+        if remarks is None:
+            job.reason = self._findings.reason(job.reason) if job.reason else ""
+            remarks = self._judge.unanswered(job)
+        transaction = build(job, self._options.lang)
+        summarise(self._summary, transaction)
+        if self._on_transaction is None:
+            self._transactions[job] = transaction
+            for remark in remarks:
+                self._findings.add(remark)
+            return
+        transaction.id = job.order
+        remarks = [remark for remark in remarks if self._findings.wanted(remark.rule)]
+        transaction.findings = sorted({remark.rule for remark in remarks})
+        self._on_transaction(transaction, [self._findings.word(r, job.order) for r in remarks])
+
+    def _nothing_to_read(self, record: Record) -> None:
+        half = record.response
+        if half is not None:
+            status = "-" if half.status is None else status_hex(half.status)
+            self._findings.add(Remark("DS206", half.frame, {"status": status}))
+
+    def _numbered(self) -> list[Transaction]:
+        """The transactions in the order of their first frame, then of the position inside it."""
+        ordered = sorted(self._transactions.values(), key=lambda t: (t.frames.first(), t.position))
+        for number, transaction in enumerate(ordered, 1):
+            transaction.id = number
+        return ordered

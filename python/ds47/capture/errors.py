@@ -1,0 +1,16 @@
+"""What can go wrong before the first frame of a capture.
+
+Lives here: the one exception of this package. Not here: damage inside a capture, which is never an
+exception but the text of `Capture.problem`.
+"""
+
+
+class CaptureError(Exception):
+    """Nothing can be read: no such file, no permission, not a capture, no decompressor.
+
+    `message` is one line for a person: what happened, to which input, what to do about it.
+    """
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.message = message

@@ -1,0 +1,113 @@
+"""The classic pcap format: microseconds and nanoseconds, both byte orders.
+
+Lives here: the file header, what a record header means, what is wrong where the scan stops. Not
+here: the walk over the records (scan.py), compression and stdin (stream.py).
+Format: https://www.ietf.org/archive/id/draft-ietf-opsawg-pcap-04.html
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+
+from .errors import CaptureError
+from .frame import Frame
+from .scan import MAX_FRAME, ByteOrder, Cursor, Reject, pcap_layout, scan_pcap
+from .stream import Window
+
+_FILE_HEADER = 24
+
+# magic as a big-endian number: nanoseconds of one unit of the fraction, length of a record header
+_MAGICS = {
+    0xA1B2C3D4: (1000, 16),
+    0xA1B23C4D: (1, 16),
+    0xA1B2CD34: (1000, 24),  # Kuznetzov's patched libpcap
+}
+
+
+def recognised(head: bytes) -> bool:
+    """True when `head`, the first 4 bytes of a file, is a pcap magic number."""
+    return _order(head) is not None
+
+
+def _order(head: bytes) -> ByteOrder | None:
+    orders: tuple[ByteOrder, ByteOrder] = ("little", "big")
+    for order in orders:
+        if int.from_bytes(head[:4], order) in _MAGICS:
+            return order
+    return None
+
+
+class PcapReader:
+    """Frames of one pcap file that may matter, in order.
+
+    `frames` counts all of them, `problem` is one line when the file is damaged. Raises CaptureError
+    when the file header is not whole.
+    """
+
+    dropped: int | None = None  # the format cannot say
+
+    def __init__(self, window: Window) -> None:
+        if not window.more(0, _FILE_HEADER):
+            reason = window.broken or f"it has {window.end} bytes, the file header alone has 24"
+            raise CaptureError(f"the pcap file header is not whole: {reason}")
+        order = _order(window.data)
+        assert order is not None, "only called for recognised files"
+        magic = int.from_bytes(window.data[:4], order)
+        self._unit, self._header = _MAGICS[magic]
+        self._order: ByteOrder = order
+        # the upper bits say how long a frame check sequence is; IP lengths tell that better
+        self.link_type = int.from_bytes(window.data[20:24], order) & 0x03FFFFFF
+        self._window = window
+        self._cursor = Cursor(position=_FILE_HEADER)
+        self.problem: str | None = None
+
+    @property
+    def frames(self) -> int:
+        """Frames passed so far."""
+        return self._cursor.frames
+
+    def read(self) -> Iterator[Frame]:
+        """Yield the frames that may matter; sets `problem` when it must stop early."""
+        window, cursor, link_type, unit = self._window, self._cursor, self.link_type, self._unit
+        layout = pcap_layout(self._order, self._header)
+        reject = Reject.build(self._order, link_type)
+        while True:
+            data = window.data
+            for number, seconds, fraction, captured, original, start in scan_pcap(
+                data, window.end, cursor, layout, self._header, link_type, reject
+            ):
+                time_ns = seconds * 1_000_000_000 + fraction * unit
+                frame = data[start : start + captured]
+                yield Frame(number, time_ns, link_type, frame, original)
+            if not self._continue():
+                return
+
+    def _continue(self) -> bool:
+        """Get what the record in front of the cursor needs; False at the end or at damage."""
+        window, cursor, header = self._window, self._cursor, self._header
+        whole = window.more(cursor.position, header)
+        cursor.position = 0
+        if not whole:
+            if window.end or window.broken:
+                self._cut_off(header)
+            return False
+        (captured,) = struct.unpack_from("<I" if self._order == "little" else ">I", window.data, 8)
+        if captured > MAX_FRAME:
+            self.problem = (
+                f"damaged at byte {window.base}: frame {self.frames + 1} claims {captured} "
+                f"captured bytes, more than {MAX_FRAME}; only the frames before it are reported"
+            )
+            return False
+        if not window.more(0, header + captured):
+            self._cut_off(header + captured)
+            return False
+        return True
+
+    def _cut_off(self, need: int) -> None:
+        window = self._window
+        self.problem = window.broken or (
+            f"cut off at byte {window.base}: frame {self.frames + 1} needs {need} bytes and "
+            f"{window.end} are left"
+        )
+        self.problem += "; only the frames before it are reported"

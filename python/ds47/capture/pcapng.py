@@ -1,0 +1,312 @@
+"""The pcapng format: sections of either byte order, interfaces, three kinds of packet blocks.
+
+Lives here: blocks and options, what a timestamp means, what is wrong where the scan stops. Not
+here: the walk over Enhanced Packet Blocks (scan.py), compression and stdin (stream.py).
+Format: https://www.ietf.org/archive/id/draft-ietf-opsawg-pcapng-03.html
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from .errors import CaptureError
+from .frame import Frame
+from .scan import (
+    ENHANCED_PACKET,
+    ETHERNET,
+    MAX_FRAME,
+    ByteOrder,
+    Cursor,
+    Links,
+    Reject,
+    pcapng_layout,
+    relevant,
+    scan_pcapng,
+)
+from .stream import Window
+
+SECTION = 0x0A0D0D0A
+INTERFACE, PACKET, SIMPLE_PACKET, STATISTICS = 1, 2, 3, 5
+CUSTOM, CUSTOM_NO_COPY, JOURNAL = 0x0BAD, 0x40000BAD, 9
+BYTE_ORDER_MAGIC = 0x1A2B3C4D
+
+MAX_BLOCK = 1 << 24  # Wireshark's limit, in bytes
+
+# Blocks that carry no packet and yet are lines of Wireshark's packet list
+_COUNTED = frozenset((CUSTOM, CUSTOM_NO_COPY, JOURNAL, 0x204, 0x208, 0x210, 0x215, 0x216, 0x221))
+
+_FIXED_PART = {SECTION: 16, INTERFACE: 8, PACKET: 20, SIMPLE_PACKET: 4, STATISTICS: 12,
+               ENHANCED_PACKET: 20}  # fmt: skip
+
+
+class _BrokenBlockError(Exception):
+    """The block in front of the cursor cannot be read. The text says what is wrong with it."""
+
+
+@dataclass(slots=True)
+class _Interface:
+    """What an Interface Description Block says.
+
+    A timestamp t is t * numerator // denominator nanoseconds, plus the offset.
+    """
+
+    link_type: int
+    snap_length: int
+    numerator: int = 1000
+    denominator: int = 1
+    offset_ns: int = 0
+
+    def time_ns(self, high: int, low: int) -> int:
+        return (high << 32 | low) * self.numerator // self.denominator + self.offset_ns
+
+    def resolution(self, code: int) -> None:
+        """Set if_tsresol: a negative power of 10, or with bit 7 set of 2."""
+        units = 2 ** (code & 0x7F) if code & 0x80 else 10**code
+        if 1_000_000_000 % units == 0:
+            self.numerator, self.denominator = 1_000_000_000 // units, 1
+        else:
+            self.numerator, self.denominator = 1_000_000_000, units
+
+
+def recognised(head: bytes) -> bool:
+    """True when `head`, the first 4 bytes of a file, opens a pcapng section."""
+    return head[:4] == b"\x0a\x0d\x0d\x0a"
+
+
+class PcapngReader:
+    """Frames of one pcapng file that may matter, in order.
+
+    `frames` counts all frames as Wireshark does; `problem` is one line when the file is damaged;
+    `dropped` sums up the frames that interface statistics call lost (isb_ifdrop, isb_osdrop), None
+    without such counters. Raises CaptureError when the first section header cannot be read.
+    """
+
+    def __init__(self, window: Window) -> None:
+        self._window = window
+        self._cursor = Cursor()
+        self._interfaces: list[_Interface] = []
+        self._links = Links()
+        self._last_ns = 0
+        self._section = -1
+        self._lost: dict[tuple[int, int], dict[int, int]] = {}
+        self.problem: str | None = None
+        self._set_order("little")
+        try:
+            if self._block() is None:
+                raise _BrokenBlockError("the file is empty")
+        except _BrokenBlockError as error:
+            raise CaptureError(f"the pcapng section header cannot be read: {error}") from error
+
+    @property
+    def frames(self) -> int:
+        """Frames passed so far."""
+        return self._cursor.frames
+
+    @property
+    def dropped(self) -> int | None:
+        """Frames that the capturing machine lost, as far as the file says so."""
+        if not self._lost:
+            return None
+        return sum(sum(counters.values()) for counters in self._lost.values())
+
+    def read(self) -> Iterator[Frame]:
+        """Yield the frames that may matter; sets `problem` when it must stop early."""
+        cursor, window = self._cursor, self._window
+        try:
+            while True:
+                yield from self._enhanced()
+                frame = self._block()
+                if frame is None:
+                    return
+                if frame is not True:
+                    self._last_ns = frame.time_ns
+                    yield frame
+        except _BrokenBlockError as error:
+            self.problem = window.broken or f"damaged at byte {window.base + cursor.position}: "
+            if not window.broken:
+                self.problem += str(error)
+            self.problem += "; only the frames before it are reported"
+
+    def _enhanced(self) -> Iterator[Frame]:
+        """Yield from the run of Enhanced Packet Blocks in front of the cursor, by the fast loop."""
+        data, interfaces = self._window.data, self._interfaces
+        for number, interface, high, low, captured, original, start in scan_pcapng(
+            data, self._window.end, self._cursor, self._layout, self._word, self._links,
+            self._reject,
+        ):  # fmt: skip
+            about = interfaces[interface]
+            self._last_ns = time_ns = about.time_ns(high, low)
+            frame = data[start : start + captured]
+            yield Frame(number, time_ns, about.link_type, frame, original)
+
+    def _set_order(self, order: ByteOrder) -> None:
+        self._order: ByteOrder = order
+        self._sign = "<" if order == "little" else ">"
+        self._word = struct.Struct(self._sign + "I")
+        self._layout = pcapng_layout(order)
+        self._reject = Reject.build(order, ETHERNET)
+
+    # -- any block, one at a time ---------------------------------------------------------------
+
+    def _block(self) -> Frame | Literal[True] | None:
+        """Take the block in front of the cursor. None at the end; a frame that may matter; True.
+
+        Raises _BrokenBlockError, with the cursor still in front of the block.
+        """
+        cursor, window = self._cursor, self._window
+        if not self._have(12):
+            if window.end == cursor.position and not window.broken:
+                return None
+            left = window.end - cursor.position
+            raise _BrokenBlockError(f"a block header needs 12 bytes and {left} are left")
+        kind, total = self._head()
+        if not self._have(total):
+            left = window.end - cursor.position
+            raise _BrokenBlockError(f"block type {kind:#x} needs {total} bytes and {left} are left")
+        data, start, end = window.data, cursor.position, cursor.position + total
+        if data[start + 4 : start + 8] != data[end - 4 : end]:
+            raise _BrokenBlockError(f"block type {kind:#x} gives its length twice, and differently")
+        frame = self._dispatch(kind, data[start + 8 : end - 4])
+        cursor.position = end
+        return frame if frame is not None else True
+
+    def _have(self, need: int) -> bool:
+        """Have `need` bytes behind the cursor; the window moves only when it has to."""
+        cursor, window = self._cursor, self._window
+        if window.end - cursor.position >= need:
+            return True
+        whole = window.more(cursor.position, need)
+        cursor.position = 0
+        return whole
+
+    def _head(self) -> tuple[int, int]:
+        """Return type and length of the block at the cursor, a section's byte order applied."""
+        data, at = self._window.data, self._cursor.position
+        if data[at : at + 4] == SECTION.to_bytes(4, "big"):
+            self._set_order(self._section_order(data[at + 8 : at + 12]))
+        kind, total = struct.unpack_from(self._sign + "2I", data, at)
+        least = 12 + _FIXED_PART.get(kind, 0)
+        if total < least or total % 4:
+            reason = "not a multiple of 4" if total % 4 else f"it needs at least {least}"
+            raise _BrokenBlockError(f"block type {kind:#x} claims {total} bytes: {reason}")
+        if total > MAX_BLOCK:
+            raise _BrokenBlockError(
+                f"block type {kind:#x} claims {total} bytes, more than {MAX_BLOCK}"
+            )
+        return kind, total
+
+    @staticmethod
+    def _section_order(magic: bytes) -> ByteOrder:
+        orders: tuple[ByteOrder, ByteOrder] = ("little", "big")
+        for order in orders:
+            if int.from_bytes(magic, order) == BYTE_ORDER_MAGIC:
+                return order
+        raise _BrokenBlockError(f"the byte-order magic of the section is {magic.hex()}")
+
+    def _dispatch(self, kind: int, body: bytes) -> Frame | None:
+        blocks: dict[int, Callable[[bytes], Frame | None]] = {
+            SECTION: self._on_section,
+            INTERFACE: self._on_interface,
+            ENHANCED_PACKET: self._on_enhanced,
+            PACKET: self._on_packet,
+            SIMPLE_PACKET: self._on_simple,
+            STATISTICS: self._on_statistics,
+        }
+        if kind in blocks:
+            return blocks[kind](body)
+        if kind in _COUNTED:
+            self._cursor.frames += 1
+        return None
+
+    # -- one method per block type; `body` is without type and lengths --------------------------
+
+    def _on_section(self, body: bytes) -> None:
+        (major,) = struct.unpack_from(self._sign + "H", body, 4)
+        if major != 1:
+            raise _BrokenBlockError(f"the section has version {major}, known is 1")
+        self._section += 1
+        self._interfaces = []
+        self._links = Links()
+
+    def _on_interface(self, body: bytes) -> None:
+        link_type, _, snap_length = struct.unpack_from(self._sign + "HHI", body)
+        about = _Interface(link_type, snap_length)
+        for code, value in self._options(body, 8):
+            if code == 9 and len(value) >= 1:
+                about.resolution(value[0])
+            elif code == 14 and len(value) >= 8:
+                (seconds,) = struct.unpack_from(self._sign + "q", value)
+                about.offset_ns = seconds * 1_000_000_000
+        if link_type == ETHERNET:
+            self._links.ethernet.add(len(self._interfaces))
+        self._links.types.append(link_type)
+        self._interfaces.append(about)
+
+    def _on_enhanced(self, body: bytes) -> Frame | None:
+        """Also where the fast loop stops: what it did not like is named here."""
+        interface, high, low, captured, original = struct.unpack_from(self._sign + "5I", body)
+        return self._packet(interface, high, low, captured, original, body[20:])
+
+    def _on_packet(self, body: bytes) -> Frame | None:
+        """The obsolete Packet Block: as the enhanced one, with a drop counter."""
+        interface, _, high, low, captured, original = struct.unpack_from(self._sign + "2H4I", body)
+        return self._packet(interface, high, low, captured, original, body[20:])
+
+    def _packet(
+        self, interface: int, high: int, low: int, captured: int, original: int, rest: bytes
+    ) -> Frame | None:
+        about = self._interface(interface)
+        if captured > min(len(rest), MAX_FRAME):
+            raise _BrokenBlockError(
+                f"frame {self.frames + 1} claims {captured} captured bytes, "
+                f"{min(len(rest), MAX_FRAME)} are possible"
+            )
+        return self._frame(about, about.time_ns(high, low), rest[:captured], original)
+
+    def _on_simple(self, body: bytes) -> Frame | None:
+        """Belongs to interface 0, and the snap length says how much of it is there."""
+        about = self._interface(0)
+        (original,) = self._word.unpack_from(body)
+        captured = min(original, about.snap_length or original)
+        if captured > min(len(body) - 4, MAX_FRAME):
+            raise _BrokenBlockError(
+                f"frame {self.frames + 1} claims {captured} bytes and {len(body) - 4} are there"
+            )
+        return self._frame(about, self._last_ns, body[4 : 4 + captured], original)
+
+    def _frame(self, about: _Interface, time_ns: int, data: bytes, original: int) -> Frame | None:
+        self._cursor.frames += 1
+        if not relevant(data, 0, len(data), about.link_type, original):
+            return None
+        return Frame(self.frames, time_ns, about.link_type, data, original)
+
+    def _interface(self, number: int) -> _Interface:
+        if number >= len(self._interfaces):
+            raise _BrokenBlockError(
+                f"frame {self.frames + 1} is of interface {number}, "
+                f"the section describes {len(self._interfaces)}"
+            )
+        return self._interfaces[number]
+
+    def _on_statistics(self, body: bytes) -> None:
+        """Counters run from the start of the capture, so that the last block of each counts."""
+        (interface,) = self._word.unpack_from(body)
+        counters = {
+            code: int.from_bytes(value[:8], self._order)
+            for code, value in self._options(body, 12)
+            if code in (5, 7) and len(value) >= 8  # isb_ifdrop, isb_osdrop
+        }
+        if counters:
+            self._lost.setdefault((self._section, interface), {}).update(counters)
+
+    def _options(self, body: bytes, at: int) -> Iterator[tuple[int, bytes]]:
+        """Yield (code, value) up to the end; options that leave the block are not ours to judge."""
+        while at + 4 <= len(body):
+            code, length = struct.unpack_from(self._sign + "HH", body, at)
+            if code == 0 or at + 4 + length > len(body):
+                return
+            yield code, body[at + 4 : at + 4 + length]
+            at += 4 + (length + 3) // 4 * 4

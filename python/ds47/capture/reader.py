@@ -1,0 +1,109 @@
+"""Opening a capture of any supported kind.
+
+Lives here: `open_capture` and `Capture`, which choose the format by content. Not here: the formats.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO
+
+from . import pcap, pcapng
+from .errors import CaptureError
+from .frame import Frame
+from .stream import Stream, Window
+
+
+class Capture:
+    """An opened capture: a context manager, and an iterable of the frames that may matter.
+
+    * `path`: as given, or "-" for stdin.
+    * `frames`: frames passed so far, the irrelevant ones included; all of them at the end.
+    * `complete`: True once the end was reached without a problem.
+    * `problem`: one line when reading stopped early; offsets are those of the uncompressed bytes.
+    * `dropped`: frames the capturing machine lost (pcapng statistics), None where it does not say.
+
+    It is read once: a second iteration goes on where the first one stopped.
+    """
+
+    def __init__(self, stream: Stream) -> None:
+        self.path = stream.name
+        self._stream = stream
+        self._ended = False
+        window = Window(stream)
+        window.more(0, 4)
+        head = window.data[: min(4, window.end)]
+        self._reader: pcap.PcapReader | pcapng.PcapngReader
+        if pcap.recognised(head):
+            self._reader = pcap.PcapReader(window)
+        elif pcapng.recognised(head):
+            self._reader = pcapng.PcapngReader(window)
+        else:
+            raise CaptureError(_not_a_capture(head, window.broken))
+        self._frames = self._read()
+
+    def __enter__(self) -> Capture:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __iter__(self) -> Iterator[Frame]:
+        return self._frames
+
+    def _read(self) -> Iterator[Frame]:
+        yield from self._reader.read()
+        self._ended = True
+
+    @property
+    def frames(self) -> int:
+        """Frames passed so far."""
+        return self._reader.frames
+
+    @property
+    def problem(self) -> str | None:
+        """Why reading stopped before the end, or None."""
+        return self._reader.problem
+
+    @property
+    def complete(self) -> bool:
+        """True when everything was read."""
+        return self._ended and self.problem is None
+
+    @property
+    def dropped(self) -> int | None:
+        """Frames lost while capturing, or None."""
+        return self._reader.dropped
+
+    def close(self) -> None:
+        """Close the file, if `open_capture` opened it."""
+        self._stream.close()
+
+
+def _not_a_capture(head: bytes, broken: str | None) -> str:
+    if broken:
+        return broken
+    if not head:
+        return "the file is empty"
+    return f"not a capture: it begins with {head.hex(' ')}, expected is pcap or pcapng (.gz, .zst)"
+
+
+def open_capture(source: str | Path | BinaryIO, *, name: str | None = None) -> Capture:
+    """Open a capture: a path, "-" for stdin, or a binary file object (which stays open).
+
+    pcap, pcapng, gzip and zstd are recognised by content. `name` is shown instead of the path.
+    Raises CaptureError when nothing can be read at all.
+    """
+    stream = Stream(source, name)
+    try:
+        return Capture(stream)
+    except CaptureError as error:
+        stream.close()
+        raise CaptureError(f"{stream.name}: {error.message}") from error

@@ -1,0 +1,261 @@
+"""Bytes in order: opening a source, taking off compression, a sliding window over the rest.
+
+Lives here: plain files, stdin and file objects; gzip and zstd, recognised by content; `Window`, the
+buffer that the scan walks over. Not here: what the bytes mean (pcap.py, pcapng.py).
+
+Files are read, not mapped: a mapped file that somebody truncates kills the process, mapped pages
+count as memory of the process, and the reading loop is as fast.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import zlib
+from pathlib import Path
+from typing import BinaryIO, Protocol
+
+from .errors import CaptureError
+
+CHUNK = 1 << 18  # fits the second-level cache; larger is slower
+PADDING = bytes(64)  # behind the last byte, so that the scan may look past a short frame
+
+_GZIP = b"\x1f\x8b"
+_ZSTD = b"\x28\xb5\x2f\xfd"
+
+
+class DamagedError(Exception):
+    """The compressed data or the medium fails in the middle. Becomes `Capture.problem`."""
+
+
+class Reader(Protocol):
+    """What a layer of the stream offers to the next one."""
+
+    def read(self, size: int, /) -> bytes:
+        """Return up to `size` bytes, b"" at the end. Raises DamagedError."""
+        ...
+
+
+class _Decoder(Protocol):
+    """The part of the zstd and (adapted) zlib decompressors that is used here."""
+
+    @property
+    def eof(self) -> bool: ...
+    @property
+    def needs_input(self) -> bool: ...
+    @property
+    def unused_data(self) -> bytes: ...
+    def decompress(self, data: bytes, max_length: int = ..., /) -> bytes: ...
+
+
+class _Raw:
+    """A binary file object behind a few bytes that were already taken from it."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        # read1 hands out what a pipe has now; read would wait for a whole chunk
+        self._read = getattr(file, "read1", file.read)
+        self.head = b""
+        while len(self.head) < 4:
+            piece = self._take(CHUNK)
+            if not piece:
+                break
+            self.head += piece
+        self._left = self.head
+
+    def _take(self, size: int) -> bytes:
+        try:
+            return bytes(self._read(size) or b"")
+        except (OSError, ValueError) as error:
+            raise DamagedError(f"reading failed: {error}") from error
+
+    def read(self, size: int, /) -> bytes:
+        if self._left:
+            piece, self._left = self._left[:size], self._left[size:]
+            return piece
+        return self._take(size)
+
+
+class _Gzip:
+    """zlib's decompressor with the interface of the others: it keeps its own unread input."""
+
+    def __init__(self) -> None:
+        self._zlib = zlib.decompressobj(wbits=31)
+
+    @property
+    def eof(self) -> bool:
+        return self._zlib.eof
+
+    @property
+    def needs_input(self) -> bool:
+        return not self._zlib.unconsumed_tail
+
+    @property
+    def unused_data(self) -> bytes:
+        return self._zlib.unused_data
+
+    def decompress(self, data: bytes, max_length: int = 0, /) -> bytes:
+        return self._zlib.decompress(self._zlib.unconsumed_tail + data, max_length)
+
+
+def _zstd_decoder() -> _Decoder:
+    """Return a zstd decompressor. Raises CaptureError where none is installed."""
+    for name in ("compression.zstd", "backports.zstd"):
+        try:
+            decoder: _Decoder = importlib.import_module(name).ZstdDecompressor()
+        except ImportError:
+            continue
+        return decoder
+    raise CaptureError(
+        "this capture is zstd-compressed and no decompressor is installed: "
+        "install the Python package backports.zstd, or unpack it with `zstd -d` first"
+    )
+
+
+class _Decompressed:
+    """The plain bytes of a compressed stream, in bounded pieces, over any number of members."""
+
+    def __init__(self, source: _Raw, magic: bytes) -> None:
+        self._source = source
+        self._magic = magic
+        self._name = "gzip" if magic == _GZIP else "zstd"
+        self._decoder = self._new()
+        self._started = False
+        self._seen = 0
+
+    def _new(self) -> _Decoder:
+        return _Gzip() if self._magic == _GZIP else _zstd_decoder()
+
+    def read(self, size: int, /) -> bytes:
+        while True:
+            if self._decoder.eof and not self._next_member():
+                return b""
+            data = b""
+            if self._decoder.needs_input:
+                data = self._source.read(CHUNK)
+                if not data and self._started:
+                    raise DamagedError(f"the {self._name} data is cut off after {self._seen} bytes")
+                self._seen += len(data)
+                self._started = True
+            piece = self._decode(data, size)
+            if piece:
+                return piece
+
+    def _decode(self, data: bytes, size: int) -> bytes:
+        try:
+            return self._decoder.decompress(data, size)
+        except Exception as error:  # zlib.error and the ZstdError of either zstd module
+            text = f"the {self._name} data is damaged within its first {self._seen} bytes: {error}"
+            raise DamagedError(" ".join(text.split())) from error
+
+    def _next_member(self) -> bool:
+        """Start the member that follows; False at the end. Zeros in between are padding."""
+        rest = self._decoder.unused_data.lstrip(b"\0")
+        while len(rest) < len(self._magic):
+            more = self._source.read(CHUNK)
+            if not more:
+                break
+            self._seen += len(more)
+            rest = (rest + more).lstrip(b"\0")
+        if not rest:
+            return False
+        if not rest.startswith(self._magic):
+            raise DamagedError(f"bytes that are not {self._name} follow the {self._name} data")
+        self._decoder = self._new()
+        # the new member's first bytes are here already: give them back to the source
+        self._source._left = rest + self._source._left
+        self._seen -= len(rest)
+        return True
+
+
+class Stream:
+    """An opened source: `read()` gives the bytes of the capture, compressed or not.
+
+    Raises CaptureError when the source cannot be opened.
+    """
+
+    def __init__(self, source: str | Path | BinaryIO, name: str | None = None) -> None:
+        self._owned: BinaryIO | None = None
+        file = self._open(source)
+        self.name = name or self._name_of(source)
+        try:
+            raw = _Raw(file)
+            self._reader: Reader = raw
+            for magic in (_GZIP, _ZSTD):
+                if raw.head.startswith(magic):
+                    self._reader = _Decompressed(raw, magic)
+        except DamagedError as error:
+            self.close()
+            raise CaptureError(f"{self.name}: {error}") from error
+        except CaptureError as error:
+            self.close()
+            raise CaptureError(f"{self.name}: {error.message}") from error
+
+    def _open(self, source: str | Path | BinaryIO) -> BinaryIO:
+        if not isinstance(source, str | Path):
+            return source
+        if str(source) == "-":
+            return sys.stdin.buffer
+        try:
+            self._owned = Path(source).open("rb", buffering=0)
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise CaptureError(f"{source}: cannot be opened: {reason}") from error
+        except ValueError as error:  # a NUL in the name
+            raise CaptureError(f"{source!r}: cannot be opened: {error}") from error
+        assert self._owned is not None
+        return self._owned
+
+    @staticmethod
+    def _name_of(source: str | Path | BinaryIO) -> str:
+        if isinstance(source, str | Path):
+            return os.fspath(source)
+        name = getattr(source, "name", None)
+        return name if isinstance(name, str) else "<stream>"
+
+    def read(self, size: int, /) -> bytes:
+        """Return up to `size` bytes, b"" at the end. Raises DamagedError."""
+        return self._reader.read(size)
+
+    def close(self) -> None:
+        """Close the file if this object opened it."""
+        if self._owned is not None:
+            self._owned.close()
+
+
+class Window:
+    """The part of a stream that is in memory: `data[0:end]`, with zeros behind it.
+
+    `base` is the offset of data[0] in the (decompressed) capture; `broken` is the text of a failure
+    of the stream, after which there is no more data.
+    """
+
+    def __init__(self, stream: Reader) -> None:
+        self._stream = stream
+        self.data = PADDING
+        self.end = 0
+        self.base = 0
+        self.broken: str | None = None
+
+    def more(self, start: int, need: int) -> bool:
+        """Drop what lies before `start`; have at least `need` bytes after it, if the stream does.
+
+        data[start] becomes data[0]. False when the stream ends before `need` bytes.
+        """
+        pieces = [self.data[start : self.end]]
+        have = self.end - start
+        self.base += start
+        ended = False
+        try:
+            while have < need and not ended:
+                piece = self._stream.read(CHUNK)
+                ended = not piece
+                have += len(piece)
+                pieces.append(piece)
+        except DamagedError as error:
+            self.broken = str(error)
+        pieces.append(PADDING)
+        self.data = b"".join(pieces)
+        self.end = have
+        return have >= need

@@ -1,0 +1,87 @@
+"""The `ds47` command: its entry point, and which commands there are.
+
+One file per command; a command's module is imported when it is used, and imports what is heavy
+inside its function, so that `ds47 --version` costs nothing. What the commands share is in
+`ds47.cli.common`.
+
+Exit status: 0 nothing at or above --fail-on; 1 something; 2 wrong use; 3 input unreadable or only
+partly read. A command returns it as its result.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import cast
+
+import click
+
+from ds47 import __version__
+
+COMMANDS = ("report", "decode", "encode", "rules", "lab")
+"""Each is a module of this package with a click command named `command`."""
+
+_INTERRUPTED = 130
+
+
+class _Commands(click.Group):
+    """Finds a command by its name, and imports only that one."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        if cmd_name not in COMMANDS:
+            return None
+        return cast(click.Command, import_module(f"ds47.cli.{cmd_name}").command)
+
+    def invoke(self, ctx: click.Context) -> object:
+        """Runs the command; a reader that leaves ends it in silence (click itself would exit 1)."""
+        try:
+            result = super().invoke(ctx)
+            sys.stdout.flush()
+        except OSError as problem:
+            if not _reader_left(problem):
+                raise
+            _silence_stdout()
+            return 0
+        return result
+
+
+@click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, message="%(prog)s %(version)s")
+def group() -> None:
+    """DS47 (PROFIdrive parameter channel) of PROFINET captures as transactions."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command line; `arguments` instead of sys.argv[1:]. Returns the exit status."""
+    try:
+        result = group.main(arguments, prog_name="ds47", standalone_mode=False)
+    except click.ClickException as problem:
+        problem.show()
+        return 2
+    except (click.Abort, KeyboardInterrupt):
+        return _INTERRUPTED
+    except OSError as problem:
+        click.echo(f"ds47: {problem}", err=True)
+        return 2
+    return result if isinstance(result, int) else 0
+
+
+def _reader_left(problem: OSError) -> bool:
+    """Whether who reads stdout went away (`| head`); Windows says EINVAL then."""
+    if isinstance(problem, BrokenPipeError):
+        return True
+    return sys.platform == "win32" and problem.errno == errno.EINVAL
+
+
+def _silence_stdout() -> None:
+    """Python flushes stdout once more when it ends, and would complain."""
+    try:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (OSError, ValueError):
+        sys.stdout = open(os.devnull, "w")

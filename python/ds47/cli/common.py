@@ -1,0 +1,142 @@
+"""What several commands share: options, the streams they write to, rule texts.
+
+Nothing that only one command needs, and nothing about captures or messages.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO, TypeVar
+
+import click
+
+if TYPE_CHECKING:
+    from ds47.profidrive import Options
+    from ds47.spec import Rule
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+lang_option = click.option(
+    "--lang",
+    type=click.Choice(["en", "zh"]),
+    default="en",
+    show_default=True,
+    help="Language of error texts and rule messages.",
+)
+
+
+def dialect_options(function: Function) -> Function:
+    """The options that say which dialect of the formats the drive speaks (docs/protocol.md A.6)."""
+    for name, text in (
+        ("--profile-v3-types", "Formats by their numbers in PROFIdrive profile V3."),
+        ("--legacy-g120-formats", "Formats as old SINAMICS G120 firmware numbers them."),
+    ):
+        function = click.option(name, is_flag=True, help=text)(function)
+    return function
+
+
+def codec_options(legacy_g120_formats: bool, profile_v3_types: bool) -> Options:
+    """The codec's options from those of the command line."""
+    from ds47.profidrive import Options
+
+    return Options(legacy_g120_formats=legacy_g120_formats, profile_v3_types=profile_v3_types)
+
+
+def stdout() -> TextIO:
+    """Standard output in UTF-8, whatever the console's code page; LF everywhere.
+
+    What UTF-8 cannot hold (half a surrogate in a file name) is written as an escape.
+    """
+    reconfigure = getattr(sys.stdout, "reconfigure", None)
+    if reconfigure is not None:
+        reconfigure(encoding="utf-8", errors="backslashreplace", newline="\n")
+    return sys.stdout
+
+
+def color(stream: TextIO) -> bool:
+    """Whether to use colours: only on a terminal, and not against NO_COLOR."""
+    if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or not stream.isatty():
+        return False
+    if sys.platform == "win32":  # an old console shows escapes as they are unless told
+        with suppress(ImportError):
+            from colorama import just_fix_windows_console
+
+            just_fix_windows_console()
+    return True
+
+
+def warn(text: str) -> None:
+    """One line on stderr; results alone go to stdout."""
+    from ds47.report.words import escape
+
+    click.echo(f"ds47: {escape(text)}", err=True)
+
+
+@contextmanager
+def output(name: str) -> Iterator[TextIO]:
+    """The stream for `-o`: `-` is stdout, a file appears whole or not at all.
+
+    Raises click.ClickException where the file cannot be written.
+    """
+    if name == "-":
+        yield stdout()
+        return
+    target = Path(name).resolve()
+    special = target.exists() and not target.is_file()  # /dev/null, a pipe: nothing to replace
+    draft = target if special else target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    try:
+        stream = draft.open("w", encoding="utf-8", errors="backslashreplace", newline="\n")
+    except OSError as problem:
+        raise click.ClickException(f"cannot write {name}: {problem.strerror}") from problem
+    try:
+        with stream:
+            yield stream
+        if not special:
+            draft.replace(target)
+    except BaseException:
+        if not special:
+            draft.unlink(missing_ok=True)
+        raise
+
+
+@dataclass(frozen=True, slots=True)
+class RuleText:
+    """A rule in one language."""
+
+    id: str
+    name: str
+    severity: str
+    message: str
+    cause: str
+    advice: str
+
+
+def rule_text(rule: Rule, lang: str) -> RuleText:
+    """The texts of a rule in `lang`, in English where there are none."""
+
+    def text(key: str) -> str:
+        own = getattr(rule, f"{key}_{lang}", None) if lang != "en" else None
+        return str(own or getattr(rule, key))
+
+    return RuleText(
+        rule.id, rule.name, rule.severity, text("message"), text("cause"), text("advice")
+    )
+
+
+def flaw_text(template: str, offset: int, arguments: Mapping[str, object]) -> str:
+    """The message of a rule about a byte of a message, its offset in front."""
+    from ds47.report import at_offset
+
+    return at_offset(offset, template.format_map(_Known(arguments)))
+
+
+class _Known(dict[str, object]):
+    """A question mark for what nobody knows: a message is never lost for a word."""
+
+    def __missing__(self, key: str) -> str:
+        return "?"

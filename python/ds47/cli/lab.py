@@ -1,0 +1,59 @@
+"""`ds47 lab`: write example captures of a simulated controller and drive.
+
+The scenarios are `ds47.lab`; it needs scapy, which a plain installation does not have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+
+import click
+
+from ds47.cli.common import stdout
+
+
+@click.group("lab")
+def command() -> None:
+    """Write example captures: scenarios of a simulated controller and drive."""
+
+
+@command.command("list")
+def list_scenarios() -> None:
+    """List the scenarios."""
+    scenarios = _lab().scenarios()
+    width = max(map(len, scenarios), default=0)
+    stream = stdout()
+    for name in sorted(scenarios):
+        stream.write(f"{name:<{width}}  {scenarios[name].title}\n")
+
+
+@command.command("write")
+@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path, file_okay=False))
+@click.argument("names", metavar="[SCENARIO]...", nargs=-1)
+def write(folder: Path, names: Sequence[str]) -> None:
+    """Write scenarios (all of them, or those named) into DIR as pcapng files."""
+    lab = _lab()
+    known = lab.scenarios()
+    for name in names:
+        if name not in known:
+            raise click.UsageError(f"no scenario {name!r}; ds47 lab list shows them")
+    folder.mkdir(parents=True, exist_ok=True)
+    stream = stdout()
+    for name in names or sorted(known):
+        path = folder / f"{name}.pcapng"
+        lab.write(name, path)
+        stream.write(f"{path}\n")
+
+
+def _lab() -> ModuleType:
+    try:
+        import scapy  # noqa: F401 - asked for before the long imports, for a clear answer
+
+        from ds47 import lab
+    except ModuleNotFoundError as problem:
+        if (problem.name or "").partition(".")[0] != "scapy":
+            raise
+        raise click.ClickException('the lab needs scapy: pip install "ds47[lab]"') from problem
+    return lab

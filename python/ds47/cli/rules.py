@@ -1,0 +1,58 @@
+"""`ds47 rules`: the catalogue of findings, or one of them explained.
+
+The texts themselves are in spec/rules.toml.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from textwrap import fill
+
+import click
+
+from ds47.cli.common import RuleText, lang_option, rule_text, stdout
+
+
+@click.command("rules")
+@click.argument("names", metavar="[RULE]...", nargs=-1)
+@lang_option
+@click.option("-f", "--format", "format_name", type=click.Choice(["text", "json"]), default="text")
+def command(names: Sequence[str], lang: str, format_name: str) -> None:
+    """List the rules, or explain those named (DS301; DS3 for all that begin so)."""
+    chosen = _chosen(names, lang)
+    stream = stdout()
+    if format_name == "json":
+        from ds47.report.json import text
+
+        lines = ",\n".join(text(asdict(rule)) for rule in chosen)
+        stream.write(f"[\n{lines}\n]\n")
+    elif names:
+        stream.write("\n".join(map(_explained, chosen)))
+    else:
+        width = max((len(rule.name) for rule in chosen), default=0)
+        for rule in chosen:
+            stream.write(f"{rule.id}  {rule.severity:<7}  {rule.name:<{width}}  {rule.message}\n")
+
+
+def _chosen(names: Sequence[str], lang: str) -> list[RuleText]:
+    from ds47 import spec
+
+    rules = spec.rules()
+    wanted = tuple(name.strip().upper() for name in names)
+    for name in wanted:
+        if not name or not any(rule.startswith(name) for rule in rules):
+            raise click.UsageError(f"no rule begins with {name!r}; ds47 rules lists them")
+    found = [rule for key, rule in sorted(rules.items()) if not wanted or key.startswith(wanted)]
+    return [rule_text(rule, lang) for rule in found]
+
+
+def _explained(rule: RuleText) -> str:
+    parts = (("Message", rule.message), ("Cause", rule.cause), ("Advice", rule.advice))
+    body = "\n".join(
+        fill(
+            f"{title}: {' '.join(text.split())}", 100, initial_indent="  ", subsequent_indent="    "
+        )
+        for title, text in parts
+    )
+    return f"{rule.id} {rule.name} ({rule.severity})\n{body}\n"

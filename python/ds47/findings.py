@@ -1,0 +1,79 @@
+"""Remarks to findings: which are wanted, what they say in words, which transaction they belong to.
+
+Nothing is judged here; a `Remark` comes from `ds47.rules` or from `ds47.recordcalls`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ds47.model import Finding, Transaction
+from ds47.pairing import Job
+from ds47.rules import Remark
+from ds47.spec import rules
+from ds47.spec.semantics import reasons
+
+_WITHOUT_REQUEST = "DS403"
+
+
+class Findings:
+    """Collects remarks and words them.
+
+    Args:
+        lang: "en" or "zh".
+        select: rule ids or prefixes that are wanted; empty for all.
+        ignore: rule ids or prefixes that are not.
+    """
+
+    def __init__(self, lang: str, select: tuple[str, ...], ignore: tuple[str, ...]) -> None:
+        self._lang = lang
+        self._select = select
+        self._ignore = ignore
+        self._remarks: list[Remark] = []
+        self.frames_dropped = False
+        """Whether the capture says that frames are missing; unanswered and orphan say so then."""
+
+    def add(self, remark: Remark) -> None:
+        """Keeps a remark for `result`, if its rule is wanted."""
+        if self.wanted(remark.rule):
+            self._remarks.append(remark)
+
+    def wanted(self, rule: str) -> bool:
+        """Whether the user wants to hear of a rule."""
+        if self._select and not rule.startswith(self._select):
+            return False
+        return not (self._ignore and rule.startswith(self._ignore))
+
+    def word(self, remark: Remark, transaction: int | None = None) -> Finding:
+        """The finding of a remark."""
+        rule = rules()[remark.rule]
+        template = rule.message_zh if self._lang == "zh" else rule.message
+        text = template.format_map(_Arguments(remark.args))
+        if self.frames_dropped and remark.rule == _WITHOUT_REQUEST:
+            text += f" ({reasons(self._lang)['dropped']})"
+        return Finding(remark.rule, rule.severity, text, remark.frame, transaction, remark.offset)
+
+    def reason(self, name: str) -> str:
+        """Why a request stayed without its response, in words."""
+        words = reasons(self._lang)
+        return words[name] + (f"; {words['dropped']}" if self.frames_dropped else "")
+
+    def result(self, transactions: dict[Job, Transaction]) -> list[Finding]:
+        """All findings in the order of their frames; their transactions get to know their rules."""
+        findings: list[Finding] = []
+        for remark in self._remarks:
+            owner = transactions.get(remark.job) if remark.job else None
+            findings.append(self.word(remark, owner.id if owner else None))
+            if owner and remark.rule not in owner.findings:
+                owner.findings.append(remark.rule)
+        for transaction in transactions.values():
+            transaction.findings.sort()
+        findings.sort(key=lambda f: (f.frame, f.rule, f.transaction or 0, f.offset or 0))
+        return findings
+
+
+class _Arguments(dict[str, Any]):
+    """Shows a question mark for an argument that is not known."""
+
+    def __missing__(self, key: str) -> str:
+        return "?"

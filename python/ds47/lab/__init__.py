@@ -1,0 +1,47 @@
+"""The lab: a simulated controller and drive that write captures.
+
+Here are the list of scenarios and how one becomes a file. What happens in them is in the modules
+`seeds`, `formats`, `transport`, `records`, `messages`, `conversation` and `naming`; who talks is
+`client`, how it is carried `stage`, and its bytes come from `wire`, `message` and `ether`.
+Needs scapy, but only when a capture is made: `pip install ds47[lab]`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+
+from ds47.lab.scenario import Expect, Scenario
+
+__all__ = ["Expect", "Scenario", "scenarios", "write"]
+
+
+@cache
+def scenarios() -> Mapping[str, Scenario]:
+    """Every scenario by its name, in the order of the names."""
+    from ds47.lab import conversation, formats, messages, naming, records, seeds, transport
+
+    modules = (conversation, formats, messages, naming, records, seeds, transport)
+    every = [scenario for module in modules for scenario in module.BOOK.scenarios]
+    names = {scenario.name: scenario for scenario in every}
+    if len(names) != len(every):
+        raise ValueError("two scenarios have the same name")
+    return MappingProxyType(dict(sorted(names.items())))
+
+
+def write(name: str, path: str | Path) -> int:
+    """Write the capture of a scenario as pcapng; the number of its frames.
+
+    The same scenario gives the same bytes every time.
+
+    Raises KeyError for an unknown name, OSError where the file cannot be written.
+    """
+    from ds47.capture.writer import PcapngWriter
+
+    stage = scenarios()[name].play()
+    with PcapngWriter(path, link_type=stage.link) as writer:
+        for shot in stage.shots:
+            writer.write(shot.time_ns, shot.data, original_length=shot.original_length)
+    return len(stage.shots)

@@ -1,0 +1,169 @@
+"""A simulated controller on one device: RPC calls and record services, answered or not.
+
+The device has no mind of its own: a scenario says what it answers. That is what makes faults,
+lost frames and dialects one-liners.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+from uuid import UUID
+
+from ds47.lab import wire
+from ds47.lab.ether import Host
+from ds47.lab.stage import Stage
+from ds47.lab.wire import Call, Channel, Order
+
+OK = 0
+BUSY = 0xDE80B500
+
+CONTROLLER_AR = UUID("47474747-0001-4000-8000-000000000001")
+CHANNEL = Channel(CONTROLLER_AR)
+CONTROLLER_ACTIVITY = UUID("1f2e3d4c-5b6a-11f0-8a47-00000a0b0c01")
+
+
+def controller(number: int = 1) -> Host:
+    """Controller n of the lab: 192.168.133.n+1, with a port of its own."""
+    return Host(f"192.168.133.{number + 1}", f"00:1c:06:00:00:{number:02x}", port=49151 + number)
+
+
+def drive(number: int = 1, device_id: int = 0x0501, vendor_id: int = 0x002A) -> Host:
+    """Drive n of the lab: 192.168.133.32+n."""
+    mac = f"00:1f:f8:00:00:{number:02x}"
+    return Host(f"192.168.133.{32 + number}", mac, device_id=device_id, vendor_id=vendor_id)
+
+
+@dataclass(slots=True)
+class Client:
+    """One controller's AR with one device."""
+
+    stage: Stage
+    host: Host = field(default_factory=controller)
+    device: Host = field(default_factory=drive)
+    order: Order = "<"
+    answer_order: Order | None = None
+    """Byte order of the device's PDUs; None follows the request."""
+    channel: Channel = CHANNEL
+    activity: UUID = CONTROLLER_ACTIVITY
+    sequence: int = 0
+    fragment: int | None = None
+    """Bytes of body per RPC fragment; None sends each body in one PDU."""
+    answer_port: int | None = None
+    """Port that the device answers from and is asked at after its first answer."""
+    server_port: int | None = None
+
+    def at(self, **place: Any) -> Channel:
+        """The client's channel with another slot, subslot, index, API or AR."""
+        return replace(self.channel, **place)
+
+    # RPC
+
+    def call(self, opnum: int) -> Call:
+        """A new call: the next sequence number of the activity."""
+        call = Call(
+            self.activity,
+            self.sequence,
+            opnum,
+            wire.object_uuid(self.device.device_id, self.device.vendor_id),
+        )
+        self.sequence += 1
+        return call
+
+    def ask(self, call: Call, blocks: bytes, kind: int = wire.REQUEST) -> None:
+        """The controller sends a PDU of a call."""
+        body = wire.request_body(self.order, blocks) if kind == wire.REQUEST else blocks
+        ports = (self.host.port, self.server_port or self.device.port)
+        for part in wire.pdus(kind, self.order, call, body, self.fragment):
+            self.stage.send(self.host, self.device, part, ports)
+
+    def reply(self, call: Call, body: bytes, kind: int = wire.RESPONSE) -> None:
+        """The device sends a PDU of a call; the body is complete."""
+        ports = (self.answer_port or self.device.port, self.host.port)
+        self.server_port = self.answer_port
+        for part in wire.pdus(kind, self.reply_order, call, body, self.fragment):
+            self.stage.send(self.device, self.host, part, ports)
+
+    @property
+    def reply_order(self) -> Order:
+        """Byte order of the device's PDUs."""
+        return self.answer_order or self.order
+
+    def accept(self, call: Call, status: int, blocks: bytes) -> None:
+        """The device answers a call with a PNIOStatus and blocks."""
+        self.reply(call, wire.response_body(self.reply_order, status, blocks))
+
+    # Record services
+
+    def ask_write(
+        self, record: bytes, at: Channel | None = None, stated: int | None = None
+    ) -> Call:
+        """Write request alone."""
+        call = self.call(wire.WRITE)
+        channel = at or self.channel
+        self.ask(call, wire.write_request(call.sequence, channel, record, stated))
+        return call
+
+    def accept_write(
+        self, call: Call, record: bytes, at: Channel | None = None, status: int = OK
+    ) -> None:
+        """Write response alone."""
+        length = 0 if status else len(record)
+        block = wire.write_response(call.sequence, at or self.channel, length, status)
+        self.accept(call, status, block)
+
+    def write(self, record: bytes, status: int = OK, at: Channel | None = None) -> None:
+        """A whole Write."""
+        self.accept_write(self.ask_write(record, at), record, at, status)
+
+    def ask_read(self, at: Channel | None = None, maximum: int = 4096) -> Call:
+        """Read request alone."""
+        call = self.call(wire.READ)
+        self.ask(call, wire.read_request(call.sequence, at or self.channel, maximum))
+        return call
+
+    def accept_read(
+        self, call: Call, record: bytes, at: Channel | None = None, stated: int | None = None
+    ) -> None:
+        """Positive Read response alone."""
+        self.accept(call, OK, wire.read_response(call.sequence, at or self.channel, record, stated))
+
+    def refuse_read(
+        self, call: Call, status: int, at: Channel | None = None, with_header: bool = True
+    ) -> None:
+        """Negative Read response, with an IODReadResHeader of length 0 or without any block."""
+        block = wire.read_response(call.sequence, at or self.channel, b"") if with_header else b""
+        self.accept(call, status, block)
+
+    def read(self, record: bytes, at: Channel | None = None) -> None:
+        """A whole Read that brings the record."""
+        self.accept_read(self.ask_read(at), record, at)
+
+    def poll(self, status: int = BUSY, at: Channel | None = None, with_header: bool = True) -> None:
+        """A whole Read that is refused."""
+        self.refuse_read(self.ask_read(at), status, at, with_header)
+
+    def exchange(
+        self, request: bytes, response: bytes, at: Channel | None = None, polls: int = 0
+    ) -> None:
+        """A whole transaction."""
+        self.write(request, at=at)
+        for _ in range(polls):
+            self.poll(at=at)
+            self.stage.wait(10)
+        self.read(response, at)
+
+    def write_multiple(self, records: Sequence[tuple[Channel, bytes, int]]) -> None:
+        """IODWriteMultiple with (channel, record, status) inside."""
+        call = self.call(wire.WRITE)
+        outer = self.at(slot=0xFFFF, subslot=0xFFFF, api=0xFFFFFFFF, index=wire.WRITE_MULTIPLE)
+        asked = [wire.write_request(n, where, data) for n, (where, data, _) in enumerate(records)]
+        inner = wire.padded(asked)
+        self.ask(call, wire.write_request(call.sequence, outer, inner))
+        answers = [
+            wire.write_response(n, where, 0 if status else len(data), status)
+            for n, (where, data, status) in enumerate(records)
+        ]
+        head = wire.write_response(call.sequence, outer, len(inner), OK)
+        self.accept(call, OK, head + b"".join(answers))

@@ -1,0 +1,203 @@
+"""Scenarios: requests and responses, each whole in itself, that do not fit each other (DS4xx)."""
+
+from __future__ import annotations
+
+from uuid import UUID
+
+from ds47.lab import message, wire
+from ds47.lab.client import OK, Client
+from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.stage import Stage
+
+BOOK = Book("conversation")
+
+SPEED, CURRENT, RAMP = message.address(21), message.address(27), message.address(1120)
+ARRAY = message.address(2902, 0, 4)
+READ = message.read(1, 1, SPEED)
+BOTH = message.read(1, 1, SPEED, CURRENT)
+CHANGE = message.change(1, 1, (RAMP, message.real(10.0)))
+CHANGE_BOTH = message.change(
+    1, 1, (RAMP, message.real(10.0)), (message.address(1121), message.real(5.0))
+)
+TEN, FIVE = message.real(10.0), message.real(5.0)
+ANSWER = message.answer(1, 1, 1, TEN)
+NO_PARAMETER, LIMIT, NOT_NOW = 0x00, 0x02, 0x6B
+
+EXCHANGES: tuple[tuple[str, str, str, tuple[str, str], bytes, bytes], ...] = (
+    ("wrong-reference", "The response mirrors another reference", "DS404", ("read", "mismatch"),
+     READ, message.answer(2, 1, 1, TEN)),
+    ("wrong-id", "A read answered as a change", "DS405", ("read", "mismatch"),
+     READ, message.changed(1, 1)),
+    ("wrong-axis", "The response mirrors another DO", "DS406", ("read", "mismatch"),
+     READ, message.answer(1, 1, 2, TEN)),
+    ("fewer-parameters", "Two parameters asked for, one answered", "DS407", ("read", "partial"),
+     BOTH, message.answer(1, 1, 1, TEN)),
+    ("fewer-values", "Four elements asked for, two answered", "DS408", ("read", "ok"),
+     message.read(1, 1, ARRAY), message.answer(1, 1, 1, message.real(1.0, 2.0))),
+    ("more-values", "One element asked for, five answered", "DS409", ("read", "ok"),
+     message.read(1, 1, message.address(964)),
+     message.answer(1, 1, 1, message.word(1, 2, 3, 4, 5))),
+    ("more-parameters", "One parameter asked for, two answered", "DS407", ("read", "mismatch"),
+     READ, message.answer(1, 1, 1, TEN, FIVE)),
+    ("error", "A read of a parameter that does not exist", "DS410", ("read", "error"),
+     READ, message.answer(1, 0x81, 1, message.error(NO_PARAMETER))),
+    ("error-one-word", "An error block without additional information", "DS410", ("read", "error"),
+     READ, message.answer(1, 0x81, 1, message.error(NO_PARAMETER, None))),
+    ("partial-read", "One of two parameters failed", "DS410", ("read", "partial"),
+     BOTH, message.answer(1, 0x81, 1, TEN, message.error(NO_PARAMETER))),
+    ("partial-change", "One of two changes failed", "DS410", ("change", "partial"),
+     CHANGE_BOTH, message.answer(1, 0x82, 1, message.done(), message.error(NOT_NOW))),
+    ("error-change", "Both changes failed", "DS410", ("change", "error"),
+     CHANGE_BOTH, message.answer(1, 0x82, 1, message.error(LIMIT, 0), message.error(NOT_NOW))),
+    ("positive-with-error", "A positive response with an error inside", "DS410 DS411",
+     ("read", "partial"), BOTH, message.answer(1, 1, 1, TEN, message.error(NO_PARAMETER))),
+    ("negative-without-error", "A negative response without an error inside", "DS412",
+     ("read", "ok"),
+     READ, message.answer(1, 0x81, 1, TEN)),
+    ("not-supported", "Response ID 0x80: only single access", "DS410 DS418", ("read", "error"),
+     READ, message.answer(1, 0x80, 1, message.error(0x21))),
+)  # fmt: skip
+"""(name, title, rules, (operation, state), request, response)."""
+
+
+def _enter(row: tuple[str, str, str, tuple[str, str], bytes, bytes]) -> None:
+    name, title, rules, expect, request, response = row
+
+    def build(stage: Stage) -> None:
+        Client(stage).exchange(request, response)
+
+    shows = f"{rules.replace(' ', ', ')} and no other finding"
+    BOOK.add(name, title, shows, build, [expect], rules)
+
+
+for _row in EXCHANGES:
+    _enter(_row)
+
+
+@BOOK.scene("read-unanswered", "RDREC is never started", ("read", "unanswered"), rules="DS401")
+def read_unanswered(stage: Stage) -> None:
+    """A read whose response nobody fetches."""
+    Client(stage).write(READ)
+
+
+@BOOK.scene(
+    "change-unread", "WRREC only, as many programs do", ("change", "unanswered"), rules="DS402"
+)
+def change_unread(stage: Stage) -> None:
+    """A change whose response nobody fetches."""
+    Client(stage).write(CHANGE)
+
+
+@BOOK.scene("orphan", "the Write request was not captured", ("read", "orphan"), rules="DS403")
+def orphan(stage: Stage) -> None:
+    """A response without its request."""
+    client = Client(stage)
+    client.read(ANSWER, at=client.at(index=0xB02F))
+
+
+@BOOK.scene(
+    "superseded-read",
+    "a new request before the response of the first was fetched",
+    ("read", "superseded"),
+    OK_READ,
+    rules="DS413",
+)
+def superseded_read(stage: Stage) -> None:
+    """A read displaced by a new request."""
+    client = Client(stage)
+    client.write(READ)
+    client.exchange(message.read(2, 1, CURRENT), message.answer(2, 1, 1, FIVE))
+
+
+@BOOK.scene(
+    "superseded-change",
+    "changes one after another, responses never fetched but the last",
+    ("change", "superseded"),
+    ("change", "superseded"),
+    OK_CHANGE,
+    rules="DS414",
+)
+def superseded_change(stage: Stage) -> None:
+    """Changes without reading the responses."""
+    client = Client(stage)
+    client.write(CHANGE)
+    client.write(message.change(2, 1, (RAMP, message.real(11.0))))
+    client.exchange(message.change(3, 1, (RAMP, message.real(12.0))), message.changed(3, 1))
+
+
+@BOOK.scene("late-read", "the response is fetched 30 s after the Write", OK_READ)
+def late_read(stage: Stage) -> None:
+    """A late read."""
+    client = Client(stage)
+    client.write(READ)
+    stage.wait(30_000)
+    client.read(ANSWER)
+
+
+@BOOK.scene("slow", "the drive holds back its Read response for 1.5 s", OK_READ, rules="DS416")
+def slow(stage: Stage) -> None:
+    """A slow drive."""
+    client = Client(stage)
+    client.write(READ)
+    call = client.ask_read()
+    stage.wait(1500)
+    client.accept_read(call, ANSWER)
+
+
+@BOOK.scene("read-back", "10.0 was written, 9.5 is read back", OK_CHANGE, OK_READ, rules="DS417")
+def read_back(stage: Stage) -> None:
+    """A value that reads back differently."""
+    client = Client(stage)
+    client.exchange(CHANGE, message.changed(1, 1))
+    client.exchange(message.read(2, 1, RAMP), message.answer(2, 1, 1, message.real(9.5)))
+
+
+@BOOK.scene("read-back-equal", "10.0 was written and is read back", OK_CHANGE, OK_READ)
+def read_back_equal(stage: Stage) -> None:
+    """A value that reads back as written."""
+    client = Client(stage)
+    client.exchange(CHANGE, message.changed(1, 1))
+    client.exchange(message.read(2, 1, RAMP), message.answer(2, 1, 1, TEN))
+
+
+@BOOK.scene("constant-reference", "three requests with reference 1", *[OK_READ] * 3, rules="DS415")
+def constant_reference(stage: Stage) -> None:
+    """The reference never changes."""
+    client = Client(stage)
+    for _ in range(3):
+        client.exchange(READ, ANSWER)
+        stage.wait(100)
+
+
+@BOOK.scene(
+    "other-response",
+    "two program parts on one channel: the second Read finds the response of the first",
+    ("read", "superseded"),
+    ("read", "mismatch"),
+    rules="DS404 DS413",
+)
+def other_response(stage: Stage) -> None:
+    """The response of another request."""
+    client = Client(stage)
+    client.write(READ)
+    client.write(message.read(2, 1, CURRENT))
+    client.read(ANSWER)
+
+
+@BOOK.scene(
+    "released", "the AR is released while the drive works", ("read", "unanswered"), rules="DS401"
+)
+def released(stage: Stage) -> None:
+    """Release of the AR inside a job."""
+    client = Client(stage)
+    client.write(READ)
+    client.poll()
+    call = client.call(wire.RELEASE)
+    client.ask(call, _release(0x0114, client.channel.ar, 4))
+    client.accept(call, OK, _release(0x8114, client.channel.ar, 8))
+
+
+def _release(kind: int, ar: UUID, command: int) -> bytes:
+    """IODReleaseReq or IODReleaseRes: 32 bytes, control command 4 (release) or 8 (done)."""
+    head = kind.to_bytes(2, "big") + bytes((0, 28, 1, 0, 0, 0))
+    return head + ar.bytes + bytes((0, 1, 0, 0)) + command.to_bytes(2, "big") + bytes(2)

@@ -1,0 +1,251 @@
+"""Scenarios: PNIO's record services. Refused and polled calls, IODWriteMultiple, implicit reads."""
+
+from __future__ import annotations
+
+from ds47.lab import message, wire
+from ds47.lab.client import BUSY, OK, Client
+from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.stage import Stage
+from ds47.lab.wire import Channel
+
+BOOK = Book("record")
+
+SPEED = message.address(21)
+READ = message.read(1, 1, SPEED)
+ANSWER = message.answer(1, 1, 1, message.real(1500.0))
+NOT_POSSIBLE = 0xDF80B500
+BAD_HEADER = 0xDF80B700
+
+
+@BOOK.scene("local", "index 0xB02E, API 0x3A00", OK_READ)
+def local(stage: Stage) -> None:
+    """Base Mode Parameter Access, local."""
+    client = Client(stage)
+    client.exchange(READ, ANSWER, at=client.at(index=0xB02E, api=0x3A00))
+
+
+@BOOK.scene("global", "index 0xB02F", OK_READ)
+def global_(stage: Stage) -> None:
+    """Base Mode Parameter Access, global."""
+    client = Client(stage)
+    client.exchange(READ, ANSWER, at=client.at(index=0xB02F))
+
+
+@BOOK.scene("polls", "three refused Reads before the response", OK_READ)
+def polls(stage: Stage) -> None:
+    """Polling."""
+    Client(stage).exchange(READ, ANSWER, polls=3)
+
+
+@BOOK.scene(
+    "polls-many", "fifteen refused Reads, without a header of their own", OK_READ, rules="DS204"
+)
+def polls_many(stage: Stage) -> None:
+    """Polling many times."""
+    client = Client(stage)
+    client.write(READ)
+    for _ in range(15):
+        client.poll(with_header=False)
+        stage.wait(10)
+    client.read(ANSWER)
+
+
+@BOOK.scene("polls-long", "the drive is busy for 4 s", OK_READ, rules="DS205 DS416")
+def polls_long(stage: Stage) -> None:
+    """Polling for a long time."""
+    client = Client(stage)
+    client.write(READ)
+    for _ in range(4):
+        client.poll()
+        stage.wait(1000)
+    client.read(ANSWER)
+
+
+@BOOK.scene("reread", "the response is read three times", OK_READ)
+def reread(stage: Stage) -> None:
+    """A response read again."""
+    client = Client(stage)
+    client.exchange(READ, ANSWER)
+    for _ in range(2):
+        stage.wait(20)
+        client.read(ANSWER)
+
+
+@BOOK.scene("write-refused", "DF80B700: an error in the header", ("read", "refused"), rules="DS203")
+def write_refused(stage: Stage) -> None:
+    """A refused Write."""
+    Client(stage).write(READ, status=BAD_HEADER)
+
+
+@BOOK.scene(
+    "write-refused-open",
+    "a second request while the first is open is refused; the Read brings the first one's response",
+    OK_READ,
+    ("read", "refused"),
+    rules="DS203",
+)
+def write_refused_open(stage: Stage) -> None:
+    """A Write refused while another request is open."""
+    client = Client(stage)
+    client.write(READ)
+    client.write(message.read(2, 1, message.address(27)), status=NOT_POSSIBLE)
+    client.read(ANSWER)
+
+
+@BOOK.scene("read-refused", "DE80B600: access denied", ("read", "refused"), rules="DS201")
+def read_refused(stage: Stage) -> None:
+    """A refused Read."""
+    client = Client(stage)
+    client.write(READ)
+    client.poll(0xDE80B600)
+
+
+@BOOK.scene("read-empty", "a positive Read without data, then the response", OK_READ, rules="DS207")
+def read_empty(stage: Stage) -> None:
+    """A positive Read without data."""
+    client = Client(stage)
+    client.write(READ)
+    client.read(b"")
+    stage.wait(20)
+    client.read(ANSWER)
+
+
+@BOOK.scene("nothing-to-read", "a Read before the first Write", OK_READ, rules="DS206")
+def nothing_to_read(stage: Stage) -> None:
+    """A Read that no request goes before."""
+    client = Client(stage)
+    client.poll(BUSY)
+    client.exchange(READ, ANSWER)
+
+
+@BOOK.scene(
+    "length",
+    "RecordDataLength of the Read response says 12, 8 bytes are there",
+    OK_READ,
+    rules="DS202",
+)
+def length(stage: Stage) -> None:
+    """A record length that lies."""
+    client = Client(stage)
+    client.write(READ)
+    client.accept_read(client.ask_read(), ANSWER, stated=len(ANSWER) + 4)
+
+
+def _slots(client: Client) -> list[tuple[Channel, bytes, int]]:
+    """A read on each of three slots; request lengths need padding inside."""
+    return [
+        (client.at(slot=n), message.read(n, n + 1, message.address(20 + n)), OK) for n in (1, 2, 3)
+    ]
+
+
+@BOOK.scene("multiple", "three requests in one IODWriteMultiple, read one by one", *[OK_READ] * 3)
+def multiple(stage: Stage) -> None:
+    """IODWriteMultiple."""
+    client = Client(stage)
+    records = _slots(client)
+    client.write_multiple(records)
+    for number, (channel, _, _) in enumerate(records, start=1):
+        answer = message.answer(number, 1, number + 1, message.real(float(number)))
+        client.read(answer, at=channel)
+
+
+@BOOK.scene(
+    "multiple-refused",
+    "the second of three requests in one IODWriteMultiple is refused",
+    OK_READ,
+    ("read", "refused"),
+    OK_READ,
+    rules="DS203",
+)
+def multiple_refused(stage: Stage) -> None:
+    """IODWriteMultiple with a refused record."""
+    client = Client(stage)
+    records = _slots(client)
+    records[1] = (*records[1][:2], NOT_POSSIBLE)
+    client.write_multiple(records)
+    for number in (1, 3):
+        answer = message.answer(number, 1, number + 1, message.real(float(number)))
+        client.read(answer, at=records[number - 1][0])
+
+
+@BOOK.scene(
+    "multiple-nested",
+    "an IODWriteMultiple inside another one is not opened",
+    OK_READ,
+    rules="DS208",
+)
+def multiple_nested(stage: Stage) -> None:
+    """IODWriteMultiple, nested."""
+    client = Client(stage)
+    client.exchange(READ, ANSWER)
+    inner_place = client.at(slot=0xFFFF, subslot=0xFFFF, api=0xFFFFFFFF, index=wire.WRITE_MULTIPLE)
+    inside = wire.write_request(0, client.at(slot=2), message.read(2, 1, SPEED))
+    client.write_multiple([(inner_place, inside, 0xDF80B401)])
+
+
+@BOOK.scene(
+    "implicit",
+    "ReadImplicit of 0xB02F is a channel of its own: nothing there, though the AR has a response",
+    OK_READ,
+    rules="DS206",
+)
+def implicit(stage: Stage) -> None:
+    """ReadImplicit."""
+    client = Client(stage)
+    place = client.at(index=0xB02F)
+    client.write(READ, at=place)
+    call = client.call(wire.READ_IMPLICIT)
+    nowhere = client.at(ar=wire.NIL, index=0xB02F)
+    client.ask(call, wire.read_request(call.sequence, nowhere))
+    client.refuse_read(call, 0xDE80B000, at=nowhere)
+    client.read(ANSWER, at=place)
+
+
+@BOOK.scene(
+    "implicit-orphan",
+    "ReadImplicit brings a response that nobody asked for",
+    ("read", "orphan"),
+    rules="DS403",
+)
+def implicit_orphan(stage: Stage) -> None:
+    """ReadImplicit with data."""
+    client = Client(stage)
+    call = client.call(wire.READ_IMPLICIT)
+    nowhere = client.at(ar=wire.NIL, index=0xB02F)
+    client.ask(call, wire.read_request(call.sequence, nowhere))
+    client.accept_read(call, ANSWER, at=nowhere)
+
+
+@BOOK.scene("foreign", "record 47 of something that is no drive: no transaction")
+def foreign(stage: Stage) -> None:
+    """Index 47 that is not a parameter channel."""
+    client = Client(stage)
+    for text in (b"Hello, world", b"\x00\x00\x00\x10calibration data", b"\xff" * 8):
+        client.write(text)
+        client.read(text)
+
+
+@BOOK.scene(
+    "foreign-then-ours",
+    "a broken request before the AR shows its parameter channel is taken in too",
+    ("read", "refused"),
+    OK_READ,
+    rules="DS203 DS315",
+)
+def foreign_then_ours(stage: Stage) -> None:
+    """A broken request first."""
+    client = Client(stage)
+    client.write(message.read(7, 1, SPEED)[:8], status=BAD_HEADER)
+    client.exchange(READ, ANSWER)
+
+
+@BOOK.scene(
+    "other-index", "other records around the parameter channel: I&M0, PDRealData", OK_CHANGE
+)
+def other_index(stage: Stage) -> None:
+    """Other records on the same AR."""
+    client = Client(stage)
+    client.read(bytes(54), at=client.at(index=0xAFF0))
+    change = message.change(1, 1, (message.address(1070), message.word(7)))
+    client.exchange(change, message.changed(1, 1))
+    client.read(bytes(64), at=client.at(slot=0, index=0xF841))

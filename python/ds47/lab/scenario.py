@@ -1,0 +1,76 @@
+"""What a scenario is, what it expects of the analysis, and the book that lists a module's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from ds47.lab.stage import Stage
+
+Build = Callable[[Stage], None]
+OK_READ = ("read", "ok")
+OK_CHANGE = ("change", "ok")
+
+
+@dataclass(frozen=True, slots=True)
+class Expect:
+    """What the analysis of the capture must say."""
+
+    transactions: tuple[tuple[str, str], ...]
+    """(operation, state) in the order of transaction ids."""
+    rules: frozenset[str]
+    """Ids of all rules that are found, and of no other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """One capture that the lab can write."""
+
+    name: str
+    title: str
+    shows: str
+    build: Build
+    expect: Expect
+
+    def play(self) -> Stage:
+        """Let it happen on a fresh stage: the same frames every time."""
+        stage = Stage()
+        self.build(stage)
+        return stage
+
+
+@dataclass(slots=True)
+class Book:
+    """The scenarios of one module, in the order in which they stand there."""
+
+    topic: str
+    scenarios: list[Scenario] = field(default_factory=list)
+
+    def scene(
+        self, name: str, shows: str, *transactions: tuple[str, str], rules: str = ""
+    ) -> Callable[[Build], Build]:
+        """Decorator: a function that fills a stage becomes a scenario; its docstring is the title.
+
+        `transactions` are (operation, state); `rules` the ids that are expected, with spaces.
+        """
+
+        def enter(build: Build) -> Build:
+            self.add(
+                name, (build.__doc__ or "").strip().rstrip("."), shows, build, transactions, rules
+            )
+            return build
+
+        return enter
+
+    def add(
+        self,
+        name: str,
+        title: str,
+        shows: str,
+        build: Build,
+        transactions: Sequence[tuple[str, str]],
+        rules: str = "",
+    ) -> None:
+        """Enter a scenario that a table makes."""
+        expect = Expect(tuple(transactions), frozenset(rules.split()))
+        self.scenarios.append(Scenario(f"{self.topic}-{name}", title, shows, build, expect))

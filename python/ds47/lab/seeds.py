@@ -1,0 +1,75 @@
+"""Scenarios: the worked examples of the application notes that this project started from."""
+
+from __future__ import annotations
+
+from ds47.lab.client import Client
+from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.stage import Stage
+
+BOOK = Book("seed")
+
+DCM_READ = ("03010201 1001c47f0000", "03010201 0801 41200000")
+DCM_CHANGE = ("02020201 1001c4800000 0801 42c80000", "02020201")
+G120_READ = (
+    "01010102 10000b540000 10040b560002",
+    "01010102 0801 00000000 0804 41200000 41a00000 42480000 42c80000",
+)
+G120_CHANGE = (
+    "01020102 10010b540000 10010b550000 0801 41300000 0801 41b00000",
+    "01020102",
+)
+
+
+def _play(stage: Stage, *examples: tuple[str, str], buffer: int = 0) -> None:
+    """Each example as a transaction; requests are filled with zeros up to `buffer` bytes."""
+    client = Client(stage, order=">")
+    for request, response in examples:
+        client.exchange(bytes.fromhex(request).ljust(buffer, b"\0"), bytes.fromhex(response))
+        stage.wait(100)
+
+
+@BOOK.scene("dcm-read", "one parameter, Float32 10.0, DO 2", OK_READ)
+def dcm_read(stage: Stage) -> None:
+    """SINAMICS DCM: read p50303."""
+    _play(stage, DCM_READ)
+
+
+@BOOK.scene("dcm-change", "one parameter, Float32 100.0, DO 2", OK_CHANGE)
+def dcm_change(stage: Stage) -> None:
+    """SINAMICS DCM: change p50304."""
+    _play(stage, DCM_CHANGE)
+
+
+@BOOK.scene("g120-read", "two parameters, one of them four elements of an array", OK_READ)
+def g120_read(stage: Stage) -> None:
+    """G120: read P2900 and r2902[2..5]."""
+    _play(stage, G120_READ)
+
+
+@BOOK.scene("g120-change", "two parameters in one change", OK_CHANGE)
+def g120_change(stage: Stage) -> None:
+    """G120: change P2900 and P2901."""
+    _play(stage, G120_CHANGE)
+
+
+@BOOK.scene(
+    "g120-constant-reference",
+    "the two G120 programs one after the other, both with reference 1",
+    OK_READ,
+    OK_CHANGE,
+    rules="DS415",
+)
+def g120_constant_reference(stage: Stage) -> None:
+    """G120: read, then change, with the reference left as it is."""
+    _play(stage, G120_READ, G120_CHANGE)
+
+
+@BOOK.scene(
+    "dcm-buffer",
+    "WRREC sends its whole buffer of 40 bytes: zeros behind a request of 16",
+    OK_CHANGE,
+    rules="DS314",
+)
+def dcm_buffer(stage: Stage) -> None:
+    """SINAMICS DCM: change p50304 from a buffer of 40 bytes."""
+    _play(stage, DCM_CHANGE, buffer=40)

@@ -1,0 +1,407 @@
+"""Scenarios: below the record. Byte orders, link headers, fragments, lost, cut, repeated frames."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from uuid import UUID
+
+from ds47.lab import ether, message, wire
+from ds47.lab.client import Client, controller, drive
+from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.stage import Stage
+from ds47.lab.wire import Order
+
+BOOK = Book("transport")
+
+SPEED = message.address(21)
+LONG = message.address(2902, 0, 50)
+NCA_UNKNOWN_INTERFACE = 0x1C010003
+NCA_BUSY = 0x1C01000B
+
+
+def _speed(client: Client, reference: int = 1, value: float = 1500.0) -> None:
+    """Read r0021."""
+    answer = message.answer(reference, 1, 1, message.real(value))
+    client.exchange(message.read(reference, 1, SPEED), answer)
+
+
+def _long(client: Client, reference: int = 1) -> None:
+    """Read an array of 50 floats: more than fits into a small fragment."""
+    answer = message.answer(reference, 1, 1, message.real(*range(50)))
+    client.exchange(message.read(reference, 1, LONG), answer)
+
+
+def _long_change(client: Client, reference: int = 2) -> None:
+    """Change an array of 50 floats."""
+    request = message.change(reference, 1, (LONG, message.real(*range(50))))
+    client.exchange(request, message.changed(reference, 1))
+
+
+def _orders(order: Order, answer: Order | None, name: str, title: str) -> None:
+    def build(stage: Stage) -> None:
+        client = Client(stage, order=order, answer_order=answer)
+        _speed(client)
+        client.exchange(
+            message.change(2, 1, (message.address(1070), message.word(7))), message.changed(2, 1)
+        )
+        _refused(client)
+
+    shows = "UUID, numbers and PNIOStatus follow the byte order of each PDU"
+    expect = [OK_READ, OK_CHANGE, ("read", "refused")]
+    BOOK.add(name, title, shows, build, expect, "DS203")
+
+
+def _refused(client: Client) -> None:
+    client.write(message.read(3, 1, SPEED), status=0xDF80B500)
+
+
+_orders(">", None, "big-endian", "Controller and drive big-endian")
+_orders("<", None, "little-endian", "Controller and drive little-endian")
+_orders(">", "<", "big-little", "Big-endian controller, little-endian drive")
+_orders("<", ">", "little-big", "Little-endian controller, big-endian drive")
+
+
+@BOOK.scene("vlan", "802.1Q tag, priority 6", OK_READ)
+def vlan(stage: Stage) -> None:
+    """One VLAN tag."""
+    stage.tags = ((ether.CTAG, 10),)
+    _speed(Client(stage))
+
+
+@BOOK.scene("qinq", "802.1ad tag around an 802.1Q tag", OK_READ)
+def qinq(stage: Stage) -> None:
+    """Two VLAN tags."""
+    stage.tags = ((ether.STAG, 100), (ether.CTAG, 10))
+    _speed(Client(stage))
+
+
+@BOOK.scene("sll", "link type 113, as `tcpdump -i any` writes", OK_READ)
+def sll(stage: Stage) -> None:
+    """Linux cooked capture, version 1."""
+    stage.link = ether.COOKED
+    _speed(Client(stage))
+
+
+@BOOK.scene("sll2", "link type 276, as newer `tcpdump -i any` writes", OK_READ)
+def sll2(stage: Stage) -> None:
+    """Linux cooked capture, version 2."""
+    stage.link = ether.COOKED2
+    _speed(Client(stage))
+
+
+@BOOK.scene("ip-fragments", "requests and responses in IP fragments", OK_READ, OK_CHANGE)
+def ip_fragments(stage: Stage) -> None:
+    """IP fragments."""
+    stage.mtu = 176
+    client = Client(stage)
+    _long(client)
+    _long_change(client)
+
+
+@BOOK.scene("ip-fragments-disorder", "the last IP fragment comes first", OK_READ)
+def ip_fragments_disorder(stage: Stage) -> None:
+    """IP fragments in the wrong order."""
+    stage.mtu = 176
+    _long(Client(stage))
+    shots = stage.shots
+    times = [shot.time_ns for shot in shots]
+    # The last three frames are fragments of the Read response.
+    ordered = [*shots[:-3], shots[-1], shots[-3], shots[-2]]
+    stage.shots = [replace(shot, time_ns=t) for t, shot in zip(times, ordered, strict=True)]
+
+
+@BOOK.scene(
+    "ip-fragments-incomplete",
+    "a fragment of the Read response is lost; the controller reads again",
+    OK_READ,
+    rules="DS101 DS105",
+)
+def ip_fragments_incomplete(stage: Stage) -> None:
+    """IP fragments, one of them lost."""
+    stage.mtu = 176
+    client = Client(stage)
+    _long(client)
+    del stage.shots[-2]
+    stage.wait(500)
+    client.read(message.answer(1, 1, 1, message.real(*range(50))))
+
+
+@BOOK.scene("rpc-fragments", "requests and responses in RPC fragments", OK_READ, OK_CHANGE)
+def rpc_fragments(stage: Stage) -> None:
+    """RPC fragments."""
+    client = Client(stage, fragment=100)
+    _long(client)
+    _long_change(client)
+
+
+@BOOK.scene(
+    "rpc-fragments-incomplete",
+    "the middle fragment of the Read response is lost; the controller reads again",
+    OK_READ,
+    rules="DS101 DS105",
+)
+def rpc_fragments_incomplete(stage: Stage) -> None:
+    """RPC fragments, one of them lost."""
+    client = Client(stage, fragment=100)
+    _long(client)
+    del stage.shots[-2]
+    stage.wait(500)
+    client.read(message.answer(1, 1, 1, message.real(*range(50))))
+
+
+@BOOK.scene(
+    "snap-length",
+    "the capture keeps 260 bytes of each frame: the response ends too early",
+    ("read", "ok"),
+    rules="DS106 DS315",
+)
+def snap_length(stage: Stage) -> None:
+    """Frames cut by the snap length."""
+    client = Client(stage)
+    client.write(message.read(1, 1, LONG))
+    stage.snap = 260
+    client.read(message.answer(1, 1, 1, message.real(*range(50))))
+
+
+@BOOK.scene("copies", "a mirror port shows each frame twice, same IP id, 20 us apart", OK_READ)
+def copies(stage: Stage) -> None:
+    """Every frame captured twice."""
+    stage.copies = 2
+    _speed(Client(stage))
+
+
+@BOOK.scene(
+    "retransmission",
+    "no answer for 500 ms: the controller sends the Write again, the drive answers once",
+    OK_READ,
+    rules="DS103",
+)
+def retransmission(stage: Stage) -> None:
+    """A Write sent again before its answer."""
+    client = Client(stage)
+    request = message.read(1, 1, SPEED)
+    call = client.ask_write(request)
+    stage.wait(500)
+    client.ask(call, wire.write_request(call.sequence, client.channel, request))
+    client.accept_write(call, request)
+    client.read(message.answer(1, 1, 1, message.real(1500.0)))
+
+
+@BOOK.scene(
+    "retransmission-answered",
+    "the answer was lost on the way: the same Write again 2 s later, and its answer again",
+    OK_READ,
+    rules="DS103",
+)
+def retransmission_answered(stage: Stage) -> None:
+    """A Write sent again after its answer."""
+    client = Client(stage)
+    request = message.read(1, 1, SPEED)
+    call = client.ask_write(request)
+    client.accept_write(call, request)
+    stage.wait(500)
+    client.ask(call, wire.write_request(call.sequence, client.channel, request))
+    client.accept_write(call, request)
+    client.read(message.answer(1, 1, 1, message.real(1500.0)))
+
+
+@BOOK.scene(
+    "reused-numbers",
+    "the controller starts again: same activity, same sequence numbers, a new request",
+    OK_READ,
+    OK_READ,
+)
+def reused_numbers(stage: Stage) -> None:
+    """Activity and sequence numbers used again after 59 s."""
+    client = Client(stage)
+    _speed(client)
+    stage.wait(59_000)
+    client.sequence = 0
+    _speed(client, reference=2, value=1480.0)
+
+
+@BOOK.scene("ping-working", "ping and working PDUs between request and response", OK_READ)
+def ping_working(stage: Stage) -> None:
+    """A slow answer with ping and working."""
+    client = Client(stage)
+    request = message.read(1, 1, SPEED)
+    call = client.ask_write(request)
+    client.ask(call, b"", wire.PING)
+    client.reply(call, b"", wire.WORKING)
+    client.accept_write(call, request)
+    client.read(message.answer(1, 1, 1, message.real(1500.0)))
+
+
+def _status(client: Client, code: int) -> bytes:
+    return code.to_bytes(4, "little" if client.reply_order == "<" else "big")
+
+
+@BOOK.scene(
+    "fault",
+    "the drive answers the Write with an RPC fault; the next attempt works",
+    ("read", "refused"),
+    OK_READ,
+    rules="DS104",
+)
+def fault(stage: Stage) -> None:
+    """An RPC fault."""
+    client = Client(stage)
+    call = client.ask_write(message.read(1, 1, SPEED))
+    client.reply(call, _status(client, NCA_UNKNOWN_INTERFACE), wire.FAULT)
+    stage.wait(100)
+    _speed(client, reference=2)
+
+
+@BOOK.scene(
+    "reject",
+    "the drive rejects the first Read, server too busy; the second one works",
+    OK_READ,
+    rules="DS104",
+)
+def reject(stage: Stage) -> None:
+    """An RPC reject."""
+    client = Client(stage, order=">")
+    client.write(message.read(1, 1, SPEED))
+    call = client.ask_read()
+    client.reply(call, _status(client, NCA_BUSY), wire.REJECT)
+    stage.wait(50)
+    client.read(message.answer(1, 1, 1, message.real(1500.0)))
+
+
+@BOOK.scene(
+    "empty-body",
+    "an RPC response to the Read without any body; the second Read works",
+    OK_READ,
+    rules="DS108",
+)
+def empty_body(stage: Stage) -> None:
+    """A response without a body."""
+    client = Client(stage)
+    client.write(message.read(1, 1, SPEED))
+    client.reply(client.ask_read(), b"")
+    stage.wait(50)
+    client.read(message.answer(1, 1, 1, message.real(1500.0)))
+
+
+@BOOK.scene("time-back", "the clock steps back by 2.5 s between two frames", OK_READ, rules="DS107")
+def time_back(stage: Stage) -> None:
+    """Time steps backwards."""
+    client = Client(stage)
+    client.write(message.read(1, 1, SPEED))
+    stage.wait(-2500)
+    client.read(message.answer(1, 1, 1, message.real(1500.0)))
+
+
+@BOOK.scene(
+    "ephemeral-port", "the drive answers from port 49153 and is asked there", OK_READ, OK_READ
+)
+def ephemeral_port(stage: Stage) -> None:
+    """Answers from another port."""
+    client = Client(stage, answer_port=49153)
+    _speed(client)
+    _speed(client, reference=2)
+
+
+@BOOK.scene(
+    "write-unanswered",
+    "the response to the Write was not captured; the Read proves that it was accepted",
+    OK_READ,
+    rules="DS101",
+)
+def write_unanswered(stage: Stage) -> None:
+    """A Write response that is missing."""
+    client = Client(stage)
+    request = message.read(1, 1, SPEED)
+    client.ask_write(request)
+    client.read(message.answer(1, 1, 1, message.real(1500.0)))
+
+
+@BOOK.scene(
+    "starts-late",
+    "the capture starts after the Write request",
+    ("read", "orphan"),
+    rules="DS102 DS403",
+)
+def starts_late(stage: Stage) -> None:
+    """Capture starts in the middle of a transaction."""
+    client = Client(stage)
+    stage.deaf = True
+    request = message.read(1, 1, SPEED)
+    call = client.ask_write(request, at=client.at(index=0xB02F))
+    stage.deaf = False
+    client.accept_write(call, request, at=client.at(index=0xB02F))
+    client.read(message.answer(1, 1, 1, message.real(1500.0)), at=client.at(index=0xB02F))
+
+
+@BOOK.scene(
+    "ends-early",
+    "the capture ends after the Write response",
+    OK_READ,
+    ("read", "unanswered"),
+    rules="DS401",
+)
+def ends_early(stage: Stage) -> None:
+    """Capture ends in the middle of a transaction."""
+    client = Client(stage)
+    _speed(client)
+    client.write(message.read(2, 1, SPEED))
+
+
+@BOOK.scene(
+    "ends-in-call",
+    "the last frame of the capture is a Write request",
+    OK_READ,
+    ("read", "unanswered"),
+    rules="DS101 DS401",
+)
+def ends_in_call(stage: Stage) -> None:
+    """Capture ends in the middle of a call."""
+    client = Client(stage)
+    _speed(client)
+    client.ask_write(message.read(2, 1, SPEED))
+
+
+@BOOK.scene(
+    "two-controllers",
+    "two controllers on one drive at the same time, same references and sequence numbers",
+    *[OK_READ] * 6,
+)
+def two_controllers(stage: Stage) -> None:
+    """Two controllers, one drive."""
+    shared = drive()
+    first = Client(stage, controller(1), shared)
+    second = Client(
+        stage,
+        controller(2),
+        shared,
+        order=">",
+        activity=UUID("1f2e3d4c-5b6a-11f0-8a47-00000a0b0c02"),
+    )
+    second.channel = second.at(ar=UUID("47474747-0002-4000-8000-000000000002"), slot=2)
+    for reference in (1, 2, 3):
+        request = message.read(reference, 1, SPEED)
+        first.write(request)
+        second.write(request)
+        second.read(message.answer(reference, 1, 1, message.real(20.0)))
+        first.read(message.answer(reference, 1, 1, message.real(10.0)))
+
+
+@BOOK.scene(
+    "many-channels",
+    "two drives, two slots each, DO 2 and 3: all asked, then all read in another order",
+    *[OK_READ] * 4,
+)
+def many_channels(stage: Stage) -> None:
+    """Several drives, slots and axes interleaved."""
+    clients = [
+        Client(
+            stage, device=drive(n), activity=UUID(int=0x4700 + n), channel=wire.Channel(UUID(int=n))
+        )
+        for n in (1, 2)
+    ]
+    jobs = [(client, client.at(slot=slot)) for client in clients for slot in (1, 2)]
+    for client, channel in jobs:
+        client.write(message.read(7, channel.slot + 1, SPEED), at=channel)
+    for number, (client, channel) in enumerate(reversed(jobs)):
+        value = message.real(float(number))
+        client.read(message.answer(7, 1, channel.slot + 1, value), at=channel)

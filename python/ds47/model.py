@@ -1,0 +1,150 @@
+"""The result model: what an analysis says, in the words of the report.
+
+Every attribute is a key of the JSON schema `ds47.report/1`, or (times and bytes) its exact source.
+Plain values only: no decoding, no pairing and no formatting lives here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+Value = int | float | str
+"""One value as JSON shows it: docs/report.md, values."""
+
+OPERATIONS = ("read", "change", "vendor", "unknown")
+STATES = ("ok", "partial", "error", "mismatch", "refused", "unanswered", "superseded", "orphan")
+SEVERITIES = ("note", "warning", "error")
+"""From harmless to serious, so that an index compares two of them."""
+
+
+@dataclass(slots=True)
+class ParameterError:
+    """What the drive answered instead of a value (docs/protocol.md A.7, B)."""
+
+    code: int | None
+    text: str
+    info: int | None
+
+
+@dataclass(slots=True)
+class Parameter:
+    """One parameter of a transaction; `pnu` and its address are None where no request names them."""
+
+    pnu: int | None
+    subindex: int | None
+    attribute: str | None
+    element_count: int | None
+    name: str | None = None
+    unit: str | None = None
+    format: str | None = None
+    value_count: int | None = None
+    values: list[Value] = field(default_factory=list)
+    scaled: list[Value] | None = None
+    error: ParameterError | None = None
+
+
+@dataclass(slots=True)
+class Frames:
+    """Frame numbers of a transaction, as Wireshark shows them for the same file."""
+
+    write_request: int | None = None
+    write_response: int | None = None
+    read_request: int | None = None
+    read_response: int | None = None
+    polls: list[tuple[int | None, int | None]] = field(default_factory=list)
+    rereads: list[tuple[int | None, int | None]] = field(default_factory=list)
+
+    def first(self) -> int:
+        """The first frame in which the transaction shows, 0 where it has none."""
+        return min(self.all(), default=0)
+
+    def all(self) -> list[int]:
+        """Every frame of the transaction, sorted, each once."""
+        single = [self.write_request, self.write_response, self.read_request, self.read_response]
+        pairs = [frame for pair in self.polls + self.rereads for frame in pair]
+        return sorted({frame for frame in single + pairs if frame is not None})
+
+
+@dataclass(slots=True)
+class Transaction:
+    """One parameter request with all that came of it (docs/pairing.md)."""
+
+    operation: str
+    state: str
+    controller: str
+    device: str
+    ar: str | None
+    api: int
+    slot: int
+    subslot: int
+    index: int
+    request_reference: int | None
+    axis: int | None
+    frames: Frames
+    start_ns: int
+    """Time of the first PDU, nanoseconds since 1970."""
+    duration_ns: int | None
+    """From the Write request to the first Read response that holds the record."""
+    request: bytes | None
+    response: bytes | None
+    write_status: int | None
+    read_status: int | None
+    parameters: list[Parameter]
+    position: int = 0
+    """Place inside the first frame: an IODWriteMultiple carries several records."""
+    findings: list[str] = field(default_factory=list)
+    id: int = 0
+
+
+@dataclass(slots=True)
+class Finding:
+    """A rule that applies, where it shows and to which transaction it belongs."""
+
+    rule: str
+    severity: str
+    message: str
+    frame: int
+    transaction: int | None = None
+    offset: int | None = None
+    """Byte of the DS47 message, for rules about a message."""
+
+    @property
+    def filter(self) -> str:
+        """A Wireshark display filter that shows the frame."""
+        return f"frame.number == {self.frame}"
+
+
+@dataclass(slots=True)
+class Device:
+    """A device as the capture names it (RPC object UUID, Connect, DCP, LLDP)."""
+
+    ip: str
+    mac: str | None = None
+    station: str | None = None
+    vendor_id: int | None = None
+    device_id: int | None = None
+
+
+@dataclass(slots=True)
+class CaptureResult:
+    """All that one capture says."""
+
+    path: str
+    sha256: str | None = None
+    frames: int = 0
+    complete: bool = True
+    problem: str | None = None
+    dropped: int | None = None
+    rpc: dict[str, int] = field(default_factory=dict)
+    records: dict[str, dict[str, int]] = field(default_factory=dict)
+    devices: list[Device] = field(default_factory=list)
+    transactions: list[Transaction] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+    summary: dict[str, int] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class Report:
+    """The results of one run."""
+
+    captures: list[CaptureResult] = field(default_factory=list)

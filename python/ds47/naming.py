@@ -1,0 +1,66 @@
+"""Names for the devices of a capture: RPC object UUID, Connect, DCP and LLDP, put together by IP and MAC."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+
+from ds47.model import Device
+from ds47.profinet import dcp, lldp, rpc
+from ds47.profinet.link import Packet
+
+_MOST = 65_536
+
+
+class Naming:
+    """Collects what the capture says about who is who; bounded, the oldest goes first."""
+
+    def __init__(self) -> None:
+        self._servers: OrderedDict[str, Device] = OrderedDict()
+        self._stations: OrderedDict[str, dcp.Station] = OrderedDict()
+
+    def station(self, packet: Packet) -> None:
+        """Takes a DCP or LLDP packet."""
+        station = dcp.parse(packet) if packet.kind == "dcp" else lldp.parse(packet)
+        if station is None or station.mac is None:
+            return
+        known = self._stations.pop(station.mac, None)
+        if known is not None:
+            for key in ("ip", "name", "vendor_id", "device_id"):
+                if getattr(station, key) is None:
+                    setattr(station, key, getattr(known, key))
+        self._stations[station.mac] = station
+        while len(self._stations) > _MOST:
+            self._stations.popitem(last=False)
+
+    def message(self, pdu: rpc.Pdu) -> None:
+        """Takes an RPC message: responses come from devices, a Connect names device and controller."""
+        if pdu.ptype == 2 and pdu.opnum != rpc.CONTROL:  # a controller answers ApplicationReady
+            self._learn(pdu.source, pdu.source_mac, rpc.device_identity(pdu.object_uuid))
+        elif pdu.ptype == 0 and pdu.opnum == rpc.CONNECT:
+            self._learn(pdu.destination, None, rpc.device_identity(pdu.object_uuid))
+
+    def devices(self) -> list[Device]:
+        """Every device that answered or was connected to, in the order of first sight."""
+        by_ip = {station.ip: station for station in self._stations.values() if station.ip}
+        for device in self._servers.values():
+            station = by_ip.get(device.ip) or self._stations.get(device.mac or "")
+            if station is not None:
+                device.station = station.name
+                device.mac = device.mac or station.mac
+                device.vendor_id = (
+                    device.vendor_id if device.vendor_id is not None else station.vendor_id
+                )
+                device.device_id = (
+                    device.device_id if device.device_id is not None else station.device_id
+                )
+        return list(self._servers.values())
+
+    def _learn(self, ip: str, mac: str | None, identity: tuple[int, int] | None) -> None:
+        device = self._servers.get(ip)
+        if device is None:
+            if len(self._servers) >= _MOST:
+                return
+            device = self._servers[ip] = Device(ip)
+        device.mac = device.mac or mac
+        if identity is not None and device.vendor_id is None:
+            device.vendor_id, device.device_id = identity

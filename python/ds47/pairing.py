@@ -1,0 +1,316 @@
+"""Pairing on the DS47 level: Writes and Reads of one channel to jobs (docs/pairing.md).
+
+A job is a transaction in the making. Its life is the table `spec/pairing.toml`; the only thing decided
+here is to which job a record call belongs. Nothing is decoded beyond what a caller hands in, and nothing
+is judged: `ds47.rules` does that when `answered` and `closed` are called.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from ds47.profidrive import Request, Response
+from ds47.profinet.records import Half, Record
+from ds47.spec.semantics import Limits, phases
+
+STATUS_NOT_READY = 0xDE80B500
+"""State conflict on a Read: the response is not ready, read again (docs/protocol.md E.1)."""
+
+
+class Peer(NamedTuple):
+    """Who talks to whom, and what is known of the device."""
+
+    controller: str
+    device: str
+    vendor_id: int | None = None
+    device_id: int | None = None
+
+
+class ChannelKey(NamedTuple):
+    """A DS47 channel (docs/pairing.md, record level)."""
+
+    controller: str
+    device: str
+    ar: bytes
+    api: int
+    slot: int
+    subslot: int
+    record_index: int
+
+
+@dataclass(slots=True, eq=False)
+class Job:
+    """A transaction in the making: the halves of its record calls and what pairing learnt of it."""
+
+    peer: Peer
+    record: Record
+    message: Request | None
+    phase: str = "asked"
+    write_response: Half | None = None
+    write_fault: bool = False
+    read_request: Half | None = None
+    read_response: Half | None = None
+    polls: list[tuple[Half | None, Half]] = field(default_factory=list)
+    rereads: list[tuple[Half | None, Half]] = field(default_factory=list)
+    empty_reads: list[Half] = field(default_factory=list)
+    response: Response | None = None
+    previous_reference: int | None = None
+    superseded_by: int | None = None
+    reason: str = ""
+    accepted: bool = False
+    order: int = 0
+
+    @property
+    def write_request(self) -> Half | None:
+        """The request of the Write that asked; None for an orphan."""
+        return self.record.request if self.message is not None else None
+
+    @property
+    def reference(self) -> int | None:
+        """The request reference that was sent."""
+        return self.message.request_reference if self.message else None
+
+
+@dataclass(slots=True)
+class _Channel:
+    touched: int
+    asked: list[Job] = field(default_factory=list)
+    open: Job | None = None
+    refused: Job | None = None
+    last: Job | None = None
+    reference: int | None = None
+
+    def jobs(self) -> list[Job]:
+        return [job for job in (self.last, self.refused, self.open) if job] + self.asked
+
+
+class Pairing:
+    """Takes record calls in the order of the capture and keeps the jobs of every channel.
+
+    Args:
+        limits: the numbers of spec/limits.toml.
+        answered: called once when a job has its response, in the order of the capture.
+        closed: called once when nothing more can come.
+        nothing_to_read: called for a Read without record on a channel that has no request.
+    """
+
+    def __init__(
+        self,
+        limits: Limits,
+        answered: Callable[[Job], None],
+        closed: Callable[[Job], None],
+        nothing_to_read: Callable[[Record], None],
+    ) -> None:
+        self._limits = limits
+        self._answered = answered
+        self._closed = closed
+        self._nothing_to_read = nothing_to_read
+        self._table = phases()
+        self._channels: OrderedDict[ChannelKey, _Channel] = OrderedDict()
+        self._count = 0
+
+    def write_request(self, peer: Peer, record: Record, message: Request) -> Job:
+        """A Write that asks for something. Returns the job, for `write_response`."""
+        assert record.request is not None
+        channel = self._channel(peer, record, record.request.time_ns)
+        job = self._job(peer, record, message)
+        job.previous_reference, channel.reference = channel.reference, message.request_reference
+        channel.asked.append(job)
+        if len(channel.asked) > self._limits.pending_writes:
+            self._lose(channel.asked.pop(0), "expired")
+        return job
+
+    def write_response(self, job: Job, response: Half | None, *, fault: bool = False) -> None:
+        """The answer to a Write: accepted (status 0), refused (any other status, or an RPC fault)."""
+        job.write_response = response
+        job.write_fault = fault
+        status = response.status if response else None
+        if job.phase == "closed" or (status is None and not fault):
+            return
+        channel = self._channels.get(_key(job.peer, job.record))
+        if channel is None:
+            return
+        if status == 0 and not fault:
+            self._accept(channel, job)
+        else:
+            self._refuse(channel, job)
+
+    def read_response(self, peer: Peer, record: Record, message: Response | None) -> Job | None:
+        """The answer to a Read. Returns the job it went to, None where there is none."""
+        half = record.response
+        assert half is not None
+        channel = self._channel(peer, record, half.time_ns)
+        event = _read_event(half)
+        job = self._addressee(channel, event, half.data, message)
+        if channel.refused is not None and channel.refused is not job:
+            self._lose(channel.refused, "")
+            channel.refused = None
+        if job is not None:
+            self._read(channel, job, event, record, message)
+            return job
+        if event != "read_record":
+            self._nothing_to_read(record)
+            return None
+        if channel.last is not None and _bytes(channel.last) == half.data:
+            self._step(channel.last, "reread")
+            channel.last.rereads.append((record.request, half))
+            return channel.last
+        job = self._job(peer, record, None)
+        job.phase = "open"
+        self._read(channel, job, event, record, message)
+        return job
+
+    def read_lost(self, peer: Peer, record: Record) -> Job | None:
+        """A Read that never got its RPC response."""
+        channel = self._channels.get(_key(peer, record))
+        job = channel and (channel.open or channel.refused)
+        if job and job.read_request is None:
+            job.read_request = record.request
+        return job or None
+
+    def release(self, ar: bytes) -> None:
+        """The AR is over: what is open on its channels stays unanswered."""
+        for key in [key for key in self._channels if key.ar == ar]:
+            self._close_channel(self._channels.pop(key), "release")
+
+    def finish(self) -> None:
+        """The capture is over."""
+        while self._channels:
+            self._close_channel(self._channels.popitem(last=False)[1], "end")
+
+    def _job(self, peer: Peer, record: Record, message: Request | None) -> Job:
+        self._count += 1
+        return Job(peer, record, message, order=self._count)
+
+    def _channel(self, peer: Peer, record: Record, now: int) -> _Channel:
+        key = _key(peer, record)
+        channel = self._channels.get(key)
+        expiry = self._limits.transaction_expiry_ns
+        if channel is not None and now - channel.touched > expiry:
+            self._close_channel(self._channels.pop(key), "expired")
+            channel = None
+        if channel is None:
+            channel = self._channels[key] = _Channel(now)
+        channel.touched = now
+        self._channels.move_to_end(key)
+        while True:
+            oldest = next(iter(self._channels))
+            idle = now - self._channels[oldest].touched > expiry
+            if oldest == key or not (idle or len(self._channels) > self._limits.channels):
+                return channel
+            self._close_channel(self._channels.pop(oldest), "expired")
+
+    def _accept(self, channel: _Channel, job: Job) -> None:
+        """An accepted Write opens; it displaces what was open and ends the grace of a refused one."""
+        job.accepted = True
+        if job.phase == "asked":
+            channel.asked.remove(job)
+            if channel.open is not None:
+                channel.open.superseded_by = (
+                    job.record.request.frame if job.record.request else None
+                )
+                self._end(channel.open, "displaced")
+            if channel.refused is not None:
+                self._lose(channel.refused, "")
+                channel.refused = None
+            channel.open = job
+        self._step(job, "write_accepted")
+
+    def _refuse(self, channel: _Channel, job: Job) -> None:
+        before = job.phase
+        self._step(job, "write_refused")
+        if before == "answered":
+            return
+        if before == "asked":
+            channel.asked.remove(job)
+        else:
+            channel.open = None
+        if channel.refused is not None:
+            self._lose(channel.refused, "")
+        channel.refused = job
+
+    def _addressee(
+        self, channel: _Channel, event: str, data: bytes, message: Response | None
+    ) -> Job | None:
+        """The job a Read answers; a Write whose response was not seen counts when the answer fits."""
+        reference = message.request_reference if message else None
+        if event == "read_record":
+            for job in ([channel.open] if channel.open else []) + channel.asked[::-1]:
+                if job.reference == reference:
+                    return job
+        if channel.open is not None:
+            return channel.open
+        if channel.asked:
+            old_answer = event == "read_record" and _bytes(channel.last) == data
+            return None if old_answer else channel.asked[-1]
+        return channel.refused
+
+    def _read(
+        self, channel: _Channel, job: Job, event: str, record: Record, message: Response | None
+    ) -> None:
+        half = record.response
+        assert half is not None
+        if job.phase == "asked":
+            self._accept(channel, job)
+            job.accepted = False  # only presumed: the Write response is missing in the capture
+        self._step(job, event)
+        if event == "read_poll":
+            job.polls.append((record.request, half))
+        elif event == "read_empty":
+            if half.status is not None:
+                job.empty_reads.append(half)
+        else:
+            job.read_request, job.read_response, job.response = record.request, half, message
+            if channel.open is job:
+                channel.open = None
+            if channel.refused is job:
+                channel.refused = None
+            self._answered(job)
+            if not half.data:
+                self._lose(job, "")
+                return
+            if channel.last is not None:
+                self._lose(channel.last, "")
+            channel.last = job
+
+    def _step(self, job: Job, event: str) -> None:
+        job.phase = self._table[job.phase][event]
+
+    def _lose(self, job: Job, reason: str) -> None:
+        job.reason = reason
+        self._end(job, "lost")
+
+    def _end(self, job: Job, event: str) -> None:
+        self._step(job, event)
+        self._closed(job)
+
+    def _close_channel(self, channel: _Channel, reason: str) -> None:
+        for job in channel.jobs():
+            self._lose(job, reason)
+
+
+def _key(peer: Peer, record: Record) -> ChannelKey:
+    return ChannelKey(
+        peer.controller,
+        peer.device,
+        record.ar,
+        record.api,
+        record.slot,
+        record.subslot,
+        record.index,
+    )
+
+
+def _read_event(half: Half) -> str:
+    if half.status == STATUS_NOT_READY:
+        return "read_poll"
+    if half.status:
+        return "read_refused"
+    return "read_record" if half.data else "read_empty"
+
+
+def _bytes(job: Job | None) -> bytes | None:
+    return job.read_response.data if job and job.read_response else None

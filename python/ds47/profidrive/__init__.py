@@ -1,0 +1,55 @@
+"""The PROFIdrive parameter channel without any I/O: messages to bytes and back.
+
+Only names are collected here: `model` has the data, `formats` the values, `parameter` the decoder
+and encoder, `build` what makes messages, `notation` hexadecimal text and readable lines.
+"""
+
+from ds47.profidrive.build import (
+    build_change,
+    build_read,
+    build_request,
+    build_response,
+    encode_block,
+    error_block,
+    make_block,
+    zero_block,
+)
+from ds47.profidrive.model import (
+    Address,
+    Block,
+    ErrorValue,
+    Flaw,
+    Options,
+    Request,
+    Response,
+    Value,
+)
+from ds47.profidrive.parameter import (
+    decode_request,
+    decode_response,
+    encode_request,
+    encode_response,
+)
+
+__all__ = [
+    "Address",
+    "Block",
+    "ErrorValue",
+    "Flaw",
+    "Options",
+    "Request",
+    "Response",
+    "Value",
+    "build_change",
+    "build_read",
+    "build_request",
+    "build_response",
+    "decode_request",
+    "decode_response",
+    "encode_block",
+    "encode_request",
+    "encode_response",
+    "error_block",
+    "make_block",
+    "zero_block",
+]

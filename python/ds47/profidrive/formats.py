@@ -1,0 +1,236 @@
+"""The formats of values: bytes to values and back, and the physical values of normalised formats.
+
+One `Codec` per format of spec/formats.toml, made when first used. Blocks, pads and what to do with
+unknown formats are in `parameter`.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import date, timedelta
+from functools import cache
+
+from ds47 import spec
+from ds47.profidrive.model import Value
+
+_EXACT = 2**53
+"""Beyond it a double, and so the JSON of many readers, no longer holds every whole number."""
+_FLOAT32 = struct.Struct(">f")
+_DAY_MS = 86_400_000
+_MS_MASK = 0x0FFFFFFF
+"""Times of day use 28 of their 32 bits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Codec:
+    """How the values of one format are read, written and scaled.
+
+    decode: (bytes of whole values, how many) -> values.  encode: the reverse, raises ValueError or
+    struct.error.  scale: (values, bytes) -> physical values; None where the format has none.
+    """
+
+    size: int
+    decode: Callable[[bytes, int], list[Value]]
+    encode: Callable[[Sequence[Value]], bytes]
+    scale: Callable[[Sequence[Value], bytes], list[Value]] | None = None
+    whole: bool = False
+
+
+@cache
+def codec(code: int, size: int | None = None) -> Codec | None:
+    """The codec of a format code, None where the length of its values cannot be known.
+
+    Args:
+        code: a code of spec/formats.toml, dialects already resolved.
+        size: bytes per value where the format has two sizes; its own otherwise.
+    """
+    row = spec.formats().get(code)
+    if row is None or row.size is None or row.kind not in _MAKERS:
+        return None
+    return _MAKERS[row.kind](row, row.size if size is None else size)
+
+
+def number_value(number: int | float) -> Value:
+    """A number as a value: beyond 2^53 a decimal string, not finite a word."""
+    if isinstance(number, int):
+        return number if -_EXACT <= number <= _EXACT else str(number)
+    if math.isfinite(number):
+        return number
+    return "NaN" if math.isnan(number) else "Infinity" if number > 0 else "-Infinity"
+
+
+def float32_value(number: float) -> Value:
+    """The shortest decimal that gives the same Float32, as a double; not finite: a word."""
+    if not math.isfinite(number):
+        return number_value(number)
+    if number.is_integer() and abs(number) < 2**24:
+        return number
+    wire = _FLOAT32.pack(number)
+    for digits in (6, 7, 8):
+        short = float(f"{number:.{digits}g}")
+        if abs(short) < 3.4e38 and _FLOAT32.pack(short) == wire:
+            return short
+    return float(f"{number:.9g}")
+
+
+def _integer(value: Value) -> int:
+    if isinstance(value, float) and not value.is_integer():
+        raise ValueError(f"{value} is not a whole number")
+    return int(value, 0) if isinstance(value, str) else int(value)
+
+
+def _number(row: spec.Format, size: int) -> Codec:
+    letter = row.pack
+    one = struct.Struct(">" + letter)
+
+    def decode(raw: bytes, count: int) -> list[Value]:
+        numbers = one.unpack(raw) if count == 1 else struct.unpack(f">{count}{letter}", raw)
+        return [number_value(n) for n in numbers] if size == 8 else list(numbers)
+
+    def encode(values: Sequence[Value]) -> bytes:
+        return b"".join(one.pack(_integer(value)) for value in values)
+
+    if row.divide is None:
+        return Codec(size, decode, encode)
+    multiply, divide = row.multiply or 1, row.divide
+
+    def scale(values: Sequence[Value], _raw: bytes) -> list[Value]:
+        return [int(value) * multiply / divide for value in values]
+
+    return Codec(size, decode, encode, scale)
+
+
+def _float(row: spec.Format, size: int) -> Codec:
+    one = struct.Struct(">" + row.pack)
+    show = float32_value if size == 4 else number_value
+
+    def decode(raw: bytes, count: int) -> list[Value]:
+        if count == 1:
+            return [show(one.unpack(raw)[0])]
+        return [show(number) for number in struct.unpack(f">{count}{row.pack}", raw)]
+
+    def encode(values: Sequence[Value]) -> bytes:
+        try:
+            return b"".join(one.pack(float(value)) for value in values)
+        except OverflowError as error:
+            raise ValueError(f"too large for {row.name}") from error
+
+    return Codec(size, decode, encode)
+
+
+def _text(row: spec.Format, size: int) -> Codec:
+    def decode(raw: bytes, count: int) -> list[Value]:
+        text = raw.decode("latin-1")
+        if row.whole:
+            return [text] if count else []
+        return [text[i : i + size] for i in range(0, size * count, size)]
+
+    def encode(values: Sequence[Value]) -> bytes:
+        parts = [str(value).encode("latin-1") for value in values]
+        if row.whole:
+            return b"".join(parts)
+        if any(len(part) > size for part in parts):
+            raise ValueError(f"{row.name} holds {size} characters")
+        return b"".join(part.ljust(size) for part in parts)
+
+    return Codec(size, decode, encode, whole=row.whole)
+
+
+def _octets(row: spec.Format, size: int) -> Codec:
+    def decode(raw: bytes, count: int) -> list[Value]:
+        if row.whole:
+            return [raw.hex()] if count else []
+        return [raw[i : i + size].hex() for i in range(0, size * count, size)]
+
+    def encode(values: Sequence[Value]) -> bytes:
+        parts = [bytes.fromhex(str(value)) for value in values]
+        if not row.whole and any(len(part) != size for part in parts):
+            raise ValueError(f"{row.name} is {size} bytes as hexadecimal digits")
+        return b"".join(parts)
+
+    return Codec(size, decode, encode, whole=row.whole)
+
+
+def _with_status(row: spec.Format, size: int) -> Codec:
+    base = _octets(row, size)
+    front = struct.Struct(f">{row.pack}B")
+
+    def scale(_values: Sequence[Value], raw: bytes) -> list[Value]:
+        numbers = [number for number, _status in front.iter_unpack(raw)]
+        return [float32_value(n) if row.pack == "f" else number_value(n) for n in numbers]
+
+    return Codec(size, base.decode, base.encode, scale)
+
+
+def _raw_integer(show: Callable[[bytes], Value]) -> Callable[[spec.Format, int], Codec]:
+    """Formats whose value is the integer of all their bytes; `show` gives the physical value."""
+
+    def make(_row: spec.Format, size: int) -> Codec:
+        def decode(raw: bytes, count: int) -> list[Value]:
+            parts = (raw[i : i + size] for i in range(0, size * count, size))
+            return [number_value(int.from_bytes(part, "big")) for part in parts]
+
+        def encode(values: Sequence[Value]) -> bytes:
+            try:
+                return b"".join(_integer(value).to_bytes(size, "big") for value in values)
+            except OverflowError as error:
+                raise ValueError(f"does not fit {size} bytes") from error
+
+        def scale(_values: Sequence[Value], raw: bytes) -> list[Value]:
+            return [show(raw[i : i + size]) for i in range(0, len(raw) - size + 1, size)]
+
+        return Codec(size, decode, encode, scale)
+
+    return make
+
+
+def _clock(milliseconds: int) -> str:
+    seconds, ms = divmod(milliseconds, 1000)
+    return f"{seconds // 3600:02}:{seconds // 60 % 60:02}:{seconds % 60:02}.{ms:03}"
+
+
+def _show_time_of_day(raw: bytes) -> Value:
+    clock = _clock(int.from_bytes(raw[:4], "big") & _MS_MASK)
+    if len(raw) < 6:
+        return clock
+    return f"{date(1984, 1, 1) + timedelta(int.from_bytes(raw[4:6], 'big'))}T{clock}"
+
+
+def _show_duration(raw: bytes) -> Value:
+    days = int.from_bytes(raw[4:6], "big") if len(raw) == 6 else 0
+    return (days * _DAY_MS + int.from_bytes(raw[:4], "big")) / 1000
+
+
+def _show_date(raw: bytes) -> Value:
+    """ISO 8601, unchecked: a month 13 stays visible. Years 84 to 99 are of the last century."""
+    milliseconds = int.from_bytes(raw[:2], "big")
+    minute, hour, day, month, year = (
+        raw[2] & 63,
+        raw[3] & 31,
+        raw[4] & 31,
+        raw[5] & 63,
+        raw[6] & 127,
+    )
+    century = 1900 if year >= 84 else 2000
+    seconds = f"{milliseconds // 1000:02}.{milliseconds % 1000:03}"
+    return f"{century + year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{seconds}"
+
+
+def _zero(_row: spec.Format, size: int) -> Codec:
+    return Codec(size, lambda _raw, _count: [], lambda _values: b"")
+
+
+_MAKERS: dict[str, Callable[[spec.Format, int], Codec]] = {
+    "number": _number,
+    "float": _float,
+    "text": _text,
+    "octets": _octets,
+    "with_status": _with_status,
+    "date": _raw_integer(_show_date),
+    "time_of_day": _raw_integer(_show_time_of_day),
+    "duration": _raw_integer(_show_duration),
+    "zero": _zero,
+}

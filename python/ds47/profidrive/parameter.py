@@ -1,0 +1,417 @@
+"""The parameter channel, both directions: requests and responses (docs/protocol.md A).
+
+Decoding takes any bytes and never raises: what is wrong becomes a `Flaw`, what cannot be decoded
+stays in `rest`. Encoding a decoded message gives the same bytes again, whatever was wrong with it.
+How single values look is in `formats`; what a response says about its request is judged in
+`ds47.rules`.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Mapping
+from functools import cache
+
+from ds47 import spec
+from ds47.profidrive.formats import Codec, codec
+from ds47.profidrive.model import (
+    ERROR,
+    VALUE,
+    Address,
+    Block,
+    ErrorValue,
+    Flaw,
+    Options,
+    Request,
+    Response,
+)
+from ds47.spec.semantics import limits
+
+_ADDRESS = struct.Struct(">BBHH")
+_HEADER = 4
+_REQUEST_NOT_SUPPORTED = 0x80
+_DEFAULTS = Options()
+
+
+def decode_request(data: bytes, options: Options = _DEFAULTS) -> Request:
+    """Decodes the data of a Write record (docs/protocol.md A.1). Never raises.
+
+    Args:
+        data: the record, without the 64-byte header of the record block.
+        options: dialects.
+    """
+    head = _header(data)
+    request = Request(*head, length=len(data))
+    if head[3] is None:
+        _missing(request.flaws, len(data), _HEADER - len(data), "header")
+        return request
+    known = spec.request_ids().get(data[1])
+    _request_header_flaws(request, known is not None)
+    vendor = known is not None and known.vendor
+    offset = _addresses(request, data, check=not vendor)
+    if len(request.addresses) == data[3]:
+        body = _Body(data, offset, data[3], options, request.flaws, vendor)
+        body.decode(known.body if known else "free")
+        request.blocks, request.rest = body.blocks, body.rest
+        if known and known.operation == "change":
+            _value_counts(request)
+    return request
+
+
+def decode_response(
+    data: bytes, request: Request | None = None, options: Options = _DEFAULTS
+) -> Response:
+    """Decodes the data of a Read record (docs/protocol.md A.2). Never raises.
+
+    Args:
+        data: the record, without the 64-byte header of the record block.
+        request: the request it answers. The error words in the answer to a vendor request are no
+            error numbers of the profile. Reference, axis and count are not compared here.
+        options: dialects.
+    """
+    head = _header(data)
+    response = Response(*head, length=len(data))
+    flaws = response.flaws
+    if head[3] is None:
+        _missing(flaws, len(data), _HEADER - len(data), "header")
+        return response
+    known = spec.response_ids().get(data[1])
+    if known is None:
+        flaws.append(Flaw("DS319", 1, {"id": f"0x{data[1]:02X}"}))
+    unsupported = data[1] == _REQUEST_NOT_SUPPORTED
+    if data[3] == 0 and not unsupported:
+        flaws.append(Flaw("DS303", 3, {}))
+    vendor = (known is not None and known.vendor) or (
+        request is not None and request.operation == "vendor"
+    )
+    body = _Body(data, _HEADER, data[3], options, flaws, vendor)
+    body.decode("all" if unsupported else known.body if known else "free")
+    response.blocks, response.rest = body.blocks, body.rest
+    if known and not unsupported:
+        _sign(response, known.negative)
+    return response
+
+
+def _header(data: bytes) -> tuple[int | None, int | None, int | None, int | None]:
+    if len(data) >= _HEADER:
+        return data[0], data[1], data[2], data[3]
+    there: list[int | None] = [*data, None, None, None, None]
+    return there[0], there[1], there[2], there[3]
+
+
+def _missing(flaws: list[Flaw], offset: int, need: int, what: str) -> None:
+    flaws.append(Flaw("DS315", offset, {"need": need, "what": what}))
+
+
+def _request_header_flaws(request: Request, known: bool) -> None:
+    flaws, count = request.flaws, request.parameter_count
+    if request.request_reference == 0:
+        flaws.append(Flaw("DS301", 0, {}))
+    if not known:
+        flaws.append(Flaw("DS302", 1, {"id": f"0x{request.request_id:02X}"}))
+    if count == 0:
+        flaws.append(Flaw("DS303", 3, {}))
+    elif count is not None and count > limits().parameters:
+        flaws.append(Flaw("DS304", 3, {"count": count, "limit": limits().parameters}))
+
+
+def _addresses(request: Request, data: bytes, check: bool) -> int:
+    """Decodes the addresses that are there; returns where the rest of the message begins."""
+    count = data[3]
+    whole = min(count, (len(data) - _HEADER) // 6)
+    end = _HEADER + 6 * whole
+    offset = _HEADER
+    for attribute, elements, pnu, subindex in _ADDRESS.iter_unpack(data[_HEADER:end]):
+        address = Address(attribute, elements, pnu, subindex, offset)
+        request.addresses.append(address)
+        if check:
+            _address_flaws(request.flaws, address)
+        offset += 6
+    if whole < count:
+        need = _HEADER + 6 * count - len(data)
+        _missing(request.flaws, len(data), need, f"address {whole + 1} of {count}")
+        request.rest = data[end:]
+    return end
+
+
+@cache
+def _known_attributes() -> frozenset[int]:
+    return spec.vendor_attributes() | spec.attributes().keys()
+
+
+def _address_flaws(flaws: list[Flaw], address: Address) -> None:
+    """Flaws of one address of a standard request; vendors use the fields for other things."""
+    at, count = address.offset, address.element_count
+    if address.attribute not in _known_attributes():
+        flaws.append(Flaw("DS305", at, {"attribute": f"0x{address.attribute:02X}"}))
+    if address.pnu == 0:
+        flaws.append(Flaw("DS306", at + 2, {}))
+    if count > limits().elements:
+        flaws.append(Flaw("DS307", at + 1, {"count": count, "limit": limits().elements}))
+    if address.subindex + count > 0x10000:
+        args: dict[str, object] = {"subindex": address.subindex, "count": count}
+        flaws.append(Flaw("DS308", at + 4, args))
+
+
+def _value_counts(request: Request) -> None:
+    """Values given against elements addressed; descriptions and texts count otherwise (C)."""
+    for address, block in zip(request.addresses, request.blocks, strict=False):
+        elements = address.element_count or 1
+        if address.attribute == VALUE and block.value_count != elements:
+            args: dict[str, object] = {"values": block.value_count, "elements": elements}
+            request.flaws.append(Flaw("DS310", block.offset + 1, args))
+
+
+def _sign(response: Response, negative: bool | None) -> None:
+    """Bit 7 of the response id says whether an error is inside (A.2)."""
+    failed = any(block.error is not None for block in response.blocks)
+    if negative is False and failed:
+        response.flaws.append(Flaw("DS411", 1, {}))
+    elif negative and not failed and response.blocks and not _broken(response.flaws):
+        response.flaws.append(Flaw("DS412", 1, {}))
+
+
+def _broken(flaws: list[Flaw]) -> bool:
+    return any(flaw.rule in ("DS309", "DS315") for flaw in flaws)
+
+
+@cache
+def codecs(legacy_g120: bool, profile_v3: bool) -> tuple[tuple[int | None, Codec | None], ...]:
+    """For each format byte: the code whose meaning it has if that is another one, and the codec."""
+    other: dict[int, int] = {}
+    if legacy_g120:
+        other.update(spec.dialect("legacy_g120_formats"))
+    if profile_v3:
+        other.update(spec.dialect("profile_v3_types"))
+    return tuple((other.get(code), codec(other.get(code, code))) for code in range(256))
+
+
+@cache
+def _alternatives(legacy_g120: bool, profile_v3: bool) -> Mapping[int, tuple[int, Codec]]:
+    """Format bytes that are found with another size too -> meaning and codec of that size (A.6)."""
+    table: dict[int, tuple[int, Codec]] = {}
+    for code, (meaning, _) in enumerate(codecs(legacy_g120, profile_v3)):
+        row = spec.formats().get(code if meaning is None else meaning)
+        if row and row.other_size and (found := codec(row.code, row.other_size)):
+            table[code] = (row.code, found)
+    if not profile_v3:
+        for code, meaning in spec.dialect("profile_v3_types").items():
+            if found := codec(meaning):
+                table[code] = (meaning, found)
+    return table
+
+
+class _Body:
+    """Decodes the value blocks of one message, from `offset` to the end."""
+
+    __slots__ = (
+        "_chosen",
+        "_codecs",
+        "_count",
+        "_data",
+        "_flags",
+        "_vendor",
+        "blocks",
+        "flaws",
+        "offset",
+        "rest",
+    )
+
+    def __init__(
+        self,
+        data: bytes,
+        offset: int,
+        count: int,
+        options: Options,
+        flaws: list[Flaw],
+        vendor: bool,
+    ) -> None:
+        self._data, self.offset, self._count = data, offset, count
+        self._flags = (options.legacy_g120_formats, options.profile_v3_types)
+        self._codecs = codecs(*self._flags)
+        self._chosen: dict[int, tuple[int | None, Codec | None]] = {}
+        self._vendor = vendor
+        self.flaws = flaws
+        self.blocks: list[Block] = []
+        self.rest = b""
+
+    def decode(self, body: str) -> None:
+        """Decodes by the kind of spec/ids.toml; "all" means blocks while bytes remain."""
+        size = len(self._data)
+        if body == "blocks" or (body == "free" and self._fits()):
+            self._blocks(self._count)
+        elif body == "all":
+            while self.offset < size and self._data[self.offset] and self._block():
+                pass
+        if self.offset < size:
+            self._left_over()
+
+    def _blocks(self, count: int) -> None:
+        for number in range(count):
+            need = self.offset + 2 - len(self._data)
+            if need > 0:
+                what = f"value block {number + 1} of {count}"
+                _missing(self.flaws, len(self._data), need, what)
+                self.rest = self._data[self.offset :]
+                self.offset = len(self._data)
+                return
+            if not self._block():
+                return
+
+    def _left_over(self) -> None:
+        self.rest = self._data[self.offset :]
+        rule = "DS314" if self._only_zeros() else "DS313"
+        self.flaws.append(Flaw(rule, self.offset, {"count": len(self.rest)}))
+
+    def _only_zeros(self) -> bool:
+        return not any(self._data[self.offset :])
+
+    def _block(self) -> bool:
+        """Decodes one block; False where decoding cannot go on behind it."""
+        data, start = self._data, self.offset
+        if start + 2 > len(data):
+            _missing(self.flaws, len(data), 1, "block header")
+            self.rest, self.offset = data[start:], len(data)
+            return False
+        code, count = data[start], data[start + 1]
+        if code == ERROR:
+            return self._error(start, count)
+        meaning, found = self._codec(code, start)
+        if found is None:
+            self.flaws.append(Flaw("DS309", start, {"format": f"0x{code:02X}"}))
+            self.blocks.append(Block(code, count, [], None, None, b"", start, meaning=meaning))
+            self.rest, self.offset = data[start + 2 :], len(data)
+            return False
+        raw, whole = self._take(start, count * found.size)
+        there = count if whole else len(raw) // found.size
+        exact = raw if whole else raw[: there * found.size]
+        values = found.decode(exact, there)
+        scaled = found.scale(values, exact) if found.scale else None
+        block = Block(code, count, values, scaled, None, raw, start, meaning=meaning)
+        self.blocks.append(block)
+        return whole and self._pad(block)
+
+    def _error(self, start: int, count: int) -> bool:
+        raw, whole = self._take(start, 2 * count)
+        words = [word for (word,) in struct.iter_unpack(">H", raw[: len(raw) & ~1])]
+        if not 1 <= count <= 2:
+            self.flaws.append(Flaw("DS318", start + 1, {"count": count}))
+        known = not self._vendor
+        code = words[0] & 0xFF if words and known else None
+        info = words[1] if len(words) > 1 and known else None
+        error = ErrorValue(code, info, words)
+        self.blocks.append(Block(ERROR, count, [], None, error, raw, start))
+        return whole
+
+    def _take(self, start: int, size: int) -> tuple[bytes, bool]:
+        """The value bytes of a block, and whether all are there."""
+        raw = self._data[start + 2 : start + 2 + size]
+        self.offset = start + 2 + len(raw)
+        if len(raw) == size:
+            return raw, True
+        what = f"values of block {len(self.blocks) + 1}"
+        _missing(self.flaws, self.offset, size - len(raw), what)
+        return raw, False
+
+    def _pad(self, block: Block) -> bool:
+        if len(block.raw) % 2 == 0:
+            return True
+        data, at = self._data, self.offset
+        if at >= len(data) or (data[at] and self._fits(at) and not self._fits(at + 1)):
+            self.flaws.append(Flaw("DS311", at, {}))
+        else:
+            block.pad = data[at : at + 1]
+            self.offset = at + 1
+            if data[at]:
+                self.flaws.append(Flaw("DS312", at, {"pad": f"0x{data[at]:02X}"}))
+        return True
+
+    def _codec(self, code: int, start: int) -> tuple[int | None, Codec | None]:
+        chosen = self._chosen.get(code)
+        if chosen is not None:
+            return chosen
+        default = self._codecs[code]
+        other = _alternatives(*self._flags).get(code)
+        if other is not None:
+            default = self._choose(code, start, default, other)
+        self._chosen[code] = default
+        return default
+
+    def _choose(
+        self,
+        code: int,
+        start: int,
+        usual: tuple[int | None, Codec | None],
+        other: tuple[int, Codec],
+    ) -> tuple[int | None, Codec | None]:
+        """Of two sizes the one with which the message comes out even (A.6), once per message."""
+        fits = [self._fits_with(code, start, choice) for choice in (usual, other)]
+        exact = next(
+            (choice for choice, fit in zip((usual, other), fits, strict=True) if fit == 2), None
+        )
+        found = exact or usual
+        two_sizes = code in spec.formats() and spec.formats()[code].other_size is not None
+        sure = found is exact and (found is usual or two_sizes)
+        if found[1] is not None and not sure and fits != [1, 0]:
+            args: dict[str, object] = {"format": f"0x{code:02X}", "size": found[1].size}
+            self.flaws.append(Flaw("DS317", start, args))
+        return found
+
+    def _fits_with(self, code: int, start: int, choice: tuple[int | None, Codec | None]) -> int:
+        """2: the message ends where it should; 1: it does and zeros follow; 0: it does not."""
+        self._chosen[code] = choice
+        fit = 2 if self._fits(start, exact=True) else int(self._fits(start))
+        del self._chosen[code]
+        return fit
+
+    def _fits(self, offset: int | None = None, exact: bool = False) -> bool:
+        """Whether the blocks still expected end with the message, or (not `exact`) in zeros."""
+        data = self._data
+        at = self.offset if offset is None else offset
+        for _ in range(self._count - len(self.blocks)):
+            if at + 2 > len(data):
+                return False
+            code, count = data[at], data[at + 1]
+            found = (self._chosen.get(code) or self._codecs[code])[1]
+            if code != ERROR and found is None:
+                return False
+            size = count * (found.size if found else 2)
+            at += 2 + size
+            if at > len(data):
+                return False
+            at = min(len(data), at + size % 2)
+        return at == len(data) or (not exact and not any(data[at:]))
+
+
+def encode_request(request: Request) -> bytes:
+    """The bytes of a request; those it was decoded from, if it was."""
+    addresses = b"".join(
+        _ADDRESS.pack(a.attribute, a.element_count, a.pnu, a.subindex) for a in request.addresses
+    )
+    head = (
+        request.request_reference,
+        request.request_id,
+        request.axis,
+        request.parameter_count,
+    )
+    return _encode(head, addresses, request.blocks, request.rest)
+
+
+def encode_response(response: Response) -> bytes:
+    """The bytes of a response; those it was decoded from, if it was."""
+    head = (
+        response.request_reference,
+        response.response_id,
+        response.axis,
+        response.parameter_count,
+    )
+    return _encode(head, b"", response.blocks, response.rest)
+
+
+def _encode(
+    head: tuple[int | None, ...], addresses: bytes, blocks: Iterable[Block], rest: bytes
+) -> bytes:
+    parts = [bytes(field for field in head if field is not None), addresses]
+    for block in blocks:
+        parts += (bytes((block.format, block.value_count)), block.raw, block.pad)
+    return b"".join((*parts, rest))

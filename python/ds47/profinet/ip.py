@@ -1,0 +1,219 @@
+"""IPv4: the header, and datagrams put together from fragments.
+
+Lives here: what is between the link layer and UDP. Not here: UDP and whether it is ours (link.py).
+No header checksum is looked at: with offloading, captures are full of wrong ones.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections import OrderedDict
+from dataclasses import dataclass, field
+
+UDP = 17
+
+_HEADER = struct.Struct(">BxHHHxBxx4s4s")
+
+
+@dataclass(slots=True)
+class Datagram:
+    """An IPv4 datagram or a fragment of one.
+
+    `offset` is where `payload` lies in the whole datagram, in bytes; `more` is the flag that more
+    fragments follow. `missing` counts the bytes at the end of `payload` that were not captured.
+    """
+
+    source: str
+    destination: str
+    protocol: int
+    identification: int
+    offset: int
+    more: bool
+    payload: bytes
+    missing: int
+
+    @property
+    def whole(self) -> bool:
+        """True when this is no fragment."""
+        return self.offset == 0 and not self.more
+
+    @property
+    def length(self) -> int:
+        """Bytes of the payload on the wire."""
+        return len(self.payload) + self.missing
+
+
+def parse(data: bytes, at: int = 0) -> Datagram | None:
+    """Read the IPv4 packet at data[at:]; None when its header is not whole or contradicts itself.
+
+    What is behind the total length (Ethernet padding, check sequence) is left out. A total length
+    of 0, as segmentation offload leaves it, means up to the end.
+    """
+    if len(data) < at + 20:
+        return None
+    version, total, identification, flags, protocol, source, destination = _HEADER.unpack_from(
+        data, at
+    )
+    header = (version & 15) * 4
+    end = at + total if total else len(data)
+    if version >> 4 != 4 or header < 20 or at + header > min(end, len(data)):
+        return None
+    return Datagram(
+        source=address(source),
+        destination=address(destination),
+        protocol=protocol,
+        identification=identification,
+        offset=(flags & 0x1FFF) * 8,
+        more=bool(flags & 0x2000),
+        payload=data[at + header : end],
+        missing=max(0, end - len(data)),
+    )
+
+
+def address(data: bytes) -> str:
+    """Four bytes as text: 192.168.0.1."""
+    return "{}.{}.{}.{}".format(*data)
+
+
+@dataclass(slots=True)
+class Unfinished:
+    """Fragments of one datagram, so far; `total` is None until the last fragment was seen.
+
+    `pieces` maps an offset to the captured bytes and the length on the wire.
+    """
+
+    source: str
+    destination: str
+    identification: int
+    first_ns: int
+    frame: int = 0
+    time_ns: int = 0
+    total: int | None = None
+    pieces: dict[int, tuple[bytes, int]] = field(default_factory=dict)
+
+    @property
+    def have(self) -> int:
+        """Bytes on the wire of the fragments seen, without the IP headers."""
+        return sum(length for _, length in self.pieces.values())
+
+    @property
+    def covered(self) -> bool:
+        """True when no hole is left up to the last fragment."""
+        at = 0
+        for offset in sorted(self.pieces):
+            if offset > at:
+                return False
+            at = max(at, offset + self.pieces[offset][1])
+        return self.total is not None and at >= self.total
+
+    def head(self) -> bytes:
+        """The captured bytes from offset 0 up to the first hole."""
+        parts: list[bytes] = []
+        at = 0
+        for offset in sorted(self.pieces):
+            data, length = self.pieces[offset]
+            if offset > at:
+                break
+            parts.append(data[at - offset :])
+            at += len(parts[-1])
+            if len(data) < length:
+                break
+        return b"".join(parts)[: self.total]
+
+
+_Key = tuple[str, str, int]
+
+
+class Reassembler:
+    """Puts fragments together, whatever their order; copies of a fragment are tolerated.
+
+    Memory is bounded by `datagrams` and `fragments`: the oldest unfinished datagram goes first.
+    One that is not whole `expiry_ns` of capture time after its first fragment is given up. What is
+    given up is kept for `unfinished`, the newest `datagrams` of it.
+    """
+
+    def __init__(
+        self, expiry_ns: int = 30_000_000_000, datagrams: int = 256, fragments: int = 16_384
+    ) -> None:
+        self._expiry_ns = expiry_ns
+        self._most_datagrams = datagrams
+        self._most_fragments = fragments
+        self._open: OrderedDict[_Key, Unfinished] = OrderedDict()
+        self._done: OrderedDict[_Key, Unfinished] = OrderedDict()
+        self._lost: list[Unfinished] = []
+        self._fragments = 0
+        self._now_ns = 0
+
+    def feed(self, part: Datagram, frame: int, time_ns: int) -> Datagram | None:
+        """Take a fragment; return the whole datagram when this one completes it.
+
+        Where the snap length cut fragments, the payload ends at the first cut and `missing` counts
+        everything behind it.
+        """
+        self._now_ns = max(self._now_ns, time_ns)
+        key = (part.source, part.destination, part.identification)
+        if part.length == 0 or part.offset + part.length > 65_535 or self._is_copy(key, part):
+            return None
+        self._expire()
+        entry = self._open.get(key)
+        if entry is None:
+            entry = self._open[key] = Unfinished(*key, first_ns=time_ns)
+        self._add(entry, part)
+        entry.frame, entry.time_ns = frame, time_ns
+        if entry.total is None or not entry.covered:
+            self._make_room(key)
+            return None
+        self._close(key)
+        self._done[key] = entry
+        while len(self._done) > 64:
+            self._done.popitem(last=False)
+        head = entry.head()
+        return Datagram(*key[:2], UDP, key[2], 0, False, head, entry.total - len(head))
+
+    def unfinished(self) -> list[Unfinished]:
+        """What never became whole: given up, and still open; oldest first."""
+        return [*self._lost, *self._open.values()]
+
+    def _is_copy(self, key: _Key, part: Datagram) -> bool:
+        """A mirror port's copy of a fragment of a datagram that just became whole.
+
+        Later than a millisecond it is a new datagram with a reused identification.
+        """
+        done = self._done.get(key)
+        if done is None or abs(self._now_ns - done.time_ns) > 1_000_000:
+            return False
+        return done.pieces.get(part.offset) == (part.payload, part.length)
+
+    def _add(self, entry: Unfinished, part: Datagram) -> None:
+        known = entry.pieces.get(part.offset)
+        if known is None:
+            self._fragments += 1
+        if known is None or known[1] < part.length:
+            entry.pieces[part.offset] = (part.payload, part.length)
+        if not part.more and entry.total is None:
+            entry.total = part.offset + part.length
+
+    def _close(self, key: _Key) -> Unfinished:
+        entry = self._open.pop(key)
+        self._fragments -= len(entry.pieces)
+        return entry
+
+    def _expire(self) -> None:
+        """Insertion order is nearly the order of time, so the oldest one decides."""
+        while self._open:
+            key, entry = next(iter(self._open.items()))
+            if self._now_ns - entry.first_ns <= self._expiry_ns:
+                return
+            self._give_up(key)
+
+    def _make_room(self, newest: _Key) -> None:
+        while (
+            len(self._open) > self._most_datagrams or self._fragments > self._most_fragments
+        ) and next(iter(self._open)) != newest:
+            self._give_up(next(iter(self._open)))
+
+    def _give_up(self, key: _Key) -> None:
+        entry = self._close(key)
+        if 0 in entry.pieces:  # without the beginning nobody can tell whose it was
+            self._lost.append(entry)
+            del self._lost[: -self._most_datagrams]

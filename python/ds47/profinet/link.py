@@ -1,0 +1,158 @@
+"""From frames to packets: Ethernet, VLAN tags, cooked headers, IPv4, UDP.
+
+Lives here: `Packet`, `dissect`, and `PacketSource`, the one generator that the analysis uses. Not
+here: which frames are worth it (ds47.capture.scan), fragments (ip.py), what is in a payload
+(rpc.py, dcp.py, lldp.py).
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from ds47.capture import Frame
+from ds47.capture.scan import (
+    DCP_FRAME_IDS,
+    ETHERNET,
+    IPV4,
+    LLDP,
+    PNIO_PORT,
+    PROFINET,
+    SLL,
+    SLL2,
+    is_pnio,
+    network_layer,
+)
+
+from . import ip
+
+Kind = Literal["udp", "dcp", "lldp"]
+
+
+@dataclass(slots=True)
+class Packet:
+    """What one frame, or the last of several fragments, brings.
+
+    * "udp": `payload` is that of the UDP datagram, a PROFINET RPC PDU (docs/protocol.md E.2);
+    * "dcp": `payload` begins with the frame id;
+    * "lldp": `payload` is the LLDPDU.
+    `missing` counts the payload bytes that the snap length cut off. `frame` and `time_ns`
+    (nanoseconds since 1970) are those of the frame that completes it. MAC addresses are None where
+    the link type has none.
+    """
+
+    kind: Kind
+    frame: int
+    time_ns: int
+    payload: bytes
+    src_mac: str | None = None
+    dst_mac: str | None = None
+    src_ip: str = ""
+    dst_ip: str = ""
+    src_port: int = 0
+    dst_port: int = 0
+    ip_id: int = 0
+    missing: int = 0
+
+
+def dissect(frame: Frame, reassembler: ip.Reassembler | None = None) -> Packet | None:
+    """Return what the frame brings; None when it is none of our business or not whole yet.
+
+    A fragment goes into `reassembler`; without one it brings nothing. Never raises on any bytes.
+    """
+    data = frame.data
+    kind, at = network_layer(data, 0, len(data), frame.link_type)
+    if kind == IPV4:
+        datagram = ip.parse(data, at)
+        if datagram is None or datagram.protocol != ip.UDP:
+            return None
+        if not datagram.whole:
+            if reassembler is None:
+                return None
+            datagram = reassembler.feed(datagram, frame.number, frame.time_ns)
+            if datagram is None:
+                return None
+        packet = _udp(datagram, frame.number, frame.time_ns)
+    elif kind == PROFINET and int.from_bytes(data[at : at + 2], "big") in DCP_FRAME_IDS:
+        packet = Packet("dcp", frame.number, frame.time_ns, data[at:])
+    elif kind == LLDP:
+        packet = Packet("lldp", frame.number, frame.time_ns, data[at:])
+    else:
+        return None
+    if packet is not None:
+        packet.src_mac, packet.dst_mac = _addresses(frame)
+        if kind != IPV4:
+            packet.missing = max(0, frame.original_length - len(data))
+    return packet
+
+
+def _udp(datagram: ip.Datagram, frame: int, time_ns: int) -> Packet | None:
+    """The UDP header; None when the payload is no PROFINET RPC PDU."""
+    data = datagram.payload
+    if len(data) < 8:
+        return None
+    source, destination, stated = struct.unpack_from(">3H", data)
+    length = stated if stated >= 8 else datagram.length  # 0 where the sender left it to its card
+    payload = data[8:length]
+    missing = max(0, length - 8 - len(payload))
+    on_port = PNIO_PORT in (source, destination)
+    if not is_pnio(payload, 0, len(payload), cut=missing > 0, on_port=on_port):
+        return None
+    return Packet(
+        "udp", frame, time_ns, payload,
+        src_ip=datagram.source, dst_ip=datagram.destination,
+        src_port=source, dst_port=destination,
+        ip_id=datagram.identification, missing=missing,
+    )  # fmt: skip
+
+
+def _addresses(frame: Frame) -> tuple[str | None, str | None]:
+    """Source and destination MAC address; a cooked header knows the source only."""
+    data = frame.data
+    if frame.link_type == ETHERNET:
+        return mac(data[6:12]), mac(data[:6])
+    if frame.link_type == SLL and data[4:6] == b"\0\6":
+        return mac(data[6:12]), None
+    if frame.link_type == SLL2 and data[11] == 6:
+        return mac(data[12:18]), None
+    return None, None
+
+
+def mac(data: bytes) -> str:
+    """Six bytes as text: 00:0e:cf:01:02:03."""
+    return data.hex(":")
+
+
+class PacketSource:
+    """Iterates over the packets of a capture (any iterable of frames), fragments put together."""
+
+    def __init__(self, frames: Iterable[Frame], expiry_ns: int = 30_000_000_000) -> None:
+        self._frames = frames
+        self._reassembler = ip.Reassembler(expiry_ns)
+
+    def __iter__(self) -> Iterator[Packet]:
+        for frame in self._frames:
+            packet = dissect(frame, self._reassembler)
+            if packet is not None:
+                yield packet
+
+    def unfinished(self) -> list[tuple[Packet, int]]:
+        """PROFINET datagrams whose fragments never became whole, with the number of bytes seen.
+
+        The packet holds the payload up to the first hole; `missing` counts what is known to lack,
+        and its frame and time are those of the last fragment seen. MAC addresses are not kept.
+        """
+        found = []
+        for entry in self._reassembler.unfinished():
+            head = entry.head()
+            total = entry.total if entry.total is not None else entry.have
+            datagram = ip.Datagram(
+                entry.source, entry.destination, ip.UDP, entry.identification, 0, False, head,
+                max(0, total - len(head)),
+            )  # fmt: skip
+            packet = _udp(datagram, entry.frame, entry.time_ns)
+            if packet is not None:
+                found.append((packet, entry.have))
+        return found

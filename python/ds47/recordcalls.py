@@ -1,0 +1,247 @@
+"""Record calls to DS47 events: what an RPC call carries, whether it is ours, and who hears of it.
+
+Sits between the RPC calls (`profinet.calls`) and the jobs (`pairing`), and reports what is wrong with
+the transport of a record call (DS1xx, DS202, DS208). Decodes a message once; compares nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from ds47.gate import Gate
+from ds47.pairing import Job, Pairing, Peer
+from ds47.profidrive import Options, decode_request, decode_response
+from ds47.profinet import rpc
+from ds47.profinet.calls import Call, Handlers
+from ds47.profinet.records import (
+    WRITE_MULTIPLE,
+    Half,
+    Record,
+    RequestBody,
+    parse_request,
+    parse_response,
+    released_ar,
+)
+from ds47.rules import Remark
+
+_OPERATIONS = {rpc.READ: "Read", rpc.WRITE: "Write", rpc.READ_IMPLICIT: "ReadImplicit"}
+
+
+@dataclass(slots=True)
+class _Context:
+    """What an RPC call carries: its record calls, and the jobs of its Writes by position."""
+
+    body: RequestBody
+    jobs: dict[int, Job] = field(default_factory=dict)
+
+
+class RecordCalls:
+    """The handlers of a `CallTracker`.
+
+    Args:
+        gate: which records are ours.
+        pairing: hears of every Write and Read that is ours.
+        codec: dialects of the messages.
+        remark: takes the transport findings.
+    """
+
+    def __init__(
+        self, gate: Gate, pairing: Pairing, codec: Options, remark: Callable[[Remark], None]
+    ) -> None:
+        self._gate = gate
+        self._pairing = pairing
+        self._codec = codec
+        self._remark = remark
+        self._newest_ns: int | None = None
+        self.counts: dict[int, dict[str, int]] = {}
+        """Record requests by index: {"read": n, "write": n}."""
+
+    def handlers(self) -> Handlers:
+        """What to give to the `CallTracker`."""
+        return Handlers(
+            self._request, self._response, self._orphan_response, self._retransmission,
+            self._fault, self._lost,
+        )  # fmt: skip
+
+    def incomplete(self, pdu: rpc.Pdu, have: int, kind: str) -> None:
+        """A message whose fragments never became whole; `kind` is "RPC" or "IP"."""
+        if pdu.ptype == 0:
+            records = parse_request(pdu).records
+        else:
+            records = parse_response(pdu)[1] if pdu.ptype == 2 else []
+        for record in records[:1]:
+            self._about(pdu, record, Remark("DS105", pdu.frame, {"have": have, "kind": kind}))
+
+    # Requests
+
+    def _request(self, call: Call) -> None:
+        pdu = call.request
+        if pdu.opnum == rpc.RELEASE and (ar := released_ar(pdu)):
+            self._pairing.release(ar)
+        if pdu.opnum not in _OPERATIONS:
+            return
+        body = parse_request(pdu)
+        context = call.context = _Context(body)
+        if body.multiple:
+            self._count(WRITE_MULTIPLE, write=True)
+        for record in body.records:
+            self._count(record.index, write=record.write)
+        if body.nested:
+            self._remark(Remark("DS208", pdu.frame))
+            body.records.clear()
+        for record in body.records:
+            if self._gate.concerns(record.index):
+                self._record_request(pdu, record, context)
+
+    def _record_request(self, pdu: rpc.Pdu, record: Record, context: _Context) -> None:
+        self._length(pdu, record, record.request)
+        if not record.write:
+            self._pass(pdu, record, partial(self._clock, pdu))
+            return
+        assert record.request is not None
+        peer = _peer(pdu)
+        message = decode_request(record.request.data, self._codec)
+
+        def event() -> None:
+            self._clock(pdu)
+            context.jobs[record.position] = self._pairing.write_request(peer, record, message)
+
+        self._pass(pdu, record, event, shaped=message.shaped)
+
+    def _retransmission(self, call: Call, pdu: rpc.Pdu) -> None:
+        args = {"operation": _OPERATIONS.get(pdu.opnum, "?"), "first": call.request.frame}
+        self._about_call(call, Remark("DS103", pdu.frame, args))
+
+    def _lost(self, call: Call) -> None:
+        context = call.context
+        if not isinstance(context, _Context):
+            return
+        operation = _OPERATIONS[call.request.opnum]
+        self._about_call(call, Remark("DS101", call.request.frame, {"operation": operation}))
+        for record in context.body.records:
+            if not record.write and self._gate.concerns(record.index):
+                event = partial(self._pairing.read_lost, _peer(call.request), record)
+                self._pass(call.request, record, event)
+
+    # Responses
+
+    def _response(self, call: Call) -> None:
+        pdu, context = call.response, call.context
+        if pdu is None or not isinstance(context, _Context):
+            return
+        status, answers = parse_response(pdu)
+        for number, record in enumerate(context.body.records):
+            if not self._gate.concerns(record.index):
+                continue
+            half = answers[number].response if number < len(answers) else None
+            if half is None:  # no block of its own: the status of the NDR header counts
+                half = Half(pdu.frame, pdu.time_ns, status=status)
+            record.response = half
+            if half.status is None:
+                self._about(pdu, record, Remark("DS108", pdu.frame))
+            if record.write:
+                self._pass(pdu, record, partial(self._write_answered, pdu, record, context))
+            else:
+                self._read_answered(pdu, record, half)
+
+    def _write_answered(self, pdu: rpc.Pdu, record: Record, context: _Context) -> None:
+        self._clock(pdu)
+        job = context.jobs.get(record.position)
+        if job is not None:
+            self._pairing.write_response(job, record.response)
+
+    def _read_answered(self, pdu: rpc.Pdu, record: Record, half: Half) -> None:
+        self._length(pdu, record, half)
+        message = decode_response(half.data, None, self._codec) if half.data else None
+        shaped = message is not None and message.shaped and not half.missing
+
+        def event() -> None:
+            self._clock(pdu)
+            self._pairing.read_response(_peer(pdu), record, message)
+
+        self._pass(pdu, record, event, shaped=shaped)
+
+    def _orphan_response(self, pdu: rpc.Pdu) -> None:
+        if pdu.opnum not in _OPERATIONS:
+            return
+        for record in parse_response(pdu)[1]:
+            if not self._gate.concerns(record.index) or record.response is None:
+                continue
+            self._about(
+                pdu, record, Remark("DS102", pdu.frame, {"operation": _OPERATIONS[pdu.opnum]})
+            )
+            if not record.write:
+                self._read_answered(pdu, record, record.response)
+
+    def _fault(self, call: Call, pdu: rpc.Pdu) -> None:
+        code = int.from_bytes(pdu.body[:4], "little" if pdu.little else "big")
+        args = {"kind": rpc.PTYPES[pdu.ptype], "code": f"0x{code:08X}"}
+        self._about_call(call, Remark("DS104", pdu.frame, args))
+        context = call.context
+        if not isinstance(context, _Context):
+            return
+        for record in context.body.records:
+            if record.write and self._gate.concerns(record.index):
+                self._pass(pdu, record, partial(self._write_failed, pdu, record, context))
+
+    def _write_failed(self, pdu: rpc.Pdu, record: Record, context: _Context) -> None:
+        job = context.jobs.get(record.position)
+        if job is not None:
+            self._pairing.write_response(job, Half(pdu.frame, pdu.time_ns), fault=True)
+
+    # Findings and small things
+
+    def _length(self, pdu: rpc.Pdu, record: Record, half: Half | None) -> None:
+        if half is None or not half.missing:
+            return
+        if pdu.missing:
+            args = {"captured": len(half.data), "original": half.stated}
+            self._about(pdu, record, Remark("DS106", half.frame, args))
+        else:
+            args = {"stated": half.stated, "present": len(half.data)}
+            self._about(pdu, record, Remark("DS202", half.frame, args))
+
+    def _clock(self, pdu: rpc.Pdu) -> None:
+        newest = self._newest_ns
+        if newest is not None and pdu.time_ns < newest:
+            back = f"{(newest - pdu.time_ns) / 1e6:.3f}"
+            self._remark(Remark("DS107", pdu.frame, {"milliseconds": back}))
+        self._newest_ns = pdu.time_ns
+
+    def _about_call(self, call: Call, remark: Remark) -> None:
+        """A finding about an RPC call: once, and with the first job that it carries."""
+        context = call.context
+        if not isinstance(context, _Context):
+            return
+        for record in context.body.records:
+            if self._gate.concerns(record.index):
+                self._pass(
+                    call.request, record, partial(self._call_remark, remark, record, context)
+                )
+                return
+
+    def _call_remark(self, remark: Remark, record: Record, context: _Context) -> None:
+        remark.job = context.jobs.get(record.position)
+        self._remark(remark)
+
+    def _about(self, pdu: rpc.Pdu, record: Record, remark: Remark) -> None:
+        """A finding about a record that is ours, or will turn out to be."""
+        self._pass(pdu, record, partial(self._remark, remark))
+
+    def _pass(
+        self, pdu: rpc.Pdu, record: Record, event: Callable[[], Any], *, shaped: bool = False
+    ) -> None:
+        ar = (pdu.client, pdu.server, record.ar)
+        self._gate.pass_on(ar, record.index, event, shaped=shaped)
+
+    def _count(self, index: int, *, write: bool) -> None:
+        counts = self.counts.setdefault(index, {"read": 0, "write": 0})
+        counts["write" if write else "read"] += 1
+
+
+def _peer(pdu: rpc.Pdu) -> Peer:
+    identity = rpc.device_identity(pdu.object_uuid) or (None, None)
+    return Peer(pdu.client, pdu.server, *identity)

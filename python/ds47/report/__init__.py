@@ -1,0 +1,131 @@
+"""Reports: one result model, one serializer per format.
+
+Here live what the serializers share: their shape, their options and the way to open one by the
+name of its format. What a format looks like lives in the module of that name (`ds47.report.text`,
+`.json`, `.ndjson`, `.csv`); what the words mean in `ds47.model`. Nothing here analyses anything.
+
+Each module has `write(report, stream, options)` for a whole result, and `Writer(stream, options)`
+for results that come one by one. A writer whose `streams` is true wants every transaction as soon
+as it is finished, and then holds no more than one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module, resources
+from json import loads
+from typing import Any, ClassVar, Protocol, TextIO, cast
+
+from ds47.model import CaptureResult, Finding, Report, Transaction
+
+SCHEMA = "ds47.report/1"
+"""The version of the JSON contract, as the key `schema` of a report."""
+
+FORMATS = ("text", "json", "ndjson", "csv")
+"""Names for `open_writer`, each a module of this package."""
+
+
+class RuleText(Protocol):
+    """What a report says about a rule; `ds47.spec.Rule` has it."""
+
+    @property
+    def name(self) -> str: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to print. `color`: ANSI colours (text only). `rules`: the catalogue, for rule names."""
+
+    color: bool = False
+    rules: Mapping[str, RuleText] = field(default_factory=dict)
+
+
+class Writer:
+    """The shape of a serializer: transactions (if it streams), captures, then `close`."""
+
+    streams: ClassVar[bool] = False
+
+    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+        self.stream = stream
+        self.options = options or Options()
+
+    def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
+        """Takes one finished transaction of the capture `path` with the findings about it."""
+
+    def capture(self, result: CaptureResult) -> None:
+        """Takes a capture at its end; for a writer that streams, without its transactions."""
+
+    def close(self) -> None:
+        """Ends the report. The stream stays open: it belongs to the caller."""
+
+
+class _WriterClass(Protocol):
+    def __call__(self, stream: TextIO, options: Options | None = None) -> Writer: ...
+
+
+def open_writer(name: str, stream: TextIO, options: Options | None = None) -> Writer:
+    """The serializer for one of FORMATS, writing to `stream`. Raises ValueError for other names."""
+    if name not in FORMATS:
+        raise ValueError(f"no report format {name!r}: one of {', '.join(FORMATS)}")
+    module = import_module(f"ds47.report.{name}")
+    return cast(_WriterClass, module.Writer)(stream, options)
+
+
+def write_all(writer: Writer, report: Report) -> None:
+    """Drives a writer with a result that is already complete: `write` of every format."""
+    for result in report.captures:
+        if writer.streams:
+            _replay(writer, result)
+        else:
+            writer.capture(result)
+    writer.close()
+
+
+def _replay(writer: Writer, result: CaptureResult) -> None:
+    """Hands a complete result over as an analysis that streams would have."""
+    by_transaction: dict[int | None, list[Finding]] = {}
+    for finding in result.findings:
+        by_transaction.setdefault(finding.transaction, []).append(finding)
+    for transaction in result.transactions:
+        writer.transaction(result.path, transaction, by_transaction.pop(transaction.id, []))
+    rest = [finding for findings in by_transaction.values() for finding in findings]
+    writer.capture(
+        CaptureResult(
+            path=result.path,
+            sha256=result.sha256,
+            frames=result.frames,
+            complete=result.complete,
+            problem=result.problem,
+            dropped=result.dropped,
+            rpc=result.rpc,
+            records=result.records,
+            devices=result.devices,
+            findings=rest,
+            summary=result.summary,
+        )
+    )
+
+
+def is_text(format_name: str | None) -> bool:
+    """Whether a value that is a string is text from the drive (docs/protocol.md A.6).
+
+    In the other formats it is a number that JSON cannot hold (NaN, 64 bits) or hex digits.
+    """
+    return format_name is None or format_name.startswith(("VisibleString", "UNICODE", "Unicode"))
+
+
+def message(finding: Finding) -> str:
+    """The message of a finding; where it is about a byte of a message, with its offset in front."""
+    return finding.message if finding.offset is None else at_offset(finding.offset, finding.message)
+
+
+def at_offset(offset: int, text: str) -> str:
+    """A text about one byte of a message; offsets count from 0."""
+    return f"offset {offset}: {text}"
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of the report; its `$defs` has `line` (ndjson) and `message` (decode)."""
+    text = resources.files("ds47").joinpath("schema", "report-1.schema.json")
+    return cast(dict[str, Any], loads(text.read_text(encoding="utf-8")))

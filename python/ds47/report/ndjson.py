@@ -1,0 +1,46 @@
+"""Report as NDJSON: one object a line, written when its transaction is finished.
+
+Two kinds of line, both of the contract `ds47.report/1` (`$defs/line` of the schema):
+
+    {"path": ..., "transaction": {...}, "findings": [...]}     in order of completion
+    {"path": ..., "capture": {...}}                            the end of a capture
+
+The second has the capture's keys but its transactions; its findings are those that were not in a
+line before. Holds nothing between two lines. The objects themselves come from `ds47.report.json`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, TextIO
+
+from ds47.model import CaptureResult, Finding, Report, Transaction
+from ds47.report import Options, json, write_all
+from ds47.report import Writer as _Writer
+
+
+def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
+    """Writes a complete report line by line."""
+    write_all(Writer(stream, options), report)
+
+
+class Writer(_Writer):
+    """Writes lines as things are finished."""
+
+    streams: ClassVar[bool] = True
+
+    def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
+        line = {
+            "path": path,
+            "transaction": json.transaction(transaction),
+            "findings": [json.finding(each) for each in findings],
+        }
+        self.stream.write(json.text(line) + "\n")
+
+    def capture(self, result: CaptureResult) -> None:
+        whole = json.capture_head(result) | {
+            "devices": [json.device(each) for each in result.devices],
+            "findings": [json.finding(each) for each in result.findings],
+            "summary": result.summary,
+        }
+        self.stream.write(json.text({"path": result.path, "capture": whole}) + "\n")

@@ -1,0 +1,84 @@
+"""Words of the text report: numbers, values and addresses as a person reads them.
+
+Also used by the text output of `ds47 decode`. Layout lives in `ds47.report.text`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ds47.model import Parameter, ParameterError, Value
+from ds47.report import is_text
+
+VALUES_SHOWN = 8
+"""A longer list of values is cut, and its length stated."""
+
+
+def escape(text: str) -> str:
+    """The text with everything a terminal might obey, or nobody could see, as an escape.
+
+    That is control characters (C0 and C1), marks that turn the direction of writing, line and
+    paragraph separators, lone surrogates.
+    """
+    if text.isprintable():
+        return text
+    return "".join(
+        char if char.isprintable() else char.encode("unicode_escape").decode() for char in text
+    )
+
+
+def count(number: int, noun: str) -> str:
+    """`1 frame`, `4 frames`, `12,000 frames`."""
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
+
+
+def duration(nanoseconds: int) -> str:
+    """A time in the unit that fits it: `0.412 ms`, `12.4 ms`, `12.3 s`."""
+    milliseconds = nanoseconds / 1e6
+    if abs(milliseconds) >= 10_000:
+        return f"{milliseconds / 1000:.1f} s"
+    return f"{milliseconds:.3f} ms" if abs(milliseconds) < 1 else f"{milliseconds:.1f} ms"
+
+
+def address(item: Parameter) -> str:
+    """`p50303[0]`, `p2902[2..5]`, `p944[0].text`; `p?` where no request names it."""
+    if item.pnu is None:
+        return "p?"
+    first, elements = item.subindex, item.element_count or 0
+    index = "" if first is None else f"[{first}]"
+    if first is not None and elements > 1:
+        index = f"[{first}..{first + elements - 1}]"
+    attribute = "" if item.attribute in (None, "value") else f".{item.attribute}"
+    return f"p{item.pnu}{index}{attribute}"
+
+
+def value(item: Value, format_name: str | None) -> str:
+    """One value; text from the drive in quotes."""
+    if isinstance(item, str):
+        plain = escape(item)
+        return '"' + plain.replace('"', '\\"') + '"' if is_text(format_name) else plain
+    return str(item)
+
+
+def values(items: Sequence[Value], format_name: str | None) -> str:
+    """A list of values, cut where it grows long: `1, 2, 3, ... (40 values)`."""
+    shown = ", ".join(value(each, format_name) for each in items[:VALUES_SHOWN])
+    return f"{shown}, ... ({count(len(items), 'value')})" if len(items) > VALUES_SHOWN else shown
+
+
+def error(item: ParameterError) -> str:
+    """`error 0x11: request cannot be executed (info 3)`."""
+    code = "" if item.code is None else f" 0x{item.code:02X}"
+    text = f": {escape(item.text)}" if item.text else ""
+    info = f" (info {item.info})" if item.info else ""
+    return f"error{code}{text}{info}"
+
+
+def parameter(item: Parameter, written: bool) -> str:
+    """A parameter with what is known of it: `p50303[0] = 10.0`, with `:=` if it was written."""
+    name = f" ({escape(item.name)})" if item.name else ""
+    unit = f" {escape(item.unit)}" if item.unit and item.values else ""
+    given = f" {':=' if written else '='} {values(item.values, item.format)}" if item.values else ""
+    scaled = f" ({values(item.scaled, item.format)}{unit})" if item.scaled else unit
+    failed = f" {error(item.error)}" if item.error else ""
+    return f"{address(item)}{name}{given}{scaled if given else ''}{failed}"

@@ -1,0 +1,313 @@
+"""Judgement: a job, its request and its response to findings (spec/rules.toml has the catalogue).
+
+Everything that compares a request with its response, or a transaction with its history, stands here.
+What is wrong inside one message is found by the codec (`Flaw`) and only passed on; what is wrong with
+the transport is reported by `ds47.analysis`.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from ds47.pairing import Job
+from ds47.profidrive import Block, Flaw, Request
+from ds47.profinet.status import status_hex, status_text
+from ds47.spec import error_text, parameters, request_ids
+from ds47.spec.semantics import Limits
+
+PNU_ACCESS_IDENTIFICATION = 974
+"""r0974[0] is the longest message the device takes (docs/protocol.md A.5, D.1)."""
+NOT_SUPPORTED = 0x80
+"""Response id of a device that does not know the request id."""
+_VALUE_ATTRIBUTE = 0x10
+
+
+@dataclass(slots=True)
+class Remark:
+    """A finding before it has words: rule, where, and what to put into the message."""
+
+    rule: str
+    frame: int
+    args: dict[str, Any] = field(default_factory=dict)
+    offset: int | None = None
+    job: Job | None = None
+
+
+def family_fits(request_id: int, response_id: int) -> bool:
+    """Whether a response id belongs to a request id (docs/protocol.md A.3)."""
+    known = request_ids().get(request_id)
+    if known is None:
+        return response_id & 0x7F == request_id & 0x7F or response_id == NOT_SUPPORTED
+    return response_id in (known.positive, known.negative, NOT_SUPPORTED)
+
+
+def is_mismatch(job: Job) -> bool:
+    """Whether the response cannot be the answer to the request (docs/pairing.md, states)."""
+    request, response = job.message, job.response
+    if request is None or response is None:
+        return False
+    return (
+        response.request_reference != request.request_reference
+        or response.axis != request.axis
+        or response.response_id is None
+        or request.request_id is None
+        or not family_fits(request.request_id, response.response_id)
+        or len(response.blocks) > len(request.addresses)
+        or (response.parameter_count or 0) > len(request.addresses)
+    )
+
+
+def drive_time_ns(job: Job) -> int | None:
+    """The drive's share of the duration, nanoseconds: without the pause the program made before its first Read."""
+    write, read = job.write_request, job.read_response
+    if write is None or read is None:
+        return None
+    first = next((request for request, _ in job.polls if request), job.read_request)
+    pause = 0
+    if first and job.write_response:
+        pause = max(0, first.time_ns - job.write_response.time_ns)
+    return read.time_ns - write.time_ns - pause
+
+
+class Judge:
+    """Judges jobs; keeps the little history that some rules need.
+
+    Args:
+        limits: numbers of spec/limits.toml.
+        slow_ns: from which share of the drive a transaction is slow.
+        lang: "en" or "zh", for the texts of error numbers and statuses.
+    """
+
+    def __init__(self, limits: Limits, slow_ns: int, lang: str = "en") -> None:
+        self._limits = limits
+        self._slow_ns = slow_ns
+        self._lang = lang
+        self._written: OrderedDict[tuple[Any, ...], bytes] = OrderedDict()
+        self._longest: dict[str, int] = {}
+
+    def answered(self, job: Job) -> list[Remark]:
+        """What its response, and the values in it, say of a job. Call in the order of the capture."""
+        remarks = [*self._request(job), *self._status(job), *self._response(job), *self._time(job)]
+        if not is_mismatch(job):
+            remarks += self._read_back(job)
+            self._learn_limit(job)
+        return [self._owned(remark, job) for remark in remarks]
+
+    def unanswered(self, job: Job) -> list[Remark]:
+        """What is to be said of a job that is closed without a response."""
+        remarks = [*self._request(job), *self._status(job)]
+        write = job.write_request
+        if write is None or (job.write_response and job.write_response.status) or job.write_fault:
+            pass
+        elif job.superseded_by is not None:
+            self._forget(job)
+            rule = "DS414" if _is_change(job) else "DS413"
+            remarks.append(Remark(rule, job.superseded_by, {"by": job.superseded_by}))
+        else:
+            self._forget(job)
+            rule = "DS402" if _is_change(job) else "DS401"
+            remarks.append(Remark(rule, write.frame, {"reason": job.reason}))
+        return [self._owned(remark, job) for remark in remarks]
+
+    def _owned(self, remark: Remark, job: Job) -> Remark:
+        remark.job = job
+        return remark
+
+    def _request(self, job: Job) -> Iterator[Remark]:
+        half, message = job.write_request, job.message
+        if half is None or message is None:
+            return
+        yield from _flaws(message.flaws, half.frame)
+        limit = self._longest.get(job.peer.device)
+        if limit and len(half.data) > limit:
+            yield Remark("DS316", half.frame, {"length": len(half.data), "limit": limit}, 0)
+        if job.previous_reference is not None and job.previous_reference == job.reference:
+            yield Remark("DS415", half.frame, {"reference": job.reference})
+
+    def _status(self, job: Job) -> Iterator[Remark]:
+        for rule, half in (("DS203", job.write_response), ("DS201", job.read_response)):
+            if half and half.status:
+                yield Remark(rule, half.frame, self._status_args(half.status))
+        for half in job.empty_reads:
+            yield Remark("DS207", half.frame)
+
+    def _status_args(self, status: int) -> dict[str, Any]:
+        return {"status": status_hex(status), "text": status_text(status, self._lang)}
+
+    def _response(self, job: Job) -> Iterator[Remark]:
+        half, response, request = job.read_response, job.response, job.message
+        if half is None or response is None:
+            return
+        yield from _flaws(response.flaws, half.frame)
+        if request is None:
+            yield Remark("DS403", half.frame)
+        else:
+            yield from self._mirror(half.frame, job)
+        yield from self._blocks(half.frame, job)
+
+    def _mirror(self, frame: int, job: Job) -> Iterator[Remark]:
+        request, response = job.message, job.response
+        assert request is not None
+        assert response is not None
+        pairs = (
+            ("DS404", request.request_reference, response.request_reference),
+            ("DS406", request.axis, response.axis),
+            ("DS407", request.parameter_count, response.parameter_count),
+        )
+        for rule, sent, got in pairs:
+            if sent is not None and got is not None and sent != got:
+                yield Remark(rule, frame, {"sent": sent, "got": got})
+        sent, got = request.request_id, response.response_id
+        if sent is None or got is None:
+            return
+        if got == NOT_SUPPORTED:
+            yield Remark("DS418", frame, {"id": f"0x{sent:02X}"})
+        elif not family_fits(sent, got):
+            yield Remark("DS405", frame, {"sent": f"0x{sent:02X}", "got": f"0x{got:02X}"})
+
+    def _blocks(self, frame: int, job: Job) -> Iterator[Remark]:
+        response, request = job.response, job.message
+        assert response is not None
+        addresses = request.addresses if request and not is_mismatch(job) else []
+        for number, block in enumerate(response.blocks):
+            address = addresses[number] if number < len(addresses) else None
+            if block.error is not None:
+                yield Remark("DS410", frame, self._error_args(job, block, address), block.offset)
+            elif address and request and request.operation == "read":
+                yield from _element_count(frame, block, address)
+
+    def _error_args(self, job: Job, block: Block, address: Any) -> dict[str, Any]:
+        assert block.error is not None
+        code, info = block.error.code, block.error.info
+        return {
+            "pnu": address.pnu if address else "?",
+            "subindex": address.subindex if address else "?",
+            "code": "-" if code is None else f"0x{code:02X}",
+            "text": "" if code is None else error_text(code, self._lang, job.peer.vendor_id),
+            "info": "-" if info is None else info,
+        }
+
+    def _time(self, job: Job) -> Iterator[Remark]:
+        half = job.read_response
+        if half is None:
+            return
+        if len(job.polls) >= self._limits.polls:
+            yield Remark("DS204", half.frame, {"count": len(job.polls)})
+        if job.polls:
+            since = half.time_ns - (job.polls[0][0] or job.polls[0][1]).time_ns
+            if since > self._limits.polling_ns:
+                limit = self._limits.polling_ns // 1_000_000
+                yield Remark("DS205", half.frame, {"milliseconds": _ms(since), "limit": limit})
+        share = drive_time_ns(job)
+        if share is not None and share > self._slow_ns and half.data:
+            args = {"milliseconds": _ms(share), "limit": self._slow_ns // 1_000_000}
+            yield Remark("DS416", half.frame, args)
+
+    def _read_back(self, job: Job) -> Iterator[Remark]:
+        """Remembers what was written, element by element, and compares what is read later."""
+        request, response = job.message, job.response
+        if request is None or response is None or job.read_response is None:
+            return
+        where = _place(job)
+        if request.operation == "change":
+            self._remember(where, request, response.blocks)
+            return
+        if request.operation != "read":
+            return
+        for address, block in zip(request.addresses, response.blocks, strict=False):
+            for element, raw in _elements(address, block):
+                written = self._written.get((*where, address.pnu, element))
+                if written is None or len(written) != len(raw) or written == raw:
+                    continue
+                del self._written[(*where, address.pnu, element)]
+                args = {
+                    "pnu": address.pnu,
+                    "subindex": element,
+                    "written": written.hex(" ").upper(),
+                    "read": raw.hex(" ").upper(),
+                }
+                yield Remark("DS417", job.read_response.frame, args, block.offset)
+
+    def _remember(self, where: tuple[Any, ...], request: Request, answers: list[Block]) -> None:
+        known = parameters()
+        for number, (address, block) in enumerate(
+            zip(request.addresses, request.blocks, strict=False)
+        ):
+            failed = number < len(answers) and answers[number].error is not None
+            pnu = known.get(address.pnu)
+            if failed or (pnu and pnu.volatile):
+                continue
+            for element, raw in _elements(address, block):
+                key = (*where, address.pnu, element)
+                self._written[key] = raw
+                self._written.move_to_end(key)
+        while len(self._written) > self._limits.written_values:
+            self._written.popitem(last=False)
+
+    def _forget(self, job: Job) -> None:
+        """A change whose response nobody read: what its parameters hold now is not known."""
+        if job.message is None or job.message.operation != "change":
+            return
+        where = _place(job)
+        for address, block in zip(job.message.addresses, job.message.blocks, strict=False):
+            for element, _ in _elements(address, block):
+                self._written.pop((*where, address.pnu, element), None)
+
+    def _learn_limit(self, job: Job) -> None:
+        request, response = job.message, job.response
+        if request is None or response is None or request.operation != "read":
+            return
+        for address, block in zip(request.addresses, response.blocks, strict=False):
+            wanted = address.pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0
+            if wanted and address.attribute == _VALUE_ATTRIBUTE and block.values:
+                value = block.values[0]
+                if (
+                    isinstance(value, int)
+                    and value > 0
+                    and len(self._longest) < self._limits.activities
+                ):
+                    self._longest[job.peer.device] = value
+
+
+def _flaws(flaws: list[Flaw], frame: int) -> Iterator[Remark]:
+    for flaw in flaws:
+        yield Remark(flaw.rule, frame, flaw.args, flaw.offset)
+
+
+def _place(job: Job) -> tuple[Any, ...]:
+    """Where a parameter lives: a channel of a device and the axis, whoever asks."""
+    record, axis = job.record, job.message.axis if job.message else None
+    return (job.peer.device, record.slot, record.subslot, record.index, axis)
+
+
+def _is_change(job: Job) -> bool:
+    return job.message is not None and job.message.operation == "change"
+
+
+def _element_count(frame: int, block: Block, address: Any) -> Iterator[Remark]:
+    asked = max(1, address.element_count)
+    if block.value_count == asked or address.attribute != _VALUE_ATTRIBUTE:
+        return
+    if address.element_count == 0 and block.value_count > 1:
+        return  # count 0 asks for the whole simple parameter; a string has as many values as characters
+    rule = "DS408" if block.value_count < asked else "DS409"
+    args = {"asked": asked, "got": block.value_count, "pnu": address.pnu}
+    yield Remark(rule, frame, args, block.offset)
+
+
+def _elements(address: Any, block: Block) -> Iterator[tuple[int, bytes]]:
+    """Subindex and bytes of each element of a value block; nothing for errors, texts and descriptions."""
+    if address.attribute != _VALUE_ATTRIBUTE or block.error is not None or not block.value_count:
+        return
+    size, odd = divmod(len(block.raw), block.value_count)
+    if odd or not size or size * block.value_count != len(block.raw):
+        return
+    for number in range(block.value_count):
+        yield address.subindex + number, block.raw[number * size : (number + 1) * size]
+
+
+def _ms(nanoseconds: int) -> str:
+    return f"{nanoseconds / 1e6:.1f}"

@@ -1,0 +1,295 @@
+"""The protocol tables as Python objects: lazy, cached loading of spec/*.toml and lookup.
+
+Everything that is a table lives in the TOML files; nothing is decoded here. The limits and the
+state table of pairing are in `ds47.spec.semantics`.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from importlib.resources import files
+from types import MappingProxyType
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """One format code of a value block (docs/protocol.md A.6; formats.toml has the kinds)."""
+
+    code: int
+    name: str
+    kind: str
+    size: int | None = None
+    """Bytes per value; None where no source gives a size."""
+    pack: str = ""
+    whole: bool = False
+    other_size: int | None = None
+    multiply: int | None = None
+    divide: int | None = None
+    unit: str | None = None
+    """Unit of the scaled value."""
+    confirmed: bool = True
+    note: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Attribute:
+    """One attribute of a parameter address (docs/protocol.md A.4)."""
+
+    code: int
+    name: str
+    zh: str
+
+
+@dataclass(frozen=True, slots=True)
+class RequestId:
+    """One request id with its response ids (docs/protocol.md A.3)."""
+
+    code: int
+    name: str
+    operation: str
+    body: str
+    positive: int
+    negative: int
+    vendor: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ResponseId:
+    """One response id (docs/protocol.md A.3); `negative` is None where the id does not say."""
+
+    code: int
+    name: str
+    body: str
+    vendor: bool
+    negative: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorNumber:
+    """One error number, or a range of them up to `last` (docs/protocol.md B).
+
+    `info` says what error value 2 means: "none", "subindex" or "unknown".
+    """
+
+    code: int
+    en: str
+    zh: str
+    info: str = "unknown"
+    last: int | None = None
+    zh_from: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Vendor:
+    """The error numbers of a vendor; `id` is its PROFINET vendor id, None where not known."""
+
+    name: str
+    id: int | None
+    errors: Mapping[int, ErrorNumber]
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """The words of a PNIOStatus (docs/protocol.md E.5), per language."""
+
+    code: Mapping[int, str]
+    decode: Mapping[int, str]
+    access: Mapping[int, str]
+    """ErrorCode1 where ErrorDecode is 0x80, record access."""
+    protocol: Mapping[int, str]
+    """ErrorCode1 where ErrorDecode is 0x81, the PNIO protocol machine."""
+    words: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Pnu:
+    """A well-known parameter (docs/protocol.md D).
+
+    `volatile`: the drive itself changes the value, so that reading back another one than was
+    written is no finding. `family` says on which drives the number has this meaning; "profile" is
+    all of them.
+    """
+
+    number: int
+    name_en: str
+    name_zh: str
+    type: str
+    unit: str | None
+    volatile: bool
+    family: str
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One rule of the catalogue (spec/rules.toml says what each field means)."""
+
+    id: str
+    name: str
+    severity: str
+    scope: str
+    anchor: str
+    message: str
+    cause: str
+    advice: str
+    message_zh: str
+    cause_zh: str
+    advice_zh: str
+
+
+@cache
+def _load(name: str) -> dict[str, Any]:
+    return tomllib.loads(files(__name__).joinpath(name).read_text(encoding="utf-8"))
+
+
+@cache
+def formats() -> Mapping[int, Format]:
+    """All format codes that have a name."""
+    return MappingProxyType({row["code"]: Format(**row) for row in _load("formats.toml")["format"]})
+
+
+@cache
+def dialect(name: str) -> Mapping[int, int]:
+    """Format codes of a dialect -> the code of `formats()` whose meaning they have there.
+
+    Raises:
+        KeyError: there is no dialect of that name.
+    """
+    tables = {row["name"]: dict(row["codes"]) for row in _load("formats.toml")["dialect"]}
+    return MappingProxyType(tables[name])
+
+
+@cache
+def attributes() -> Mapping[int, Attribute]:
+    """The attributes that have a name."""
+    return MappingProxyType(
+        {row["code"]: Attribute(**row) for row in _load("ids.toml")["attribute"]}
+    )
+
+
+@cache
+def vendor_attributes() -> frozenset[int]:
+    """The attributes that the profile leaves to manufacturers."""
+    return frozenset(_load("ids.toml")["vendor_attributes"])
+
+
+@cache
+def request_ids() -> Mapping[int, RequestId]:
+    """The request ids, standard and vendor."""
+    return MappingProxyType({row["code"]: RequestId(**row) for row in _load("ids.toml")["request"]})
+
+
+@cache
+def response_ids() -> Mapping[int, ResponseId]:
+    """The response ids, standard and vendor."""
+    return MappingProxyType(
+        {row["code"]: ResponseId(**row) for row in _load("ids.toml")["response"]}
+    )
+
+
+def _error_rows(rows: list[dict[str, Any]]) -> Mapping[int, ErrorNumber]:
+    table: dict[int, ErrorNumber] = {}
+    for row in rows:
+        error = ErrorNumber(**row)
+        table.update(dict.fromkeys(range(error.code, (error.last or error.code) + 1), error))
+    return MappingProxyType(table)
+
+
+@cache
+def errors() -> Mapping[int, ErrorNumber]:
+    """The error numbers of the profile."""
+    return _error_rows(_load("errors.toml")["error"])
+
+
+@cache
+def vendors() -> tuple[Vendor, ...]:
+    """The vendors whose own error numbers are known."""
+    rows = _load("errors.toml")["vendor"]
+    return tuple(Vendor(row["name"], row.get("id"), _error_rows(row["error"])) for row in rows)
+
+
+@cache
+def _vendor(vendor_id: int) -> Vendor | None:
+    return next((vendor for vendor in vendors() if vendor.id == vendor_id), None)
+
+
+def _words(error: ErrorNumber, code: int, lang: str) -> str:
+    text = error.zh if lang == "zh" else error.en
+    return text.format(code=code, above=code - error.code)
+
+
+@lru_cache(maxsize=4096)
+def error_text(code: int, lang: str = "en", vendor_id: int | None = None) -> str:
+    """What an error number means, in words (docs/protocol.md B).
+
+    Args:
+        code: error value 1.
+        lang: "en" or "zh"; anything else gives English.
+        vendor_id: PROFINET vendor id of the device. Numbers from 0x65 on belong to the vendor:
+            without an id the meaning on SINAMICS is given as such, and a vendor without a table
+            gets no meaning.
+    """
+    vendor = _vendor(vendor_id) if vendor_id is not None else None
+    if vendor and code in vendor.errors:
+        return _words(vendor.errors[code], code, lang)
+    if code in errors():
+        return _words(errors()[code], code, lang)
+    text = _words(ErrorNumber(code, **_load("errors.toml")["fallback"]), code, lang)
+    hint = vendors()[0].errors.get(code) if vendor_id is None else None
+    return f"{text} ({vendors()[0].name}: {_words(hint, code, lang)})" if hint else text
+
+
+def error_info_meaning(code: int) -> str:
+    """What error value 2 means for an error number: "none", "subindex" or "unknown"."""
+    error = errors().get(code)
+    return error.info if error else "unknown"
+
+
+@cache
+def status(lang: str = "en") -> Status:
+    """The words of a PNIOStatus in a language ("en" or "zh"; anything else gives English)."""
+    table = _load("status.toml")
+    key = "zh" if lang == "zh" else "en"
+
+    def column(name: str) -> Mapping[int, str]:
+        words: dict[int, str] = {}
+        for row in table[name]:
+            words.update(
+                dict.fromkeys(range(row["code"], row.get("last", row["code"]) + 1), row[key])
+            )
+        return MappingProxyType(words)
+
+    return Status(
+        column("error_code"),
+        column("error_decode"),
+        column("access"),
+        column("protocol"),
+        MappingProxyType(table["words"][key]),
+    )
+
+
+@cache
+def parameters() -> Mapping[int, Pnu]:
+    """The well-known parameters by number."""
+    table: dict[int, Pnu] = {}
+    for row in _load("parameters.toml")["parameter"]:
+        for number in range(row["number"], row.get("last", row["number"]) + 1):
+            table[number] = Pnu(
+                number=number,
+                name_en=row["en"],
+                name_zh=row["zh"],
+                type=row["type"],
+                unit=row.get("unit"),
+                volatile=row.get("volatile", False),
+                family=row.get("family", "profile"),
+            )
+    return MappingProxyType(table)
+
+
+@cache
+def rules() -> Mapping[str, Rule]:
+    """The catalogue of findings by id, in the order of the ids."""
+    return MappingProxyType({row["id"]: Rule(**row) for row in _load("rules.toml")["rule"]})

@@ -1,0 +1,80 @@
+"""What every test may ask for: the repository, the captures beside it, a tshark without settings.
+
+No test data lives here (``vectors/``) and no helper of a single module (its own test file).
+"""
+
+import os
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parent.parent
+
+
+def _missing(what: str) -> None:
+    """Skip the test, or fail it where DS47_CI says that everything has to be there."""
+    if os.environ.get("DS47_CI") == "1":
+        pytest.fail(f"{what} is missing, and DS47_CI=1 says that it must be there", pytrace=False)
+    pytest.skip(f"{what} is missing")
+
+
+@pytest.fixture(scope="session")
+def repository() -> Path:
+    """The root of the checkout."""
+    return REPOSITORY
+
+
+@pytest.fixture(scope="session")
+def vectors() -> Path:
+    """The folder of the vectors that both implementations have to pass."""
+    return REPOSITORY / "tests" / "vectors"
+
+
+@pytest.fixture(scope="session")
+def captures() -> Path:
+    """The stored captures of the lab."""
+    return REPOSITORY / "captures"
+
+
+@pytest.fixture(scope="session")
+def shared() -> Path:
+    """The folder beside the checkout: reference vectors and captures of real stacks."""
+    folder = REPOSITORY.parent / "shared"
+    if not folder.is_dir():
+        _missing("the folder ../shared")
+    return folder
+
+
+@pytest.fixture
+def tshark(tmp_path: Path) -> Callable[..., str]:
+    """A function that runs tshark with empty settings, in UTC, and returns what it printed."""
+    program = shutil.which("tshark")
+    if program is None:
+        _missing("tshark")
+    home = tmp_path / "tshark-home"
+    home.mkdir()
+    environment = {
+        "PATH": os.environ.get("PATH", ""),
+        "HOME": str(home),
+        "XDG_CONFIG_HOME": str(home),
+        "WIRESHARK_CONFIG_DIR": str(home),
+        "LC_ALL": "C.UTF-8",
+        "TZ": "UTC",
+    }
+
+    def run(*arguments: str | Path) -> str:
+        result = subprocess.run(
+            [str(program), "-n", *map(str, arguments)],
+            env=environment,
+            capture_output=True,
+            encoding="utf-8",
+            timeout=120,
+            check=False,
+        )
+        assert result.returncode == 0, result.stderr
+        return result.stdout
+
+    return run

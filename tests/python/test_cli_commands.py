@@ -1,0 +1,259 @@
+"""The command line: exit statuses, streams, files, the commands that need no capture."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import struct
+import subprocess
+import sys
+
+import jsonschema
+import pytest
+
+from ds47 import __version__
+from ds47.cli import COMMANDS, encode, main
+from ds47.report import schema
+
+READ = "03 01 02 01 10 01 c4 7f 00 00"
+ANSWER = "03 01 02 01 08 01 41 20 00 00"
+EMPTY_PCAP = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
+CUT_PCAP = EMPTY_PCAP + struct.pack("<IIII", 1, 0, 60, 60) + bytes(10)
+
+
+def run(capsys, *arguments):
+    status = main([str(each) for each in arguments])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "b.pcap").write_bytes(EMPTY_PCAP)
+    (tmp_path / "a b.PCAP").write_bytes(EMPTY_PCAP)
+    (tmp_path / "sub" / "c.pcap.gz").write_bytes(gzip.compress(EMPTY_PCAP))
+    (tmp_path / "notes.txt").write_text("no capture")
+    return tmp_path
+
+
+def test_version_imports_next_to_nothing():
+    code = (
+        "import sys; from ds47.cli import main; main(['--version']);"
+        "print([name for name in sys.modules if name.startswith('ds47')])"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout.splitlines() == [f"ds47 {__version__}", "['ds47', 'ds47.cli']"]
+
+
+def test_module_runs():
+    shown = subprocess.run(
+        [sys.executable, "-m", "ds47", "--version"], capture_output=True, text=True, check=True
+    )
+    assert shown.stdout.strip() == f"ds47 {__version__}"
+
+
+@pytest.mark.parametrize("name", ["", *COMMANDS])
+def test_help(capsys, name):
+    status, out, _ = run(capsys, *name.split(), "--help")
+    assert status == 0
+    assert "Usage: ds47" in out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["nonsense"],
+        ["report"],
+        ["report", "x.pcap", "--select", "XX"],
+        ["report", "x.pcap", "--index", "70000"],
+        ["report", "x.pcap", "-f", "docx"],
+        ["decode", "xyz"],
+        ["decode", "--as", "request", "--request", READ, READ],
+        ["encode", "frobnicate"],
+        ["rules", "DS999"],
+    ],
+)
+def test_wrong_use_is_2(capsys, arguments):
+    status, out, err = run(capsys, *arguments)
+    assert (status, out) == (2, "")
+    assert "Error" in err
+
+
+def test_report_of_a_folder_is_sorted_and_recursive(capsys, folder):
+    status, out, err = run(capsys, "report", folder, folder / "b.pcap", "-f", "json")
+    document = json.loads(out)
+    jsonschema.validate(document, schema())
+    assert (status, err) == (0, "")
+    assert [capture["path"][len(str(folder)) + 1 :] for capture in document["captures"]] == [
+        "a b.PCAP",
+        "b.pcap",
+        str(folder.joinpath("sub", "c.pcap.gz"))[len(str(folder)) + 1 :],
+    ]
+
+
+@pytest.mark.parametrize("format_name", ["text", "json", "ndjson", "csv"])
+def test_an_unreadable_capture_is_one_line_and_the_others_are_reported(capsys, folder, format_name):
+    arguments = ["report", folder / "gone.pcap", folder / "b.pcap", "-f", format_name]
+    status, out, err = run(capsys, *arguments)
+    assert status == 3
+    assert len(err.splitlines()) == 1
+    assert "gone.pcap" in err
+    assert out.startswith("path,") if format_name == "csv" else "b.pcap" in out
+
+
+def test_a_file_that_is_no_capture_is_3(capsys, folder):
+    status, _, err = run(capsys, "report", folder / "notes.txt")
+    assert status == 3
+    assert len(err.splitlines()) == 1
+
+
+def test_a_cut_capture_is_reported_and_3(capsys, tmp_path):
+    (tmp_path / "cut.pcap").write_bytes(CUT_PCAP)
+    status, out, err = run(capsys, "report", tmp_path / "cut.pcap")
+    assert status == 3
+    assert "only partly read" in out
+    assert len(err.splitlines()) == 1
+
+
+def test_a_folder_without_captures_is_3(capsys, tmp_path):
+    status, _, err = run(capsys, "report", tmp_path)
+    assert status == 3
+    assert "no capture in this folder" in err
+
+
+def test_report_of_stdin():
+    shown = subprocess.run(
+        [sys.executable, "-m", "ds47", "report", "-"], input=EMPTY_PCAP, capture_output=True
+    )
+    assert shown.returncode == 0
+    assert shown.stdout.startswith(b"-: 0 frames")
+
+
+def test_output_file_appears_whole_or_not_at_all(capsys, folder, monkeypatch):
+    target = folder / "out.json"
+    assert run(capsys, "report", folder, "-f", "json", "-o", target) == (0, "", "")
+    before = target.read_bytes()
+    jsonschema.validate(json.loads(before), schema())
+
+    def fail(*_):
+        raise RuntimeError
+
+    monkeypatch.setattr("ds47.report.json.Writer.close", fail)
+    with pytest.raises(RuntimeError):
+        main(["report", str(folder), "-f", "json", "-o", str(target)])
+    assert target.read_bytes() == before
+    assert not list(folder.glob(".out*"))
+
+
+def test_output_that_cannot_be_written_is_2(capsys, folder):
+    status, _, err = run(capsys, "report", folder, "-o", folder / "no" / "out.txt")
+    assert status == 2
+    assert "cannot write" in err
+
+
+def test_a_reader_that_leaves_is_silent():
+    code = "import sys; from ds47.cli import main; sys.exit(main(['rules', 'DS']))"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert process.stdout is not None
+    process.stdout.close()
+    _, err = process.communicate()
+    assert (process.returncode, err) == (0, b"")
+
+
+def test_a_console_with_a_code_page_gets_utf_8():
+    shown = subprocess.run(
+        [sys.executable, "-m", "ds47", "rules", "DS410", "--lang", "zh"],
+        capture_output=True,
+        check=True,
+        env={"PYTHONIOENCODING": "cp1252", "PYTHONPATH": ":".join(sys.path)},
+    )
+    assert not shown.stdout.decode("utf-8").isascii()
+
+
+def test_rules_lists_and_explains(capsys):
+    from ds47 import spec
+
+    status, out, _ = run(capsys, "rules")
+    assert status == 0
+    assert [line.split()[0] for line in out.splitlines()] == sorted(spec.rules())
+    _, out, _ = run(capsys, "rules", "ds301")
+    assert out.startswith("DS301 ")
+    assert "Advice:" in out
+    _, out, _ = run(capsys, "rules", "DS3", "-f", "json")
+    assert {rule["id"][:3] for rule in json.loads(out)} == {"DS3"}
+
+
+@pytest.mark.parametrize(
+    "text", [READ, READ.replace(" ", ""), "16#0301 16#0201 16#1001 16#C47F 16#0000"]
+)
+def test_decode_guesses_and_says_so(capsys, text):
+    status, out, err = run(capsys, "decode", text)
+    assert status == 0
+    assert "taken as a request" in err
+    assert "p50303[0]" in out
+    assert "     4  10 01 c4 7f 00 00" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kind"),
+    [
+        (["--as", "request", READ], "request"),
+        (["--as", "response", ANSWER], "response"),
+        (["--request", READ, ANSWER], "response"),
+        (["--as", "response", "03 81 02 01 44 02 00 11"], "response"),
+        (["--as", "request", "03"], "request"),
+    ],
+)
+def test_decode_json_is_the_contract(capsys, arguments, kind):
+    status, out, err = run(capsys, "decode", "-f", "json", *arguments)
+    message = json.loads(out)
+    validator = jsonschema.Draft202012Validator(schema())
+    validator.evolve(schema={"$ref": "urn:ds47:report:1#/$defs/message"}).validate(message)
+    assert (status, err, message["kind"]) == (0, "", kind)
+
+
+def test_decode_with_its_request_names_the_parameter(capsys):
+    _, out, _ = run(capsys, "decode", "--request", READ, ANSWER)
+    assert "p50303[0] = 10.0" in out
+    _, out, _ = run(capsys, "decode", "--as", "response", ANSWER)
+    assert "p? = 10.0" in out
+
+
+def test_decode_stdin():
+    shown = subprocess.run(
+        [sys.executable, "-m", "ds47", "decode"], input=READ, capture_output=True, text=True
+    )
+    assert shown.returncode == 0
+    assert "p50303[0]" in shown.stdout
+
+
+def test_encode(capsys):
+    line = "read ref 3 axis 2 p50303[0]"
+    assert run(capsys, "encode", line) == (0, READ + "\n", "")
+    status, out, _ = run(capsys, "encode", *line.split(), "--format", "words")
+    assert (status, out) == (0, "16#0301 16#0201 16#1001 16#C47F 16#0000\n")
+    _, out, _ = run(capsys, "encode", line, "--format", "scl")
+    assert out.splitlines()[0] == "#request[0] := 16#03;"
+    assert encode.plc_words(bytes(3)) == "16#0000 16#00"
+
+
+def test_lab_without_scapy_is_one_clear_line(capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, "scapy", None)
+    status, out, err = run(capsys, "lab", "list")
+    assert (status, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert "ds47[lab]" in err
+
+
+def test_lab_writes_and_report_reads(capsys, tmp_path):
+    pytest.importorskip("scapy")
+    _, listed, _ = run(capsys, "lab", "list")
+    name = listed.split()[0]
+    assert run(capsys, "lab", "write", tmp_path, name)[0] == 0
+    assert run(capsys, "lab", "write", tmp_path, "no-such-scenario")[0] == 2
+    status, out, _ = run(capsys, "report", tmp_path, "-f", "json")
+    assert status in (0, 3)
+    jsonschema.validate(json.loads(out), schema())

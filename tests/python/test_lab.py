@@ -1,0 +1,64 @@
+"""The lab: its captures never change, and the analysis says of each what the scenario expects."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("scapy")
+
+from ds47 import lab
+from ds47.analysis import AnalysisOptions, analyze
+from ds47.lab.__main__ import write_all
+from ds47.spec import rules
+
+CAPTURES = Path(__file__).resolve().parents[2] / "captures"
+NAMES = tuple(lab.scenarios())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_analysis_says_what_the_scenario_expects(name: str, tmp_path: Path) -> None:
+    scenario = lab.scenarios()[name]
+    path = tmp_path / f"{name}.pcapng"
+    frames = lab.write(name, path)
+    result = analyze(path, AnalysisOptions())
+    assert result.frames == frames
+    assert result.complete
+    got = tuple((transaction.operation, transaction.state) for transaction in result.transactions)
+    assert got == scenario.expect.transactions
+    assert {finding.rule for finding in result.findings} == scenario.expect.rules
+
+
+def test_stored_captures_are_what_the_lab_writes(tmp_path: Path) -> None:
+    write_all(tmp_path)
+    written = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    for name, content in written.items():
+        assert (CAPTURES / name).read_bytes() == content, f"{name}: make captures writes it again"
+
+
+def test_manifest_names_every_lab_capture_with_its_digest() -> None:
+    entries = tomllib.loads((CAPTURES / "MANIFEST.toml").read_text(encoding="utf-8"))["capture"]
+    assert [entry["file"] for entry in entries] == [f"{name}.pcapng" for name in NAMES]
+    for entry in entries:
+        digest = hashlib.sha256((CAPTURES / entry["file"]).read_bytes()).hexdigest()
+        assert digest == entry["sha256"], entry["file"]
+
+
+def test_every_rule_of_the_catalogue_has_a_scenario() -> None:
+    shown = {rule for scenario in lab.scenarios().values() for rule in scenario.expect.rules}
+    assert set(rules()) - shown == set()
+
+
+def test_every_state_has_a_scenario() -> None:
+    from ds47.model import STATES
+
+    expected = [pair for each in lab.scenarios().values() for pair in each.expect.transactions]
+    assert {state for _, state in expected} == set(STATES)
+
+
+def test_unknown_scenario_is_wrong_use(tmp_path: Path) -> None:
+    with pytest.raises(KeyError):
+        lab.write("no-such-scenario", tmp_path / "x.pcapng")

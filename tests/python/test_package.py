@@ -1,0 +1,59 @@
+"""What is installed is complete, and what installs it is pinned."""
+
+import re
+import tomllib
+from importlib import metadata
+from importlib.resources import files
+from pathlib import Path
+
+import ds47
+
+
+def test_version_is_the_one_of_the_project(repository: Path) -> None:
+    project = tomllib.loads((repository / "pyproject.toml").read_text("utf-8"))["project"]
+    assert metadata.version("ds47") == project["version"]
+    assert ds47.__version__ == project["version"]
+
+
+def test_version_is_in_the_changelog_or_unreleased(repository: Path) -> None:
+    text = (repository / "CHANGELOG.md").read_text("utf-8")
+    assert re.search(rf"^## \[({re.escape(ds47.__version__)}|Unreleased)\]", text, re.MULTILINE)
+
+
+def test_command_is_installed() -> None:
+    (entry,) = metadata.entry_points(group="console_scripts", name="ds47")
+    assert entry.value == "ds47.cli:main"
+    assert callable(entry.load())
+
+
+def test_data_is_installed_with_the_code() -> None:
+    package = files("ds47")
+    tables = {item.name for item in (package / "spec").iterdir() if item.name.endswith(".toml")}
+    assert {"formats.toml", "ids.toml", "errors.toml", "status.toml", "rules.toml"} <= tables
+    assert (package / "schema" / "report-1.schema.json").is_file()
+    assert (package / "py.typed").is_file()
+
+
+def test_everything_is_pinned_with_a_hash(repository: Path) -> None:
+    text = (repository / "constraints.txt").read_text("utf-8")
+    assert "://" not in text
+    assert "index" not in text
+    requirements = re.split(r"\n(?=[a-z])", text.replace("\\\n", " "))[1:]
+    assert len(requirements) > 20
+    for requirement in requirements:
+        assert re.match(r"[a-z0-9._-]+==\S+ ", requirement), requirement[:60]
+        assert "--hash=sha256:" in requirement, requirement[:60]
+
+
+def test_every_dependency_is_in_the_constraints(repository: Path) -> None:
+    pinned = set(re.findall(r"^([a-z0-9-]+)==", _read(repository, "constraints.txt"), re.MULTILINE))
+    project = tomllib.loads(_read(repository, "pyproject.toml"))
+    wanted = [*project["project"]["dependencies"], *project["build-system"]["requires"]]
+    for extra in project["project"]["optional-dependencies"].values():
+        wanted += extra
+    names = {re.split(r"[\[<>=; ]", line)[0].lower().replace(".", "-") for line in wanted}
+    assert names - {"ds47"} <= pinned
+
+
+def _read(repository: Path, name: str) -> str:
+    return (repository / name).read_text("utf-8")

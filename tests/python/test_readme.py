@@ -1,0 +1,154 @@
+"""The README shows what happens: each of its ``ds47`` commands runs and shows the real output.
+
+In a ``console`` block a line that starts with ``$ `` is a command, run by a shell's rules but
+without a shell: pipes, ``<`` and ``>`` as a person types them. ``  # exit 1`` at its end says which
+exit status it has, otherwise it has to be 0.
+"""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+README = Path(__file__).resolve().parents[2] / "README.md"
+PLACEHOLDER = "(the report stands here)"
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command of the README: its line, its exit status, and the output shown below it."""
+
+    line: str
+    status: int
+    output: tuple[str, ...]
+
+
+def read_commands(text: str) -> list[Command]:
+    """All ``$ ds47`` commands in the console blocks of a Markdown text."""
+    commands = []
+    for block in re.findall(r"^```console\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
+        for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+            line, *output = part.rstrip("\n").split("\n")
+            line, _, comment = line.partition("  # ")
+            status = re.match(r"exit (\d+)", comment)
+            if re.search(r"\bds47 ", line):
+                commands.append(Command(line, int(status[1]) if status else 0, tuple(output)))
+    return commands
+
+
+def split_pipe(line: str) -> tuple[list[list[str]], dict[str, str]]:
+    """Split a command line into the programs of its pipe and its redirections."""
+    lexer = shlex.shlex(line, posix=True, punctuation_chars="|<>")
+    lexer.whitespace_split = True
+    words = list(lexer)
+    programs: list[list[str]] = [[]]
+    files: dict[str, str] = {}
+    position = 0
+    while position < len(words):
+        word = words[position]
+        if word == "|":
+            programs.append([])
+        elif word in ("<", ">"):
+            position += 1
+            files[word] = words[position]
+        else:
+            programs[-1].append(word)
+        position += 1
+    return programs, files
+
+
+def run(command: Command, folder: Path) -> tuple[int, str, str]:
+    """Run a command in a folder; returns exit status, stdout and stderr of the last program."""
+    programs, files = split_pipe(command.line)
+    data = (folder / files["<"]).read_bytes() if "<" in files else b""
+    for words in programs:
+        if words[0] == "ds47":
+            program = [sys.executable, "-m", "ds47", *words[1:]]
+        elif words[0] == "echo":
+            data = (" ".join(words[1:]) + "\n").encode()
+            continue
+        else:
+            assert words[0] == "cat", f"the README may use ds47, echo and cat, not {words[0]}"
+            data = b"".join((folder / word).read_bytes() for word in words[1:])
+            continue
+        environment = {**os.environ, "PYTHONUTF8": "1", "NO_COLOR": "1"}
+        result = subprocess.run(
+            program, cwd=folder, input=data, capture_output=True, env=environment, timeout=120
+        )
+        status, data, errors = result.returncode, result.stdout, result.stderr
+    if ">" in files:
+        (folder / files[">"]).write_bytes(data)
+        data = b""
+    return status, data.decode("utf-8"), errors.decode("utf-8")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the stored captures, so that no command can change the checkout."""
+    copy = tmp_path_factory.mktemp("readme")
+    shutil.copytree(README.parent / "captures", copy / "captures")
+    return copy
+
+
+@pytest.mark.parametrize("command", read_commands(README.read_text("utf-8")), ids=lambda c: c.line)
+def test_command_of_the_readme(command: Command, folder: Path) -> None:
+    status, output, errors = run(command, folder)
+    assert status == command.status, errors
+    assert "Traceback" not in errors
+    if PLACEHOLDER not in command.output:
+        _assert_shown(command.output, output)
+
+
+def _assert_shown(shown: tuple[str, ...], output: str) -> None:
+    """The lines shown are lines of the output, in order; "..." stands for any left out."""
+    lines = iter([line.rstrip() for line in output.splitlines()])
+    for line in shown:
+        if line.strip() in ("", "..."):
+            continue
+        assert line.rstrip() in lines, f"not in the output, or not in this order: {line!r}"
+
+
+def test_report_of_the_readme_is_marked() -> None:
+    text = README.read_text("utf-8")
+    (block,) = re.findall(r"<!-- report -->\n(.*?)<!-- /report -->", text, re.DOTALL)
+    (command,) = read_commands(block)
+    assert command.line.startswith("ds47 report captures/")
+
+
+def test_links_lead_somewhere() -> None:
+    for document in [README, *(README.parent / "docs").glob("*.md")]:
+        for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", document.read_text("utf-8")):
+            assert (document.parent / target).exists(), f"{document.name}: {target}"
+
+
+def test_a_status_and_an_output_are_read_from_a_block() -> None:
+    text = (
+        "```console\n$ ds47 report x  # exit 3\none\n\ntwo\n"
+        "$ cat a | ds47 decode\n$ make report\n```\n"
+    )
+    assert read_commands(text) == [
+        Command("ds47 report x", 3, ("one", "", "two")),
+        Command("cat a | ds47 decode", 0, ()),
+    ]
+
+
+def test_a_command_line_is_split_as_a_shell_does() -> None:
+    assert split_pipe("echo '16#0101 16#0102' | ds47 decode - > out.json") == (
+        [["echo", "16#0101 16#0102"], ["ds47", "decode", "-"]],
+        {">": "out.json"},
+    )
+
+
+def test_columns_are_documented() -> None:
+    from ds47.report.csv import COLUMNS
+
+    text = (README.parent / "docs" / "report.md").read_text("utf-8").partition("## CSV")[2]
+    assert [name for name in re.findall(r"`([a-z_.]+)`", text) if name in COLUMNS][
+        : len(COLUMNS)
+    ] == list(COLUMNS)

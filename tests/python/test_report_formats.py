@@ -1,0 +1,342 @@
+"""Serializers against hand-built results: JSON by its schema, NDJSON, CSV, text."""
+
+from __future__ import annotations
+
+import csv as csv_module
+import io
+import json as json_module
+from copy import deepcopy
+from types import SimpleNamespace
+
+import jsonschema
+import pytest
+
+from ds47 import report
+from ds47.model import (
+    OPERATIONS,
+    SEVERITIES,
+    STATES,
+    CaptureResult,
+    Device,
+    Finding,
+    Frames,
+    Parameter,
+    ParameterError,
+    Report,
+    Transaction,
+)
+from ds47.report import csv, json, ndjson, text, words
+
+VALIDATOR = jsonschema.Draft202012Validator(report.schema())
+
+
+def definition(name):
+    return VALIDATOR.evolve(schema={"$ref": f"urn:ds47:report:1#/$defs/{name}"})
+
+
+def make_transaction(number=12, **changes):
+    item = Transaction(
+        operation="read",
+        state="ok",
+        controller="192.168.133.2",
+        device="192.168.133.33",
+        ar="12345678-1234-1234-1234-123456789abc",
+        api=0,
+        slot=1,
+        subslot=1,
+        index=47,
+        request_reference=3,
+        axis=2,
+        frames=Frames(1, 2, 3, 4),
+        start_ns=1_767_225_600_000_000_001,
+        duration_ns=12_400_000,
+        request=bytes.fromhex("030102011001c47f0000"),
+        response=bytes.fromhex("03010201080141200000"),
+        write_status=0,
+        read_status=0,
+        parameters=[
+            Parameter(50303, 0, "value", 1, None, None, "Float32", 1, [10.0]),
+        ],
+        id=number,
+    )
+    for key, value in changes.items():
+        setattr(item, key, value)
+    return item
+
+
+def make_capture(*transactions, findings=(), **changes):
+    item = CaptureResult(
+        path="line 1.pcapng",
+        frames=1234,
+        rpc={"requests": 2, "responses": 2},
+        records={"45103": {"read": 1, "write": 1}, "47": {"read": 1, "write": 1}},
+        devices=[Device("192.168.133.33", "00:0e:8c:00:00:01", "drive1", 0x2A, 0x501)],
+        transactions=list(transactions),
+        findings=list(findings),
+        summary={"transactions": len(transactions)},
+    )
+    for key, value in changes.items():
+        setattr(item, key, value)
+    return item
+
+
+def hard_capture():
+    error = Parameter(
+        901, 0, "value", 1, error=ParameterError(0x11, "=cannot, with state", 7), value_count=2
+    )
+    odd = make_transaction(
+        2,
+        operation="change",
+        state="partial",
+        ar=None,
+        request_reference=None,
+        axis=None,
+        frames=Frames(None, None, 5, 6, [(7, None)], [(9, 10)]),
+        duration_ns=-3_000_000,
+        request=None,
+        response=None,
+        write_status=None,
+        read_status=0xDE80B500,
+        parameters=[
+            error,
+            Parameter(None, None, None, None, "n", "V", "N2", 2, [1, -2], [0.1, "NaN"]),
+        ],
+        findings=["DS410"],
+    )
+    strange = make_transaction(
+        3,
+        parameters=[
+            Parameter(1, 0, "text", 1, None, None, "VisibleString", 4, ["=1+\x1b[2J\r\n\u202e"])
+        ],
+    )
+    findings = [
+        Finding("DS410", "error", "p901: no", 6, 2, 4),
+        Finding("DS102", "warning", "without request", 20),
+    ]
+    return make_capture(make_transaction(1), odd, strange, findings=findings, complete=False)
+
+
+def written(module, item, **options):
+    stream = io.StringIO()
+    module.write(Report([item] if isinstance(item, CaptureResult) else item), stream, **options)
+    return stream.getvalue()
+
+
+def test_schema_is_a_schema_and_knows_the_words_of_the_model():
+    jsonschema.Draft202012Validator.check_schema(report.schema())
+    definitions = report.schema()["$defs"]
+    assert tuple(definitions["operation"]["enum"]) == OPERATIONS
+    assert tuple(definitions["state"]["enum"]) == STATES
+    assert tuple(definitions["severity"]["enum"]) == SEVERITIES
+
+
+@pytest.mark.parametrize("captures", [[], [make_capture()], [hard_capture(), make_capture()]])
+def test_json_validates_and_is_the_document(captures):
+    content = written(json, captures)
+    parsed = json_module.loads(content)
+    VALIDATOR.validate(parsed)
+    assert parsed == json.document(Report(captures))
+    assert content == written(json, captures)
+
+
+def test_json_is_the_contract():
+    (capture,) = json_module.loads(written(json, make_capture(make_transaction(1))))["captures"]
+    (item,) = capture["transactions"]
+    assert item["start"] == "2026-01-01T00:00:00.000000001Z"
+    assert item["duration_ms"] == 12.4
+    assert item["bytes"]["request"] == "030102011001c47f0000"
+    assert item["status"] == {"write": "00000000", "read": "00000000"}
+    assert item["frames"]["polls"] == []
+    assert list(capture["records"]) == ["47", "45103"]
+
+
+def test_json_finding_has_the_offset_in_its_message():
+    finding = json.finding(Finding("DS315", "error", "2 bytes missing", 6, 2, 4))
+    assert finding["message"] == "offset 4: 2 bytes missing"
+    assert finding["filter"] == "frame.number == 6"
+
+
+def test_schema_is_strict():
+    good = json.document(Report([make_capture(make_transaction())]))
+    for change in (
+        lambda capture: capture["transactions"][0].update(state="fine"),
+        lambda capture: capture["transactions"][0].update(extra=1),
+        lambda capture: capture["transactions"][0].pop("axis"),
+        lambda capture: capture.update(extra=1),
+        lambda capture: capture["transactions"][0]["frames"].update(extra=1),
+    ):
+        bad = deepcopy(good)
+        change(bad["captures"][0])
+        assert not VALIDATOR.is_valid(bad)
+
+
+@pytest.mark.parametrize(
+    ("time_ns", "expected"),
+    [
+        (0, "1970-01-01T00:00:00.000000000Z"),
+        (-1, "1969-12-31T23:59:59.999999999Z"),
+        (951_827_696_123_456_789, "2000-02-29T12:34:56.123456789Z"),
+        (2**63 - 1, "2262-04-11T23:47:16.854775807Z"),
+        (253_402_300_800 * 10**9, "10000-01-01T00:00:00.000000000Z"),
+    ],
+)
+def test_timestamp(time_ns, expected):
+    assert json.timestamp(time_ns) == expected
+
+
+def test_ndjson_lines_validate_and_hold_everything():
+    lines = [json_module.loads(line) for line in written(ndjson, hard_capture()).splitlines()]
+    for line in lines:
+        definition("line").validate(line)
+    assert [line["transaction"]["id"] for line in lines[:-1]] == [1, 2, 3]
+    assert [finding["rule"] for finding in lines[1]["findings"]] == ["DS410"]
+    assert [finding["rule"] for finding in lines[-1]["capture"]["findings"]] == ["DS102"]
+
+
+@pytest.mark.parametrize("name", ["ndjson", "csv"])
+def test_streaming_writes_at_once_and_says_the_same(name):
+    capture = hard_capture()
+    stream = io.StringIO()
+    writer = report.open_writer(name, stream)
+    assert writer.streams
+    before = len(stream.getvalue())
+    writer.transaction(capture.path, capture.transactions[0], [])
+    assert len(stream.getvalue()) > before
+
+
+def rows(item):
+    return list(csv_module.DictReader(io.StringIO(written(csv, item), newline="")))
+
+
+def test_csv_has_a_row_per_parameter():
+    table = rows(hard_capture())
+    assert list(table[0]) == list(csv.COLUMNS)
+    assert [(row["transaction"], row["pnu"]) for row in table] == [
+        ("1", "50303"),
+        ("2", "901"),
+        ("2", ""),
+        ("3", "1"),
+    ]
+    assert table[0]["values"] == "10.0"
+    assert table[2]["values"] == "[1, -2]"
+    assert table[1]["duration_ms"] == "-3.0"
+
+
+def test_csv_keeps_transactions_without_parameters():
+    (row,) = rows(make_capture(make_transaction(parameters=[], state="unanswered")))
+    assert row["state"] == "unanswered"
+
+
+def test_csv_guards_texts_and_only_texts():
+    table = rows(hard_capture())
+    assert table[1]["error.text"] == "'=cannot, with state"
+    assert table[3]["values"].startswith("'=1+")
+    values = [("Integer16", -5), ("Float32", "-Infinity"), ("Integer64", "-9007199254740993")]
+    parameters = [
+        Parameter(1, 0, "value", 1, None, None, *pair[:1], 1, [pair[1]]) for pair in values
+    ]
+    table = rows(make_capture(make_transaction(parameters=parameters)))
+    assert [row["values"] for row in table] == ["-5", "-Infinity", "-9007199254740993"]
+
+
+def test_unknown_format_is_wrong_use():
+    with pytest.raises(ValueError, match="no report format"):
+        report.open_writer("docx", io.StringIO())
+
+
+def test_text_has_the_line_of_the_contract():
+    content = written(text, make_capture(make_transaction()))
+    line = "#12 read  192.168.133.33 DO 2  p50303[0] = 10.0  4 frames 12.4 ms"
+    assert line in content.splitlines()
+    assert "line 1.pcapng: 1,234 frames" in content
+    assert '192.168.133.33  00:0e:8c:00:00:01  "drive1"  vendor 0x002A  device 0x0501' in content
+    assert "latency p50 12.4 ms, p95 12.4 ms, max 12.4 ms" in content
+    assert content.isascii()
+
+
+def test_text_tells_controllers_and_slots_apart_when_there_are_several():
+    other = make_transaction(13, controller="192.168.133.3", subslot=2)
+    content = written(text, make_capture(make_transaction(), other))
+    assert "192.168.133.3 -> 192.168.133.33 slot 1.2 DO 2" in content
+
+
+def test_text_cannot_break_a_terminal_or_a_console():
+    capture = hard_capture()
+    capture.devices[0].station = "a\x07\x9b"
+    capture.path = "x\x1b]0;\x07.pcap"
+    content = written(text, capture)
+    assert all(char.isprintable() or char == "\n" for char in content)
+    assert "\\x1b[2J\\r\\n\\u202e" in content
+
+
+def test_text_leaves_negative_times_out_of_the_latency():
+    content = written(text, hard_capture())
+    assert "max 12.4 ms (1 negative time left out)" in content
+
+
+def test_text_marks_states_and_errors_in_words():
+    content = written(text, hard_capture())
+    assert "[partial]" in content
+    assert "p901[0] error 0x11: =cannot, with state (info 7)" in content
+    refused = make_transaction(state="refused", write_status=0xDF80B000, parameters=[])
+    assert "[refused DF80B000]" in written(text, make_capture(refused))
+
+
+def test_text_puts_many_parameters_below_the_line():
+    many = [Parameter(n, 0, "value", 1, None, None, "Float32", 1, [n / 7]) for n in range(9)]
+    lines = written(text, make_capture(make_transaction(parameters=many))).splitlines()
+    assert any("9 parameters  4 frames" in line for line in lines)
+    assert f"      p3[0] = {3 / 7}" in lines
+
+
+def test_text_groups_findings_with_one_filter_and_says_what_it_left_out():
+    findings = [Finding("DS204", "note", "polled", n) for n in range(1, 81)]
+    findings.append(Finding("DS101", "error", "gone", 7))
+    rules = {"DS204": SimpleNamespace(name="polled")}
+    options = report.Options(rules=rules)
+    content = written(text, make_capture(findings=findings), options=options)
+    assert content.index("DS101") < content.index("DS204")
+    assert "DS204 note polled: 80 findings" in content
+    assert content.count("frame.number in {") == 1
+    assert "(and 20 frames more)" in content
+    assert "and 68 more" in content
+    assert "frame.number == 7" in content
+
+
+def test_display_filter():
+    assert text.display_filter([3, 1, 2, 3]) == ("frame.number in {1, 2, 3}", 0)
+    assert text.display_filter([5, 5]) == ("frame.number == 5", 0)
+
+
+def test_text_colours_only_when_asked():
+    assert "\x1b[" not in written(text, hard_capture())
+    assert "\x1b[31m" in written(text, hard_capture(), options=report.Options(color=True))
+
+
+def test_text_sums_up_several_captures():
+    content = written(text, [make_capture(make_transaction()), make_capture(make_transaction())])
+    assert "All 2 captures\n  2 transactions: 2 ok; 2 read" in content
+    assert "no DS47 transaction" in written(text, make_capture())
+
+
+def test_percentile_is_a_measured_value():
+    assert [text.percentile(range(1, 101), at) for at in (50, 95, 100)] == [50, 95, 100]
+    assert text.percentile([7], 50) == 7
+
+
+def test_words():
+    array = Parameter(2902, 2, "value", 40, None, "V", "Float32", 40, [1.5] * 40)
+    assert words.parameter(array, written=False) == (
+        "p2902[2..41] = 1.5, 1.5, 1.5, 1.5, 1.5, 1.5, 1.5, 1.5, ... (40 values) V"
+    )
+    label = Parameter(944, 0, "text", 1, None, None, "VisibleString", 3, ['a"b'])
+    assert words.parameter(label, written=False) == 'p944[0].text = "a\\"b"'
+    change = Parameter(50304, 0, "value", 1, None, None, "Float32", 1, [100.0])
+    assert words.parameter(change, written=True) == "p50304[0] := 100.0"
+    scaled = Parameter(1, 0, "value", 1, None, "%", "N2", 1, [16384], [100.0])
+    assert words.parameter(scaled, written=False) == "p1[0] = 16384 (100.0 %)"
+    assert [words.duration(ns) for ns in (412_000, 12_400_000, 12_300_000_000)] == [
+        "0.412 ms",
+        "12.4 ms",
+        "12.3 s",
+    ]

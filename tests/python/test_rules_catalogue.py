@@ -1,0 +1,161 @@
+"""The catalogue of findings (spec/rules.toml): complete, in both languages, and pinned.
+
+Whether a rule is reported at the right place is tested with pairing, rules and codec, not here.
+"""
+
+from __future__ import annotations
+
+import re
+import string
+import tomllib
+from importlib import resources
+from typing import Any
+
+import pytest
+
+SEVERITIES = {"error", "warning", "note"}
+SCOPES = {"capture", "transport", "record", "message", "transaction"}
+ANCHORS = {"frame", "request", "write_response", "read_response", "superseding_request"}
+TEXTS = ["message", "cause", "advice", "message_zh", "cause_zh", "advice_zh"]
+KEYS = ["id", "name", "severity", "scope", "anchor", *TEXTS]
+
+# An id never changes its meaning: severity, name and arguments are what others rely on. Only add.
+PINNED = """
+DS101 warning request-without-response operation
+DS102 warning response-without-request operation
+DS103 warning retransmission first operation
+DS104 error rpc-fault code kind
+DS105 warning incomplete-fragments have kind
+DS106 warning truncated-frame captured original
+DS107 note time-steps-back milliseconds
+DS108 warning empty-rpc-body
+DS201 error read-refused status text
+DS202 warning record-length present stated
+DS203 error write-refused status text
+DS204 note polled count
+DS205 warning polled-long limit milliseconds
+DS206 warning nothing-to-read status
+DS207 warning read-without-data
+DS208 error nested-write-multiple
+DS301 warning reference-zero
+DS302 error unknown-request-id id
+DS303 error parameter-count-zero
+DS304 warning parameter-count-high count limit
+DS305 warning unknown-attribute attribute
+DS306 warning pnu-zero
+DS307 warning element-count-high count limit
+DS308 warning subindex-overflow count subindex
+DS309 error unknown-format format
+DS310 warning value-count elements values
+DS311 note pad-missing
+DS312 warning pad-not-zero pad
+DS313 warning bytes-left-over count
+DS314 note zeros-left-over count
+DS315 error bytes-missing need what
+DS316 note message-long length limit
+DS317 note size-ambiguous format size
+DS318 note error-words count
+DS319 error unknown-response-id id
+DS401 warning read-unanswered reason
+DS402 note change-response-unread reason
+DS403 warning orphan-response
+DS404 error reference-not-mirrored got sent
+DS405 error response-id-mismatch got sent
+DS406 error axis-not-mirrored got sent
+DS407 warning count-not-mirrored got sent
+DS408 warning fewer-values asked got pnu
+DS409 note more-values asked got pnu
+DS410 error drive-error code info pnu subindex text
+DS411 warning positive-with-error
+DS412 warning negative-without-error
+DS413 warning read-superseded by
+DS414 note change-superseded by
+DS415 note reference-constant reference
+DS416 warning slow limit milliseconds
+DS417 warning read-back-differs pnu read subindex written
+DS418 error request-not-supported id
+"""
+
+
+def load() -> list[dict[str, Any]]:
+    """The rules as the file has them, without the loader of ds47.spec in between."""
+    text = (resources.files("ds47") / "spec" / "rules.toml").read_text(encoding="utf-8")
+    document = tomllib.loads(text)
+    assert set(document) == {"rule"}
+    rules: list[dict[str, Any]] = document["rule"]
+    return rules
+
+
+def placeholders(template: str) -> list[str]:
+    """Names in braces, sorted; a format specification or a conversion is not allowed."""
+    names = []
+    for _, name, spec, conversion in string.Formatter().parse(template):
+        if name is not None:
+            assert name.isidentifier()
+            assert not spec
+            assert not conversion
+            names.append(name)
+    return sorted(names)
+
+
+RULES = load()
+EACH = pytest.mark.parametrize("rule", RULES, ids=[rule["id"] for rule in RULES])
+
+
+def test_ids_are_unique_and_sorted() -> None:
+    ids = [rule["id"] for rule in RULES]
+    assert ids == sorted(set(ids))
+    assert all(re.fullmatch(r"DS[1-7]\d\d", id_) for id_ in ids)
+
+
+def test_names_are_unique() -> None:
+    names = [rule["name"] for rule in RULES]
+    assert len(names) == len(set(names))
+    assert all(re.fullmatch(r"[a-z]+(-[a-z]+)*", name) for name in names)
+
+
+def test_meaning_is_pinned() -> None:
+    found = [
+        " ".join([rule["id"], rule["severity"], rule["name"], *placeholders(rule["message"])])
+        for rule in RULES
+    ]
+    assert set(PINNED.strip().splitlines()) <= set(found)
+
+
+@EACH
+def test_keys_and_vocabulary(rule: dict[str, Any]) -> None:
+    assert list(rule) == KEYS
+    assert rule["severity"] in SEVERITIES
+    assert rule["scope"] in SCOPES
+    assert rule["anchor"] in ANCHORS
+
+
+@EACH
+def test_texts_are_there(rule: dict[str, Any]) -> None:
+    for key in TEXTS:
+        text = rule[key]
+        assert isinstance(text, str)
+        assert text == text.strip() != "", key
+        assert "\n" not in text, key
+        assert not text.endswith(("..", "。。", ".。", "。.")), key
+
+
+@EACH
+def test_messages_are_short_facts(rule: dict[str, Any]) -> None:
+    for key in ("message", "message_zh"):
+        assert len(rule[key]) <= 120
+        assert not rule[key].endswith((".", "。"))
+    assert placeholders(rule["message"]) == placeholders(rule["message_zh"])
+
+
+@EACH
+def test_explanations_are_sentences_without_placeholders(rule: dict[str, Any]) -> None:
+    for key, stop in (("cause", "."), ("advice", "."), ("cause_zh", "。"), ("advice_zh", "。")):
+        assert placeholders(rule[key]) == []
+        assert rule[key].endswith(stop)
+
+
+@EACH
+def test_chinese_is_chinese(rule: dict[str, Any]) -> None:
+    for key in TEXTS:
+        assert bool(re.search("[\u4e00-\u9fff]", rule[key])) == key.endswith("_zh"), key

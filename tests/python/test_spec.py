@@ -1,0 +1,64 @@
+"""The tables: they load, agree with each other and say what the reference says."""
+
+from __future__ import annotations
+
+from ds47 import spec
+from ds47.profinet.status import status_hex, status_text
+
+
+def test_response_ids_of_requests_are_known() -> None:
+    for request in spec.request_ids().values():
+        assert request.positive in spec.response_ids()
+        assert request.negative in spec.response_ids()
+
+
+def test_dialects_point_into_the_table() -> None:
+    for name in ("profile_v3_types", "legacy_g120_formats"):
+        assert set(spec.dialect(name).values()) <= spec.formats().keys()
+
+
+def test_error_numbers_of_the_profile_are_complete() -> None:
+    assert set(spec.errors()) == set(range(0x65))
+    assert all(error.en and error.zh for error in spec.errors().values())
+
+
+def test_error_texts() -> None:
+    assert spec.error_text(0x15) == "Response too long for the transmission"
+    assert spec.error_text(0x03, "zh") == "错误的子索引"
+    assert spec.error_text(0x6B, "zh", 0x002A) == "控制器使能时无修改权限"
+    assert spec.error_text(0x6F, "en", 0x001A) == "Timeout"
+    assert spec.error_text(0x6B, "en", 0x0493) == "Manufacturer-specific error 0x6B"
+    assert "SINAMICS" in spec.error_text(0x6B)
+    assert spec.error_info_meaning(0x03) == "subindex"
+    assert spec.error_info_meaning(0x00) == "none"
+    sew = next(vendor for vendor in spec.vendors() if vendor.name == "SEW")
+    assert 0x85 in sew.errors
+
+
+def test_every_text_can_be_shown() -> None:
+    for vendor in (None, 0x002A, 0x001A, 0x0493):
+        for lang in ("en", "zh"):
+            assert all(spec.error_text(code, lang, vendor) for code in range(256))
+
+
+def test_status() -> None:
+    assert status_hex(0xDE80B500) == "DE80B500"
+    assert status_text(0xDE80B500) == "read: access: state conflict"
+    assert status_text(0xDE80B500, "zh") == "读取：访问：状态冲突"
+    assert status_text(0xDF80B700) == "write: access: invalid range"
+    assert status_text(0) == "ok"
+    for status in range(0, 2**32, 0x00FEDCBA):
+        assert status_text(status)
+
+
+def test_parameters() -> None:
+    table = spec.parameters()
+    assert (table[50303].unit, table[50303].type) == ("s", "Float32")
+    assert all(table[number].volatile for number in (952, 970, 971, 972, 977, 21, 25, 27))
+    assert not table[922].volatile
+    assert table[985].name_en == table[980].name_en
+
+
+def test_rules() -> None:
+    assert list(spec.rules()) == sorted(spec.rules())
+    assert spec.rules()["DS315"].severity == "error"

@@ -1,0 +1,34 @@
+#!/bin/sh
+# Installs what the tests need from the system: tshark and capinfos, and venv where Python lacks it.
+# As root on Debian and its relatives it installs; elsewhere it says what is missing and goes on.
+# Usage: system-packages.sh PYTHON VENV_PYTHON
+python=$1
+venv_python=$2
+missing=
+
+need() { missing="$missing $1"; }
+
+command -v tshark >/dev/null 2>&1 || need tshark
+command -v capinfos >/dev/null 2>&1 || need wireshark-common
+if [ ! -x "$venv_python" ] && ! "$python" -c 'import venv, ensurepip' 2>/dev/null; then
+    need python3-venv
+fi
+[ -z "$missing" ] && exit 0
+
+if [ "$(id -u)" -ne 0 ] || ! command -v apt-get >/dev/null 2>&1; then
+    echo "Not installed:$missing. Tests that need them are skipped; as root: apt-get install$missing" >&2
+    exit 0
+fi
+
+echo "Installing:$missing ..." >&2
+export DEBIAN_FRONTEND=noninteractive
+log=$(mktemp)
+# shellcheck disable=SC2086  # a list of words
+if { apt-get update && apt-get install --yes --no-install-recommends $missing; } >"$log" 2>&1 </dev/null; then
+    rm -f "$log"
+else
+    tail -n 20 "$log" >&2
+    rm -f "$log"
+    echo "Could not install:$missing. Going on without." >&2
+fi
+exit 0
