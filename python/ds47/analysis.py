@@ -7,7 +7,6 @@ Each step is a module of its own; here they are only joined. Nothing is printed,
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -79,6 +78,8 @@ def analyze(
     with open_capture(source) as capture:
         result = _Analysis(options, on_transaction).run(capture)
     if options.digest and isinstance(source, (str, Path)) and str(source) != "-":
+        import hashlib  # only here: it takes longer to import than a small capture to analyse
+
         with Path(source).open("rb") as stream:
             result.sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
     return result

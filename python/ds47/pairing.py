@@ -57,6 +57,7 @@ class Job:
     rereads: list[tuple[Half | None, Half]] = field(default_factory=list)
     empty_reads: list[Half] = field(default_factory=list)
     response: Response | None = None
+    """Decoded by whoever is told of the answer."""
     previous_reference: int | None = None
     superseded_by: int | None = None
     reason: str = ""
@@ -138,18 +139,18 @@ class Pairing:
         else:
             self._refuse(channel, job)
 
-    def read_response(self, peer: Peer, record: Record, message: Response | None) -> Job | None:
+    def read_response(self, peer: Peer, record: Record) -> Job | None:
         """The answer to a Read. Returns the job it went to, None where there is none."""
         half = record.response
         assert half is not None
         channel = self._channel(peer, record, half.time_ns)
         event = _read_event(half)
-        job = self._addressee(channel, event, half.data, message)
+        job = self._addressee(channel, event, half.data)
         if channel.refused is not None and channel.refused is not job:
             self._lose(channel.refused, "")
             channel.refused = None
         if job is not None:
-            self._read(channel, job, event, record, message)
+            self._read(channel, job, event, record)
             return job
         if event != "read_record":
             self._nothing_to_read(record)
@@ -160,7 +161,7 @@ class Pairing:
             return channel.last
         job = self._job(peer, record, None)
         job.phase = "open"
-        self._read(channel, job, event, record, message)
+        self._read(channel, job, event, record)
         return job
 
     def read_lost(self, peer: Peer, record: Record) -> Job | None:
@@ -232,11 +233,9 @@ class Pairing:
             self._lose(channel.refused, "")
         channel.refused = job
 
-    def _addressee(
-        self, channel: _Channel, event: str, data: bytes, message: Response | None
-    ) -> Job | None:
+    def _addressee(self, channel: _Channel, event: str, data: bytes) -> Job | None:
         """The job a Read answers; a Write whose response was not seen counts when the answer fits."""
-        reference = message.request_reference if message else None
+        reference = data[0] if data else None
         if event == "read_record":
             for job in ([channel.open] if channel.open else []) + channel.asked[::-1]:
                 if job.reference == reference:
@@ -248,9 +247,7 @@ class Pairing:
             return None if old_answer else channel.asked[-1]
         return channel.refused
 
-    def _read(
-        self, channel: _Channel, job: Job, event: str, record: Record, message: Response | None
-    ) -> None:
+    def _read(self, channel: _Channel, job: Job, event: str, record: Record) -> None:
         half = record.response
         assert half is not None
         if job.phase == "asked":
@@ -263,7 +260,7 @@ class Pairing:
             if half.status is not None:
                 job.empty_reads.append(half)
         else:
-            job.read_request, job.read_response, job.response = record.request, half, message
+            job.read_request, job.read_response = record.request, half
             if channel.open is job:
                 channel.open = None
             if channel.refused is job:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from ds47.gate import Gate
+from ds47.gate import ArKey, Gate
 from ds47.pairing import Job, Pairing, Peer
 from ds47.profidrive import Options, decode_request, decode_response
 from ds47.profinet import rpc
@@ -155,12 +155,17 @@ class RecordCalls:
 
     def _read_answered(self, pdu: rpc.Pdu, record: Record, half: Half) -> None:
         self._length(pdu, record, half)
-        message = decode_response(half.data, None, self._codec) if half.data else None
-        shaped = message is not None and message.shaped and not half.missing
+        shaped = False
+        if (
+            half.data
+            and not half.missing
+            and self._gate.needs_proof(_ar(pdu, record), record.index)
+        ):
+            shaped = decode_response(half.data, None, self._codec).shaped
 
         def event() -> None:
             self._clock(pdu)
-            self._pairing.read_response(_peer(pdu), record, message)
+            self._pairing.read_response(_peer(pdu), record)
 
         self._pass(pdu, record, event, shaped=shaped)
 
@@ -234,12 +239,15 @@ class RecordCalls:
     def _pass(
         self, pdu: rpc.Pdu, record: Record, event: Callable[[], Any], *, shaped: bool = False
     ) -> None:
-        ar = (pdu.client, pdu.server, record.ar)
-        self._gate.pass_on(ar, record.index, event, shaped=shaped)
+        self._gate.pass_on(_ar(pdu, record), record.index, event, shaped=shaped)
 
     def _count(self, index: int, *, write: bool) -> None:
         counts = self.counts.setdefault(index, {"read": 0, "write": 0})
         counts["write" if write else "read"] += 1
+
+
+def _ar(pdu: rpc.Pdu, record: Record) -> ArKey:
+    return pdu.client, pdu.server, record.ar
 
 
 def _peer(pdu: rpc.Pdu) -> Peer:

@@ -148,8 +148,8 @@ _ETHERNET_TYPES = "12xHHHH"
 
 
 def pcap_layout(order: ByteOrder, header: int) -> struct.Struct:
-    """The fields of a pcap record (`header` bytes long) and of the Ethernet frame in it."""
-    return struct.Struct(f"{'<>'[order == 'big']}4I{header - 16}x{_ETHERNET_TYPES}")
+    """Captured length of a pcap record (`header` bytes long) and the types of the Ethernet frame in it."""
+    return struct.Struct(f"{'<>'[order == 'big']}8xI{header - 12}x{_ETHERNET_TYPES}")
 
 
 def scan_pcap(
@@ -168,12 +168,13 @@ def scan_pcap(
     unpack = layout.unpack_from
     profinet, dcp, tags, kept = reject.profinet, reject.dcp, reject.tags, reject.kept
     position, number, last = cursor.position, cursor.frames, end - header
+    record = struct.Struct(f"{layout.format[0]}4I").unpack_from
     while position <= last:
-        seconds, fraction, captured, original, kind, first, inner, second = unpack(data, position)
-        after = position + header + captured
+        captured, kind, first, inner, second = unpack(data, position)
+        start = position + header
+        after = start + captured
         if after > end or captured > MAX_FRAME:
             break
-        start = position + header
         position = after
         number += 1
         if kind == profinet:
@@ -184,6 +185,7 @@ def scan_pcap(
                 continue
         elif kind not in kept:
             continue
+        seconds, fraction, _captured, original = record(data, start - header)
         if relevant(data, start, after, link_type, original):
             cursor.position, cursor.frames = position, number
             yield number, seconds, fraction, captured, original, start

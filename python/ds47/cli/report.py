@@ -105,7 +105,13 @@ class _Run:
 
     def one(self, path: str, writer: Writer) -> None:
         """Analyses a capture and hands what it says to the writer."""
+        import gc
+
         from ds47.analysis import analyze
+
+        # What an analysis keeps has no cycles: looking for them again and again only costs time.
+        gc.freeze()
+        gc.set_threshold(100_000, 50, 100)
         from ds47.capture import CaptureError
 
         def finished(transaction: Transaction, findings: Sequence[Finding]) -> None:
