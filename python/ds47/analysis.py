@@ -158,6 +158,7 @@ class _Analysis:
         if remarks is None:
             job.reason = self._findings.reason(job.reason) if job.reason else ""
             remarks = self._judge.unanswered(job)
+        remarks += self._judge.closed(job)
         transaction = build(job, self._options.lang)
         summarise(self._summary, transaction)
         if self._on_transaction is None:

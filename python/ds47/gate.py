@@ -13,6 +13,11 @@ from collections.abc import Callable
 ALWAYS = frozenset({0xB02E, 0xB02F})
 SHARED_INDEX = 47
 
+_MOST_OPEN = 65_536
+"""ARs that have proved themselves and are remembered; the one that spoke last goes last."""
+_WAITING_ARS = 16
+"""How many ARs may have all the waiting events that one AR may have."""
+
 ArKey = tuple[str, str, bytes]
 """Controller, device, AR UUID (nil for ReadImplicit)."""
 
@@ -22,14 +27,16 @@ class Gate:
 
     Args:
         extra: record indices that are ours whatever they hold.
-        waiting: how many events of one AR, and how many ARs, may wait; the oldest goes first.
+        waiting: how many events of one AR, and how many ARs, may wait; the oldest goes first. All
+            ARs together may have 16 times as many events waiting.
     """
 
     def __init__(self, extra: frozenset[int], waiting: int) -> None:
         self._always = ALWAYS | extra
         self._waiting = waiting
-        self._open: set[ArKey] = set()
+        self._open: OrderedDict[ArKey, None] = OrderedDict()
         self._held: OrderedDict[ArKey, deque[Callable[[], None]]] = OrderedDict()
+        self._events = 0
 
     def concerns(self, index: int) -> bool:
         """Whether a record of this index can be ours at all."""
@@ -44,14 +51,25 @@ class Gate:
     ) -> None:
         """Runs the event, now or when a shaped message of the same AR comes; never if none does."""
         if not self.needs_proof(ar, index):
+            if ar in self._open:
+                self._open.move_to_end(ar)
             event()
             return
         if shaped:
-            self._open.add(ar)
-            for held in self._held.pop(ar, ()):
-                held()
+            self._prove(ar)
             event()
             return
-        self._held.setdefault(ar, deque(maxlen=self._waiting)).append(event)
-        while len(self._held) > self._waiting:
-            self._held.popitem(last=False)
+        held = self._held.setdefault(ar, deque(maxlen=self._waiting))
+        self._events += len(held) < self._waiting
+        held.append(event)
+        while len(self._held) > self._waiting or self._events > _WAITING_ARS * self._waiting:
+            self._events -= len(self._held.popitem(last=False)[1])
+
+    def _prove(self, ar: ArKey) -> None:
+        self._open[ar] = None
+        while len(self._open) > _MOST_OPEN:
+            self._open.popitem(last=False)
+        held = self._held.pop(ar, ())
+        self._events -= len(held)
+        for event in held:
+            event()

@@ -172,9 +172,10 @@ class Pairing:
             job.read_request = record.request
         return job or None
 
-    def release(self, ar: bytes) -> None:
+    def release(self, controller: str, device: str, ar: bytes) -> None:
         """The AR is over: what is open on its channels stays unanswered."""
-        for key in [key for key in self._channels if key.ar == ar]:
+        released = (controller, device, ar)
+        for key in [key for key in self._channels if key[:3] == released]:
             self._close_channel(self._channels.pop(key), "release")
 
     def finish(self) -> None:

@@ -80,7 +80,7 @@ class RecordCalls:
     def _request(self, call: Call) -> None:
         pdu = call.request
         if pdu.opnum == rpc.RELEASE and (ar := released_ar(pdu)):
-            self._pairing.release(ar)
+            self._pairing.release(pdu.client, pdu.server, ar)
         if pdu.opnum not in _OPERATIONS:
             return
         body = parse_request(pdu)
@@ -91,7 +91,6 @@ class RecordCalls:
             self._count(record.index, write=record.write)
         if body.nested:
             self._remark(Remark("DS208", pdu.frame))
-            body.records.clear()
         for record in body.records:
             if self._gate.concerns(record.index):
                 self._record_request(pdu, record, context)

@@ -56,7 +56,6 @@ def is_mismatch(job: Job) -> bool:
         or request.request_id is None
         or not family_fits(request.request_id, response.response_id)
         or len(response.blocks) > len(request.addresses)
-        or (response.parameter_count or 0) > len(request.addresses)
     )
 
 
@@ -90,7 +89,7 @@ class Judge:
 
     def answered(self, job: Job) -> list[Remark]:
         """What its response, and the values in it, say of a job. Call in the order of the capture."""
-        remarks = [*self._request(job), *self._status(job), *self._response(job), *self._time(job)]
+        remarks = [*self._request(job), *self._reads(job), *self._response(job), *self._time(job)]
         if not is_mismatch(job):
             remarks += self._read_back(job)
             self._learn_limit(job)
@@ -98,7 +97,7 @@ class Judge:
 
     def unanswered(self, job: Job) -> list[Remark]:
         """What is to be said of a job that is closed without a response."""
-        remarks = [*self._request(job), *self._status(job)]
+        remarks = [*self._request(job), *self._reads(job)]
         write = job.write_request
         if write is None or (job.write_response and job.write_response.status) or job.write_fault:
             pass
@@ -127,10 +126,17 @@ class Judge:
         if job.previous_reference is not None and job.previous_reference == job.reference:
             yield Remark("DS415", half.frame, {"reference": job.reference})
 
-    def _status(self, job: Job) -> Iterator[Remark]:
-        for rule, half in (("DS203", job.write_response), ("DS201", job.read_response)):
-            if half and half.status:
-                yield Remark(rule, half.frame, self._status_args(half.status))
+    def closed(self, job: Job) -> list[Remark]:
+        """What its Write response says of a job; it may come after the Read."""
+        half = job.write_response
+        if half is None or not half.status:
+            return []
+        return [Remark("DS203", half.frame, self._status_args(half.status), job=job)]
+
+    def _reads(self, job: Job) -> Iterator[Remark]:
+        half = job.read_response
+        if half and half.status:
+            yield Remark("DS201", half.frame, self._status_args(half.status))
         for half in job.empty_reads:
             yield Remark("DS207", half.frame)
 

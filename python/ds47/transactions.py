@@ -66,10 +66,10 @@ def operation(job: Job) -> str:
 
 def state(job: Job, parameters_: list[Parameter]) -> str:
     """The state of a closed job: the first of design order that applies."""
-    write, read = job.write_response, job.read_response
+    read = job.read_response
     if job.message is None:
         return "orphan"
-    if job.write_fault or (write and write.status) or (read and read.status):
+    if _refused(job):
         return "refused"
     if job.superseded_by is not None and read is None:
         return "superseded"
@@ -78,6 +78,11 @@ def state(job: Job, parameters_: list[Parameter]) -> str:
     if is_mismatch(job):
         return "mismatch"
     return _outcome(job, parameters_)
+
+
+def _refused(job: Job) -> bool:
+    write, read = job.write_response, job.read_response
+    return job.write_fault or bool((write and write.status) or (read and read.status))
 
 
 def _outcome(job: Job, parameters_: list[Parameter]) -> str:
@@ -98,9 +103,12 @@ def _outcome(job: Job, parameters_: list[Parameter]) -> str:
 def _parameters(job: Job, lang: str) -> list[Parameter]:
     request, response = job.message, job.response
     blocks: list[Block] = response.blocks if response else []
-    if request is None or (is_mismatch(job) and request.operation != "change"):
+    stray = is_mismatch(job)
+    if stray and request is not None and request.operation == "change":
+        blocks = request.blocks
+    if request is None or (stray and not _refused(job)):
         return [_parameter(job, lang, None, block, block) for block in blocks]
-    answers: list[Block | None] = [] if is_mismatch(job) else list(blocks)
+    answers: list[Block | None] = [] if stray else list(blocks)
     values: list[Block | None] = list(request.blocks) if request.operation == "change" else answers
     rows = zip_longest(request.addresses, values[: len(request.addresses)], answers)
     return [_parameter(job, lang, *row) for row in rows if row[0] is not None]

@@ -90,8 +90,8 @@ class PcapngReader:
         self._interfaces: list[_Interface] = []
         self._links = Links()
         self._last_ns = 0
-        self._section = -1
-        self._lost: dict[tuple[int, int], dict[int, int]] = {}
+        self._lost_before: int | None = None
+        self._lost: dict[int, dict[int, int]] = {}
         self.problem: str | None = None
         self._set_order("little")
         try:
@@ -109,8 +109,9 @@ class PcapngReader:
     def dropped(self) -> int | None:
         """Frames that the capturing machine lost, as far as the file says so."""
         if not self._lost:
-            return None
-        return sum(sum(counters.values()) for counters in self._lost.values())
+            return self._lost_before
+        lost = sum(sum(counters.values()) for counters in self._lost.values())
+        return lost + (self._lost_before or 0)
 
     def read(self) -> Iterator[Frame]:
         """Yield the frames that may matter; sets `problem` when it must stop early."""
@@ -227,7 +228,8 @@ class PcapngReader:
         (major,) = struct.unpack_from(self._sign + "H", body, 4)
         if major != 1:
             raise _BrokenBlockError(f"the section has version {major}, known is 1")
-        self._section += 1
+        self._lost_before = self.dropped
+        self._lost = {}
         self._interfaces = []
         self._links = Links()
 
@@ -294,13 +296,15 @@ class PcapngReader:
     def _on_statistics(self, body: bytes) -> None:
         """Counters run from the start of the capture, so that the last block of each counts."""
         (interface,) = self._word.unpack_from(body)
+        if interface >= len(self._interfaces):
+            return
         counters = {
             code: int.from_bytes(value[:8], self._order)
             for code, value in self._options(body, 12)
             if code in (5, 7) and len(value) >= 8  # isb_ifdrop, isb_osdrop
         }
         if counters:
-            self._lost.setdefault((self._section, interface), {}).update(counters)
+            self._lost.setdefault(interface, {}).update(counters)
 
     def _options(self, body: bytes, at: int) -> Iterator[tuple[int, bytes]]:
         """Yield (code, value) up to the end; options that leave the block are not ours to judge."""

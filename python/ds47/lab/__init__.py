@@ -1,7 +1,7 @@
 """The lab: a simulated controller and drive that write captures.
 
 Here are the list of scenarios and how one becomes a file. What happens in them is in the modules
-`seeds`, `formats`, `transport`, `records`, `messages`, `conversation` and `naming`; who talks is
+`seeds`, `formats`, `transport`, `records`, `messages`, `conversation`, `naming` and `tour`; who talks is
 `client`, how it is carried `stage`, and its bytes come from `wire`, `message` and `ether`.
 Needs scapy, but only when a capture is made: `pip install ds47[lab]`.
 """
@@ -21,9 +21,9 @@ __all__ = ["Expect", "Scenario", "scenarios", "write"]
 @cache
 def scenarios() -> Mapping[str, Scenario]:
     """Every scenario by its name, in the order of the names."""
-    from ds47.lab import conversation, formats, messages, naming, records, seeds, transport
+    from ds47.lab import conversation, formats, messages, naming, records, seeds, tour, transport
 
-    modules = (conversation, formats, messages, naming, records, seeds, transport)
+    modules = (conversation, formats, messages, naming, records, seeds, tour, transport)
     every = [scenario for module in modules for scenario in module.BOOK.scenarios]
     names = {scenario.name: scenario for scenario in every}
     if len(names) != len(every):

@@ -124,6 +124,8 @@ class CallTracker:
 
     def _response(self, pdu: Pdu) -> None:
         activity = self._activities.get((pdu.client, pdu.activity))
+        if activity is not None:
+            self._expire(activity, pdu.time_ns)
         call = activity.calls.get(pdu.seq) if activity else None
         if call is None:
             self._handlers.orphan_response(pdu)

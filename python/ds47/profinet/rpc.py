@@ -8,7 +8,7 @@ Which response belongs to which request is decided in `calls`.
 from __future__ import annotations
 
 import struct
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from dataclasses import dataclass
 from typing import Final
 
@@ -113,6 +113,15 @@ class _Partial:
     last: int | None
     newest: Pdu
 
+    def add(self, pdu: Pdu) -> None:
+        """Takes a fragment, once; what stands behind the last one is none of this message."""
+        if pdu.last and self.last is None:
+            self.last = pdu.fragment
+            for number in [number for number in self.parts if number > pdu.fragment]:
+                del self.parts[number]
+        if self.last is None or pdu.fragment <= self.last:
+            self.parts.setdefault(pdu.fragment, pdu)
+
 
 class Fragments:
     """Puts fragmented RPC messages together; bounded in number and in capture time.
@@ -120,13 +129,16 @@ class Fragments:
     Args:
         expiry_ns: how long an incomplete message is kept, nanoseconds of capture time.
         limit: how many incomplete messages are kept.
+        fragments: how many fragments of incomplete messages are kept; the oldest message goes first.
     """
 
-    def __init__(self, expiry_ns: int, limit: int = 1024) -> None:
+    def __init__(self, expiry_ns: int, limit: int = 1024, fragments: int = 16_384) -> None:
         self._expiry_ns = expiry_ns
         self._limit = limit
+        self._most_fragments = fragments
         self._partial: OrderedDict[tuple[str, bytes, int, int], _Partial] = OrderedDict()
-        self._given_up: list[_Partial] = []
+        self._given_up: deque[tuple[Pdu, int]] = deque(maxlen=limit)
+        self._fragments = 0
 
     def feed(self, pdu: Pdu) -> Pdu | None:
         """The whole message, as soon as there is one. Its frame and time are the completing frame's."""
@@ -137,13 +149,16 @@ class Fragments:
         if partial is None:
             self._make_room(pdu.time_ns)
             partial = self._partial[key] = _Partial(pdu, {}, None, pdu)
-        partial.parts.setdefault(pdu.fragment, pdu)
+        before = len(partial.parts)
+        partial.add(pdu)
         partial.newest = pdu
-        if pdu.last:
-            partial.last = pdu.fragment
+        self._fragments += len(partial.parts) - before
         if partial.last is None or len(partial.parts) <= partial.last:
+            while self._fragments > self._most_fragments:
+                self._give_up()
             return None
         del self._partial[key]
+        self._fragments -= len(partial.parts)
         return _join(partial, pdu)
 
     def _make_room(self, now: int) -> None:
@@ -152,13 +167,20 @@ class Fragments:
             fresh = now - oldest.newest.time_ns <= self._expiry_ns
             if fresh and len(self._partial) < self._limit:
                 return
-            self._given_up.append(self._partial.popitem(last=False)[1])
-            del self._given_up[: -self._limit]
+            self._give_up()
+
+    def _give_up(self) -> None:
+        partial = self._partial.popitem(last=False)[1]
+        self._fragments -= len(partial.parts)
+        self._given_up.append(_beginning(partial))
 
     def unfinished(self) -> list[tuple[Pdu, int]]:
         """First fragment (or the first seen) and number of fragments of all that never became whole."""
-        every = self._given_up + list(self._partial.values())
-        return [(p.parts.get(0, p.first), len(p.parts)) for p in every]
+        return [*self._given_up, *map(_beginning, self._partial.values())]
+
+
+def _beginning(partial: _Partial) -> tuple[Pdu, int]:
+    return partial.parts.get(0, partial.first), len(partial.parts)
 
 
 def _join(partial: _Partial, newest: Pdu) -> Pdu:

@@ -1,0 +1,164 @@
+"""The conversation vectors: well-formed, complete, and what the analyzer makes of each."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import subprocess
+import sys
+from ipaddress import IPv4Address
+from pathlib import Path
+from typing import Any
+
+import pytest
+from frames import block, ethernet, option, udp
+from jsonschema import Draft202012Validator
+
+from ds47.analysis import AnalysisOptions, analyze
+from ds47.capture.writer import PcapngWriter
+from ds47.model import CaptureResult, Finding, Transaction
+from ds47.profinet.status import status_hex
+from ds47.spec.semantics import reasons
+
+ROOT = Path(__file__).resolve().parents[2]
+FILE = ROOT / "tests/vectors/conversations.json"
+VECTORS = json.loads(FILE.read_text(encoding="utf-8"))
+CASES = VECTORS["cases"]
+START_NS = 1_767_254_400_000_000_000
+
+NO_CONVERSATION = {
+    "P1": "that no clock is read is a property of the program, not of what it says",
+    "P50": "about the order of output formats: test_report_formats.py",
+    "P51": "about the catalogue: test_rules_catalogue.py; every finding here names its frame",
+    "P52": "takes tens of thousands of entries",
+}
+"""Sentences that no small conversation can show, and why."""
+
+
+def frame(step: dict[str, Any]) -> bytes:
+    ports = (step.get("client_port", 49152), step.get("server_port", 34964))
+    ends = (step["client"], step["server"])
+    if step["direction"] == "response":
+        ports, ends = ports[::-1], ends[::-1]
+    payload = udp(bytes.fromhex(step["bytes"]), ports)
+    head = bytearray(bytes.fromhex("4500 0000 0000 0000 4011 0000"))
+    head[2:4] = (20 + len(payload)).to_bytes(2, "big")
+    head[4:6] = step["ip_id"].to_bytes(2, "big")
+    return ethernet(0x0800, bytes(head) + b"".join(IPv4Address(ip).packed for ip in ends) + payload)
+
+
+def capture(case: dict[str, Any]) -> io.BytesIO:
+    target = io.BytesIO()
+    with PcapngWriter(target) as writer:
+        for step in case["steps"]:
+            writer.write(START_NS + step["t"], frame(step))
+    if "dropped" in case:
+        lost = option(5, case["dropped"].to_bytes(8, "little")) + option(0, b"")
+        target.write(block(5, bytes(12) + lost))
+    target.seek(0)
+    return target
+
+
+def run(case: dict[str, Any]) -> CaptureResult:
+    indices = frozenset(case.get("options", {}).get("indices", ()))
+    return analyze(capture(case), AnalysisOptions(indices=indices))
+
+
+def calls(pairs: list[tuple[int | None, int | None]]) -> list[dict[str, int | None]]:
+    return [{"request": request, "response": response} for request, response in pairs]
+
+
+def status(value: int | None) -> str | None:
+    return None if value is None else status_hex(value)
+
+
+def shown(transaction: Transaction) -> dict[str, Any]:
+    """A transaction in the words of a vector."""
+    names = (
+        "id", "operation", "state", "controller", "device", "ar", "api", "slot", "subslot",
+        "index", "request_reference", "axis", "duration_ns",
+    )  # fmt: skip
+    single = ("write_request", "write_response", "read_request", "read_response")
+    frames = transaction.frames
+    return {name: getattr(transaction, name) for name in names} | {
+        "frames": {name: getattr(frames, name) for name in single}
+        | {"polls": calls(frames.polls), "rereads": calls(frames.rereads)},
+        "status": {
+            "write": status(transaction.write_status),
+            "read": status(transaction.read_status),
+        },
+        "parameters": [
+            {
+                "pnu": each.pnu,
+                "subindex": each.subindex,
+                "attribute": each.attribute,
+                "format": each.format,
+                "values": each.values,
+                "error": each.error and {"code": each.error.code, "info": each.error.info},
+            }
+            for each in transaction.parameters
+        ],
+    }
+
+
+def told(finding: Finding) -> dict[str, Any]:
+    """A finding in the words of a vector."""
+    result: dict[str, Any] = {name: getattr(finding, name) for name in ("rule", "frame")}
+    result["transaction"] = finding.transaction
+    if reasons("en")["dropped"] in finding.message:
+        result["says_dropped"] = True
+    return result
+
+
+def in_order(findings: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return sorted(findings, key=lambda f: (f["frame"], f["rule"], f["transaction"] or 0))
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case["id"])
+def test_conversation(case: dict[str, Any]) -> None:
+    result = run(case)
+    assert result.frames == len(case["steps"])
+    assert result.complete
+    assert result.dropped == case.get("dropped")
+    assert [shown(each) for each in result.transactions] == case["expect"]["transactions"]
+    assert [told(each) for each in result.findings] == in_order(case["expect"]["findings"])
+
+
+def test_file_obeys_its_schema() -> None:
+    schema = json.loads(FILE.with_suffix(".schema.json").read_text(encoding="utf-8"))
+    Draft202012Validator.check_schema(schema)
+    problems = [
+        f"{error.json_path}: {error.message}"
+        for error in Draft202012Validator(schema).iter_errors(VECTORS)
+    ]
+    assert problems == []
+
+
+def test_count_is_the_number_of_cases() -> None:
+    assert VECTORS["count"] == len(CASES)
+    assert len({case["id"] for case in CASES}) == len(CASES)
+
+
+def test_each_case_shows_the_sentence_in_its_name() -> None:
+    assert [case["id"] for case in CASES if case["id"].split("-")[0] not in case["shows"]] == []
+
+
+def test_findings_stand_in_the_order_of_frame_and_rule() -> None:
+    for case in CASES:
+        assert case["expect"]["findings"] == in_order(case["expect"]["findings"]), case["id"]
+
+
+def test_every_sentence_has_a_case_or_a_reason_why_not() -> None:
+    text = (ROOT / "docs/pairing.md").read_text(encoding="utf-8")
+    sentences = set(re.findall(r"^\* \*\*(P\d+)\*\*", text, re.MULTILINE))
+    shows = {sentence for case in CASES for sentence in case["shows"]}
+    assert shows - sentences == set()
+    assert sentences - shows == set(NO_CONVERSATION)
+
+
+def test_the_tool_writes_this_file(tmp_path: Path) -> None:
+    tool = ROOT / "tools/make_conversations.py"
+    target = tmp_path / FILE.name
+    subprocess.run([sys.executable, str(tool), str(target)], check=True, timeout=60)
+    assert target.read_bytes() == FILE.read_bytes(), f"run {tool.name} again"
