@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ds47.pairing import Job
-from ds47.profidrive import Block, Flaw, Request
+from ds47.profidrive import Address, Block, Flaw, Request
+from ds47.profidrive.model import VALUE, Value
 from ds47.profinet.status import status_hex, status_text
 from ds47.spec import error_text, parameters, request_ids
 from ds47.spec.semantics import Limits
@@ -22,7 +23,6 @@ PNU_ACCESS_IDENTIFICATION = 974
 """r0974[0] is the longest message the device takes (docs/protocol.md A.5, D.1)."""
 NOT_SUPPORTED = 0x80
 """Response id of a device that does not know the request id."""
-_VALUE_ATTRIBUTE = 0x10
 
 
 @dataclass(slots=True)
@@ -84,7 +84,7 @@ class Judge:
         self._limits = limits
         self._slow_ns = slow_ns
         self._lang = lang
-        self._written: OrderedDict[tuple[Any, ...], bytes] = OrderedDict()
+        self._written: OrderedDict[tuple[Any, ...], tuple[bytes, Value]] = OrderedDict()
         self._longest: dict[str, int] = {}
 
     def answered(self, job: Job) -> list[Remark]:
@@ -185,7 +185,7 @@ class Judge:
             elif address and request and request.operation == "read":
                 yield from _element_count(frame, block, address)
 
-    def _error_args(self, job: Job, block: Block, address: Any) -> dict[str, Any]:
+    def _error_args(self, job: Job, block: Block, address: Address | None) -> dict[str, Any]:
         assert block.error is not None
         code, info = block.error.code, block.error.info
         return {
@@ -224,17 +224,13 @@ class Judge:
         if request.operation != "read":
             return
         for address, block in zip(request.addresses, response.blocks, strict=False):
-            for element, raw in _elements(address, block):
-                written = self._written.get((*where, address.pnu, element))
-                if written is None or len(written) != len(raw) or written == raw:
+            for element, raw, value in _elements(address, block):
+                written, meant = self._written.get((*where, address.pnu, element), (b"", ""))
+                if len(written) != len(raw) or written == raw:
                     continue
                 del self._written[(*where, address.pnu, element)]
-                args = {
-                    "pnu": address.pnu,
-                    "subindex": element,
-                    "written": written.hex(" ").upper(),
-                    "read": raw.hex(" ").upper(),
-                }
+                where_read = {"pnu": address.pnu, "subindex": element}
+                args = {**where_read, "written": meant, "read": value}
                 yield Remark("DS417", job.read_response.frame, args, block.offset)
 
     def _remember(self, where: tuple[Any, ...], request: Request, answers: list[Block]) -> None:
@@ -246,9 +242,9 @@ class Judge:
             pnu = known.get(address.pnu)
             if failed or (pnu and pnu.volatile):
                 continue
-            for element, raw in _elements(address, block):
+            for element, raw, value in _elements(address, block):
                 key = (*where, address.pnu, element)
-                self._written[key] = raw
+                self._written[key] = raw, value
                 self._written.move_to_end(key)
         while len(self._written) > self._limits.written_values:
             self._written.popitem(last=False)
@@ -259,7 +255,7 @@ class Judge:
             return
         where = _place(job)
         for address, block in zip(job.message.addresses, job.message.blocks, strict=False):
-            for element, _ in _elements(address, block):
+            for element, _raw, _value in _elements(address, block):
                 self._written.pop((*where, address.pnu, element), None)
 
     def _learn_limit(self, job: Job) -> None:
@@ -268,7 +264,7 @@ class Judge:
             return
         for address, block in zip(request.addresses, response.blocks, strict=False):
             wanted = address.pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0
-            if wanted and address.attribute == _VALUE_ATTRIBUTE and block.values:
+            if wanted and address.attribute == VALUE and block.values:
                 value = block.values[0]
                 if (
                     isinstance(value, int)
@@ -293,9 +289,9 @@ def _is_change(job: Job) -> bool:
     return job.message is not None and job.message.operation == "change"
 
 
-def _element_count(frame: int, block: Block, address: Any) -> Iterator[Remark]:
+def _element_count(frame: int, block: Block, address: Address) -> Iterator[Remark]:
     asked = max(1, address.element_count)
-    if block.value_count == asked or address.attribute != _VALUE_ATTRIBUTE:
+    if block.value_count == asked or address.attribute != VALUE:
         return
     if address.element_count == 0 and block.value_count > 1:
         return  # count 0 asks for the whole simple parameter; a string has as many values as characters
@@ -304,15 +300,16 @@ def _element_count(frame: int, block: Block, address: Any) -> Iterator[Remark]:
     yield Remark(rule, frame, args, block.offset)
 
 
-def _elements(address: Any, block: Block) -> Iterator[tuple[int, bytes]]:
-    """Subindex and bytes of each element of a value block; nothing for errors, texts and descriptions."""
-    if address.attribute != _VALUE_ATTRIBUTE or block.error is not None or not block.value_count:
+def _elements(address: Address, block: Block) -> Iterator[tuple[int, bytes, Value]]:
+    """Subindex, bytes and value of each element of a block; nothing for errors, texts and strings."""
+    count = block.value_count
+    if address.attribute != VALUE or block.error is not None or not count:
         return
-    size, odd = divmod(len(block.raw), block.value_count)
-    if odd or not size or size * block.value_count != len(block.raw):
+    if len(block.values) != count or len(block.raw) % count:
         return
-    for number in range(block.value_count):
-        yield address.subindex + number, block.raw[number * size : (number + 1) * size]
+    size = len(block.raw) // count
+    for number, value in enumerate(block.values):
+        yield address.subindex + number, block.raw[number * size : (number + 1) * size], value
 
 
 def _ms(nanoseconds: int) -> str:

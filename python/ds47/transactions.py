@@ -12,12 +12,10 @@ from ds47.pairing import Job
 from ds47.profidrive import Address, Block
 from ds47.profinet.records import NIL_UUID, Half
 from ds47.rules import is_mismatch
-from ds47.spec import error_text, parameters, response_ids
+from ds47.spec import error_text, parameters, request_ids, response_ids
 
 SIEMENS = 0x002A
 """PROFINET vendor id of the drives whose own parameters parameters.toml names."""
-
-_OPERATION_OF_RESPONSE = {0x01: "read", 0x81: "read", 0x02: "change", 0x82: "change"}
 
 
 def build(job: Job, lang: str = "en") -> Transaction:
@@ -61,7 +59,10 @@ def operation(job: Job) -> str:
     if job.message is not None:
         return job.message.operation
     response_id = job.response.response_id if job.response else None
-    return _OPERATION_OF_RESPONSE.get(response_id or 0, "unknown")
+    for known in request_ids().values():
+        if response_id in (known.positive, known.negative):
+            return known.operation
+    return "unknown"
 
 
 def state(job: Job, parameters_: list[Parameter]) -> str:
