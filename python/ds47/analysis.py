@@ -98,11 +98,12 @@ class _Analysis:
         self._judge = Judge(bounds, slow_ns, options.lang)
         self._pairing = Pairing(bounds, self._answered, self._closed, self._nothing_to_read)
         gate = Gate(options.indices, bounds.waiting_calls)
-        self._records = RecordCalls(gate, self._pairing, options.codec, self._findings.add)
+        self._records = RecordCalls(gate, self._pairing, options.codec, self._remark)
         self._calls = CallTracker(bounds, self._records.handlers())
         self._fragments = rpc.Fragments(bounds.fragment_expiry_ns)
         self._naming = Naming()
         self._answers: dict[Job, list[Remark]] = {}
+        self._transport: dict[Job, list[Remark]] = {}
         self._transactions: dict[Job, Transaction] = {}
         self._summary: dict[str, int] = {"transactions": 0}
 
@@ -147,6 +148,16 @@ class _Analysis:
             self._naming.message(whole)
             self._calls.feed(whole)
 
+    def _remark(self, remark: Remark) -> None:
+        """A transport finding; where transactions are handed out, it goes with that of its job."""
+        job = remark.job
+        if self._on_transaction is not None and job is not None:
+            if job.phase != "closed":
+                self._transport.setdefault(job, []).append(remark)
+                return
+            remark.job = None  # handed out already
+        self._findings.add(remark)
+
     def _answered(self, job: Job) -> None:
         half = job.read_response
         if half is not None and half.data:
@@ -159,6 +170,7 @@ class _Analysis:
             job.reason = self._findings.reason(job.reason) if job.reason else ""
             remarks = self._judge.unanswered(job)
         remarks += self._judge.closed(job)
+        remarks += self._transport.pop(job, [])
         transaction = build(job, self._options.lang)
         summarise(self._summary, transaction)
         if self._on_transaction is None:

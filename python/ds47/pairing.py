@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from ds47.profidrive import Request, Response
 from ds47.profinet.records import Half, Record
@@ -18,6 +18,11 @@ from ds47.spec.semantics import Limits, phases
 
 STATUS_NOT_READY = 0xDE80B500
 """State conflict on a Read: the response is not ready, read again (docs/protocol.md E.1)."""
+
+
+MOST_READS = 4_096
+"""Polls, re-reads and empty reads of one transaction that are kept, of each."""
+_T = TypeVar("_T")
 
 
 class Peer(NamedTuple):
@@ -111,6 +116,7 @@ class Pairing:
         self._nothing_to_read = nothing_to_read
         self._table = phases()
         self._channels: OrderedDict[ChannelKey, _Channel] = OrderedDict()
+        self._of_ar: dict[tuple[str, str, bytes], dict[ChannelKey, None]] = {}
         self._count = 0
 
     def write_request(self, peer: Peer, record: Record, message: Request) -> Job:
@@ -157,7 +163,7 @@ class Pairing:
             return None
         if channel.last is not None and _bytes(channel.last) == half.data:
             self._step(channel.last, "reread")
-            channel.last.rereads.append((record.request, half))
+            _keep(channel.last.rereads, (record.request, half))
             return channel.last
         job = self._job(peer, record, None)
         job.phase = "open"
@@ -174,14 +180,13 @@ class Pairing:
 
     def release(self, controller: str, device: str, ar: bytes) -> None:
         """The AR is over: what is open on its channels stays unanswered."""
-        released = (controller, device, ar)
-        for key in [key for key in self._channels if key[:3] == released]:
-            self._close_channel(self._channels.pop(key), "release")
+        for key in list(self._of_ar.get((controller, device, ar), ())):
+            self._close_channel(key, "release")
 
     def finish(self) -> None:
         """The capture is over."""
         while self._channels:
-            self._close_channel(self._channels.popitem(last=False)[1], "end")
+            self._close_channel(next(iter(self._channels)), "end")
 
     def _job(self, peer: Peer, record: Record, message: Request | None) -> Job:
         self._count += 1
@@ -192,10 +197,11 @@ class Pairing:
         channel = self._channels.get(key)
         expiry = self._limits.transaction_expiry_ns
         if channel is not None and now - channel.touched > expiry:
-            self._close_channel(self._channels.pop(key), "expired")
+            self._close_channel(key, "expired")
             channel = None
         if channel is None:
             channel = self._channels[key] = _Channel(now)
+            self._of_ar.setdefault(key[:3], {})[key] = None
         channel.touched = now
         self._channels.move_to_end(key)
         while True:
@@ -203,7 +209,7 @@ class Pairing:
             idle = now - self._channels[oldest].touched > expiry
             if oldest == key or not (idle or len(self._channels) > self._limits.channels):
                 return channel
-            self._close_channel(self._channels.pop(oldest), "expired")
+            self._close_channel(oldest, "expired")
 
     def _accept(self, channel: _Channel, job: Job) -> None:
         """An accepted Write opens; it displaces what was open and ends the grace of a refused one."""
@@ -256,10 +262,10 @@ class Pairing:
             job.accepted = False  # only presumed: the Write response is missing in the capture
         self._step(job, event)
         if event == "read_poll":
-            job.polls.append((record.request, half))
+            _keep(job.polls, (record.request, half))
         elif event == "read_empty":
             if half.status is not None:
-                job.empty_reads.append(half)
+                _keep(job.empty_reads, half)
         else:
             job.read_request, job.read_response = record.request, half
             if channel.open is job:
@@ -285,9 +291,20 @@ class Pairing:
         self._step(job, event)
         self._closed(job)
 
-    def _close_channel(self, channel: _Channel, reason: str) -> None:
-        for job in channel.jobs():
+    def _close_channel(self, key: ChannelKey, reason: str) -> None:
+        siblings = self._of_ar[key[:3]]
+        del siblings[key]
+        if not siblings:
+            del self._of_ar[key[:3]]
+        for job in self._channels.pop(key).jobs():
             self._lose(job, reason)
+
+
+def _keep(reads: list[_T], read: _T) -> None:
+    """The reads of one transaction: of more than MOST_READS the first and the newest are kept."""
+    if len(reads) >= MOST_READS:
+        reads.pop()
+    reads.append(read)
 
 
 def _key(peer: Peer, record: Record) -> ChannelKey:

@@ -5,16 +5,18 @@ No frame is made, so nothing of the link layer and no scapy takes part.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count
 
 from ds47.lab.client import Client
 from ds47.lab.ether import Host
 from ds47.lab.stage import Stage
+from ds47.pairing import Job, Peer
 from ds47.profidrive import decode_request, decode_response
 from ds47.profinet import rpc
 from ds47.profinet.link import Packet
+from ds47.profinet.records import Half, Record
 
 
 @dataclass(slots=True)
@@ -49,15 +51,27 @@ def pdus(play: Callable[[Client], object], **settings: object) -> list[rpc.Pdu]:
 
 
 def request(data: bytes):  # type: ignore[no-untyped-def]
-    """A decoded request; the name is short because every second line needs one."""
+    """A decoded request."""
     return decode_request(data)
 
 
-def response(data: bytes, asked: bytes | None = None):  # type: ignore[no-untyped-def]
-    """A decoded response."""
-    return decode_response(data, None if asked is None else decode_request(asked))
+def job(
+    asked: bytes | None, answer: bytes | None = None, *, frame: int = 1, device: str = "d",
+    vendor: int | None = 0x002A, **changes: object,
+) -> Job:  # fmt: skip
+    """A closed job: Write in frames n and n+1, Read in n+2 and n+3, 1 ms apart."""
 
+    def half(number: int, data: bytes = b"", status: int | None = None) -> Half:
+        return Half(frame + number, (frame + number) * 1_000_000, data, len(data), status=status)
 
-def names(items: Sequence[object], name: str) -> list[object]:
-    """One attribute of each item."""
-    return [getattr(item, name) for item in items]
+    record = Record(True, False, bytes(range(16)), 0, 1, 1, 47, 0)
+    message = None if asked is None else decode_request(asked)
+    made = Job(Peer("c", device, vendor, 0x0501), record, message, phase="closed")
+    if asked is not None:
+        record.request, made.write_response = half(0, asked), half(1, status=0)
+    if answer is not None:
+        made.read_request, made.read_response = half(2), half(3, answer, 0)
+        made.response = decode_response(answer, message) if answer else None
+    for name, value in changes.items():
+        setattr(made, name, value)
+    return made

@@ -95,7 +95,7 @@ def response_body(order: Order, status: int, blocks: bytes, maximum: int = 4160)
 
 
 def _block(kind: int, sequence: int, channel: Channel, length: int, tail: bytes) -> bytes:
-    head = struct.pack(">HHBBH", kind, 60, 1, 0, sequence) + channel.ar.bytes
+    head = struct.pack(">HHBBH", kind, 60, 1, 0, sequence & 0xFFFF) + channel.ar.bytes
     place = struct.pack(">IHHHH", channel.api, channel.slot, channel.subslot, 0, channel.index)
     return head + place + struct.pack(">I", length) + tail.ljust(24, b"\0")
 

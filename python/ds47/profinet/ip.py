@@ -9,6 +9,7 @@ from __future__ import annotations
 import struct
 from collections import OrderedDict
 from dataclasses import dataclass, field
+from heapq import heappop, heappush
 
 UDP = 17
 
@@ -79,7 +80,8 @@ def address(data: bytes) -> str:
 class Unfinished:
     """Fragments of one datagram, so far; `total` is None until the last fragment was seen.
 
-    `pieces` maps an offset to the captured bytes and the length on the wire.
+    `pieces` maps an offset to the captured bytes and the length on the wire. There is no hole up to
+    `reach`; `beyond` is a heap of the offsets behind it.
     """
 
     source: str
@@ -90,6 +92,8 @@ class Unfinished:
     time_ns: int = 0
     total: int | None = None
     pieces: dict[int, tuple[bytes, int]] = field(default_factory=dict)
+    reach: int = 0
+    beyond: list[int] = field(default_factory=list)
 
     @property
     def have(self) -> int:
@@ -99,12 +103,10 @@ class Unfinished:
     @property
     def covered(self) -> bool:
         """True when no hole is left up to the last fragment."""
-        at = 0
-        for offset in sorted(self.pieces):
-            if offset > at:
-                return False
-            at = max(at, offset + self.pieces[offset][1])
-        return self.total is not None and at >= self.total
+        while self.beyond and self.beyond[0] <= self.reach:
+            offset = heappop(self.beyond)
+            self.reach = max(self.reach, offset + self.pieces[offset][1])
+        return self.total is not None and self.reach >= self.total
 
     def head(self) -> bytes:
         """The captured bytes from offset 0 up to the first hole."""
@@ -190,6 +192,7 @@ class Reassembler:
             self._fragments += 1
         if known is None or known[1] < part.length:
             entry.pieces[part.offset] = (part.payload, part.length)
+            heappush(entry.beyond, part.offset)
         if not part.more and entry.total is None:
             entry.total = part.offset + part.length
 

@@ -107,18 +107,19 @@ def parse_response(pdu: Pdu) -> tuple[int | None, list[Record]]:
         start = offset + BLOCK_LENGTH
         length = 0 if record.write else head[-1]
         data = pdu.body[start : start + length]
-        block_status = (
-            int.from_bytes(pdu.body[offset + 44 : offset + 48], "big") if record.write else 0
-        )
-        record.response = Half(
-            pdu.frame, pdu.time_ns, data, length, length - len(data), ndr_status or block_status
-        )
+        own_status: int | None = ndr_status
+        if record.write and not ndr_status:
+            field_ = pdu.body[offset + 44 : offset + 48]
+            own_status = int.from_bytes(field_, "big") if len(field_) == 4 else None
+        record.response = Half(pdu.frame, pdu.time_ns, data, length, length - len(data), own_status)
         records.append(record)
         if not record.write:
             break
         offset = start
-    if len(records) > 1 and records[0].index == WRITE_MULTIPLE:
-        del records[0]
+    if records and records[0].index == WRITE_MULTIPLE:
+        outer = records.pop(0).response
+        if not records and outer and outer.status:
+            ndr_status = outer.status
     return ndr_status, records
 
 

@@ -1,0 +1,224 @@
+"""RPC calls: copies, retransmissions, reused numbers and what never gets an answer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import pytest
+from talk import pdus
+
+from ds47.lab import wire
+from ds47.lab.client import CHANNEL, Client
+from ds47.profinet.calls import CallTracker, Handlers
+from ds47.profinet.rpc import Pdu
+from ds47.spec.semantics import Limits, limits
+
+SECOND = 1_000_000_000
+LIMITS = limits()
+
+
+@dataclass
+class Heard:
+    """A tracker and what it told, as (event, seq, frame)."""
+
+    bounds: Limits = LIMITS
+    events: list[tuple[str, int, int]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        def note(name: str) -> Callable[..., None]:
+            def handler(call: object, pdu: Pdu | None = None) -> None:
+                about = pdu or getattr(call, "request", call)
+                self.events.append((name, about.seq, about.frame))  # type: ignore[union-attr]
+
+            return handler
+
+        names = ("request", "response", "orphan", "retransmission", "fault", "lost")
+        self.tracker = CallTracker(self.bounds, Handlers(*map(note, names)))
+
+    def feed(self, *sequence: Pdu) -> Heard:
+        for pdu in sequence:
+            self.tracker.feed(pdu)
+        return self
+
+    @property
+    def names(self) -> list[str]:
+        return [event for event, _, _ in self.events]
+
+
+def calls(count: int = 1, **settings: object) -> list[Pdu]:
+    """Read requests and their responses in turn, 1 ms apart."""
+
+    def talk(client: Client) -> None:
+        for number in range(count):
+            client.read(bytes((number,)))
+
+    return pdus(talk, **settings)
+
+
+def later(pdu: Pdu, nanoseconds: int, **changes: object) -> Pdu:
+    moved = {"time_ns": pdu.time_ns + nanoseconds, "frame": pdu.frame + 100, "ip_id": pdu.ip_id + 1}
+    return replace(pdu, **(moved | changes))  # type: ignore[arg-type]
+
+
+def test_a_call_and_its_response() -> None:
+    heard = Heard().feed(*calls(2))
+    heard.tracker.finish()
+    assert heard.events == [
+        ("request", 0, 1), ("response", 0, 1), ("request", 1, 3), ("response", 1, 3),
+    ]  # fmt: skip
+    counts = heard.tracker.counts
+    assert (counts["requests"], counts["responses"], counts["unanswered"]) == (2, 2, 0)
+
+
+def test_a_copy_has_the_ip_id_and_comes_at_once() -> None:
+    request = calls()[0]
+    window = LIMITS.copy_ns
+    for other, copy in (
+        (replace(request, time_ns=request.time_ns + window), True),
+        (replace(request, time_ns=request.time_ns - window), True),
+        (replace(request, time_ns=request.time_ns + window + 1), False),
+        (replace(request, ip_id=request.ip_id + 1), False),
+        (replace(request, body=request.body + b"\0"), False),
+        (replace(request, fragment=1), False),
+        (replace(request, source="192.168.133.9"), False),
+    ):
+        tracker = Heard().tracker
+        assert not tracker.is_copy(request)
+        assert tracker.is_copy(other) == copy
+        assert tracker.counts["copies"] == copy
+
+
+def test_a_retransmission_of_an_unanswered_call_at_any_time_before_it_expires() -> None:
+    request, response = calls()
+    again = later(request, 30 * SECOND)
+    heard = Heard().feed(request, again, later(response, 30 * SECOND))
+    assert heard.events == [("request", 0, 1), ("retransmission", 0, 101), ("response", 0, 1)]
+    assert heard.tracker.counts["retransmissions"] == 1
+
+
+@pytest.mark.parametrize(
+    ("delay", "event"),
+    [(0, "retransmission"), (LIMITS.retransmission_ns, "retransmission"),
+     (LIMITS.retransmission_ns + 1, "request")],
+)  # fmt: skip
+def test_an_identical_request_after_the_answer(delay: int, event: str) -> None:
+    request, response = calls()
+    again = replace(request, frame=9, time_ns=response.time_ns + delay)
+    heard = Heard().feed(request, response, again)
+    assert heard.names == ["request", "response", event]
+
+
+def test_an_identical_request_after_another_number_is_a_new_call() -> None:
+    request, response, other, _ = calls(2)
+    heard = Heard().feed(request, response, other, later(request, SECOND))
+    assert heard.names == ["request", "response", "request", "request"]
+
+
+def test_another_body_under_an_unanswered_number_is_a_new_call() -> None:
+    request, response = calls()
+    reused = later(request, SECOND, body=request.body + b"\0")
+    heard = Heard().feed(request, reused, later(response, SECOND))
+    assert heard.events == [("request", 0, 1), ("lost", 0, 1), ("request", 0, 101),
+                            ("response", 0, 101)]  # fmt: skip
+    assert heard.tracker.counts["unanswered"] == 1
+
+
+def test_another_operation_under_an_answered_number_is_a_new_call() -> None:
+    request, response = calls()
+    heard = Heard().feed(request, response, later(request, SECOND, opnum=wire.WRITE))
+    assert heard.names == ["request", "response", "request"]
+
+
+@pytest.mark.parametrize(("over", "last"), [(0, ["response"]), (1, ["lost", "orphan"])])
+def test_a_response_after_the_expiry_finds_nothing(over: int, last: list[str]) -> None:
+    request, response = calls()
+    late = replace(response, time_ns=request.time_ns + LIMITS.call_expiry_ns + over)
+    heard = Heard().feed(request, late)
+    heard.tracker.finish()
+    assert heard.names == ["request", *last]
+
+
+def test_the_next_request_makes_an_old_one_expire() -> None:
+    first, _, second, _ = calls(2)
+    heard = Heard().feed(first, later(second, LIMITS.call_expiry_ns))
+    assert heard.names == ["request", "lost", "request"]
+
+
+def test_a_second_response() -> None:
+    request, response = calls()
+    heard = Heard().feed(request, response, later(response, SECOND))
+    assert heard.names == ["request", "response"]
+    heard.feed(later(response, SECOND, body=b"other"))
+    assert heard.events[2:] == [("orphan", 0, 102)]
+    assert heard.tracker.counts["responses"] == 3
+
+
+def test_a_response_without_its_request() -> None:
+    _, response = calls()
+    assert Heard().feed(response).events == [("orphan", 0, 2)]
+
+
+def test_activities_do_not_mix() -> None:
+    request, response = calls()
+    for change in ({"activity": bytes(16)}, {"destination": "192.168.133.9"}, {"seq": 5}):
+        heard = Heard().feed(request, replace(response, **change))  # type: ignore[arg-type]
+        assert heard.names == ["request", "orphan"]
+
+
+@pytest.mark.parametrize(("kind", "count"), [(wire.FAULT, "faults"), (wire.REJECT, "rejects")])
+def test_a_fault_answers_a_call_once(kind: int, count: str) -> None:
+    request, response = calls()
+    fault = replace(response, ptype=kind, body=b"\x03\x00\x01\x1c")
+    heard = Heard().feed(request, fault, later(fault, 1))
+    heard.tracker.finish()
+    assert heard.events == [("request", 0, 1), ("fault", 0, 2)]
+    assert heard.tracker.counts[count] == 2
+    assert Heard().feed(fault).events == []
+
+
+def test_other_types_are_counted_only() -> None:
+    request = calls()[0]
+    kinds = (wire.PING, wire.WORKING, 5, 7, 10)
+    heard = Heard().feed(*[replace(request, ptype=kind) for kind in kinds])
+    counts = heard.tracker.counts
+    assert heard.events == []
+    assert (counts["pings"], counts["working"], counts["others"]) == (1, 1, 3)
+
+
+def test_finish_loses_every_open_call_once() -> None:
+    first, _, second, answer = calls(2)
+    heard = Heard().feed(first, second, answer)
+    heard.tracker.finish()
+    heard.tracker.finish()
+    assert heard.names == ["request", "request", "response", "lost"]
+    assert heard.events[-1] == ("lost", 0, 1)
+
+
+def test_open_calls_of_an_activity_are_bounded() -> None:
+    requests = calls(5)[::2]
+    heard = Heard(replace(LIMITS, calls=2)).feed(*requests)
+    heard.tracker.finish()
+    assert [seq for event, seq, _ in heard.events if event == "lost"] == [0, 1, 2, 3, 4]
+    assert len(heard.events) == 10
+
+
+def test_activities_are_bounded_and_the_one_that_spoke_last_stays() -> None:
+    request = calls()[0]
+    one, two, three = (replace(request, activity=bytes([n]) * 16, seq=n) for n in (1, 2, 3))
+    heard = Heard(replace(LIMITS, activities=2)).feed(one, two, later(one, 1), three)
+    assert heard.names == ["request", "request", "retransmission", "lost", "request"]
+    assert heard.events[3][1] == 2
+
+
+def test_the_context_of_the_layer_above_stays_with_the_call() -> None:
+    def ask(call) -> None:  # type: ignore[no-untyped-def]
+        call.context = "mine"
+
+    got: list[object] = []
+    ignore = lambda *_: None  # noqa: E731
+    handlers = Handlers(ask, lambda call: got.append(call.context), ignore, ignore, ignore, ignore)
+    tracker = CallTracker(LIMITS, handlers)
+    for pdu in pdus(lambda client: client.read(b"data", client.at(index=CHANNEL.index))):
+        tracker.feed(pdu)
+    assert got == ["mine"]

@@ -1,0 +1,78 @@
+"""Findings: which remarks are wanted, their order, their words and their transactions."""
+
+from __future__ import annotations
+
+import pytest
+from talk import job
+
+from ds47.findings import Findings
+from ds47.lab import message
+from ds47.rules import Remark
+from ds47.spec.semantics import reasons
+from ds47.transactions import build
+
+READ = message.read(1, 1, message.address(21))
+
+
+@pytest.mark.parametrize(
+    ("select", "ignore", "wanted"),
+    [
+        ((), (), ["DS101", "DS401", "DS403", "DS417"]),
+        (("DS4",), (), ["DS401", "DS403", "DS417"]),
+        (("DS101", "DS417"), (), ["DS101", "DS417"]),
+        ((), ("DS40",), ["DS101", "DS417"]),
+        (("DS4",), ("DS40",), ["DS417"]),
+        (("DS4",), ("DS",), []),
+    ],
+)
+def test_select_and_ignore(
+    select: tuple[str, ...], ignore: tuple[str, ...], wanted: list[str]
+) -> None:
+    findings = Findings("en", select, ignore)
+    for rule in ("DS101", "DS401", "DS403", "DS417"):
+        assert findings.wanted(rule) == (rule in wanted)
+        findings.add(Remark(rule, 1))
+    assert [finding.rule for finding in findings.result({})] == wanted
+
+
+def test_order_and_owner() -> None:
+    first, second = job(READ), job(READ, frame=5)
+    owners = {second: build(second), first: build(first)}
+    owners[first].id, owners[second].id = 1, 2
+    findings = Findings("en", (), ())
+    for remark in (
+        Remark("DS403", 9),
+        Remark("DS401", 2, job=second),
+        Remark("DS401", 2, job=first),
+        Remark("DS101", 2, job=first),
+        Remark("DS410", 1, offset=10),
+        Remark("DS410", 1, offset=4),
+        Remark("DS401", 2, job=job(READ)),  # of no transaction here
+        Remark("DS101", 3, job=first),
+    ):
+        findings.add(remark)
+    told = [(f.frame, f.rule, f.transaction, f.offset) for f in findings.result(owners)]
+    assert told == [
+        (1, "DS410", None, 4), (1, "DS410", None, 10), (2, "DS101", 1, None),
+        (2, "DS401", None, None), (2, "DS401", 1, None), (2, "DS401", 2, None),
+        (3, "DS101", 1, None), (9, "DS403", None, None),
+    ]  # fmt: skip
+    assert owners[first].findings == ["DS101", "DS401"]
+    assert owners[second].findings == ["DS401"]
+
+
+@pytest.mark.parametrize("lang", ["en", "zh"])
+def test_dropped_frames_are_named_where_something_is_missing(lang: str) -> None:
+    findings, words = Findings(lang, (), ()), reasons(lang)
+    assert findings.reason("end") == words["end"]
+    plain = findings.word(Remark("DS403", 1)).message
+    findings.frames_dropped = True
+    assert findings.word(Remark("DS403", 1)).message == f"{plain} ({words['dropped']})"
+    assert findings.reason("end") == f"{words['end']}; {words['dropped']}"
+    assert words["dropped"] not in findings.word(Remark("DS404", 1)).message
+
+
+def test_an_argument_that_is_not_known_is_a_question_mark() -> None:
+    finding = Findings("en", (), ()).word(Remark("DS404", 3, {"sent": 1}))
+    assert "?" in finding.message
+    assert finding.filter == "frame.number == 3"

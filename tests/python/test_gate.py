@@ -1,0 +1,105 @@
+"""The gate: index 47 waits until one message of its AR has the shape of the parameter channel."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import pytest
+
+from ds47.gate import ArKey, Gate
+
+AR: ArKey = ("192.168.133.2", "192.168.133.33", b"A" * 16)
+OTHER: ArKey = (*AR[:2], b"B" * 16)
+
+
+class Door(Gate):
+    """A gate that notes what went through, by name."""
+
+    def __init__(self, extra: frozenset[int] = frozenset(), waiting: int = 4) -> None:
+        super().__init__(extra, waiting)
+        self.through: list[object] = []
+
+    def send(self, name: object, ar: ArKey = AR, index: int = 47, shaped: bool = False) -> None:
+        self.pass_on(ar, index, partial(self.through.append, name), shaped=shaped)
+
+
+@pytest.mark.parametrize(
+    ("index", "concerned", "proof"),
+    [(47, True, True), (0xB02E, True, False), (0xB02F, True, False), (48, False, True),
+     (1000, True, False)],
+)  # fmt: skip
+def test_which_indices_are_ours(index: int, concerned: bool, proof: bool) -> None:
+    gate = Gate(frozenset({1000}), 4)
+    assert gate.concerns(index) == concerned
+    assert gate.needs_proof(AR, index) == proof
+
+
+def test_47_named_by_the_user_needs_no_proof() -> None:
+    door = Door(frozenset({47}))
+    door.send("now")
+    assert door.through == ["now"]
+
+
+def test_what_waited_goes_first_and_in_its_order() -> None:
+    door = Door()
+    door.send("a")
+    door.send("b")
+    assert door.through == []
+    door.send("proof", shaped=True)
+    assert door.through == ["a", "b", "proof"]
+    door.send("after")
+    assert door.through[3:] == ["after"]
+    assert not door.needs_proof(AR, 47)
+
+
+def test_each_ar_proves_itself() -> None:
+    door = Door()
+    door.send("other", OTHER)
+    door.send("proof", shaped=True)
+    assert door.through == ["proof"]
+    assert door.needs_proof(OTHER, 47)
+
+
+@pytest.mark.parametrize("shaped", [True, False])
+def test_another_index_passes_and_proves_nothing(shaped: bool) -> None:
+    door = Door()
+    door.send("47")
+    door.send("b02f", index=0xB02F, shaped=shaped)
+    assert door.through == ["b02f"]
+    assert door.needs_proof(AR, 47)
+
+
+def test_the_oldest_event_of_an_ar_is_forgotten() -> None:
+    door = Door(waiting=4)
+    for number in range(6):
+        door.send(number)
+    door.send("proof", shaped=True)
+    assert door.through == [2, 3, 4, 5, "proof"]
+
+
+def test_the_oldest_ar_is_forgotten() -> None:
+    door = Door(waiting=4)
+    ars = [(*AR[:2], bytes([n]) * 16) for n in range(5)]
+    for number, ar in enumerate(ars):
+        door.send(number, ar)
+    for ar in ars:
+        door.send("proof", ar, shaped=True)
+    assert [name for name in door.through if name != "proof"] == [1, 2, 3, 4]
+
+
+def test_all_together_may_wait_sixteen_times_as_long() -> None:
+    door = Door(waiting=20)
+    ars = [(*AR[:2], bytes([n]) * 16) for n in range(17)]
+    for ar in ars:
+        for _ in range(20):
+            door.send(ar, ar)
+    for ar in ars:
+        door.send("proof", ar, shaped=True)
+    assert {name for name in door.through if name != "proof"} == set(ars[1:])
+
+
+def test_an_event_that_passes_on_another_comes_behind_it() -> None:
+    door = Door()
+    door.pass_on(AR, 47, lambda: door.send("inner"))
+    door.send("proof", shaped=True)
+    assert door.through == ["inner", "proof"]

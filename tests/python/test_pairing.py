@@ -1,0 +1,238 @@
+"""Pairing: every row of spec/pairing.toml by the calls that cause it, and to whom a Read belongs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from uuid import UUID
+
+import pytest
+from talk import request
+
+from ds47.lab import message
+from ds47.lab.client import BUSY, CONTROLLER_AR
+from ds47.pairing import Job, Pairing, Peer
+from ds47.profinet.records import Half, Record
+from ds47.spec.semantics import Limits, limits, phases
+
+PEER = Peer("192.168.133.2", "192.168.133.33", 0x002A, 0x0501)
+LIMITS = limits()
+REFUSED = 0xDF80B500
+ROWS = [(phase, event) for phase, events in phases().items() for event in events]
+
+
+@dataclass
+class Channel:
+    """A pairing, its clock, and what it told."""
+
+    bounds: Limits = LIMITS
+    now: int = 0
+    answered: list[Job] = field(default_factory=list)
+    closed: list[Job] = field(default_factory=list)
+    nothing: list[Record] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.pairing = Pairing(
+            self.bounds, self.answered.append, self.closed.append, self.nothing.append
+        )
+
+    def half(self, data: bytes = b"", status: int | None = None) -> Half:
+        self.now += 1
+        return Half(self.now, self.now, data, len(data), status=status)
+
+    def record(self, write: bool, ar: UUID = CONTROLLER_AR, slot: int = 1) -> Record:
+        return Record(write, False, ar.bytes, 0, slot, 1, 47, 0)
+
+    def ask(self, reference: int = 1, slot: int = 1) -> Job:
+        data = message.read(reference, 1, message.address(21))
+        record = self.record(True, slot=slot)
+        record.request = self.half(data)
+        return self.pairing.write_request(PEER, record, request(data))
+
+    def written(self, job: Job, status: int | None = 0, fault: bool = False) -> None:
+        self.pairing.write_response(job, self.half(status=status), fault=fault)
+
+    def open(self, reference: int = 1, slot: int = 1) -> Job:
+        job = self.ask(reference, slot)
+        self.written(job)
+        return job
+
+    def read(self, data: bytes = b"", status: int | None = 0, slot: int = 1) -> Job | None:
+        record = self.record(False, slot=slot)
+        record.request, record.response = self.half(), self.half(data, status)
+        return self.pairing.read_response(PEER, record)
+
+    def bring(self, reference: int = 1, value: float = 1.0) -> Job | None:
+        return self.read(message.answer(reference, 1, 1, message.real(value)))
+
+
+def in_phase(channel: Channel, phase: str) -> Job:
+    job = channel.ask()
+    if phase == "open":
+        channel.written(job)
+    elif phase == "refused":
+        channel.written(job, REFUSED)
+    elif phase == "answered":
+        channel.bring()
+    assert job.phase == phase
+    return job
+
+
+def cause(channel: Channel, job: Job, event: str) -> None:
+    if event == "write_accepted":
+        channel.written(job)
+    elif event == "write_refused":
+        channel.written(job, REFUSED)
+    elif event in ("read_record", "reread"):
+        channel.bring()
+    elif event == "read_poll":
+        channel.read(status=BUSY)
+    elif event == "read_refused":
+        channel.read(status=0xDE80B600)
+    elif event == "read_empty":
+        channel.read()
+    elif event == "displaced":
+        channel.open(2)
+    else:
+        channel.pairing.finish()
+
+
+@pytest.mark.parametrize(("phase", "event"), ROWS)
+def test_every_row_of_the_table(phase: str, event: str) -> None:
+    channel = Channel()
+    job = in_phase(channel, phase)
+    cause(channel, job, event)
+    ended = phases()[phase][event] == "answered" and event == "read_refused"
+    assert job.phase == ("closed" if ended else phases()[phase][event])
+    assert channel.closed.count(job) == (job.phase == "closed")
+    channel.pairing.finish()
+    assert channel.closed.count(job) == 1
+
+
+EVENTS = sorted({event for _, event in ROWS})
+
+
+@pytest.mark.parametrize("event", EVENTS)
+@pytest.mark.parametrize("phase", [*phases(), "closed"])
+def test_what_the_table_does_not_list_is_an_error(phase: str, event: str) -> None:
+    channel = Channel()
+    job = channel.ask()
+    job.phase = phase
+    if event in phases().get(phase, {}):
+        channel.pairing._step(job, event)
+        assert job.phase == phases()[phase][event]
+    else:
+        with pytest.raises(KeyError):
+            channel.pairing._step(job, event)
+
+
+def test_the_life_of_a_read() -> None:
+    channel = Channel()
+    job = channel.open()
+    assert channel.read(status=BUSY) is job
+    assert channel.read() is job
+    assert channel.bring() is job
+    assert channel.answered == [job]
+    assert channel.closed == []
+    assert channel.bring() is job
+    channel.pairing.finish()
+    assert (len(job.polls), len(job.empty_reads), len(job.rereads)) == (1, 1, 1)
+    assert (channel.answered, channel.closed, job.accepted) == ([job], [job], True)
+
+
+def test_a_read_before_the_write_response_only_presumes_acceptance() -> None:
+    channel = Channel()
+    job = channel.ask()
+    channel.bring()
+    assert (job.phase, job.accepted) == ("answered", False)
+    channel.written(job)
+    assert (job.phase, job.accepted) == ("answered", True)
+
+
+def test_an_accepted_write_displaces_the_open_one() -> None:
+    channel = Channel()
+    first, second = channel.open(1), channel.open(2)
+    assert second.write_request is not None
+    assert first.superseded_by == second.write_request.frame
+    assert (channel.closed, second.previous_reference) == ([first], 1)
+
+
+def test_a_refused_write_displaces_nothing() -> None:
+    channel = Channel()
+    first, second = channel.open(1), channel.ask(2)
+    channel.written(second, REFUSED)
+    assert channel.bring(1) is first
+    assert channel.closed == [second]
+
+
+def test_a_fault_refuses() -> None:
+    channel = Channel()
+    job = channel.ask()
+    channel.written(job, None, fault=True)
+    assert (job.phase, job.write_fault) == ("refused", True)
+
+
+def test_a_write_response_without_status_changes_nothing() -> None:
+    channel = Channel()
+    job = channel.ask()
+    channel.written(job, None)
+    assert job.phase == "asked"
+
+
+def test_a_read_finds_the_job_of_its_reference_among_unanswered_writes() -> None:
+    channel = Channel()
+    first, second = channel.ask(1), channel.ask(2)
+    assert channel.bring(1) is first
+    assert channel.bring(2) is second
+
+
+def test_an_orphan_and_nothing_to_read() -> None:
+    channel = Channel()
+    assert channel.read(status=BUSY) is None
+    assert channel.read() is None
+    assert len(channel.nothing) == 2
+    orphan = channel.bring()
+    assert orphan is not None
+    assert (orphan.message, orphan.write_request, orphan.reference) == (None, None, None)
+    assert channel.answered == [orphan]
+
+
+def test_channels_do_not_mix() -> None:
+    channel = Channel()
+    job = channel.open(slot=2)
+    assert channel.bring() is not job
+    assert job.phase == "open"
+
+
+def test_a_lost_read_leaves_its_request_to_the_open_job() -> None:
+    channel = Channel()
+    job = channel.open()
+    record = channel.record(False)
+    record.request = channel.half()
+    assert channel.pairing.read_lost(PEER, record) is job
+    assert job.read_request is record.request
+    assert channel.pairing.read_lost(PEER, channel.record(False, slot=9)) is None
+
+
+@pytest.mark.parametrize("end", ["release", "expired", "end"])
+def test_the_reason_of_a_job_without_response(end: str) -> None:
+    channel = Channel()
+    job = channel.open()
+    if end == "release":
+        channel.pairing.release("192.168.133.9", PEER.device, CONTROLLER_AR.bytes)
+        assert job.phase == "open"
+        channel.pairing.release(PEER.controller, PEER.device, CONTROLLER_AR.bytes)
+    elif end == "expired":
+        channel.now += LIMITS.transaction_expiry_ns + 1
+        channel.open(2, slot=2)  # of another channel: time passes for all
+    else:
+        channel.pairing.finish()
+    assert (channel.closed, job.reason, job.phase) == ([job], end, "closed")
+
+
+def test_pending_writes_and_channels_are_bounded() -> None:
+    channel = Channel(replace(LIMITS, pending_writes=2, channels=2))
+    first, *rest = [channel.ask(n) for n in (1, 2, 3)]
+    assert channel.closed == [first]
+    channel.open(4, slot=2)
+    channel.open(5, slot=3)
+    assert channel.closed == [first, *rest]
