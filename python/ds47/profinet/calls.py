@@ -145,6 +145,12 @@ class CallTracker:
     def _expire(self, activity: _Activity, now: int) -> None:
         limit = self._limits.call_expiry_ns
         calls = activity.calls
+        oldest = next(iter(calls.values()), None)
+        if oldest is None or (
+            len(calls) <= min(2 * _REMEMBERED, self._limits.calls)
+            and now - oldest.request.time_ns <= limit
+        ):
+            return  # nothing is old or too much: the usual case, on the way of every call
         for seq in [
             s for s, c in calls.items() if c.response is None and now - c.request.time_ns > limit
         ]:
