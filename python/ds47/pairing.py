@@ -75,6 +75,11 @@ class Job:
         return self.record.request if self.message is not None else None
 
     @property
+    def write_refused(self) -> bool:
+        """Whether the Write was answered with a negative status or an RPC fault."""
+        return self.write_fault or bool(self.write_response and self.write_response.status)
+
+    @property
     def reference(self) -> int | None:
         """The request reference that was sent."""
         return self.message.request_reference if self.message else None

@@ -99,16 +99,16 @@ class Judge:
         """What is to be said of a job that is closed without a response."""
         remarks = [*self._request(job), *self._reads(job)]
         write = job.write_request
-        if write is None or (job.write_response and job.write_response.status) or job.write_fault:
-            pass
-        elif job.superseded_by is not None:
-            self._forget(job)
-            rule = "DS414" if _is_change(job) else "DS413"
-            remarks.append(Remark(rule, job.superseded_by, {"by": job.superseded_by}))
-        else:
-            self._forget(job)
-            rule = "DS402" if _is_change(job) else "DS401"
-            remarks.append(Remark(rule, write.frame, {"reason": job.reason}))
+        if write is not None and not job.write_refused:
+            change = _is_change(job)
+            if change:
+                self._forget(job)
+            if job.superseded_by is not None:
+                rule = "DS414" if change else "DS413"
+                remarks.append(Remark(rule, job.superseded_by, {"by": job.superseded_by}))
+            else:
+                rule = "DS402" if change else "DS401"
+                remarks.append(Remark(rule, write.frame, {"reason": job.reason}))
         return [self._owned(remark, job) for remark in remarks]
 
     def _owned(self, remark: Remark, job: Job) -> Remark:
@@ -251,8 +251,7 @@ class Judge:
 
     def _forget(self, job: Job) -> None:
         """A change whose response nobody read: what its parameters hold now is not known."""
-        if job.message is None or job.message.operation != "change":
-            return
+        assert job.message is not None
         where = _place(job)
         for address, block in zip(job.message.addresses, job.message.blocks, strict=False):
             for element, _raw, _value in _elements(address, block):

@@ -11,7 +11,7 @@ from ds47.model import Frames, Parameter, ParameterError, Transaction
 from ds47.pairing import Job
 from ds47.profidrive import Address, Block
 from ds47.profinet.records import NIL_UUID, Half
-from ds47.rules import is_mismatch
+from ds47.rules import NOT_SUPPORTED, is_mismatch
 from ds47.spec import error_text, parameters, request_ids, response_ids
 
 SIEMENS = 0x002A
@@ -82,13 +82,12 @@ def state(job: Job, parameters_: list[Parameter]) -> str:
 
 
 def _refused(job: Job) -> bool:
-    write, read = job.write_response, job.read_response
-    return job.write_fault or bool((write and write.status) or (read and read.status))
+    return job.write_refused or bool(job.read_response and job.read_response.status)
 
 
 def _outcome(job: Job, parameters_: list[Parameter]) -> str:
     response = job.response
-    if response is None or response.response_id == 0x80:
+    if response is None or response.response_id == NOT_SUPPORTED:
         return "error"
     blocks = response.blocks
     known = response_ids().get(response.response_id or 0)

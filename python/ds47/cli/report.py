@@ -6,6 +6,7 @@ Here: options, finding the files, exit status. The analysis is `ds47.analysis`, 
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -79,6 +80,7 @@ def command(
     """
     analysis = _analysis_options(**options)
     run = _Run(analysis)
+    _collect_rarely()
     with output(output_name) as stream:
         report_options = Options(color=color(stream), rules=_rules())
         writer = open_writer(format_name, stream, report_options)
@@ -88,6 +90,12 @@ def command(
     if run.failed:
         return UNREADABLE
     return int(fail_on != "never" and run.worst >= SEVERITIES.index(fail_on))
+
+
+def _collect_rarely() -> None:
+    """What an analysis keeps has no cycles: looking for them again and again only costs time."""
+    gc.freeze()
+    gc.set_threshold(100_000, 50, 100)
 
 
 class _Run:
@@ -105,13 +113,7 @@ class _Run:
 
     def one(self, path: str, writer: Writer) -> None:
         """Analyses a capture and hands what it says to the writer."""
-        import gc
-
         from ds47.analysis import analyze
-
-        # What an analysis keeps has no cycles: looking for them again and again only costs time.
-        gc.freeze()
-        gc.set_threshold(100_000, 50, 100)
         from ds47.capture import CaptureError
 
         def finished(transaction: Transaction, findings: Sequence[Finding]) -> None:
