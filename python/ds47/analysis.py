@@ -7,12 +7,12 @@ Each step is a module of its own; here they are only joined. Nothing is printed,
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
-from ds47.capture import Capture, open_capture
+from ds47.capture import Capture, Frame, open_capture
 from ds47.findings import Findings
 from ds47.gate import Gate
 from ds47.model import CaptureResult, Finding, Transaction
@@ -21,6 +21,7 @@ from ds47.pairing import Job, Pairing
 from ds47.profidrive import Options, decode_response
 from ds47.profinet import rpc
 from ds47.profinet.calls import CallTracker
+from ds47.profinet.ip import Reassembler
 from ds47.profinet.link import Packet, PacketSource
 from ds47.profinet.records import Record
 from ds47.profinet.status import status_hex
@@ -97,21 +98,28 @@ class _Analysis:
         self._findings = Findings(options.lang, options.select, options.ignore)
         self._judge = Judge(bounds, slow_ns, options.lang)
         self._pairing = Pairing(bounds, self._answered, self._closed, self._nothing_to_read)
-        gate = Gate(options.indices, bounds.waiting_calls)
+        gate = Gate(options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars)
         self._records = RecordCalls(gate, self._pairing, options.codec, self._remark)
         self._calls = CallTracker(bounds, self._records.handlers())
-        self._fragments = rpc.Fragments(bounds.fragment_expiry_ns)
-        self._naming = Naming()
+        self._fragments = rpc.Fragments(
+            bounds.fragment_expiry_ns, bounds.rpc_messages, bounds.rpc_fragments,
+            bounds.fragment_bytes,
+        )  # fmt: skip
+        self._datagrams = Reassembler(
+            bounds.fragment_expiry_ns, bounds.ip_datagrams, bounds.ip_fragments,
+            bounds.fragment_bytes,
+        )  # fmt: skip
+        self._naming = Naming(bounds.stations)
         self._answers: dict[Job, list[Remark]] = {}
         self._transport: dict[Job, list[Remark]] = {}
-        self._transactions: dict[Job, Transaction] = {}
+        self._transactions: dict[int, Transaction] = {}
+        """By the order of their jobs; the jobs themselves need not be kept."""
         self._summary: dict[str, int] = {"transactions": 0}
 
     def run(self, capture: Capture) -> CaptureResult:
         """Reads the capture to its end and sums up."""
-        packets = PacketSource(capture)
-        for packet in packets:
-            self._packet(packet)
+        packets = PacketSource(capture, self._datagrams)
+        self._frames(capture, packets)
         self._findings.frames_dropped = bool(capture.dropped)
         for pdu, have in self._fragments.unfinished():
             self._records.incomplete(pdu, have, "RPC")
@@ -136,14 +144,29 @@ class _Analysis:
             summary=self._summary,
         )
 
+    def _frames(self, frames: Iterable[Frame], packets: PacketSource) -> None:
+        """The usual frame by the short way, all others by the long one."""
+        for frame in frames:
+            pdu = rpc.from_frame(frame)
+            if pdu is not None:
+                self._pdu(pdu)
+                continue
+            packet = packets.packet(frame)
+            if packet is not None:
+                self._packet(packet)
+
     def _packet(self, packet: Packet) -> None:
         if packet.kind != "udp":
             self._naming.station(packet)
             return
         pdu = rpc.parse(packet)
-        if pdu is None or self._calls.is_copy(pdu):
+        if pdu is not None:
+            self._pdu(pdu)
+
+    def _pdu(self, pdu: rpc.Pdu) -> None:
+        if self._calls.is_copy(pdu):
             return
-        whole = self._fragments.feed(pdu)
+        whole = self._fragments.feed(pdu) if pdu.fragmented else pdu
         if whole is not None:
             self._naming.message(whole)
             self._calls.feed(whole)
@@ -174,7 +197,7 @@ class _Analysis:
         transaction = build(job, self._options.lang)
         summarise(self._summary, transaction)
         if self._on_transaction is None:
-            self._transactions[job] = transaction
+            self._transactions[job.order] = transaction
             for remark in remarks:
                 self._findings.add(remark)
             return

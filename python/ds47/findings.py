@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import Any
 
 from ds47.model import Finding, Transaction
-from ds47.pairing import Job
 from ds47.rules import Remark
 from ds47.spec import rules
 from ds47.spec.semantics import reasons
@@ -58,11 +57,15 @@ class Findings:
         words = reasons(self._lang)
         return words[name] + (f"; {words['dropped']}" if self.frames_dropped else "")
 
-    def result(self, transactions: dict[Job, Transaction]) -> list[Finding]:
-        """All findings in the order of their frames; their transactions get to know their rules."""
+    def result(self, transactions: dict[int, Transaction]) -> list[Finding]:
+        """All findings in the order of their frames; their transactions get to know their rules.
+
+        Args:
+            transactions: by the order of their jobs.
+        """
         findings: list[Finding] = []
         for remark in self._remarks:
-            owner = transactions.get(remark.job) if remark.job else None
+            owner = transactions.get(remark.job.order) if remark.job else None
             findings.append(self.word(remark, owner.id if owner else None))
             if owner and remark.rule not in owner.findings:
                 owner.findings.append(remark.rule)

@@ -13,11 +13,6 @@ from collections.abc import Callable
 ALWAYS = frozenset({0xB02E, 0xB02F})
 SHARED_INDEX = 47
 
-_MOST_OPEN = 65_536
-"""ARs that have proved themselves and are remembered; the one that spoke last goes last."""
-_WAITING_ARS = 16
-"""How many ARs may have all the waiting events that one AR may have."""
-
 ArKey = tuple[str, str, bytes]
 """Controller, device, AR UUID (nil for ReadImplicit)."""
 
@@ -27,32 +22,44 @@ class Gate:
 
     Args:
         extra: record indices that are ours whatever they hold.
-        waiting: how many events of one AR, and how many ARs, may wait; the oldest goes first. All
-            ARs together may have 16 times as many events waiting.
+        waiting: how many events of one AR, and how many ARs, may wait; the oldest goes first.
+        waiting_ars: how many times as many events may wait of all ARs together.
+        proven: how many ARs that have proved themselves are remembered; the one that spoke last goes
+            last.
     """
 
-    def __init__(self, extra: frozenset[int], waiting: int) -> None:
+    def __init__(
+        self, extra: frozenset[int], waiting: int, waiting_ars: int = 16, proven: int = 65_536
+    ) -> None:
         self._always = ALWAYS | extra
+        self._concerned = self._always | {SHARED_INDEX}
         self._waiting = waiting
+        self._most_events = waiting * waiting_ars
+        self._most_open = proven
         self._open: OrderedDict[ArKey, None] = OrderedDict()
         self._held: OrderedDict[ArKey, deque[Callable[[], None]]] = OrderedDict()
         self._events = 0
 
     def concerns(self, index: int) -> bool:
         """Whether a record of this index can be ours at all."""
-        return index == SHARED_INDEX or index in self._always
+        return index in self._concerned
 
     def needs_proof(self, ar: ArKey, index: int) -> bool:
         """Whether a message with the right shape would open the gate."""
         return index not in self._always and ar not in self._open
 
+    def passes(self, ar: ArKey, index: int) -> bool:
+        """Whether an event may go on now; the AR has spoken then."""
+        if ar in self._open:
+            self._open.move_to_end(ar)
+            return True
+        return index in self._always
+
     def pass_on(
         self, ar: ArKey, index: int, event: Callable[[], None], *, shaped: bool = False
     ) -> None:
         """Runs the event, now or when a shaped message of the same AR comes; never if none does."""
-        if not self.needs_proof(ar, index):
-            if ar in self._open:
-                self._open.move_to_end(ar)
+        if self.passes(ar, index):
             event()
             return
         if shaped:
@@ -62,12 +69,12 @@ class Gate:
         held = self._held.setdefault(ar, deque(maxlen=self._waiting))
         self._events += len(held) < self._waiting
         held.append(event)
-        while len(self._held) > self._waiting or self._events > _WAITING_ARS * self._waiting:
+        while len(self._held) > self._waiting or self._events > self._most_events:
             self._events -= len(self._held.popitem(last=False)[1])
 
     def _prove(self, ar: ArKey) -> None:
         self._open[ar] = None
-        while len(self._open) > _MOST_OPEN:
+        while len(self._open) > self._most_open:
             self._open.popitem(last=False)
         held = self._held.pop(ar, ())
         self._events -= len(held)

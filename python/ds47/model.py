@@ -17,7 +17,7 @@ SEVERITIES = ("note", "warning", "error")
 """From harmless to serious, so that an index compares two of them."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class ParameterError:
     """What the drive answered instead of a value (docs/protocol.md A.7, B)."""
 
@@ -25,8 +25,18 @@ class ParameterError:
     text: str
     info: int | None
 
+    def __init__(
+        self,
+        code: int | None,
+        text: str,
+        info: int | None,
+    ) -> None:
+        self.code = code
+        self.text = text
+        self.info = info
 
-@dataclass(slots=True)
+
+@dataclass(slots=True, init=False)
 class Parameter:
     """One parameter of a transaction; `pnu` and its address are None where no request names them."""
 
@@ -34,25 +44,67 @@ class Parameter:
     subindex: int | None
     attribute: str | None
     element_count: int | None
-    name: str | None = None
-    unit: str | None = None
-    format: str | None = None
-    value_count: int | None = None
-    values: list[Value] = field(default_factory=list)
-    scaled: list[Value] | None = None
-    error: ParameterError | None = None
+    name: str | None
+    unit: str | None
+    format: str | None
+    value_count: int | None
+    values: list[Value]
+    scaled: list[Value] | None
+    error: ParameterError | None
+
+    def __init__(
+        self,
+        pnu: int | None,
+        subindex: int | None,
+        attribute: str | None,
+        element_count: int | None,
+        name: str | None = None,
+        unit: str | None = None,
+        format: str | None = None,  # noqa: A002 (a key of the report)
+        value_count: int | None = None,
+        values: list[Value] | None = None,
+        scaled: list[Value] | None = None,
+        error: ParameterError | None = None,
+    ) -> None:
+        self.pnu = pnu
+        self.subindex = subindex
+        self.attribute = attribute
+        self.element_count = element_count
+        self.name = name
+        self.unit = unit
+        self.format = format
+        self.value_count = value_count
+        self.values = [] if values is None else values
+        self.scaled = scaled
+        self.error = error
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Frames:
     """Frame numbers of a transaction, as Wireshark shows them for the same file."""
 
-    write_request: int | None = None
-    write_response: int | None = None
-    read_request: int | None = None
-    read_response: int | None = None
-    polls: list[tuple[int | None, int | None]] = field(default_factory=list)
-    rereads: list[tuple[int | None, int | None]] = field(default_factory=list)
+    write_request: int | None
+    write_response: int | None
+    read_request: int | None
+    read_response: int | None
+    polls: list[tuple[int | None, int | None]]
+    rereads: list[tuple[int | None, int | None]]
+
+    def __init__(
+        self,
+        write_request: int | None = None,
+        write_response: int | None = None,
+        read_request: int | None = None,
+        read_response: int | None = None,
+        polls: list[tuple[int | None, int | None]] | None = None,
+        rereads: list[tuple[int | None, int | None]] | None = None,
+    ) -> None:
+        self.write_request = write_request
+        self.write_response = write_response
+        self.read_request = read_request
+        self.read_response = read_response
+        self.polls = [] if polls is None else polls
+        self.rereads = [] if rereads is None else rereads
 
     def first(self) -> int:
         """The first frame in which the transaction shows, 0 where it has none."""
@@ -65,7 +117,7 @@ class Frames:
         return sorted({frame for frame in single + pairs if frame is not None})
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Transaction:
     """One parameter request with all that came of it (docs/pairing.md)."""
 
@@ -90,13 +142,61 @@ class Transaction:
     write_status: int | None
     read_status: int | None
     parameters: list[Parameter]
-    position: int = 0
+    position: int
     """Place inside the first frame: an IODWriteMultiple carries several records."""
-    findings: list[str] = field(default_factory=list)
-    id: int = 0
+    findings: list[str]
+    id: int
+
+    def __init__(
+        self,
+        operation: str,
+        state: str,
+        controller: str,
+        device: str,
+        ar: str | None,
+        api: int,
+        slot: int,
+        subslot: int,
+        index: int,
+        request_reference: int | None,
+        axis: int | None,
+        frames: Frames,
+        start_ns: int,
+        duration_ns: int | None,
+        request: bytes | None,
+        response: bytes | None,
+        write_status: int | None,
+        read_status: int | None,
+        parameters: list[Parameter],
+        position: int = 0,
+        findings: list[str] | None = None,
+        id: int = 0,  # noqa: A002 (a key of the report)
+    ) -> None:
+        self.operation = operation
+        self.state = state
+        self.controller = controller
+        self.device = device
+        self.ar = ar
+        self.api = api
+        self.slot = slot
+        self.subslot = subslot
+        self.index = index
+        self.request_reference = request_reference
+        self.axis = axis
+        self.frames = frames
+        self.start_ns = start_ns
+        self.duration_ns = duration_ns
+        self.request = request
+        self.response = response
+        self.write_status = write_status
+        self.read_status = read_status
+        self.parameters = parameters
+        self.position = position
+        self.findings = [] if findings is None else findings
+        self.id = id
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Finding:
     """A rule that applies, where it shows and to which transaction it belongs."""
 
@@ -104,9 +204,25 @@ class Finding:
     severity: str
     message: str
     frame: int
-    transaction: int | None = None
-    offset: int | None = None
+    transaction: int | None
+    offset: int | None
     """Byte of the DS47 message, for rules about a message."""
+
+    def __init__(
+        self,
+        rule: str,
+        severity: str,
+        message: str,
+        frame: int,
+        transaction: int | None = None,
+        offset: int | None = None,
+    ) -> None:
+        self.rule = rule
+        self.severity = severity
+        self.message = message
+        self.frame = frame
+        self.transaction = transaction
+        self.offset = offset
 
     @property
     def filter(self) -> str:

@@ -8,13 +8,16 @@ from ds47.model import Device
 from ds47.profinet import dcp, lldp, rpc
 from ds47.profinet.link import Packet
 
-_MOST = 65_536
-
 
 class Naming:
-    """Collects what the capture says about who is who; bounded, the oldest goes first."""
+    """Collects what the capture says about who is who.
 
-    def __init__(self) -> None:
+    Args:
+        most: how many stations are kept, the oldest goes first; and how many devices, the first stay.
+    """
+
+    def __init__(self, most: int = 65_536) -> None:
+        self._most = most
         self._servers: OrderedDict[str, Device] = OrderedDict()
         self._stations: OrderedDict[str, dcp.Station] = OrderedDict()
 
@@ -29,15 +32,15 @@ class Naming:
                 if getattr(station, key) is None:
                     setattr(station, key, getattr(known, key))
         self._stations[station.mac] = station
-        while len(self._stations) > _MOST:
+        while len(self._stations) > self._most:
             self._stations.popitem(last=False)
 
     def message(self, pdu: rpc.Pdu) -> None:
         """Takes an RPC message: responses come from devices, a Connect names device and controller."""
         if pdu.ptype == 2 and pdu.opnum != rpc.CONTROL:  # a controller answers ApplicationReady
-            self._learn(pdu.source, pdu.source_mac, rpc.device_identity(pdu.object_uuid))
+            self._learn(pdu.source, pdu.source_mac, pdu.object_uuid)
         elif pdu.ptype == 0 and pdu.opnum == rpc.CONNECT:
-            self._learn(pdu.destination, None, rpc.device_identity(pdu.object_uuid))
+            self._learn(pdu.destination, None, pdu.object_uuid)
 
     def devices(self) -> list[Device]:
         """Every device that answered or was connected to, in the order of first sight."""
@@ -55,12 +58,15 @@ class Naming:
                 )
         return list(self._servers.values())
 
-    def _learn(self, ip: str, mac: str | None, identity: tuple[int, int] | None) -> None:
+    def _learn(self, ip: str, mac: str | None, object_uuid: bytes) -> None:
         device = self._servers.get(ip)
+        if device is not None and device.mac and device.vendor_id is not None:
+            return  # nothing is left to learn
         if device is None:
-            if len(self._servers) >= _MOST:
+            if len(self._servers) >= self._most:
                 return
             device = self._servers[ip] = Device(ip)
         device.mac = device.mac or mac
+        identity = rpc.device_identity(object_uuid)
         if identity is not None and device.vendor_id is None:
             device.vendor_id, device.device_id = identity

@@ -9,19 +9,17 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import NamedTuple, TypeVar
+from dataclasses import dataclass
+from typing import Final, NamedTuple, TypeVar
 
 from ds47.profidrive import Request, Response
 from ds47.profinet.records import Half, Record
 from ds47.spec.semantics import Limits, phases
 
-STATUS_NOT_READY = 0xDE80B500
+STATUS_NOT_READY: Final = 0xDE80B500
 """State conflict on a Read: the response is not ready, read again (docs/protocol.md E.1)."""
 
 
-MOST_READS = 4_096
-"""Polls, re-reads and empty reads of one transaction that are kept, of each."""
 _T = TypeVar("_T")
 
 
@@ -34,40 +32,70 @@ class Peer(NamedTuple):
     device_id: int | None = None
 
 
-class ChannelKey(NamedTuple):
-    """A DS47 channel (docs/pairing.md, record level)."""
-
-    controller: str
-    device: str
-    ar: bytes
-    api: int
-    slot: int
-    subslot: int
-    record_index: int
+ChannelKey = tuple[str, str, bytes, int, int, int, int]
+"""A DS47 channel (docs/pairing.md, record level): controller, device, AR, API, slot, subslot, index."""
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, eq=False, init=False)
 class Job:
     """A transaction in the making: the halves of its record calls and what pairing learnt of it."""
 
     peer: Peer
     record: Record
     message: Request | None
-    phase: str = "asked"
-    write_response: Half | None = None
-    write_fault: bool = False
-    read_request: Half | None = None
-    read_response: Half | None = None
-    polls: list[tuple[Half | None, Half]] = field(default_factory=list)
-    rereads: list[tuple[Half | None, Half]] = field(default_factory=list)
-    empty_reads: list[Half] = field(default_factory=list)
-    response: Response | None = None
+    phase: str
+    write_response: Half | None
+    write_fault: bool
+    read_request: Half | None
+    read_response: Half | None
+    polls: list[tuple[Half | None, Half]]
+    rereads: list[tuple[Half | None, Half]]
+    empty_reads: list[Half]
+    response: Response | None
     """Decoded by whoever is told of the answer."""
-    previous_reference: int | None = None
-    superseded_by: int | None = None
-    reason: str = ""
-    accepted: bool = False
-    order: int = 0
+    previous_reference: int | None
+    superseded_by: int | None
+    reason: str
+    accepted: bool
+    order: int
+
+    def __init__(
+        self,
+        peer: Peer,
+        record: Record,
+        message: Request | None,
+        phase: str = "asked",
+        write_response: Half | None = None,
+        write_fault: bool = False,
+        read_request: Half | None = None,
+        read_response: Half | None = None,
+        polls: list[tuple[Half | None, Half]] | None = None,
+        rereads: list[tuple[Half | None, Half]] | None = None,
+        empty_reads: list[Half] | None = None,
+        response: Response | None = None,
+        previous_reference: int | None = None,
+        superseded_by: int | None = None,
+        reason: str = "",
+        accepted: bool = False,
+        order: int = 0,
+    ) -> None:
+        self.peer = peer
+        self.record = record
+        self.message = message
+        self.phase = phase
+        self.write_response = write_response
+        self.write_fault = write_fault
+        self.read_request = read_request
+        self.read_response = read_response
+        self.polls = [] if polls is None else polls
+        self.rereads = [] if rereads is None else rereads
+        self.empty_reads = [] if empty_reads is None else empty_reads
+        self.response = response
+        self.previous_reference = previous_reference
+        self.superseded_by = superseded_by
+        self.reason = reason
+        self.accepted = accepted
+        self.order = order
 
     @property
     def write_request(self) -> Half | None:
@@ -85,14 +113,30 @@ class Job:
         return self.message.request_reference if self.message else None
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class _Channel:
     touched: int
-    asked: list[Job] = field(default_factory=list)
-    open: Job | None = None
-    refused: Job | None = None
-    last: Job | None = None
-    reference: int | None = None
+    asked: list[Job]
+    open: Job | None
+    refused: Job | None
+    last: Job | None
+    reference: int | None
+
+    def __init__(
+        self,
+        touched: int,
+        asked: list[Job] | None = None,
+        open: Job | None = None,  # noqa: A002
+        refused: Job | None = None,
+        last: Job | None = None,
+        reference: int | None = None,
+    ) -> None:
+        self.touched = touched
+        self.asked = [] if asked is None else asked
+        self.open = open
+        self.refused = refused
+        self.last = last
+        self.reference = reference
 
     def jobs(self) -> list[Job]:
         return [job for job in (self.last, self.refused, self.open) if job] + self.asked
@@ -168,7 +212,7 @@ class Pairing:
             return None
         if channel.last is not None and _bytes(channel.last) == half.data:
             self._step(channel.last, "reread")
-            _keep(channel.last.rereads, (record.request, half))
+            self._keep(channel.last.rereads, (record.request, half))
             return channel.last
         job = self._job(peer, record, None)
         job.phase = "open"
@@ -200,21 +244,22 @@ class Pairing:
     def _channel(self, peer: Peer, record: Record, now: int) -> _Channel:
         key = _key(peer, record)
         channel = self._channels.get(key)
-        expiry = self._limits.transaction_expiry_ns
+        channels, expiry = self._channels, self._limits.transaction_expiry_ns
         if channel is not None and now - channel.touched > expiry:
             self._close_channel(key, "expired")
             channel = None
         if channel is None:
-            channel = self._channels[key] = _Channel(now)
+            channel = channels[key] = _Channel(now)
             self._of_ar.setdefault(key[:3], {})[key] = None
         channel.touched = now
-        self._channels.move_to_end(key)
+        channels.move_to_end(key)
         while True:
-            oldest = next(iter(self._channels))
-            idle = now - self._channels[oldest].touched > expiry
-            if oldest == key or not (idle or len(self._channels) > self._limits.channels):
+            oldest: _Channel = next(iter(channels.values()))
+            if oldest is channel or (
+                now - oldest.touched <= expiry and len(channels) <= self._limits.channels
+            ):
                 return channel
-            self._close_channel(oldest, "expired")
+            self._close_channel(next(iter(channels)), "expired")
 
     def _accept(self, channel: _Channel, job: Job) -> None:
         """An accepted Write opens; it displaces what was open and ends the grace of a refused one."""
@@ -267,10 +312,10 @@ class Pairing:
             job.accepted = False  # only presumed: the Write response is missing in the capture
         self._step(job, event)
         if event == "read_poll":
-            _keep(job.polls, (record.request, half))
+            self._keep(job.polls, (record.request, half))
         elif event == "read_empty":
             if half.status is not None:
-                _keep(job.empty_reads, half)
+                self._keep(job.empty_reads, half)
         else:
             job.read_request, job.read_response = record.request, half
             if channel.open is job:
@@ -284,6 +329,12 @@ class Pairing:
             if channel.last is not None:
                 self._lose(channel.last, "")
             channel.last = job
+
+    def _keep(self, reads: list[_T], read: _T) -> None:
+        """The reads of one transaction: of more than `Limits.reads` the first and the newest are kept."""
+        if len(reads) >= self._limits.reads:
+            reads.pop()
+        reads.append(read)
 
     def _step(self, job: Job, event: str) -> None:
         job.phase = self._table[job.phase][event]
@@ -305,15 +356,8 @@ class Pairing:
             self._lose(job, reason)
 
 
-def _keep(reads: list[_T], read: _T) -> None:
-    """The reads of one transaction: of more than MOST_READS the first and the newest are kept."""
-    if len(reads) >= MOST_READS:
-        reads.pop()
-    reads.append(read)
-
-
 def _key(peer: Peer, record: Record) -> ChannelKey:
-    return ChannelKey(
+    return (
         peer.controller,
         peer.device,
         record.ar,

@@ -7,13 +7,13 @@ the transport of a record call (DS1xx, DS202, DS208). Decodes a message once; co
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import partial
-from typing import Any
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import Any, Final
 
 from ds47.gate import ArKey, Gate
 from ds47.pairing import Job, Pairing, Peer
-from ds47.profidrive import Options, decode_request, decode_response
+from ds47.profidrive import Options, Request, decode_request, decode_response
 from ds47.profinet import rpc
 from ds47.profinet.calls import Call, Handlers
 from ds47.profinet.records import (
@@ -27,15 +27,28 @@ from ds47.profinet.records import (
 )
 from ds47.rules import Remark
 
-_OPERATIONS = {rpc.READ: "Read", rpc.WRITE: "Write", rpc.READ_IMPLICIT: "ReadImplicit"}
+_OPERATIONS: Final = {rpc.READ: "Read", rpc.WRITE: "Write", rpc.READ_IMPLICIT: "ReadImplicit"}
+
+_MOST_SHARED: Final = 4_096
+"""Decoded requests that are kept to be used again,"""
+_LONGEST_SHARED: Final = 512
+"""and how many bytes each of them may have."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class _Context:
     """What an RPC call carries: its record calls, and the jobs of its Writes by position."""
 
     body: RequestBody
-    jobs: dict[int, Job] = field(default_factory=dict)
+    jobs: dict[int, Job]
+
+    def __init__(
+        self,
+        body: RequestBody,
+        jobs: dict[int, Job] | None = None,
+    ) -> None:
+        self.body = body
+        self.jobs = {} if jobs is None else jobs
 
 
 class RecordCalls:
@@ -56,6 +69,7 @@ class RecordCalls:
         self._codec = codec
         self._remark = remark
         self._newest_ns: int | None = None
+        self._requests: dict[bytes, Request] = {}
         self.counts: dict[int, dict[str, int]] = {}
         """Record requests by index: {"read": n, "write": n}."""
 
@@ -96,19 +110,49 @@ class RecordCalls:
                 self._record_request(pdu, record, context)
 
     def _record_request(self, pdu: rpc.Pdu, record: Record, context: _Context) -> None:
-        self._length(pdu, record, record.request)
+        half = record.request
+        assert half is not None
+        if half.missing:
+            self._length(pdu, record, half)
+        passes = self._gate.passes((pdu.client, pdu.server, record.ar), record.index)
         if not record.write:
-            self._pass(pdu, record, partial(self._clock, pdu))
+            if passes:
+                self._clock(pdu)
+            else:
+                self._pass(pdu, record, partial(self._clock, pdu))
             return
-        assert record.request is not None
-        peer = _peer(pdu)
-        message = decode_request(record.request.data, self._codec)
+        message = self._decoded(half.data)
+        if passes:
+            self._write(pdu, record, context, message)
+        else:
+            event = partial(self._write, pdu, record, context, message)
+            self._pass(pdu, record, event, shaped=message.shaped)
 
-        def event() -> None:
-            self._clock(pdu)
-            context.jobs[record.position] = self._pairing.write_request(peer, record, message)
+    def _write(self, pdu: rpc.Pdu, record: Record, context: _Context, message: Request) -> None:
+        self._clock(pdu)
+        context.jobs[record.position] = self._pairing.write_request(_peer(pdu), record, message)
 
-        self._pass(pdu, record, event, shaped=message.shaped)
+    def _decoded(self, data: bytes) -> Request:
+        """The request; the same question is asked again and again, often with a reference that counts.
+
+        So the messages that differ in nothing else share their addresses and blocks, which nobody
+        changes.
+        """
+        if not data or not data[0]:  # reference 0 is a flaw
+            return decode_request(data, self._codec)
+        known = self._requests.get(data[1:])
+        if known is None:
+            known = decode_request(data, self._codec)
+            if len(data) <= _LONGEST_SHARED:
+                if len(self._requests) >= _MOST_SHARED:
+                    self._requests.clear()
+                self._requests[data[1:]] = known
+        if known.request_reference == data[0]:
+            return known
+        return Request(
+            data[0], known.request_id, known.axis, known.parameter_count, known.addresses,
+            known.blocks, known.flaws, known.rest, known.length,
+        )  # fmt: skip
 
     def _retransmission(self, call: Call, pdu: rpc.Pdu) -> None:
         args = {"operation": _OPERATIONS.get(pdu.opnum, "?"), "first": call.request.frame}
@@ -141,10 +185,12 @@ class RecordCalls:
             record.response = half
             if half.status is None:
                 self._about(pdu, record, Remark("DS108", pdu.frame))
-            if record.write:
-                self._pass(pdu, record, partial(self._write_answered, pdu, record, context))
-            else:
+            if not record.write:
                 self._read_answered(pdu, record, half)
+            elif self._gate.passes((pdu.client, pdu.server, record.ar), record.index):
+                self._write_answered(pdu, record, context)
+            else:
+                self._pass(pdu, record, partial(self._write_answered, pdu, record, context))
 
     def _write_answered(self, pdu: rpc.Pdu, record: Record, context: _Context) -> None:
         self._clock(pdu)
@@ -153,20 +199,19 @@ class RecordCalls:
             self._pairing.write_response(job, record.response)
 
     def _read_answered(self, pdu: rpc.Pdu, record: Record, half: Half) -> None:
-        self._length(pdu, record, half)
+        if half.missing:
+            self._length(pdu, record, half)
+        if self._gate.passes((pdu.client, pdu.server, record.ar), record.index):
+            self._read(pdu, record)
+            return
         shaped = False
-        if (
-            half.data
-            and not half.missing
-            and self._gate.needs_proof(_ar(pdu, record), record.index)
-        ):
+        if half.data and not half.missing:
             shaped = decode_response(half.data, None, self._codec).shaped
+        self._pass(pdu, record, partial(self._read, pdu, record), shaped=shaped)
 
-        def event() -> None:
-            self._clock(pdu)
-            self._pairing.read_response(_peer(pdu), record)
-
-        self._pass(pdu, record, event, shaped=shaped)
+    def _read(self, pdu: rpc.Pdu, record: Record) -> None:
+        self._clock(pdu)
+        self._pairing.read_response(_peer(pdu), record)
 
     def _orphan_response(self, pdu: rpc.Pdu) -> None:
         if pdu.opnum not in _OPERATIONS:
@@ -198,9 +243,7 @@ class RecordCalls:
 
     # Findings and small things
 
-    def _length(self, pdu: rpc.Pdu, record: Record, half: Half | None) -> None:
-        if half is None or not half.missing:
-            return
+    def _length(self, pdu: rpc.Pdu, record: Record, half: Half) -> None:
         if pdu.missing:
             args = {"captured": len(half.data), "original": half.stated}
             self._about(pdu, record, Remark("DS106", half.frame, args))
@@ -241,7 +284,9 @@ class RecordCalls:
         self._gate.pass_on(_ar(pdu, record), record.index, event, shaped=shaped)
 
     def _count(self, index: int, *, write: bool) -> None:
-        counts = self.counts.setdefault(index, {"read": 0, "write": 0})
+        counts = self.counts.get(index)
+        if counts is None:
+            counts = self.counts[index] = {"read": 0, "write": 0}
         counts["write" if write else "read"] += 1
 
 
@@ -249,6 +294,11 @@ def _ar(pdu: rpc.Pdu, record: Record) -> ArKey:
     return pdu.client, pdu.server, record.ar
 
 
+@lru_cache(maxsize=4096)
+def _who(client: str, server: str, object_uuid: bytes) -> Peer:
+    identity = rpc.device_identity(object_uuid) or (None, None)
+    return Peer(client, server, *identity)
+
+
 def _peer(pdu: rpc.Pdu) -> Peer:
-    identity = rpc.device_identity(pdu.object_uuid) or (None, None)
-    return Peer(pdu.client, pdu.server, *identity)
+    return _who(pdu.client, pdu.server, pdu.object_uuid)

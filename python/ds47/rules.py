@@ -9,31 +9,45 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Final
 
 from ds47.pairing import Job
-from ds47.profidrive import Address, Block, Flaw, Request
+from ds47.profidrive import Address, Block, Flaw, Request, Response
 from ds47.profidrive.model import VALUE, Value
 from ds47.profinet.status import status_hex, status_text
 from ds47.spec import error_text, parameters, request_ids
 from ds47.spec.semantics import Limits
 
-PNU_ACCESS_IDENTIFICATION = 974
+PNU_ACCESS_IDENTIFICATION: Final = 974
 """r0974[0] is the longest message the device takes (docs/protocol.md A.5, D.1)."""
-NOT_SUPPORTED = 0x80
+NOT_SUPPORTED: Final = 0x80
 """Response id of a device that does not know the request id."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Remark:
     """A finding before it has words: rule, where, and what to put into the message."""
 
     rule: str
     frame: int
-    args: dict[str, Any] = field(default_factory=dict)
-    offset: int | None = None
-    job: Job | None = None
+    args: dict[str, Any]
+    offset: int | None
+    job: Job | None
+
+    def __init__(
+        self,
+        rule: str,
+        frame: int,
+        args: dict[str, Any] | None = None,
+        offset: int | None = None,
+        job: Job | None = None,
+    ) -> None:
+        self.rule = rule
+        self.frame = frame
+        self.args = {} if args is None else args
+        self.offset = offset
+        self.job = job
 
 
 def family_fits(request_id: int, response_id: int) -> bool:
@@ -54,8 +68,8 @@ def is_mismatch(job: Job) -> bool:
         or response.axis != request.axis
         or response.response_id is None
         or request.request_id is None
-        or not family_fits(request.request_id, response.response_id)
         or len(response.blocks) > len(request.addresses)
+        or not family_fits(request.request_id, response.response_id)
     )
 
 
@@ -85,19 +99,30 @@ class Judge:
         self._slow_ns = slow_ns
         self._lang = lang
         self._written: OrderedDict[tuple[Any, ...], tuple[bytes, Value]] = OrderedDict()
-        self._longest: dict[str, int] = {}
+        self._written_pnus: set[int] = set()
+        """Every PNU that was ever in `_written`: most reads ask for others."""
+        self._longest: OrderedDict[str, int] = OrderedDict()
 
     def answered(self, job: Job) -> list[Remark]:
         """What its response, and the values in it, say of a job. Call in the order of the capture."""
-        remarks = [*self._request(job), *self._reads(job), *self._response(job), *self._time(job)]
-        if not is_mismatch(job):
-            remarks += self._read_back(job)
+        remarks: list[Remark] = []
+        stray = is_mismatch(job)
+        self._request(job, remarks)
+        self._reads(job, remarks)
+        self._response(job, stray, remarks)
+        self._time(job, remarks)
+        if not stray:
+            self._read_back(job, remarks)
             self._learn_limit(job)
-        return [self._owned(remark, job) for remark in remarks]
+        for remark in remarks:
+            remark.job = job
+        return remarks
 
     def unanswered(self, job: Job) -> list[Remark]:
         """What is to be said of a job that is closed without a response."""
-        remarks = [*self._request(job), *self._reads(job)]
+        remarks: list[Remark] = []
+        self._request(job, remarks)
+        self._reads(job, remarks)
         write = job.write_request
         if write is not None and not job.write_refused:
             change = _is_change(job)
@@ -109,22 +134,23 @@ class Judge:
             else:
                 rule = "DS402" if change else "DS401"
                 remarks.append(Remark(rule, write.frame, {"reason": job.reason}))
-        return [self._owned(remark, job) for remark in remarks]
+        for remark in remarks:
+            remark.job = job
+        return remarks
 
-    def _owned(self, remark: Remark, job: Job) -> Remark:
-        remark.job = job
-        return remark
-
-    def _request(self, job: Job) -> Iterator[Remark]:
+    def _request(self, job: Job, remarks: list[Remark]) -> None:
         half, message = job.write_request, job.message
         if half is None or message is None:
             return
-        yield from _flaws(message.flaws, half.frame)
+        if message.flaws:
+            _flaws(message.flaws, half.frame, remarks)
         limit = self._longest.get(job.peer.device)
         if limit and len(half.data) > limit:
-            yield Remark("DS316", half.frame, {"length": len(half.data), "limit": limit}, 0)
-        if job.previous_reference is not None and job.previous_reference == job.reference:
-            yield Remark("DS415", half.frame, {"reference": job.reference})
+            args = {"length": len(half.data), "limit": limit}
+            remarks.append(Remark("DS316", half.frame, args, 0))
+        reference = message.request_reference
+        if job.previous_reference is not None and job.previous_reference == reference:
+            remarks.append(Remark("DS415", half.frame, {"reference": reference}))
 
     def closed(self, job: Job) -> list[Remark]:
         """What its Write response says of a job; it may come after the Read."""
@@ -133,57 +159,70 @@ class Judge:
             return []
         return [Remark("DS203", half.frame, self._status_args(half.status), job=job)]
 
-    def _reads(self, job: Job) -> Iterator[Remark]:
+    def _reads(self, job: Job, remarks: list[Remark]) -> None:
         half = job.read_response
         if half and half.status:
-            yield Remark("DS201", half.frame, self._status_args(half.status))
+            remarks.append(Remark("DS201", half.frame, self._status_args(half.status)))
         for half in job.empty_reads:
-            yield Remark("DS207", half.frame)
+            remarks.append(Remark("DS207", half.frame))
 
     def _status_args(self, status: int) -> dict[str, Any]:
         return {"status": status_hex(status), "text": status_text(status, self._lang)}
 
-    def _response(self, job: Job) -> Iterator[Remark]:
+    def _response(self, job: Job, stray: bool, remarks: list[Remark]) -> None:
         half, response, request = job.read_response, job.response, job.message
         if half is None or response is None:
             return
-        yield from _flaws(response.flaws, half.frame)
+        if response.flaws:
+            _flaws(response.flaws, half.frame, remarks)
         if request is None:
-            yield Remark("DS403", half.frame)
+            remarks.append(Remark("DS403", half.frame))
         else:
-            yield from self._mirror(half.frame, job)
-        yield from self._blocks(half.frame, job)
+            self._mirror(half.frame, request, response, remarks)
+        self._blocks(half.frame, job, stray, remarks)
 
-    def _mirror(self, frame: int, job: Job) -> Iterator[Remark]:
-        request, response = job.message, job.response
-        assert request is not None
-        assert response is not None
-        pairs = (
-            ("DS404", request.request_reference, response.request_reference),
-            ("DS406", request.axis, response.axis),
-            ("DS407", request.parameter_count, response.parameter_count),
+    def _mirror(
+        self, frame: int, request: Request, response: Response, remarks: list[Remark]
+    ) -> None:
+        reference, axis, count = (
+            response.request_reference,
+            response.axis,
+            response.parameter_count,
         )
-        for rule, sent, got in pairs:
-            if sent is not None and got is not None and sent != got:
-                yield Remark(rule, frame, {"sent": sent, "got": got})
+        if (
+            reference != request.request_reference
+            or axis != request.axis
+            or count != request.parameter_count
+        ):
+            pairs = (
+                ("DS404", request.request_reference, reference),
+                ("DS406", request.axis, axis),
+                ("DS407", request.parameter_count, count),
+            )
+            for rule, sent, got in pairs:
+                if sent is not None and got is not None and sent != got:
+                    remarks.append(Remark(rule, frame, {"sent": sent, "got": got}))
         sent, got = request.request_id, response.response_id
         if sent is None or got is None:
             return
         if got == NOT_SUPPORTED:
-            yield Remark("DS418", frame, {"id": f"0x{sent:02X}"})
+            remarks.append(Remark("DS418", frame, {"id": f"0x{sent:02X}"}))
         elif not family_fits(sent, got):
-            yield Remark("DS405", frame, {"sent": f"0x{sent:02X}", "got": f"0x{got:02X}"})
+            args = {"sent": f"0x{sent:02X}", "got": f"0x{got:02X}"}
+            remarks.append(Remark("DS405", frame, args))
 
-    def _blocks(self, frame: int, job: Job) -> Iterator[Remark]:
+    def _blocks(self, frame: int, job: Job, stray: bool, remarks: list[Remark]) -> None:
         response, request = job.response, job.message
         assert response is not None
-        addresses = request.addresses if request and not is_mismatch(job) else []
+        addresses = request.addresses if request and not stray else []
+        read = request is not None and request.operation == "read"
         for number, block in enumerate(response.blocks):
             address = addresses[number] if number < len(addresses) else None
             if block.error is not None:
-                yield Remark("DS410", frame, self._error_args(job, block, address), block.offset)
-            elif address and request and request.operation == "read":
-                yield from _element_count(frame, block, address)
+                args = self._error_args(job, block, address)
+                remarks.append(Remark("DS410", frame, args, block.offset))
+            elif address and read and block.value_count != address.element_count:
+                _element_count(frame, block, address, remarks)
 
     def _error_args(self, job: Job, block: Block, address: Address | None) -> dict[str, Any]:
         assert block.error is not None
@@ -196,34 +235,37 @@ class Judge:
             "info": "-" if info is None else info,
         }
 
-    def _time(self, job: Job) -> Iterator[Remark]:
+    def _time(self, job: Job, remarks: list[Remark]) -> None:
         half = job.read_response
         if half is None:
             return
         if len(job.polls) >= self._limits.polls:
-            yield Remark("DS204", half.frame, {"count": len(job.polls)})
+            remarks.append(Remark("DS204", half.frame, {"count": len(job.polls)}))
         if job.polls:
             since = half.time_ns - (job.polls[0][0] or job.polls[0][1]).time_ns
             if since > self._limits.polling_ns:
                 limit = self._limits.polling_ns // 1_000_000
-                yield Remark("DS205", half.frame, {"milliseconds": _ms(since), "limit": limit})
+                args = {"milliseconds": _ms(since), "limit": limit}
+                remarks.append(Remark("DS205", half.frame, args))
         share = drive_time_ns(job)
         if share is not None and share > self._slow_ns and half.data:
             args = {"milliseconds": _ms(share), "limit": self._slow_ns // 1_000_000}
-            yield Remark("DS416", half.frame, args)
+            remarks.append(Remark("DS416", half.frame, args))
 
-    def _read_back(self, job: Job) -> Iterator[Remark]:
+    def _read_back(self, job: Job, remarks: list[Remark]) -> None:
         """Remembers what was written, element by element, and compares what is read later."""
         request, response = job.message, job.response
         if request is None or response is None or job.read_response is None:
             return
-        where = _place(job)
-        if request.operation == "change":
-            self._remember(where, request, response.blocks)
-            return
-        if request.operation != "read":
+        operation = request.operation
+        if operation == "change":
+            self._remember(_place(job), request, response.blocks)
+        if operation != "read":
             return
         for address, block in zip(request.addresses, response.blocks, strict=False):
+            if address.pnu not in self._written_pnus:
+                continue
+            where = _place(job)
             for element, raw, value in _elements(address, block):
                 written, meant = self._written.get((*where, address.pnu, element), (b"", ""))
                 if len(written) != len(raw) or written == raw:
@@ -231,7 +273,7 @@ class Judge:
                 del self._written[(*where, address.pnu, element)]
                 where_read = {"pnu": address.pnu, "subindex": element}
                 args = {**where_read, "written": meant, "read": value}
-                yield Remark("DS417", job.read_response.frame, args, block.offset)
+                remarks.append(Remark("DS417", job.read_response.frame, args, block.offset))
 
     def _remember(self, where: tuple[Any, ...], request: Request, answers: list[Block]) -> None:
         known = parameters()
@@ -242,6 +284,7 @@ class Judge:
             pnu = known.get(address.pnu)
             if failed or (pnu and pnu.volatile):
                 continue
+            self._written_pnus.add(address.pnu)
             for element, raw, value in _elements(address, block):
                 key = (*where, address.pnu, element)
                 self._written[key] = raw, value
@@ -262,20 +305,19 @@ class Judge:
         if request is None or response is None or request.operation != "read":
             return
         for address, block in zip(request.addresses, response.blocks, strict=False):
-            wanted = address.pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0
-            if wanted and address.attribute == VALUE and block.values:
-                value = block.values[0]
-                if (
-                    isinstance(value, int)
-                    and value > 0
-                    and len(self._longest) < self._limits.activities
-                ):
-                    self._longest[job.peer.device] = value
+            if address.pnu != PNU_ACCESS_IDENTIFICATION or address.subindex != 0:
+                continue
+            value = block.values[0] if address.attribute == VALUE and block.values else None
+            if isinstance(value, int) and value > 0:
+                self._longest[job.peer.device] = value
+                self._longest.move_to_end(job.peer.device)
+                if len(self._longest) > self._limits.longest_messages:
+                    self._longest.popitem(last=False)
 
 
-def _flaws(flaws: list[Flaw], frame: int) -> Iterator[Remark]:
+def _flaws(flaws: list[Flaw], frame: int, remarks: list[Remark]) -> None:
     for flaw in flaws:
-        yield Remark(flaw.rule, frame, flaw.args, flaw.offset)
+        remarks.append(Remark(flaw.rule, frame, flaw.args, flaw.offset))
 
 
 def _place(job: Job) -> tuple[Any, ...]:
@@ -288,7 +330,7 @@ def _is_change(job: Job) -> bool:
     return job.message is not None and job.message.operation == "change"
 
 
-def _element_count(frame: int, block: Block, address: Address) -> Iterator[Remark]:
+def _element_count(frame: int, block: Block, address: Address, remarks: list[Remark]) -> None:
     asked = max(1, address.element_count)
     if block.value_count == asked or address.attribute != VALUE:
         return
@@ -296,7 +338,7 @@ def _element_count(frame: int, block: Block, address: Address) -> Iterator[Remar
         return  # count 0 asks for the whole simple parameter; a string has as many values as characters
     rule = "DS408" if block.value_count < asked else "DS409"
     args = {"asked": asked, "got": block.value_count, "pnu": address.pnu}
-    yield Remark(rule, frame, args, block.offset)
+    remarks.append(Remark(rule, frame, args, block.offset))
 
 
 def _elements(address: Address, block: Block) -> Iterator[tuple[int, bytes, Value]]:

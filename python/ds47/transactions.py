@@ -5,7 +5,9 @@ States and parameters follow docs/pairing.md; findings are `ds47.rules`' busines
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import zip_longest
+from typing import Final
 
 from ds47.model import Frames, Parameter, ParameterError, Transaction
 from ds47.pairing import Job
@@ -14,43 +16,46 @@ from ds47.profinet.records import NIL_UUID, Half
 from ds47.rules import NOT_SUPPORTED, is_mismatch
 from ds47.spec import error_text, parameters, request_ids, response_ids
 
-SIEMENS = 0x002A
+SIEMENS: Final = 0x002A
 """PROFINET vendor id of the drives whose own parameters parameters.toml names."""
 
 
 def build(job: Job, lang: str = "en") -> Transaction:
     """The transaction of a closed job; error texts in "en" or "zh"."""
+    message, response, record, peer = job.message, job.response, job.record, job.peer
     write, read = job.write_request, job.read_response
-    response = job.response
     first = write or job.read_request or read
     assert first is not None
-    reference = job.reference
-    axis = job.message.axis if job.message else None
-    if job.message is None and response is not None:
+    reference = axis = None
+    if message is not None:
+        reference, axis = message.request_reference, message.axis
+    elif response is not None:
         reference, axis = response.request_reference, response.axis
-    done = read is not None and bool(read.data) and write is not None
-    parameters_ = _parameters(job, lang)
+    answer = (read.data or None) if read else None
+    took = read.time_ns - write.time_ns if answer and read and write else None
+    stray = is_mismatch(job)
+    parameters_ = _parameters(job, lang, stray)
     return Transaction(
-        operation=operation(job),
-        state=state(job, parameters_),
-        controller=job.peer.controller,
-        device=job.peer.device,
-        ar=None if job.record.ar == NIL_UUID else _uuid(job.record.ar),
-        api=job.record.api,
-        slot=job.record.slot,
-        subslot=job.record.subslot,
-        index=job.record.index,
-        request_reference=reference,
-        axis=axis,
-        frames=_frames(job),
-        start_ns=first.time_ns,
-        duration_ns=read.time_ns - write.time_ns if done and read and write else None,
-        request=write.data if write else None,
-        response=read.data if read and read.data else None,
-        write_status=job.write_response.status if job.write_response else None,
-        read_status=read.status if read else None,
-        parameters=parameters_,
-        position=job.record.position,
+        operation(job),
+        _state(job, parameters_, stray),
+        peer.controller,
+        peer.device,
+        None if record.ar == NIL_UUID else _uuid(record.ar),
+        record.api,
+        record.slot,
+        record.subslot,
+        record.index,
+        reference,
+        axis,
+        _frames(job),
+        first.time_ns,
+        took,
+        write.data if write else None,
+        answer,
+        job.write_response.status if job.write_response else None,
+        read.status if read else None,
+        parameters_,
+        record.position,
     )
 
 
@@ -67,6 +72,10 @@ def operation(job: Job) -> str:
 
 def state(job: Job, parameters_: list[Parameter]) -> str:
     """The state of a closed job: the first of design order that applies."""
+    return _state(job, parameters_, is_mismatch(job))
+
+
+def _state(job: Job, parameters_: list[Parameter], stray: bool) -> str:
     read = job.read_response
     if job.message is None:
         return "orphan"
@@ -76,7 +85,7 @@ def state(job: Job, parameters_: list[Parameter]) -> str:
         return "superseded"
     if read is None:
         return "unanswered"
-    if is_mismatch(job):
+    if stray:
         return "mismatch"
     return _outcome(job, parameters_)
 
@@ -93,43 +102,44 @@ def _outcome(job: Job, parameters_: list[Parameter]) -> str:
     known = response_ids().get(response.response_id or 0)
     if not blocks and known and known.body != "blocks" and not known.negative:
         return "ok"  # a positive response that has nothing to carry
-    done = sum(1 for block in blocks if block.error is None)
+    done = 0
+    for block in blocks:
+        done += block.error is None
     asked = max(len(parameters_), len(job.message.addresses) if job.message else 0)
     if done == asked:
         return "ok"
     return "partial" if done else "error"
 
 
-def _parameters(job: Job, lang: str) -> list[Parameter]:
+def _parameters(job: Job, lang: str, stray: bool) -> list[Parameter]:
     request, response = job.message, job.response
     blocks: list[Block] = response.blocks if response else []
-    stray = is_mismatch(job)
-    if stray and request is not None and request.operation == "change":
+    change = request is not None and request.operation == "change"
+    if stray and request is not None and change:
         blocks = request.blocks
     if request is None or (stray and not _refused(job)):
         return [_parameter(job, lang, None, block, block) for block in blocks]
+    addresses = request.addresses
     answers: list[Block | None] = [] if stray else list(blocks)
-    values: list[Block | None] = list(request.blocks) if request.operation == "change" else answers
-    rows = zip_longest(request.addresses, values[: len(request.addresses)], answers)
+    if not change and len(answers) == len(addresses):
+        return [
+            _parameter(job, lang, address, answer, answer)
+            for address, answer in zip(addresses, answers, strict=True)
+        ]
+    values: list[Block | None] = list(request.blocks) if change else answers
+    rows = zip_longest(addresses, values[: len(addresses)], answers)
     return [_parameter(job, lang, *row) for row in rows if row[0] is not None]
 
 
 def _parameter(
     job: Job, lang: str, address: Address | None, value: Block | None, answer: Block | None
 ) -> Parameter:
-    known = parameters().get(address.pnu) if address else None
-    if known and known.family != "profile" and job.peer.vendor_id != SIEMENS:
-        known = None
-    result = Parameter(
-        pnu=address.pnu if address else None,
-        subindex=address.subindex if address else None,
-        attribute=address.attribute_name if address else None,
-        element_count=address.element_count if address else None,
-        name=(known.name_zh if lang == "zh" and known.name_zh else known.name_en)
-        if known
-        else None,
-        unit=known.unit if known else None,
-    )
+    pnu = subindex = attribute = elements = name = unit = None
+    if address is not None:
+        pnu, subindex, elements = address.pnu, address.subindex, address.element_count
+        attribute = address.attribute_name
+        name, unit = _name_and_unit(pnu, job.peer.vendor_id == SIEMENS, lang)
+    result = Parameter(pnu, subindex, attribute, elements, name, unit)
     if value is not None and value.error is None:
         result.format = value.format_name
         result.value_count = value.value_count
@@ -142,20 +152,36 @@ def _parameter(
     return result
 
 
+@lru_cache(maxsize=4096)
+def _name_and_unit(pnu: int, siemens: bool, lang: str) -> tuple[str | None, str | None]:
+    """What parameters.toml says of a parameter, where it speaks of this device."""
+    known = parameters().get(pnu)
+    if known is None or (known.family != "profile" and not siemens):
+        return None, None
+    return (known.name_zh if lang == "zh" and known.name_zh else known.name_en), known.unit
+
+
 def _frames(job: Job) -> Frames:
-    def number(half: Half | None) -> int | None:
-        return half.frame if half else None
-
-    return Frames(
-        write_request=number(job.write_request),
-        write_response=number(job.write_response),
-        read_request=number(job.read_request),
-        read_response=number(job.read_response),
-        polls=[(number(request), number(answer)) for request, answer in job.polls],
-        rereads=[(number(request), number(answer)) for request, answer in job.rereads],
+    asked, accepted = job.write_request, job.write_response
+    read, answered = job.read_request, job.read_response
+    frames = Frames(
+        asked.frame if asked else None,
+        accepted.frame if accepted else None,
+        read.frame if read else None,
+        answered.frame if answered else None,
     )
+    if job.polls:
+        frames.polls = _pairs(job.polls)
+    if job.rereads:
+        frames.rereads = _pairs(job.rereads)
+    return frames
 
 
+def _pairs(reads: list[tuple[Half | None, Half]]) -> list[tuple[int | None, int | None]]:
+    return [(request.frame if request else None, answer.frame) for request, answer in reads]
+
+
+@lru_cache(maxsize=4096)
 def _uuid(raw: bytes) -> str:
     text = raw.hex()
     return f"{text[:8]}-{text[8:12]}-{text[12:16]}-{text[16:20]}-{text[20:]}"

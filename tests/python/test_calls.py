@@ -161,7 +161,7 @@ def test_a_response_without_its_request() -> None:
 
 def test_activities_do_not_mix() -> None:
     request, response = calls()
-    for change in ({"activity": bytes(16)}, {"destination": "192.168.133.9"}, {"seq": 5}):
+    for change in ({"activity": bytes(16)}, {"client": "192.168.133.9"}, {"seq": 5}):
         heard = Heard().feed(request, replace(response, **change))  # type: ignore[arg-type]
         assert heard.names == ["request", "orphan"]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Frame:
     """One captured frame.
 
@@ -23,3 +23,17 @@ class Frame:
     link_type: int
     data: bytes
     original_length: int
+
+    def __init__(
+        self,
+        number: int,
+        time_ns: int,
+        link_type: int,
+        data: bytes,
+        original_length: int,
+    ) -> None:
+        self.number = number
+        self.time_ns = time_ns
+        self.link_type = link_type
+        self.data = data
+        self.original_length = original_length

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 from .errors import CaptureError
 from .frame import Frame
-from .scan import MAX_FRAME, ByteOrder, Cursor, Reject, pcap_layout, scan_pcap
+from .scan import BATCH, MAX_FRAME, ByteOrder, PcapScan
 from .stream import Window
 
 _FILE_HEADER = 24
@@ -41,7 +41,7 @@ def _order(head: bytes) -> ByteOrder | None:
 class PcapReader:
     """Frames of one pcap file that may matter, in order.
 
-    `frames` counts all of them, `problem` is one line when the file is damaged. Raises CaptureError
+    `frames` counts all that were passed, `problem` is one line when the file is damaged. Raises CaptureError
     when the file header is not whole.
     """
 
@@ -51,7 +51,7 @@ class PcapReader:
         if not window.more(0, _FILE_HEADER):
             reason = window.broken or f"it has {window.end} bytes, the file header alone has 24"
             raise CaptureError(f"the pcap file header is not whole: {reason}")
-        order = _order(window.data)
+        order = _order(bytes(window.data[:4]))
         assert order is not None, "only called for recognised files"
         magic = int.from_bytes(window.data[:4], order)
         self._unit, self._header = _MAGICS[magic]
@@ -59,35 +59,31 @@ class PcapReader:
         # the upper bits say how long a frame check sequence is; IP lengths tell that better
         self.link_type = int.from_bytes(window.data[20:24], order) & 0x03FFFFFF
         self._window = window
-        self._cursor = Cursor(position=_FILE_HEADER)
+        self._scan = PcapScan(order, self._header, self.link_type)
+        self._scan.position = _FILE_HEADER
+        self.frames = 0
         self.problem: str | None = None
-
-    @property
-    def frames(self) -> int:
-        """Frames passed so far."""
-        return self._cursor.frames
 
     def read(self) -> Iterator[Frame]:
         """Yield the frames that may matter; sets `problem` when it must stop early."""
-        window, cursor, link_type, unit = self._window, self._cursor, self.link_type, self._unit
-        layout = pcap_layout(self._order, self._header)
-        reject = Reject.build(self._order, link_type)
+        window, scan, link_type, unit = self._window, self._scan, self.link_type, self._unit
         while True:
-            data = window.data
-            for number, seconds, fraction, captured, original, start in scan_pcap(
-                data, window.end, cursor, layout, self._header, link_type, reject
-            ):
+            data = window.view
+            found = scan.scan(window.data, window.end)
+            for number, seconds, fraction, captured, original, start in found:
+                self.frames = number
                 time_ns = seconds * 1_000_000_000 + fraction * unit
-                frame = data[start : start + captured]
+                frame = data[start : start + captured].tobytes()
                 yield Frame(number, time_ns, link_type, frame, original)
-            if not self._continue():
+            self.frames = scan.frames
+            if len(found) < BATCH and not self._continue():
                 return
 
     def _continue(self) -> bool:
-        """Get what the record in front of the cursor needs; False at the end or at damage."""
-        window, cursor, header = self._window, self._cursor, self._header
-        whole = window.more(cursor.position, header)
-        cursor.position = 0
+        """Get what the record in front of the scan needs; False at the end or at damage."""
+        window, scan, header = self._window, self._scan, self._header
+        whole = window.more(scan.position, header)
+        scan.position = 0
         if not whole:
             if window.end or window.broken:
                 self._cut_off(header)

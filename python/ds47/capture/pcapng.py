@@ -14,18 +14,7 @@ from typing import Literal
 
 from .errors import CaptureError
 from .frame import Frame
-from .scan import (
-    ENHANCED_PACKET,
-    ETHERNET,
-    MAX_FRAME,
-    ByteOrder,
-    Cursor,
-    Links,
-    Reject,
-    pcapng_layout,
-    relevant,
-    scan_pcapng,
-)
+from .scan import BATCH, ENHANCED_PACKET, MAX_FRAME, ByteOrder, PcapngScan, relevant
 from .stream import Window
 
 SECTION = 0x0A0D0D0A
@@ -43,7 +32,7 @@ _FIXED_PART = {SECTION: 16, INTERFACE: 8, PACKET: 20, SIMPLE_PACKET: 4, STATISTI
 
 
 class _BrokenBlockError(Exception):
-    """The block in front of the cursor cannot be read. The text says what is wrong with it."""
+    """The block in front of the scan cannot be read. The text says what is wrong with it."""
 
 
 @dataclass(slots=True)
@@ -86,12 +75,12 @@ class PcapngReader:
 
     def __init__(self, window: Window) -> None:
         self._window = window
-        self._cursor = Cursor()
+        self._scan = PcapngScan()
         self._interfaces: list[_Interface] = []
-        self._links = Links()
         self._last_ns = 0
         self._lost_before: int | None = None
         self._lost: dict[int, dict[int, int]] = {}
+        self.frames = 0
         self.problem: str | None = None
         self._set_order("little")
         try:
@@ -99,11 +88,6 @@ class PcapngReader:
                 raise _BrokenBlockError("the file is empty")
         except _BrokenBlockError as error:
             raise CaptureError(f"the pcapng section header cannot be read: {error}") from error
-
-    @property
-    def frames(self) -> int:
-        """Frames passed so far."""
-        return self._cursor.frames
 
     @property
     def dropped(self) -> int | None:
@@ -115,79 +99,83 @@ class PcapngReader:
 
     def read(self) -> Iterator[Frame]:
         """Yield the frames that may matter; sets `problem` when it must stop early."""
-        cursor, window = self._cursor, self._window
+        scan, window = self._scan, self._window
         try:
             while True:
                 yield from self._enhanced()
                 frame = self._block()
+                self.frames = scan.frames
                 if frame is None:
                     return
                 if frame is not True:
                     self._last_ns = frame.time_ns
                     yield frame
         except _BrokenBlockError as error:
-            self.problem = window.broken or f"damaged at byte {window.base + cursor.position}: "
+            self.problem = window.broken or f"damaged at byte {window.base + scan.position}: "
             if not window.broken:
                 self.problem += str(error)
             self.problem += "; only the frames before it are reported"
 
     def _enhanced(self) -> Iterator[Frame]:
-        """Yield from the run of Enhanced Packet Blocks in front of the cursor, by the fast loop."""
-        data, interfaces = self._window.data, self._interfaces
-        for number, interface, high, low, captured, original, start in scan_pcapng(
-            data, self._window.end, self._cursor, self._layout, self._word, self._links,
-            self._reject,
-        ):  # fmt: skip
-            about = interfaces[interface]
-            self._last_ns = time_ns = about.time_ns(high, low)
-            frame = data[start : start + captured]
-            yield Frame(number, time_ns, about.link_type, frame, original)
+        """Yield from the run of Enhanced Packet Blocks in front of the scan, by the fast loop."""
+        scan, interfaces = self._scan, self._interfaces
+        window, more = self._window, True
+        data = window.view
+        while more:
+            found = scan.scan(window.data, window.end)
+            for number, interface, high, low, captured, original, start in found:
+                about = interfaces[interface]
+                self.frames = number
+                self._last_ns = time_ns = about.time_ns(high, low)
+                frame = data[start : start + captured].tobytes()
+                yield Frame(number, time_ns, about.link_type, frame, original)
+            more = len(found) == BATCH
+        self.frames = scan.frames
 
     def _set_order(self, order: ByteOrder) -> None:
         self._order: ByteOrder = order
         self._sign = "<" if order == "little" else ">"
         self._word = struct.Struct(self._sign + "I")
-        self._layout = pcapng_layout(order)
-        self._reject = Reject.build(order, ETHERNET)
+        self._scan.section(order)
 
     # -- any block, one at a time ---------------------------------------------------------------
 
     def _block(self) -> Frame | Literal[True] | None:
-        """Take the block in front of the cursor. None at the end; a frame that may matter; True.
+        """Take the block in front of the scan. None at the end; a frame that may matter; True.
 
-        Raises _BrokenBlockError, with the cursor still in front of the block.
+        Raises _BrokenBlockError, with the scan still in front of the block.
         """
-        cursor, window = self._cursor, self._window
+        scan, window = self._scan, self._window
         if not self._have(12):
-            if window.end == cursor.position and not window.broken:
+            if window.end == scan.position and not window.broken:
                 return None
-            left = window.end - cursor.position
+            left = window.end - scan.position
             raise _BrokenBlockError(f"a block header needs 12 bytes and {left} are left")
         kind, total = self._head()
         if not self._have(total):
-            left = window.end - cursor.position
+            left = window.end - scan.position
             raise _BrokenBlockError(f"block type {kind:#x} needs {total} bytes and {left} are left")
-        data, start, end = window.data, cursor.position, cursor.position + total
+        data, start, end = window.view, scan.position, scan.position + total
         if data[start + 4 : start + 8] != data[end - 4 : end]:
             raise _BrokenBlockError(f"block type {kind:#x} gives its length twice, and differently")
-        frame = self._dispatch(kind, data[start + 8 : end - 4])
-        cursor.position = end
+        frame = self._dispatch(kind, data[start + 8 : end - 4].tobytes())
+        scan.position = end
         return frame if frame is not None else True
 
     def _have(self, need: int) -> bool:
-        """Have `need` bytes behind the cursor; the window moves only when it has to."""
-        cursor, window = self._cursor, self._window
-        if window.end - cursor.position >= need:
+        """Have `need` bytes behind the scan; the window moves only when it has to."""
+        scan, window = self._scan, self._window
+        if window.end - scan.position >= need:
             return True
-        whole = window.more(cursor.position, need)
-        cursor.position = 0
+        whole = window.more(scan.position, need)
+        scan.position = 0
         return whole
 
     def _head(self) -> tuple[int, int]:
-        """Return type and length of the block at the cursor, a section's byte order applied."""
-        data, at = self._window.data, self._cursor.position
+        """Return type and length of the block at the scan, a section's byte order applied."""
+        data, at = self._window.data, self._scan.position
         if data[at : at + 4] == SECTION.to_bytes(4, "big"):
-            self._set_order(self._section_order(data[at + 8 : at + 12]))
+            self._set_order(self._section_order(bytes(data[at + 8 : at + 12])))
         kind, total = struct.unpack_from(self._sign + "2I", data, at)
         least = 12 + _FIXED_PART.get(kind, 0)
         if total < least or total % 4:
@@ -219,7 +207,7 @@ class PcapngReader:
         if kind in blocks:
             return blocks[kind](body)
         if kind in _COUNTED:
-            self._cursor.frames += 1
+            self._scan.frames += 1
         return None
 
     # -- one method per block type; `body` is without type and lengths --------------------------
@@ -231,7 +219,7 @@ class PcapngReader:
         self._lost_before = self.dropped
         self._lost = {}
         self._interfaces = []
-        self._links = Links()
+        self._scan.links = []
 
     def _on_interface(self, body: bytes) -> None:
         link_type, _, snap_length = struct.unpack_from(self._sign + "HHI", body)
@@ -242,9 +230,7 @@ class PcapngReader:
             elif code == 14 and len(value) >= 8:
                 (seconds,) = struct.unpack_from(self._sign + "q", value)
                 about.offset_ns = seconds * 1_000_000_000
-        if link_type == ETHERNET:
-            self._links.ethernet.add(len(self._interfaces))
-        self._links.types.append(link_type)
+        self._scan.links.append(link_type)
         self._interfaces.append(about)
 
     def _on_enhanced(self, body: bytes) -> Frame | None:
@@ -280,7 +266,8 @@ class PcapngReader:
         return self._frame(about, self._last_ns, body[4 : 4 + captured], original)
 
     def _frame(self, about: _Interface, time_ns: int, data: bytes, original: int) -> Frame | None:
-        self._cursor.frames += 1
+        self._scan.frames += 1
+        self.frames = self._scan.frames
         if not relevant(data, 0, len(data), about.link_type, original):
             return None
         return Frame(self.frames, time_ns, about.link_type, data, original)

@@ -34,7 +34,7 @@ class Capture:
         self._ended = False
         window = Window(stream)
         window.more(0, 4)
-        head = window.data[: min(4, window.end)]
+        head = bytes(window.view[: min(4, window.end)])
         self._reader: pcap.PcapReader | pcapng.PcapngReader
         if pcap.recognised(head):
             self._reader = pcap.PcapReader(window)

@@ -4,9 +4,11 @@ Lives here: the predicate, and the two loops (pcap, pcapng) that apply it withou
 for a frame that is none of our business. Not here: file headers, blocks other than the Enhanced
 Packet Block, broken lengths (the loops stop in front of them; pcap.py and pcapng.py say why).
 
-This is the only file where speed may cost beauty. One `unpack` per frame fetches the record header
-*and* the first type fields of the Ethernet frame behind it, in the byte order of the file, so the
-constants to compare with are swapped instead of the fields (`Reject`).
+This is the only file where speed may cost beauty. It is plain Python, and with the types of
+scan.pxd beside it also what Cython compiles. The two differ in one thing, how the fields of a record
+are fetched: compiled from the bytes; else by one `unpack` in the byte order of the file, so that the
+constants to compare with are swapped instead of the fields, and long runs of cyclic frames by
+a regular expression (`Runs`). A test holds both to the same answer.
 
 A frame matters when, after VLAN tags or a cooked header, it is
 * IPv4 UDP with RPC version 4 and the PNIO interface UUID (docs/protocol.md E.2), on any port;
@@ -18,12 +20,13 @@ was cut before the UUID begins must have the PROFINET port 34964 on one side.
 
 from __future__ import annotations
 
+import re
 import struct
-from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable
 from typing import Literal
 
 ByteOrder = Literal["little", "big"]
+Bytes = bytes | bytearray
 
 ETHERNET, RAW, RAW_IPV4, SLL, SLL2 = 1, 101, 228, 113, 276
 IPV4, PROFINET, LLDP = 0x0800, 0x8892, 0x88CC
@@ -33,219 +36,445 @@ PNIO_PORT = 34964
 UDP = 17
 
 MAX_FRAME = 1 << 18  # the limit of libpcap and Wireshark for these link types, in bytes
+PADDING = 64  # how far the loops may look beyond the last byte: there must be room, not zeros
+ENHANCED_PACKET = 6  # type of the pcapng block that holds a frame
+BATCH = 1024  # frames that one call of a loop gives at the most
 
-_UUID_TAIL = bytes.fromhex("827100a02442df7d")
-_UUID_HEADS = frozenset(
-    head
+# The interface UUIDs of PROFINET (device, controller, supervisor, parameter server), in both orders
+UUIDS = b"".join(
+    bytes.fromhex(head) + bytes.fromhex("827100a02442df7d")
     for x in (1, 2, 3, 4)
-    for head in (
-        bytes.fromhex(f"dea0000{x}6c9711d1"),
-        bytes.fromhex(f"0{x}00a0de976cd111"),
-    )
+    for head in (f"dea0000{x}6c9711d1", f"0{x}00a0de976cd111")
 )
 
+# The same constants, as C integers where this file is compiled
+_IPV4, _PROFINET, _LLDP, _UDP = IPV4, PROFINET, LLDP, UDP
+_ETHERNET, _RAW, _RAW_IPV4, _SLL, _SLL2 = ETHERNET, RAW, RAW_IPV4, SLL, SLL2
+_PNIO_PORT, _MAX_FRAME, _BATCH, _ENHANCED = PNIO_PORT, MAX_FRAME, BATCH, ENHANCED_PACKET
+_UUIDS = UUIDS
+_BIG_1, _BIG_2 = 0xDEA00001, 0x6C9711D1  # words of the first UUID in network order
+_LITTLE_1, _LITTLE_2 = 0x0100A0DE, 0x976CD111  # of a little-endian sender
+_TAIL_1, _TAIL_2 = 0x827100A0, 0x2442DF7D
 
-def is_pnio(data: bytes, start: int, end: int, *, cut: bool = False, on_port: bool = False) -> bool:
+_LEARN_FROM = 4096  # frames after which it pays to learn the shapes of cyclic traffic
+
+
+def _u16(data: Bytes, at: int) -> int:
+    return data[at] << 8 | data[at + 1]
+
+
+def _u32(data: Bytes, at: int, big: bool) -> int:
+    if big:
+        return data[at] << 24 | data[at + 1] << 16 | data[at + 2] << 8 | data[at + 3]
+    return data[at] | data[at + 1] << 8 | data[at + 2] << 16 | data[at + 3] << 24
+
+
+def _is_tag(kind: int) -> bool:
+    return kind == 0x8100 or kind == 0x88A8 or kind == 0x9100 or kind == 0x9200
+
+
+def is_pnio(data: Bytes, start: int, end: int, cut: bool = False, on_port: bool = False) -> bool:
     """True when data[start:end], a UDP payload, is an RPC PDU of PROFINET (docs/protocol.md E.2).
 
     `cut` says that bytes are missing at the end; then what is there only has to fit, and when
     not even the UUID has begun, `on_port` (port 34964 is involved) decides.
     """
+    return _is_pnio(data, start, end, cut, on_port)
+
+
+def _is_pnio(data: Bytes, start: int, end: int, cut: bool, on_port: bool) -> bool:
     if end - start >= 40:
-        return (
-            data[start + 32 : start + 40] == _UUID_TAIL
-            and data[start] == 4
-            and data[start + 24 : start + 32] in _UUID_HEADS
-        )
+        if _u32(data, start + 32, True) != _TAIL_1 or _u32(data, start + 36, True) != _TAIL_2:
+            return False
+        first, second = _u32(data, start + 24, True), _u32(data, start + 28, True)
+        if second == _BIG_2:
+            return data[start] == 4 and _BIG_1 <= first <= _BIG_1 + 3
+        one_to_four = first & 0xFFFFFF == _LITTLE_1 & 0xFFFFFF and 1 <= first >> 24 <= 4
+        return data[start] == 4 and one_to_four and second == _LITTLE_2
     if not cut or (end > start and data[start] != 4):
         return False
-    piece = data[start + 24 : end]
-    if not piece:
+    have = end - start - 24
+    if have <= 0:
         return on_port
-    return any((head + _UUID_TAIL).startswith(piece) for head in _UUID_HEADS)
+    for uuid in range(0, 128, 16):
+        at = 0
+        while at < have and data[start + 24 + at] == _UUIDS[uuid + at]:
+            at += 1
+        if at == have:
+            return True
+    return False
 
 
-def network_layer(data: bytes, start: int, end: int, link_type: int) -> tuple[int, int]:
+def network_layer(data: Bytes, start: int, end: int, link_type: int) -> tuple[int, int]:
     """Return (EtherType, offset of what follows it), after VLAN tags and cooked headers.
 
     The EtherType is 0 for a frame too short or of an unknown link type.
     """
-    if link_type == ETHERNET:
+    at = _network(data, start, end, link_type)
+    return (0, start) if at < 0 else (_kind(data, start, at, link_type), at)
+
+
+def _kind(data: Bytes, start: int, at: int, link_type: int) -> int:
+    """The EtherType of the network layer at `at`."""
+    if at == start:  # raw IP
+        return _IPV4
+    return _u16(data, start if link_type == _SLL2 and at == start + 20 else at - 2)
+
+
+def _network(data: Bytes, start: int, end: int, link_type: int) -> int:
+    """Offset of the network layer; -1 where there is none (`network_layer`)."""
+    if link_type == _ETHERNET:
         at = start + 14
-        kind = data[at - 2] << 8 | data[at - 1] if at <= end else 0
-    elif link_type == SLL:
+    elif link_type == _SLL:
         at = start + 16
-        kind = data[at - 2] << 8 | data[at - 1] if at <= end else 0
-    elif link_type == SLL2:
+    elif link_type == _SLL2:
         at = start + 20
-        kind = data[start] << 8 | data[start + 1] if at <= end else 0
-    elif link_type in (RAW, RAW_IPV4):
-        return (IPV4 if end > start and data[start] >> 4 == 4 else 0), start
-    else:
-        return 0, start
-    while kind in VLAN_TAGS:
-        at += 4
         if at > end:
-            return 0, at
-        kind = data[at - 2] << 8 | data[at - 1]
-    return kind, at
+            return -1
+        if not _is_tag(_u16(data, start)):
+            return at
+        at += 4
+    elif link_type in (_RAW, _RAW_IPV4):
+        return start if end > start and data[start] >> 4 == 4 else -1
+    else:
+        return -1
+    while at <= end:
+        if not _is_tag(_u16(data, at - 2)):
+            return at
+        at += 4
+    return -1
 
 
-def relevant(data: bytes, start: int, end: int, link_type: int, original: int) -> bool:
+def relevant(data: Bytes, start: int, end: int, link_type: int, original: int) -> bool:
     """The exact predicate for the frame data[start:end] that was `original` bytes long."""
-    kind, at = network_layer(data, start, end, link_type)
-    if kind == IPV4:
-        if end < at + 20 or data[at + 9] != UDP:
+    return _relevant(data, start, end, link_type, original)
+
+
+def _relevant(data: Bytes, start: int, end: int, link_type: int, original: int) -> bool:
+    at = _network(data, start, end, link_type)
+    if at < 0:
+        return False
+    kind = _kind(data, start, at, link_type)
+    if kind == _IPV4:
+        if end < at + 20 or data[at + 9] != _UDP:
             return False
         if data[at + 7] or data[at + 6] & 0x3F:
             return True
         udp = at + (data[at] & 15) * 4
-        cut = end - start < original
-        ports = data[udp : min(udp + 4, end)]
-        on_port = (
-            PNIO_PORT in (ports[0] << 8 | ports[1], ports[2] << 8 | ports[3])
-            if len(ports) == 4
-            else False
-        )
-        return is_pnio(data, udp + 8, end, cut=cut, on_port=on_port)
-    if kind == PROFINET:
-        return end >= at + 2 and data[at] << 8 | data[at + 1] in DCP_FRAME_IDS
-    return kind == LLDP
+        on_port = False
+        if udp + 4 <= end:
+            on_port = _u16(data, udp) == _PNIO_PORT or _u16(data, udp + 2) == _PNIO_PORT
+        return _is_pnio(data, udp + 8, end, end - start < original, on_port)
+    if kind == _PROFINET:
+        return end >= at + 2 and 0xFEFC <= _u16(data, at) <= 0xFEFF
+    return kind == _LLDP
 
 
-@dataclass(slots=True)
-class Reject:
-    """The constants of the cheap first test, as a file of that byte order shows them."""
+class Runs:
+    """Skips runs of PROFINET RT frames without looking at each; only where this is not compiled.
 
-    profinet: int
-    dcp: Collection[int]
-    tags: Collection[int]
-    kept: Collection[int]
+    A shape is a record that a loop has rejected, as a regular expression: its lengths, the types and
+    the first byte of the frame id. STRIDE records in a row that fit known shapes are one match.
+    """
 
-    @classmethod
-    def build(cls, order: ByteOrder, link_type: int) -> Reject:
-        """Constants for a link type; for others than Ethernet the test lets everything through."""
+    STRIDE = 8
+    MOST = 24  # shapes; more than that is no cyclic traffic
 
-        def seen(values: Collection[int]) -> frozenset[int]:
+    def __init__(self, front: bytes) -> None:
+        """`front`: the regular expression of what every record begins with."""
+        self._front = front
+        self._shapes: list[bytes] = []
+        self._match: Callable[..., re.Match[bytes] | None] | None = None
+
+    def learn(self, before: bytes, data: Bytes, start: int, end: int, after: bytes) -> None:
+        """Take a record that was rejected: the Ethernet frame data[start:end] and what is around it."""
+        if len(self._shapes) == self.MOST:
+            return
+        for at in (start + 12, start + 16):
+            if at + 3 <= end and _u16(data, at) == PROFINET and data[at + 2] != 0xFE:
+                tag = (
+                    re.escape(bytes(data[start + 12 : start + 14])) + b".."
+                    if at > start + 12
+                    else b""
+                )
+                frame = rb".{12}%s\x88\x92[^\xfe].{%d}" % (tag, end - at - 3)
+                break
+        else:
+            return
+        shape = before + frame + after
+        if shape not in self._shapes:
+            self._shapes.append(shape)
+            self._match = None
+
+    def skip(self, data: Bytes, position: int, end: int) -> tuple[int, int]:
+        """End of the run that begins at `position`, and how many records it has (in whole strides)."""
+        if self._match is None:
+            if not self._shapes:
+                return position, 0
+            either = b"|".join(self._shapes)
+            pattern = b"(?>%s(?:%s)){%d}+" % (self._front, either, self.STRIDE)
+            self._match = re.compile(pattern, re.DOTALL).match
+        count, match = 0, self._match
+        while (run := match(data, position, end)) is not None:
+            position = run.end()
+            count += self.STRIDE
+        return position, count
+
+
+class _Swapped:
+    """The constants of the cheap test as `unpack` shows them in a file of that byte order."""
+
+    def __init__(self, order: ByteOrder) -> None:
+        def seen(values: Iterable[int]) -> frozenset[int]:
             return frozenset(int.from_bytes(v.to_bytes(2, "big"), order) for v in values)
 
-        if link_type != ETHERNET:
-            return cls(-1, (), (), range(1 << 16))
-        (profinet,) = seen((PROFINET,))
-        return cls(profinet, seen(DCP_FRAME_IDS), seen(VLAN_TAGS), seen((IPV4, LLDP)))
+        (self.profinet,) = seen((PROFINET,))
+        (self.ipv4,) = seen((IPV4,))
+        self.dcp = seen(DCP_FRAME_IDS)
+        self.tags = seen(VLAN_TAGS)
+        self.kept = seen((IPV4, LLDP))
 
 
-@dataclass(slots=True)
-class Cursor:
-    """Where a loop stopped: offset in the buffer of the next record, and frames counted."""
+def _usual(data: Bytes, start: int, captured: int) -> bool:
+    """Whether this is an RPC PDU where nearly all of them are: Ethernet, no tag, no IP option."""
+    return (
+        captured >= 82
+        and UUIDS.find(data[start + 66 : start + 82]) % 16 == 0
+        and data[start + 23] == UDP
+        and data[start + 42] == 4
+        and data[start + 14] == 0x45
+    )
 
-    position: int = 0
-    frames: int = 0
+
+def _is_rt(data: Bytes, start: int, captured: int) -> bool:
+    """Whether an Ethernet frame is RT, with or without one VLAN tag: what there is most of."""
+    at = start + 12
+    kind = _u16(data, at)
+    if kind == 0x8100:
+        at += 4
+        kind = _u16(data, at)
+    return kind == _PROFINET and data[at + 2] != 0xFE and captured >= 20
 
 
 # Behind the record header: two MAC addresses, then type, frame id or tag, inner type, inner id.
-_ETHERNET_TYPES = "12xHHHH"
+_TYPES = "12xHHHH"
+
+PcapFrame = tuple[int, int, int, int, int, int]
+"""Number, seconds, fraction, captured and original length, offset of the first byte."""
+PcapngFrame = tuple[int, int, int, int, int, int, int]
+"""Number, interface, high and low half of the time, captured and original length, offset."""
 
 
-def pcap_layout(order: ByteOrder, header: int) -> struct.Struct:
-    """Captured length of a pcap record (`header` bytes long) and the types of the Ethernet frame in it."""
-    return struct.Struct(f"{'<>'[order == 'big']}8xI{header - 12}x{_ETHERNET_TYPES}")
+class PcapScan:
+    """The walk over the records of a pcap file.
 
-
-def scan_pcap(
-    data: bytes,
-    end: int,
-    cursor: Cursor,
-    layout: struct.Struct,
-    header: int,
-    link_type: int,
-    reject: Reject,
-) -> Iterator[tuple[int, int, int, int, int, int]]:
-    """Yield (number, seconds, fraction, captured, original, offset) of the frames that matter.
-
-    Stops in front of a record that is not wholly in data[:end] or is longer than MAX_FRAME.
+    `position` is the offset in the buffer of the next record, `frames` counts what was passed.
     """
-    unpack = layout.unpack_from
-    profinet, dcp, tags, kept = reject.profinet, reject.dcp, reject.tags, reject.kept
-    position, number, last = cursor.position, cursor.frames, end - header
-    record = struct.Struct(f"{layout.format[0]}4I").unpack_from
-    while position <= last:
-        captured, kind, first, inner, second = unpack(data, position)
-        start = position + header
-        after = start + captured
-        if after > end or captured > MAX_FRAME:
-            break
-        position = after
-        number += 1
-        if kind == profinet:
-            if first not in dcp:
-                continue
-        elif kind in tags:
-            if inner == profinet and second not in dcp:
-                continue
-        elif kind not in kept:
-            continue
-        seconds, fraction, _captured, original = record(data, start - header)
-        if relevant(data, start, after, link_type, original):
-            cursor.position, cursor.frames = position, number
-            yield number, seconds, fraction, captured, original, start
-    cursor.position, cursor.frames = position, number
+
+    def __init__(self, order: ByteOrder, header: int, link_type: int) -> None:
+        """`header` is the length of a record header, `link_type` a LINKTYPE_ number."""
+        self.position = 0
+        self.frames = 0
+        self._big = order == "big"
+        self._header = header
+        self._link_type = link_type
+        self._swapped = _Swapped(order)
+        sign = "<>"[self._big]
+        self._layout = struct.Struct(f"{sign}8xI{header - 12}x{_TYPES}").unpack_from
+        self._record = struct.Struct(f"{sign}4I").unpack_from
+        self._runs = Runs(b".{8}")
+
+    def scan(self, data: Bytes, end: int) -> list[PcapFrame]:
+        """The next frames that matter in data[:end], at most BATCH; PADDING bytes must be behind `end`.
+
+        With fewer than BATCH it stands in front of a record that is not wholly there or is longer
+        than MAX_FRAME.
+        """
+        if len(data) < end + PADDING:
+            raise ValueError("no room behind the buffer")
+        return self._compiled(data, end) if COMPILED else self._plain(data, end)
+
+    def _compiled(self, data: Bytes, end: int) -> list[PcapFrame]:
+        """The loop over bytes. Runs uncompiled too, slowly."""
+        found: list[PcapFrame] = []
+        view = data
+        big, header, link_type = self._big, self._header, self._link_type
+        position, number, last = self.position, self.frames, end - header
+        while position <= last and len(found) < _BATCH:
+            captured = _u32(view, position + 8, big)
+            start = position + header
+            if captured > _MAX_FRAME or start + captured > end:
+                break
+            number += 1
+            if link_type != _ETHERNET or not _is_rt(view, start, captured):
+                original = _u32(view, position + 12, big)
+                if _relevant(view, start, start + captured, link_type, original):
+                    seconds, fraction = _u32(view, position, big), _u32(view, position + 4, big)
+                    found.append((number, seconds, fraction, captured, original, start))
+            position = start + captured
+        self.position, self.frames = position, number
+        return found
+
+    def _plain(self, data: Bytes, end: int) -> list[PcapFrame]:
+        """The loop over unpacked fields."""
+        found: list[PcapFrame] = []
+        layout, record, runs = self._layout, self._record, self._runs
+        swapped, header, link_type = self._swapped, self._header, self._link_type
+        profinet, ipv4, kept = swapped.profinet, swapped.ipv4, swapped.kept
+        dcp, tags, ethernet = swapped.dcp, swapped.tags, link_type == ETHERNET
+        position, number, last = self.position, self.frames, end - header
+        quiet = 0  # rejected in a row by this loop
+        while position <= last:
+            captured, kind, first, inner, second = layout(data, position)
+            start = position + header
+            after = start + captured
+            if after > end or captured > MAX_FRAME:
+                break
+            position = after
+            number += 1
+            if ethernet:
+                rejected = kind not in kept
+                if kind == profinet:
+                    rejected = first not in dcp
+                elif kind in tags:
+                    rejected = inner == profinet and second not in dcp
+                if rejected:
+                    quiet += 1
+                    if quiet >= Runs.STRIDE and number > _LEARN_FROM:
+                        before = bytes(data[start - header + 8 : start - header + 12])
+                        between = b".{%d}" % (header - 12)
+                        runs.learn(re.escape(before) + between, data, start, after, b"")
+                        position, skipped = runs.skip(data, position, end)
+                        number += skipped
+                        quiet = 0 if skipped else -Runs.STRIDE
+                    continue
+            quiet = 0
+            seconds, fraction, _captured, original = record(data, start - header)
+            if (kind == ipv4 and ethernet and _usual(data, start, captured)) or _relevant(
+                data, start, after, link_type, original
+            ):
+                found.append((number, seconds, fraction, captured, original, start))
+                if len(found) == BATCH:
+                    break
+        self.position, self.frames = position, number
+        return found
 
 
-def pcapng_layout(order: ByteOrder) -> struct.Struct:
-    """The fields of an Enhanced Packet Block and of the Ethernet frame in it."""
-    return struct.Struct(f"{'<>'[order == 'big']}7I{_ETHERNET_TYPES}")
+class PcapngScan:
+    """The walk over the Enhanced Packet Blocks of a pcapng file; `links` are those of the interfaces.
 
-
-@dataclass(slots=True)
-class Links:
-    """Link types of the interfaces of a section; `ethernet` holds the ids the cheap test is for."""
-
-    types: list[int] = field(default_factory=list)
-    ethernet: set[int] = field(default_factory=set)
-
-
-ENHANCED_PACKET = 6
-
-
-def scan_pcapng(
-    data: bytes,
-    end: int,
-    cursor: Cursor,
-    layout: struct.Struct,
-    trailer: struct.Struct,
-    links: Links,
-    reject: Reject,
-) -> Iterator[tuple[int, int, int, int, int, int, int]]:
-    """Yield (number, interface, high, low, captured, original, offset) of the frames that matter.
-
-    Stops in front of any block that is not a sound Enhanced Packet Block wholly in data[:end].
+    `position` is the offset in the buffer of the next block, `frames` counts what was passed.
     """
-    unpack, unpack_trailer, ethernet = layout.unpack_from, trailer.unpack_from, links.ethernet
-    types, known = links.types, len(links.types)
-    profinet, dcp, tags, kept = reject.profinet, reject.dcp, reject.tags, reject.kept
-    position, number = cursor.position, cursor.frames
-    while position <= end - 32:
-        (block, total, interface, high, low, captured, original,
-         kind, first, inner, second) = unpack(data, position)  # fmt: skip
-        after = position + total
-        if block != ENHANCED_PACKET or after > end or total & 3 or captured > total - 32 \
-                or captured > MAX_FRAME or unpack_trailer(data, after - 4)[0] != total \
-                or interface >= known:  # fmt: skip
-            break
-        start = position + 28
-        position = after
-        number += 1
-        if interface in ethernet:
-            if kind == profinet:
-                if first not in dcp:
+
+    def __init__(self) -> None:
+        self.position = 0
+        self.frames = 0
+        self.section("little")
+
+    def section(self, order: ByteOrder) -> None:
+        """A section of that byte order begins, without interfaces yet."""
+        self.links: list[int] = []
+        self._big = order == "big"
+        self._swapped = _Swapped(order)
+        sign = "<>"[self._big]
+        self._block = re.escape(struct.pack(f"{sign}I", ENHANCED_PACKET))
+        self._layout = struct.Struct(f"{sign}7I{_TYPES}").unpack_from
+        self._word = struct.Struct(f"{sign}I").unpack_from
+        self._runs = Runs(self._block)
+
+    def scan(self, data: Bytes, end: int) -> list[PcapngFrame]:
+        """The next frames that matter in data[:end], at most BATCH; PADDING bytes must be behind `end`.
+
+        With fewer than BATCH it stands in front of something that is not a sound Enhanced Packet
+        Block, wholly there, of a known interface.
+        """
+        if len(data) < end + PADDING:
+            raise ValueError("no room behind the buffer")
+        return self._compiled(data, end) if COMPILED else self._plain(data, end)
+
+    def _compiled(self, data: Bytes, end: int) -> list[PcapngFrame]:
+        """The loop over bytes. Runs uncompiled too, slowly."""
+        found: list[PcapngFrame] = []
+        view = data
+        big, links, known = self._big, self.links, len(self.links)
+        position, number, last = self.position, self.frames, end - 32
+        link_of, link_type = -1, -1
+        while position <= last and len(found) < _BATCH:
+            total = _u32(view, position + 4, big)
+            interface = _u32(view, position + 8, big)
+            captured = _u32(view, position + 20, big)
+            if _u32(view, position, big) != _ENHANCED or total & 3 or position + total > end:
+                break
+            if captured + 32 > total or captured > _MAX_FRAME or interface >= known:
+                break
+            if _u32(view, position + total - 4, big) != total:
+                break
+            if interface != link_of:
+                link_of, link_type = interface, links[interface]
+            start = position + 28
+            number += 1
+            if link_type != _ETHERNET or not _is_rt(view, start, captured):
+                original = _u32(view, position + 24, big)
+                if _relevant(view, start, start + captured, link_type, original):
+                    high, low = _u32(view, position + 12, big), _u32(view, position + 16, big)
+                    found.append((number, interface, high, low, captured, original, start))
+            position += total
+        self.position, self.frames = position, number
+        return found
+
+    def _plain(self, data: Bytes, end: int) -> list[PcapngFrame]:
+        """The loop over unpacked fields."""
+        found: list[PcapngFrame] = []
+        layout, word, runs, links = self._layout, self._word, self._runs, self.links
+        swapped, known = self._swapped, len(links)
+        profinet, ipv4, kept = swapped.profinet, swapped.ipv4, swapped.kept
+        dcp, tags = swapped.dcp, swapped.tags
+        position, number, last = self.position, self.frames, end - 32
+        quiet = 0  # rejected in a row by this loop
+        while position <= last:
+            (block, total, interface, high, low, captured, original,
+             kind, first, inner, second) = layout(data, position)  # fmt: skip
+            after = position + total
+            if block != ENHANCED_PACKET or after > end or total & 3 or captured > total - 32 \
+                    or captured > MAX_FRAME or word(data, after - 4)[0] != total \
+                    or interface >= known:  # fmt: skip
+                break
+            start = position + 28
+            position = after
+            number += 1
+            ethernet = links[interface] == ETHERNET
+            if ethernet:
+                rejected = kind not in kept
+                if kind == profinet:
+                    rejected = first not in dcp
+                elif kind in tags:
+                    rejected = inner == profinet and second not in dcp
+                if rejected:
+                    quiet += 1
+                    if quiet >= Runs.STRIDE and number > _LEARN_FROM:
+                        self._learn(data, start, captured, after)
+                        position, skipped = runs.skip(data, position, end)
+                        number += skipped
+                        quiet = 0 if skipped else -Runs.STRIDE
                     continue
-            elif kind in tags:
-                if inner == profinet and second not in dcp:
-                    continue
-            elif kind not in kept:
-                continue
-        if relevant(data, start, start + captured, types[interface], original):
-            cursor.position, cursor.frames = position, number
-            yield number, interface, high, low, captured, original, start
-    cursor.position, cursor.frames = position, number
+            quiet = 0
+            if (kind == ipv4 and ethernet and _usual(data, start, captured)) or _relevant(
+                data, start, start + captured, links[interface], original
+            ):
+                found.append((number, interface, high, low, captured, original, start))
+                if len(found) == BATCH:
+                    break
+        self.position, self.frames = position, number
+        return found
+
+    def _learn(self, data: Bytes, start: int, captured: int, after: int) -> None:
+        total, interface, length = (
+            re.escape(bytes(data[at : at + 4])) for at in (start - 24, start - 20, start - 8)
+        )
+        rest = b".{%d}%s" % (after - 4 - start - captured, total)
+        before = b"%s%s.{8}%s.{4}" % (total, interface, length)
+        self._runs.learn(before, data, start, start + captured, rest)
+
+
+COMPILED = type(is_pnio).__name__ != "function"
+"""Whether this file runs compiled."""

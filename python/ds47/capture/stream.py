@@ -4,22 +4,24 @@ Lives here: plain files, stdin and file objects; gzip and zstd, recognised by co
 buffer that the scan walks over. Not here: what the bytes mean (pcap.py, pcapng.py).
 
 Files are read, not mapped: a mapped file that somebody truncates kills the process, mapped pages
-count as memory of the process, and the reading loop is as fast.
+count as memory of the process, and reading into the same buffer again and again is as fast.
 """
 
 from __future__ import annotations
 
 import importlib
+import io
 import os
 import sys
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
 from .errors import CaptureError
+from .scan import PADDING
 
 CHUNK = 1 << 18  # fits the second-level cache; larger is slower
-PADDING = bytes(64)  # behind the last byte, so that the scan may look past a short frame
 
 _GZIP = b"\x1f\x8b"
 _ZSTD = b"\x28\xb5\x2f\xfd"
@@ -32,9 +34,14 @@ class DamagedError(Exception):
 class Reader(Protocol):
     """What a layer of the stream offers to the next one."""
 
-    def read(self, size: int, /) -> bytes:
-        """Return up to `size` bytes, b"" at the end. Raises DamagedError."""
+    def readinto(self, room: memoryview, /) -> int:
+        """Fill the beginning of `room`; how many bytes, 0 at the end. Raises DamagedError."""
         ...
+
+
+def _put(piece: bytes, room: memoryview) -> int:
+    room[: len(piece)] = piece
+    return len(piece)
 
 
 class _Decoder(Protocol):
@@ -56,6 +63,7 @@ class _Raw:
         self._file = file
         # read1 hands out what a pipe has now; read would wait for a whole chunk
         self._read = getattr(file, "read1", file.read)
+        self._into: Callable[[memoryview], int | None] | None
         self.head = b""
         while len(self.head) < 4:
             piece = self._take(CHUNK)
@@ -63,6 +71,18 @@ class _Raw:
                 break
             self.head += piece
         self._left = self.head
+        self._into = getattr(file, "readinto1", None)
+        if isinstance(file, io.RawIOBase):
+            self._into = file.readinto
+
+    def readinto(self, room: memoryview, /) -> int:
+        """Fill the beginning of `room`; how many bytes, 0 at the end. Raises DamagedError."""
+        if self._left or self._into is None:
+            return _put(self.read(len(room)), room)
+        try:
+            return self._into(room) or 0
+        except (OSError, ValueError) as error:
+            raise DamagedError(f"reading failed: {error}") from error
 
     def _take(self, size: int) -> bytes:
         try:
@@ -127,7 +147,10 @@ class _Decompressed:
     def _new(self) -> _Decoder:
         return _Gzip() if self._magic == _GZIP else _zstd_decoder()
 
-    def read(self, size: int, /) -> bytes:
+    def readinto(self, room: memoryview, /) -> int:
+        return _put(self._piece(len(room)), room)
+
+    def _piece(self, size: int) -> bytes:
         while True:
             if self._decoder.eof and not self._next_member():
                 return b""
@@ -170,7 +193,7 @@ class _Decompressed:
 
 
 class Stream:
-    """An opened source: `read()` gives the bytes of the capture, compressed or not.
+    """An opened source: `readinto()` gives the bytes of the capture, compressed or not.
 
     Raises CaptureError when the source cannot be opened.
     """
@@ -214,9 +237,9 @@ class Stream:
         name = getattr(source, "name", None)
         return name if isinstance(name, str) else "<stream>"
 
-    def read(self, size: int, /) -> bytes:
-        """Return up to `size` bytes, b"" at the end. Raises DamagedError."""
-        return self._reader.read(size)
+    def readinto(self, room: memoryview, /) -> int:
+        """Fill the beginning of `room`; how many bytes, 0 at the end. Raises DamagedError."""
+        return self._reader.readinto(room)
 
     def close(self) -> None:
         """Close the file if this object opened it."""
@@ -225,15 +248,16 @@ class Stream:
 
 
 class Window:
-    """The part of a stream that is in memory: `data[0:end]`, with zeros behind it.
+    """The part of a stream that is in memory: `data[0:end]`, with PADDING bytes of anything behind it.
 
-    `base` is the offset of data[0] in the (decompressed) capture; `broken` is the text of a failure
-    of the stream, after which there is no more data.
+    `view` is a memoryview of `data`; `base` is the offset of data[0] in the (decompressed) capture;
+    `broken` is the text of a failure of the stream, after which there is no more data.
     """
 
     def __init__(self, stream: Reader) -> None:
         self._stream = stream
-        self.data = PADDING
+        self.data = bytearray(CHUNK + PADDING)
+        self.view = memoryview(self.data)
         self.end = 0
         self.base = 0
         self.broken: str | None = None
@@ -243,19 +267,18 @@ class Window:
 
         data[start] becomes data[0]. False when the stream ends before `need` bytes.
         """
-        pieces = [self.data[start : self.end]]
-        have = self.end - start
+        kept = self.view[start : self.end]
+        have = len(kept)
         self.base += start
-        ended = False
+        if need + PADDING > len(self.data):
+            self.data = bytearray(need + PADDING)
+            self.view = memoryview(self.data)
+        self.view[:have] = kept
+        room = self.view[:-PADDING]
         try:
-            while have < need and not ended:
-                piece = self._stream.read(CHUNK)
-                ended = not piece
-                have += len(piece)
-                pieces.append(piece)
+            while have < need and (count := self._stream.readinto(room[have:])):
+                have += count
         except DamagedError as error:
             self.broken = str(error)
-        pieces.append(PADDING)
-        self.data = b"".join(pieces)
         self.end = have
         return have >= need

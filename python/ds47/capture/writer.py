@@ -1,12 +1,13 @@
 """Writing frames as pcapng.
 
-Lives here: one section, one interface, Enhanced Packet Blocks with an optional comment. Not here:
-reading. What is written depends on the arguments only, so equal calls give equal files.
+Lives here: one section, any number of interfaces, Enhanced Packet Blocks with optional comments. Not
+here: reading. What is written depends on the arguments only, so equal calls give equal files.
 """
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
@@ -14,25 +15,51 @@ from typing import BinaryIO
 from .pcapng import BYTE_ORDER_MAGIC, INTERFACE, SECTION
 from .scan import ENHANCED_PACKET, ETHERNET
 
+_COMMENT, _FLAGS, _TIME_RESOLUTION, _APPLICATION = 1, 2, 9, 4
+_LONGEST = 0xFFFC
+"""Bytes of an option: its length is a 16-bit number, and it is padded to four."""
+
 
 class PcapngWriter:
     """Write a little-endian pcapng file; a context manager.
 
     `target` is a path (created or replaced; OSError when that fails) or a binary file object,
-    which stays open. `link_type` is a LINKTYPE_ number. Without `nanosecond` times are cut to
-    microseconds.
+    which stays open. `link_type` is the LINKTYPE_ number of the first interface; None makes none, and
+    `add_interface` has to come before the first frame. Without `nanosecond` times are cut to
+    microseconds. `application` names the program that writes.
     """
 
     def __init__(
-        self, target: str | Path | BinaryIO, link_type: int = ETHERNET, nanosecond: bool = True
+        self,
+        target: str | Path | BinaryIO,
+        link_type: int | None = ETHERNET,
+        nanosecond: bool = True,
+        application: str | None = None,
     ) -> None:
         self._owned = isinstance(target, str | Path)
         self._file = Path(target).open("wb") if isinstance(target, str | Path) else target
         self._unit = 1 if nanosecond else 1000
+        self._interfaces = 0
         section = struct.pack("<IHHq", BYTE_ORDER_MAGIC, 1, 0, -1)
-        resolution = _option(9, bytes([9 if nanosecond else 6])) + _option(0, b"")
+        if application:
+            section += _options([(_APPLICATION, application.encode())])
         self._block(SECTION, section)
-        self._block(INTERFACE, struct.pack("<HHI", link_type, 0, 0) + resolution)
+        if link_type is not None:
+            self.add_interface(link_type)
+
+    def add_interface(
+        self, link_type: int, snap_length: int = 0, options: Sequence[tuple[int, bytes]] = ()
+    ) -> int:
+        """Describe one more interface; its number for `write`.
+
+        `options` are (code, value) of the Interface Description Block, without if_tsresol, which this
+        writer decides.
+        """
+        resolution = (_TIME_RESOLUTION, bytes([9 if self._unit == 1 else 6]))
+        head = struct.pack("<HHI", link_type, 0, snap_length)
+        self._block(INTERFACE, head + _options([*options, resolution]))
+        self._interfaces += 1
+        return self._interfaces - 1
 
     def write(
         self,
@@ -40,19 +67,30 @@ class PcapngWriter:
         data: bytes,
         original_length: int | None = None,
         comment: str | None = None,
+        *,
+        interface: int = 0,
+        comments: Sequence[str] = (),
+        flags: int | None = None,
     ) -> None:
         """Append a frame captured `time_ns` nanoseconds after 1970 (from 0 up).
 
-        `original_length` is its length on the wire where `data` is only the beginning. Raises
-        ValueError for a time that the format cannot hold.
+        `original_length` is its length on the wire where `data` is only the beginning. `comments` are
+        further packet comments, `flags` is epb_flags. Raises ValueError for a time that the format
+        cannot hold, and for an interface that was not described.
         """
         stamp = time_ns // self._unit
         if not 0 <= stamp < 1 << 64:
             raise ValueError(f"time_ns {time_ns} does not fit a pcapng timestamp")
+        if not 0 <= interface < self._interfaces:
+            raise ValueError(f"there is no interface {interface}")
         length = len(data) if original_length is None else original_length
-        header = struct.pack("<5I", 0, stamp >> 32, stamp & 0xFFFFFFFF, len(data), length)
-        options = _option(1, comment.encode()) + _option(0, b"") if comment else b""
-        self._block(ENHANCED_PACKET, header + _padded(data) + options)
+        header = struct.pack("<5I", interface, stamp >> 32, stamp & 0xFFFFFFFF, len(data), length)
+        texts = [comment, *comments] if comment else comments
+        options = [(_COMMENT, _cut(text)) for text in texts if text]
+        if flags is not None:
+            options.append((_FLAGS, struct.pack("<I", flags)))
+        tail = _options(options) if options else b""
+        self._block(ENHANCED_PACKET, header + _padded(data) + tail)
 
     def _block(self, kind: int, body: bytes) -> None:
         total = len(body) + 12
@@ -81,5 +119,15 @@ def _padded(data: bytes) -> bytes:
     return data + bytes(-len(data) % 4)
 
 
-def _option(code: int, value: bytes) -> bytes:
-    return struct.pack("<HH", code, len(value)) + _padded(value)
+def _cut(text: str) -> bytes:
+    """The text in UTF-8, cut where an option ends, and never inside a character."""
+    data = text.encode("utf-8", errors="backslashreplace")
+    return data[:_LONGEST].decode("utf-8", errors="ignore").encode()
+
+
+def _options(options: Sequence[tuple[int, bytes]]) -> bytes:
+    """The options and the end of them."""
+    return b"".join(
+        struct.pack("<HH", code, len(value)) + _padded(value)
+        for code, value in [*options, (0, b"")]
+    )

@@ -12,13 +12,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
 from functools import cache
+from typing import Final
 
 from ds47 import spec
 from ds47.profidrive.model import Value
 
 _EXACT = 2**53
 """Beyond it a double, and so the JSON of many readers, no longer holds every whole number."""
-_FLOAT32 = struct.Struct(">f")
+_FLOAT32: Final = struct.Struct(">f")
+_NORMAL, _TOO_LARGE = 2.0**-126, 2.0**128 - 2.0**103
+"""Below the one a Float32 has fewer digits; from the other on a double is infinite as a Float32."""
 _DAY_MS = 86_400_000
 _MS_MASK = 0x0FFFFFFF
 """Times of day use 28 of their 32 bits."""
@@ -69,9 +72,9 @@ def float32_value(number: float) -> Value:
     if number.is_integer() and abs(number) < 2**24:
         return number
     wire = _FLOAT32.pack(number)
-    for digits in (6, 7, 8):
+    for digits in (6, 7, 8) if abs(number) >= _NORMAL else range(1, 9):
         short = float(f"{number:.{digits}g}")
-        if abs(short) < 3.4e38 and _FLOAT32.pack(short) == wire:
+        if abs(short) < _TOO_LARGE and _FLOAT32.pack(short) == wire:
             return short
     return float(f"{number:.9g}")
 

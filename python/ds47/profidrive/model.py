@@ -5,15 +5,20 @@ The wire is in `parameter`, the values of the formats are in `formats`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from typing import Any, Final
 
 from ds47 import spec
 
 Value = int | float | str
 """One value as JSON shows it: whole numbers beyond 2^53, NaN and infinities are strings."""
 
-VALUE, DESCRIPTION, TEXT = 0x10, 0x20, 0x30
-ZERO, ERROR = 0x40, 0x44
+VALUE: Final = 0x10
+DESCRIPTION: Final = 0x20
+TEXT: Final = 0x30
+ZERO: Final = 0x40
+ERROR: Final = 0x44
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,16 +32,26 @@ class Options:
     vendor_id: int | None = None
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Flaw:
     """What is wrong in a message: the rule, the byte, and what the rule's message names."""
 
     rule: str
     offset: int
-    args: dict[str, object]
+    args: dict[str, Any]
+
+    def __init__(
+        self,
+        rule: str,
+        offset: int,
+        args: dict[str, Any],
+    ) -> None:
+        self.rule = rule
+        self.offset = offset
+        self.args = args
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Address:
     """One parameter address of a request (docs/protocol.md A.1, A.4)."""
 
@@ -44,16 +59,29 @@ class Address:
     element_count: int
     pnu: int
     subindex: int
-    offset: int = 0
+    offset: int
+
+    def __init__(
+        self,
+        attribute: int,
+        element_count: int,
+        pnu: int,
+        subindex: int,
+        offset: int = 0,
+    ) -> None:
+        self.attribute = attribute
+        self.element_count = element_count
+        self.pnu = pnu
+        self.subindex = subindex
+        self.offset = offset
 
     @property
     def attribute_name(self) -> str:
         """The name, "value", "description" or "text", or the code as "0x50"."""
-        known = spec.attributes().get(self.attribute)
-        return known.name if known else f"0x{self.attribute:02X}"
+        return _attribute_name(self.attribute)
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class ErrorValue:
     """The words of an error block (docs/protocol.md A.7).
 
@@ -65,8 +93,18 @@ class ErrorValue:
     info: int | None
     words: list[int]
 
+    def __init__(
+        self,
+        code: int | None,
+        info: int | None,
+        words: list[int],
+    ) -> None:
+        self.code = code
+        self.info = info
+        self.words = words
 
-@dataclass(slots=True)
+
+@dataclass(slots=True, init=False)
 class Block:
     """One value block (docs/protocol.md A.5 to A.7).
 
@@ -80,21 +118,40 @@ class Block:
     scaled: list[Value] | None
     error: ErrorValue | None
     raw: bytes
-    offset: int = 0
-    pad: bytes = b""
-    meaning: int | None = None
+    offset: int
+    pad: bytes
+    meaning: int | None
     """The format code whose meaning was used, where a dialect gives this code another one."""
+
+    def __init__(
+        self,
+        format: int,  # noqa: A002
+        value_count: int,
+        values: list[Value],
+        scaled: list[Value] | None,
+        error: ErrorValue | None,
+        raw: bytes,
+        offset: int = 0,
+        pad: bytes = b"",
+        meaning: int | None = None,
+    ) -> None:
+        self.format = format
+        self.value_count = value_count
+        self.values = values
+        self.scaled = scaled
+        self.error = error
+        self.raw = raw
+        self.offset = offset
+        self.pad = pad
+        self.meaning = meaning
 
     @property
     def format_name(self) -> str | None:
         """Name of the format, "0x7F" where it has none, None for an error."""
-        if self.error is not None:
-            return None
-        known = spec.formats().get(self.format if self.meaning is None else self.meaning)
-        return known.name if known else f"0x{self.format:02X}"
+        return None if self.error is not None else _format_name(self.format, self.meaning)
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Request:
     """A parameter request: the data of a Write record (docs/protocol.md A.1).
 
@@ -106,17 +163,38 @@ class Request:
     request_id: int | None
     axis: int | None
     parameter_count: int | None
-    addresses: list[Address] = field(default_factory=list)
-    blocks: list[Block] = field(default_factory=list)
-    flaws: list[Flaw] = field(default_factory=list)
-    rest: bytes = b""
-    length: int = 0
+    addresses: list[Address]
+    blocks: list[Block]
+    flaws: list[Flaw]
+    rest: bytes
+    length: int
+
+    def __init__(
+        self,
+        request_reference: int | None,
+        request_id: int | None,
+        axis: int | None,
+        parameter_count: int | None,
+        addresses: list[Address] | None = None,
+        blocks: list[Block] | None = None,
+        flaws: list[Flaw] | None = None,
+        rest: bytes = b"",
+        length: int = 0,
+    ) -> None:
+        self.request_reference = request_reference
+        self.request_id = request_id
+        self.axis = axis
+        self.parameter_count = parameter_count
+        self.addresses = [] if addresses is None else addresses
+        self.blocks = [] if blocks is None else blocks
+        self.flaws = [] if flaws is None else flaws
+        self.rest = rest
+        self.length = length
 
     @property
     def operation(self) -> str:
         """One of "read", "change", "vendor", or "unknown" where the request id is in no table."""
-        known = None if self.request_id is None else spec.request_ids().get(self.request_id)
-        return known.operation if known else "unknown"
+        return _operations().get(self.request_id, "unknown")
 
     @property
     def shaped(self) -> bool:
@@ -128,7 +206,7 @@ class Request:
         )
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Response:
     """A parameter response: the data of a Read record (docs/protocol.md A.2). See `Request`."""
 
@@ -136,10 +214,30 @@ class Response:
     response_id: int | None
     axis: int | None
     parameter_count: int | None
-    blocks: list[Block] = field(default_factory=list)
-    flaws: list[Flaw] = field(default_factory=list)
-    rest: bytes = b""
-    length: int = 0
+    blocks: list[Block]
+    flaws: list[Flaw]
+    rest: bytes
+    length: int
+
+    def __init__(
+        self,
+        request_reference: int | None,
+        response_id: int | None,
+        axis: int | None,
+        parameter_count: int | None,
+        blocks: list[Block] | None = None,
+        flaws: list[Flaw] | None = None,
+        rest: bytes = b"",
+        length: int = 0,
+    ) -> None:
+        self.request_reference = request_reference
+        self.response_id = response_id
+        self.axis = axis
+        self.parameter_count = parameter_count
+        self.blocks = [] if blocks is None else blocks
+        self.flaws = [] if flaws is None else flaws
+        self.rest = rest
+        self.length = length
 
     @property
     def shaped(self) -> bool:
@@ -149,6 +247,23 @@ class Response:
             and bool(self.parameter_count)
             and not any(flaw.rule in _SHAPELESS for flaw in self.flaws)
         )
+
+
+@lru_cache(maxsize=256)
+def _attribute_name(code: int) -> str:
+    known = spec.attributes().get(code)
+    return known.name if known else f"0x{code:02X}"
+
+
+@lru_cache(maxsize=1024)
+def _format_name(code: int, meaning: int | None) -> str:
+    known = spec.formats().get(code if meaning is None else meaning)
+    return known.name if known else f"0x{code:02X}"
+
+
+@cache
+def _operations() -> dict[int | None, str]:
+    return {code: known.operation for code, known in spec.request_ids().items()}
 
 
 _SHAPELESS = frozenset(("DS309", "DS313", "DS315"))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterable, Mapping
 from functools import cache
+from typing import Final
 
 from ds47 import spec
 from ds47.profidrive.formats import Codec, codec
@@ -27,9 +28,9 @@ from ds47.profidrive.model import (
 )
 from ds47.spec.semantics import limits
 
-_ADDRESS = struct.Struct(">BBHH")
-_HEADER = 4
-_REQUEST_NOT_SUPPORTED = 0x80
+_ADDRESS: Final = struct.Struct(">BBHH")
+_HEADER: Final = 4
+_REQUEST_NOT_SUPPORTED: Final = 0x80
 _DEFAULTS = Options()
 
 
@@ -70,8 +71,8 @@ def decode_response(
         options: dialects.
     """
     head = _header(data)
-    response = Response(*head, length=len(data))
-    flaws = response.flaws
+    flaws: list[Flaw] = []
+    response = Response(head[0], head[1], head[2], head[3], [], flaws, b"", len(data))
     if head[3] is None:
         _missing(flaws, len(data), _HEADER - len(data), "header")
         return response
@@ -84,6 +85,12 @@ def decode_response(
     vendor = (known is not None and known.vendor) or (
         request is not None and request.operation == "vendor"
     )
+    if known is not None and known.body == "blocks" and not unsupported:
+        blocks = _sound_blocks(data, data[3], options, vendor)
+        if blocks is not None:
+            response.blocks = blocks
+            _sign(response, known.negative)
+            return response
     body = _Body(data, _HEADER, data[3], options, flaws, vendor)
     body.decode("all" if unsupported else known.body if known else "free")
     response.blocks, response.rest = body.blocks, body.rest
@@ -136,7 +143,7 @@ def _addresses(request: Request, data: bytes, check: bool) -> int:
 
 @cache
 def _known_attributes() -> frozenset[int]:
-    return spec.vendor_attributes() | spec.attributes().keys()
+    return spec.vendor_attributes().union(spec.attributes())
 
 
 def _address_flaws(flaws: list[Flaw], address: Address) -> None:
@@ -164,7 +171,10 @@ def _value_counts(request: Request) -> None:
 
 def _sign(response: Response, negative: bool | None) -> None:
     """Bit 7 of the response id says whether an error is inside (A.2)."""
-    failed = any(block.error is not None for block in response.blocks)
+    failed = False
+    for block in response.blocks:
+        if block.error is not None:
+            failed = True
     if negative is False and failed:
         response.flaws.append(Flaw("DS411", 1, {}))
     elif negative and not failed and response.blocks and not _broken(response.flaws):
@@ -199,6 +209,60 @@ def _alternatives(legacy_g120: bool, profile_v3: bool) -> Mapping[int, tuple[int
             if found := codec(meaning):
                 table[code] = (meaning, found)
     return table
+
+
+@cache
+def _sound(legacy_g120: bool, profile_v3: bool) -> tuple[tuple[int | None, Codec] | None, ...]:
+    """For each format byte its meaning and codec, None where it is unknown, ambiguous or the error."""
+    unsure = _alternatives(legacy_g120, profile_v3)
+    return tuple(
+        None if found is None or code in unsure or code == ERROR else (meaning, found)
+        for code, (meaning, found) in enumerate(codecs(legacy_g120, profile_v3))
+    )
+
+
+def _sound_blocks(data: bytes, count: int, options: Options, vendor: bool) -> list[Block] | None:
+    """The blocks of a response as nearly all are: of well-known formats, whole, padded, nothing behind.
+
+    None for every other response: `_Body` takes those, and would give the same for these.
+    """
+    table = _sound(options.legacy_g120_formats, options.profile_v3_types)
+    blocks: list[Block] = []
+    at, size = _HEADER, len(data)
+    for _ in range(count):
+        if at + 2 > size:
+            return None
+        code, values_in = data[at], data[at + 1]
+        sound = table[code]
+        if sound is not None:
+            meaning, found = sound
+            end = at + 2 + values_in * found.size
+            if end > size:
+                return None
+            raw = data[at + 2 : end]
+            values = found.decode(raw, values_in)
+            scaled = found.scale(values, raw) if found.scale else None
+            block = Block(code, values_in, values, scaled, None, raw, at, b"", meaning)
+            if len(raw) & 1:
+                if end == size or data[end]:
+                    return None
+                block.pad = data[end : end + 1]
+                end += 1
+        elif code == ERROR and 1 <= values_in <= 2 and at + 2 + 2 * values_in <= size:
+            end = at + 2 + 2 * values_in
+            block = _error_block(data[at + 2 : end], values_in, at, vendor)
+        else:
+            return None
+        blocks.append(block)
+        at = end
+    return blocks if at == size else None
+
+
+def _error_block(raw: bytes, count: int, start: int, vendor: bool) -> Block:
+    words = [word for (word,) in struct.iter_unpack(">H", raw[: len(raw) & ~1])]
+    code = words[0] & 0xFF if words and not vendor else None
+    info = words[1] if len(words) > 1 and not vendor else None
+    return Block(ERROR, count, [], None, ErrorValue(code, info, words), raw, start)
 
 
 class _Body:
@@ -293,14 +357,9 @@ class _Body:
 
     def _error(self, start: int, count: int) -> bool:
         raw, whole = self._take(start, 2 * count)
-        words = [word for (word,) in struct.iter_unpack(">H", raw[: len(raw) & ~1])]
         if not 1 <= count <= 2:
             self.flaws.append(Flaw("DS318", start + 1, {"count": count}))
-        known = not self._vendor
-        code = words[0] & 0xFF if words and known else None
-        info = words[1] if len(words) > 1 and known else None
-        error = ErrorValue(code, info, words)
-        self.blocks.append(Block(ERROR, count, [], None, error, raw, start))
+        self.blocks.append(_error_block(raw, count, start, self._vendor))
         return whole
 
     def _take(self, start: int, size: int) -> tuple[bytes, bool]:
@@ -350,7 +409,7 @@ class _Body:
             (choice for choice, fit in zip((usual, other), fits, strict=True) if fit == 2), None
         )
         found = exact or usual
-        two_sizes = code in spec.formats() and spec.formats()[code].other_size is not None
+        two_sizes = spec.formats()[other[0]].other_size is not None
         sure = found is exact and (found is usual or two_sizes)
         if found[1] is not None and not sure and fits != [1, 0]:
             args: dict[str, object] = {"format": f"0x{code:02X}", "size": found[1].size}

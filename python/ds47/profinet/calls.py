@@ -8,31 +8,47 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
 from ds47.profinet.rpc import Pdu
 from ds47.spec.semantics import Limits
 
-_REMEMBERED = 8
-"""Answered calls of an activity that are kept, so that a late second response is known as such."""
 
-
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Call:
     """One RPC call; `context` is for the layer above."""
 
     request: Pdu
-    response: Pdu | None = None
-    context: object = None
+    response: Pdu | None
+    context: Any
+
+    def __init__(
+        self,
+        request: Pdu,
+        response: Pdu | None = None,
+        context: Any = None,
+    ) -> None:
+        self.request = request
+        self.response = response
+        self.context = context
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class _Activity:
     newest: int
-    calls: OrderedDict[int, Call] = field(default_factory=OrderedDict)
+    calls: OrderedDict[int, Call]
+
+    def __init__(
+        self,
+        newest: int,
+        calls: OrderedDict[int, Call] | None = None,
+    ) -> None:
+        self.newest = newest
+        self.calls = OrderedDict() if calls is None else calls
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Handlers:
     """What the layer above wants to hear. Each is called at most once for one event of one call."""
 
@@ -42,6 +58,22 @@ class Handlers:
     retransmission: Callable[[Call, Pdu], None]
     fault: Callable[[Call, Pdu], None]
     lost: Callable[[Call], None]
+
+    def __init__(
+        self,
+        request: Callable[[Call], None],
+        response: Callable[[Call], None],
+        orphan_response: Callable[[Pdu], None],
+        retransmission: Callable[[Call, Pdu], None],
+        fault: Callable[[Call, Pdu], None],
+        lost: Callable[[Call], None],
+    ) -> None:
+        self.request = request
+        self.response = response
+        self.orphan_response = orphan_response
+        self.retransmission = retransmission
+        self.fault = fault
+        self.lost = lost
 
 
 class CallTracker:
@@ -54,6 +86,7 @@ class CallTracker:
     def __init__(self, limits: Limits, handlers: Handlers) -> None:
         self._limits = limits
         self._handlers = handlers
+        self._usual_calls = min(2 * limits.answered_calls, limits.calls)
         self._activities: OrderedDict[tuple[str, bytes], _Activity] = OrderedDict()
         self._datagrams: OrderedDict[tuple[str, str, int, int, int], int] = OrderedDict()
         self.counts = dict.fromkeys(
@@ -63,16 +96,20 @@ class CallTracker:
 
     def is_copy(self, pdu: Pdu) -> bool:
         """Whether the same datagram with the same IP id was here within the copy window."""
+        datagrams = self._datagrams
         key = (pdu.source, pdu.destination, pdu.ip_id, pdu.ptype << 16 | pdu.fragment,
                hash((pdu.activity, pdu.seq, pdu.body)))  # fmt: skip
-        before = self._datagrams.get(key)
-        if before is not None and abs(pdu.time_ns - before) <= self._limits.copy_ns:
+        before = datagrams.get(key)
+        datagrams[key] = pdu.time_ns
+        if before is None:
+            if len(datagrams) > self._limits.datagrams:
+                datagrams.popitem(last=False)
+        elif abs(pdu.time_ns - before) <= self._limits.copy_ns:
+            datagrams[key] = before
             self.counts["copies"] += 1
             return True
-        self._datagrams[key] = pdu.time_ns
-        self._datagrams.move_to_end(key)
-        while len(self._datagrams) > 256:
-            self._datagrams.popitem(last=False)
+        else:
+            datagrams.move_to_end(key)
         return False
 
     def feed(self, pdu: Pdu) -> None:
@@ -101,17 +138,20 @@ class CallTracker:
             activity = self._activities[key] = _Activity(pdu.seq)
             self._make_room()
         self._activities.move_to_end(key)
-        self._expire(activity, pdu.time_ns)
-        call = activity.calls.get(pdu.seq)
-        if call is not None and self._is_retransmission(activity, call, pdu):
-            self.counts["retransmissions"] += 1
-            self._handlers.retransmission(call, pdu)
-            return
-        if call is not None and call.response is None:
-            self._lose(call)
-        activity.newest = pdu.seq
-        call = activity.calls[pdu.seq] = Call(pdu)
-        activity.calls.move_to_end(pdu.seq)
+        calls, seq = activity.calls, pdu.seq
+        if calls:
+            self._expire(activity, pdu.time_ns)
+        call = calls.get(seq)
+        if call is not None:
+            if self._is_retransmission(activity, call, pdu):
+                self.counts["retransmissions"] += 1
+                self._handlers.retransmission(call, pdu)
+                return
+            if call.response is None:
+                self._lose(call)
+            del calls[seq]  # the new one goes to the end
+        activity.newest = seq
+        call = calls[seq] = Call(pdu)
         self._handlers.request(call)
 
     def _is_retransmission(self, activity: _Activity, call: Call, pdu: Pdu) -> bool:
@@ -124,9 +164,11 @@ class CallTracker:
 
     def _response(self, pdu: Pdu) -> None:
         activity = self._activities.get((pdu.client, pdu.activity))
+        call = None
         if activity is not None:
-            self._expire(activity, pdu.time_ns)
-        call = activity.calls.get(pdu.seq) if activity else None
+            if activity.calls:
+                self._expire(activity, pdu.time_ns)
+            call = activity.calls.get(pdu.seq)
         if call is None:
             self._handlers.orphan_response(pdu)
         elif call.response is None:
@@ -145,18 +187,19 @@ class CallTracker:
     def _expire(self, activity: _Activity, now: int) -> None:
         limit = self._limits.call_expiry_ns
         calls = activity.calls
-        oldest = next(iter(calls.values()), None)
-        if oldest is None or (
-            len(calls) <= min(2 * _REMEMBERED, self._limits.calls)
-            and now - oldest.request.time_ns <= limit
-        ):
+        oldest: Call = next(iter(calls.values()))
+        if len(calls) <= self._usual_calls and now - oldest.request.time_ns <= limit:
             return  # nothing is old or too much: the usual case, on the way of every call
-        for seq in [
-            s for s, c in calls.items() if c.response is None and now - c.request.time_ns > limit
-        ]:
+        answered: list[int] = []
+        expired: list[int] = []
+        for seq, call in calls.items():
+            if call.response is not None:
+                answered.append(seq)
+            elif now - call.request.time_ns > limit:
+                expired.append(seq)
+        for seq in expired:
             self._lose(calls.pop(seq))
-        answered = [seq for seq, call in calls.items() if call.response is not None]
-        for seq in answered[:-_REMEMBERED]:
+        for seq in answered[: -self._limits.answered_calls]:
             del calls[seq]
         while len(calls) > self._limits.calls:
             _seq, call = calls.popitem(last=False)

@@ -20,6 +20,7 @@ from .link import Packet
 _GET, _SET, _IDENTIFY, _HELLO = 3, 4, 5, 6
 _REQUEST, _SUCCESS = 0, 1
 _HEADER = 12
+_LONGEST_NAME = 240  # of a station, by the specification
 
 _IP, _IP_SUITE = (1, 2), (1, 3)
 _NAME, _DEVICE_ID = (2, 2), (2, 3)
@@ -72,6 +73,6 @@ def _learn(station: Station, option: tuple[int, int], content: bytes) -> None:
         if any(content[:4]):  # 0.0.0.0: none assigned yet
             station.ip = address(content[:4])
     elif option == _NAME and content:
-        station.name = content.rstrip(b"\0").decode("latin-1") or None
+        station.name = content[:_LONGEST_NAME].rstrip(b"\0").decode("latin-1") or None
     elif option == _DEVICE_ID and len(content) >= 4:
         station.vendor_id, station.device_id = struct.unpack_from(">HH", content)

@@ -16,7 +16,7 @@ UDP = 17
 _HEADER = struct.Struct(">BxHHHxBxx4s4s")
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Datagram:
     """An IPv4 datagram or a fragment of one.
 
@@ -32,6 +32,26 @@ class Datagram:
     more: bool
     payload: bytes
     missing: int
+
+    def __init__(
+        self,
+        source: str,
+        destination: str,
+        protocol: int,
+        identification: int,
+        offset: int,
+        more: bool,
+        payload: bytes,
+        missing: int,
+    ) -> None:
+        self.source = source
+        self.destination = destination
+        self.protocol = protocol
+        self.identification = identification
+        self.offset = offset
+        self.more = more
+        self.payload = payload
+        self.missing = missing
 
     @property
     def whole(self) -> bool:
@@ -129,21 +149,28 @@ _Key = tuple[str, str, int]
 class Reassembler:
     """Puts fragments together, whatever their order; copies of a fragment are tolerated.
 
-    Memory is bounded by `datagrams` and `fragments`: the oldest unfinished datagram goes first.
+    Memory is bounded by `datagrams`, `fragments` and `most_bytes` of them: the oldest unfinished
+    datagram goes first.
     One that is not whole `expiry_ns` of capture time after its first fragment is given up. What is
     given up is kept for `unfinished`, the newest `datagrams` of it.
     """
 
     def __init__(
-        self, expiry_ns: int = 30_000_000_000, datagrams: int = 256, fragments: int = 16_384
+        self,
+        expiry_ns: int = 30_000_000_000,
+        datagrams: int = 256,
+        fragments: int = 16_384,
+        most_bytes: int = 1 << 24,
     ) -> None:
         self._expiry_ns = expiry_ns
         self._most_datagrams = datagrams
         self._most_fragments = fragments
+        self._most_bytes = most_bytes
         self._open: OrderedDict[_Key, Unfinished] = OrderedDict()
         self._done: OrderedDict[_Key, Unfinished] = OrderedDict()
         self._lost: list[Unfinished] = []
         self._fragments = 0
+        self._bytes = 0
         self._now_ns = 0
 
     def feed(self, part: Datagram, frame: int, time_ns: int) -> Datagram | None:
@@ -191,6 +218,7 @@ class Reassembler:
         if known is None:
             self._fragments += 1
         if known is None or known[1] < part.length:
+            self._bytes += len(part.payload) - (len(known[0]) if known else 0)
             entry.pieces[part.offset] = (part.payload, part.length)
             heappush(entry.beyond, part.offset)
         if not part.more and entry.total is None:
@@ -199,6 +227,7 @@ class Reassembler:
     def _close(self, key: _Key) -> Unfinished:
         entry = self._open.pop(key)
         self._fragments -= len(entry.pieces)
+        self._bytes -= sum(len(data) for data, _ in entry.pieces.values())
         return entry
 
     def _expire(self) -> None:
@@ -211,7 +240,9 @@ class Reassembler:
 
     def _make_room(self, newest: _Key) -> None:
         while (
-            len(self._open) > self._most_datagrams or self._fragments > self._most_fragments
+            len(self._open) > self._most_datagrams
+            or self._fragments > self._most_fragments
+            or self._bytes > self._most_bytes
         ) and next(iter(self._open)) != newest:
             self._give_up(next(iter(self._open)))
 

@@ -31,7 +31,7 @@ from . import ip
 Kind = Literal["udp", "dcp", "lldp"]
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Packet:
     """What one frame, or the last of several fragments, brings.
 
@@ -47,14 +47,42 @@ class Packet:
     frame: int
     time_ns: int
     payload: bytes
-    src_mac: str | None = None
-    dst_mac: str | None = None
-    src_ip: str = ""
-    dst_ip: str = ""
-    src_port: int = 0
-    dst_port: int = 0
-    ip_id: int = 0
-    missing: int = 0
+    src_mac: str | None
+    dst_mac: str | None
+    src_ip: str
+    dst_ip: str
+    src_port: int
+    dst_port: int
+    ip_id: int
+    missing: int
+
+    def __init__(
+        self,
+        kind: Kind,
+        frame: int,
+        time_ns: int,
+        payload: bytes,
+        src_mac: str | None = None,
+        dst_mac: str | None = None,
+        src_ip: str = "",
+        dst_ip: str = "",
+        src_port: int = 0,
+        dst_port: int = 0,
+        ip_id: int = 0,
+        missing: int = 0,
+    ) -> None:
+        self.kind = kind
+        self.frame = frame
+        self.time_ns = time_ns
+        self.payload = payload
+        self.src_mac = src_mac
+        self.dst_mac = dst_mac
+        self.src_ip = src_ip
+        self.dst_ip = dst_ip
+        self.src_port = src_port
+        self.dst_port = dst_port
+        self.ip_id = ip_id
+        self.missing = missing
 
 
 def dissect(frame: Frame, reassembler: ip.Reassembler | None = None) -> Packet | None:
@@ -128,15 +156,19 @@ def mac(data: bytes) -> str:
 class PacketSource:
     """Iterates over the packets of a capture (any iterable of frames), fragments put together."""
 
-    def __init__(self, frames: Iterable[Frame], expiry_ns: int = 30_000_000_000) -> None:
+    def __init__(self, frames: Iterable[Frame], reassembler: ip.Reassembler | None = None) -> None:
         self._frames = frames
-        self._reassembler = ip.Reassembler(expiry_ns)
+        self._reassembler = reassembler or ip.Reassembler()
 
     def __iter__(self) -> Iterator[Packet]:
         for frame in self._frames:
-            packet = dissect(frame, self._reassembler)
+            packet = self.packet(frame)
             if packet is not None:
                 yield packet
+
+    def packet(self, frame: Frame) -> Packet | None:
+        """What one frame brings; None where that is nothing, or a datagram that is not whole yet."""
+        return dissect(frame, self._reassembler)
 
     def unfinished(self) -> list[tuple[Packet, int]]:
         """PROFINET datagrams whose fragments never became whole, with the number of bytes seen.

@@ -6,8 +6,8 @@ Opens one level of IODWriteMultiple (0xE040). Knows nothing of DS47: `data` is o
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, field
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
 from ds47.profinet.rpc import READ, READ_IMPLICIT, WRITE, Pdu
 
@@ -17,28 +17,46 @@ NIL_UUID: Final = bytes(16)
 
 _BLOCK: Final = struct.Struct(">HHHH16sIHHHHI")
 """Type, length, version, sequence, AR, API, slot, subslot, padding, index, record data length."""
-_NDR: Final = {True: struct.Struct("<5I"), False: struct.Struct(">5I")}
+_STATUS: Final = {True: struct.Struct("<I"), False: struct.Struct(">I")}
 _REQUEST_BLOCKS: Final = {READ: 0x0009, READ_IMPLICIT: 0x0009, WRITE: 0x0008}
-_RESPONSE_BLOCKS: Final = {READ: 0x8009, READ_IMPLICIT: 0x8009, WRITE: 0x8008}
+_READ_RESPONSE: Final = 0x8009
+_WRITE_RESPONSE: Final = 0x8008
+_READS: Final = (READ, READ_IMPLICIT)
 _RELEASE_BLOCKS: Final = (0x0114, 0x0117)
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Half:
     """The request or the response of a record call: where it stands, what it carries."""
 
     frame: int
     time_ns: int
-    data: bytes = b""
-    stated: int = 0
+    data: bytes
+    stated: int
     """RecordDataLength: bytes that follow; in a Read request the most that is wanted."""
-    missing: int = 0
+    missing: int
     """Bytes that the capture cut off."""
-    status: int | None = None
+    status: int | None
     """PNIOStatus, ErrorCode first; None where the PDU carries none."""
 
+    def __init__(
+        self,
+        frame: int,
+        time_ns: int,
+        data: bytes = b"",
+        stated: int = 0,
+        missing: int = 0,
+        status: int | None = None,
+    ) -> None:
+        self.frame = frame
+        self.time_ns = time_ns
+        self.data = data
+        self.stated = stated
+        self.missing = missing
+        self.status = status
 
-@dataclass(slots=True)
+
+@dataclass(slots=True, init=False)
 class Record:
     """One record call: where it goes, its request and its response."""
 
@@ -51,41 +69,94 @@ class Record:
     index: int
     position: int
     """0, or the place inside an IODWriteMultiple."""
-    request: Half | None = None
-    response: Half | None = None
+    request: Half | None
+    response: Half | None
+
+    def __init__(
+        self,
+        write: bool,
+        implicit: bool,
+        ar: bytes,
+        api: int,
+        slot: int,
+        subslot: int,
+        index: int,
+        position: int,
+        request: Half | None = None,
+        response: Half | None = None,
+    ) -> None:
+        self.write = write
+        self.implicit = implicit
+        self.ar = ar
+        self.api = api
+        self.slot = slot
+        self.subslot = subslot
+        self.index = index
+        self.position = position
+        self.request = request
+        self.response = response
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class RequestBody:
     """The records of one RPC request, in order."""
 
-    records: list[Record] = field(default_factory=list)
-    multiple: bool = False
-    nested: bool = False
+    records: list[Record]
+    multiple: bool
+    nested: bool
     """An IODWriteMultiple stands inside another: its records are not opened."""
+
+    def __init__(
+        self,
+        records: list[Record] | None = None,
+        multiple: bool = False,
+        nested: bool = False,
+    ) -> None:
+        self.records = [] if records is None else records
+        self.multiple = multiple
+        self.nested = nested
 
 
 def parse_request(pdu: Pdu) -> RequestBody:
     """The records of a Read, Write or ReadImplicit request. Never raises: what does not parse is absent."""
-    result = RequestBody()
     expected = _REQUEST_BLOCKS.get(pdu.opnum)
-    head = _block(pdu.body, 20, expected)
-    if head is None:
-        return result
-    record = _record(pdu, head, 0)
+    record = _request(pdu, pdu.body, 20, expected, 0)
+    if record is None:
+        return RequestBody()
     if not record.write or record.index != WRITE_MULTIPLE:
-        result.records.append(_fill(record, pdu, pdu.body, 20 + BLOCK_LENGTH, head[-1]))
-        return result
-    result.multiple = True
-    inner = pdu.body[20 + BLOCK_LENGTH : 20 + BLOCK_LENGTH + head[-1]]
-    offset = 0
-    while (head := _block(inner, offset, expected)) is not None:
-        record = _record(pdu, head, len(result.records) + 1)
+        return RequestBody([record])
+    assert record.request is not None
+    result = RequestBody(multiple=True)
+    inner, offset = record.request.data, 0
+    while (record := _request(pdu, inner, offset, expected, len(result.records) + 1)) is not None:
+        assert record.request is not None
         if record.index == WRITE_MULTIPLE:
             result.nested = True
-        result.records.append(_fill(record, pdu, inner, offset + BLOCK_LENGTH, head[-1]))
-        offset += BLOCK_LENGTH + head[-1] + -head[-1] % 4
+        result.records.append(record)
+        offset += BLOCK_LENGTH + record.request.stated + -record.request.stated % 4
     return result
+
+
+def _request(
+    pdu: Pdu, data: bytes, offset: int, expected: int | None, position: int
+) -> Record | None:
+    """The record whose request block stands at an offset, None where none does."""
+    if expected is None or len(data) < offset + _BLOCK.size:
+        return None
+    (kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index,
+     stated) = _BLOCK.unpack_from(data, offset)  # fmt: skip
+    if kind != expected:
+        return None
+    if pdu.opnum == WRITE:
+        start = offset + BLOCK_LENGTH
+        payload = data[start : start + stated]
+        half = Half(pdu.frame, pdu.time_ns, payload, stated, stated - len(payload))
+        return Record(True, False, ar, api, slot, subslot, index, position, half)
+    half = Half(pdu.frame, pdu.time_ns, b"", stated)
+    implicit = pdu.opnum == READ_IMPLICIT
+    if implicit:
+        ar = NIL_UUID
+    return Record(False, implicit, ar, api, slot, subslot, index, position, half)
 
 
 def parse_response(pdu: Pdu) -> tuple[int | None, list[Record]]:
@@ -94,33 +165,51 @@ def parse_response(pdu: Pdu) -> tuple[int | None, list[Record]]:
     The blocks carry their own address, so that a response without its request can still be placed.
     An IODWriteMultiple gives its inner responses only.
     """
-    if len(pdu.body) < 20:
-        status = pdu.body[:4]
+    body = pdu.body
+    if len(body) < 20:
+        status = body[:4]
         order = "little" if pdu.little else "big"
         return (int.from_bytes(status, order) if len(status) == 4 else None), []  # type: ignore[arg-type]
-    ndr_status = _NDR[pdu.little].unpack_from(pdu.body)[0]
-    expected = _RESPONSE_BLOCKS.get(pdu.opnum)
+    ndr_status: int = _STATUS[pdu.little].unpack_from(body)[0]
     records: list[Record] = []
-    offset = 20
-    while (head := _block(pdu.body, offset, expected)) is not None:
-        record = _record(pdu, head, len(records))
-        start = offset + BLOCK_LENGTH
-        length = 0 if record.write else head[-1]
-        data = pdu.body[start : start + length]
-        own_status: int | None = ndr_status
-        if record.write and not ndr_status:
-            field_ = pdu.body[offset + 44 : offset + 48]
-            own_status = int.from_bytes(field_, "big") if len(field_) == 4 else None
-        record.response = Half(pdu.frame, pdu.time_ns, data, length, length - len(data), own_status)
-        records.append(record)
-        if not record.write:
-            break
-        offset = start
-    if records and records[0].index == WRITE_MULTIPLE:
-        outer = records.pop(0).response
-        if not records and outer and outer.status:
-            ndr_status = outer.status
+    if pdu.opnum == WRITE:
+        offset = 20
+        while (record := _write_response(pdu, offset, ndr_status, len(records))) is not None:
+            records.append(record)
+            offset += BLOCK_LENGTH
+        if records and records[0].index == WRITE_MULTIPLE:
+            outer = records.pop(0).response
+            if not records and outer and outer.status:
+                ndr_status = outer.status
+    elif pdu.opnum in _READS and len(body) >= 20 + _BLOCK.size:
+        (kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index,
+         length) = _BLOCK.unpack_from(body, 20)  # fmt: skip
+        if kind == _READ_RESPONSE:
+            start = 20 + BLOCK_LENGTH
+            data = body[start : start + length]
+            half = Half(pdu.frame, pdu.time_ns, data, length, length - len(data), ndr_status)
+            implicit = pdu.opnum == READ_IMPLICIT
+            if implicit:
+                ar = NIL_UUID
+            records.append(Record(False, implicit, ar, api, slot, subslot, index, 0, None, half))
     return ndr_status, records
+
+
+def _write_response(pdu: Pdu, offset: int, ndr_status: int, position: int) -> Record | None:
+    """The response block at an offset, if there is one; its own status counts if the NDR header's is 0."""
+    body = pdu.body
+    if len(body) < offset + _BLOCK.size:
+        return None
+    (kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index,
+     _data) = _BLOCK.unpack_from(body, offset)  # fmt: skip
+    if kind != _WRITE_RESPONSE:
+        return None
+    status: int | None = ndr_status
+    if not ndr_status:
+        own = body[offset + 44 : offset + 48]
+        status = int.from_bytes(own, "big") if len(own) == 4 else None
+    half = Half(pdu.frame, pdu.time_ns, b"", 0, 0, status)
+    return Record(True, False, ar, api, slot, subslot, index, position, None, half)
 
 
 def released_ar(pdu: Pdu) -> bytes | None:
@@ -129,24 +218,3 @@ def released_ar(pdu: Pdu) -> bytes | None:
     if len(block) < 24 or int.from_bytes(block[:2], "big") not in _RELEASE_BLOCKS:
         return None
     return block[8:24]
-
-
-def _block(data: bytes, offset: int, expected: int | None) -> tuple[Any, ...] | None:
-    if expected is None or len(data) < offset + _BLOCK.size:
-        return None
-    head = _BLOCK.unpack_from(data, offset)
-    return head if head[0] == expected else None
-
-
-def _record(pdu: Pdu, head: tuple[Any, ...], position: int) -> Record:
-    _type, _length, _version, _seq, ar, api, slot, subslot, _pad, index, _size = head
-    implicit = pdu.opnum == READ_IMPLICIT
-    address = (NIL_UUID if implicit else ar, api, slot, subslot, index)
-    return Record(pdu.opnum == WRITE, implicit, *address, position)
-
-
-def _fill(record: Record, pdu: Pdu, data: bytes, start: int, stated: int) -> Record:
-    payload = data[start : start + stated] if record.write else b""
-    missing = stated - len(payload) if record.write else 0
-    record.request = Half(pdu.frame, pdu.time_ns, payload, stated, missing)
-    return record

@@ -10,9 +10,13 @@ from __future__ import annotations
 import struct
 from collections import OrderedDict, deque
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
-from ds47.profinet.link import Packet
+from ds47.capture import Frame
+from ds47.capture.scan import ETHERNET, IPV4, UDP, UUIDS
+from ds47.profinet.ip import address
+from ds47.profinet.link import Packet, mac
 
 HEADER_LENGTH: Final = 80
 PTYPES: Final = {
@@ -28,17 +32,23 @@ PTYPES: Final = {
     9: "fack",
     10: "cancel_ack",
 }
-READ, WRITE, READ_IMPLICIT = 2, 3, 5
-CONNECT, RELEASE, CONTROL = 0, 1, 4
+CONNECT: Final = 0
+RELEASE: Final = 1
+READ: Final = 2
+WRITE: Final = 3
+CONTROL: Final = 4
+READ_IMPLICIT: Final = 5
 
 _LITTLE: Final = struct.Struct("<IHH8sIHH8sIHH8sIIIHHHHH")
 _BIG: Final = struct.Struct(">IHH8sIHH8sIHH8sIIIHHHHH")
 _UUID: Final = struct.Struct(">IHH8s")
-_LAST_FRAGMENT, _FRAGMENT = 0x02, 0x04
-_PNIO_NODE = bytes.fromhex("827100a02442df7d")
+_LAST_FRAGMENT: Final = 0x02
+_FRAGMENT: Final = 0x04
+_FROM_CLIENT: Final = frozenset((0, 1, 8, 9))
+_PNIO_NODE: Final = bytes.fromhex("827100a02442df7d")
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Pdu:
     """One DCE/RPC PDU, or one message put together from its fragments.
 
@@ -63,16 +73,52 @@ class Pdu:
     destination: str
     ip_id: int
     source_mac: str | None
+    client: str
+    """The IP address of the side that called."""
+    server: str
+    """The IP address of the side that was called."""
 
-    @property
-    def client(self) -> str:
-        """The IP address of the side that called."""
-        return self.source if self.ptype in (0, 1, 8, 9) else self.destination
-
-    @property
-    def server(self) -> str:
-        """The IP address of the side that was called."""
-        return self.destination if self.ptype in (0, 1, 8, 9) else self.source
+    def __init__(
+        self,
+        ptype: int,
+        little: bool,
+        object_uuid: bytes,
+        activity: bytes,
+        seq: int,
+        opnum: int,
+        fragment: int,
+        last: bool,
+        fragmented: bool,
+        body: bytes,
+        missing: int,
+        frame: int,
+        time_ns: int,
+        source: str,
+        destination: str,
+        ip_id: int,
+        source_mac: str | None,
+        client: str,
+        server: str,
+    ) -> None:
+        self.ptype = ptype
+        self.little = little
+        self.object_uuid = object_uuid
+        self.activity = activity
+        self.seq = seq
+        self.opnum = opnum
+        self.fragment = fragment
+        self.last = last
+        self.fragmented = fragmented
+        self.body = body
+        self.missing = missing
+        self.frame = frame
+        self.time_ns = time_ns
+        self.source = source
+        self.destination = destination
+        self.ip_id = ip_id
+        self.source_mac = source_mac
+        self.client = client
+        self.server = server
 
 
 def parse(packet: Packet) -> Pdu | None:
@@ -91,13 +137,121 @@ def parse(packet: Packet) -> Pdu | None:
     flags = data[2]
     fragmented = flags & _FRAGMENT != 0
     body = data[HEADER_LENGTH : HEADER_LENGTH + length]
+    ptype = data[1] & 0x1F
+    client, server = packet.src_ip, packet.dst_ip
+    if ptype not in _FROM_CLIENT:
+        client, server = server, client
     return Pdu(
-        data[1] & 0x1F, little, _UUID.pack(o1, o2, o3, o4), _UUID.pack(a1, a2, a3, a4), seq, opnum,
+        ptype, little, _UUID.pack(o1, o2, o3, o4), _UUID.pack(a1, a2, a3, a4), seq, opnum,
         fragment, flags & _LAST_FRAGMENT != 0, fragmented, body, length - len(body),
         packet.frame, packet.time_ns, packet.src_ip, packet.dst_ip, packet.ip_id, packet.src_mac,
+        client, server,
     )  # fmt: skip
 
 
+_USUAL_LITTLE: Final = struct.Struct("<BBB5x48sIIIHHHHH")
+_USUAL_BIG: Final = struct.Struct(">BBB5x48sIIIHHHHH")
+_LOWER: Final = struct.Struct(">12xHBxHHHxBxx8sxxxxH")
+_INTERFACES: Final = {  # the first of each pair in network order, the second of a little-endian sender
+    little: frozenset(UUIDS[at : at + 16] for at in range(16 if little else 0, len(UUIDS), 32))
+    for little in (True, False)
+}
+_UDP_START: Final = 34
+_RPC_START: Final = 42
+_BODY_START: Final = 122
+
+
+def from_frame(frame: Frame) -> Pdu | None:
+    """The PDU of a frame as nearly all of them are: whole, Ethernet without tag, IPv4 without option.
+
+    None for every other frame: `link.dissect` and `parse` take those, and would give the same.
+    """
+    data = frame.data
+    if frame.link_type != ETHERNET or len(data) < _BODY_START:
+        return None
+    kind, version, total, ip_id, flags, protocol, hosts, stated = _LOWER.unpack_from(data)
+    end = _UDP_START + stated
+    if (
+        kind != IPV4
+        or version != 0x45
+        or flags & 0x3FFF
+        or protocol != UDP
+        or total != stated + 20
+        or end > len(data)
+        or end < _BODY_START
+    ):
+        return None
+    little = data[46] & 0x10 != 0
+    (rpc_version, ptype, rpc_flags, identity,
+     _boot, _version, seq, opnum, _ihint, _ahint, length, fragment,
+     ) = (_USUAL_LITTLE if little else _USUAL_BIG).unpack_from(data, _RPC_START)  # fmt: skip
+    uuids = (_LITTLE_UUIDS if little else _BIG_UUIDS).get(identity)
+    if uuids is None:
+        uuids = _uuids(identity, little)
+        if uuids is None:
+            return None
+    ptype &= 0x1F
+    if rpc_version != 4 or ptype not in PTYPES:
+        return None
+    pair = _HOSTS.get(hosts)
+    source, destination = pair if pair is not None else _hosts(hosts)
+    station = _MACS.get(data[6:12])
+    if station is None:
+        station = _mac(data[6:12])
+    client, server = source, destination
+    if ptype not in _FROM_CLIENT:
+        client, server = destination, source
+    if _BODY_START + length < end:
+        end = _BODY_START + length
+    body = data[_BODY_START:end]
+    return Pdu(
+        ptype, little, uuids[0], uuids[1], seq, opnum, fragment,
+        rpc_flags & _LAST_FRAGMENT != 0, rpc_flags & _FRAGMENT != 0,
+        body, length - len(body), frame.number, frame.time_ns,
+        source, destination, ip_id, station, client, server,
+    )  # fmt: skip
+
+
+# What the frames of a capture say again and again, as it is wanted; forgotten when it grows too much.
+_LITTLE_UUIDS: Final[dict[bytes, tuple[bytes, bytes]]] = {}
+_BIG_UUIDS: Final[dict[bytes, tuple[bytes, bytes]]] = {}
+_HOSTS: Final[dict[bytes, tuple[str, str]]] = {}
+_MACS: Final[dict[bytes, str]] = {}
+_MOST_KNOWN: Final = 4096
+
+
+def _uuids(identity: bytes, little: bool) -> tuple[bytes, bytes] | None:
+    """Object and activity in network order, from object, interface, activity; None for a foreign one."""
+    if identity[16:32] not in _INTERFACES[little]:
+        return None
+    known = _LITTLE_UUIDS if little else _BIG_UUIDS
+    if len(known) >= _MOST_KNOWN:
+        known.clear()
+    uuids = (_normalised(identity[:16], little), _normalised(identity[32:], little))
+    known[identity] = uuids
+    return uuids
+
+
+def _normalised(uuid: bytes, little: bool) -> bytes:
+    return _UUID.pack(*struct.unpack("<IHH8s", uuid)) if little else uuid
+
+
+def _hosts(addresses: bytes) -> tuple[str, str]:
+    if len(_HOSTS) >= _MOST_KNOWN:
+        _HOSTS.clear()
+    pair = (address(addresses[:4]), address(addresses[4:]))
+    _HOSTS[addresses] = pair
+    return pair
+
+
+def _mac(raw: bytes) -> str:
+    if len(_MACS) >= _MOST_KNOWN:
+        _MACS.clear()
+    text = _MACS[raw] = mac(raw)
+    return text
+
+
+@lru_cache(maxsize=4096)
 def device_identity(object_uuid: bytes) -> tuple[int, int] | None:
     """Vendor id and device id out of an RPC object UUID (docs/protocol.md E.2), None for a foreign one."""
     if object_uuid[:8] != b"\xde\xa0\x00\x00\x6c\x97\x11\xd1":
@@ -111,16 +265,20 @@ class _Partial:
     first: Pdu
     parts: dict[int, Pdu]
     last: int | None
-    newest: Pdu
+    newest_ns: int
+    bytes: int = 0
+    """Of the bodies of the parts."""
 
     def add(self, pdu: Pdu) -> None:
         """Takes a fragment, once; what stands behind the last one is none of this message."""
         if pdu.last and self.last is None:
             self.last = pdu.fragment
             for number in [number for number in self.parts if number > pdu.fragment]:
-                del self.parts[number]
-        if self.last is None or pdu.fragment <= self.last:
-            self.parts.setdefault(pdu.fragment, pdu)
+                self.bytes -= len(self.parts.pop(number).body)
+        wanted = self.last is None or pdu.fragment <= self.last
+        if wanted and pdu.fragment not in self.parts:
+            self.parts[pdu.fragment] = pdu
+            self.bytes += len(pdu.body)
 
 
 class Fragments:
@@ -130,15 +288,24 @@ class Fragments:
         expiry_ns: how long an incomplete message is kept, nanoseconds of capture time.
         limit: how many incomplete messages are kept.
         fragments: how many fragments of incomplete messages are kept; the oldest message goes first.
+        most_bytes: how many bytes of such fragments.
     """
 
-    def __init__(self, expiry_ns: int, limit: int = 1024, fragments: int = 16_384) -> None:
+    def __init__(
+        self,
+        expiry_ns: int,
+        limit: int = 1024,
+        fragments: int = 16_384,
+        most_bytes: int = 1 << 24,
+    ) -> None:
         self._expiry_ns = expiry_ns
         self._limit = limit
         self._most_fragments = fragments
+        self._most_bytes = most_bytes
         self._partial: OrderedDict[tuple[str, bytes, int, int], _Partial] = OrderedDict()
         self._given_up: deque[tuple[Pdu, int]] = deque(maxlen=limit)
         self._fragments = 0
+        self._bytes = 0
 
     def feed(self, pdu: Pdu) -> Pdu | None:
         """The whole message, as soon as there is one. Its frame and time are the completing frame's."""
@@ -148,23 +315,25 @@ class Fragments:
         partial = self._partial.get(key)
         if partial is None:
             self._make_room(pdu.time_ns)
-            partial = self._partial[key] = _Partial(pdu, {}, None, pdu)
-        before = len(partial.parts)
+            partial = self._partial[key] = _Partial(pdu, {}, None, pdu.time_ns)
+        before, bytes_before = len(partial.parts), partial.bytes
         partial.add(pdu)
-        partial.newest = pdu
+        partial.newest_ns = pdu.time_ns
         self._fragments += len(partial.parts) - before
+        self._bytes += partial.bytes - bytes_before
         if partial.last is None or len(partial.parts) <= partial.last:
-            while self._fragments > self._most_fragments:
+            while self._fragments > self._most_fragments or self._bytes > self._most_bytes:
                 self._give_up()
             return None
         del self._partial[key]
         self._fragments -= len(partial.parts)
+        self._bytes -= partial.bytes
         return _join(partial, pdu)
 
     def _make_room(self, now: int) -> None:
         while self._partial:
             oldest = next(iter(self._partial.values()))
-            fresh = now - oldest.newest.time_ns <= self._expiry_ns
+            fresh = now - oldest.newest_ns <= self._expiry_ns
             if fresh and len(self._partial) < self._limit:
                 return
             self._give_up()
@@ -172,6 +341,7 @@ class Fragments:
     def _give_up(self) -> None:
         partial = self._partial.popitem(last=False)[1]
         self._fragments -= len(partial.parts)
+        self._bytes -= partial.bytes
         self._given_up.append(_beginning(partial))
 
     def unfinished(self) -> list[tuple[Pdu, int]]:

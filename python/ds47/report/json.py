@@ -8,19 +8,33 @@ reports is a difference of lines. Key order and number texts never vary. What th
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterator
 from datetime import date
-from json import dumps
-from typing import Any, TextIO
+from functools import lru_cache
+from itertools import islice
+from json import JSONEncoder
+from json.encoder import encode_basestring as _quoted
+from typing import Any, Final, TextIO
 
 from ds47 import __version__
-from ds47.model import CaptureResult, Device, Finding, Frames, Parameter, Report, Transaction
+from ds47.model import (
+    CaptureResult,
+    Device,
+    Finding,
+    Frames,
+    Parameter,
+    Report,
+    Transaction,
+    Value,
+)
 from ds47.report import SCHEMA, Options, message, write_all
 from ds47.report import Writer as _Writer
 
+_encoder: Final = JSONEncoder(ensure_ascii=False, allow_nan=False)
+_LINES_AT_ONCE = 256
 _EPOCH_DAY = date(1970, 1, 1).toordinal()
 _DAYS_IN_400_YEARS = 146_097
-_NS_IN_DAY = 86_400 * 10**9
+_SECONDS_IN_DAY = 86_400
 
 
 def timestamp(time_ns: int) -> str:
@@ -29,14 +43,19 @@ def timestamp(time_ns: int) -> str:
     `datetime` ends with the year 9999; the calendar repeats every 400 years, so only the years
     inside one cycle are asked of it.
     """
-    days, ns = divmod(time_ns, _NS_IN_DAY)
+    seconds, ns = divmod(time_ns, 1_000_000_000)
+    return f"{_second(seconds)}.{ns:09}Z"
+
+
+@lru_cache(maxsize=64)
+def _second(seconds: int) -> str:
+    days, seconds = divmod(seconds, _SECONDS_IN_DAY)
     cycles, days = divmod(days, _DAYS_IN_400_YEARS)
     day = date.fromordinal(_EPOCH_DAY + days)
-    seconds, ns = divmod(ns, 10**9)
     minutes, second = divmod(seconds, 60)
     hour, minute = divmod(minutes, 60)
     year = day.year + 400 * cycles
-    return f"{year:04}-{day:%m-%d}T{hour:02}:{minute:02}:{second:02}.{ns:09}Z"
+    return f"{year:04}-{day:%m-%d}T{hour:02}:{minute:02}:{second:02}"
 
 
 def milliseconds(duration_ns: int | None) -> float | None:
@@ -124,6 +143,87 @@ def transaction(item: Transaction) -> dict[str, Any]:
     }
 
 
+def transaction_line(item: Transaction) -> str:
+    """What `text(transaction(item))` gives, without the dictionaries: there are many transactions."""
+    frames_ = item.frames
+    polls = reads = "[]"
+    if frames_.polls or frames_.rereads:
+        whole = frames(frames_)
+        polls, reads = text(whole["polls"]), text(whole["rereads"])
+    request, response, took = item.request, item.response, item.duration_ns
+    write, read = item.write_status, item.read_status
+    return (
+        f'{{"id": {item.id}, "operation": {_quoted(item.operation)}, "state": {_quoted(item.state)}, '
+        f'"controller": {_quoted(item.controller)}, "device": {_quoted(item.device)}, '
+        f'"ar": {_NULL if item.ar is None else _quoted(item.ar)}, "api": {item.api}, '
+        f'"slot": {item.slot}, "subslot": {item.subslot}, "index": {item.index}, '
+        f'"request_reference": {_number(item.request_reference)}, "axis": {_number(item.axis)}, '
+        f'"frames": {{"write_request": {_number(frames_.write_request)}, '
+        f'"write_response": {_number(frames_.write_response)}, '
+        f'"read_request": {_number(frames_.read_request)}, '
+        f'"read_response": {_number(frames_.read_response)}, '
+        f'"polls": {polls}, "rereads": {reads}}}, "start": "{timestamp(item.start_ns)}", '
+        f'"duration_ms": {_NULL if took is None else took / 1_000_000}, '
+        f'"bytes": {{"request": {_hex(request)}, "response": {_hex(response)}}}, '
+        f'"status": {{"write": {_NULL if write is None else f"""{_QUOTE}{write:08X}{_QUOTE}"""}, '
+        f'"read": {_NULL if read is None else f"""{_QUOTE}{read:08X}{_QUOTE}"""}}}, '
+        f'"parameters": [{", ".join([_parameter_text(each) for each in item.parameters])}], '
+        f'"findings": {text(item.findings) if item.findings else "[]"}}}'
+    )
+
+
+_NULL: Final = "null"
+_QUOTE: Final = '"'
+
+
+def _number(item: int | None) -> str | int:
+    return _NULL if item is None else item
+
+
+def _hex(data: bytes | None) -> str:
+    return _NULL if data is None else f'"{data.hex()}"'
+
+
+def _parameter_text(item: Parameter) -> str:
+    error = item.error
+    failed = _NULL
+    if error is not None:
+        failed = text({"code": error.code, "text": error.text, "info": error.info})
+    head = _parameter_head(
+        item.pnu, item.subindex, item.attribute, item.element_count, item.name, item.unit,
+        item.format, item.value_count,
+    )  # fmt: skip
+    scaled = _NULL if item.scaled is None else _list(item.scaled)
+    return f'{head}, "values": {_list(item.values)}, "scaled": {scaled}, "error": {failed}}}'
+
+
+@lru_cache(maxsize=4096)
+def _parameter_head(
+    pnu: int | None,
+    subindex: int | None,
+    attribute: str | None,
+    element_count: int | None,
+    name: str | None,
+    unit: str | None,
+    format_: str | None,
+    value_count: int | None,
+) -> str:
+    """A parameter up to its values: the same ones are asked for again and again."""
+    about = Parameter(pnu, subindex, attribute, element_count, name, unit, format_, value_count)
+    head = parameter(about)
+    for key in ("values", "scaled", "error"):
+        del head[key]
+    return text(head)[:-1]
+
+
+def _list(values: list[Value]) -> str:
+    """A list of finite numbers is the same text in Python and in JSON."""
+    shown = repr(values)
+    if "'" in shown or '"' in shown or "n" in shown:  # a string, nan or inf
+        return text(values)
+    return shown
+
+
 def finding(item: Finding) -> dict[str, Any]:
     """A finding as an object of the contract."""
     return {
@@ -186,16 +286,16 @@ class Writer(_Writer):
             self._begin()
         write_line = self.stream.write
         write_line("\n" + text(capture_head(result))[:-1])
-        self._lines("devices", map(device, result.devices))
-        self._lines("transactions", map(transaction, result.transactions))
-        self._lines("findings", map(finding, result.findings))
+        self._lines("devices", (text(device(each)) for each in result.devices))
+        self._lines("transactions", map(transaction_line, result.transactions))
+        self._lines("findings", (text(finding(each)) for each in result.findings))
         write_line(f',\n"summary": {text(result.summary)}}}')
 
-    def _lines(self, key: str, items: Iterable[dict[str, Any]]) -> None:
+    def _lines(self, key: str, lines: Iterator[str]) -> None:
         self.stream.write(f',\n"{key}": [')
         separator = "\n"
-        for item in items:
-            self.stream.write(separator + text(item))
+        while piece := list(islice(lines, _LINES_AT_ONCE)):
+            self.stream.write(separator + ",\n".join(piece))
             separator = ",\n"
         self.stream.write("]")
 
@@ -207,7 +307,7 @@ class Writer(_Writer):
 
 def text(item: object) -> str:
     """One line of JSON, the same for the same thing; never NaN, which is not JSON."""
-    return dumps(item, ensure_ascii=False, allow_nan=False)
+    return _encoder.encode(item)
 
 
 def _head() -> dict[str, Any]:

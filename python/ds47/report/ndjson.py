@@ -30,12 +30,10 @@ class Writer(_Writer):
     streams: ClassVar[bool] = True
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
-        line = {
-            "path": path,
-            "transaction": json.transaction(transaction),
-            "findings": [json.finding(each) for each in findings],
-        }
-        self.stream.write(json.text(line) + "\n")
+        line = json.transaction_line(transaction)
+        about = json.text([json.finding(each) for each in findings]) if findings else "[]"
+        head = f'{{"path": {json.text(path)}, "transaction": '
+        self.stream.write(f'{head}{line}, "findings": {about}}}\n')
 
     def capture(self, result: CaptureResult) -> None:
         whole = json.capture_head(result) | {

@@ -6,13 +6,13 @@ state table of pairing are in `ds47.spec.semantics`.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from importlib.resources import files
+from json import loads
+from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +142,29 @@ class Rule:
 
 @cache
 def _load(name: str) -> dict[str, Any]:
-    return tomllib.loads(files(__name__).joinpath(name).read_text(encoding="utf-8"))
+    """The content of one of the TOML files beside this one."""
+    return _ready().get(name) or _parsed(name)
+
+
+@cache
+def _ready() -> dict[str, dict[str, Any]]:
+    """All files at once, as the wheel has them: TOML takes long to parse."""
+    try:
+        return cast(dict[str, dict[str, Any]], loads(_content("tables.json")))
+    except OSError:
+        return {}
+
+
+def _parsed(name: str) -> dict[str, Any]:
+    import tomllib
+
+    return tomllib.loads(_content(name).decode("utf-8"))
+
+
+def _content(name: str) -> bytes:
+    """Also out of a zip file; `importlib.resources` would be the long way, and takes long to import."""
+    loader: Any = __spec__.loader
+    return cast(bytes, loader.get_data(str(Path(__file__).with_name(name))))
 
 
 @cache

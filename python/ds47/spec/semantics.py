@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
-from typing import Any
+
+from ds47.spec import _load
 
 _MS = 1_000_000
 
@@ -25,12 +24,24 @@ class Limits:
     polls: int
     parameters: int
     elements: int
+    ip_datagrams: int
+    ip_fragments: int
+    rpc_messages: int
+    rpc_fragments: int
+    fragment_bytes: int
+    datagrams: int
     activities: int
     calls: int
+    answered_calls: int
     channels: int
     pending_writes: int
+    reads: int
     waiting_calls: int
+    waiting_ars: int
+    proven_ars: int
     written_values: int
+    longest_messages: int
+    stations: int
 
 
 @cache
@@ -45,10 +56,6 @@ def limits() -> Limits:
 def phases() -> dict[str, dict[str, str]]:
     """The life of a job: phase -> event -> next phase."""
     return {name: dict(events) for name, events in _load("pairing.toml")["phase"].items()}
-
-
-def _load(name: str) -> dict[str, Any]:
-    return tomllib.loads((files(__package__) / name).read_text("utf-8"))
 
 
 @cache

@@ -1,0 +1,147 @@
+"""Build hook of the wheel: compiles what every frame and every call goes through, where that is possible.
+
+Two compilers, each optional, each fed with the plain Python files themselves:
+
+* Cython takes `ds47/capture/scan.py` with the types in `scan.pxd` beside it;
+* mypyc takes the record path (RECORD_PATH), whose annotations the type checker has proved.
+
+Where one of them, or the C compiler, is missing or fails, its part stays plain Python: same answers,
+slower. The wheel always gets the tables of `ds47/spec` as one JSON file too, because TOML takes
+longer to parse than a small capture to analyse. DS47_COMPILE=0 switches the compilers off.
+
+`python hatch_build.py FOLDER` compiles the copy of `ds47` in FOLDER in place.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tomllib
+from pathlib import Path
+from typing import Any
+
+SCAN = "capture/scan"
+RECORD_PATH = (
+    "model", "findings", "gate", "naming", "pairing", "recordcalls", "rules", "transactions",
+    "analysis", "capture/frame", "capture/pcap", "capture/pcapng", "profinet/rpc", "profinet/link",
+    "profinet/ip", "profinet/calls", "profinet/records", "profidrive/model",
+    "profidrive/parameter", "profidrive/formats", "report/json",
+)  # fmt: skip
+READ = (
+    "*.py", "capture/*.p*", "profinet/*.py", "profidrive/*.py", "spec/*.py", "report/__init__.py",
+    "report/json.py",
+)  # fmt: skip
+"""What the compilers read."""
+DIRECTIVES = {
+    "language_level": 3,
+    "annotation_typing": False,  # scan.pxd has the types, in C
+    "boundscheck": False,
+    "wraparound": False,
+    "initializedcheck": False,
+}
+MOST_SECONDS = 1800
+_FLAGS = [] if sys.platform == "win32" else ["-O2", "-g0"]
+
+
+def tables(spec: Path) -> str:
+    """The tables of `ds47/spec`, file name to content."""
+    files = sorted(spec.glob("*.toml"))
+    content = {file.name: tomllib.loads(file.read_text("utf-8")) for file in files}
+    return json.dumps(content, ensure_ascii=False, separators=(",", ":"))
+
+
+def compiled(sources: Path, work: Path) -> Path:
+    """A folder in `work` with the package `sources` and the extension modules made of it.
+
+    That of the same sources is used again: a checkout is often built more than once.
+    """
+    digest = hashlib.sha256(sysconfig.get_platform().encode() + sys.version.encode())
+    for pattern in READ:
+        for file in sorted(sources.glob(pattern)):
+            digest.update(file.read_bytes())
+    digest.update(Path(__file__).read_bytes())
+    folder = work / digest.hexdigest()[:16]
+    if not folder.exists():
+        draft = work / f"draft-{os.getpid()}"
+        shutil.copytree(sources, draft / "ds47", ignore=shutil.ignore_patterns("*.so", "*.pyd"))
+        for part in ("scan", "record-path"):
+            command = [sys.executable, __file__, str(draft), part]
+            done = subprocess.run(command, capture_output=True, text=True, timeout=MOST_SECONDS)
+            if done.returncode:
+                reason = _reason(done.stderr or done.stdout)
+                sys.stderr.write(f"ds47: {part} stays plain Python: {reason}\n")
+        shutil.rmtree(draft / "build", ignore_errors=True)
+        if folder.exists():  # another build was faster
+            shutil.rmtree(draft)
+        else:
+            draft.rename(folder)
+    return folder
+
+
+def _reason(output: str) -> str:
+    lines = [line for line in output.splitlines() if line.strip()]
+    return lines[-1] if lines else "no reason given"
+
+
+def compile_part(folder: Path, part: str) -> None:
+    """Compile a part of the package in `folder`, in place. Raises whatever the tools raise."""
+    os.chdir(folder)
+    from setuptools import Extension, setup
+
+    if part == "scan":
+        from Cython.Build import cythonize
+
+        extension = Extension("ds47.capture.scan", [f"ds47/{SCAN}.py"], extra_compile_args=_FLAGS)
+        extensions = cythonize([extension], compiler_directives=DIRECTIVES, quiet=True)
+    else:
+        from mypyc.build import mypycify
+
+        paths = [f"ds47/{name}.py" for name in RECORD_PATH]
+        os.environ["MYPYPATH"] = str(folder)
+        # what else they import is the type checker's business, not the build's
+        extensions = mypycify(
+            ["--follow-imports=silent", *paths], opt_level="2", debug_level="0", group_name="ds47"
+        )
+    setup(
+        name="ds47-compiled",
+        ext_modules=extensions,
+        script_args=["--quiet", "build_ext", "--inplace"],
+    )
+
+
+try:
+    from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+except ImportError:  # run as a program, by an interpreter without hatchling
+    BuildHookInterface = object  # type: ignore[assignment,misc]
+
+
+class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
+    """Adds extension modules and tables.json to a wheel; an editable install stays plain."""
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Called by hatchling before a wheel is put together."""
+        if self.target_name != "wheel" or version == "editable":
+            return
+        sources = Path(self.root, "python", "ds47")
+        work = Path(self.root, "build", "compiled")
+        work.mkdir(parents=True, exist_ok=True)
+        included = build_data["force_include"]
+        if os.environ.get("DS47_COMPILE") != "0":
+            folder = compiled(sources, work)
+            suffix = sysconfig.get_config_var("EXT_SUFFIX")
+            for file in sorted(folder.rglob(f"*{suffix}")):
+                included[str(file)] = file.relative_to(folder).as_posix()
+                build_data["pure_python"] = False
+                build_data["infer_tag"] = True
+        target = work.with_name("tables.json")
+        target.write_text(tables(sources / "spec"), encoding="utf-8")
+        included[str(target)] = "ds47/spec/tables.json"
+
+
+if __name__ == "__main__":
+    compile_part(Path(sys.argv[1]).resolve(), sys.argv[2])
