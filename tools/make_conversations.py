@@ -1608,6 +1608,270 @@ def _(tape: Tape) -> None:
     client.accept_read(call, tell(7, 9.5))
 
 
+# A case for each rule that no sentence above needs: transport, time and values
+
+
+FAULT_CODE = bytes.fromhex("0300011c")
+"""nca_s_unknown_interface, as a little-endian PDU writes it."""
+
+
+@case(
+    "P25-rpc-fault",
+    "P12 P25 P40 P53",
+    "fault refused",
+    [
+        tx(1, "refused", (1, 2, None, None), None, NOTHING, write=None, read=None),
+        tx(2, "ok", (3, 4, 5, 6), 3, real(1.5), ref=2),
+    ],
+    "DS104@2#1",
+)
+def _(tape: Tape) -> None:
+    """The drive answers the Write with an RPC fault: refused, though no status says so."""
+    client = Client(tape)
+    client.reply(client.ask_write(ask()), FAULT_CODE, wire.FAULT)
+    client.exchange(ask(2), tell(2, 1.5))
+
+
+@case(
+    "P29-rpc-reject",
+    "P12 P29 P53",
+    "fault",
+    [tx(1, "ok", (1, 2, 5, 6), 5, real(1.5))],
+    "DS104@4",
+)
+def _(tape: Tape) -> None:
+    """The drive rejects the first Read on the RPC level: the next one brings the response."""
+    client = Client(tape)
+    client.write(ask())
+    client.reply(client.ask_read(), FAULT_CODE, wire.REJECT)
+    client.read(tell(1, 1.5))
+
+
+@case(
+    "P3-fragment-lost",
+    "P3 P11 P12 P29 P48",
+    "fragments lost",
+    [tx(1, "ok", (2, 4, 9, 11), 10, real(1.5))],
+    "DS101@6 DS105@7",
+)
+def _(tape: Tape) -> None:
+    """The last fragment of the Read response is lost, and the record is read again."""
+    client = Client(tape, fragment=60)
+    client.write(ask())
+    client.read(tell(1, 1.5))
+    del tape.steps[-1]
+    client.read(tell(1, 1.5))
+
+
+@case(
+    "P53-frame-cut",
+    "P53",
+    "malformed",
+    [tx(1, "ok", (1, 2, 3, 4), 3, real())],
+    "DS106@4 DS315@4#1",
+)
+def _(tape: Tape) -> None:
+    """The PDU of the Read response lacks its last two bytes, half of the only value."""
+    client = Client(tape)
+    client.exchange(ask(), tell(1, 1.5))
+    tape.steps[-1]["bytes"] = tape.steps[-1]["bytes"][:-4]
+
+
+@case(
+    "P53-record-length",
+    "P53",
+    "malformed",
+    [tx(1, "ok", (1, 2, 3, 4), 3, real(1.5))],
+    "DS202@4",
+)
+def _(tape: Tape) -> None:
+    """The header of the record says 12 bytes, 10 are there, and the frame is whole."""
+    client = Client(tape)
+    client.write(ask())
+    client.accept_read(client.ask_read(), tell(1, 1.5), stated=12)
+
+
+@case(
+    "P53-empty-body",
+    "P12 P29 P53",
+    "malformed",
+    [tx(1, "ok", (1, 2, 5, 6), 5, real(1.5))],
+    "DS108@4",
+)
+def _(tape: Tape) -> None:
+    """The response to the first Read has no body at all; the second one brings the record."""
+    client = Client(tape)
+    client.write(ask())
+    client.reply(client.ask_read(), b"")
+    client.read(tell(1, 1.5))
+
+
+def polled(count: int) -> list[tuple[int, int]]:
+    """So many polls right behind a Write: frames 3 and 4, 5 and 6, ..."""
+    return [(3 + 2 * n, 4 + 2 * n) for n in range(count)]
+
+
+def play_polls(tape: Tape, count: int) -> None:
+    """A read whose response is there after so many polls."""
+    client = Client(tape)
+    client.write(ask())
+    for _ in range(count):
+        client.poll()
+    client.read(tell(1, 1.5))
+
+
+@case(
+    "P34-nine-polls",
+    "P34",
+    "poll",
+    [tx(1, "ok", (1, 2, 21, 22), 21, real(1.5), polls=polled(9))],
+)
+def _(tape: Tape) -> None:
+    """Nine polls are nothing to speak of."""
+    play_polls(tape, 9)
+
+
+@case(
+    "P34-ten-polls",
+    "P34",
+    "poll",
+    [tx(1, "ok", (1, 2, 23, 24), 23, real(1.5), polls=polled(10))],
+    "DS204@24#1",
+)
+def _(tape: Tape) -> None:
+    """Ten polls are worth a note."""
+    play_polls(tape, 10)
+
+
+@case(
+    "P34-polled-1000-ms",
+    "P34 P48",
+    "poll slow",
+    [tx(1, "ok", (1, 2, 5, 6), 1002, real(1.5), polls=[(3, 4)])],
+    "DS416@6#1",
+)
+def _(tape: Tape) -> None:
+    """Exactly 1000 ms from the first poll to the response: not too long, but the drive is slow."""
+    client = Client(tape)
+    client.write(ask())
+    client.poll()
+    tape.wait(997)
+    client.read(tell(1, 1.5))
+
+
+@case(
+    "P34-polled-1001-ms",
+    "P34 P48",
+    "poll slow",
+    [tx(1, "ok", (1, 2, 5, 6), 1003, real(1.5), polls=[(3, 4)])],
+    "DS205@6#1 DS416@6#1",
+)
+def _(tape: Tape) -> None:
+    """1001 ms from the first poll to the response."""
+    client = Client(tape)
+    client.write(ask())
+    client.poll()
+    tape.wait(998)
+    client.read(tell(1, 1.5))
+
+
+@case(
+    "P37-fewer-values",
+    "P37 P46",
+    "values",
+    [tx(1, "ok", (1, 2, 3, 4), 3, par(27, "Unsigned16", 7, 8, subindex=3))],
+    "DS408@4#1",
+)
+def _(tape: Tape) -> None:
+    """Four elements asked for, two answered."""
+    request = message.read(1, 1, message.address(27, 3, 4))
+    Client(tape).exchange(request, message.answer(1, 1, 1, message.word(7, 8)))
+
+
+@case(
+    "P37-more-values",
+    "P37 P46",
+    "values",
+    [tx(1, "ok", (1, 2, 3, 4), 3, par(964, "Unsigned16", 42, 4711, 2))],
+    "DS409@4#1",
+)
+def _(tape: Tape) -> None:
+    """One element asked for, the whole array answered."""
+    Client(tape).exchange(ask(1, 964), message.answer(1, 1, 1, message.word(42, 4711, 2)))
+
+
+@case(
+    "P45-positive-id",
+    "P45",
+    "drive-error malformed",
+    [tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, error=(0x11, 0)))],
+    "DS410@4#1 DS411@4#1",
+)
+def _(tape: Tape) -> None:
+    """One of two failed, and the response id says that none did."""
+    answer = message.answer(1, 0x01, 1, message.real(1.5), message.error(0x11))
+    Client(tape).exchange(ask(1, 21, 27), answer)
+
+
+@case(
+    "P46-negative-id",
+    "P46",
+    "malformed",
+    [tx(1, "ok", (1, 2, 3, 4), 3, real(1.5))],
+    "DS412@4#1",
+)
+def _(tape: Tape) -> None:
+    """Nothing failed, and the response id says that something did."""
+    Client(tape).exchange(ask(), tell(1, 1.5, identifier=0x81))
+
+
+@case(
+    "P46-read-back",
+    "P46",
+    "values",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120), operation="change"),
+        tx(2, "ok", (5, 6, 7, 8), 3, real(10.0, pnu=1120), ref=2),
+        tx(3, "ok", (9, 10, 11, 12), 3, real(11.0, pnu=1120), ref=3),
+    ],
+    "DS417@12#3",
+)
+def _(tape: Tape) -> None:
+    """What was written is read back, first as it was written, then another value."""
+    client = Client(tape)
+    client.exchange(put(1, 10.0), message.changed(1, 1))
+    client.exchange(ask(2, 1120), tell(2, 10.0))
+    client.exchange(ask(3, 1120), tell(3, 11.0))
+
+
+@case(
+    "P46-message-long",
+    "P46",
+    "values",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, par(974, "Unsigned16", 16)),
+        tx(2, "ok", (5, 6, 7, 8), 3, real(1.5), real(2.5, pnu=27), ref=2),
+        tx(
+            3,
+            "ok",
+            (9, 10, 11, 12),
+            3,
+            real(1.5),
+            real(2.5, pnu=27),
+            real(3.5, pnu=25),
+            ref=3,
+        ),
+    ],
+    "DS316@9#3",
+)
+def _(tape: Tape) -> None:
+    """The drive says that it takes 16 bytes: a request of 16 is no finding, one of 22 is."""
+    client = Client(tape)
+    client.exchange(ask(1, 974), message.answer(1, 1, 1, message.word(16)))
+    client.exchange(ask(2, 21, 27), tell(2, 1.5, 2.5))
+    client.exchange(ask(3, 21, 27, 25), tell(3, 1.5, 2.5, 3.5))
+
+
 # The file
 
 

@@ -1,0 +1,226 @@
+"""Nothing in spec/ is without a vector: what each table holds against what the vectors name.
+
+Each test makes the set of what is not covered; `NOT_YET` is the list of what may be in it, and it is empty.
+Names are those of the tables, so that a failure says what is missing.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from ds47 import spec
+from ds47.analysis import AnalysisOptions
+from ds47.profidrive import Options
+
+VECTORS = Path(__file__).resolve().parents[1] / "vectors"
+MESSAGES = json.loads((VECTORS / "messages.json").read_text(encoding="utf-8"))
+CONVERSATIONS = json.loads((VECTORS / "conversations.json").read_text(encoding="utf-8"))
+CASES = MESSAGES["messages"]
+
+NOT_YET: frozenset[str] = frozenset()
+"""What spec/ has and no vector shows yet."""
+
+NO_MESSAGE = frozenset({"DS316"})
+"""DS3xx that one message cannot show: the limit comes from an earlier one. A conversation shows it."""
+
+NOT_OF_THE_WIRE = frozenset({"vendor_id", "lang", "slow_ms", "select", "ignore", "codec", "digest"})
+"""Options that choose texts or what is shown, and no meaning of bytes: other tests have them."""
+
+ELSEWHERE = {
+    "DS601": "two engines disagree about one capture, which no step of a conversation makes"
+}
+"""Rules that no conversation can show, and why."""
+
+
+def covered(wanted: set[str], shown: set[str]) -> None:
+    assert wanted, "the table is empty"
+    missing = wanted - shown
+    assert missing == NOT_YET & wanted, f"no vector for {', '.join(sorted(missing))}"
+
+
+def blocks(case: dict[str, Any]) -> list[tuple[int, dict[str, Any]]]:
+    """The format byte of each block of a message, and what it must become."""
+    data = bytes.fromhex(case["hex"])
+    found = [each for each in case["expect"]["parameters"] if each["offset"] is not None]
+    return [(data[each["offset"]], each) for each in found]
+
+
+def test_formats() -> None:
+    in_messages = {
+        f"format 0x{code:02X} {block['format'] or 'Error'}"
+        for case in CASES
+        if not case.get("options")
+        for code, block in blocks(case)
+    }
+    alone = {f"format 0x{each['format']:02X} {each['name']}" for each in MESSAGES["formats"]}
+    table = {f"format 0x{code:02X} {row.name}" for code, row in spec.formats().items()}
+    covered(table, in_messages | alone)
+
+
+def test_scaled_formats_have_a_scaled_vector() -> None:
+    shown = {each["name"] for each in MESSAGES["formats"] if each["scaled"] is not None}
+    kinds = {"date", "time_of_day", "duration", "with_status"}
+    rows = spec.formats().values()
+    assert {row.name for row in rows if row.divide or row.kind in kinds} == shown
+
+
+def test_formats_with_two_sizes() -> None:
+    sizes: dict[str, set[int]] = {}
+    for case in CASES:
+        for code, block in blocks(case):
+            row = spec.formats().get(code)
+            if row and row.other_size and block["value_count"]:
+                data, at = case["hex"], block["offset"]
+                if not case["expect"]["findings"]:
+                    follows = [b["offset"] for _, b in blocks(case) if b["offset"] > at]
+                    end = min(follows, default=len(data) // 2)
+                    sizes.setdefault(row.name, set()).add((end - at - 2) // block["value_count"])
+    for row in spec.formats().values():
+        if row.other_size:
+            assert sizes[row.name] == {row.size, row.other_size}
+
+
+def test_attributes() -> None:
+    shown = {each["attribute"] for case in CASES for each in case["expect"]["parameters"]}
+    vendor = {f"0x{code:02X}" for code in spec.vendor_attributes()}
+    covered({row.name for row in spec.attributes().values()} | vendor, shown)
+
+
+def ids(kind: str, shaped: bool) -> set[str]:
+    cases = [case for case in CASES if case["kind"] == kind and case["expect"]["shaped"] is shaped]
+    return {f"{kind} id 0x{code:02X}" for case in cases if (code := case["expect"][f"{kind}_id"])}
+
+
+def test_request_ids() -> None:
+    covered({f"request id 0x{code:02X}" for code in spec.request_ids()}, ids("request", True))
+    operations = {case["expect"].get("operation") for case in CASES}
+    assert {row.operation for row in spec.request_ids().values()} | {"unknown"} == operations - {
+        None
+    }
+
+
+def test_response_ids() -> None:
+    covered({f"response id 0x{code:02X}" for code in spec.response_ids()}, ids("response", True))
+
+
+def test_error_numbers() -> None:
+    texts = {(each["vendor_id"], each["code"]) for each in MESSAGES["errors"]}
+    known = {None, *(vendor.id for vendor in spec.vendors())}
+    covered(
+        {f"error 0x{code:02X} (vendor {vendor})" for vendor in known for code in range(256)},
+        {f"error 0x{code:02X} (vendor {vendor})" for vendor, code in texts},
+    )
+    strangers = {vendor for vendor, _ in texts} - known
+    assert strangers, "no vendor without a table"
+    in_messages = {
+        each["error"]["code"] for case in CASES for _, each in blocks(case) if each["error"]
+    }
+    covered(
+        {f"error 0x{code:02X}" for code in range(256)},
+        {f"error 0x{c:02X}" for c in in_messages if c is not None},
+    )
+
+
+def test_tables_of_vendors() -> None:
+    table = {
+        f"error 0x{code:02X} ({vendor.name})" for vendor in spec.vendors() for code in vendor.errors
+    }
+    shown = {f"error 0x{each['code']:02X} ({each['vendor']})" for each in MESSAGES["vendors"]}
+    covered(table, shown)
+    assert shown == table
+
+
+def test_statuses() -> None:
+    values = [int(each["status"], 16) for each in MESSAGES["statuses"]]
+    words = spec.status("en")
+    covered(
+        {f"error code 0x{code:02X}" for code in words.code},
+        {f"error code 0x{value >> 24:02X}" for value in values},
+    )
+    covered(
+        {f"error decode 0x{code:02X}" for code in words.decode},
+        {f"error decode 0x{value >> 16 & 0xFF:02X}" for value in values},
+    )
+    for decode, table in ((0x80, words.access), (0x81, words.protocol)):
+        covered(
+            {f"error code 1 0x{code:02X} ({decode:02X})" for code in table},
+            {
+                f"error code 1 0x{value >> 8 & 0xFF:02X} ({decode:02X})"
+                for value in values
+                if value >> 16 & 0xFF == decode
+            },
+        )
+    for lang in ("en", "zh"):
+        texts = [each[lang] for each in MESSAGES["statuses"]]
+        for name, word in spec.status(lang).words.items():
+            assert any(word.split("{")[0] in text for text in texts), f"no vector for word {name}"
+
+
+def test_dialects() -> None:
+    shown = {
+        f"{option} 0x{code:02X} as {block['format']}"
+        for case in CASES
+        for option in case.get("options", {})
+        for code, block in blocks(case)
+    }
+    names = {field.name for field in fields(Options)} - NOT_OF_THE_WIRE
+    table = {
+        f"{option} 0x{code:02X} as {spec.formats()[meaning].name}"
+        for option in names
+        for code, meaning in spec.dialect(option).items()
+    }
+    covered(table, shown)
+    without = {code for case in CASES if not case.get("options") for code, _ in blocks(case)}
+    codes = {code for option in names for code in spec.dialect(option)}
+    assert codes <= without | {each["format"] for each in MESSAGES["formats"]}
+    assert {option for case in CASES for option in case.get("options", {})} == names
+
+
+def test_options_of_an_analysis() -> None:
+    names = {field.name for field in fields(AnalysisOptions)}
+    shown = {option for case in CONVERSATIONS["cases"] for option in case.get("options", {})}
+    assert "indices" in names
+    covered(names - NOT_OF_THE_WIRE, shown)
+
+
+def rules_of_messages() -> set[str]:
+    return {each["rule"] for case in CASES for each in case["expect"]["findings"]}
+
+
+def rules_of_conversations() -> set[str]:
+    cases = CONVERSATIONS["cases"]
+    return {each["rule"] for case in cases for each in case["expect"]["findings"]}
+
+
+def test_rules_of_one_message() -> None:
+    table = {rule for rule, row in spec.rules().items() if row.scope == "message"}
+    covered(table - NO_MESSAGE, rules_of_messages())
+    covered(set(NO_MESSAGE), rules_of_conversations())
+    assert {rule for rule in spec.rules() if rule.startswith("DS3")} <= table
+
+
+def test_rules_of_conversations() -> None:
+    others = {rule for rule in spec.rules() if not rule.startswith("DS3")}
+    covered(others - set(ELSEWHERE), rules_of_conversations())
+    assert not set(ELSEWHERE) & rules_of_conversations()
+
+
+def test_no_vector_names_a_rule_that_is_not() -> None:
+    assert rules_of_messages() | rules_of_conversations() <= set(spec.rules())
+
+
+def test_every_finding_is_a_reject_or_a_tolerated_fault() -> None:
+    """A case says by its flags which class of fault it stands for, and all that must not pass say so."""
+    for case in CASES:
+        rejected = "reject" in case["flags"]
+        unsupported = case["hex"][2:4] == "80" and case["kind"] == "response"
+        assert case["expect"]["shaped"] != rejected or unsupported, case["id"]
+        if case["flags"] in (["none"], ["example"]):
+            assert not case["expect"]["findings"], case["id"]
+
+
+def test_nothing_is_left_to_do() -> None:
+    assert not NOT_YET

@@ -1,0 +1,143 @@
+"""Writes tests/vectors/tables.json: every entry of the protocol tables as a line, key and value.
+
+    .venv/bin/python tools/make_table_vectors.py           writes the file
+    .venv/bin/python tools/make_table_vectors.py --diff    prints what would change in it
+
+A change of python/ds47/spec/*.toml by accident must not go unnoticed: the tests compare the tables of both
+implementations with the file and name every key that differs. What is meant is written by running this.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from ds47 import spec
+from ds47.spec import semantics
+
+TARGET = Path(__file__).resolve().parent.parent / "tests/vectors/tables.json"
+ABOUT = (
+    "Every entry of the protocol tables. After a change of python/ds47/spec/*.toml that is meant: "
+    "tools/make_tables.py, then tools/make_table_vectors.py, and look at the difference."
+)
+Flat = Iterator[tuple[str, Any]]
+KEYS = ("code", "last", "number", "id")
+"""Fields that say again what stands in the key."""
+EXPLAINING = ("note", "confirmed", "zh_from")
+"""Fields for the reader of a table alone: the Lua tables leave them out."""
+
+
+def fields(where: str, row: Any) -> Flat:
+    """An object's fields; what is absent or empty has no line."""
+    for name, value in asdict(row).items():
+        if name not in KEYS and value is not None and value != "":
+            yield f"{where}.{name}", value
+
+
+def rows(where: str, table: Mapping[int, Any]) -> Flat:
+    for code in sorted(table):
+        yield from fields(f"{where}.0x{code:02X}", table[code])
+
+
+def texts(where: str, english: Mapping[Any, str], chinese: Mapping[Any, str]) -> Flat:
+    """Words by number or by name, in both languages."""
+    for key, text in english.items():
+        name = f"0x{key:02X}" if isinstance(key, int) else key
+        yield f"{where}.{name}.en", text
+        yield f"{where}.{name}.zh", chinese[key]
+
+
+def semantic() -> Flat:
+    yield from fields("limits", semantics.limits())
+    for phase, events in semantics.phases().items():
+        for event, then in events.items():
+            yield f"phases.{phase}.{event}", then
+    yield from texts("reasons", semantics.reasons("en"), semantics.reasons("zh"))
+
+
+def wire() -> Flat:
+    yield from rows("formats", spec.formats())
+    for name in ("legacy_g120_formats", "profile_v3_types"):
+        for code, meaning in spec.dialect(name).items():
+            yield f"dialects.{name}.0x{code:02X}", meaning
+    yield from rows("attributes", spec.attributes())
+    for code in sorted(spec.vendor_attributes()):
+        yield f"vendor_attributes.0x{code:02X}", True
+    yield from rows("request_ids", spec.request_ids())
+    yield from rows("response_ids", spec.response_ids())
+
+
+def errors() -> Flat:
+    yield from rows("errors", spec.errors())
+    fallback = spec._load("errors.toml")["fallback"]
+    yield from ((f"error_fallback.{lang}", fallback[lang]) for lang in ("en", "zh"))
+    for vendor in spec.vendors():
+        if vendor.id is not None:
+            yield f"vendors.{vendor.name}.id", vendor.id
+        yield from rows(f"vendors.{vendor.name}.errors", vendor.errors)
+
+
+def statuses() -> Flat:
+    en, zh = spec.status("en"), spec.status("zh")
+    yield from texts("status.error_code", en.code, zh.code)
+    yield from texts("status.error_decode", en.decode, zh.decode)
+    yield from texts("status.access", en.access, zh.access)
+    yield from texts("status.protocol", en.protocol, zh.protocol)
+    yield from texts("status.words", en.words, zh.words)
+
+
+def flat() -> dict[str, Any]:
+    """Every entry of the tables: key -> text, number or truth."""
+    lines = [*semantic(), *wire(), *errors(), *statuses()]
+    for number, row in spec.parameters().items():
+        lines += fields(f"parameters.{number}", row)
+    for rule, told in spec.rules().items():
+        lines += fields(f"rules.{rule}", told)
+    assert len(dict(lines)) == len(lines)
+    return dict(lines)
+
+
+def explaining(key: str) -> bool:
+    """Whether the Lua tables leave a key out."""
+    return key.rpartition(".")[2] in EXPLAINING
+
+
+def text() -> str:
+    """The whole file: a line per key."""
+    tables = flat()
+    dump = json.dumps
+    lines = [f"{dump(key)}: {dump(value, ensure_ascii=False)}" for key, value in tables.items()]
+    count = {"all": len(tables), "lua": sum(not explaining(key) for key in tables)}
+    head = f'"about": {dump(ABOUT)},\n"count": {dump(count)},\n"tables": '
+    return "{\n" + head + "{\n" + ",\n".join(lines) + "\n}\n}\n"
+
+
+def differences(stored: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
+    """What differs, a line per key."""
+    keys = [*stored, *(key for key in found if key not in stored)]
+    absent = object()
+
+    def show(table: Mapping[str, Any], key: str) -> str:
+        return repr(table[key]) if key in table else "nothing"
+
+    return [
+        f"{key}: table says {show(found, key)}, vector says {show(stored, key)}"
+        for key in keys
+        if stored.get(key, absent) != found.get(key, absent)
+    ]
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description="Writes tests/vectors/tables.json.")
+    parser.add_argument("--diff", action="store_true", help="only print what would change")
+    parser.add_argument("target", nargs="?", type=Path, default=TARGET)
+    wanted = parser.parse_args()
+    if wanted.diff:
+        there = json.loads(wanted.target.read_text("utf-8"))["tables"]
+        print("\n".join(differences(there, flat())))
+    else:
+        wanted.target.write_text(text(), "utf-8", newline="\n")
