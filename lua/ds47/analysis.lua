@@ -1,0 +1,333 @@
+-- From packets to transactions and findings: the pipeline.
+--
+--   packets -> RPC messages -> record calls -> jobs -> transactions with findings
+--
+-- Each step is a module of its own; here they are only joined, and it is kept what they said. Where the
+-- packets come from (Wireshark, a test) is not known here, and no output format either.
+--
+-- A capture that is looked at may go on. So the end of a capture is played on a copy of what is still open
+-- (`ended`), and the analysis itself stays as it was.
+
+local calls = require("ds47.calls")
+local copy = require("ds47.copy")
+local findings = require("ds47.findings")
+local gate = require("ds47.gate")
+local ip = require("ds47.ip")
+local naming = require("ds47.naming")
+local pairing = require("ds47.pairing")
+local parameter = require("ds47.parameter")
+local recordcalls = require("ds47.recordcalls")
+local records = require("ds47.records")
+local rpc = require("ds47.rpc")
+local rules = require("ds47.rules")
+local status = require("ds47.status")
+local tables = require("ds47.tables")
+local transactions = require("ds47.transactions")
+
+local M = {}
+
+local Analysis = {}
+Analysis.__index = Analysis
+M.Analysis = Analysis
+
+-- Fields whose values never change once they are made: a copy of the open state refers to the same ones.
+local UNCHANGING = {
+  message = true, peer = true, request = true, response = true,
+  read_request = true, read_response = true, write_response = true,
+}
+
+--- A new analysis.
+-- @param options what a user may choose; nil, or any of:
+--   indices       set of further record indices that carry the parameter channel
+--   forbid_47     true: index 47 never does
+--   lang          language of error and finding texts, "en" or "zh"
+--   slow_ms       share of the drive from which a transaction is slow; nil for the shipped limit
+--   select        array of rule ids or prefixes to report; empty for all
+--   ignore        array of rule ids or prefixes to leave out
+--   codec         dialects of the parameter channel, as parameter.lua takes them
+--   frames_dropped  whether the capture says that frames are missing (docs/pairing.md P47)
+function M.new(options)
+  options = options or {}
+  local limits = tables.limits
+  local lang = options.lang or "en"
+  local slow_ns = options.slow_ms and math.floor(options.slow_ms * 1e6) or limits.slow_ns
+  local self = setmetatable({
+    base_seconds = nil, -- second since 1970 that all times are relative to: see `time_ns`
+    options = options,
+    lang = lang,
+    codec = options.codec or {},
+    findings = findings.new(lang, options.select, options.ignore),
+    judge = rules.new(limits, slow_ns, lang),
+    naming = naming.Naming.new(),
+    fragments = rpc.Fragments.new(limits.fragment_expiry_ns),
+    reassembly = ip.Reassembly.new(limits),
+    answers = {}, -- job -> its remarks, from the answer until the job is closed
+    finished_jobs = transactions.store(),
+    summary = {transactions = 0},
+    last_frame = nil,
+    last_call = nil,
+    last_pdu = nil,
+    result = nil,
+  }, Analysis)
+  self.pairing = pairing.new(limits, self)
+  self.gate = gate.Gate.new(options.indices, limits.waiting_calls, options.forbid_47)
+  self.records = recordcalls.RecordCalls.new(self.gate, self.pairing, self.codec, self)
+  self.calls = calls.CallTracker.new(limits, self)
+  return self
+end
+
+-- What is fed
+
+--- A time as `packet` and `fragment` take it: nanoseconds relative to the first second that was asked for,
+-- so that a double holds them exactly for more than three months either way.
+-- @param seconds, nanoseconds  since 1970, whole numbers
+function Analysis:time_ns(seconds, nanoseconds)
+  local base = self.base_seconds
+  if base == nil then
+    base = seconds
+    self.base_seconds = base
+  end
+  return (seconds - base) * 1000000000 + nanoseconds
+end
+
+--- Takes one whole UDP datagram: {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac}.
+function Analysis:packet(packet)
+  self.result, self.last_call, self.last_pdu = nil, nil, nil
+  self.last_frame = packet.frame
+  self.pairing.touched_count = 0
+  local pdu = rpc.parse(packet)
+  if pdu == nil or self.calls:is_copy(pdu) then
+    return
+  end
+  local whole = self.fragments:feed(pdu)
+  if whole ~= nil then
+    self.naming:message(whole)
+    self.calls:feed(whole)
+  end
+end
+
+--- Takes one IP fragment: {frame, time_ns, src_ip, dst_ip, ip_id, offset, more, data}, see ip.lua.
+function Analysis:fragment(fragment)
+  self.result, self.last_call, self.last_pdu = nil, nil, nil
+  self.last_frame = fragment.frame
+  self.pairing.touched_count = 0
+  local packet = self.reassembly:feed(fragment)
+  if packet ~= nil then
+    self:packet(packet)
+  end
+end
+
+--- Takes what names a station: the payload of a DCP ("dcp", from the frame id on) or LLDP ("lldp") frame.
+-- @param src_mac, dst_mac  text; nil where the link type has none
+function Analysis:station(kind, payload, src_mac, dst_mac)
+  self.result = nil
+  self.naming:station(kind, payload, src_mac, dst_mac)
+end
+
+-- What the last packet did
+
+--- The jobs that the last packet touched: array of {job, role}; role is one of "write_request",
+-- "write_response", "read_request", "read_response", "poll", "reread", "empty_read".
+function Analysis:touched()
+  local result = {}
+  local live = self.pairing
+  for number = 1, live.touched_count do
+    if live.touched_frames[number] == self.last_frame then
+      result[#result + 1] = {job = live.touched_jobs[number], role = live.touched_roles[number]}
+    end
+  end
+  local call = self.last_call
+  if call and call.response == nil then
+    for _, record in ipairs(self:records_of_last()) do
+      local job = not record.write and live:expected(recordcalls.peer(call.request), record)
+      if job then
+        result[#result + 1] = {job = job, role = "read_request"}
+      end
+    end
+  end
+  return result
+end
+
+--- The records of ours that the last packet carried, a request or a response: an array, empty for none.
+function Analysis:records_of_last()
+  local pdu, found = self.last_pdu, {}
+  if pdu == nil then
+    return found
+  end
+  local all = {}
+  if self.last_call then
+    local context = self.last_call.context
+    all = context and context.body.records or all
+  elseif pdu.ptype == 2 then
+    local _
+    _, all = records.parse_response(pdu)
+  end
+  for _, record in ipairs(all) do
+    if self.gate:concerns(record.index) and self.gate:is_open(pdu.client, pdu.server, record) then
+      found[#found + 1] = record
+    end
+  end
+  return found
+end
+
+--- What is certain of a job that has no answer yet: array of findings, none of them kept.
+-- An answered job has none: `findings_at` knows them.
+function Analysis:peek(job)
+  local result = {}
+  if job.phase == "closed" or self.answers[job] then
+    return result
+  end
+  for _, remark in ipairs(self.judge:certain(job)) do
+    if self.findings:wanted(remark.rule) then
+      result[#result + 1] = self.findings:word(remark)
+    end
+  end
+  return result
+end
+
+--- The findings that are known so far on a frame: array in the order of a report, without transaction ids.
+function Analysis:findings_at(frame)
+  return self.findings:at(frame)
+end
+
+--- The transaction of a job that is closed already, by `job.order`; nil while it is open.
+-- Its `id` counts only in the result of `ended`.
+function Analysis:finished(order)
+  return self.finished_jobs:by_order(order)
+end
+
+-- The end
+
+--- The complete result, as if the capture ended here; the analysis goes on as if nothing was asked.
+-- The same table until the next packet. {transactions, findings, devices, rpc, records, summary}:
+-- transactions by `id`, findings by frame and rule, rpc and records (by index) as counts. Nobody may change
+-- it, and of an older result only numbers may differ from a newer one: transactions that were finished
+-- before are the same tables, with their newest `id` and `findings`.
+function Analysis:ended()
+  local result = self.result
+  if result == nil then
+    result = self:_open_state():_finish()
+    self.result = result
+  end
+  return result
+end
+
+-- A copy of everything that the end of the capture may still change. Finished transactions and their
+-- findings are shared, and so is what never changes once it is made.
+function Analysis:_open_state()
+  local known = {
+    [self.finished_jobs] = self.finished_jobs:on_top(),
+    [self.options] = self.options,
+    [self.reassembly] = self.reassembly,
+    [self.naming] = self.naming,
+  }
+  self.findings:copied(known)
+  self.judge:copied(known)
+  return copy.copy(self, known, UNCHANGING)
+end
+
+function Analysis:_finish()
+  self.findings.frames_dropped = self.options.frames_dropped or false
+  for _, part in ipairs(self.fragments:unfinished()) do
+    self.records:incomplete(part.pdu, part.have, "RPC")
+  end
+  for _, part in ipairs(self.reassembly:unfinished()) do
+    local pdu = rpc.parse(part.packet)
+    if pdu ~= nil then
+      self.records:incomplete(pdu, part.have, "IP")
+    end
+  end
+  self.calls:finish()
+  self.pairing:finish()
+  local numbered = self.finished_jobs:numbered()
+  return {
+    transactions = numbered,
+    findings = self.findings:result(numbered, self.finished_jobs),
+    devices = self.naming:devices(),
+    rpc = self.calls.counts,
+    records = self.records.counts,
+    summary = self.summary,
+  }
+end
+
+-- What the call tracker tells: passed on to the record calls, and remembered for `touched`
+
+function Analysis:request(call)
+  self.last_call, self.last_pdu = call, call.request
+  self.records:request(call)
+end
+
+function Analysis:response(call)
+  self.last_call, self.last_pdu = call, call.response
+  self.records:response(call)
+end
+
+function Analysis:orphan_response(pdu)
+  self.last_pdu = pdu
+  self.records:orphan_response(pdu)
+end
+
+function Analysis:retransmission(call, pdu)
+  self.last_call, self.last_pdu = call, pdu
+  self.records:retransmission(call, pdu)
+end
+
+function Analysis:fault(call, pdu)
+  self.last_call, self.last_pdu = call, pdu
+  self.records:fault(call, pdu)
+end
+
+function Analysis:lost(call)
+  self.records:lost(call)
+end
+
+-- What pairing and the record calls tell
+
+--- A transport finding.
+function Analysis:remark(remark)
+  self.findings:add(remark)
+end
+
+--- A job has its response.
+function Analysis:answered(job)
+  local half = job.read_response
+  if half ~= nil and half.data ~= "" then
+    job.response = parameter.decode_response(half.data, job.message, self.codec)
+  end
+  local remarks = self.judge:answered(job)
+  self.answers[job] = remarks
+  self.findings:foresee(remarks)
+end
+
+--- Nothing more can come for a job.
+function Analysis:closed(job)
+  local remarks = self.answers[job]
+  if remarks then
+    self.answers[job] = nil
+  else
+    if job.reason ~= "" then
+      job.reason = self.findings:reason(job.reason)
+    end
+    remarks = self.judge:unanswered(job)
+    self.findings:foresee(remarks)
+  end
+  self.findings:keep(remarks)
+  local refused = self.judge:closed(job)
+  if refused then
+    self.findings:add(refused)
+  end
+  local transaction = transactions.build(job, self.lang)
+  transactions.summarise(self.summary, transaction)
+  self.finished_jobs:add(transaction)
+end
+
+--- A Read without record on a channel that has no request (docs/pairing.md P33).
+function Analysis:nothing_to_read(record)
+  local half = record.response
+  if half ~= nil then
+    local text = half.status == nil and "-" or status.status_hex(half.status)
+    self.findings:add(rules.remark("DS206", half.frame, {status = text}))
+  end
+end
+
+return M

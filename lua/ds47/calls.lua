@@ -1,0 +1,244 @@
+-- RPC calls: which response belongs to which request (docs/pairing.md, RPC level, P4 to P11).
+--
+-- Tells copies, retransmissions and reused numbers apart and hands each call on exactly once. What a call
+-- carries is records.lua's business; what it means for the parameter channel is pairing.lua's.
+--
+-- A call is {request = pdu, response = pdu or nil, context = whatever the layer above keeps with it}.
+
+local ordered = require("ds47.ordered")
+
+local M = {}
+
+local CallTracker = {}
+CallTracker.__index = CallTracker
+M.CallTracker = CallTracker
+
+--- Feeds on whole RPC messages in the order of the capture.
+--
+-- Memory is bounded by the limits; a call without response is reported as lost when it expires, when it is
+-- pushed out, or at `finish`.
+-- @param limits the flat table of tables.lua (copy_ns, retransmission_ns, call_expiry_ns, datagrams,
+--   activities, calls, answered_calls)
+-- @param handlers a table with methods request(call), response(call), orphan_response(pdu),
+--   retransmission(call, pdu), fault(call, pdu), lost(call); each is called at most once for one event
+function CallTracker.new(limits, handlers)
+  return setmetatable({
+    limits = limits, handlers = handlers, activities = ordered.new(), datagrams = ordered.new(),
+    long_keys = 0, -- how many keys of `datagrams` are texts
+    counts = {
+      requests = 0, responses = 0, faults = 0, rejects = 0, pings = 0, working = 0, others = 0,
+      copies = 0, retransmissions = 0, unanswered = 0,
+    },
+  }, CallTracker)
+end
+
+local function same_datagram(one, other)
+  return one.body == other.body and one.activity == other.activity and one.seq == other.seq
+    and one.source == other.source and one.destination == other.destination
+end
+
+--- The key of a datagram and the same datagram from before, if it is remembered.
+-- A number of 52 bits nearly always tells it apart; only where two have the same one, all goes into a text.
+local function find_datagram(self, pdu)
+  local datagrams, seq = self.datagrams, pdu.seq
+  local key = ((seq % 65536 * 65536 + pdu.ip_id) * 65536 + pdu.fragment) * 16 + pdu.ptype
+  local before = datagrams:get(key)
+  if before and same_datagram(before, pdu) then
+    return key, before
+  end
+  if not before and self.long_keys == 0 then
+    return key, nil
+  end
+  local long = ("%.0f"):format(key) .. pdu.activity .. seq .. "\0" .. pdu.source .. "\0" .. pdu.destination
+    .. "\0" .. pdu.body
+  local other = datagrams:get(long)
+  if before or other then
+    key = long
+  end
+  return key, other
+end
+
+--- Whether the same datagram with the same IP id was here within the copy window (P6).
+function CallTracker:is_copy(pdu)
+  local datagrams = self.datagrams
+  local key, before = find_datagram(self, pdu)
+  if before then
+    local passed, window = pdu.time_ns - before.time_ns, self.limits.copy_ns
+    if passed <= window and -passed <= window then
+      self.counts.copies = self.counts.copies + 1
+      return true
+    end
+    datagrams:move_to_end(key)
+  elseif type(key) == "string" then
+    self.long_keys = self.long_keys + 1
+  end
+  datagrams:set(key, pdu)
+  if datagrams.length > self.limits.datagrams then
+    local oldest = datagrams:pop_first()
+    if type(oldest) == "string" then
+      self.long_keys = self.long_keys - 1
+    end
+  end
+  return false
+end
+
+local function count(self, name)
+  self.counts[name] = self.counts[name] + 1
+end
+
+--- Takes one whole message (not a copy, see `is_copy`).
+function CallTracker:feed(pdu)
+  local ptype = pdu.ptype
+  if ptype == 0 then
+    self:_request(pdu)
+  elseif ptype == 2 then
+    count(self, "responses")
+    self:_response(pdu)
+  elseif ptype == 3 or ptype == 6 then
+    count(self, ptype == 3 and "faults" or "rejects")
+    self:_fault(pdu)
+  else
+    count(self, ptype == 1 and "pings" or ptype == 4 and "working" or "others")
+  end
+end
+
+--- The capture is over: every open call is lost.
+function CallTracker:finish()
+  while self.activities.length > 0 do
+    local _, activity = self.activities:pop_first()
+    self:_drop(activity)
+  end
+end
+
+function CallTracker:_request(pdu)
+  count(self, "requests")
+  local activities, seq = self.activities, pdu.seq
+  local key = pdu.client .. "\0" .. pdu.activity
+  local activity = activities:get(key)
+  if activity then
+    activities:move_to_end(key)
+  else
+    activity = {newest = seq, calls = ordered.new()}
+    activities:set(key, activity)
+    self:_make_room()
+  end
+  local calls = activity.calls
+  self:_expire(calls, pdu.time_ns)
+  local call = calls:get(seq)
+  if call then
+    if self:_is_retransmission(activity, call, pdu) then
+      count(self, "retransmissions")
+      self.handlers:retransmission(call, pdu)
+      return
+    end
+    if not call.response then
+      self:_lose(call)
+    end
+    calls:move_to_end(seq)
+  end
+  activity.newest = seq
+  call = {request = pdu}
+  calls:set(seq, call)
+  self.handlers:request(call)
+end
+
+function CallTracker:_is_retransmission(activity, call, pdu)
+  local request, response = call.request, call.response
+  if request.opnum ~= pdu.opnum or request.body ~= pdu.body then
+    return false
+  end
+  if not response then
+    return true
+  end
+  return pdu.time_ns - response.time_ns <= self.limits.retransmission_ns and activity.newest == pdu.seq
+end
+
+local function activity_of(self, pdu)
+  return self.activities:get(pdu.client .. "\0" .. pdu.activity)
+end
+
+function CallTracker:_response(pdu)
+  local activity, call = activity_of(self, pdu), nil
+  if activity then
+    self:_expire(activity.calls, pdu.time_ns)
+    call = activity.calls:get(pdu.seq)
+  end
+  if not call then
+    self.handlers:orphan_response(pdu)
+  elseif not call.response then
+    call.response = pdu
+    self.handlers:response(call)
+  elseif call.response.body ~= pdu.body then
+    self.handlers:orphan_response(pdu)
+  end
+end
+
+function CallTracker:_fault(pdu)
+  local activity = activity_of(self, pdu)
+  local call = activity and activity.calls:get(pdu.seq)
+  if call and not call.response then
+    call.response = pdu
+    self.handlers:fault(call, pdu)
+  end
+end
+
+--- Gives up what is too old or too much. The usual case, that there is nothing, is on the way of every call.
+function CallTracker:_expire(calls, now)
+  local limits = self.limits
+  local _, oldest = calls:first()
+  if not oldest then
+    return
+  end
+  local most = limits.calls
+  if calls.length <= 2 * limits.answered_calls and calls.length <= most
+    and now - oldest.request.time_ns <= limits.call_expiry_ns then
+    return
+  end
+  self:_expire_unanswered(calls, now - limits.call_expiry_ns)
+  while calls.length > most do
+    local _, call = calls:pop_first()
+    if not call.response then
+      self:_lose(call)
+    end
+  end
+end
+
+--- Loses the unanswered calls from before `earliest` and forgets all but the newest answered ones.
+function CallTracker:_expire_unanswered(calls, earliest)
+  local late, answered = {}, {}
+  for seq, call in calls:iterate() do
+    if call.response then
+      answered[#answered + 1] = seq
+    elseif call.request.time_ns < earliest then
+      late[#late + 1] = seq
+    end
+  end
+  for _, seq in ipairs(late) do
+    self:_lose(calls:pop(seq))
+  end
+  for number = 1, #answered - self.limits.answered_calls do
+    calls:pop(answered[number])
+  end
+end
+
+function CallTracker:_make_room()
+  while self.activities.length > self.limits.activities do
+    local _, activity = self.activities:pop_first()
+    self:_drop(activity)
+  end
+end
+
+function CallTracker:_drop(activity)
+  for _, call in activity.calls:iterate() do
+    if not call.response then
+      self:_lose(call)
+    end
+  end
+end
+
+function CallTracker:_lose(call)
+  count(self, "unanswered")
+  self.handlers:lost(call)
+end
+
+return M

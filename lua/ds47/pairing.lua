@@ -1,0 +1,453 @@
+-- Pairing on the DS47 level: Writes and Reads of one channel to jobs (docs/pairing.md).
+--
+-- A job is a transaction in the making. Its life is the table `tables.phases`; the only thing decided here
+-- is to which job a record call belongs. Nothing is decoded beyond what a caller hands in, and nothing is
+-- judged: rules.lua does that when the listener is told `answered` and `closed`.
+
+local ordered = require("ds47.ordered")
+local tables = require("ds47.tables")
+
+local M = {}
+
+--- State conflict on a Read: the response is not ready, read again (docs/protocol.md E.1).
+M.STATUS_NOT_READY = 0xDE80B500
+--- Polls, re-reads and empty reads of one transaction that are kept, of each.
+M.MOST_READS = 4096
+
+local STATUS_NOT_READY, MOST_READS = M.STATUS_NOT_READY, M.MOST_READS
+local PHASES = tables.phases
+
+-- Jobs: the halves of the record calls of one transaction, and what pairing learnt of it.
+-- `response` is decoded by whoever is told of the answer; `message` is nil for an orphan.
+
+local Job = {}
+Job.__index = Job
+M.Job = Job
+
+local function new_job(peer, record, message, order)
+  return setmetatable({
+    peer = peer, -- {controller, device, vendor_id, device_id}
+    record = record,
+    message = message,
+    phase = "asked",
+    write_response = nil,
+    write_fault = false,
+    read_request = nil,
+    read_response = nil,
+    polls = {}, -- array of {request = half or nil, response = half}
+    rereads = {}, -- the same
+    empty_reads = {}, -- array of halves
+    response = nil,
+    previous_reference = nil,
+    superseded_by = nil,
+    reason = "",
+    accepted = false,
+    order = order,
+  }, Job)
+end
+
+--- The half of the Write request that asked; nil for an orphan.
+function Job:write_request()
+  if self.message ~= nil then
+    return self.record.request
+  end
+  return nil
+end
+
+--- Whether the Write was answered with a negative status or an RPC fault.
+function Job:write_refused()
+  local half = self.write_response
+  return self.write_fault or (half ~= nil and half.status ~= nil and half.status ~= 0)
+end
+
+--- The request reference that was sent; nil where it is not known.
+function Job:reference()
+  return self.message and self.message.request_reference
+end
+
+-- Keys
+
+-- Texts of the numbers in a key: Lua 5.2 prints numbers slowly, and a capture has few of them.
+local texts, text_count, MOST_TEXTS = {}, 0, 4096
+
+local function text_of(number)
+  local text = texts[number]
+  if text == nil then
+    if text_count >= MOST_TEXTS then
+      texts, text_count = {}, 0
+    end
+    text = number .. "\0"
+    texts[number], text_count = text, text_count + 1
+  end
+  return text
+end
+
+local function ar_key(peer, record)
+  return peer.controller .. "\0" .. peer.device .. "\0" .. record.ar
+end
+
+-- What names a channel (docs/pairing.md P14); slot and subslot share one number.
+local function channel_key(peer, record)
+  return text_of(record.api) .. text_of(record.slot * 65536 + record.subslot) .. text_of(record.index)
+    .. record.ar .. peer.controller .. "\0" .. peer.device
+end
+
+-- Small things
+
+local function read_event(half)
+  local status = half.status
+  if status == STATUS_NOT_READY then
+    return "read_poll"
+  elseif status ~= nil and status ~= 0 then
+    return "read_refused"
+  end
+  return half.data ~= "" and "read_record" or "read_empty"
+end
+
+-- The bytes that were read last; nil without a job or a response.
+local function bytes(job)
+  return job and job.read_response and job.read_response.data
+end
+
+-- The reads of one transaction: of more than MOST_READS the first and the newest are kept.
+local function keep(reads, read)
+  local count = #reads
+  reads[count < MOST_READS and count + 1 or count] = read
+end
+
+local function remove(jobs, job)
+  for place = 1, #jobs do
+    if jobs[place] == job then
+      table.remove(jobs, place)
+      return
+    end
+  end
+end
+
+-- Pairing
+
+local Pairing = {}
+Pairing.__index = Pairing
+M.Pairing = Pairing
+
+--- Takes record calls in the order of the capture and keeps the jobs of every channel.
+-- @param limits    the numbers of tables.limits
+-- @param listener  told `answered(job)`, once, when a job has its response; `closed(job)`, once, when nothing
+--   more can come; `nothing_to_read(record)` for a Read without record on a channel that has no request
+function M.new(limits, listener)
+  return setmetatable({
+    limits = limits,
+    listener = listener,
+    channels = ordered.new(), -- channel key -> channel, the one that was touched last goes last
+    of_ar = {}, -- AR key -> its channel keys, in the order of first sight
+    count = 0,
+    -- What the caller's last step touched; he sets the count to 0 before it.
+    touched_count = 0,
+    touched_jobs = {},
+    touched_roles = {},
+    touched_frames = {},
+  }, Pairing)
+end
+
+-- For `Analysis:touched`: in arrays of its own, so that nothing is made for it on the way of a frame.
+local function touch(self, job, role, half)
+  local count = self.touched_count + 1
+  self.touched_count = count
+  self.touched_jobs[count] = job
+  self.touched_roles[count] = role
+  self.touched_frames[count] = half.frame
+end
+
+local function end_job(self, job, event)
+  job.phase = PHASES[job.phase][event]
+  self.listener:closed(job)
+end
+
+local function lose(self, job, reason)
+  job.reason = reason
+  end_job(self, job, "lost")
+end
+
+local function close_channel(self, channel, reason)
+  local siblings = self.of_ar[channel.ar_key]
+  siblings:pop(channel.key)
+  if siblings.length == 0 then
+    self.of_ar[channel.ar_key] = nil
+  end
+  self.channels:pop(channel.key)
+  local last, refused, open = channel.last, channel.refused, channel.open
+  if last then
+    lose(self, last, reason)
+  end
+  if refused then
+    lose(self, refused, reason)
+  end
+  if open then
+    lose(self, open, reason)
+  end
+  for _, job in ipairs(channel.asked) do
+    lose(self, job, reason)
+  end
+end
+
+local function new_channel(self, key, peer, record)
+  local of_ar = ar_key(peer, record)
+  local channel = {
+    key = key,
+    ar_key = of_ar,
+    touched = nil, -- time of the newest call
+    asked = {}, -- Writes without a Write response, oldest first
+    open = nil, -- the accepted request that nothing was read for
+    refused = nil, -- the latest refused Write, until something is read
+    last = nil, -- the job that was answered last
+    reference = nil, -- that of the newest Write
+  }
+  self.channels:set(key, channel)
+  local siblings = self.of_ar[of_ar]
+  if siblings == nil then
+    siblings = ordered.new()
+    self.of_ar[of_ar] = siblings
+  end
+  siblings:set(key, true)
+  return channel
+end
+
+local function channel_of(self, peer, record, now)
+  local key = channel_key(peer, record)
+  local channels, expiry = self.channels, self.limits.transaction_expiry_ns
+  local channel = channels:get(key)
+  if channel ~= nil and now - channel.touched > expiry then
+    close_channel(self, channel, "expired")
+    channel = nil
+  end
+  channel = channel or new_channel(self, key, peer, record)
+  channel.touched = now
+  channels:move_to_end(key)
+  while true do
+    local oldest_key, oldest = channels:first()
+    if oldest_key == key then
+      return channel
+    end
+    if now - oldest.touched <= expiry and channels.length <= self.limits.channels then
+      return channel
+    end
+    close_channel(self, oldest, "expired")
+  end
+end
+
+local function make_job(self, peer, record, message)
+  self.count = self.count + 1
+  return new_job(peer, record, message, self.count)
+end
+
+-- An accepted Write opens; it displaces what was open and ends the grace of a refused one.
+local function accept(self, channel, job)
+  job.accepted = true
+  if job.phase == "asked" then
+    remove(channel.asked, job)
+    local open = channel.open
+    if open then
+      open.superseded_by = job.record.request and job.record.request.frame
+      end_job(self, open, "displaced")
+    end
+    if channel.refused then
+      lose(self, channel.refused, "")
+      channel.refused = nil
+    end
+    channel.open = job
+  end
+  job.phase = PHASES[job.phase].write_accepted
+end
+
+local function refuse(self, channel, job)
+  local before = job.phase
+  job.phase = PHASES[before].write_refused
+  if before == "answered" then
+    return
+  end
+  if before == "asked" then
+    remove(channel.asked, job)
+  else
+    channel.open = nil
+  end
+  if channel.refused then
+    lose(self, channel.refused, "")
+  end
+  channel.refused = job
+end
+
+-- The job a Read answers; a Write whose response was not seen counts when the answer fits.
+local function addressee(channel, event, data)
+  local open, asked = channel.open, channel.asked
+  if event == "read_record" then
+    local reference = data:byte(1)
+    if open and open:reference() == reference then
+      return open
+    end
+    for place = #asked, 1, -1 do
+      if asked[place]:reference() == reference then
+        return asked[place]
+      end
+    end
+  end
+  if open then
+    return open
+  end
+  if #asked > 0 then
+    if event == "read_record" and bytes(channel.last) == data then
+      return nil -- an old answer
+    end
+    return asked[#asked]
+  end
+  return channel.refused
+end
+
+-- A Read that ends the waiting of a job: with the record, or with a refusal.
+local function answer(self, channel, job, record)
+  local half = record.response
+  job.read_request, job.read_response = record.request, half
+  if channel.open == job then
+    channel.open = nil
+  end
+  if channel.refused == job then
+    channel.refused = nil
+  end
+  self.listener:answered(job)
+  if half.data == "" then
+    lose(self, job, "")
+    return
+  end
+  if channel.last then
+    lose(self, channel.last, "")
+  end
+  channel.last = job
+end
+
+local function read(self, channel, job, event, record)
+  local half = record.response
+  if job.phase == "asked" then
+    accept(self, channel, job)
+    job.accepted = false -- only presumed: the Write response is missing in the capture
+  end
+  job.phase = PHASES[job.phase][event]
+  if event == "read_poll" then
+    keep(job.polls, {request = record.request, response = half})
+    touch(self, job, "poll", half)
+  elseif event == "read_empty" then
+    if half.status ~= nil then
+      keep(job.empty_reads, half)
+    end
+    touch(self, job, "empty_read", half)
+  else
+    touch(self, job, "read_response", half)
+    answer(self, channel, job, record)
+  end
+end
+
+--- A Write that asks for something. Returns the job, for `write_response`.
+function Pairing:write_request(peer, record, message)
+  local channel = channel_of(self, peer, record, record.request.time_ns)
+  local job = make_job(self, peer, record, message)
+  job.channel_key = channel.key
+  job.previous_reference, channel.reference = channel.reference, message.request_reference
+  local asked = channel.asked
+  asked[#asked + 1] = job
+  touch(self, job, "write_request", record.request)
+  if #asked > self.limits.pending_writes then
+    lose(self, table.remove(asked, 1), "expired")
+  end
+  return job
+end
+
+--- The answer to a Write: accepted (status 0), refused (any other status, or an RPC fault).
+-- @param response  the half; may be nil
+function Pairing:write_response(job, response, fault)
+  job.write_response = response
+  job.write_fault = fault or false
+  if response then
+    touch(self, job, "write_response", response)
+  end
+  local status = response and response.status
+  if job.phase == "closed" or (status == nil and not fault) then
+    return
+  end
+  local channel = self.channels:get(job.channel_key)
+  if channel == nil then
+    return
+  end
+  if status == 0 and not fault then
+    accept(self, channel, job)
+  else
+    refuse(self, channel, job)
+  end
+end
+
+--- The answer to a Read. Returns the job it went to, nil where there is none.
+function Pairing:read_response(peer, record)
+  local half = record.response
+  local channel = channel_of(self, peer, record, half.time_ns)
+  local event = read_event(half)
+  local job = addressee(channel, event, half.data)
+  if channel.refused and channel.refused ~= job then
+    lose(self, channel.refused, "")
+    channel.refused = nil
+  end
+  if job then
+    read(self, channel, job, event, record)
+    return job
+  end
+  if event ~= "read_record" then
+    self.listener:nothing_to_read(record)
+    return nil
+  end
+  local last = channel.last
+  if last and bytes(last) == half.data then
+    last.phase = PHASES[last.phase].reread
+    keep(last.rereads, {request = record.request, response = half})
+    touch(self, last, "reread", half)
+    return last
+  end
+  job = make_job(self, peer, record, nil)
+  job.phase = "open"
+  read(self, channel, job, event, record)
+  return job
+end
+
+--- A Read that never got its RPC response. Returns the job that waits for it, or nil.
+function Pairing:read_lost(peer, record)
+  local channel = self.channels:get(channel_key(peer, record))
+  local job = channel and (channel.open or channel.refused) or nil
+  if job and job.read_request == nil then
+    job.read_request = record.request
+  end
+  return job
+end
+
+--- The job that a Read request asks for, as far as is known before its response; nil for none.
+-- Changes nothing.
+function Pairing:expected(peer, record)
+  local channel = self.channels:get(channel_key(peer, record))
+  if channel == nil then
+    return nil
+  end
+  return channel.open or channel.asked[#channel.asked] or channel.refused
+end
+
+--- The AR is over: what is open on its channels stays unanswered.
+function Pairing:release(controller, device, ar)
+  local of_ar = ar_key({controller = controller, device = device}, {ar = ar})
+  local siblings = self.of_ar[of_ar]
+  while siblings and siblings.length > 0 do
+    close_channel(self, self.channels:get((siblings:first())), "release")
+  end
+end
+
+--- The capture is over.
+function Pairing:finish()
+  while self.channels.length > 0 do
+    local _, channel = self.channels:first()
+    close_channel(self, channel, "end")
+  end
+end
+
+return M

@@ -1,0 +1,325 @@
+-- Record calls to DS47 events: what an RPC call carries, whether it is ours, and who hears of it.
+--
+-- Sits between the RPC calls (calls.lua) and the jobs (pairing.lua), and reports what is wrong with the
+-- transport of a record call (DS1xx, DS202, DS208). Decodes a message once; compares nothing.
+--
+-- What happens to a record is an event: one of the methods under "Events", with up to four arguments (pdu,
+-- record, context, detail). While the gate is open the method is called at once; a table is made only for an
+-- event that has to wait.
+
+local gates = require("ds47.gate")
+local parameter = require("ds47.parameter")
+local records = require("ds47.records")
+local rpc = require("ds47.rpc")
+
+local byte = string.byte
+local ar_key = gates.ar_key
+local decode_request, decode_response = parameter.decode_request, parameter.decode_response
+local half_of, parse_request = records.half, records.parse_request
+local parse_halves, parse_response = records.parse_halves, records.parse_response
+
+local M = {}
+
+local OPERATIONS = {[rpc.READ] = "Read", [rpc.WRITE] = "Write", [rpc.READ_IMPLICIT] = "ReadImplicit"}
+
+local RecordCalls = {}
+RecordCalls.__index = RecordCalls
+M.RecordCalls = RecordCalls
+
+--- The handlers of a `CallTracker`.
+--
+-- `counts` says the record requests by index: {[index] = {read = n, write = n}}.
+-- @param gate which records are ours
+-- @param pairing hears of every Write and Read that is ours
+-- @param codec dialects of the messages (options of parameter.lua, or nil)
+-- @param listener takes the transport findings: listener:remark({rule, frame, args, offset, job})
+function RecordCalls.new(gate, pairing, codec, listener)
+  return setmetatable({
+    gate = gate, pairing = pairing, codec = codec, listener = listener, newest_ns = nil, counts = {},
+  }, RecordCalls)
+end
+
+--- A message whose fragments never became whole; `have` of them are there, `kind` is "RPC" or "IP".
+function RecordCalls:incomplete(pdu, have, kind)
+  local record
+  if pdu.ptype == 0 then
+    record = parse_request(pdu).records[1]
+  elseif pdu.ptype == 2 then
+    local _, answers = parse_response(pdu)
+    record = answers[1]
+  end
+  if record then
+    self:_about(pdu, record, {rule = "DS105", frame = pdu.frame, args = {have = have, kind = kind}})
+  end
+end
+
+-- Small things
+
+-- The last peer and the object UUID that it was made of.
+local last_peer, last_object = {}, nil
+
+--- Who talks to whom: {controller, device, vendor_id, device_id}.
+-- The same table again while it stays the same, so nobody may change it.
+function M.peer(pdu)
+  local peer, object = last_peer, pdu.object_uuid
+  if object ~= last_object or peer.controller ~= pdu.client or peer.device ~= pdu.server then
+    local vendor_id, device_id = rpc.device_identity(object)
+    peer = {controller = pdu.client, device = pdu.server, vendor_id = vendor_id, device_id = device_id}
+    last_peer, last_object = peer, object
+  end
+  return peer
+end
+
+local function count(self, index, write)
+  local counts = self.counts[index]
+  if not counts then
+    counts = {read = 0, write = 0}
+    self.counts[index] = counts
+  end
+  local name = write and "write" or "read"
+  counts[name] = counts[name] + 1
+end
+
+--- Runs an event, now or when a shaped message of the same AR comes; never if none does.
+function RecordCalls:_pass(method, shaped, pdu, record, context, detail)
+  local ar = ar_key(pdu.client, pdu.server, record.ar)
+  if self.gate:admit(ar, record.index, shaped, self) then
+    self[method](self, pdu, record, context, detail)
+  else
+    self.gate:hold(ar, {
+      method = method, pdu = pdu, record = record, context = context, detail = detail,
+    })
+  end
+end
+
+--- Runs an event that the gate held back.
+function RecordCalls:run(event)
+  self[event.method](self, event.pdu, event.record, event.context, event.detail)
+end
+
+--- A finding about a record that is ours, or will turn out to be.
+function RecordCalls:_about(pdu, record, remark)
+  self:_pass("_event_remark", false, pdu, record, nil, remark)
+end
+
+--- A finding about an RPC call: once, and with the first job that it carries.
+function RecordCalls:_about_call(call, remark)
+  local context = call.context
+  if not context then
+    return
+  end
+  for _, record in ipairs(context.body.records) do
+    if self.gate:concerns(record.index) then
+      self:_pass("_event_call_remark", false, call.request, record, context, remark)
+      return
+    end
+  end
+end
+
+--- A record that is shorter than its stated length: cut by the capture, or wrong.
+function RecordCalls:_length(pdu, record, half)
+  if half.missing == 0 then
+    return
+  end
+  local remark = {frame = half.frame}
+  if pdu.missing ~= 0 then
+    remark.rule, remark.args = "DS106", {captured = #half.data, original = half.stated}
+  else
+    remark.rule, remark.args = "DS202", {stated = half.stated, present = #half.data}
+  end
+  self:_about(pdu, record, remark)
+end
+
+-- Requests
+
+function RecordCalls:request(call)
+  local pdu = call.request
+  local opnum = pdu.opnum
+  if opnum == rpc.RELEASE then
+    local ar = records.released_ar(pdu)
+    if ar then
+      self.pairing:release(pdu.client, pdu.server, ar)
+    end
+  end
+  if not OPERATIONS[opnum] then
+    return
+  end
+  local body = parse_request(pdu)
+  local context = {body = body, jobs = {}} -- the record calls, and the jobs of its Writes by position
+  call.context = context
+  local list = body.records
+  if body.multiple then
+    count(self, records.WRITE_MULTIPLE, true)
+  end
+  for number = 1, #list do
+    count(self, list[number].index, list[number].write)
+  end
+  if body.nested then
+    self.listener:remark({rule = "DS208", frame = pdu.frame, args = {}})
+  end
+  for number = 1, #list do
+    local record = list[number]
+    if self.gate:concerns(record.index) then
+      self:_length(pdu, record, record.request)
+      if record.write then
+        local message = decode_request(record.request.data, self.codec)
+        self:_pass("_event_write_request", message.shaped, pdu, record, context, message)
+      else
+        self:_pass("_event_read_request", false, pdu, record)
+      end
+    end
+  end
+end
+
+function RecordCalls:retransmission(call, pdu)
+  local operation = OPERATIONS[pdu.opnum] or "?"
+  local args = {operation = operation, first = call.request.frame}
+  self:_about_call(call, {rule = "DS103", frame = pdu.frame, args = args})
+end
+
+function RecordCalls:lost(call)
+  local context, pdu = call.context, call.request
+  if not context then
+    return
+  end
+  local args = {operation = OPERATIONS[pdu.opnum]}
+  self:_about_call(call, {rule = "DS101", frame = pdu.frame, args = args})
+  for _, record in ipairs(context.body.records) do
+    if not record.write and self.gate:concerns(record.index) then
+      self:_pass("_event_read_lost", false, pdu, record)
+    end
+  end
+end
+
+-- Responses
+
+function RecordCalls:response(call)
+  local pdu, context = call.response, call.context
+  if not context then
+    return
+  end
+  local status, halves = parse_halves(pdu)
+  local list = context.body.records
+  for number = 1, #list do
+    local record = list[number]
+    if self.gate:concerns(record.index) then
+      -- without a block of its own the status of the NDR header counts
+      local half = halves[number] or half_of(pdu.frame, pdu.time_ns, status)
+      record.response = half
+      if not half.status then
+        self:_about(pdu, record, {rule = "DS108", frame = pdu.frame, args = {}})
+      end
+      if record.write then
+        self:_pass("_event_write_answered", false, pdu, record, context)
+      else
+        self:_read_answered(pdu, record, half)
+      end
+    end
+  end
+end
+
+function RecordCalls:_read_answered(pdu, record, half)
+  self:_length(pdu, record, half)
+  local shaped = false
+  if half.data ~= "" and half.missing == 0
+    and self.gate:needs_proof(ar_key(pdu.client, pdu.server, record.ar), record.index) then
+    shaped = decode_response(half.data, nil, self.codec).shaped
+  end
+  self:_pass("_event_read_answered", shaped, pdu, record)
+end
+
+function RecordCalls:orphan_response(pdu)
+  local operation = OPERATIONS[pdu.opnum]
+  if not operation then
+    return
+  end
+  local _, answers = parse_response(pdu)
+  for _, record in ipairs(answers) do
+    if self.gate:concerns(record.index) then
+      self:_about(pdu, record, {rule = "DS102", frame = pdu.frame, args = {operation = operation}})
+      if not record.write then
+        self:_read_answered(pdu, record, record.response)
+      end
+    end
+  end
+end
+
+--- The first four bytes of a body as a number, fewer where fewer are there.
+local function fault_code(pdu)
+  local code, length = 0, math.min(4, #pdu.body)
+  for number = 1, length do
+    code = code * 256 + byte(pdu.body, pdu.little and length + 1 - number or number)
+  end
+  return code
+end
+
+function RecordCalls:fault(call, pdu)
+  local args = {kind = rpc.PTYPES[pdu.ptype], code = ("0x%08X"):format(fault_code(pdu))}
+  self:_about_call(call, {rule = "DS104", frame = pdu.frame, args = args})
+  local context = call.context
+  if not context then
+    return
+  end
+  for _, record in ipairs(context.body.records) do
+    if record.write and self.gate:concerns(record.index) then
+      self:_pass("_event_write_failed", false, pdu, record, context)
+    end
+  end
+end
+
+-- Events: what happens to a record once it is known to be ours
+
+--- Time of the capture; a finding where it steps backwards.
+local function clock(self, pdu)
+  local newest, now = self.newest_ns, pdu.time_ns
+  if newest and now < newest then
+    local args = {milliseconds = ("%.3f"):format((newest - now) / 1e6)}
+    self.listener:remark({rule = "DS107", frame = pdu.frame, args = args})
+  end
+  self.newest_ns = now
+end
+
+function RecordCalls:_event_remark(_, _, _, remark)
+  self.listener:remark(remark)
+end
+
+function RecordCalls:_event_call_remark(_, record, context, remark)
+  remark.job = context.jobs[record.position]
+  self.listener:remark(remark)
+end
+
+function RecordCalls:_event_read_request(pdu)
+  clock(self, pdu)
+end
+
+function RecordCalls:_event_write_request(pdu, record, context, message)
+  clock(self, pdu)
+  context.jobs[record.position] = self.pairing:write_request(M.peer(pdu), record, message)
+end
+
+function RecordCalls:_event_read_lost(pdu, record)
+  self.pairing:read_lost(M.peer(pdu), record)
+end
+
+function RecordCalls:_event_write_answered(pdu, record, context)
+  clock(self, pdu)
+  local job = context.jobs[record.position]
+  if job then
+    self.pairing:write_response(job, record.response)
+  end
+end
+
+function RecordCalls:_event_read_answered(pdu, record)
+  clock(self, pdu)
+  self.pairing:read_response(M.peer(pdu), record)
+end
+
+function RecordCalls:_event_write_failed(pdu, record, context)
+  local job = context.jobs[record.position]
+  if job then
+    self.pairing:write_response(job, half_of(pdu.frame, pdu.time_ns, nil), true)
+  end
+end
+
+M.OPERATIONS = OPERATIONS
+return M

@@ -1,0 +1,374 @@
+--- Report as text, for a person: devices, a line per transaction, findings, a summary.
+-- The same bytes as `ds47 report` prints for the same capture (Python: ds47.report.text). What stands in a
+-- line is decided here; how values and addresses are written in ds47.report_words. Opens no file.
+
+local tables = require("ds47.tables")
+local words = require("ds47.report_words")
+
+local M = {}
+
+local count, duration, escape, integer = words.count, words.duration, words.escape, words.integer
+local concat, format, sort = table.concat, string.format, table.sort
+
+M.LINE_LENGTH = 120 -- parameters that make a line longer than this stand below it, one a line
+M.FINDINGS_PER_RULE = 12
+M.FRAMES_PER_FILTER = 60
+M.OPERATIONS = { "read", "change", "vendor", "unknown" }
+M.STATES = { "ok", "partial", "error", "mismatch", "refused", "unanswered", "superseded", "orphan" }
+M.SEVERITIES = { "error", "warning", "note" } -- from serious to harmless
+
+local RPC_COUNTS = {
+  "requests", "responses", "faults", "rejects", "pings", "working", "others", "copies",
+  "retransmissions", "unanswered",
+}
+local SERIOUS = { error = 1, warning = 2, note = 3 }
+
+local function distinct_sorted(list)
+  local seen, result = {}, {}
+  for _, number in ipairs(list) do
+    if not seen[number] then
+      seen[number] = true
+      result[#result + 1] = number
+    end
+  end
+  sort(result)
+  return result
+end
+
+--- Every frame of a transaction, sorted, each once. `frames` is Transaction.frames.
+function M.all_frames(frames)
+  local list = {}
+  for _, key in ipairs({ "write_request", "write_response", "read_request", "read_response" }) do
+    list[#list + 1] = frames[key]
+  end
+  for _, key in ipairs({ "polls", "rereads" }) do
+    for _, pair in ipairs(frames[key] or {}) do
+      list[#list + 1] = pair.request
+      list[#list + 1] = pair.response
+    end
+  end
+  return distinct_sorted(list)
+end
+
+--- One Wireshark display filter for the frames, and how many of them it had to leave out.
+function M.display_filter(frames)
+  local list, shown = distinct_sorted(frames), {}
+  for i = 1, math.min(#list, M.FRAMES_PER_FILTER) do
+    shown[i] = integer(list[i])
+  end
+  if #shown == 1 then
+    return "frame.number == " .. shown[1], 0
+  end
+  return "frame.number in {" .. concat(shown, ", ") .. "}", #list - #shown
+end
+
+--- The nearest-rank percentile of sorted numbers: always one that was measured.
+function M.percentile(ordered, percent)
+  return ordered[math.max(1, math.ceil(percent * #ordered / 100))]
+end
+
+--- `4 ok, 1 error`: the counts that are not zero, in the order given.
+function M.counts(order, counts)
+  local parts = {}
+  for _, key in ipairs(order) do
+    if counts[key] and counts[key] > 0 then
+      parts[#parts + 1] = integer(counts[key]) .. " " .. key
+    end
+  end
+  return concat(parts, ", ")
+end
+
+--- How often each value of a key occurs in a list of tables.
+function M.tally(list, key)
+  local counts = {}
+  for _, item in ipairs(list) do
+    counts[item[key]] = (counts[item[key]] or 0) + 1
+  end
+  return counts
+end
+
+local function pad(text, width)
+  return text .. (" "):rep(width - words.length(text))
+end
+
+--- What a capture without transactions has instead, so that nobody doubts it was read.
+local function traffic(result)
+  local indices, calls, rpc = {}, {}, {}
+  for index in pairs(result.records or {}) do
+    indices[#indices + 1] = index
+  end
+  sort(indices, function(a, b)
+    return tonumber(a) < tonumber(b)
+  end)
+  for _, index in ipairs(indices) do
+    for _, kind in ipairs({ "read", "write" }) do
+      local number = result.records[index][kind]
+      if number and number > 0 then
+        calls[#calls + 1] = format("index %d %s %d", tonumber(index), kind, number)
+      end
+    end
+  end
+  for _, name in ipairs(RPC_COUNTS) do
+    local number = result.rpc and result.rpc[name]
+    if number and number > 0 then
+      rpc[#rpc + 1] = format("%s %d", name, number)
+    end
+  end
+  if #rpc == 0 then
+    return " (no PROFINET RPC either)"
+  end
+  local more = #calls > 6 and format(", and %d more", #calls - 6) or ""
+  local shown = concat(calls, ", ", 1, math.min(6, #calls))
+  local records = #calls > 0 and "; record calls: " .. shown .. more or ""
+  return " (RPC: " .. concat(rpc, ", ") .. records .. ")"
+end
+
+local function header(add, result, options)
+  add(escape(options.path or "-") .. ": " .. count(options.frames or result.frames or 0, "frame"))
+  if result.complete == false or result.problem then
+    add("  only partly read: " .. escape(result.problem or "the file ends early"))
+  end
+  if result.dropped and result.dropped > 0 then
+    add("  the capturing machine dropped " .. count(result.dropped, "frame"))
+  end
+  if #result.transactions == 0 then
+    add("  no DS47 transaction" .. traffic(result))
+  end
+end
+
+--- MAC, station name, vendor and device id of a device, as far as they are known.
+function M.about(device)
+  local text = device.mac and "  " .. escape(device.mac) or ""
+  if device.station then
+    text = text .. '  "' .. escape(device.station) .. '"'
+  end
+  if device.vendor_id then
+    text = text .. format("  vendor 0x%04X", device.vendor_id)
+  end
+  return device.device_id and text .. format("  device 0x%04X", device.device_id) or text
+end
+
+local function devices(add, list)
+  if #list == 0 then
+    return
+  end
+  local width = 0
+  for _, each in ipairs(list) do
+    width = math.max(width, words.length(escape(each.ip)))
+  end
+  add("")
+  add("Devices")
+  for _, each in ipairs(list) do
+    add((("  " .. pad(escape(each.ip), width) .. M.about(each)):gsub(" +$", "")))
+  end
+end
+
+local function differ(list, key)
+  local first = key(list[1])
+  for i = 2, #list do
+    if key(list[i]) ~= first then
+      return true
+    end
+  end
+  return false
+end
+
+--- What the transactions of one capture need to be told apart, and how wide that is.
+local function columns_of(transactions)
+  local columns = { operation = 0, number = 0, route = 0 }
+  columns.controllers = differ(transactions, function(each)
+    return each.controller
+  end)
+  columns.slots = differ(transactions, function(each)
+    return format("%.0f.%d.%d", each.api, each.slot, each.subslot)
+  end)
+  for _, each in ipairs(transactions) do
+    columns.operation = math.max(columns.operation, #each.operation)
+    columns.number = math.max(columns.number, #integer(each.id) + 1)
+    columns.route = math.max(columns.route, words.length(M.route(each, columns)))
+  end
+  return columns
+end
+
+--- Where a request goes: `192.168.0.2 -> 192.168.0.33 slot 1.1 DO 2`, controller and slot where asked for.
+function M.route(item, columns)
+  local text = escape(item.device)
+  if columns.controllers then
+    text = escape(item.controller) .. " -> " .. text
+  end
+  if columns.slots then
+    text = text .. format(" slot %d.%d", item.slot, item.subslot)
+  end
+  return item.axis and text .. format(" DO %d", item.axis) or text
+end
+
+local function state_mark(item)
+  local parts = { item.state }
+  if item.state == "refused" then
+    for _, key in ipairs({ "write_status", "read_status" }) do
+      local status = item[key]
+      if status and status ~= 0 then
+        parts[#parts + 1] = format("%08X", status)
+      end
+    end
+  end
+  return "[" .. concat(parts, " ") .. "]"
+end
+
+local function timing(item)
+  local text = count(#M.all_frames(item.frames), "frame")
+  if item.duration_ns then
+    text = text .. " " .. duration(item.duration_ns)
+  end
+  for _, kind in ipairs({ { "polls", ", polled " }, { "rereads", ", read again " } }) do
+    local number = #(item.frames[kind[1]] or {})
+    if number > 0 then
+      text = text .. kind[2] .. count(number, "time")
+    end
+  end
+  return text
+end
+
+local function transaction_lines(add, item, columns)
+  local left = pad("#" .. integer(item.id), columns.number) .. " " .. pad(item.operation, columns.operation)
+    .. "  " .. pad(M.route(item, columns), columns.route)
+  local parts, length = {}, words.length(left)
+  for i, each in ipairs(item.parameters) do
+    parts[i] = words.parameter(each, item.operation == "change")
+    length = length + words.length(parts[i])
+  end
+  local below = #parts > 1 and length > M.LINE_LENGTH
+  local line = { left }
+  if below then
+    line[2] = count(#parts, "parameter")
+  elseif #parts > 0 then
+    line[2] = concat(parts, "; ")
+  end
+  if item.state ~= "ok" then
+    line[#line + 1] = state_mark(item)
+  end
+  line[#line + 1] = timing(item)
+  add(concat(line, "  "))
+  for _, part in ipairs(below and parts or {}) do
+    add("      " .. part)
+  end
+end
+
+local function transaction_table(add, transactions)
+  if #transactions == 0 then
+    return
+  end
+  add("")
+  add("Transactions")
+  local columns = columns_of(transactions)
+  for _, each in ipairs(transactions) do
+    transaction_lines(add, each, columns)
+  end
+end
+
+--- Findings by rule: an array of arrays, the serious rules first, then by id.
+function M.groups(findings)
+  local by_rule, groups = {}, {}
+  for _, each in ipairs(findings) do
+    local group = by_rule[each.rule]
+    if not group then
+      group = {}
+      by_rule[each.rule] = group
+      groups[#groups + 1] = group
+    end
+    group[#group + 1] = each
+  end
+  sort(groups, function(a, b)
+    local left, right = SERIOUS[a[1].severity], SERIOUS[b[1].severity]
+    return left < right or left == right and a[1].rule < b[1].rule
+  end)
+  return groups
+end
+
+local function finding_group(add, group, rules)
+  local first, frames = group[1], {}
+  local rule = rules[first.rule]
+  local name = rule and " " .. rule.name or ""
+  add(format("  %s %s%s: %s", first.rule, first.severity, name, count(#group, "finding")))
+  for i, each in ipairs(group) do
+    frames[i] = each.frame
+    if i <= M.FINDINGS_PER_RULE then
+      local of = each.transaction and " #" .. integer(each.transaction) or ""
+      add(format("    frame %d%s: %s", each.frame, of, escape(words.message(each))))
+    end
+  end
+  if #group > M.FINDINGS_PER_RULE then
+    add(format("    and %d more", #group - M.FINDINGS_PER_RULE))
+  end
+  local filter, left_out = M.display_filter(frames)
+  add("    " .. filter .. (left_out > 0 and "  (and " .. count(left_out, "frame") .. " more)" or ""))
+end
+
+local function findings(add, list, rules)
+  if #list == 0 then
+    return
+  end
+  add("")
+  add("Findings")
+  for _, group in ipairs(M.groups(list)) do
+    finding_group(add, group, rules)
+  end
+end
+
+--- Percentiles of the times that can be true: a clock set back leaves negative ones.
+local function latency(transactions)
+  local ordered, odd = {}, 0
+  for _, each in ipairs(transactions) do
+    if each.duration_ns and each.duration_ns >= 0 then
+      ordered[#ordered + 1] = each.duration_ns
+    elseif each.duration_ns then
+      odd = odd + 1
+    end
+  end
+  local note = odd > 0 and " (" .. count(odd, "negative time") .. " left out)" or ""
+  if #ordered == 0 then
+    return odd > 0 and "latency unknown" .. note or nil
+  end
+  sort(ordered)
+  local half, most = duration(M.percentile(ordered, 50)), duration(M.percentile(ordered, 95))
+  return format("latency p50 %s, p95 %s, max %s%s", half, most, duration(ordered[#ordered]), note)
+end
+
+--- How many transactions and findings there are, by state, operation and severity: two lines.
+function M.summary(result)
+  local list = result.transactions
+  local states = M.counts(M.STATES, M.tally(list, "state"))
+  local operations = M.counts(M.OPERATIONS, M.tally(list, "operation"))
+  local found = M.counts(M.SEVERITIES, M.tally(result.findings, "severity"))
+  return count(#list, "transaction") .. (#list > 0 and ": " .. states .. "; " .. operations or ""),
+    count(#result.findings, "finding") .. (found ~= "" and ": " .. found or "")
+end
+
+--- The report of one capture.
+-- @param result what Analysis:ended() gives
+-- @param options nil or {path = name of the capture, frames = frames in the file, rules = catalogue}
+-- @return text, every line ended with LF
+function M.report(result, options)
+  options = options or {}
+  local lines = {}
+  local function add(line)
+    lines[#lines + 1] = line
+  end
+  header(add, result, options)
+  devices(add, result.devices or {})
+  transaction_table(add, result.transactions)
+  findings(add, result.findings, options.rules or tables.rules)
+  add("")
+  add("Summary")
+  local transactions, found = M.summary(result)
+  add("  " .. transactions)
+  add("  " .. found)
+  local times = latency(result.transactions)
+  if times then
+    add("  " .. times)
+  end
+  add("")
+  return concat(lines, "\n")
+end
+
+return M

@@ -1,0 +1,474 @@
+-- Judgement: a job, its request and its response to findings (spec/rules.toml has the catalogue).
+--
+-- Everything that compares a request with its response, or a transaction with its history, stands here. What
+-- is wrong inside one message is found by the codec (flaws) and only passed on; what is wrong with the
+-- transport is reported by recordcalls.lua.
+--
+-- A remark is a finding before it has words: {rule, frame, args, offset, job}.
+
+local formats = require("ds47.formats")
+local ordered = require("ds47.ordered")
+local spec = require("ds47.spec")
+local status = require("ds47.status")
+local tables = require("ds47.tables")
+
+local floor, format, max, sub = math.floor, string.format, math.max, string.sub
+
+local M = {}
+
+--- r0974[0] is the longest message the device takes (docs/protocol.md A.5, D.1).
+M.PNU_ACCESS_IDENTIFICATION = 974
+--- Response id of a device that does not know the request id.
+M.NOT_SUPPORTED = 0x80
+
+local PNU_ACCESS_IDENTIFICATION, NOT_SUPPORTED = M.PNU_ACCESS_IDENTIFICATION, M.NOT_SUPPORTED
+local VALUE = 0x10 -- attribute (docs/protocol.md A.4)
+local SUBINDICES = 131072 -- more than a subindex and the elements behind it can be
+
+--- A remark. `args` may be nil; `offset` is the 0-based byte of the message, nil where there is none.
+function M.remark(rule, frame, args, offset)
+  return {rule = rule, frame = frame, args = args, offset = offset}
+end
+
+local function put(remarks, rule, frame, args, offset)
+  remarks[#remarks + 1] = {rule = rule, frame = frame, args = args, offset = offset}
+end
+
+--- Whether a response id belongs to a request id (docs/protocol.md A.3).
+function M.family_fits(request_id, response_id)
+  local known = tables.request_ids[request_id]
+  if response_id == NOT_SUPPORTED then
+    return true
+  elseif known == nil then
+    return response_id % 128 == request_id % 128
+  end
+  return response_id == known.positive or response_id == known.negative
+end
+
+--- Whether the response cannot be the answer to the request (docs/pairing.md, states).
+function M.is_mismatch(job)
+  local request, response = job.message, job.response
+  if request == nil or response == nil then
+    return false
+  end
+  return response.request_reference ~= request.request_reference
+    or response.axis ~= request.axis
+    or response.response_id == nil
+    or request.request_id == nil
+    or not M.family_fits(request.request_id, response.response_id)
+    or #response.blocks > #request.addresses
+end
+
+local is_mismatch = M.is_mismatch
+
+--- The drive's share of the duration, nanoseconds: without the pause the program made before its first Read.
+-- nil where the duration is not known.
+function M.drive_time_ns(job)
+  local write, read = job:write_request(), job.read_response
+  if write == nil or read == nil then
+    return nil
+  end
+  local first = job.read_request
+  for _, poll in ipairs(job.polls) do
+    if poll.request then
+      first = poll.request
+      break
+    end
+  end
+  local pause = 0
+  if first and job.write_response then
+    pause = max(0, first.time_ns - job.write_response.time_ns)
+  end
+  return read.time_ns - write.time_ns - pause
+end
+
+local function hex(code)
+  return format("0x%02X", code)
+end
+
+-- Milliseconds with one digit behind the point.
+local function ms(nanoseconds)
+  return format("%.1f", nanoseconds / 1e6)
+end
+
+local function put_flaws(remarks, flaws, frame)
+  for _, flaw in ipairs(flaws) do
+    put(remarks, flaw.rule, frame, flaw.args, flaw.offset)
+  end
+end
+
+-- Where a parameter lives: a channel of a device and the axis, whoever asks.
+local function place_of(job)
+  local record, axis = job.record, job.message.axis
+  return job.peer.device .. "\0" .. record.slot * 65536 + record.subslot .. "\0"
+    .. record.index * 512 + (axis or 256)
+end
+
+-- The number of elements and the bytes of each, for a block whose elements can be told apart; nil for errors,
+-- texts and strings.
+local function elements(address, block)
+  local count = block.value_count
+  if address.attribute ~= VALUE or block.error ~= nil or not count or count == 0 then
+    return nil
+  end
+  if #block.values ~= count or #block.raw % count ~= 0 then
+    return nil
+  end
+  return count, floor(#block.raw / count)
+end
+
+-- A value in a message.
+local function value_text(value, block)
+  return type(value) == "string" and value or formats.value_text(value, block)
+end
+
+-- The judge
+
+local Judge = {}
+Judge.__index = Judge
+M.Judge = Judge
+
+--- Judges jobs; keeps the little history that some rules need.
+-- @param limits   the numbers of tables.limits
+-- @param slow_ns  from which share of the drive a transaction is slow, nanoseconds
+-- @param lang     "en" or "zh", for the texts of error numbers and statuses
+function M.new(limits, slow_ns, lang)
+  return setmetatable({
+    limits = limits,
+    slow_ns = slow_ns,
+    lang = lang,
+    -- What was written last: place -> number of the element -> {raw, value, block, place, element}.
+    places = {},
+    written = ordered.new(), -- the same entries in the order of writing
+    longest = {}, -- device -> longest message it takes
+    longest_count = 0,
+  }, Judge)
+end
+
+--- For a copy of the analysis that only plays the end of the capture: nothing is read back there.
+function Judge:copied(known)
+  known[self.places] = {}
+  known[self.written] = ordered.new()
+  known[self.longest] = self.longest
+end
+
+local function owned(remarks, job)
+  for _, remark in ipairs(remarks) do
+    remark.job = job
+  end
+  return remarks
+end
+
+--- What its response, and the values in it, say of a job: an array of remarks.
+-- To be called in the order of the capture.
+function Judge:answered(job)
+  local remarks = {}
+  self:_request(remarks, job)
+  self:_reads(remarks, job)
+  self:_response(remarks, job)
+  self:_time(remarks, job)
+  if not is_mismatch(job) then
+    self:_read_back(remarks, job)
+    self:_learn_limit(job)
+  end
+  return owned(remarks, job)
+end
+
+--- What is to be said of a job that is closed without a response: an array of remarks.
+function Judge:unanswered(job)
+  local remarks = {}
+  self:_request(remarks, job)
+  self:_reads(remarks, job)
+  local write = job:write_request()
+  if write and not job:write_refused() then
+    local change = job.message.operation == "change"
+    if change then
+      self:_forget(job)
+    end
+    if job.superseded_by ~= nil then
+      put(remarks, change and "DS414" or "DS413", job.superseded_by, {by = job.superseded_by})
+    else
+      put(remarks, change and "DS402" or "DS401", write.frame, {reason = job.reason})
+    end
+  end
+  return owned(remarks, job)
+end
+
+--- What is certain of a job that still waits: an array of remarks.
+function Judge:certain(job)
+  local remarks = {}
+  self:_request(remarks, job)
+  self:_reads(remarks, job)
+  remarks[#remarks + 1] = self:closed(job)
+  return owned(remarks, job)
+end
+
+--- What its Write response says of a job: a remark or nil. It may come after the Read.
+function Judge:closed(job)
+  local half = job.write_response
+  if half == nil or half.status == nil or half.status == 0 then
+    return nil
+  end
+  local remark = M.remark("DS203", half.frame, self:_status_args(half.status))
+  remark.job = job
+  return remark
+end
+
+function Judge:_request(remarks, job)
+  local half, message = job:write_request(), job.message
+  if half == nil then
+    return
+  end
+  put_flaws(remarks, message.flaws, half.frame)
+  local limit = self.longest[job.peer.device]
+  if limit and #half.data > limit then
+    put(remarks, "DS316", half.frame, {length = #half.data, limit = limit}, 0)
+  end
+  if job.previous_reference ~= nil and job.previous_reference == message.request_reference then
+    put(remarks, "DS415", half.frame, {reference = message.request_reference})
+  end
+end
+
+function Judge:_reads(remarks, job)
+  local half = job.read_response
+  if half and half.status and half.status ~= 0 then
+    put(remarks, "DS201", half.frame, self:_status_args(half.status))
+  end
+  for _, empty in ipairs(job.empty_reads) do
+    put(remarks, "DS207", empty.frame)
+  end
+end
+
+function Judge:_status_args(code)
+  return {status = status.status_hex(code), text = status.status_text(code, self.lang)}
+end
+
+function Judge:_response(remarks, job)
+  local half, response = job.read_response, job.response
+  if half == nil or response == nil then
+    return
+  end
+  put_flaws(remarks, response.flaws, half.frame)
+  if job.message == nil then
+    put(remarks, "DS403", half.frame)
+  else
+    self:_mirror(remarks, half.frame, job)
+  end
+  self:_blocks(remarks, half.frame, job)
+end
+
+local function put_if_other(remarks, rule, frame, sent, got)
+  if sent ~= got and sent ~= nil and got ~= nil then
+    put(remarks, rule, frame, {sent = sent, got = got})
+  end
+end
+
+function Judge:_mirror(remarks, frame, job)
+  local request, response = job.message, job.response
+  put_if_other(remarks, "DS404", frame, request.request_reference, response.request_reference)
+  put_if_other(remarks, "DS406", frame, request.axis, response.axis)
+  put_if_other(remarks, "DS407", frame, request.parameter_count, response.parameter_count)
+  local sent, got = request.request_id, response.response_id
+  if sent == nil or got == nil then
+    return
+  end
+  if got == NOT_SUPPORTED then
+    put(remarks, "DS418", frame, {id = hex(sent)})
+  elseif not M.family_fits(sent, got) then
+    put(remarks, "DS405", frame, {sent = hex(sent), got = hex(got)})
+  end
+end
+
+local function element_count(remarks, frame, block, address)
+  local asked = max(1, address.element_count)
+  local got = block.value_count
+  if got == asked or address.attribute ~= VALUE then
+    return
+  end
+  if address.element_count == 0 and got > 1 then
+    return -- count 0 asks for the whole simple parameter; a string has as many values as characters
+  end
+  local args = {asked = asked, got = got, pnu = address.pnu}
+  put(remarks, got < asked and "DS408" or "DS409", frame, args, block.offset)
+end
+
+function Judge:_blocks(remarks, frame, job)
+  local request = job.message
+  local addresses = request and not is_mismatch(job) and request.addresses
+  local counted = addresses and request.operation == "read"
+  for number, block in ipairs(job.response.blocks) do
+    local address = addresses and addresses[number] or nil
+    if block.error ~= nil then
+      put(remarks, "DS410", frame, self:_error_args(job, block, address), block.offset)
+    elseif address and counted then
+      element_count(remarks, frame, block, address)
+    end
+  end
+end
+
+function Judge:_error_args(job, block, address)
+  local code, info = block.error.code, block.error.info
+  return {
+    pnu = address and address.pnu or "?",
+    subindex = address and address.subindex or "?",
+    code = code == nil and "-" or hex(code),
+    text = code == nil and "" or spec.error_text(code, self.lang, job.peer.vendor_id),
+    info = info == nil and "-" or info,
+  }
+end
+
+function Judge:_time(remarks, job)
+  local half, polls = job.read_response, job.polls
+  if half == nil then
+    return
+  end
+  if #polls >= self.limits.polls then
+    put(remarks, "DS204", half.frame, {count = #polls})
+  end
+  if polls[1] then
+    local since = half.time_ns - (polls[1].request or polls[1].response).time_ns
+    if since > self.limits.polling_ns then
+      local args = {milliseconds = ms(since), limit = floor(self.limits.polling_ns / 1000000)}
+      put(remarks, "DS205", half.frame, args)
+    end
+  end
+  local share = M.drive_time_ns(job)
+  if share ~= nil and share > self.slow_ns and half.data ~= "" then
+    local args = {milliseconds = ms(share), limit = floor(self.slow_ns / 1000000)}
+    put(remarks, "DS416", half.frame, args)
+  end
+end
+
+-- Remembers what was written, element by element, and compares what is read later.
+function Judge:_read_back(remarks, job)
+  local request, response = job.message, job.response
+  if request == nil or response == nil or job.read_response == nil then
+    return
+  end
+  if request.operation == "change" then
+    self:_remember(place_of(job), request, response.blocks)
+  elseif request.operation == "read" and self.written.length > 0 then
+    local place = self.places[place_of(job)]
+    for number, block in ipairs(place and response.blocks or {}) do
+      local address = request.addresses[number]
+      if address == nil then
+        return
+      end
+      self:_compare(remarks, job.read_response.frame, place, address, block)
+    end
+  end
+end
+
+function Judge:_compare(remarks, frame, place, address, block)
+  local count, size = elements(address, block)
+  for number = 0, (count or 0) - 1 do
+    local subindex = address.subindex + number
+    local entry = place[address.pnu * SUBINDICES + subindex]
+    local raw = entry and sub(block.raw, number * size + 1, (number + 1) * size)
+    if entry and #entry.raw == size and entry.raw ~= raw then
+      self:_drop(entry)
+      local args = {
+        pnu = address.pnu, subindex = subindex,
+        written = value_text(entry.value, entry.block), read = value_text(block.values[number + 1], block),
+      }
+      put(remarks, "DS417", frame, args, block.offset)
+    end
+  end
+end
+
+function Judge:_remember(where, request, answers)
+  for number, block in ipairs(request.blocks) do
+    local address = request.addresses[number]
+    if address == nil then
+      break
+    end
+    local answer, pnu = answers[number], tables.parameters[address.pnu]
+    local failed = answer and answer.error ~= nil
+    if not failed and not (pnu and pnu.volatile) then
+      self:_keep(where, address, block)
+    end
+  end
+  while self.written.length > self.limits.written_values do
+    self:_drop((self.written:first()))
+  end
+end
+
+function Judge:_keep(where, address, block)
+  local count, size = elements(address, block)
+  for number = 0, (count or 0) - 1 do
+    local place = self.places[where]
+    if place == nil then
+      place = {}
+      self.places[where] = place
+    end
+    local element = address.pnu * SUBINDICES + address.subindex + number
+    local entry = place[element]
+    if entry == nil then
+      entry = {place = where, element = element}
+      place[element] = entry
+      self.written:set(entry, true)
+    else
+      self.written:move_to_end(entry)
+    end
+    entry.raw = sub(block.raw, number * size + 1, (number + 1) * size)
+    entry.value, entry.block = block.values[number + 1], block
+  end
+end
+
+function Judge:_drop(entry)
+  local place = self.places[entry.place]
+  place[entry.element] = nil
+  self.written:pop(entry)
+  if next(place) == nil then
+    self.places[entry.place] = nil
+  end
+end
+
+-- A change whose response nobody read: what its parameters hold now is not known.
+function Judge:_forget(job)
+  local where = place_of(job)
+  for number, block in ipairs(job.message.blocks) do
+    local address = job.message.addresses[number]
+    if address == nil then
+      return
+    end
+    for element = 0, (elements(address, block) or 0) - 1 do
+      local place = self.places[where]
+      local entry = place and place[address.pnu * SUBINDICES + address.subindex + element]
+      if entry then
+        self:_drop(entry)
+      end
+    end
+  end
+end
+
+function Judge:_learn_limit(job)
+  local request, response = job.message, job.response
+  if request == nil or response == nil or request.operation ~= "read" then
+    return
+  end
+  for number, block in ipairs(response.blocks) do
+    local address = request.addresses[number]
+    if address == nil then
+      return
+    end
+    if address.pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 and address.attribute == VALUE then
+      self:_learn(job.peer.device, block)
+    end
+  end
+end
+
+function Judge:_learn(device, block)
+  local value = block.values[1]
+  if type(value) ~= "number" or block.float or value <= 0 then
+    return
+  end
+  if self.longest_count < self.limits.activities then
+    if self.longest[device] == nil then
+      self.longest_count = self.longest_count + 1
+    end
+    self.longest[device] = value
+  end
+end
+
+return M

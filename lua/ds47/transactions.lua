@@ -1,0 +1,325 @@
+-- A finished job as the transaction of a report: its state, its parameters, its frames and times.
+--
+-- States and parameters follow docs/pairing.md; findings are rules.lua's business. The keys of a transaction
+-- are those of python/ds47/model.py, and `order`, by which its job is known while the capture goes on.
+
+local rules = require("ds47.rules")
+local spec = require("ds47.spec")
+local tables = require("ds47.tables")
+
+local byte, format = string.byte, string.format
+local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, rules.NOT_SUPPORTED
+
+local M = {}
+
+--- PROFINET vendor id of the drives whose own parameters parameters.toml names.
+M.SIEMENS = 0x002A
+
+local SIEMENS = M.SIEMENS
+local NIL_UUID = ("\0"):rep(16)
+
+-- Text of AR UUIDs. A capture has few of them; one made to have many must not fill memory.
+local uuids, uuid_count, MOST_UUIDS = {}, 0, 1024
+
+local function uuid(raw)
+  local text = uuids[raw]
+  if text == nil then
+    text = format("%02x%02x%02x%02x-%02x%02x-%02x%02x-%02x%02x-%02x%02x%02x%02x%02x%02x", byte(raw, 1, 16))
+    if uuid_count >= MOST_UUIDS then
+      uuids, uuid_count = {}, 0
+    end
+    uuids[raw], uuid_count = text, uuid_count + 1
+  end
+  return text
+end
+
+-- Operation and state
+
+-- Response id -> what was asked; of two request ids the one with the smaller code counts.
+local operation_of_response = {}
+do
+  local codes = {}
+  for code in pairs(tables.request_ids) do
+    codes[#codes + 1] = code
+  end
+  table.sort(codes, function(a, b) return a > b end)
+  for _, code in ipairs(codes) do
+    local known = tables.request_ids[code]
+    operation_of_response[known.positive] = known.operation
+    operation_of_response[known.negative] = known.operation
+  end
+end
+
+--- What was asked; for an orphan what its response id says.
+function M.operation(job)
+  if job.message ~= nil then
+    return job.message.operation
+  end
+  local response_id = job.response and job.response.response_id
+  return response_id and operation_of_response[response_id] or "unknown"
+end
+
+local function refused(job)
+  local read = job.read_response
+  return job:write_refused() or (read ~= nil and read.status ~= nil and read.status ~= 0)
+end
+
+local function outcome(job, parameters)
+  local response = job.response
+  if response == nil or response.response_id == NOT_SUPPORTED then
+    return "error"
+  end
+  local blocks = response.blocks
+  local known = tables.response_ids[response.response_id or 0]
+  if #blocks == 0 and known and known.body ~= "blocks" and not known.negative then
+    return "ok" -- a positive response that has nothing to carry
+  end
+  local done = 0
+  for _, block in ipairs(blocks) do
+    if block.error == nil then
+      done = done + 1
+    end
+  end
+  local asked = math.max(#parameters, job.message and #job.message.addresses or 0)
+  if done == asked then
+    return "ok"
+  end
+  return done > 0 and "partial" or "error"
+end
+
+--- The state of a closed job: the first of docs/pairing.md P39 to P46 that applies.
+function M.state(job, parameters)
+  local read = job.read_response
+  if job.message == nil then
+    return "orphan"
+  elseif refused(job) then
+    return "refused"
+  elseif read == nil then
+    return job.superseded_by ~= nil and "superseded" or "unanswered"
+  elseif is_mismatch(job) then
+    return "mismatch"
+  end
+  return outcome(job, parameters)
+end
+
+-- Parameters
+
+-- One parameter: `value` is the block with the values, `answer` the one that may hold an error; either may
+-- be nil.
+local function parameter(job, lang, address, value, answer)
+  local known = address and tables.parameters[address.pnu]
+  if known and known.family ~= "profile" and job.peer.vendor_id ~= SIEMENS then
+    known = nil
+  end
+  local result = {
+    pnu = address and address.pnu,
+    subindex = address and address.subindex,
+    attribute = address and address.attribute_name,
+    element_count = address and address.element_count,
+    name = nil, unit = known and known.unit or nil,
+    format = nil, value_count = nil, values = {}, scaled = nil, error = nil,
+  }
+  if known then
+    local zh = known.name_zh
+    result.name = lang == "zh" and zh and zh ~= "" and zh or known.name_en
+  end
+  if value and value.error == nil then
+    result.format, result.value_count = value.format_name, value.value_count
+    result.values, result.scaled = value.values, value.scaled
+  end
+  if answer and answer.error ~= nil then
+    local code, info = answer.error.code, answer.error.info
+    local text = code == nil and "" or spec.error_text(code, lang, job.peer.vendor_id)
+    result.error = {code = code, text = text, info = info}
+  end
+  return result
+end
+
+local NONE = {}
+
+--- The parameters of a job as a report shows them (docs/pairing.md P37, P43).
+function M.parameters(job, lang)
+  local request = job.message
+  local blocks = job.response and job.response.blocks or NONE
+  local stray = is_mismatch(job)
+  local change = request ~= nil and request.operation == "change"
+  if stray and change then
+    blocks = request.blocks
+  end
+  local result = {}
+  if request == nil or (stray and not refused(job)) then
+    for number, block in ipairs(blocks) do
+      result[number] = parameter(job, lang, nil, block, block)
+    end
+    return result
+  end
+  local answers = stray and NONE or blocks
+  local values = change and request.blocks or answers
+  for number, address in ipairs(request.addresses) do
+    result[number] = parameter(job, lang, address, values[number], answers[number])
+  end
+  return result
+end
+
+-- Frames
+
+local function pairs_of_frames(reads)
+  local result = {}
+  for number, read in ipairs(reads) do
+    result[number] = {request = read.request and read.request.frame, response = read.response.frame}
+  end
+  return result
+end
+
+local function frames_of(job)
+  local write = job:write_request()
+  return {
+    write_request = write and write.frame,
+    write_response = job.write_response and job.write_response.frame,
+    read_request = job.read_request and job.read_request.frame,
+    read_response = job.read_response and job.read_response.frame,
+    polls = pairs_of_frames(job.polls),
+    rereads = pairs_of_frames(job.rereads),
+  }
+end
+
+--- The first frame in which a transaction shows, 0 where it has none.
+function M.first_frame(frames)
+  local first = math.huge
+  local function earlier(frame)
+    if frame and frame < first then
+      first = frame
+    end
+  end
+  earlier(frames.write_request)
+  earlier(frames.write_response)
+  earlier(frames.read_request)
+  earlier(frames.read_response)
+  for _, reads in ipairs({frames.polls, frames.rereads}) do
+    for _, read in ipairs(reads) do
+      earlier(read.request)
+      earlier(read.response)
+    end
+  end
+  return first < math.huge and first or 0
+end
+
+--- The transaction of a closed job; error texts in "en" or "zh".
+-- Times are those of the job: nanoseconds, relative to `base_seconds` of the analysis.
+function M.build(job, lang)
+  local write, read, record = job:write_request(), job.read_response, job.record
+  local first = write or job.read_request or read
+  local reference, axis = job:reference(), job.message and job.message.axis
+  if job.message == nil and job.response ~= nil then
+    reference, axis = job.response.request_reference, job.response.axis
+  end
+  local has_data = read ~= nil and read.data ~= ""
+  local parameters = M.parameters(job, lang)
+  return {
+    id = 0,
+    order = job.order,
+    operation = M.operation(job),
+    state = M.state(job, parameters),
+    controller = job.peer.controller,
+    device = job.peer.device,
+    vendor_id = job.peer.vendor_id,
+    ar = record.ar ~= NIL_UUID and uuid(record.ar) or nil,
+    api = record.api,
+    slot = record.slot,
+    subslot = record.subslot,
+    index = record.index,
+    request_reference = reference,
+    axis = axis,
+    frames = frames_of(job),
+    start_ns = first.time_ns,
+    duration_ns = has_data and write and read.time_ns - write.time_ns or nil,
+    drive_ns = rules.drive_time_ns(job), -- for the statistics; no key of the report
+    request = write and write.data,
+    response = has_data and read.data or nil,
+    write_status = job.write_response and job.write_response.status,
+    read_status = read and read.status,
+    parameters = parameters,
+    position = record.position,
+    findings = {},
+  }
+end
+
+--- Counts a transaction: in all, by state and by operation.
+function M.summarise(summary, transaction)
+  summary.transactions = summary.transactions + 1
+  summary[transaction.state] = (summary[transaction.state] or 0) + 1
+  summary[transaction.operation] = (summary[transaction.operation] or 0) + 1
+end
+
+-- All finished transactions of an analysis
+
+local Store = {}
+Store.__index = Store
+M.Store = Store
+
+--- An empty store. `all` is the array of its transactions, in the order in which they were finished.
+function M.store()
+  return setmetatable({all = {}, places = {}, below = nil}, Store)
+end
+
+--- A store that begins with what this one holds; what is added to it stays its own.
+function Store:on_top()
+  local store = M.store()
+  store.below = self
+  return store
+end
+
+function Store:add(transaction)
+  local place = #self.all + 1
+  self.all[place] = transaction
+  self.places[transaction.order] = place
+end
+
+--- The transaction of a job, by the order in which the jobs began; nil where it is not finished.
+function Store:by_order(order)
+  local place = self.places[order]
+  if place then
+    return self.all[place]
+  end
+  return self.below and self.below:by_order(order)
+end
+
+-- Whether the transactions are in the order of their first frame, then of the position inside it, as they
+-- mostly are: then nothing needs to be sorted.
+local function in_order(all, firsts)
+  for number = 2, #all do
+    local before, after = firsts[all[number - 1]], firsts[all[number]]
+    if before > after or (before == after and all[number - 1].position > all[number].position) then
+      return false
+    end
+  end
+  return true
+end
+
+--- All transactions in the order of their first frame, then of the position inside it (docs/pairing.md P49).
+-- Gives them their ids, and empty lists of findings.
+function Store:numbered()
+  local all, firsts, finished = {}, {}, {}
+  for _, store in ipairs({self.below or NONE, self}) do
+    for _, transaction in ipairs(store.all or NONE) do
+      all[#all + 1] = transaction
+      firsts[transaction], finished[transaction] = M.first_frame(transaction.frames), #all
+    end
+  end
+  if not in_order(all, firsts) then
+    table.sort(all, function(a, b)
+      if firsts[a] ~= firsts[b] then
+        return firsts[a] < firsts[b]
+      elseif a.position ~= b.position then
+        return a.position < b.position
+      end
+      return finished[a] < finished[b]
+    end)
+  end
+  for number, transaction in ipairs(all) do
+    transaction.id, transaction.findings = number, {}
+  end
+  return all
+end
+
+return M

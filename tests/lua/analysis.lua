@@ -1,0 +1,159 @@
+-- The analysis under plain Lua, for a comparison with that in Python: packets in, the complete result out.
+-- Usage: lua analysis.lua INPUT. Input is a JSON object a line, its `kind` says what it is:
+--   begin          {lang, look}: a new analysis; `look`: ended() after every packet, which must not matter
+--   udp, fragment  a packet, as Analysis:packet and Analysis:fragment take it, bytes in hex, the time as
+--                  seconds and nanoseconds
+--   dcp, lldp      {payload, src_mac, dst_mac}
+--   end            {dropped}: prints the result as one line of JSON, keys as in schema ds47.report/1, but
+--                  `start` as [second, nanosecond] and `duration_ns` instead of `duration_ms`
+
+local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
+package.path = root .. "../../lua/?.lua;" .. package.path
+
+local analysis = require("ds47.analysis")
+local formats = require("ds47.formats")
+local json = require("ds47.json")
+local status = require("ds47.status")
+
+local function unhex(text)
+  return (text:gsub("%x%x", function(digits) return string.char(tonumber(digits, 16)) end))
+end
+
+local function hex(bytes)
+  return bytes and (bytes:gsub(".", function(byte) return ("%02x"):format(byte:byte()) end))
+end
+
+local function null(value)
+  if value == nil then
+    return json.null
+  end
+  return value
+end
+
+local function list(items, change)
+  local result = {}
+  for number, item in ipairs(items) do
+    result[number] = change(item)
+  end
+  return json.array(result)
+end
+
+-- A dictionary of what may be missing: `names` are its keys.
+local function object(item, names)
+  local result = {}
+  for name in names:gmatch("%S+") do
+    result[name] = null(item[name])
+  end
+  return result
+end
+
+local function values(items, format, scaled)
+  return items and list(items, function(value)
+    return type(value) == "number" and json.raw(formats.value_text(value, format, scaled)) or value
+  end)
+end
+
+local function parameter(item)
+  local result = object(item, "pnu subindex attribute element_count name unit format value_count")
+  result.values = values(item.values, item.format)
+  result.scaled = null(values(item.scaled, item.format, true))
+  result.error = null(item.error and object(item.error, "code text info"))
+  return result
+end
+
+local function reads(items)
+  return list(items, function(read) return object(read, "request response") end)
+end
+
+local function word(code)
+  return null(code and status.status_hex(code))
+end
+
+local function transaction(item, base_seconds)
+  local result = object(item, "id operation state controller device ar api slot subslot index "
+    .. "request_reference axis duration_ns")
+  result.frames = object(item.frames, "write_request write_response read_request read_response")
+  result.frames.polls, result.frames.rereads = reads(item.frames.polls), reads(item.frames.rereads)
+  result.start = {base_seconds + math.floor(item.start_ns / 1000000000), item.start_ns % 1000000000}
+  result.bytes = {request = null(hex(item.request)), response = null(hex(item.response))}
+  result.status = {write = word(item.write_status), read = word(item.read_status)}
+  result.parameters = list(item.parameters, parameter)
+  result.findings = json.array(item.findings)
+  return result
+end
+
+local function finding(item)
+  local result = object(item, "rule severity message frame transaction")
+  if item.offset then
+    result.message = ("offset %d: %s"):format(item.offset, item.message)
+  end
+  result.filter = ("frame.number == %d"):format(item.frame)
+  return result
+end
+
+local function capture(run)
+  local result, records = run:ended(), {}
+  for index, counts in pairs(result.records) do
+    records[("%d"):format(index)] = counts
+  end
+  return {
+    rpc = result.rpc,
+    records = records,
+    devices = list(result.devices, function(item)
+      return object(item, "ip mac station vendor_id device_id")
+    end),
+    transactions = list(result.transactions, function(item) return transaction(item, run.base_seconds) end),
+    findings = list(result.findings, finding),
+    summary = result.summary,
+  }
+end
+
+local run, look
+
+local function fed(line)
+  for key, value in pairs(line) do
+    if value == json.null then
+      line[key] = nil
+    end
+  end
+  line.time_ns = run:time_ns(line.seconds, line.nanoseconds)
+  return line
+end
+
+local take = {}
+
+function take.begin(line)
+  run = analysis.new({lang = line.lang})
+  look = line.look
+end
+
+function take.udp(line)
+  line.payload = unhex(line.payload)
+  run:packet(fed(line))
+end
+
+function take.fragment(line)
+  line.data = unhex(line.data)
+  run:fragment(fed(line))
+end
+
+function take.dcp(line)
+  local text = fed(line)
+  run:station(line.kind, unhex(text.payload), text.src_mac, text.dst_mac)
+end
+
+take.lldp = take.dcp
+
+take["end"] = function(line)
+  run.options.frames_dropped = line.dropped
+  run.result = nil
+  print(json.encode(capture(run)))
+end
+
+for text in io.lines(arg[1]) do
+  local line = json.decode(text)
+  take[line.kind](line)
+  if look and line.kind ~= "end" then
+    run:ended()
+  end
+end

@@ -1,0 +1,69 @@
+-- lua/ds47/tables.lua, every entry, against tests/vectors/tables.json.
+--   lua tests/lua/tables.lua tests/vectors/tables.json [TABLES]
+-- Prints a line for every key that differs, and last how many entries the tables have. Exits with 1 where
+-- there is a difference. TABLES: another tables.lua.
+
+local here = arg[0]:match("^(.*)[/\\]") or "."
+package.path = here .. "/../../lua/?.lua;" .. package.path
+
+local json = require("ds47.json")
+local tables = arg[2] and dofile(arg[2]) or require("ds47.tables")
+
+local file = assert(io.open(arg[1], "rb"))
+local stored = json.decode(file:read("*a")).tables
+file:close()
+
+local SAME_AS_KEY = {code = true, id = true}
+local EXPLAINING = {note = true, confirmed = true, zh_from = true} -- for the reader of a table alone
+
+local flat, entries = {}, 0
+
+local function put(key, value)
+  flat[key] = value
+  entries = entries + 1
+end
+
+-- A number as the keys have it: parameters in decimal, codes in hexadecimal digits.
+local function name_of(key, decimal)
+  if type(key) ~= "number" then return key end
+  return (decimal and "%d" or "0x%02X"):format(key)
+end
+
+local function flatten(where, value, decimal)
+  if type(value) ~= "table" then return put(where, value) end
+  for key, item in pairs(value) do
+    if not SAME_AS_KEY[key] then flatten(where .. "." .. name_of(key, decimal), item, decimal) end
+  end
+end
+
+for name in ("limits phases reasons formats dialects attributes vendor_attributes request_ids response_ids "
+  .. "errors error_fallback rules"):gmatch("%S+") do
+  flatten(name, tables[name])
+end
+flatten("parameters", tables.parameters, true)
+for _, name in ipairs({"error_code", "error_decode", "access", "protocol"}) do
+  flatten("status." .. name, tables.status[name])
+end
+for lang, words in pairs(tables.status.words) do
+  for name, text in pairs(words) do put("status.words." .. name .. "." .. lang, text) end
+end
+for _, vendor in ipairs(tables.vendors) do
+  if vendor.id then put("vendors." .. vendor.name .. ".id", vendor.id) end
+  flatten("vendors." .. vendor.name .. ".errors", vendor.errors)
+end
+
+local problems = {}
+local function differs(key, got, want)
+  local says = {tostring(got), tostring(want)}
+  problems[#problems + 1] = ("%s: table says %s, vector says %s"):format(key, says[1], says[2])
+end
+for key, want in pairs(stored) do
+  if not EXPLAINING[key:match("[^.]+$")] and flat[key] ~= want then differs(key, flat[key], want) end
+end
+for key, value in pairs(flat) do
+  if stored[key] == nil then differs(key, value, nil) end
+end
+table.sort(problems)
+for _, text in ipairs(problems) do print(text) end
+print(entries .. " entries")
+os.exit(#problems == 0 and entries > 0 and 0 or 1)

@@ -1,0 +1,212 @@
+-- Reads frames from standard input and tells, a line of JSON for each, what the transport modules of lua/ds47
+-- make of them: PDUs, records, and the events that pairing would hear. test_lua_transport.py compares the
+-- lines with what the Python modules say.
+--
+-- Input: tab-separated lines; bytes are hexadecimal, "-" stands for nil.
+--   packet    frame time_ns src_ip dst_ip ip_id src_mac payload
+--   fragment  frame time_ns src_ip dst_ip ip_id src_mac offset more(0/1) missing data
+--   station   kind src_mac dst_mac payload
+--   end       the capture is over; what follows is another one
+-- Usage: lua transport_trace.lua LUA_FOLDER [forbid_47]
+
+package.path = arg[1] .. "/?.lua;" .. package.path
+
+local calls = require("ds47.calls")
+local dcp = require("ds47.dcp")
+local gate = require("ds47.gate")
+local ip = require("ds47.ip")
+local json = require("ds47.json")
+local lldp = require("ds47.lldp")
+local naming = require("ds47.naming")
+local recordcalls = require("ds47.recordcalls")
+local records = require("ds47.records")
+local rpc = require("ds47.rpc")
+local tables = require("ds47.tables")
+
+local function hex(text)
+  return text and (text:gsub(".", function(letter) return ("%02x"):format(letter:byte()) end))
+end
+
+local function bytes(text)
+  return (text:gsub("..", function(pair) return string.char(tonumber(pair, 16)) end))
+end
+
+local function tell(kind, content)
+  content.event = kind
+  print(json.encode(content))
+end
+
+local function half_of(half)
+  return half and {
+    frame = half.frame, time_ns = half.time_ns, data = hex(half.data), stated = half.stated,
+    missing = half.missing, status = half.status,
+  }
+end
+
+local function record_of(record)
+  return {
+    write = record.write, implicit = record.implicit, ar = hex(record.ar), api = record.api,
+    slot = record.slot, subslot = record.subslot, index = record.index, position = record.position,
+    request = half_of(record.request), response = half_of(record.response),
+  }
+end
+
+local function list_of(list)
+  local result = json.array({})
+  for number, record in ipairs(list) do
+    result[number] = record_of(record)
+  end
+  return result
+end
+
+local function tell_pdu(pdu, kind)
+  local body = hex(pdu.body)
+  local vendor_id, device_id = rpc.device_identity(pdu.object_uuid)
+  tell(kind, {
+    ptype = pdu.ptype, little = pdu.little, object_uuid = hex(pdu.object_uuid), activity = hex(pdu.activity),
+    seq = pdu.seq, opnum = pdu.opnum, fragment = pdu.fragment, last = pdu.last, fragmented = pdu.fragmented,
+    body = body, missing = pdu.missing, frame = pdu.frame, time_ns = pdu.time_ns, source = pdu.source,
+    destination = pdu.destination, client = pdu.client, server = pdu.server, ip_id = pdu.ip_id,
+    source_mac = pdu.source_mac, vendor_id = vendor_id, device_id = device_id,
+  })
+end
+
+local function tell_records(pdu)
+  local body = records.parse_request(pdu)
+  local status, answers = records.parse_response(pdu)
+  tell("records", {
+    multiple = body.multiple, nested = body.nested, requests = list_of(body.records), status = status,
+    answers = list_of(answers), released = hex(records.released_ar(pdu)),
+  })
+end
+
+-- Stands for pairing and for whoever takes the findings: tells what it hears.
+local Ear = {}
+Ear.__index = Ear
+
+function Ear:write_request(peer, record, message)
+  self.jobs = self.jobs + 1
+  tell("write_request", {job = self.jobs, peer = peer, record = record_of(record), shaped = message.shaped})
+  return {number = self.jobs}
+end
+
+function Ear.write_response(_, job, half, fault)
+  tell("write_response", {job = job.number, half = half_of(half), fault = fault or false})
+end
+
+function Ear.read_response(_, peer, record)
+  tell("read_response", {peer = peer, record = record_of(record)})
+end
+
+function Ear.read_lost(_, peer, record)
+  tell("read_lost", {peer = peer, record = record_of(record)})
+end
+
+function Ear.release(_, controller, device, ar)
+  tell("release", {controller = controller, device = device, ar = hex(ar)})
+end
+
+function Ear.remark(_, remark)
+  tell("remark", {
+    rule = remark.rule, frame = remark.frame, args = remark.args, offset = remark.offset,
+    job = remark.job and remark.job.number,
+  })
+end
+
+local function new_run()
+  local ear = setmetatable({jobs = 0}, Ear)
+  local gates = gate.Gate.new({}, tables.limits.waiting_calls, arg[2] == "forbid_47")
+  local run = {
+    records = recordcalls.RecordCalls.new(gates, ear, nil, ear), naming = naming.Naming.new(),
+    fragments = rpc.Fragments.new(tables.limits.fragment_expiry_ns),
+    reassembly = ip.Reassembly.new(tables.limits),
+  }
+  run.calls = calls.CallTracker.new(tables.limits, run.records)
+  return run
+end
+
+local function feed(run, packet)
+  local pdu = rpc.parse(packet)
+  if not pdu then
+    return
+  end
+  tell_pdu(pdu, "pdu")
+  if run.calls:is_copy(pdu) then
+    return
+  end
+  local fragmented = pdu.fragmented
+  local whole = run.fragments:feed(pdu)
+  if whole then
+    if fragmented then
+      tell_pdu(whole, "whole")
+    end
+    tell_records(whole)
+    run.naming:message(whole)
+    run.calls:feed(whole)
+  end
+end
+
+local function finish(run)
+  for _, part in ipairs(run.fragments:unfinished()) do
+    run.records:incomplete(part.pdu, part.have, "RPC")
+  end
+  for _, part in ipairs(run.reassembly:unfinished()) do
+    local pdu = rpc.parse(part.packet)
+    if pdu then
+      tell_pdu(pdu, "unfinished")
+      run.records:incomplete(pdu, part.have, "IP")
+    end
+  end
+  run.calls:finish()
+  local counts = {}
+  for index, count in pairs(run.records.counts) do
+    counts[tostring(index)] = count
+  end
+  tell("end", {rpc = run.calls.counts, records = counts, devices = json.array(run.naming:devices())})
+end
+
+local function fields(line)
+  local result = {}
+  for field in (line .. "\t"):gmatch("(.-)\t") do
+    result[#result + 1] = field
+  end
+  return result
+end
+
+local function whole_number(text)
+  return math.floor(tonumber(text)) -- an integer also where Lua has them
+end
+
+local function text_or_nil(text)
+  return text ~= "-" and text or nil
+end
+
+local run = new_run()
+for line in io.lines() do
+  local f = fields(line)
+  if f[1] == "station" then
+    local payload, src_mac, dst_mac = bytes(f[5]), text_or_nil(f[3]), text_or_nil(f[4])
+    local parse = f[2] == "dcp" and dcp.parse or lldp.parse
+    tell("station", {station = parse(payload, src_mac, dst_mac)})
+    run.naming:station(f[2], payload, src_mac, dst_mac)
+  elseif f[1] == "end" then
+    finish(run)
+    run = new_run()
+  else
+    local part = {
+      frame = whole_number(f[2]), time_ns = whole_number(f[3]), src_ip = f[4], dst_ip = f[5],
+      ip_id = whole_number(f[6]), src_mac = text_or_nil(f[7]),
+    }
+    if f[1] == "packet" then
+      part.payload = bytes(f[8])
+      feed(run, part)
+    else
+      part.offset, part.more = whole_number(f[8]), f[9] == "1"
+      part.missing, part.data = whole_number(f[10]), bytes(f[11])
+      local packet = run.reassembly:feed(part)
+      if packet then
+        feed(run, packet)
+      end
+    end
+  end
+end

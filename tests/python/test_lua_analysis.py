@@ -1,0 +1,262 @@
+"""The analysis in Lua against that in Python: the complete result, nothing may differ.
+
+Every capture as it is, in both languages; and captures mixed and broken by chance (seeded): conversations of
+several files at once, frames lost, doubled, swapped and changed, clocks that jump.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import random
+import shutil
+import subprocess
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import pytest
+
+from ds47.analysis import AnalysisOptions, analyze
+from ds47.capture import Frame, open_capture
+from ds47.capture.scan import ETHERNET, IPV4, network_layer
+from ds47.capture.writer import PcapngWriter
+from ds47.profinet import ip
+from ds47.profinet.link import dissect, mac
+from ds47.report import json as report
+
+ROOT = Path(__file__).resolve().parents[2]
+DRIVER = ROOT / "tests/lua/analysis.lua"
+BESIDE = ROOT.parent / "shared/captures"
+CAPTURES = sorted(
+    path
+    for folder in (ROOT / "captures", BESIDE, BESIDE / "real-stacks")
+    for path in folder.glob("*.pcap*")
+)
+SMALL = 200_000
+"""Bytes of a file up to which the end is played after every packet, too."""
+BROKEN = 150
+"""Mixed and broken captures for each Lua version, other ones for each."""
+VOLATILE = 944
+"""A parameter that the drive itself changes (spec/parameters.toml)."""
+VERSIONS = ("5.2", "5.3", "5.4")
+START_NS = 1_767_254_400_000_000_000
+
+
+def lua(version: str) -> str:
+    """The interpreter of a Lua version; skips without it, or fails where everything has to be there."""
+    program = shutil.which(f"lua{version}")
+    if program is None:
+        if os.environ.get("DS47_CI") == "1":
+            pytest.fail(f"lua{version} is missing, and DS47_CI=1 says that it must be there")
+        pytest.skip(f"lua{version} is missing")
+    return program
+
+
+def instant(frame: Frame) -> dict[str, int]:
+    seconds, nanoseconds = divmod(frame.time_ns, 10**9)
+    return {"frame": frame.number, "seconds": seconds, "nanoseconds": nanoseconds}
+
+
+def fragment(frame: Frame) -> dict[str, Any] | None:
+    """An IP fragment as it stands in the frame; None for everything else."""
+    kind, at = network_layer(frame.data, 0, len(frame.data), frame.link_type)
+    part = ip.parse(frame.data, at) if kind == IPV4 else None
+    if part is None or part.protocol != ip.UDP or part.whole:
+        return None
+    return instant(frame) | {
+        "kind": "fragment",
+        "src_ip": part.source,
+        "dst_ip": part.destination,
+        "ip_id": part.identification,
+        "offset": part.offset,
+        "more": part.more,
+        "data": part.payload.hex(),
+        "missing": part.missing,
+        "src_mac": mac(frame.data[6:12]),
+    }
+
+
+def lines(frames: Iterable[Frame]) -> Iterator[dict[str, Any]]:
+    """What Wireshark's half of the program would feed: datagrams, fragments, names of stations."""
+    for frame in frames:
+        part = fragment(frame)
+        if part is not None:
+            yield part
+            continue
+        packet = dissect(frame)
+        if packet is not None:
+            names = ("kind", "src_ip", "dst_ip", "ip_id", "src_mac", "dst_mac")
+            yield (
+                instant(frame)
+                | {name: getattr(packet, name) for name in names}
+                | {"payload": packet.payload.hex()}
+            )
+
+
+@dataclass(frozen=True)
+class Source:
+    """A capture to compare; `look`: in Lua the end is played after every packet, too."""
+
+    name: str
+    content: bytes
+    look: bool
+
+    def open(self) -> BinaryIO:
+        return io.BytesIO(self.content)
+
+
+def stored() -> Iterator[Source]:
+    for path in CAPTURES:
+        content = path.read_bytes()
+        yield Source(path.name, content, len(content) <= SMALL)
+
+
+def expected(source: Source, lang: str) -> dict[str, Any]:
+    result = analyze(source.open(), AnalysisOptions(lang=lang))
+    told = report.capture(result)
+    for name in ("path", "sha256", "frames", "complete"):
+        del told[name]
+    for shown, transaction in zip(told["transactions"], result.transactions, strict=True):
+        shown["start"] = list(divmod(transaction.start_ns, 10**9))
+        del shown["duration_ms"]
+        shown["duration_ns"] = transaction.duration_ns
+    return told
+
+
+def text(item: Any) -> str:
+    """As text 10 is not 10.0."""
+    return json.dumps(item, sort_keys=True, ensure_ascii=False, indent=0)
+
+
+def compare(version: str, lang: str, sources: list[Source], folder: Path) -> None:
+    """Runs all of them through one Lua process; fails where one result is not Python's."""
+    given, got = folder / "input", folder / "output"
+    with given.open("w", encoding="utf-8") as stream:
+        for source in sources:
+            with open_capture(source.open()) as capture:
+                begin = {"kind": "begin", "lang": lang, "look": source.look}
+                print(json.dumps(begin), file=stream)
+                for line in lines(capture):
+                    print(json.dumps(line), file=stream)
+                end = {"kind": "end", "dropped": bool(capture.dropped)}
+                print(json.dumps(end), file=stream)
+    with got.open("wb") as output:
+        subprocess.run([lua(version), DRIVER, given], stdout=output, check=True, timeout=300)
+    found = got.read_text(encoding="utf-8").splitlines()
+    assert len(found) == len(sources)
+    for source, told in zip(sources, found, strict=True):
+        assert text(json.loads(told)) == text(expected(source, lang)), source.name
+
+
+@pytest.mark.parametrize("lang", ["en", "zh"])
+@pytest.mark.parametrize("version", VERSIONS)
+def test_every_capture_gives_the_same_result(version: str, lang: str, tmp_path: Path) -> None:
+    sources = list(stored())
+    assert len(sources) > 100
+    compare(version, lang, sources, tmp_path)
+
+
+def frames_of(path: Path) -> list[Frame]:
+    with open_capture(path) as capture:
+        return [frame for frame in capture if frame.link_type == ETHERNET]
+
+
+def mixed(chance: random.Random, files: list[list[Frame]]) -> list[Frame]:
+    """Frames of some files in one another's way, each file still in its order."""
+    queues = [list(reversed(chance.choice(files))) for _ in range(chance.randint(1, 3))]
+    frames = []
+    while queues := [queue for queue in queues if queue]:
+        frames.append(chance.choice(queues).pop())
+    return frames
+
+
+def changed(chance: random.Random, data: bytes) -> bytes:
+    """One byte of the record, or of what says where it goes, is another one."""
+    if len(data) < 150:
+        return data
+    at = chance.choice((chance.randint(142, len(data) - 1), len(data) - chance.randint(1, 24)))
+    new = chance.choice((0, 1, 2, 0x2F, 0x7F, 0x80, 0xFF, data[at] ^ 1, chance.randint(0, 255)))
+    return data[:at] + bytes([new]) + data[at + 1 :]
+
+
+def broken(chance: random.Random, frames: list[Frame]) -> Iterator[tuple[int, bytes]]:
+    """Time and bytes of frames to which things happened."""
+    rate, now = chance.choice((0.0, 0.02, 0.1)), START_NS
+    for number, frame in enumerate(frames):
+        now += chance.choice((1_000, 500_000, 2_000_000))
+        if chance.random() >= rate:
+            yield now, frame.data
+            continue
+        fate = chance.choice(("lost", "doubled", "again", "swapped", "changed", "later", "earlier"))
+        if fate == "later":
+            now += chance.choice((2, 11, 61, 601)) * 10**9
+        elif fate == "earlier":
+            now -= 5 * 10**6
+        elif fate == "again":
+            yield now, chance.choice(frames).data
+        elif fate == "swapped" and number + 1 < len(frames):
+            yield now, frames[number + 1].data
+        if fate == "changed":
+            yield now, changed(chance, frame.data)
+        elif fate != "lost":
+            yield now, frame.data
+        if fate == "doubled":
+            yield now + 1_000, frame.data
+
+
+def by_chance(seed: int, files: list[list[Frame]]) -> Source:
+    chance = random.Random(seed)
+    target = io.BytesIO()
+    with PcapngWriter(target) as writer:
+        for time_ns, data in broken(chance, mixed(chance, files)):
+            writer.write(time_ns, data)
+    return Source(f"seed {seed}", target.getvalue(), seed % 4 == 0)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_mixed_and_broken_captures_give_the_same_result(version: str, tmp_path: Path) -> None:
+    files = [frames for path in CAPTURES if (frames := frames_of(path)) and len(frames) < 200]
+    first = 1000 * VERSIONS.index(version)
+    sources = [by_chance(seed, files) for seed in range(first, first + BROKEN)]
+    compare(version, "en", sources, tmp_path)
+
+
+def numbered(frame: Frame, number: int, pnu: int | None) -> bytes:
+    """The frame as another call: with this IP id, RPC sequence number, request reference, parameter."""
+    data = bytearray(frame.data)
+    data[18:20] = (number & 0xFFFF).to_bytes(2, "big")
+    data[106:110] = number.to_bytes(4, "little" if data[46] & 0x10 else "big")
+    if len(data) > 206:
+        data[206] = number % 255 + 1
+        if pnu is not None and data[43] & 0x1F == 0:
+            data[212:214] = pnu.to_bytes(2, "big")
+    return bytes(data)
+
+
+def flood(name: str, parts: list[tuple[int, int, int]], pnu: int | None = None) -> Source:
+    """Ranges of frames of a stored capture, each so many times; as if about another parameter."""
+    frames = frames_of(ROOT / "captures" / f"{name}.pcapng")
+    target, count = io.BytesIO(), 0
+    with PcapngWriter(target) as writer:
+        for first, last, times in parts:
+            for call in range(times):
+                for frame in frames[first:last]:
+                    writer.write(START_NS + count * 10**5, numbered(frame, 1 + call, pnu))
+                    count += 1
+    return Source(name, target.getvalue(), False)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_same_again_and_again_gives_the_same_result(version: str, tmp_path: Path) -> None:
+    sources = [
+        flood("record-polls", [(0, 2, 1), (2, 4, 4200), (8, 10, 1)]),  # polls of one transaction
+        flood("record-read-empty", [(0, 2, 1), (2, 4, 4200), (4, 6, 1)]),
+        flood("record-reread", [(0, 2, 1), (2, 4, 1), (6, 8, 1), (6, 7, 90), (7, 8, 90)]),
+        flood("conversation-read-back", [(0, 4, 1), (4, 8, 3)]),  # is told once
+        flood("conversation-read-back", [(0, 4, 1), (4, 8, 1)], VOLATILE),
+        flood("record-global", [(0, 1, 100), (1, 2, 100), (2, 4, 40)]),  # Writes without a response
+    ]
+    compare(version, "en", sources, tmp_path)

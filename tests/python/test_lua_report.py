@@ -1,0 +1,254 @@
+"""The reports and statistics of the Lua side, from the very results of the Python side.
+
+Text and CSV must be the bytes that Python writes; the statistics are checked against numbers computed here.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import io
+import json
+import subprocess
+import unicodedata
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lua_program import LUAS, lua_program
+
+from ds47 import spec
+from ds47.analysis import analyze
+from ds47.model import CaptureResult, Finding, Frames, Parameter, Report, Transaction
+from ds47.report import Options
+from ds47.report import csv as csv_report
+from ds47.report import text as text_report
+
+Run = Callable[[list[dict[str, Any]]], list[str]]
+
+
+@pytest.fixture(scope="module", params=LUAS)
+def lua(request: pytest.FixtureRequest, repository: Path, tmp_path_factory: Any) -> Run:
+    """Runs the driver with a list of jobs, gives the texts."""
+    program = lua_program(request.param)
+    folder = tmp_path_factory.mktemp(request.param)
+
+    def run(jobs: list[dict[str, Any]]) -> list[str]:
+        (folder / "in.json").write_text(json.dumps(jobs), encoding="utf-8")
+        driver = repository / "tests" / "lua" / "report.lua"
+        command = [program, str(driver), str(folder / "in.json"), str(folder / "out.json")]
+        done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False)
+        assert done.returncode == 0, done.stderr
+        texts = json.loads((folder / "out.json").read_bytes())
+        return list(texts)
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def results(captures: Path) -> list[CaptureResult]:
+    """Every stored capture, analyzed."""
+    found = []
+    for path in sorted(captures.glob("*.pcapng")):
+        result = analyze(path)
+        result.path = path.name
+        found.append(result)
+    return found
+
+
+def as_lua(result: CaptureResult) -> dict[str, Any]:
+    """A result with the keys and the times of the Lua side."""
+    item = dataclasses.asdict(result)
+    base = min((each["start_ns"] for each in item["transactions"]), default=0) // 10**9
+    item["base_seconds"] = base
+    for each in item["transactions"]:
+        each["start_ns"] -= base * 10**9
+        each["request"] = each["response"] = None
+        for key in ("polls", "rereads"):
+            pairs = each["frames"][key]
+            each["frames"][key] = [{"request": one, "response": two} for one, two in pairs]
+    return item
+
+
+def job(kind: str, result: CaptureResult, **options: Any) -> dict[str, Any]:
+    """What the driver takes: a result and what to make of it."""
+    given = {"path": result.path, "frames": result.frames, **options}
+    return {"kind": kind, "result": as_lua(result), "options": given}
+
+
+def python_text(result: CaptureResult) -> str:
+    stream = io.StringIO()
+    text_report.write(Report([result]), stream, Options(rules=spec.rules()))
+    return stream.getvalue()
+
+
+def python_csv(result: CaptureResult) -> str:
+    stream = io.StringIO()
+    csv_report.write(Report([result]), stream)
+    return stream.getvalue()
+
+
+def odd_result() -> CaptureResult:
+    """What no lab capture has: odd texts, many values, clocks set back, numbers at their ends."""
+    texts = ["=1+2", "a,b", 'say "x"', "two\nlines", "\x1b[31m", "\xa0\xad\x85", "Grün", "\t", ""]
+    parameters = [
+        Parameter(1000 + i, i, "text", 1, format="VisibleString", value_count=1, values=[text])
+        for i, text in enumerate(texts)
+    ]
+    numbers = [
+        0.0,
+        -0.0,
+        1e-05,
+        1.5e16,
+        3.4e38,
+        0.1,
+        123456.79,
+        -1.0,
+        "NaN",
+        "-Infinity",
+        1e16,
+        5.0,
+    ]
+    parameters += [
+        Parameter(65535, 0, "value", 12, format="Float64", value_count=12, values=list(numbers)),
+        Parameter(1, 1, "0x50", 0, format="0x7F", value_count=1, values=[]),
+        Parameter(2, 65535, "value", 3, "名称", "°C", "N2", 3, [1, -2, 0], [0.1, -0.2, 0.0]),
+        Parameter(3, 0, "value", 2, None, "s", "Unsigned64", 2, [2**53, "9007199254740993"]),
+        Parameter(3, 0, "value", 1, None, None, "TimeOfDay", 1, [77], ["00:00:00.077"]),
+        Parameter(4, 0, "value", 1, None, None, "VisibleString", 5, ["\t\x1b[2J\x9b\xad\x7f"]),
+        Parameter(4, 1, "value", 2, None, "＝1", "VisibleString2", 2, [" =\\x1b", "\x85\xad é"]),
+        Parameter(None, None, None, None, format="Unsigned8+Unsigned8", value_count=1, values=["0102"],
+                  scaled=[1]),
+    ]  # fmt: skip
+    common = {"ar": None, "api": 2**32 - 1, "slot": 1, "index": 0xB02E, "request_reference": 255}
+    frames = Frames(1, 2, 1234567, 12345678, [(3, 4), (None, 5)], [(9, 10)])
+    first = Transaction(
+        "change", "partial", "10.0.0.1", "-10.0.0.2", subslot=65535, axis=None, frames=frames,
+        start_ns=951_782_400 * 10**9 - 1, duration_ns=12_345_678_901, request=None, response=None,
+        write_status=0, read_status=0, parameters=parameters, findings=["DS401", "DS402"], id=1, **common,
+    )  # fmt: skip
+    second = dataclasses.replace(
+        first, state="refused", operation="unknown", parameters=[], id=1000, controller="10.0.0.3",
+        duration_ns=-5, write_status=0xDF80B500, start_ns=951_868_800 * 10**9 - 1, frames=Frames(7),
+    )  # fmt: skip
+    findings = [Finding("DS401", "warning", "\x07 ring", n, 1, None) for n in range(1, 80)]
+    findings += [Finding("DS999", "error", "unknown rule", 4, None, 12)]
+    return CaptureResult("a,b.pcapng", frames=1234567, complete=False, problem="ends in frame 3",
+                         dropped=1, transactions=[first, second], findings=findings)  # fmt: skip
+
+
+def empty_results() -> list[CaptureResult]:
+    records = {str(47 + i): {"read": i, "write": 1} for i in range(8)}
+    return [
+        CaptureResult("-"),
+        CaptureResult(
+            "-", frames=1, rpc={"requests": 3, "responses": 0, "unanswered": 3}, records=records
+        ),
+    ]
+
+
+def test_text_is_that_of_python(lua: Run, results: list[CaptureResult]) -> None:
+    everything = [*results, odd_result(), *empty_results()]
+    texts = lua([job("report", each) for each in everything])
+    for result, text in zip(everything, texts, strict=True):
+        assert text == python_text(result), result.path
+
+
+def test_csv_is_that_of_python(lua: Run, results: list[CaptureResult]) -> None:
+    everything = [*results, odd_result(), *empty_results()]
+    texts = lua([job("csv", each) for each in everything])
+    for result, text in zip(everything, texts, strict=True):
+        assert text == python_csv(result), result.path
+
+
+def test_times_of_every_kind_of_day(lua: Run) -> None:
+    """The calendar: ends of years, leap days, the days of a century, years of five digits."""
+    everything = []
+    for day in [0, 58, 59, 364, 11_015, 11_016, 11_017, 47_540, 2_932_896, 10_000_000]:
+        result = odd_result()
+        start_ns = (day * 86_400 + 86_399) * 10**9 + 7
+        result.transactions = [dataclasses.replace(result.transactions[1], start_ns=start_ns)]
+        everything.append(result)
+    assert lua([job("csv", each) for each in everything]) == [
+        python_csv(each) for each in everything
+    ]
+
+
+def rows(text: str, title: str) -> list[list[str]]:
+    """The rows of one table of the statistics, cells apart."""
+    lines = text.split("\n\n" + title + "\n")[1].split("\n\n")[0].splitlines()
+    assert set(lines[1].strip()) == {"-"}, lines[1]
+    return [line.split() for line in lines[2:]]
+
+
+def tour(results: list[CaptureResult]) -> CaptureResult:
+    return copy.deepcopy(next(each for each in results if each.path == "tour-machine.pcapng"))
+
+
+def test_statistics_count_what_the_result_holds(lua: Run, results: list[CaptureResult]) -> None:
+    wanted = job("statistics", tour(results))
+    for number, each in enumerate(wanted["result"]["transactions"]):
+        each["drive_ns"] = 1_000_000 * number
+    text = lua([wanted])[0]
+    assert text.startswith(
+        "DS47 statistics: tour-machine.pcapng\n35 frames, 8 transactions (4 ok, "
+    )
+    times = rows(text, "Response time in ms: from the Write request to the Read response")
+    assert times == [
+        ["192.168.133.33", "read", "4", "4", "3.000", "4.000", "3.000", "7.000", "7.000"],
+        ["192.168.133.33", "change", "4", "2", "3.000", "15.000", "3.000", "27.000", "27.000"],
+        ["all", "8", "6", "3.000", "7.667", "3.000", "27.000", "27.000"],
+    ]
+    shares = text.split("Share of the drive")[1].splitlines()[3].split()
+    assert shares[2:] == ["4", "4", "0.000", "2.750", "2.000", "6.000", "6.000"]
+    errors = rows(text, "Errors of parameters")
+    assert [row[:4] for row in errors] == [
+        ["0x6B", "1", "29", "192.168.133.33"],
+        ["0x00", "1", "33", "192.168.133.33"],
+    ]
+    refused = rows(text, "Refused record calls")
+    assert refused[0][:5] == ["DF80B500", "write", "1", "23", "192.168.133.33"]
+    slow = rows(text, "Slowest transactions")
+    assert len(slow) == 6
+    assert slow[0][:7] == ["27.000", "1.000", "#2", "13", "change", "192.168.133.33", "DO"]
+    open_ones = rows(text, "Unanswered requests")
+    assert open_ones == [
+        ["34", "#8", "unanswered", "change", "192.168.133.33", "DO", "2", "p50303[0]", ":=", "10.0"]
+    ]
+    rules = rows(text, "Findings by rule")
+    assert [row[0] for row in rules] == ["DS203", "DS410", "DS417", "DS402"]
+    assert rules[1] == ["DS410", "error", "2", "29", "drive-error"]
+
+
+def test_statistics_of_nothing(lua: Run) -> None:
+    texts = lua([job("statistics", each) for each in empty_results()])
+    assert all(text.count("  none\n") == 7 for text in texts)
+
+
+def test_negative_times_are_left_out_and_said(lua: Run) -> None:
+    text = lua([job("statistics", odd_result())])[0]
+    assert "1 negative times left out" in text
+    assert rows(text, "Slowest transactions")[0][0] == "12345.679"
+
+
+def test_chinese_columns_stand_under_each_other(lua: Run, results: list[CaptureResult]) -> None:
+    text = lua([job("statistics", tour(results), lang="zh")])[0]
+    assert text.startswith("DS47 统计")
+    lines = text.split("\n\n")[1].splitlines()
+
+    def column(line: str, what: str) -> int:
+        before = line[: line.index(what)]
+        return sum(2 if unicodedata.east_asian_width(char) in "WF" else 1 for char in before)
+
+    assert column(lines[1], "操作") == column(lines[3], "读取") == column(lines[4], "修改")
+
+
+def test_long_lists_are_cut_and_say_so(lua: Run) -> None:
+    base = odd_result()
+    item = dataclasses.replace(base.transactions[0], state="unanswered", duration_ns=None)
+    base.transactions = [dataclasses.replace(item, id=n) for n in range(1, 61)]
+    text = lua([job("statistics", base)])[0]
+    assert "  and 10 more\n" in text
+    cut = rows(text, "Unanswered requests")[0]
+    assert cut[-1].endswith("...")
