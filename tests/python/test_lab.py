@@ -49,7 +49,8 @@ def test_manifest_names_every_lab_capture_with_its_digest() -> None:
 
 def test_every_rule_of_the_catalogue_has_a_scenario() -> None:
     shown = {rule for scenario in lab.scenarios().values() for rule in scenario.expect.rules}
-    assert set(rules()) - shown == set()
+    no_capture_can_show = {"DS601"}  # two engines that differ: test_engine.py
+    assert set(rules()) - shown == no_capture_can_show
 
 
 def test_every_state_has_a_scenario() -> None:

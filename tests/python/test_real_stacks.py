@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import tomllib
 from collections import defaultdict
 from decimal import Decimal
 from functools import cache
@@ -55,13 +57,23 @@ def pairs(folder: Path, capture: str) -> list[tuple[dict[str, Any], Transaction]
 
 @pytest.fixture(params=CAPTURES)
 def matched(
-    request: pytest.FixtureRequest, shared: Path
+    request: pytest.FixtureRequest, captures: Path
 ) -> list[tuple[dict[str, Any], Transaction]]:
-    return pairs(shared / "captures" / "real-stacks", request.param)
+    return pairs(captures / "real-stacks", request.param)
 
 
-def test_every_logged_transaction_is_there(shared: Path) -> None:
-    folder = shared / "captures" / "real-stacks"
+def test_the_evidence_is_as_it_was_recorded(captures: Path) -> None:
+    folder = captures / "real-stacks"
+    entries = tomllib.loads((folder / "MANIFEST.toml").read_text("utf-8"))["capture"]
+    assert [entry["file"] for entry in entries] == [f"{name}.pcapng" for name in CAPTURES]
+    for entry in entries:
+        found = hashlib.sha256((folder / entry["file"]).read_bytes()).hexdigest()
+        assert found == entry["sha256"], f"{entry['file']} is not as it was recorded"
+        assert result_of(folder / entry["file"]).frames == entry["frames"]
+
+
+def test_every_logged_transaction_is_there(captures: Path) -> None:
+    folder = captures / "real-stacks"
     assert sum(len(pairs(folder, capture)) for capture in CAPTURES) == 328
 
 
@@ -124,8 +136,8 @@ def as_number(value: Any) -> Any:
     return int(value) if isinstance(value, str) else value
 
 
-def test_states(shared: Path) -> None:
-    folder = shared / "captures" / "real-stacks"
+def test_states(captures: Path) -> None:
+    folder = captures / "real-stacks"
     states = {line["n"]: t.state for line, t in pairs(folder, CAPTURES[0])}
     assert [states[n] for n in (56, 58, 61, 62, 63, 67)] == [
         "refused", "superseded", "mismatch", "mismatch", "refused", "error",
@@ -158,13 +170,19 @@ def test_captures_without_the_channel_give_nothing(shared: Path, name: str) -> N
         "icsnpp_iocm_mixed1.pcap",
         "plc4x_working.pcapng",
         "plc4x_implicit.pcapng",
-        "real-stacks/o2_pyprofinet_le.pcapng",
-        "real-stacks/o3_two_controllers.pcapng",
     ],
 )
-def test_counts_agree_with_tshark(shared: Path, tshark: Any, name: str) -> None:
+def test_counts_of_foreign_captures_agree_with_tshark(shared: Path, tshark: Any, name: str) -> None:
+    counts_agree(shared / "captures" / name, tshark)
+
+
+@pytest.mark.parametrize("name", CAPTURES[1:])
+def test_counts_agree_with_tshark(captures: Path, tshark: Any, name: str) -> None:
+    counts_agree(captures / "real-stacks" / f"{name}.pcapng", tshark)
+
+
+def counts_agree(path: Path, tshark: Any) -> None:
     """tshark counts fragments and copies one by one: both are folded before the comparison."""
-    path = shared / "captures" / name
     fields = ["dcerpc.pkt_type", "dcerpc.dg_frag_num", "dcerpc.dg_act_id", "dcerpc.dg_seqnum",
               "ip.src", "ip.id", "pn_io.index", "dcerpc.opnum", "dcerpc.dg_if_id",
               "frame.time_epoch"]  # fmt: skip
