@@ -1,0 +1,140 @@
+-- ds47 in Wireshark: the parameter channel of PROFIdrive over PROFINET (record index 47, 0xB02E, 0xB02F).
+--
+-- This file is the plugin: Wireshark loads it, and it registers everything. It is the only file that does
+-- something when it is loaded. What is analysed and decoded is in ../lua/ds47 (no Wireshark in there), what
+-- is shown in ds47_ws. From a checkout: wireshark -X lua_script:dissector/ds47.lua
+
+local arguments = { ... } -- of -X lua_script1:ARGUMENT
+local GUARD = "ds47_ws.loaded"
+
+local source = debug.getinfo(1, "S").source:gsub("^@", "")
+if package.loaded[GUARD] then
+  -- Another copy is loaded already: the first one works, and "Check installation" shows the others. An
+  -- installed copy gets no arguments; those of a second one loaded with -X lua_script are meant for it.
+  require("ds47_ws.stats").register(require("ds47_ws.track"), arguments)
+  return
+end
+package.loaded[GUARD] = { path = source }
+
+-- The modules stand beside this file (an installed copy), or in ../lua (a checkout).
+local folder = source:match("^(.*)[/\\]") or "."
+package.path = table.concat({
+  folder .. "/?.lua", folder .. "/../lua/?.lua", package.path,
+}, ";")
+
+local ds47_fields = require("ds47_ws.fields")
+local info = require("ds47_ws.info")
+local preferences = require("ds47_ws.preferences")
+local tables = require("ds47.tables")
+local track = require("ds47_ws.track")
+local tree_of = require("ds47_ws.tree")
+
+set_plugin_info({
+  version = tables.version,
+  description = "DS47: the parameter channel of PROFIdrive over PROFINET",
+})
+
+local ds47 = Proto("ds47", "DS47 (PROFIdrive parameter channel)")
+preferences.define(ds47)
+local fields, experts = ds47_fields.define(ds47)
+tree_of.configure(ds47, fields, experts)
+track.configure(function()
+  return preferences.options(ds47)
+end)
+
+-- A frame of cyclic data costs one of these: it has no IP.
+local ip_field = Field.new("ip")
+local time_field = Field.new("frame.time_epoch")
+local index_field = Field.new("pn_io.index")
+
+local this_dissector -- to ask whether anybody wants fields of ours
+
+local seconds, nanoseconds = 0, 0 -- a frame without a time has that of the frame before it
+
+local function clock()
+  local found = time_field()
+  if found then
+    local time = found.value
+    seconds, nanoseconds = math.floor(time.secs), math.floor(time.nsecs)
+  end
+  return seconds, nanoseconds
+end
+
+local RECORD_HEADER, INDEX_IN_HEADER = 64, 34 -- bytes of a record block (docs/protocol.md E.4)
+
+-- A record in what the built-in put together from fragments: behind the header in which the index stands.
+local function find_reassembled(data)
+  for _, found in ipairs({ index_field() }) do
+    local at, tvb = found.offset - INDEX_IN_HEADER + RECORD_HEADER, found.source
+    if at >= 0 and tvb:len() >= at + #data and tvb:raw(at, #data) == data then
+      return tvb:range(at, #data)
+    end
+  end
+  return nil
+end
+
+-- A function that finds records in this frame, one behind the other.
+local function finder(tvb, frame, offset)
+  local from = offset
+  return function(data)
+    local at = track.find_record(frame, data, from)
+    if at then
+      from = at + #data
+      return tvb:range(at, #data)
+    end
+    return data ~= "" and find_reassembled(data) or nil
+  end
+end
+
+-- Adds to the tree and sets the columns. `whole`: somebody wants our fields.
+local function show(views, findings, tvb, pinfo, tree, offset, whole)
+  if #views > 0 then
+    local columns = pinfo.cols
+    columns.protocol = "DS47"
+    columns.info = info.text(views)
+  end
+  if whole and #views + #findings > 0 then
+    tree_of.add(tree, views, findings, finder(tvb, tvb:raw(), offset), track.base_seconds())
+  elseif #findings > 0 then
+    tree_of.add_experts(tree, findings)
+  end
+end
+
+function ds47.dissector(tvb, pinfo, tree)
+  local ip = ip_field()
+  if ip == nil then
+    return
+  end
+  local number, offset = pinfo.number, ip.offset
+  if not track.is_new(number, pinfo.visited) then
+    local views, findings = track.complete_views(number)
+    if views then
+      show(views, findings, tvb, pinfo, tree, offset, tree:referenced(this_dissector))
+    end
+  elseif track.feed(number, tvb:raw(), offset, clock) then
+    local whole = tree:referenced(this_dissector) -- a tree that is visible counts as well
+    local views, findings = track.live_views(whole)
+    show(views, findings, tvb, pinfo, tree, offset, whole)
+  end
+end
+
+function ds47.init()
+  this_dissector = this_dissector or Dissector.get("ds47")
+  track.reset()
+end
+
+function ds47.prefs_changed()
+  track.reset()
+end
+
+register_postdissector(ds47)
+
+-- Names of stations. The filter is Wireshark's: other frames do not come here.
+local stations = Listener.new("frame", "pn_dcp || lldp")
+
+function stations.packet(pinfo, tvb)
+  track.station(pinfo.number, tvb:raw())
+end
+
+require("ds47_ws.stats").register(track, arguments)
+require("ds47_ws.menu").register(track, { version = tables.version, path = source })

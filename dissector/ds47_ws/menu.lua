@@ -1,0 +1,229 @@
+--- Tools > DS47: statistics, save a report, check the installation, about.
+-- The texts come from ds47.statistics, ds47.report_text and ds47.report_csv (through ds47_ws.stats). Does
+-- nothing when loaded, only when called.
+
+local stats = require("ds47_ws.stats")
+
+local M = {}
+
+local OLDEST = { 3, 4 } -- the oldest Wireshark that the plugin is tested with
+local NAME = "^ds47.*%.lua$" -- a plugin file: ds47.lua or the single file ds47-VERSION.lua
+
+local function show(title, text)
+  local window = TextWindow.new(title)
+  window:set(text)
+  return window
+end
+
+--- How many frames the open file has: the highest number that a Listener sees when all are gone through.
+local function count_frames(track)
+  if track.frames then
+    return type(track.frames) == "function" and track.frames() or track.frames
+  end
+  local frames = 0
+  local listener = Listener.new("frame")
+  function listener.packet(pinfo)
+    frames = math.max(frames, pinfo.number)
+  end
+  retap_packets()
+  listener:remove()
+  return frames
+end
+
+local function show_statistics(track)
+  local options = stats.options(track)
+  local window
+  local function fill()
+    window:set(stats.text("statistics", track, options))
+  end
+  window = TextWindow.new("DS47 statistics")
+  fill()
+  window:add_button("Refresh", fill)
+end
+
+-- Saving
+
+local function home()
+  return os.getenv("HOME") or os.getenv("USERPROFILE") or "."
+end
+
+--- Writes the report as NAME.txt and NAME.csv, and says in a window what became of it.
+-- @param capture what the report calls the capture: Wireshark does not tell a script its name
+local function save(track, name, capture)
+  name = name:gsub("^%s+", ""):gsub("%s+$", ""):gsub("^~", home):gsub("%.txt$", ""):gsub("%.csv$", "")
+  if name == "" then
+    show("DS47 report", "Nothing was saved: no file name was given.\n")
+    return
+  end
+  local options, lines = stats.options(track, count_frames(track)), {}
+  if capture and capture ~= "" then
+    options.path = capture
+  end
+  for _, each in ipairs({ { "report", ".txt" }, { "csv", ".csv" } }) do
+    local path = name .. each[2]
+    local saved, problem = stats.save(path, stats.text(each[1], track, options))
+    lines[#lines + 1] = saved and "Saved: " .. path or "Not saved: " .. problem
+  end
+  show("DS47 report", table.concat(lines, "\n") .. "\n")
+end
+
+local function ask_and_save(track)
+  local where, what = "Save as (.txt and .csv are added)", "Name of the capture in the report"
+  local function chosen(name, capture)
+    save(track, name, capture)
+  end
+  -- Wireshark before 3.6 knows only labels, and no suggestion for a field.
+  local suggested = { name = where, value = home() .. "/ds47-report" }
+  if not pcall(new_dialog, "DS47: save report", chosen, suggested, what) then
+    new_dialog("DS47: save report", chosen, where, what)
+  end
+end
+
+-- Checking the installation
+
+local function version_numbers(text)
+  local major, minor = text:match("^(%d+)%.(%d+)")
+  return tonumber(major) or 0, tonumber(minor) or 0
+end
+
+local function about_version(add)
+  local version = get_version()
+  local major, minor = version_numbers(version)
+  local old = major < OLDEST[1] or major == OLDEST[1] and minor < OLDEST[2]
+  local note = old and string.format("  TOO OLD: %d.%d or later is needed", OLDEST[1], OLDEST[2]) or ""
+  add("Wireshark           " .. version .. note)
+  add("Lua                 " .. _VERSION:gsub("^Lua ", ""))
+end
+
+local function same_file(one, other)
+  local function plain(path)
+    return (path:gsub("\\", "/"):gsub("/+", "/"):lower())
+  end
+  return plain(one) == plain(other)
+end
+
+--- Adds the plugin files of a folder and of its folders, `depth` levels down.
+local function find_plugins(folder, found, depth)
+  if not folder or folder == "" or not Dir.exists(folder) then
+    return
+  end
+  for entry in Dir.open(folder) do
+    local path = folder:gsub("[/\\]+$", "") .. "/" .. entry
+    if entry:match(NAME) then
+      found[#found + 1] = path
+    elseif depth > 0 and Dir.exists(path) and entry ~= "ds47_ws" then
+      find_plugins(path, found, depth - 1)
+    end
+  end
+end
+
+local function about_copies(add, info)
+  local personal, global = Dir.personal_plugins_path(), Dir.global_plugins_path()
+  add("Personal plugins    " .. personal)
+  add("Global plugins      " .. global)
+  local found, others = {}, 0
+  find_plugins(personal, found, 2)
+  find_plugins(global, found, 2)
+  for _, path in ipairs(found) do
+    if not (info.path and same_file(path, info.path)) then
+      others = others + 1
+      add("ANOTHER COPY        " .. path)
+    end
+  end
+  if others > 0 then
+    add("                    Only the first one that is loaded works: remove the others.")
+  else
+    add("Other copies        none")
+  end
+end
+
+-- Wireshark 4.4 and later do not say whether they run as the superuser: the home folder tells.
+local function is_superuser()
+  return running_superuser or os.getenv("HOME") == "/root"
+end
+
+local function about_superuser(add)
+  if not is_superuser() then
+    add("Superuser           no")
+    return
+  end
+  add("Superuser           YES: run Wireshark as an ordinary user.")
+  add("                    From 4.4 on it silently loads no personal plugin as root.")
+end
+
+local function about_capture(add, track)
+  local result = track.result()
+  local rpc = result.rpc or {}
+  add(string.format("Open capture        %d RPC requests, %d responses, %d transactions", rpc.requests or 0,
+    rpc.responses or 0, #result.transactions))
+  if #result.transactions == 0 then
+    add("                    None? DCERPC and PNIO must be enabled under Analyze >")
+    add("                    Enabled Protocols; further record indices can be named")
+    add("                    under Edit > Preferences > Protocols > DS47.")
+  end
+end
+
+--- What can be seen of the installation from inside, as text.
+-- @param track the analysis of the open file
+-- @param info {version, path}: of the plugin, and the file it was loaded from
+function M.check(track, info)
+  local lines = {}
+  local function add(line)
+    lines[#lines + 1] = line
+  end
+  add("DS47 plugin         " .. (info.version or "?"))
+  add("Loaded from         " .. (info.path or "?"))
+  about_version(add)
+  about_copies(add, info)
+  about_superuser(add)
+  about_capture(add, track)
+  add("")
+  add("From outside `ds47 plugin doctor` sees more.")
+  add("")
+  return table.concat(lines, "\n")
+end
+
+local ABOUT = [[
+
+Decodes the parameter channel of PROFIdrive over PROFINET (record
+index 47 = DS47, 0xB02E, 0xB02F), names every value, measures every
+transaction, and says what was wrong with the conversation.
+
+Filters     ds47
+            ds47.pnu == 50303
+            ds47.state == "refused"
+            ds47.error.code
+            ds47.finding
+Profile     DS47: columns, colours, filter buttons
+            (at the right end of the status bar)
+tshark      -q -X lua_script:ds47.lua -X lua_script1:statistics
+
+MIT licence
+]]
+
+--- Adds the menu; without a window nothing happens.
+-- @param track the analysis of the open file: track.result(), track.name()
+-- @param info nil or {version, path}
+function M.register(track, info)
+  if not gui_enabled() then
+    return
+  end
+  info = info or {}
+  local function entry(name, action)
+    register_menu("DS47/" .. name, action, MENU_TOOLS_UNSORTED)
+  end
+  entry("Statistics", function()
+    show_statistics(track)
+  end)
+  entry("Save report", function()
+    ask_and_save(track)
+  end)
+  entry("Check installation", function()
+    show("DS47: check installation", M.check(track, info))
+  end)
+  entry("About", function()
+    show("About DS47", "DS47 " .. (info.version or "") .. "\n" .. ABOUT)
+  end)
+end
+
+return M

@@ -1,0 +1,77 @@
+-- The preferences of the plugin: what a user may choose, and how it becomes the options of an analysis.
+--
+-- Registers nothing by itself: `define` is given the protocol by the entry file.
+
+local tables = require("ds47.tables")
+
+local M = {}
+
+local AUTO, ALWAYS, NEVER = 0, 1, 2
+local ENGLISH, CHINESE = 0, 1
+local INDEX_47 = 47
+
+--- Gives the protocol its preferences. Names as in `-o ds47.index_47:never`.
+function M.define(proto)
+  local prefs = proto.prefs
+  prefs.indices = Pref.range("Further record indices", "",
+    "Record indices that carry the parameter channel besides 47, 0xB02E and 0xB02F, "
+    .. "for example 0xB030,100-103", 65535)
+  prefs.index_47 = Pref.enum("Record index 47", AUTO,
+    "auto: 47 is decoded once a message of the connection has the shape of a DS47 message; "
+    .. "always: whatever it holds; never: not at all",
+    { { 1, "auto", AUTO }, { 2, "always", ALWAYS }, { 3, "never", NEVER } }, true)
+  prefs.legacy_g120_formats = Pref.bool("Formats of older G120 manuals", false,
+    "Format 0x10 is OctetString and 0x13 TimeDifference")
+  prefs.profile_v3_types = Pref.bool("Data types of profile V3", false,
+    "Formats 0x21 to 0x2C are N2, N4, V2 and so on")
+  prefs.language = Pref.enum("Language of the texts", ENGLISH,
+    "Texts of error numbers and findings",
+    { { 1, "en", ENGLISH }, { 2, "zh", CHINESE } }, true)
+  prefs.slow_ms = Pref.uint("Slow from (ms)", math.floor(tables.limits.slow_ns / 1000000),
+    "From which share of the drive in a transaction it is slow (DS416), in milliseconds")
+  prefs.ignore = Pref.string("Rules to leave out", "",
+    "Rule ids or their beginnings, for example: DS204 DS3")
+end
+
+-- A range of Wireshark ("47,100-103", also with 0x) as a set of numbers.
+local function indices(text)
+  local set = {}
+  for first, last in string.gmatch(text or "", "([%dxXa-fA-F]+)%-?([%dxXa-fA-F]*)") do
+    local from = tonumber(first)
+    local to = last == "" and from or tonumber(last)
+    for index = from or 1, math.min(to or 0, 65535) do
+      set[index] = true
+    end
+  end
+  return set
+end
+
+local function rules(text)
+  local list = {}
+  for rule in string.gmatch(text or "", "[%w]+") do
+    list[#list + 1] = string.upper(rule)
+  end
+  return list
+end
+
+--- The preferences as they are now, as the options of `ds47.analysis`.
+function M.options(proto)
+  local prefs = proto.prefs
+  local set = indices(prefs.indices)
+  if prefs.index_47 == ALWAYS then
+    set[INDEX_47] = true
+  end
+  return {
+    indices = set,
+    forbid_47 = prefs.index_47 == NEVER,
+    lang = prefs.language == CHINESE and "zh" or "en",
+    slow_ms = prefs.slow_ms,
+    ignore = rules(prefs.ignore),
+    codec = {
+      legacy_g120_formats = prefs.legacy_g120_formats,
+      profile_v3_types = prefs.profile_v3_types,
+    },
+  }
+end
+
+return M

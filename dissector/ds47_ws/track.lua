@@ -1,0 +1,399 @@
+-- From frames to what they show: feeds the analysis of the open file, and tells what a frame has to show.
+--
+-- A frame is fed once, in the order of the file. A frame that comes again (a second pass, a click) changes
+-- nothing: it is drawn from the complete result. Whether a frame is new is told by its number alone, because
+-- in the first of two passes Wireshark may give no fields, and then the second one is the first for us.
+-- Not here: fields and trees (tree.lua), and the analysis itself (ds47.analysis).
+
+local analysis = require("ds47.analysis")
+local parameter = require("ds47.parameter")
+local transactions = require("ds47.transactions")
+
+local byte, find, format, sub = string.byte, string.find, string.format, string.sub
+
+local M = {}
+
+local UDP = 17
+local RPC_HEADER = 80
+-- The end of the interface UUIDs of PROFINET (docs/protocol.md E.2), bytes 32 to 39 of the RPC header.
+local UUID_TAIL = "\x82\x71\x00\xa0\x24\x42\xdf\x7d"
+local MOST_WAITING = 4096 -- frames that name stations and are not given to the analysis yet
+local MOST_TEXTS = 4096
+local NONE = {}
+
+local options -- a function that gives the options of a new analysis
+local current -- the analysis of the open file; nil before its first packet
+local last -- number of the newest frame that was fed
+local complete -- {views by frame, findings by frame} of the complete result; nil after a packet
+local stations -- what names stations and waits
+local newest_station -- number of the newest frame of those
+local told -- MAC address and kind -> what was told last
+
+-- Texts of addresses, by their bytes: a capture has few of them.
+local ip_texts, mac_texts, text_count = {}, {}, 0
+
+local function remember(texts, raw, text)
+  if text_count >= MOST_TEXTS then
+    ip_texts, mac_texts, text_count = {}, {}, 0
+  else
+    texts[raw], text_count = text, text_count + 1
+  end
+  return text
+end
+
+local function ip_text(raw)
+  return ip_texts[raw] or remember(ip_texts, raw, format("%d.%d.%d.%d", byte(raw, 1, 4)))
+end
+
+local function mac_text(raw)
+  return mac_texts[raw]
+    or remember(mac_texts, raw, format("%02x:%02x:%02x:%02x:%02x:%02x", byte(raw, 1, 6)))
+end
+
+--- Tells where the options of an analysis come from: a function that is asked for each new file.
+function M.configure(get_options)
+  options = get_options
+end
+
+--- Forgets everything: another file, other preferences.
+function M.reset()
+  current, last, complete = nil, 0, nil
+  stations, newest_station, told = {}, 0, {}
+end
+
+M.reset()
+
+local function the_analysis()
+  if current == nil then
+    current = analysis.new(options and options())
+    M.lang = current.lang
+  end
+  return current
+end
+
+-- Where the network layer begins, and the MAC addresses
+
+-- MAC addresses of a frame whose network layer begins at `offset`: Ethernet, or a cooked header, which knows
+-- the source only. VLAN tags have 4 bytes, so what is left of the offset tells the link type.
+local function mac_addresses(frame, offset)
+  if offset % 4 == 2 and offset >= 14 then
+    return mac_text(sub(frame, 7, 12)), mac_text(sub(frame, 1, 6))
+  elseif offset >= 20 and byte(frame, 1) ~= 0 then
+    return byte(frame, 12) == 6 and mac_text(sub(frame, 13, 18)) or nil
+  elseif offset >= 16 and sub(frame, 5, 6) == "\0\6" then
+    return mac_text(sub(frame, 7, 12))
+  end
+  return nil
+end
+
+-- Places of the EtherType, and where what it tells begins: Ethernet, Linux cooked, Linux cooked 2.
+local LINK_HEADERS = { { 12, 14 }, { 14, 16 }, { 0, 20 } }
+local STATIONS = { [0x8892] = "dcp", [0x88CC] = "lldp" }
+
+local function u16(data, offset)
+  local high, low = byte(data, offset + 1, offset + 2)
+  return low and high * 256 + low
+end
+
+local function station_payload(frame)
+  for _, header in ipairs(LINK_HEADERS) do
+    local kind, at = u16(frame, header[1]), header[2]
+    while kind == 0x8100 or kind == 0x88A8 or kind == 0x9100 or kind == 0x9200 do
+      kind, at = u16(frame, at + 2), at + 4
+    end
+    if STATIONS[kind] then
+      return STATIONS[kind], at
+    end
+  end
+  return nil
+end
+
+-- Stations wait, because what tells the analysis something new makes it forget its complete result, and in
+-- two passes they come while frames are drawn from it.
+local function hand_over_stations()
+  local live = the_analysis()
+  for _, station in ipairs(stations) do
+    live:station(station[1], station[2], station[3], station[4])
+  end
+  stations = {}
+end
+
+--- Takes a frame that names a station (DCP, LLDP): its number and its bytes.
+function M.station(number, frame)
+  if number <= newest_station then
+    return
+  end
+  newest_station = number
+  local kind, at = station_payload(frame)
+  if kind == nil then
+    return
+  end
+  local payload = sub(frame, at + 1)
+  local source, destination = mac_addresses(frame, at)
+  local key = (source or "") .. (destination or "") .. kind
+  local content = kind == "dcp" and sub(payload, 1, 4) .. sub(payload, 9) or payload -- not the transaction id
+  if told[key] == content then
+    return
+  end
+  told[key] = content
+  stations[#stations + 1] = { kind, payload, source, destination }
+  if #stations >= MOST_WAITING then
+    hand_over_stations()
+  end
+end
+
+-- Feeding
+
+-- A whole UDP datagram at `at` (0-based, behind the IP header); nil when it is no PROFINET RPC.
+local function udp_packet(frame, at, stop)
+  local payload = at + 8
+  if stop - payload < RPC_HEADER or byte(frame, payload + 1) ~= 4
+    or sub(frame, payload + 33, payload + 40) ~= UUID_TAIL then
+    return nil
+  end
+  local high, low = byte(frame, at + 5, at + 6)
+  local length = high * 256 + low
+  if length >= 8 and at + length < stop then
+    stop = at + length
+  end
+  return { payload = sub(frame, payload + 1, stop) }
+end
+
+local function fragment(frame, at, stop, wanted, flags)
+  return {
+    offset = flags % 0x2000 * 8,
+    more = flags % 0x4000 >= 0x2000,
+    data = sub(frame, at + 1, stop),
+    missing = wanted > stop and wanted - stop or 0,
+  }
+end
+
+-- What a frame brings: a packet, or a fragment as second; nothing when it is none of our business.
+local function dissect(frame, offset)
+  local first, _, t1, t2, i1, i2, f1, f2, _, protocol = byte(frame, offset + 1, offset + 10)
+  if protocol ~= UDP or first < 0x45 or first > 0x4F then
+    return nil
+  end
+  local present, total = #frame, t1 * 256 + t2
+  local at = offset + first % 16 * 4
+  local wanted = total > 0 and offset + total or present
+  local stop = wanted < present and wanted or present
+  if at > stop or stop < offset + 20 then
+    return nil
+  end
+  local flags, packet, part = f1 * 256 + f2, nil, nil
+  if flags % 0x4000 == 0 then
+    packet = udp_packet(frame, at, stop)
+  else
+    part = fragment(frame, at, stop, wanted, flags)
+  end
+  local made = packet or part
+  if made then
+    made.src_ip = ip_text(sub(frame, offset + 13, offset + 16))
+    made.dst_ip = ip_text(sub(frame, offset + 17, offset + 20))
+    made.ip_id = i1 * 256 + i2
+    made.src_mac = mac_addresses(frame, offset)
+  end
+  return packet, part
+end
+
+--- Whether a frame is to be fed: it is new. In the first of two passes a frame that a read filter drops
+-- leaves its number to the next one.
+function M.is_new(number, visited)
+  return number > last or (number == last and not visited)
+end
+
+--- Feeds a frame. True when it carried PROFINET RPC, or a fragment that might.
+-- @param number, frame  its number and its bytes
+-- @param offset where its IP header begins
+-- @param clock a function that gives its time: seconds since 1970 and nanoseconds
+function M.feed(number, frame, offset, clock)
+  local packet, part = dissect(frame, offset)
+  local made = packet or part
+  if made == nil then
+    return false
+  end
+  local live = the_analysis()
+  complete, last = nil, number
+  made.frame = number
+  made.time_ns = live:time_ns(clock())
+  if packet then
+    live:packet(packet)
+  else
+    live:fragment(part)
+  end
+  return true
+end
+
+-- What a frame shows
+
+-- What a Write request alone says of its parameters; its transaction may know their values already.
+local function asked_parameters(item, message)
+  local job = { message = message, peer = { vendor_id = item.vendor_id } }
+  return transactions.parameters(job, current.lang)
+end
+
+-- Roles whose frames carry a message of which parameters are shown.
+local MESSAGES = { write_request = true, read_response = true, reread = true }
+
+-- What a sentence needs of a transaction; making all of it for every frame takes longer.
+local function summary(job)
+  local message, response = job.message, job.response
+  local head = message or response or NONE
+  return {
+    operation = transactions.operation(job),
+    request_reference = head.request_reference,
+    axis = head.axis,
+    write_status = job.write_response and job.write_response.status,
+    read_status = job.read_response and job.read_response.status,
+  }
+end
+
+local function live_view(job, role, whole)
+  local lang = current.lang
+  local item = whole and transactions.build(job, lang) or summary(job)
+  local parameters = item.parameters
+  if parameters == nil then
+    parameters = MESSAGES[role] and transactions.parameters(job, lang) or NONE
+  end
+  return {
+    role = role, item = item, message = job.message, response = job.response, parameters = parameters,
+    complete = false,
+  }
+end
+
+-- Findings of an open job that are certain already, as far as they stand on the newest frame.
+local function certain(findings, job)
+  for _, finding in ipairs(current:peek(job)) do
+    if finding.frame == last then
+      findings[#findings + 1] = finding
+    end
+  end
+end
+
+--- What earlier frames and the frame that was fed last prove: views, findings.
+-- @param whole whether the tree is wanted, and not only the sentences
+function M.live_views(whole)
+  local touched = current:touched()
+  if #touched == 0 then
+    return NONE, current:findings_at(last)
+  end
+  local views, findings = {}, {}
+  for _, each in ipairs(touched) do
+    local job, role = each.job, each.role
+    if role ~= "empty_read" then -- of which nothing but its finding is shown
+      views[#views + 1] = live_view(job, role, whole)
+    end
+    if role ~= "read_request" and role ~= "poll" and not job.response then
+      certain(findings, job)
+    end
+  end
+  for _, finding in ipairs(current:findings_at(last)) do
+    findings[#findings + 1] = finding
+  end
+  return views, findings
+end
+
+local function put(places, frame, item, role)
+  if frame == nil then
+    return
+  end
+  local place = places[frame]
+  if place == nil then
+    places[frame] = { item, role }
+  else
+    place[#place + 1] = item
+    place[#place + 1] = role
+  end
+end
+
+-- The complete result by frames: places[frame] = {transaction, role, transaction, role, ...}.
+local function by_frames(result)
+  local places, findings = {}, {}
+  for _, item in ipairs(result.transactions) do
+    local frames = item.frames
+    put(places, frames.write_request, item, "write_request")
+    put(places, frames.write_response, item, "write_response")
+    put(places, frames.read_request, item, "read_request")
+    put(places, frames.read_response, item, "read_response")
+    for _, poll in ipairs(frames.polls) do
+      put(places, poll.request, item, "read_request")
+      put(places, poll.response, item, "poll")
+    end
+    for _, reread in ipairs(frames.rereads) do
+      put(places, reread.request, item, "read_request")
+      put(places, reread.response, item, "reread")
+    end
+  end
+  for _, finding in ipairs(result.findings) do
+    local there = findings[finding.frame]
+    if there == nil then
+      there = {}
+      findings[finding.frame] = there
+    end
+    there[#there + 1] = finding
+  end
+  return { places = places, findings = findings }
+end
+
+local function complete_view(item, role)
+  local view = { role = role, item = item, complete = true, parameters = item.parameters }
+  local codec = current.codec
+  if item.request then
+    view.message = parameter.decode_request(item.request, codec)
+  end
+  if role == "write_request" then
+    if item.frames.read_response then
+      view.parameters = asked_parameters(item, view.message)
+    end
+  elseif item.response then
+    view.response = parameter.decode_response(item.response, view.message, codec)
+  end
+  return view
+end
+
+--- What the complete result says of a frame: views, findings. Nil when it says nothing.
+function M.complete_views(number)
+  if current == nil then
+    return nil
+  end
+  if complete == nil then
+    complete = by_frames(current:ended())
+  end
+  local place, findings = complete.places[number], complete.findings[number]
+  if place == nil and findings == nil then
+    return nil
+  end
+  local views = {}
+  for at = 1, place and #place or 0, 2 do
+    views[#views + 1] = complete_view(place[at], place[at + 1])
+  end
+  return views, findings or NONE
+end
+
+-- The whole file
+
+--- The second since 1970 that the times of transactions are relative to.
+function M.base_seconds()
+  return current and current.base_seconds or 0
+end
+
+--- The complete result of the open file, as ds47.analysis gives it, with the stations that named themselves.
+function M.result()
+  hand_over_stations()
+  local live = the_analysis()
+  local result = live:ended()
+  result.base_seconds = live.base_seconds
+  return result
+end
+
+--- Where the bytes of a record stand in a frame: the offset, nil where they are not in it as a whole.
+function M.find_record(frame, data, from)
+  if data == nil or data == "" then
+    return nil
+  end
+  local at = find(frame, data, from + 1, true)
+  return at and at - 1
+end
+
+return M

@@ -1,0 +1,413 @@
+-- The protocol tree of a frame: its views and findings as ds47.* fields.
+--
+-- What a view is stands in info.lua. The tree shows the message that is in the frame, the parameters with
+-- what is known of them, the links to the other frames, and the transaction. Once per transaction (in its
+-- Read response, or else in its Write request) stands everything that the JSON report says of it.
+
+local info = require("ds47_ws.info")
+local reader = require("ds47.reader")
+local tables = require("ds47.tables")
+local words = require("ds47.report_words")
+local csv = require("ds47.report_csv")
+
+local byte, find, format, gsub, sub = string.byte, string.find, string.format, string.gsub, string.sub
+local floor = math.floor
+
+local M = {}
+
+local fields, experts, protocol
+
+--- Tells the protocol, its fields and its expert infos, as fields.lua makes them.
+function M.configure(the_protocol, the_fields, the_experts)
+  protocol, fields, experts = the_protocol, the_fields, the_experts
+end
+
+-- Small things
+
+-- Adds a field; nothing where there is no value. `range` may be nil.
+local function add(parent, key, value, range)
+  if value == nil then
+    return nil
+  elseif range then
+    return parent:add(fields[key], range, value)
+  end
+  return parent:add(fields[key], value)
+end
+
+-- Adds a field whose value stands nowhere in the frame.
+local function derive(parent, key, value)
+  local item = add(parent, key, value)
+  if item then
+    item:set_generated()
+  end
+  return item
+end
+
+-- Part of a record: `offset` counts in the record. Nil where the record is not in the frame.
+local function part(record, offset, size)
+  if record == nil or size == 0 or offset + size > record:len() then
+    return nil
+  end
+  return record:range(offset, size)
+end
+
+-- Values with the type of their format
+
+local function low_and_high(bytes)
+  local a, b, c, d, e, f, g, h = byte(bytes, 1, 8)
+  return ((e * 256 + f) * 256 + g) * 256 + h, ((a * 256 + b) * 256 + c) * 256 + d
+end
+
+local FLOAT_WORDS = { NaN = 0 / 0, Infinity = 1 / 0, ["-Infinity"] = -1 / 0 }
+local SIGNED = { b = true, h = true, i = true, q = true }
+
+local typed = {} -- kind of a format -> what adds the typed value: (parent, row, value, bytes, range)
+
+function typed.number(parent, row, value, bytes, range)
+  local signed = SIGNED[row.pack]
+  local class = signed and Int64 or UInt64
+  local number
+  if #bytes == 8 then
+    number = class.new(low_and_high(bytes))
+  else
+    number = class.new(value)
+  end
+  add(parent, signed and "value.signed" or "value.unsigned", number, range)
+end
+
+function typed.float(parent, row, value, _, range)
+  local key = row.pack == "f" and "value.float" or "value.double"
+  add(parent, key, FLOAT_WORDS[value] or value, range)
+end
+
+function typed.text(parent, _, value, _, range)
+  add(parent, "value.string", words.escape(value), range)
+end
+
+function typed.octets(parent, _, _, bytes, range)
+  if range and #bytes > 0 then
+    parent:add(fields["value.bytes"], range)
+  end
+end
+
+typed.with_status = typed.octets
+
+local TIMES = { date = true, time_of_day = true }
+
+-- The physical value, which is text for dates and times of day and a number for all others.
+local function physical(parent, row, item, number)
+  local scaled = item.scaled and item.scaled[number]
+  if scaled == nil then
+    return
+  end
+  derive(parent, "scaled", words.value(scaled, item.format, true))
+  if TIMES[row and row.kind] then
+    derive(parent, "value.time", tostring(scaled))
+  else
+    derive(parent, "value.double", FLOAT_WORDS[scaled] or tonumber(scaled))
+  end
+end
+
+-- One character of two UTF-8 bytes as the Latin-1 byte that the drive sent.
+local function latin1_byte(character)
+  local first, second = byte(character, 1, 2)
+  return string.char((first - 194) * 64 + second)
+end
+
+-- Text that is not shown as it is has its bytes as digits as well, so that nothing of it is lost.
+local function text_bytes(parent, item, value)
+  if type(value) ~= "string" or not words.is_text(item.format) then
+    return
+  elseif find(value, "[^ -~]") or find(value, '[\\"]') then
+    derive(parent, "value.hex", reader.hex((gsub(value, "[\194\195][\128-\191]", latin1_byte))))
+  end
+end
+
+-- One value of a parameter. `block` and `record` say where it stands; nil where it is not in this frame.
+local function add_value(parent, item, number, block, record)
+  local value = item.values[number]
+  local row, bytes, range
+  if block then
+    local size = #item.values > 1 and floor(#block.raw / #item.values) or #block.raw
+    row = tables.formats[block.meaning or block.format]
+    bytes = sub(block.raw, (number - 1) * size + 1, number * size)
+    range = part(record, block.offset + 2 + (number - 1) * size, size)
+  end
+  local shown = add(parent, "value", words.value(value, item.format), range)
+  if block == nil then
+    shown:set_generated()
+  elseif typed[row.kind] then
+    typed[row.kind](shown, row, value, bytes, range)
+  end
+  text_bytes(shown, item, value)
+  physical(shown, row, item, number)
+end
+
+-- Parameters
+
+local function add_address(parent, item, address, record)
+  local at = address and address.offset or 0
+  local known = address and record
+  local function place(offset, size)
+    return known and part(record, at + offset, size) or nil
+  end
+  local list = {
+    add(parent, "attribute", address and address.attribute, place(0, 1)),
+    add(parent, "element_count", item.element_count, place(1, 1)),
+    add(parent, "pnu", item.pnu, place(2, 2)),
+    add(parent, "subindex", item.subindex, place(4, 2)),
+  }
+  if not known then
+    for _, each in pairs(list) do
+      each:set_generated()
+    end
+  end
+  derive(parent, "name", item.name)
+  derive(parent, "unit", item.unit)
+end
+
+local function add_error(parent, item, block, record)
+  local failed = item.error
+  if failed == nil then
+    return
+  end
+  local at = block and block.offset + 2
+  add(parent, "error.code", failed.code, at and part(record, at + 1, 1))
+  add(parent, "error.text", failed.text, at and part(record, at + 1, 1))
+  add(parent, "error.info", failed.info, at and part(record, at + 2, 2))
+  if failed.code == nil and block and #block.raw > 0 then
+    local range = part(record, at, #block.raw)
+    if range then
+      parent:add(fields.raw, range)
+    end
+  end
+end
+
+-- Where parameter `number` of a view stands in the frame: its address, and the block with its value or error.
+-- `values` is false where the values come from another frame.
+local function places(view, number)
+  local message = view.message
+  local address
+  if view.parameters[number].pnu and message then
+    address = message.addresses[number]
+  end
+  local change = view.item.operation == "change"
+  if view.role == "write_request" then
+    return address, change and message.blocks[number] or nil, change
+  end
+  return address, view.response and view.response.blocks[number], not change
+end
+
+local function add_parameter(parent, view, number, record)
+  local item = view.parameters[number]
+  local address, block, here = places(view, number)
+  local asked = view.role == "write_request"
+  local range
+  if asked and address then
+    range = part(record, address.offset, 6)
+  elseif block then
+    range = part(record, block.offset, 2 + #block.raw)
+  end
+  local label = words.parameter(item, view.item.operation == "change")
+  local shown = add(parent, "parameter", label, range)
+  add_address(shown, item, address, asked and record or nil)
+  if item.format then
+    local at = here and block and block.offset
+    add(shown, "format", item.format, at and part(record, at, 1))
+    add(shown, "value_count", item.value_count, at and part(record, at + 1, 1))
+  end
+  for place = 1, #item.values do
+    add_value(shown, item, place, here and block or nil, record)
+  end
+  add_error(shown, item, not asked and block or nil, record)
+end
+
+-- The message in the frame
+
+local HEADERS = {
+  write_request = "request_id", read_response = "response_id", reread = "response_id",
+}
+
+local function add_message(parent, view, record)
+  local id = HEADERS[view.role]
+  if id == nil then
+    return
+  end
+  local message = view.role == "write_request" and view.message or view.response
+  if message then
+    add(parent, "request_reference", message.request_reference, part(record, 0, 1))
+    add(parent, id, message[id], part(record, 1, 1))
+    add(parent, "axis", message.axis, part(record, 2, 1))
+    add(parent, "parameter_count", message.parameter_count, part(record, 3, 1))
+  end
+  for number = 1, #view.parameters do
+    add_parameter(parent, view, number, record)
+  end
+  if message and #message.rest > 0 and record then
+    local range = part(record, record:len() - #message.rest, #message.rest)
+    if range then
+      parent:add(fields.raw, range)
+    end
+  end
+end
+
+-- The other frames, and the transaction
+
+local function duration(nanoseconds)
+  local seconds = floor(math.abs(nanoseconds) / 1e9)
+  local rest = math.abs(nanoseconds) - seconds * 1e9
+  local sign = nanoseconds < 0 and -1 or 1
+  return NSTime.new(sign * seconds, floor(sign * rest))
+end
+
+local function add_links(parent, view)
+  local frames = view.item.frames
+  if view.role ~= "write_request" then
+    derive(parent, "request_in", frames.write_request)
+  end
+  if view.role ~= "read_response" then
+    derive(parent, "response_in", frames.read_response)
+  end
+  if view.item.duration_ns then
+    derive(parent, "time", duration(view.item.duration_ns))
+  end
+end
+
+local function add_reads(parent, name, reads)
+  for _, read in ipairs(reads) do
+    derive(parent, "frames." .. name .. ".request", read.request)
+    derive(parent, "frames." .. name .. ".response", read.response)
+  end
+end
+
+-- Whether a view shows all of its transaction.
+local function is_main(view)
+  return view.role == "read_response" or (view.role == "write_request" and not view.item.frames.read_response)
+end
+
+-- Whether earlier frames prove the state: one pass does not know how an open transaction ends.
+local function state_is_certain(view)
+  local item = view.item
+  return view.complete or item.frames.read_response ~= nil
+    or (item.write_status ~= nil and item.write_status ~= 0)
+end
+
+local CHANNEL = { "controller", "device", "ar", "api", "slot", "subslot", "index" }
+local FRAMES = { "write_request", "write_response", "read_request", "read_response" }
+
+local function add_bytes(parent, view)
+  local item, main = view.item, is_main(view)
+  if item.request and (main or view.role == "write_request") then
+    derive(parent, "bytes.request", reader.hex(item.request))
+  end
+  if item.response and (main or view.role == "reread") then
+    derive(parent, "bytes.response", reader.hex(item.response))
+  end
+end
+
+local function add_transaction(parent, view, base_seconds)
+  local item = view.item
+  local frames = item.frames
+  local shown = derive(parent, "transaction", view.complete and item.id or item.order)
+  derive(shown, "operation", item.operation)
+  if state_is_certain(view) then
+    derive(shown, "state", item.state)
+  end
+  for _, key in ipairs(CHANNEL) do
+    derive(shown, key, item[key])
+  end
+  if not HEADERS[view.role] then
+    derive(shown, "request_reference", item.request_reference)
+    derive(shown, "axis", item.axis)
+  end
+  for _, key in ipairs(FRAMES) do
+    derive(shown, "frames." .. key, frames[key])
+  end
+  derive(shown, "polls", #frames.polls)
+  if is_main(view) then
+    add_reads(shown, "poll", frames.polls)
+    add_reads(shown, "reread", frames.rereads)
+  end
+  derive(shown, "start", csv.timestamp(base_seconds, item.start_ns))
+  if item.duration_ns then
+    derive(shown, "duration_ms", item.duration_ns / 1000000)
+  end
+  derive(shown, "status.write", item.write_status)
+  derive(shown, "status.read", item.read_status)
+  add_bytes(shown, view)
+end
+
+-- Findings
+
+local function finding_text(finding)
+  local text = words.escape(finding.message)
+  return finding.offset and format("offset %d: %s", finding.offset, text) or text
+end
+
+local function add_finding(parent, finding)
+  local shown = derive(parent, "finding", finding.rule)
+  local text = finding_text(finding)
+  shown:set_text(format("%s %s: %s", finding.rule, finding.severity, text))
+  shown:add_proto_expert_info(experts[finding.rule], text)
+  derive(shown, "finding.severity", finding.severity)
+  derive(shown, "finding.message", words.escape(finding.message))
+  derive(shown, "finding.offset", finding.offset)
+  derive(shown, "finding.transaction", finding.transaction or finding.order)
+end
+
+--- Findings as expert infos and nothing else: for a frame of which nobody wants fields.
+function M.add_experts(tree, findings)
+  for _, finding in ipairs(findings) do
+    tree:add_proto_expert_info(experts[finding.rule], finding_text(finding))
+  end
+end
+
+-- The frame
+
+local function of_view(finding, view)
+  if view.complete then
+    return finding.transaction == view.item.id
+  end
+  return finding.order == view.item.order
+end
+
+local function add_view(tree, view, findings, taken, record, base_seconds)
+  local label = "DS47 " .. info.sentence(view)
+  local root = record and tree:add(protocol, record, label) or tree:add(protocol, label)
+  add_message(root, view, record)
+  add_links(root, view)
+  add_transaction(root, view, base_seconds)
+  for number, finding in ipairs(findings) do
+    if not taken[number] and of_view(finding, view) then
+      taken[number] = true
+      add_finding(root, finding)
+    end
+  end
+end
+
+--- Adds all that a frame shows.
+-- @param tree the tree of the frame
+-- @param views, findings as track.lua gives them
+-- @param find_record a function that gives the TvbRange of a record in this frame, or nil
+-- @param base_seconds second since 1970 that the times are relative to
+function M.add(tree, views, findings, find_record, base_seconds)
+  local taken = {}
+  for _, view in ipairs(views) do
+    local data
+    if view.role == "write_request" then
+      data = view.item.request
+    elseif HEADERS[view.role] then
+      data = view.item.response
+    end
+    add_view(tree, view, findings, taken, data and find_record(data), base_seconds)
+  end
+  local rest
+  for number, finding in ipairs(findings) do
+    if not taken[number] then
+      rest = rest or tree:add(protocol, "DS47")
+      add_finding(rest, finding)
+    end
+  end
+end
+
+return M

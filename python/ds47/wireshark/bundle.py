@@ -1,0 +1,116 @@
+"""What the plugin consists of, and all of it as one Lua file.
+
+Lives here: finding the Lua files of this package or checkout, and joining them. One file, because
+Wireshark runs every *.lua below its plugins folder, sub-folders first and modules too: a module
+would run before the entry has said where its modules are. Not here: where the file goes (`install`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ds47 import __version__
+
+ENTRY = "ds47.lua"
+FILE_NAME = f"ds47-{__version__.replace('.', '_')}.lua"
+"""What the file is called where it is given to people. No dot before `.lua`: from version 4.4 on
+Wireshark loads a plugin as a module, and a dot in the name of a module means a folder."""
+
+HEADER = """\
+-- ds47 {version}: the PROFIdrive parameter channel (record index 47, 0xB02E, 0xB02F) in Wireshark.
+--
+-- The whole plugin in one file, for Wireshark 3.4 and later. Put it into the folder that Wireshark
+-- names under Help > About Wireshark > Folders > Personal Lua Plugins, delete older copies there,
+-- and start Wireshark again. Its name may be another, but without a dot before ".lua". Or for one
+-- run: tshark -X lua_script:FILE -r CAPTURE
+--
+-- Made from the folders dissector/ and lua/ of the ds47 repository: change those, not this.
+--
+{licence}
+"""
+
+# Where another copy runs already, its modules stay the ones that its later require() calls find.
+_OPEN = 'if not package.loaded["ds47.tables"] then\n'
+
+# Wireshark 4.4 and later load a plugin as a module: its arguments are its name and its path then.
+_START = """\
+
+local _, path = ...
+if path and "@" .. path == debug.getinfo(1, "S").source then
+  start()
+else
+  start(...) -- those of -X lua_script1:ARGUMENT
+end
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Sources:
+    """The files of the plugin."""
+
+    modules: Mapping[str, Path]
+    """Path as `require` knows it, with `/` and `.lua` (`ds47/reader.lua`) -> file; and the entry."""
+    profile: Mapping[str, Path]
+    """Name of a file of the Wireshark profile -> file."""
+    trial: Path
+    """A small capture with one transaction, to try the plugin on."""
+    licence: Path
+
+
+def plugin_sources() -> Sources:
+    """The files of the installed package, or of the checkout from which it runs.
+
+    Raises FileNotFoundError where neither has them.
+    """
+    here = Path(__file__).resolve()
+    packed, checkout = here.parent / "plugin", here.parents[3]
+    for root, trial in (
+        (packed, packed / "trial.pcapng"),
+        (checkout, checkout / "captures" / "record-global.pcapng"),
+    ):
+        dissector, pure = root / "dissector", root / "lua" / "ds47"
+        if (dissector / ENTRY).is_file() and pure.is_dir():
+            modules = {
+                ENTRY: dissector / ENTRY,
+                **_below(dissector / "ds47_ws", "ds47_ws/", "*.lua"),
+                **_below(pure, "ds47/", "*.lua"),
+            }
+            profile = _below(dissector / "profile", "", "*")
+            return Sources(modules, profile, trial, root / "LICENSE")
+    raise FileNotFoundError("this installation of ds47 does not hold the Wireshark plugin")
+
+
+def bundle(sources: Sources) -> str:
+    """The whole plugin as the text of one Lua file; equal sources give equal text."""
+    modules = sorted(name for name in sources.modules if name != ENTRY)
+    parts = [_header(sources), _OPEN]
+    parts += (part for name in modules for part in _module(name, sources.modules[name]))
+    parts += ["end\n", "\n-- The entry.\nlocal function start(...)\n"]
+    parts += [_text(sources.modules[ENTRY]), "end\n", _START]
+    return "".join(parts)
+
+
+def _header(sources: Sources) -> str:
+    lines = sources.licence.read_text("utf-8").splitlines()
+    licence = "\n".join(f"-- {line}".rstrip() for line in lines)
+    return HEADER.format(version=__version__, licence=licence)
+
+
+def _module(name: str, path: Path) -> Iterator[str]:
+    """A module as a function of its own: a Lua function may have 200 local variables."""
+    dotted = name.removesuffix(".lua").replace("/", ".")
+    yield f'\n-- {name}\npackage.preload["{dotted}"] = function(...)\n'
+    yield _text(path)
+    yield "end\n"
+
+
+def _text(path: Path) -> str:
+    text = path.read_text("utf-8")  # a checkout on Windows may have CRLF: read as LF
+    return text if text.endswith("\n") else text + "\n"
+
+
+def _below(folder: Path, prefix: str, pattern: str) -> dict[str, Path]:
+    paths = (path for path in sorted(folder.rglob(pattern)) if path.is_file())
+    return {prefix + path.relative_to(folder).as_posix(): path for path in paths}

@@ -1,0 +1,286 @@
+"""What the Wireshark plugin says, as the dictionaries of the JSON report.
+
+Reads the output of `tshark -2 -R frame -T pdml` and builds the transactions and findings of
+`ds47.report/1` from the `ds47.*` fields. Knows the layout of the plugin's tree and nothing of the
+wire: what is compared with the analyzer here was decoded by the plugin. Running tshark is not here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any, BinaryIO
+from xml.etree.ElementTree import Element, iterparse
+
+from ds47 import spec
+from ds47.profidrive.formats import codec
+from ds47.report import at_offset
+
+_PREFIX = "ds47."
+_EXACT = 2**53
+_FRAMES = ("write_request", "write_response", "read_request", "read_response")
+_TEXTS = ("operation", "state", "controller", "device", "ar")
+_NUMBERS = ("api", "slot", "subslot", "index")
+_FLOATS = ("NaN", "Infinity", "-Infinity")
+_SCALED_TEXT = ("date", "time_of_day")
+
+
+@dataclass(slots=True)
+class Fields:
+    """The transactions, by `id`, and the findings, in the order of the report, of one capture."""
+
+    transactions: list[dict[str, Any]] = field(default_factory=list)
+    findings: list[dict[str, Any]] = field(default_factory=list)
+
+
+def read(source: str | Path | BinaryIO) -> Fields:
+    """Reads PDML, packet by packet, so that memory grows with the transactions only.
+
+    Raises:
+        xml.etree.ElementTree.ParseError: the text is no XML, or ends early.
+    """
+    transactions: dict[int, dict[str, Any]] = {}
+    findings: list[dict[str, Any]] = []
+    for frame, tree in _trees(source):
+        for item in tree.iterfind("field"):
+            if _name(item) == "finding":
+                findings.append(_finding(frame, item))
+        for item in tree.iterfind("field"):
+            if _name(item) == "transaction":
+                number = int(_show(item))
+                _merge(transactions.setdefault(number, _nothing(number)), frame, tree, item)
+    findings.sort(key=_place)
+    ordered = [transactions[number] for number in sorted(transactions)]
+    for transaction in ordered:
+        about = {each["rule"] for each in findings if each["transaction"] == transaction["id"]}
+        transaction["findings"] = sorted(about)
+    return Fields(ordered, [_without_offset(each) for each in findings])
+
+
+def _trees(source: str | Path | BinaryIO) -> Iterator[tuple[int, Element]]:
+    """Frame number and `ds47` tree, for each of those trees."""
+    root: Element | None = None
+    frame = 0
+    for event, element in iterparse(source, events=("start", "end")):
+        if root is None:
+            root = element
+        if event == "start":
+            continue
+        if element.tag == "field" and element.get("name") == "frame.number":
+            frame = int(_show(element))
+        elif element.tag == "proto" and element.get("name") == "ds47":
+            yield frame, element
+        elif element.tag == "packet":
+            root.clear()
+
+
+def _name(item: Element) -> str:
+    return (item.get("name") or "").removeprefix(_PREFIX)
+
+
+def _show(item: Element) -> str:
+    return item.get("show") or ""
+
+
+def _children(item: Element) -> dict[str, str]:
+    """The first field of each name that stands directly below."""
+    found: dict[str, str] = {}
+    for child in item.iterfind("field"):
+        found.setdefault(_name(child), _show(child))
+    return found
+
+
+def _number(text: str | None) -> int | None:
+    return None if text is None else int(text, 0)
+
+
+def _word(text: str | None) -> str | None:
+    return None if text is None else f"{int(text, 0):08X}"
+
+
+# Transactions
+
+
+def _nothing(number: int) -> dict[str, Any]:
+    """A transaction of which no frame was read yet, with its keys in the order of the report."""
+    keys = (
+        "id", "operation", "state", "controller", "device", "ar", "api", "slot", "subslot", "index",
+        "request_reference", "axis", "frames", "start", "duration_ms", "bytes", "status",
+        "parameters", "findings",
+    )  # fmt: skip
+    transaction: dict[str, Any] = dict.fromkeys(keys)
+    transaction["id"] = number
+    transaction["frames"] = dict.fromkeys(_FRAMES) | {"polls": [], "rereads": []}
+    transaction["bytes"] = {"request": None, "response": None}
+    transaction["status"] = {"write": None, "read": None}
+    transaction["parameters"] = []
+    return transaction
+
+
+def _merge(transaction: dict[str, Any], frame: int, tree: Element, item: Element) -> None:
+    """Adds what one frame says; the frame with the whole transaction gives what only it has."""
+    seen = _children(item)
+    for key in _TEXTS:
+        transaction[key] = seen.get(key)
+    for key in _NUMBERS:
+        transaction[key] = _number(seen.get(key))
+    frames = transaction["frames"]
+    for key in _FRAMES:
+        frames[key] = _number(seen.get(f"frames.{key}"))
+    transaction["start"] = seen.get("start")
+    transaction["duration_ms"] = float(seen["duration_ms"]) if "duration_ms" in seen else None
+    transaction["status"] = {
+        "write": _word(seen.get("status.write")),
+        "read": _word(seen.get("status.read")),
+    }
+    first = frames["write_request"]
+    if frame == (first if first is not None else frames["read_response"]):
+        head = _children(tree)  # the message as it was sent; that of an orphan as it was answered
+        transaction["request_reference"] = _number(head.get("request_reference"))
+        transaction["axis"] = _number(head.get("axis"))
+    if frame == (frames["read_response"] or first):
+        _merge_all(transaction, tree, item, seen)
+
+
+def _merge_all(
+    transaction: dict[str, Any], tree: Element, item: Element, seen: dict[str, str]
+) -> None:
+    transaction["frames"]["polls"] = list(_reads(item, "poll"))
+    transaction["frames"]["rereads"] = list(_reads(item, "reread"))
+    transaction["bytes"] = {
+        "request": seen.get("bytes.request"),
+        "response": seen.get("bytes.response"),
+    }
+    transaction["parameters"] = [
+        _parameter(each) for each in tree.iterfind("field") if _name(each) == "parameter"
+    ]
+
+
+def _reads(item: Element, kind: str) -> Iterator[dict[str, int | None]]:
+    """Reads as they stand one behind the other: a request may be missing, a response never is."""
+    request: int | None = None
+    for child in item.iterfind("field"):
+        if _name(child) == f"frames.{kind}.request":
+            request = int(_show(child))
+        elif _name(child) == f"frames.{kind}.response":
+            yield {"request": request, "response": int(_show(child))}
+            request = None
+
+
+# Parameters
+
+
+@cache
+def _formats() -> dict[str, spec.Format]:
+    return {row.name: row for row in spec.formats().values()}
+
+
+def _parameter(item: Element) -> dict[str, Any]:
+    seen = _children(item)
+    name = seen.get("format")
+    values = [each for each in item.iterfind("field") if _name(each) == "value"]
+    return {
+        "pnu": _number(seen.get("pnu")),
+        "subindex": _number(seen.get("subindex")),
+        "attribute": _attribute(seen.get("attribute")),
+        "element_count": _number(seen.get("element_count")),
+        "name": seen.get("name"),
+        "unit": seen.get("unit"),
+        "format": name,
+        "value_count": _number(seen.get("value_count")),
+        "values": [_value(each, name) for each in values],
+        "scaled": _scaled(values, name),
+        "error": _error(seen),
+    }
+
+
+def _attribute(text: str | None) -> str | None:
+    if text is None:
+        return None
+    code = int(text, 0)
+    known = spec.attributes().get(code)
+    return known.name if known else f"0x{code:02X}"
+
+
+def _error(seen: dict[str, str]) -> dict[str, Any] | None:
+    if "error.text" not in seen:
+        return None
+    return {
+        "code": _number(seen.get("error.code")),
+        "text": seen["error.text"],
+        "info": _number(seen.get("error.info")),
+    }
+
+
+def _value(item: Element, name: str | None) -> int | float | str:
+    kind = _formats()[name].kind if name in _formats() else "octets"
+    below = _children(item)
+    if kind == "text":
+        if "value.hex" in below:
+            return bytes.fromhex(below["value.hex"]).decode("latin-1")
+        return _show(item)[1:-1]  # in quotes
+    if kind in ("octets", "with_status"):
+        return _show(item)
+    return _float(_show(item)) if kind == "float" else _integer(_show(item))
+
+
+def _scaled(values: list[Element], name: str | None) -> list[int | float | str] | None:
+    row = _formats().get(name or "")
+    found = codec(row.code) if row else None
+    if row is None or found is None or found.scale is None:
+        return None
+    return [
+        _physical(_show(child), row)
+        for item in values
+        for child in item.iterfind("field")
+        if _name(child) == "scaled"
+    ]
+
+
+def _physical(text: str, row: spec.Format) -> int | float | str:
+    if row.kind in _SCALED_TEXT:
+        return text
+    if row.kind == "with_status" and row.pack != "f":
+        return _integer(text)
+    return _float(text)
+
+
+def _float(text: str) -> float | str:
+    return text if text in _FLOATS else float(text)
+
+
+def _integer(text: str) -> int | str:
+    return int(text) if -_EXACT <= int(text) <= _EXACT else text
+
+
+# Findings
+
+
+def _finding(frame: int, item: Element) -> dict[str, Any]:
+    seen = _children(item)
+    offset = _number(seen.get("finding.offset"))
+    text = seen.get("finding.message", "")
+    return {
+        "rule": _show(item),
+        "severity": seen.get("finding.severity"),
+        "message": text if offset is None else at_offset(offset, text),
+        "frame": frame,
+        "transaction": _number(seen.get("finding.transaction")),
+        "filter": f"frame.number == {frame}",
+        "offset": offset,
+    }
+
+
+def _place(finding: dict[str, Any]) -> tuple[int, str, int, int]:
+    return (
+        finding["frame"],
+        finding["rule"],
+        finding["transaction"] or 0,
+        finding["offset"] or 0,
+    )
+
+
+def _without_offset(finding: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in finding.items() if key != "offset"}

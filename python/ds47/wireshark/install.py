@@ -1,0 +1,286 @@
+"""Putting the plugin and its profile into Wireshark's folders, and taking them away again.
+
+Lives here: writing the files so that a folder is there whole or not at all, and knowing later which
+files are ours (a list with digests beside them). Not here: what the plugin consists of (`bundle`),
+finding the folders (`folders`), judging them (`doctor`), words for people (`ds47.cli.plugin`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ds47 import __version__
+from ds47.wireshark.bundle import ENTRY, Sources, bundle
+
+FOLDER = "ds47"
+"""The plugin's folder in the plugins folder of Wireshark."""
+PROFILE = "DS47"
+MARKER = "ds47-installed.json"
+"""The list of what was installed, beside it: the version, and the digest of each file."""
+WINDOW_STATE = frozenset({"recent"})
+"""Files of a profile that Wireshark itself writes whenever it is used: no change by the user."""
+
+_BUNDLE = re.compile(r"ds47([-_ (].*)?\.lua", re.IGNORECASE)
+_NEW, _OLD = ".ds47-new-", ".ds47-old-"
+
+
+class RefusedError(Exception):
+    """Not done, because files would be lost that we did not write; the message says which."""
+
+
+@dataclass(frozen=True, slots=True)
+class Marker:
+    """What was installed into a folder."""
+
+    version: str
+    files: Mapping[str, str]
+    """Path below the folder -> SHA-256 of what was written there, in hex."""
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What was done to one folder."""
+
+    folder: Path
+    written: int = 0
+    removed: int = 0
+    replaced: str | None = None
+    """The version that was there before."""
+    kept: list[str] = field(default_factory=list)
+    """Files of ours that somebody changed, left as they are."""
+    foreign: list[str] = field(default_factory=list)
+    """Files beside ours that we did not write, left where they are."""
+
+
+def plugin_files(sources: Sources) -> dict[str, bytes]:
+    """What belongs into the plugin's folder: path below it -> content."""
+    return {ENTRY: bundle(sources).encode()}
+
+
+def profile_files(sources: Sources) -> dict[str, bytes]:
+    """What belongs into the profile's folder: name -> content."""
+    return {name: path.read_bytes() for name, path in sources.profile.items()}
+
+
+def install_plugin(plugins: Path, sources: Sources, force: bool = False) -> Outcome:
+    """Put the plugin into `plugins`/ds47, in place of an older one.
+
+    Raises RefusedError where that folder, or a file of ours in it, was made by somebody else;
+    `force` replaces it then. Files that are not ours stay.
+    """
+    folder = plugins / FOLDER
+    _only_a_folder(folder)
+    marker = read_marker(folder)
+    if marker is None and folder.exists() and not force:
+        raise RefusedError(f"{folder} was not made by ds47 plugin install (--force replaces it)")
+    if marker is not None and not force and (touched := changed(folder, marker)):
+        raise RefusedError(
+            f"changed since it was installed: {', '.join(touched)} in {folder} (--force replaces it)"
+        )
+    return _put(folder, plugin_files(sources), marker, kept=[])
+
+
+def install_profile(folder: Path, sources: Sources, force: bool = False) -> Outcome:
+    """Put the profile into `folder`; files of it that the user changed stay unless `force`.
+
+    Raises RefusedError where a profile of this name is there that is not ours (not with `force`).
+    """
+    _only_a_folder(folder)
+    marker = read_marker(folder)
+    if marker is None and folder.exists() and not force:
+        raise RefusedError(f"{folder} is a profile that ds47 did not make (--force replaces it)")
+    kept = [] if marker is None or force else changed(folder, marker, missing=False)
+    return _put(folder, profile_files(sources), marker, kept)
+
+
+def uninstall(folder: Path, keep_changed: bool) -> Outcome | None:
+    """Remove what was installed into `folder`; None where nothing was.
+
+    With `keep_changed` a folder stays as it is when somebody changed a file of ours in it or put
+    one beside. Files that are not ours always stay.
+    """
+    marker = read_marker(folder)
+    if marker is None or folder.is_symlink():
+        return None
+    outcome = Outcome(folder, replaced=marker.version, foreign=foreign(folder, marker))
+    if keep_changed:
+        outcome.kept = changed(folder, marker, missing=False)
+        if outcome.kept or outcome.foreign:
+            return outcome
+    outcome.removed = _remove_own(folder, marker)
+    return outcome
+
+
+def read_marker(folder: Path) -> Marker | None:
+    """What was installed into `folder`; None where nothing was, or its list cannot be read."""
+    try:
+        content = json.loads((folder / MARKER).read_text("utf-8"))
+        files = {str(name): str(digest) for name, digest in content["files"].items()}
+        if content["tool"] != "ds47" or not all(map(_inside, files)):
+            return None
+        return Marker(str(content["version"]), files)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def changed(folder: Path, marker: Marker, missing: bool = True) -> list[str]:
+    """Files of ours that are no longer as we wrote them (with `missing`: or gone)."""
+    return [
+        name
+        for name, digest in sorted(marker.files.items())
+        if name not in WINDOW_STATE and (now := _digest(folder / name)) != digest
+        if now is not None or missing
+    ]
+
+
+def foreign(folder: Path, marker: Marker | None) -> list[str]:
+    """Files in `folder` that we did not write."""
+    ours = {MARKER, *WINDOW_STATE, *(marker.files if marker else ())}
+    return [name for name in _files(folder) if name not in ours]
+
+
+def stale(folder: Path, marker: Marker, files: Mapping[str, bytes]) -> list[str]:
+    """Files of which `folder` holds another state than `files`, the present version."""
+    present = {name: _sha256(data) for name, data in files.items()}
+    return sorted(
+        name
+        for name in present.keys() | marker.files.keys()
+        if name not in WINDOW_STATE and present.get(name) != _digest(folder / name)
+    )
+
+
+def copies(folder: Path) -> list[Path]:
+    """Every ds47 plugin that Wireshark would load from `folder`: entries and single-file bundles."""
+    return [path for path in sorted(folder.rglob("*.lua")) if is_entry(path)]
+
+
+def is_entry(path: Path) -> bool:
+    """Whether `path` is the file by which a copy of the plugin starts, whatever a browser named it."""
+    return bool(_BUNDLE.fullmatch(path.name)) and path.is_file()
+
+
+def _put(
+    folder: Path, files: Mapping[str, bytes], marker: Marker | None, kept: list[str]
+) -> Outcome:
+    """Make `folder` anew beside the old one, then let it take its place."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    _sweep(folder.parent)
+    # What we wrote once, nobody changed and the present version no longer has goes with the old one.
+    present = set(_files(folder))
+    ours = set(marker.files) if marker else set()
+    state = WINDOW_STATE & present
+    others = sorted(present - ours - set(files) - state - {MARKER})
+    names = sorted(set(files) - set(kept) - state)
+    outcome = Outcome(folder, len(names), 0, marker.version if marker else None, kept, others)
+    new = folder.with_name(f"{_NEW}{folder.name}-{os.getpid()}")
+    try:
+        digests = {name: _write(new / name, files[name]) for name in names}
+        for name in (*kept, *state, *others):
+            _write(new / name, (folder / name).read_bytes())
+            if marker is not None and name in marker.files:
+                digests[name] = marker.files[name]
+        _write_marker(new, digests)
+        _exchange(new, folder)
+    except BaseException:
+        shutil.rmtree(new, ignore_errors=True)
+        raise
+    return outcome
+
+
+def _exchange(new: Path, folder: Path) -> None:
+    """Let `new` take the place of `folder`; when that fails, the old one is back."""
+    old = folder.with_name(f"{_OLD}{folder.name}-{os.getpid()}")
+    there = folder.exists()
+    if there:
+        folder.rename(old)
+    try:
+        new.rename(folder)
+    except OSError:
+        if there:
+            old.rename(folder)
+        raise
+    if there:
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def _sweep(parent: Path) -> None:
+    """Remove what an installation that was cut off left behind: Wireshark would load it too."""
+    for left in (*parent.glob(f"{_NEW}*"), *parent.glob(f"{_OLD}*")):
+        if (marker := read_marker(left)) is not None:
+            _remove_own(left, marker)
+
+
+def _remove_own(folder: Path, marker: Marker) -> int:
+    """Remove our files, then the folders that are empty by that. Returns the number of files."""
+    removed = 0
+    for name in marker.files:
+        with suppress(FileNotFoundError):
+            (folder / name).unlink()
+            removed += 1
+    if not foreign(folder, marker):
+        for name in WINDOW_STATE:
+            (folder / name).unlink(missing_ok=True)
+    (folder / MARKER).unlink(missing_ok=True)
+    below = sorted((path for path in folder.rglob("*") if path.is_dir()), reverse=True)
+    for path in (*below, folder):
+        with suppress(OSError):  # not empty: somebody else's files
+            path.rmdir()
+    return removed
+
+
+def _write_marker(folder: Path, digests: Mapping[str, str]) -> None:
+    content = {"tool": "ds47", "version": __version__, "files": dict(sorted(digests.items()))}
+    text = json.dumps(content, indent=1) + "\n"
+    (folder / MARKER).write_text(text, "utf-8", newline="\n")
+
+
+def _write(path: Path, data: bytes) -> str:
+    """Write a new file with the usual rights; returns the digest."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+    return _sha256(data)
+
+
+def _sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+def _digest(path: Path) -> str | None:
+    try:
+        return _sha256(path.read_bytes())
+    except OSError:
+        return None
+
+
+def _files(folder: Path) -> Iterator[str]:
+    for path in sorted(folder.rglob("*")):
+        if path.is_file() or path.is_symlink():
+            yield path.relative_to(folder).as_posix()
+
+
+def _inside(name: str) -> bool:
+    """Whether a path of a marker stays below its folder: the file may have been edited."""
+    path = Path(name)
+    return bool(name) and not path.is_absolute() and ".." not in path.parts and not path.drive
+
+
+def _only_a_folder(folder: Path) -> None:
+    if folder.is_symlink():
+        raise RefusedError(f"{folder} is a link, perhaps to a checkout; remove it first")
+    if folder.exists() and not folder.is_dir():
+        raise RefusedError(f"{folder} is not a folder")
+
+
+def listed(names: Iterable[str], most: int = 4) -> str:
+    """Some names for a sentence, and how many more there are."""
+    all_names = list(names)
+    more = len(all_names) - most
+    return ", ".join(all_names[:most]) + (f" and {more} more" if more > 0 else "")

@@ -1,0 +1,148 @@
+"""The tools that bring other versions of tshark and run the plugin's tests on them.
+
+Fetching packages is not tested here: it needs a mirror; `make matrix` does it.
+"""
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+posix = pytest.mark.skipif(os.name != "posix", reason="shell scripts")
+
+
+@pytest.fixture(scope="module")
+def matrix(repository: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("matrix", repository / "tools" / "matrix.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["matrix"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def script(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"#!/bin/sh\n{text}\n", encoding="utf-8")
+    path.chmod(0o755)
+    return path
+
+
+def test_lines_of_the_roots_are_read(matrix: ModuleType) -> None:
+    lines = "3.4 3.4.10 5.2.4 /a/b c/tshark\n4.6 4.6.9 5.4.9 /d/tshark\n"
+    first, second = matrix.read_tsharks(lines)
+    assert (first.series, first.version, first.lua) == ("3.4", "3.4.10", "5.2.4")
+    assert first.program == "/a/b c/tshark"
+    assert second.version == "4.6.9"
+
+
+@pytest.mark.parametrize(
+    ("text", "passed", "failed", "skipped", "good"),
+    [
+        ("def test_a(): pass\ndef test_b(): pass", 2, 0, 0, True),
+        ("def test_a(): pass\ndef test_b(): assert 0", 1, 1, 0, False),
+        ("import pytest\ndef test_a(): pytest.skip('no')", 0, 0, 1, False),
+        ("import nothing_of_this_name", 0, 1, 0, False),
+        (None, 0, 1, 0, False),
+    ],
+    ids=["passes", "fails", "only skips", "cannot be imported", "is not there"],
+)
+def test_outcomes_are_counted(
+    matrix: ModuleType,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    text: str | None,
+    passed: int,
+    failed: int,
+    skipped: int,
+    good: bool,
+) -> None:
+    if text is not None:
+        (tmp_path / "test_wireshark_one.py").write_text(text, encoding="utf-8")
+    monkeypatch.setattr(matrix, "TESTS", tmp_path)
+    monkeypatch.setattr(matrix, "WORK", tmp_path / "work")
+    outcome = matrix.run(matrix.Job("one", "5.4", "test_wireshark_*.py", "/no/tshark"), [])
+    assert (outcome.passed, outcome.failed, outcome.skipped) == (passed, failed, skipped)
+    assert outcome.good is good
+
+
+def test_tests_are_told_the_tshark(
+    matrix: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = "import os\ndef test_a(): assert os.environ['DS47_TSHARK'] == '/some/tshark'"
+    (tmp_path / "test_wireshark_one.py").write_text(text, encoding="utf-8")
+    monkeypatch.setattr(matrix, "TESTS", tmp_path)
+    monkeypatch.setattr(matrix, "WORK", tmp_path / "work")
+    job = matrix.Job("tshark 4.4", "5.4", "test_wireshark_*.py", "/some/tshark")
+    outcome = matrix.run(job, [])
+    assert outcome.good, outcome.output
+
+
+def test_table_has_a_line_for_each_version(matrix: ModuleType) -> None:
+    job = matrix.Job("tshark 4.4.18", "5.4.7", "test_wireshark_*.py")
+    text = matrix.table([(job, matrix.Outcome(27, 1, 2, 4.25, ""))])
+    assert text.splitlines()[1].split() == ["tshark", "4.4.18", "5.4.7", "27", "1", "2", "4.2"]
+
+
+@posix
+def test_root_runs_on_its_own_loader_and_libraries(repository: Path, tmp_path: Path) -> None:
+    root = tmp_path / "a root"
+    (root / "usr" / "lib" / "x86_64-linux-gnu").mkdir(parents=True)
+    script(
+        root / "lib64" / "ld-linux-x86-64.so.2", 'echo "$WIRESHARK_DATA_DIR"; printf "%s\\n" "$@"'
+    )
+    tool = repository / "tools" / "tshark-in-root.sh"
+    as_user = {"PATH": f"{script(tmp_path / 'bin' / 'id', 'echo 1000').parent}:/usr/bin:/bin"}
+    run = subprocess.run(
+        [tool, root, "-r", "a b.pcap"], env=as_user, capture_output=True, text=True, check=True
+    )
+    libraries = f"{root}/usr/lib/x86_64-linux-gnu"
+    assert run.stdout.splitlines() == [
+        f"{root}/usr/share/wireshark",
+        "--library-path",
+        f"{libraries}:{libraries}/wireshark",
+        f"{root}/usr/bin/tshark",
+        "-r",
+        "a b.pcap",
+    ]
+
+
+@posix
+def test_root_becomes_an_ordinary_user(repository: Path, tmp_path: Path) -> None:
+    if os.geteuid() != 0 or shutil.which("setpriv") is None:
+        pytest.skip("only root has somebody to become")
+    script(tmp_path / "bin" / "tshark", "id -u; id -g; cat secret; touch made")
+    (tmp_path / "secret").write_text("for root\n", encoding="utf-8")
+    tmp_path.chmod(0o700)
+    environment = {"PATH": f"{tmp_path / 'bin'}:{os.environ['PATH']}"}
+    run = subprocess.run(
+        [repository / "tools" / "tshark-in-root.sh", "/"],
+        env=environment,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert run.stdout.split() == ["1000", "1000", "for", "root"]
+    assert (tmp_path / "made").stat().st_uid == 1000
+
+
+@posix
+def test_without_root_it_says_so(repository: Path, tmp_path: Path) -> None:
+    environment = {"PATH": f"{script(tmp_path / 'bin' / 'id', 'echo 1000').parent}:/usr/bin:/bin"}
+    run = subprocess.run(
+        [repository / "tools" / "wireshark-roots.sh"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 77
+    assert "only as root" in run.stderr
+    assert run.stdout == ""

@@ -1,0 +1,488 @@
+"""The Wireshark plugin in a real tshark: what it shows is what the analyzer reports.
+
+`DS47_TSHARK` may hold another command to run tshark with.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import shlex
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ds47.analysis import AnalysisOptions, analyze
+from ds47.capture.writer import PcapngWriter
+from ds47.lab import message
+from ds47.lab.client import Client
+from ds47.lab.stage import Stage
+from ds47.report import json as report
+from ds47.spec.semantics import reasons
+from ds47.wireshark import fields
+
+ROOT = Path(__file__).resolve().parents[2]
+PLUGIN = ROOT / "dissector/ds47.lua"
+FOLDERS = (ROOT / "captures", ROOT.parent / "shared/captures/real-stacks")
+CAPTURES = {path.name: path for folder in FOLDERS for path in sorted(folder.rglob("*.pcap*"))}
+WORKERS = 2
+BROKEN = ("Lua Error", "Error during loading", "Error initializing protocols")
+COMPLETE = ("-2", "-R", "frame")
+
+Tshark = Callable[..., str]
+
+
+@cache
+def program() -> list[str]:
+    """The command; skips where there is none, fails where CI promises one."""
+    command = shlex.split(os.environ.get("DS47_TSHARK", "tshark"))
+    if shutil.which(command[0]) is None:
+        if os.environ.get("DS47_CI") == "1":
+            pytest.fail("tshark is missing, and DS47_CI=1 says that it must be there")
+        pytest.skip("tshark is missing")
+    return command
+
+
+def run(home: Path, *arguments: str | Path) -> bytes:
+    """What tshark with the plugin prints, with empty settings."""
+    environment = {
+        **os.environ,
+        "HOME": str(home),
+        "XDG_CONFIG_HOME": str(home),
+        "LC_ALL": "C.UTF-8",
+        "TZ": "UTC",
+    }
+    environment.pop("WIRESHARK_CONFIG_DIR", None)
+    command = [*program(), "-n", "-X", f"lua_script:{PLUGIN}", *map(str, arguments)]
+    result = subprocess.run(command, env=environment, capture_output=True, timeout=300, check=False)
+    problem = result.stderr.decode("utf-8", "replace")
+    assert result.returncode == 0, problem
+    for word in BROKEN:
+        assert word not in problem
+        assert word.encode() not in result.stdout
+    return result.stdout
+
+
+@pytest.fixture
+def tshark(tmp_path: Path) -> Tshark:
+    """Runs tshark with the plugin and gives its output as text."""
+
+    def shark(*arguments: str | Path) -> str:
+        return run(tmp_path, *arguments).decode("utf-8", "replace")
+
+    return shark
+
+
+@pytest.fixture
+def make(tmp_path: Path) -> Callable[[Callable[[Client], object]], Path]:
+    """Writes a capture of what a client does."""
+
+    def write(play: Callable[[Client], object]) -> Path:
+        stage = Stage()
+        play(Client(stage))
+        path = tmp_path / "made.pcapng"
+        with path.open("wb") as file, PcapngWriter(file) as writer:
+            for shot in stage.shots:
+                writer.write(shot.time_ns, shot.data)
+        return path
+
+    return write
+
+
+def rows(output: str) -> list[list[str]]:
+    return [line.split("\t") for line in output.splitlines()]
+
+
+def columns(*names: str) -> list[str]:
+    wanted = ["-T", "fields"]
+    for name in names:
+        wanted += ["-e", name]
+    return wanted
+
+
+# The whole result, capture by capture
+
+
+@pytest.fixture(scope="module")
+def answers(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[dict[str, Future[bytes]]]:
+    """What tshark says of the captures that this run wants, by name; two at a time."""
+    home = tmp_path_factory.mktemp("home")
+    program()
+    wanted = [
+        item.callspec.params["name"]
+        for item in request.session.items
+        if isinstance(item, pytest.Function)
+        and item.originalname == test_the_result_is_that_of_the_analyzer.__name__
+    ]
+    pdml = (*COMPLETE, "-T", "pdml", "-J", "frame ds47")
+    with ThreadPoolExecutor(WORKERS) as pool:
+        yield {name: pool.submit(run, home, *pdml, "-r", CAPTURES[name]) for name in wanted}
+
+
+def without_dropped(text: str) -> str:
+    """A message without the remark that frames were dropped: inside Wireshark nobody can know."""
+    words = reasons("en")["dropped"]
+    return text.removesuffix(f"; {words}").removesuffix(f" ({words})")
+
+
+def expected(path: Path) -> fields.Fields:
+    result = analyze(path)
+    findings = [report.finding(each) for each in result.findings]
+    for each in findings:
+        if result.dropped:
+            each["message"] = without_dropped(each["message"])
+    return fields.Fields([report.transaction(each) for each in result.transactions], findings)
+
+
+@pytest.mark.parametrize("name", CAPTURES)
+def test_the_result_is_that_of_the_analyzer(name: str, answers: dict[str, Future[bytes]]) -> None:
+    wanted = expected(CAPTURES[name])
+    found = fields.read(io.BytesIO(answers[name].result()))
+    for left, right in zip(found.transactions, wanted.transactions, strict=False):
+        assert left == right
+    assert len(found.transactions) == len(wanted.transactions)
+    assert found.findings == wanted.findings
+
+
+def test_the_captures_show_every_state() -> None:
+    """The comparison above is worth nothing where there is nothing to compare."""
+    states = {each.state for path in CAPTURES.values() for each in analyze(path).transactions}
+    assert len(states) == 8
+
+
+# One pass and two
+
+
+POLLED = "record-polls.pcapng"
+
+
+def test_one_pass_shows_what_earlier_frames_prove(tshark: Tshark) -> None:
+    path = CAPTURES[POLLED]
+    names = ("frame.number", "ds47.request_in", "ds47.response_in", "ds47.state", "ds47.polls")
+    found = rows(tshark("-r", path, "-Y", "ds47", *columns(*names)))
+    assert found[0] == ["1", "", "", "", "0"]
+    assert found[-1][1:4] == ["1", "", "ok"]
+    assert int(found[-1][4]) > 0
+    assert all(row[2] == "" for row in found)
+
+
+@pytest.mark.parametrize("name", ["conversation-read-unanswered.pcapng", POLLED])
+def test_one_pass_does_not_say_that_nothing_will_come(name: str, tshark: Tshark) -> None:
+    early = tshark("-r", CAPTURES[name], "-Y", 'ds47.finding matches "DS40[12]"')
+    unanswered = tshark("-r", CAPTURES[name], "-Y", 'ds47.state == "unanswered"')
+    assert early == unanswered == ""
+
+
+def test_two_passes_say_it(tshark: Tshark) -> None:
+    path = CAPTURES["conversation-read-unanswered.pcapng"]
+    found = tshark("-r", path, "-2", "-Y", 'ds47.finding == "DS401"', *columns("ds47.state"))
+    assert found.split() == ["unanswered"]
+
+
+def test_two_passes_link_both_ways(tshark: Tshark) -> None:
+    names = ("frame.number", "ds47.request_in", "ds47.response_in")
+    path = CAPTURES["conversation-error.pcapng"]
+    found = rows(tshark("-r", path, *COMPLETE, "-Y", "ds47", *columns(*names)))
+    assert found == [["1", "", "4"], ["2", "1", "4"], ["3", "1", "4"], ["4", "1", ""]]
+
+
+def test_two_passes_without_a_filter_link_back(tshark: Tshark) -> None:
+    path = CAPTURES["conversation-error.pcapng"]
+    found = tshark("-r", path, "-2", "-V", "-O", "ds47").split("\nFrame ")
+    assert ["[Request in frame: 1]" in frame for frame in found] == [False, True, True, True]
+
+
+def test_a_filter_in_the_second_pass_changes_nothing(tshark: Tshark) -> None:
+    path = CAPTURES["tour-machine.pcapng"]
+    pdml = ("-T", "pdml", "-J", "frame ds47")
+    all_frames = fields.read(io.BytesIO(tshark("-r", path, *COMPLETE, *pdml).encode()))
+    filtered = fields.read(io.BytesIO(tshark("-r", path, "-2", "-Y", "ds47", *pdml).encode()))
+    assert filtered == all_frames
+    assert all_frames.transactions
+
+
+def test_a_read_filter_that_drops_frames_keeps_the_pairs(tshark: Tshark) -> None:
+    path = CAPTURES["tour-machine.pcapng"]
+    found = rows(
+        tshark("-r", path, "-2", "-R", "ds47", *columns("frame.number", "ds47.request_in"))
+    )
+    assert found[:4] == [["1", ""], ["2", "1"], ["3", "1"], ["4", "1"]]
+
+
+# Findings
+
+
+def test_a_finding_is_found_by_its_rule(tshark: Tshark) -> None:
+    path = CAPTURES["conversation-error.pcapng"]
+    names = ("frame.number", "ds47.finding.severity")
+    found = tshark("-r", path, "-2", "-Y", 'ds47.finding == "DS410"', *columns(*names))
+    assert rows(found) == [["4", "error"]]
+
+
+def test_findings_are_expert_infos(tshark: Tshark) -> None:
+    path = CAPTURES["tour-machine.pcapng"]
+    wanted = [each.message for each in analyze(path).findings]
+    found = tshark("-r", path, *COMPLETE, "-q", "-z", "expert")
+    assert wanted
+    assert all(text in found for text in wanted)
+    assert "Parameter 50304[0] reads back 60.0" in tshark("-r", path, "-q", "-z", "expert")
+
+
+@pytest.mark.parametrize(
+    ("name", "rule"),
+    [("transport-fault.pcapng", "DS104"), ("record-nothing-to-read.pcapng", "DS206")],
+)
+def test_a_frame_without_a_record_shows_its_finding(name: str, rule: str, tshark: Tshark) -> None:
+    found = tshark("-r", CAPTURES[name], "-2", "-Y", f'ds47.finding == "{rule}"')
+    assert len(found.splitlines()) == 1
+
+
+def test_rules_are_left_out_on_demand(tshark: Tshark) -> None:
+    path = CAPTURES["conversation-error.pcapng"]
+    assert tshark("-r", path, "-2", "-Y", "ds47.finding", "-o", "ds47.ignore:DS2 ds410") == ""
+
+
+# Values
+
+
+def several_types(client: Client) -> None:
+    """A read of a parameter of each type."""
+    blocks = (
+        message.raw_block(0x03, 2, bytes.fromhex("8000 7fff")),  # Integer16
+        message.raw_block(0x38, 1, b"\xff" * 8),  # Unsigned64
+        message.raw_block(0x37, 1, b"\x80" + bytes(7)),  # Integer64
+        message.real(0.5),
+        message.block(0x0F, "d", 0.1),  # Float64
+        message.raw_block(0x09, 3, b"Mot"),  # VisibleString
+        message.raw_block(0x0A, 2, b"\x00\xff"),  # OctetString
+        message.raw_block(0x34, 1, bytes.fromhex("0036ee80")),  # TimeOfDayWithoutDate
+        message.raw_block(0x71, 1, bytes.fromhex("4000")),  # N2
+        message.raw_block(0x01, 1, b"\x01"),  # Boolean
+    )
+    places = [message.address(100 + number) for number in range(len(blocks))]
+    client.exchange(message.read(3, 2, *places), message.answer(3, 1, 2, *blocks))
+
+
+TYPED = {
+    "value.signed": "-32768,32767,-9223372036854775808,16384",
+    "value.unsigned": "18446744073709551615,1",
+    "value.float": "0.5",
+    "value.double": "0.1,100",
+    "value.string": "Mot",
+    "value.bytes": ("00ff", "00:ff"),
+    "value.time": "01:00:00.000",
+    "pnu": "100,101,102,103,104,105,106,107,108,109",
+}
+
+
+def test_values_have_the_type_of_their_format(tshark: Tshark, make: Any) -> None:
+    output = tshark(
+        "-r", make(several_types), "-Y", "ds47.value", *columns(*map("ds47.{}".format, TYPED))
+    )
+    (found,) = rows(output)
+    for shown, wanted in zip(found, TYPED.values(), strict=True):
+        assert shown in wanted if isinstance(wanted, tuple) else shown == wanted
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        "ds47.value.signed < -32767",
+        "ds47.value.unsigned > 18446744073709551614",
+        "ds47.value.float == 0.5",
+        "ds47.value.double >= 100",
+        'ds47.value.string == "Mot"',
+        "ds47.value.bytes == 00:ff",
+        'ds47.value.time > "00:59" && ds47.value.time < "01:01"',
+        'ds47.format == "Float64" && ds47.pnu == 104',
+        "ds47.axis == 2 && ds47.request_reference == 3 && ds47.response_id == 1",
+        'ds47.attribute == "value"',
+        "ds47.time > 0.002 && ds47.time < 0.004",
+        "ds47.index == 0x2f && ds47.slot == 1",
+    ],
+)
+def test_fields_can_be_filtered(condition: str, tshark: Tshark, make: Any) -> None:
+    output = tshark("-r", make(several_types), "-2", "-Y", f"ds47.value && {condition}")
+    assert len(output.splitlines()) == 1
+
+
+def test_bytes_of_a_value_are_marked(tshark: Tshark, make: Any) -> None:
+    """The range of a value is where its bytes stand, also behind an odd value with its pad."""
+    output = tshark("-r", make(several_types), "-2", "-R", "ds47.value", "-T", "pdml", "-J", "ds47")
+    assert '<field name="ds47.value.string" showname="Text: Mot"' in output
+    for value in ("7fff", "3f000000", "4d6f74", "0036ee80", "4000", "01"):
+        assert f'value="{value}"' in output
+
+
+@pytest.mark.parametrize(
+    "name", ["transport-rpc-fragments.pcapng", "transport-ip-fragments.pcapng"]
+)
+def test_values_in_fragments_are_marked_where_they_were_put_together(
+    name: str, tshark: Tshark
+) -> None:
+    output = tshark("-r", CAPTURES[name], *COMPLETE, "-T", "pdml", "-J", "ds47")
+    assert 'size="4" pos=' in output.partition("ds47.value.float")[2].partition("/>")[0]
+
+
+# Which records are ours
+
+
+def test_index_47_can_be_forbidden(tshark: Tshark) -> None:
+    path = CAPTURES["conversation-error.pcapng"]
+    assert tshark("-r", path, "-2", "-Y", "ds47", "-o", "ds47.index_47:never") == ""
+
+
+def test_index_47_can_be_forced(tshark: Tshark) -> None:
+    path = CAPTURES["record-foreign.pcapng"]
+    assert tshark("-r", path, "-2", "-Y", "ds47") == ""
+    assert tshark("-r", path, "-2", "-Y", "ds47", "-o", "ds47.index_47:always") != ""
+
+
+def test_another_index_can_be_ours(tshark: Tshark, make: Any) -> None:
+    def play(client: Client) -> None:
+        place = client.at(index=0x1234)
+        client.write(message.read(1, 1, message.address(922)), at=place)
+        client.accept_read(
+            client.ask_read(place), message.answer(1, 1, 1, message.word(352)), place
+        )
+
+    path = make(play)
+    usual, more = (
+        fields.read(io.BytesIO(tshark("-r", path, *COMPLETE, "-T", "pdml", *option).encode()))
+        for option in ((), ("-o", "ds47.indices:40-42,0x1234"))
+    )
+    options = AnalysisOptions(indices=frozenset({0x1234}))
+    assert usual.transactions == []
+    assert more.transactions == [
+        report.transaction(each) for each in analyze(path, options).transactions
+    ]
+    assert len(more.transactions) == 1
+
+
+def test_what_the_built_in_calls_malformed_is_decoded(tshark: Tshark) -> None:
+    names = ("ds47.state", "ds47.pnu", "ds47.value")
+    path = CAPTURES["format-mixed.pcapng"]
+    found = rows(tshark("-r", path, "-2", "-Y", "_ws.malformed && ds47", *columns(*names)))
+    wanted = analyze(path).transactions[0]
+    assert len(found) == 1
+    state, numbers, shown = found[0]
+    assert (state, numbers) == ("ok", ",".join(str(each.pnu) for each in wanted.parameters))
+    assert shown.count(",") + 1 == sum(len(each.values) for each in wanted.parameters)
+
+
+def test_preferences_change_formats_texts_and_limits(tshark: Tshark, make: Any) -> None:
+    def play(client: Client) -> None:
+        client.exchange(
+            message.read(1, 1, message.address(1), message.address(2)),
+            message.answer(1, 0x81, 1, message.raw_block(0x21, 1, b"\x40\x00"), message.error(0)),
+        )
+
+    path = make(play)
+    found = tshark(
+        "-r", path, "-2", "-Y", "ds47.value", *columns("ds47.format", "ds47.error.text", "ds47.finding"),
+        "-o", "ds47.profile_v3_types:TRUE", "-o", "ds47.language:zh", "-o", "ds47.slow_ms:1",
+    )  # fmt: skip
+    ((name, text, rules),) = rows(found)
+    assert name == "N2"
+    assert not text.isascii()
+    assert rules == "DS410,DS416"
+
+
+# What a person reads
+
+
+def sentences(output: str) -> list[str]:
+    return [line.partition(" DS47 ")[2].partition(" ")[2] for line in output.splitlines()]
+
+
+def play_sentences(client: Client) -> None:
+    client.exchange(
+        message.read(3, 2, message.address(50303)), message.answer(3, 1, 2, message.real(10))
+    )
+    change = message.change(4, 2, (message.address(50304), message.real(5)))
+    client.write(change)
+    client.refuse_read(client.ask_read(), 0xDE80B500)
+    client.accept_read(client.ask_read(), message.answer(4, 0x82, 2, message.error(0x02)))
+    client.write(message.read(5, 2, message.address(1, 2, 3)), status=0xDF80B700)
+    many = [message.address(number) for number in range(1, 21)]
+    client.exchange(
+        message.read(6, 2, *many),
+        message.answer(6, 0x81, 2, message.word(7), *[message.error(1, 2)] * 19),
+    )
+
+
+SENTENCES = [
+    "DS47 read request ref 3, DO 2: p50303[0]",
+    "DS47 write accepted ref 3",
+    "DS47 fetch response ref 3, DO 2",
+    "DS47 read response ref 3, DO 2: p50303[0] = 10.0",
+    "DS47 change request ref 4, DO 2: p50304[0] := 5.0",
+    "DS47 write accepted ref 4",
+    "DS47 fetch response ref 4, DO 2",
+    "DS47 read poll ref 4: not ready",
+    "DS47 fetch response ref 4, DO 2",
+    "DS47 change refused, DO 2: p50304[0]: 0x02 Below or above the value limit",
+    "DS47 read request ref 5, DO 2: p1[2..4]",
+    "DS47 write refused ref 5: DF80B700 write: access: invalid range",
+    "DS47 read request ref 6, DO 2: p1[0], p2[0], p3[0], p4[0], p5[0], p6[0], ... and 14 more",
+    "DS47 write accepted ref 6",
+    "DS47 fetch response ref 6, DO 2",
+    "DS47 read partly refused, DO 2: p1[0] = 7, "
+    + "".join(f"p{n}[0]: 0x01 Parameter value cannot be changed (info 2), " for n in range(2, 7))
+    + "... and 14 more",
+]
+
+
+@pytest.mark.parametrize("passes", [(), COMPLETE, ("-2",)], ids=["one", "two", "two-bare"])
+def test_the_info_column_reads_like_a_sentence(
+    passes: tuple[str, ...], tshark: Tshark, make: Any
+) -> None:
+    assert sentences(tshark("-r", make(play_sentences), *passes)) == SENTENCES
+
+
+def test_the_protocol_tree_begins_with_the_sentence(tshark: Tshark, make: Any) -> None:
+    shown = tshark("-r", make(play_sentences), "-V", "-O", "ds47")
+    short = [text for text in SENTENCES if len(text) < 200]  # Wireshark cuts labels at 240
+    assert len(short) > 10
+    assert all(f"\n{text}\n" in shown for text in short)
+
+
+def test_names_and_units_stand_in_the_tree(tshark: Tshark) -> None:
+    shown = tshark("-r", CAPTURES["conversation-error.pcapng"], "-V", "-O", "ds47")
+    assert "[Name: Actual frequency]" in shown
+    assert "[Unit: Hz]" in shown
+
+
+def test_frames_of_others_are_left_alone(tshark: Tshark) -> None:
+    path = CAPTURES["record-foreign.pcapng"]
+    assert " DS47 " not in tshark("-r", path)
+
+
+def test_no_field_is_added_when_nobody_wants_one(tshark: Tshark, tmp_path: Path) -> None:
+    """A second script counts how often the tree is asked for."""
+    script = tmp_path / "count.lua"
+    script.write_text(
+        "local tree = require('ds47_ws.tree')\n"
+        "local add = tree.add\n"
+        "function tree.add(...) io.stderr:write('TREE\\n') print('TREE') return add(...) end\n"
+    )
+    path = CAPTURES["conversation-error.pcapng"]
+    count = ("-r", path, "-X", f"lua_script:{script}")
+    assert "TREE" not in tshark(*count)
+    assert "TREE" not in tshark(*count, *COMPLETE, "-Y", "frame.number == 4")
+    assert tshark(*count, "-Y", "ds47.pnu == 21").count("TREE") == 4
+    assert tshark(*count, *COMPLETE, "-V").count("TREE") == 4
+
+
+def test_two_copies_do_no_harm(tshark: Tshark) -> None:
+    path = CAPTURES["conversation-error.pcapng"]
+    found = tshark("-r", path, "-X", f"lua_script:{PLUGIN}", "-Y", "ds47", *columns("ds47.pnu"))
+    assert rows(found) == [["21"], [""], [""], ["21"]]

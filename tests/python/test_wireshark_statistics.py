@@ -1,0 +1,328 @@
+"""Statistics, reports and the profile in a real tshark (DS47_TSHARK names another one).
+
+What `-X lua_script1:report` and `csv` write must be what `ds47 report` prints; the profile must give
+columns, colours and filters without a warning.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from ds47 import spec
+from ds47.analysis import analyze
+from ds47.model import Report
+from ds47.report import Options
+from ds47.report import csv as csv_report
+from ds47.report import text as text_report
+from ds47.wireshark.bundle import bundle, plugin_sources
+
+CAPTURES = (
+    "tour-machine",
+    "conversation-slow",
+    "format-mixed",
+    "format-description",
+    "message-error-words",
+    "naming-all",
+    "record-foreign",
+    "record-multiple-refused",
+    "seed-g120-constant-reference",
+    "transport-ip-fragments-disorder",
+    "transport-rpc-fragments",
+    "transport-time-back",
+    "transport-two-controllers",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """What a tshark printed."""
+
+    out: str
+    err: str
+
+
+Run = Callable[..., Output]
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    """A home folder with nothing in it."""
+    folder = tmp_path / "home"
+    folder.mkdir()
+    folder.chmod(0o777)
+    return folder
+
+
+@pytest.fixture
+def shark(home: Path) -> Run:
+    """Runs tshark with an empty home folder; fails on any error that Lua reports."""
+    program = os.environ.get("DS47_TSHARK") or shutil.which("tshark")
+    if program is None:
+        if os.environ.get("DS47_CI") == "1":
+            pytest.fail(
+                "tshark is missing, and DS47_CI=1 says that it must be there", pytrace=False
+            )
+        pytest.skip("tshark is missing")
+    environment = {
+        "PATH": os.environ.get("PATH", ""),
+        "HOME": str(home),
+        "XDG_CONFIG_HOME": str(home / ".config"),
+        "LC_ALL": "C.UTF-8",
+        "TZ": "UTC",
+    }
+
+    def run(*arguments: str | Path) -> Output:
+        command = [program, *map(str, arguments)]
+        done = subprocess.run(
+            command,
+            env=environment,
+            capture_output=True,
+            encoding="utf-8",
+            timeout=120,
+            check=False,
+        )
+        listing = arguments[0] == "-G"  # a list of fields holds these words
+        both = done.stderr if listing else done.stdout + done.stderr
+        assert done.returncode == 0, done.stderr
+        assert "Lua Error" not in both, both
+        assert "Lua: Error during" not in both, both
+        return Output(done.stdout, done.stderr)
+
+    return run
+
+
+@pytest.fixture
+def plugin(repository: Path) -> list[str]:
+    """The arguments that load the plugin of the checkout."""
+    return ["-X", f"lua_script:{repository / 'dissector' / 'ds47.lua'}"]
+
+
+@pytest.fixture
+def tour(captures: Path) -> Path:
+    return captures / "tour-machine.pcapng"
+
+
+def asked(*arguments: str) -> list[str]:
+    """Arguments of the script."""
+    return [part for each in arguments for part in ("-X", f"lua_script1:{each}")]
+
+
+@pytest.mark.parametrize("name", CAPTURES)
+def test_reports_are_those_of_the_analyzer(
+    shark: Run, plugin: list[str], captures: Path, tmp_path: Path, name: str
+) -> None:
+    path = captures / f"{name}.pcapng"
+    text, table = tmp_path / "report.txt", tmp_path / "report.csv"
+    wanted = asked(f"report={text}", f"csv={table}", f"name={name}")
+    shark("-q", *plugin, *wanted, "-r", path)
+    result = analyze(path)
+    result.path = name
+    expected = io.StringIO()
+    text_report.write(Report([result]), expected, Options(rules=spec.rules()))
+    assert text.read_bytes().decode() == expected.getvalue()
+    expected = io.StringIO()
+    csv_report.write(Report([result]), expected)
+    assert table.read_bytes().decode() == expected.getvalue()
+
+
+def test_statistics_are_the_same_however_the_file_is_read(
+    shark: Run, plugin: list[str], tour: Path
+) -> None:
+    said = [
+        shark(*ways, "-q", *plugin, *asked("statistics", "name=tour"), "-r", tour).out
+        for ways in ([], ["-2"], ["-2", "-R", "frame"])
+    ]
+    assert said[0].startswith("DS47 statistics: tour\n35 frames, 8 transactions (4 ok, 1 partial, ")
+    assert said == [said[0]] * 3
+    assert re.search(r"^ +192\.168\.133\.33  change +4 +2 +3\.000 +15\.000 ", said[0], re.MULTILINE)
+    shares = said[0].split("Share of the drive")[1]
+    assert re.search(r"^  192\.168\.133\.33  read +4 +4 +2\.000 +3\.000 ", shares, re.MULTILINE)
+    assert re.search(r"^  DS410  error +2 +29  drive-error$", said[0], re.MULTILINE)
+
+
+def test_statistics_stand_behind_the_packet_list(shark: Run, plugin: list[str], tour: Path) -> None:
+    lines = shark(*plugin, *asked("statistics"), "-r", tour).out.split("DS47 statistics\n")
+    assert len(lines) == 2
+    assert lines[0].count("\n") == 35
+
+
+def test_csv_on_standard_output(shark: Run, plugin: list[str], tour: Path) -> None:
+    rows = list(csv.DictReader(io.StringIO(shark("-q", *plugin, *asked("csv"), "-r", tour).out)))
+    assert [row["pnu"] for row in rows][:3] == ["50303", "50304", "50304"]
+    assert {row["path"] for row in rows} == {"'-"}
+
+
+def test_chinese(shark: Run, plugin: list[str], tour: Path) -> None:
+    out = shark("-q", *plugin, *asked("statistics", "lang=zh"), "-r", tour).out
+    assert out.startswith("DS47 统计\n")
+
+
+def test_what_nobody_asked_for_is_not_printed(shark: Run, plugin: list[str], tour: Path) -> None:
+    assert shark("-q", *plugin, "-r", tour).out == ""
+    said = shark("-q", *plugin, *asked("statistic", "lang=fr"), "-r", tour)
+    assert said.out == ""
+    assert "unknown argument statistic;" in said.err
+    assert "unknown argument lang=fr;" in said.err
+
+
+def test_a_file_that_cannot_be_written_is_said(
+    shark: Run, plugin: list[str], tour: Path, tmp_path: Path
+) -> None:
+    wanted = asked(f"report={tmp_path / 'no' / 'such'}", "statistics")
+    said = shark("-q", *plugin, *wanted, "-r", tour)
+    assert "ds47: cannot write" in said.err
+    assert "such" in said.err
+    assert said.out.startswith("DS47 statistics\n")
+
+
+# The profile
+
+
+@pytest.fixture
+def profile(home: Path, repository: Path) -> list[str]:
+    """The arguments that choose the profile, which is installed by copying it."""
+    folder = home / ".config" / "wireshark" / "profiles" / "DS47"
+    shutil.copytree(repository / "dissector" / "profile", folder)
+    return ["-C", "DS47"]
+
+
+def test_columns_of_the_profile(
+    shark: Run, plugin: list[str], profile: list[str], tour: Path
+) -> None:
+    said = shark(*profile, *plugin, "-2", "-R", "frame", "-r", tour)
+    assert "warning" not in said.err.lower()
+    line = said.out.splitlines()[12].split()
+    assert line[:2] == ["13", "0.282000000"]
+    assert line[5:11] == ["DS47", "2", "ok", "change", "50304", "100.0"]
+    assert line[11] == "27"
+
+
+def colours(shark: Run, *arguments: str | Path) -> dict[str, str]:
+    """Frame number -> name of the colour rule that fits."""
+    fields = ["-T", "fields", "-e", "frame.number", "-e", "frame.coloring_rule.name"]
+    out = shark("--color", "-2", "-R", "frame", *fields, *arguments).out
+    return dict(line.split("\t") for line in out.splitlines())
+
+
+def test_colours_of_the_profile(
+    shark: Run, plugin: list[str], profile: list[str], tour: Path, captures: Path
+) -> None:
+    rules = colours(shark, *profile, *plugin, "-r", tour)
+    expected = {
+        "1": "PROFINET RPC, DCP and LLDP",
+        "5": "DS47",
+        "17": "DS47 finding",
+        "22": "DS47 refused",
+        "29": "DS47 error",
+        "33": "DS47 error",
+        "34": "DS47 unanswered",
+    }
+    assert {frame: rules[frame] for frame in expected} == expected
+    slow = colours(shark, *profile, *plugin, "-r", captures / "conversation-slow.pcapng")
+    assert "DS47 slow" in slow.values()
+    other = colours(shark, *profile, *plugin, "-r", captures / "conversation-wrong-axis.pcapng")
+    assert "DS47 mismatch" in other.values()
+
+
+def buttons(repository: Path) -> dict[str, str]:
+    """Label -> display filter."""
+    text = (repository / "dissector" / "profile" / "dfilter_buttons").read_text(encoding="ascii")
+    rows = csv.reader(line for line in text.splitlines() if not line.startswith("#"))
+    return {row[1]: row[2].replace("\\x22", '"') for row in rows}
+
+
+@pytest.mark.parametrize(
+    ("label", "count"), [("DS47", 34), ("Not ok", 12), ("Errors", 4), ("Changes", 16), ("Slow", 0)]
+)
+def test_filter_buttons(
+    shark: Run, plugin: list[str], repository: Path, tour: Path, label: str, count: int
+) -> None:
+    filters = buttons(repository)
+    assert len(filters) == 5
+    said = shark(*plugin, "-2", "-Y", filters[label], "-r", tour)
+    assert "warning" not in said.err.lower()
+    assert said.out.count("\n") == count
+
+
+# What the menu shows of the installation
+
+
+def check(shark: Run, tmp_path: Path, *arguments: str | Path) -> str:
+    """The text of Tools > DS47 > Check installation, printed at the end of a run."""
+    script = tmp_path / "check.lua"
+    script.write_text(
+        "local listener = Listener.new('frame')\n"
+        "function listener.draw()\n"
+        "  local info = { version = '1', path = package.loaded['ds47_ws.loaded'].path }\n"
+        "  print(require('ds47_ws.menu').check(require('ds47_ws.track'), info))\n"
+        "end\n"
+    )
+    return shark("-q", *arguments, "-X", f"lua_script:{script}").out
+
+
+def test_check_installation(shark: Run, plugin: list[str], tour: Path, tmp_path: Path) -> None:
+    text = check(shark, tmp_path, *plugin, "-r", tour)
+    assert re.search(r"^Wireshark +\d+\.\d+\.\d+$", text, re.MULTILINE), text
+    assert re.search(r"^Lua +5\.[2-4]$", text, re.MULTILINE)
+    assert "dissector/ds47.lua\n" in text
+    assert re.search(r"^Other copies +none$", text, re.MULTILINE)
+    assert re.search(r"^Open capture +17 RPC requests, 17 responses, 8 trans", text, re.MULTILINE)
+
+
+def test_check_installation_finds_another_copy(
+    shark: Run, plugin: list[str], tour: Path, tmp_path: Path
+) -> None:
+    folders = shark("-G", "folders").out
+    found = re.search(r"^Personal Lua Plugins:\s+(.*)$", folders, re.MULTILINE)
+    assert found, folders
+    place = Path(found[1]) / "more"
+    assert tmp_path in place.parents
+    place.mkdir(parents=True)
+    (place / "ds47-0_0_1.lua").write_text("-- the single file of an older version\n")
+    (place / "other.lua").write_text("-- another plugin\n")
+    text = check(shark, tmp_path, *plugin, "-r", tour)
+    assert re.findall(r"^ANOTHER COPY +(.*)$", text, re.MULTILINE) == [
+        str(place / "ds47-0_0_1.lua")
+    ]
+
+
+# The documentation
+
+
+def test_every_field_is_documented(shark: Run, plugin: list[str], repository: Path) -> None:
+    text = (repository / "docs" / "wireshark.md").read_text(encoding="utf-8")
+    rows = [line.split(" | ")[0] for line in text.splitlines() if line.startswith("| `ds47.")]
+    told = {name for row in rows for name in re.findall(r"`(ds47\.[a-z_.]+)`", row)}
+    listed = shark("-G", "fields", *plugin).out
+    known = set(re.findall(r"^F\t[^\t]*\t(ds47\.(?!expert)[a-z_.]+)\t", listed, re.MULTILINE))
+    assert told == known
+
+
+def test_every_preference_is_documented(shark: Run, plugin: list[str], repository: Path) -> None:
+    text = (repository / "docs" / "wireshark.md").read_text(encoding="utf-8")
+    table = text.split("## Preferences")[1].split("\n## ")[0]
+    rows = [line.split(" | ")[0] for line in table.splitlines() if line.startswith("| `")]
+    told = {name for row in rows for name in re.findall(r"`([a-z_0-9]+)`", row)}
+    listed = shark("-G", "currentprefs", *plugin).out
+    assert told == set(re.findall(r"^#?ds47\.([a-z_0-9]+):", listed, re.MULTILINE))
+
+
+def test_an_installed_plugin_takes_arguments(shark: Run, tour: Path) -> None:
+    found = re.search(r"^Personal Lua Plugins:\s+(.*)$", shark("-G", "folders").out, re.MULTILINE)
+    assert found
+    path = Path(found[1]) / "ds47" / "ds47.lua"
+    path.parent.mkdir(parents=True)
+    path.write_text(bundle(plugin_sources()), encoding="utf-8")
+    again = ["-X", f"lua_script:{path}", *asked("statistics")]
+    assert shark("-q", *again, "-r", tour).out.startswith("DS47 statistics\n35 frames, 8 trans")
+    assert shark("-q", "-r", tour).out == ""

@@ -1,0 +1,30 @@
+#!/bin/sh
+# Runs the tshark of an unpacked root (tools/wireshark-roots.sh), or with / this machine's own.
+# Usage: tshark-in-root.sh ROOT [tshark's arguments]
+#
+# The root's own loader runs it on the root's own libraries, without chroot or mounts: so files keep
+# their paths, and a container that forbids both is no obstacle. Started by root it goes on as user 1000,
+# because Wireshark 4.4 and later silently load no scripts as root. It keeps the right to enter folders
+# that root made for itself (a checkout in /root, the scratch folders of pytest) and no other.
+root=$1
+shift
+
+if [ "$root" = / ]; then
+    set -- tshark "$@"
+else
+    libraries=$(echo "$root"/usr/lib/*-linux-gnu*)
+    loader=
+    for each in "$root"/lib64/ld-linux*.so.* "$root"/lib/ld-linux*.so.*; do
+        [ -e "$each" ] && loader=$each && break
+    done
+    export WIRESHARK_DATA_DIR="$root/usr/share/wireshark"
+    export WIRESHARK_PLUGIN_DIR="$libraries/wireshark/plugins"
+    export WIRESHARK_EXTCAP_DIR="$root/none"
+    export GCONV_PATH="$libraries/gconv" LOCPATH="$root/usr/lib/locale"
+    set -- "${loader:?none in $libraries}" --library-path "$libraries:$libraries/wireshark" "$root/usr/bin/tshark" "$@"
+fi
+[ "$(id -u)" -eq 0 ] || exec "$@"
+
+capability=-all,+dac_override
+exec setpriv --reuid=1000 --regid=1000 --clear-groups --inh-caps=$capability --ambient-caps=$capability \
+    --bounding-set=$capability "$@"
