@@ -1,0 +1,120 @@
+"""`ds47 accept`: takes changes over into stored results, after saying which.
+
+Never silently: what will change is listed first, and without a terminal only `--yes` lets it happen.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ds47.cli.common import counted, stdout, warn
+from ds47.cli.options import analysis_options, options_from
+from ds47.cli.paths import about, captures
+
+if TYPE_CHECKING:
+    from ds47.regression.compare import Change
+    from ds47.regression.run import Outcome
+
+_SHOWN = 20
+
+
+@click.command("accept")
+@click.argument("paths", metavar="PATH...", nargs=-1, required=True)
+@click.option(
+    "--where",
+    "conditions",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Only changes about this: pnu=964, subindex=0, rule=DS410, kind=value, device=IP, "
+    "capture=PATTERN. Given more than once, all must hold.",
+)
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@click.option(
+    "--all", "show_all", is_flag=True, help=f"List more than {_SHOWN} changes of a capture."
+)
+@analysis_options
+def command(
+    paths: Sequence[str], conditions: Sequence[str], yes: bool, show_all: bool, **options: Any
+) -> int:
+    """Take over what changed into the stored results of captures.
+
+    Lists what it will change and asks; changes that --where leaves out stay changes.
+    """
+    from ds47.regression.accept import WhereError, parse_where
+
+    try:
+        where = parse_where(conditions)
+    except WhereError as problem:
+        raise click.UsageError(str(problem)) from problem
+    found, status = _find(paths, where, options)
+    if not found:
+        click.echo("nothing to take over")
+        return status
+    _list(found, None if show_all else _SHOWN)
+    total = sum(len(changes) for _, changes in found)
+    what = f"{counted(total, 'change')} in {counted(len(found), 'capture')}"
+    question = f"take over {what}?"
+    if not yes:
+        if not sys.stdin.isatty():
+            raise click.UsageError(f"{question} Say --yes; nobody can be asked here")
+        click.confirm(question, abort=True)
+    for outcome, changes in found:
+        _take(outcome, changes)
+    click.echo(f"took over {what}")
+    return status
+
+
+def _find(
+    paths: Sequence[str], where: dict[str, str], options: dict[str, Any]
+) -> tuple[list[tuple[Outcome, list[Change]]], int]:
+    """The captures with changes that were asked for; and the exit status so far."""
+    from ds47.regression.accept import chosen
+    from ds47.regression.config import ConfigError
+    from ds47.regression.run import check
+
+    analysis = options_from(**options)
+    found, status = [], 0
+    for path in captures(paths, warn):
+        try:
+            outcome = check(path, analysis)
+        except ConfigError as problem:
+            raise click.ClickException(str(problem)) from problem
+        if outcome.error is not None:
+            warn(about(path, outcome.error))
+            status = max(status, 3 if outcome.unreadable else 1)
+            continue
+        changes = [change for change in outcome.changes if chosen(change, where, Path(path))]
+        if changes:
+            found.append((outcome, changes))
+    return found, status
+
+
+def _list(found: Sequence[tuple[Outcome, list[Change]]], most: int | None) -> None:
+    from ds47.report.words import escape
+
+    write = stdout().write
+    for outcome, changes in found:
+        write(f"{escape(outcome.path)}\n")
+        for change in changes[:most]:
+            write(f"    {escape(change.text)}\n")
+        if most is not None and len(changes) > most:
+            write(f"    ... and {len(changes) - most} more (--all)\n")
+
+
+def _take(outcome: Outcome, changes: list[Change]) -> None:
+    """All changes: the present result as it is; some: the stored one with these."""
+    from ds47.regression import baseline
+    from ds47.regression.accept import merge
+
+    assert outcome.now is not None
+    assert outcome.stored is not None
+    now = outcome.now
+    if len(changes) < len(outcome.changes):
+        now = merge(outcome.stored, outcome.now, outcome.pairs, changes)
+    capture = Path(outcome.path)
+    baseline.save(baseline.path_of(capture), now, capture.name)

@@ -1,0 +1,50 @@
+"""`ds47 baseline`: stores the results of captures, for `ds47 check` to compare with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ds47.cli.common import counted, warn
+from ds47.cli.options import analysis_options, options_from
+from ds47.cli.paths import about, captures
+
+
+@click.command("baseline")
+@click.argument("paths", metavar="PATH...", nargs=-1, required=True)
+@click.option("--force", is_flag=True, help="Write over a result that is there already.")
+@analysis_options
+def command(paths: Sequence[str], force: bool, **options: Any) -> int:
+    """Store the result of each capture beside it, as NAME.ds47.json.
+
+    A result that is there already stays as it is; ds47 accept takes over what changed.
+    """
+    from ds47.capture import CaptureError
+    from ds47.regression import baseline
+    from ds47.regression.run import result_of
+
+    analysis = options_from(**options)
+    status = 0
+    for path in captures(paths, warn):
+        target = baseline.path_of(Path(path))
+        if target.exists() and not force:
+            click.echo(f"{target}: is there already; see ds47 check, ds47 accept, or --force")
+            continue
+        try:
+            result = result_of(path, analysis)
+        except CaptureError as problem:
+            warn(about(path, str(problem)))
+            status = 3
+            continue
+        baseline.save(target, baseline.content(result), Path(path).name)
+        click.echo(
+            f"{target}: stored {counted(len(result.transactions), 'transaction')}, "
+            f"{counted(len(result.findings), 'finding')}"
+        )
+        if not result.complete:
+            warn(about(path, result.problem or "only partly read"))
+            status = 3
+    return status

@@ -1,0 +1,228 @@
+"""`ds47 check`: captures against their stored results, for a person and for CI.
+
+Here: options, output and exit status. Comparing is `ds47.regression`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ds47.cli.common import counted, output, stdout, warn
+from ds47.cli.options import analysis_options, options_from
+from ds47.cli.paths import about, captures
+from ds47.model import SEVERITIES
+
+if TYPE_CHECKING:
+    from ds47.regression.run import Outcome
+
+_SHOWN = 20
+"""Changes of one capture that are printed; a firmware that changed everything fills no screen."""
+
+
+@click.command("check")
+@click.argument("paths", metavar="PATH...", nargs=-1, required=True)
+@click.option(
+    "-f",
+    "--format",
+    "format_name",
+    type=click.Choice(["text", "json"]),
+    default="text",
+    show_default=True,
+    help="What goes to stdout.",
+)
+@click.option(
+    "--fail-on",
+    type=click.Choice(["never", *SEVERITIES]),
+    help="From which severity on a new finding fails.  [default: what ds47.toml says, or error]",
+)
+@click.option("--junit", metavar="FILE", help="Write JUnit XML too, one test per capture.")
+@click.option("--sarif", metavar="FILE", help="Write SARIF 2.1.0 too.")
+@click.option(
+    "--summary", is_flag=True, help="Sum up by label, and say what the captures exercise."
+)
+@click.option(
+    "--all", "show_all", is_flag=True, help=f"Print more than {_SHOWN} changes of a capture."
+)
+@analysis_options
+def command(
+    paths: Sequence[str],
+    format_name: str,
+    fail_on: str | None,
+    junit: str | None,
+    sarif: str | None,
+    summary: bool,
+    show_all: bool,
+    **options: Any,
+) -> int:
+    """Compare captures with their stored results (NAME.ds47.json).
+
+    Exit status: 0 all as stored, 1 something changed or no result is stored, 3 a capture cannot be
+    read as a whole. Tolerances, masks and known findings stand in ds47.toml.
+    """
+    outcomes, seconds, missing = _run(paths, fail_on, options)
+    if format_name == "json":
+        _print_json(outcomes, summary)
+    else:
+        _print_text(outcomes, summary, None if show_all else _SHOWN)
+    if junit:
+        _write_junit(outcomes, seconds, junit)
+    if sarif:
+        _write_sarif(outcomes, sarif)
+    if missing or any(outcome.unreadable for outcome in outcomes):
+        return 3
+    return int(any(outcome.failed for outcome in outcomes))
+
+
+def _run(
+    paths: Sequence[str], fail_on: str | None, options: dict[str, Any]
+) -> tuple[list[Outcome], list[float], list[str]]:
+    from ds47.regression.config import ConfigError
+    from ds47.regression.run import check
+
+    analysis = options_from(**options)
+    outcomes, seconds, missing = [], [], []
+
+    def lacks(text: str) -> None:
+        missing.append(text)
+        warn(text)
+
+    for path in captures(paths, lacks):
+        begin = time.perf_counter()
+        try:
+            outcomes.append(check(path, analysis, fail_on))
+        except ConfigError as problem:
+            raise click.ClickException(str(problem)) from problem
+        seconds.append(time.perf_counter() - begin)
+    return outcomes, seconds, missing
+
+
+def _print_text(outcomes: Sequence[Outcome], summary: bool, most: int | None) -> None:
+    from ds47.report.words import escape
+
+    write = stdout().write
+    for outcome in outcomes:
+        if outcome.error is not None:
+            write(f"FAILED   {escape(about(outcome.path, outcome.error))}\n")
+            continue
+        if not outcome.changes:
+            continue
+        word = "CHANGED" if outcome.failures else "noted"
+        write(f"{word:<8} {escape(outcome.path)}\n")
+        for change in outcome.changes[:most]:
+            write(f"         {escape(change.text)}\n")
+        if most is not None and len(outcome.changes) > most:
+            write(f"         ... and {len(outcome.changes) - most} more (--all)\n")
+    if summary:
+        write("\n".join(_summary(outcomes).lines()) + "\n")
+    write(_last_line(outcomes) + "\n")
+
+
+def _last_line(outcomes: Sequence[Outcome]) -> str:
+    failed = [outcome for outcome in outcomes if outcome.failed]
+    text = f"{counted(len(outcomes), 'capture')}: {len(outcomes) - len(failed)} as stored, {len(failed)} not"
+    if any(outcome.changes for outcome in outcomes):
+        text += "; to take changes over: ds47 accept PATH..."
+    return text
+
+
+def _summary(outcomes: Sequence[Outcome]) -> Any:
+    from ds47.regression.summary import Summary
+
+    summary = Summary()
+    for outcome in outcomes:
+        if outcome.now is not None:
+            summary.add(
+                outcome.label,
+                outcome.now,
+                outcome.changes,
+                failed=outcome.failed,
+                stored=outcome.stored,
+                pairs=outcome.pairs,
+            )
+    return summary
+
+
+def _print_json(outcomes: Sequence[Outcome], summary: bool) -> None:
+    import json
+
+    document: dict[str, Any] = {
+        "schema": "ds47.check/1",
+        "captures": [
+            {
+                "path": outcome.path,
+                "label": outcome.label,
+                "failed": outcome.failed,
+                "error": outcome.error,
+                "changes": [_plain(outcome, number) for number in range(len(outcome.changes))],
+            }
+            for outcome in outcomes
+        ],
+    }
+    if summary:
+        document["summary"] = _summary(outcomes).document()
+    stdout().write(json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False) + "\n")
+
+
+def _plain(outcome: Outcome, number: int) -> dict[str, Any]:
+    from ds47.regression.run import fails
+
+    change = outcome.changes[number]
+    return {
+        "kind": change.kind,
+        "text": change.text,
+        "fails": fails(change, outcome.fail_on),
+        "transaction": None if change.now is None else change.now + 1,
+        "path": list(change.path),
+        "was": change.was,
+        "is": change.is_now,
+        "pnu": change.pnu,
+        "subindex": change.subindex,
+        "device": change.device,
+        "rule": change.rule,
+    }
+
+
+def _write_junit(outcomes: Sequence[Outcome], seconds: Sequence[float], name: str) -> None:
+    from ds47.report.junit import Case, write
+
+    cases = [
+        Case(
+            outcome.path,
+            f"ds47.{outcome.label}" if outcome.label else "ds47",
+            duration,
+            tuple(change.text for change in outcome.failures),
+            outcome.error,
+        )
+        for outcome, duration in zip(outcomes, seconds, strict=True)
+    ]
+    with output(name) as stream:
+        write(cases, stream)
+
+
+def _write_sarif(outcomes: Sequence[Outcome], name: str) -> None:
+    from ds47.regression.run import fails
+    from ds47.report.sarif import Result, write
+
+    results = []
+    for outcome in outcomes:
+        if outcome.error is not None:
+            results.append(Result("check", "error", outcome.error, outcome.path))
+        for change in outcome.changes:
+            finding = change.is_now if change.kind == "finding_new" else None
+            severity = "error" if fails(change, outcome.fail_on) else "note"
+            results.append(
+                Result(
+                    change.rule if finding and change.rule else change.kind,
+                    severity,
+                    change.text,
+                    outcome.path,
+                    finding["frame"] if finding else None,
+                    None if change.now is None else change.now + 1,
+                )
+            )
+    with output(name) as stream:
+        write(results, stream)

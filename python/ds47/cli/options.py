@@ -1,0 +1,92 @@
+"""The options that say how a capture is analysed, for every command that analyses captures.
+
+From the words of the command line to `ds47.analysis.AnalysisOptions`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from ds47.cli.common import codec_options, dialect_options, lang_option
+
+if TYPE_CHECKING:
+    from ds47.analysis import AnalysisOptions
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def analysis_options(function: Function) -> Function:
+    """Adds --select, --ignore, --index, --lang, --slow and the dialects."""
+    for option in (
+        dialect_options,
+        click.option(
+            "--slow", type=float, metavar="MS", help="Limit for a slow transaction, in ms."
+        ),
+        lang_option,
+        click.option(
+            "--index", "indices", multiple=True, metavar="N", help="Another record index."
+        ),
+        click.option(
+            "--ignore", multiple=True, metavar="RULE", help="Not these rules (DS204, DS2)."
+        ),
+        click.option(
+            "--select", multiple=True, metavar="RULE", help="Only these rules (DS301, DS3)."
+        ),
+    ):
+        function = option(function)
+    return function
+
+
+def options_from(
+    select: Sequence[str],
+    ignore: Sequence[str],
+    indices: Sequence[str],
+    slow: float | None,
+    legacy_g120_formats: bool,
+    profile_v3_types: bool,
+    **others: Any,
+) -> AnalysisOptions:
+    """The options of an analysis.
+
+    Raises:
+        click.UsageError: a rule or an index that there cannot be.
+    """
+    from ds47.analysis import AnalysisOptions
+
+    if slow is not None:
+        others["slow_ms"] = slow
+    return AnalysisOptions(
+        select=known_rules(select),
+        ignore=known_rules(ignore),
+        indices=frozenset(map(_index, indices)),
+        codec=codec_options(legacy_g120_formats, profile_v3_types),
+        **others,
+    )
+
+
+def known_rules(names: Sequence[str]) -> tuple[str, ...]:
+    """Rules or the start of rules, in capitals; one that means no rule is a typing error.
+
+    Raises:
+        click.UsageError: no rule begins so.
+    """
+    from ds47 import spec
+
+    wanted = tuple(name.strip().upper() for name in names)
+    for name in wanted:
+        if not name or not any(rule.startswith(name) for rule in spec.rules()):
+            raise click.UsageError(f"no rule begins with {name!r}; see: ds47 rules")
+    return wanted
+
+
+def _index(text: str) -> int:
+    try:
+        index = int(text, 0)
+    except ValueError:
+        index = -1
+    if not 0 <= index <= 0xFFFF:
+        raise click.UsageError(f"--index {text!r} is no record index: 0..65535, also as 0xB02E")
+    return index

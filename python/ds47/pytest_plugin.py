@@ -1,0 +1,181 @@
+"""pytest plugin: captures with a stored result as tests, and the analysis of a capture as a fixture.
+
+`pytest --ds47 captures/` makes a test of each capture beside which `NAME.ds47.json` stands. The fixture
+`ds47_capture` gives the analysis to a project's own tests. Loaded by pytest wherever ds47 is
+installed, so nothing of ds47 is imported before it is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from ds47.model import CaptureResult, Finding, Parameter, Transaction
+    from ds47.regression.run import Outcome
+
+_ENDINGS = tuple(
+    suffix + packed for suffix in (".pcap", ".pcapng", ".cap") for packed in ("", ".gz", ".zst")
+)
+_SHOWN = 50
+"""Changes of one capture that a failure lists."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Adds --ds47 and --ds47-fail-on."""
+    group = parser.getgroup("ds47", "DS47 captures")
+    group.addoption(
+        "--ds47",
+        action="store_true",
+        help="collect captures that have a stored result (NAME.ds47.json) as tests",
+    )
+    group.addoption(
+        "--ds47-fail-on",
+        choices=("never", "note", "warning", "error"),
+        help="from which severity on a new finding fails (default: ds47.toml, or error)",
+    )
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
+    """A capture is collected with --ds47, and only where a result of it is stored."""
+    if not parent.config.getoption("--ds47"):
+        return None
+    if not file_path.name.lower().endswith(_ENDINGS):
+        return None
+    from ds47.regression.baseline import path_of
+
+    if not path_of(file_path).exists():
+        return None
+    collected: pytest.Collector = CaptureFile.from_parent(parent, path=file_path)
+    return collected
+
+
+class CaptureFile(pytest.File):
+    """A capture; holds one test."""
+
+    def collect(self) -> Iterator[pytest.Item]:
+        """The comparison with the stored result."""
+        yield CaptureItem.from_parent(self, name="as-stored")
+
+
+class CaptureItem(pytest.Item):
+    """The test that a capture gives the result that is stored."""
+
+    def runtest(self) -> None:
+        """Analyses and compares.
+
+        Raises:
+            Changed: something is not as it was stored, or cannot be read.
+        """
+        from ds47.regression.run import check
+
+        outcome = check(str(self.path), fail_on=self.config.getoption("--ds47-fail-on"))
+        if outcome.failed or outcome.unreadable:
+            raise Changed(outcome)
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """What changed, as people read it; everything else as pytest shows it."""
+        if isinstance(excinfo.value, Changed):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int | None, str]:
+        """Where the test is and how it is called."""
+        return self.path, None, f"{self.path.name} as stored"
+
+
+class Changed(Exception):
+    """A capture is not as it was stored; the text says what changed and how to take it over."""
+
+    def __init__(self, outcome: Outcome) -> None:
+        lines = [f"{outcome.path} is not as it was stored:"]
+        if outcome.error is not None:
+            lines.append(f"  {outcome.error}")
+        elif outcome.unreadable:
+            lines.append("  the capture could be read only in part")
+        failures = outcome.failures
+        lines += [f"  {change.text}" for change in failures[:_SHOWN]]
+        if len(failures) > _SHOWN:
+            lines.append(f"  ... and {len(failures) - _SHOWN} more")
+        if failures:
+            lines.append(f"to take this over: ds47 accept {outcome.path}")
+        super().__init__("\n".join(lines))
+
+
+class CaptureUnderTest:
+    """The analysis of a capture as tests like to ask it. `result` holds all of it."""
+
+    def __init__(self, result: CaptureResult) -> None:
+        self.result = result
+
+    @property
+    def transactions(self) -> list[Transaction]:
+        """All transactions in the order of their ids."""
+        return self.result.transactions
+
+    def findings(self, severity: str | None = None, rule: str | None = None) -> list[Finding]:
+        """Findings of at least a severity ("note", "warning", "error"), of a rule ("DS410", "DS4").
+
+        Raises:
+            ValueError: there is no such severity.
+        """
+        from ds47.model import SEVERITIES
+
+        least = 0 if severity is None else SEVERITIES.index(severity)
+        return [
+            finding
+            for finding in self.result.findings
+            if SEVERITIES.index(finding.severity) >= least
+            and (rule is None or finding.rule.startswith(rule))
+        ]
+
+    def parameters(self, pnu: int, subindex: int | None = None) -> list[Parameter]:
+        """Every parameter with this number, in the order of the transactions."""
+        return [
+            parameter
+            for transaction in self.result.transactions
+            for parameter in transaction.parameters
+            if parameter.pnu == pnu and subindex in (None, parameter.subindex)
+        ]
+
+    def last_value(self, pnu: int, subindex: int = 0) -> Any:
+        """The value that was last read or successfully written; None where there is none."""
+        value = None
+        for transaction in self.result.transactions:
+            if transaction.state not in ("ok", "partial"):
+                continue
+            for parameter in transaction.parameters:
+                place = subindex - (parameter.subindex or 0)
+                if (
+                    parameter.pnu == pnu
+                    and parameter.error is None
+                    and 0 <= place < len(parameter.values)
+                ):
+                    value = parameter.values[place]
+        return value
+
+    def __repr__(self) -> str:
+        counts = self.result.summary.get("transactions", 0), len(self.result.findings)
+        return f"<{self.result.path}: {counts[0]} transactions, {counts[1]} findings>"
+
+
+@pytest.fixture
+def ds47_capture(request: pytest.FixtureRequest) -> Callable[..., CaptureUnderTest]:
+    """A function from the path of a capture to its analysis.
+
+    A relative path counts from the folder of the test file. Keyword arguments are those of
+    `ds47.analysis.AnalysisOptions`. A capture that cannot be read as a whole fails the test.
+    """
+
+    def analysis(path: str | Path, **options: Any) -> CaptureUnderTest:
+        from ds47.analysis import AnalysisOptions, analyze
+
+        result = analyze(request.path.parent / path, AnalysisOptions(**options))
+        if not result.complete:
+            pytest.fail(f"{path}: {result.problem or 'only partly read'}", pytrace=False)
+        return CaptureUnderTest(result)
+
+    return analysis

@@ -1,0 +1,128 @@
+"""Stored results: where they stand, how they look on disk, reading and writing them.
+
+`NAME.ds47.json` beside the capture `NAME.pcapng`. What differs from one is found in
+`ds47.regression.compare`; who may overwrite one is the business of the commands.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from ds47 import __version__
+from ds47.model import CaptureResult
+
+SCHEMA = "ds47.baseline/1"
+SUFFIX = ".ds47.json"
+_PACKED = (".gz", ".zst")
+_CAPTURES = (".pcap", ".pcapng", ".cap")
+_WIDTH = 100
+
+
+class BaselineError(Exception):
+    """A stored result that cannot be used: one line that says which, and what to do."""
+
+
+def path_of(capture: Path) -> Path:
+    """Where the stored result of a capture stands.
+
+    Captures of one folder that differ in nothing but their endings keep the ending in the name.
+    """
+    stem = _stem(capture.name)
+    if _has_namesake(capture, stem):
+        stem = capture.name
+    return capture.with_name(stem + SUFFIX)
+
+
+def _stem(name: str) -> str:
+    for packed in _PACKED:
+        name = name.removesuffix(packed)
+    for suffix in _CAPTURES:
+        if name.lower().endswith(suffix):
+            return name[: -len(suffix)]
+    return name
+
+
+def _has_namesake(capture: Path, stem: str) -> bool:
+    names = (stem + suffix + packed for suffix in _CAPTURES for packed in ("", *_PACKED))
+    return any(name != capture.name and capture.with_name(name).exists() for name in names)
+
+
+def content(result: CaptureResult) -> dict[str, Any]:
+    """What is stored of a result: the capture object of `ds47.report/1` without its path."""
+    from ds47.report.json import capture
+
+    stored = capture(result)
+    del stored["path"]
+    return stored
+
+
+def load(path: Path) -> dict[str, Any]:
+    """Reads a stored result and returns its `content`.
+
+    Raises:
+        BaselineError: there is none, or it is not one.
+    """
+    try:
+        document = json.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise BaselineError(
+            f"{path}: there is no stored result; make one with: ds47 baseline"
+        ) from None
+    except (OSError, ValueError, RecursionError) as problem:
+        raise BaselineError(f"{path}: {problem}") from problem
+    if not isinstance(document, dict) or document.get("schema") != SCHEMA:
+        raise BaselineError(
+            f"{path}: this is no stored result ({SCHEMA}); make it with: ds47 baseline --force"
+        )
+    stored = document.get("capture")
+    if not isinstance(stored, dict) or not isinstance(stored.get("transactions"), list):
+        raise BaselineError(
+            f"{path}: the stored result is not whole; make it with: ds47 baseline --force"
+        )
+    return stored
+
+
+def save(path: Path, stored: dict[str, Any], capture: str) -> None:
+    """Writes a stored result whole or not at all; the same content gives the same bytes anywhere.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        draft.write_text(text(stored, capture), encoding="utf-8", newline="\n")
+        draft.replace(path)
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def text(stored: dict[str, Any], capture: str) -> str:
+    """The file as text: sorted keys, short things on one line, the way to update it first."""
+    document = {
+        "#": f"stored result of {capture}; look at what changed with: ds47 check, take it over with: ds47 accept",
+        "schema": SCHEMA,
+        "tool": {"name": "ds47", "version": __version__},
+        "capture": stored,
+    }
+    return _layout(document, 0) + "\n"
+
+
+def _layout(item: Any, depth: int) -> str:
+    """JSON in which what fits on a line stands on one, so that a change is a change of lines."""
+    line = json.dumps(item, ensure_ascii=False, sort_keys=True, allow_nan=False)
+    broken = (
+        isinstance(item, dict | list) and item and (depth < 2 or len(line) + 2 * depth > _WIDTH)
+    )
+    if not broken:
+        return line
+    pad = "  " * (depth + 1)
+    if isinstance(item, dict):
+        rows = [f"{pad}{json.dumps(key)}: {_layout(item[key], depth + 1)}" for key in sorted(item)]
+        rows[0] = rows[0][1:].lstrip() if depth == 0 else rows[0]
+        opening = "{" if depth == 0 else "{\n"
+        return opening + ",\n".join(rows) + "\n" + "  " * depth + "}"
+    rows = [pad + _layout(each, depth + 1) for each in item]
+    return "[\n" + ",\n".join(rows) + "\n" + "  " * depth + "]"

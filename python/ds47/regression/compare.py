@@ -1,0 +1,387 @@
+"""What changed between a stored result and the present one, in the words of people.
+
+Pure: two capture objects of `ds47.report/1` and a configuration in, changes out. Nothing is read or
+written, and nothing decides whether a change is good.
+
+The same file (equal SHA-256) must give the same result in every field. Another recording of the same
+test repeats what was asked and answered, but not frames, times, connections and bytes: those are not
+compared then (docs/regression.md).
+"""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict, deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isclose
+from pathlib import Path
+from typing import Any
+
+from ds47.regression.config import Config, ParameterTolerance
+
+KINDS = (
+    "value", "error", "state", "timing", "field", "finding_new", "finding_gone",
+    "transaction_new", "transaction_gone", "device", "count",
+)  # fmt: skip
+"""What a change can be about."""
+
+_FLOATS = ("Float32", "Float64")
+_STATE = ("state",)
+_SAID = (
+    "operation",
+    "request_reference",
+    "axis",
+    "controller",
+    "device",
+    "api",
+    "slot",
+    "subslot",
+    "index",
+)
+_RECORDED = ("ar", "frames", "start", "bytes", "status")
+"""Fields that only the same file repeats; the status of a refusal stands in its findings."""
+_COUNTS = ("frames", "complete", "rpc", "records")
+_ADDRESS = ("attribute", "pnu", "subindex", "element_count")
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One thing that is not as it was stored.
+
+    Attributes:
+        kind: one of KINDS.
+        text: what changed, as people read it.
+        stored, now: 0-based places of the transaction in the two results; None where there is none.
+        path: keys inside the transaction (or the capture object) that lead to what changed.
+        was, is_now: the two values; None where there is none.
+        pnu, subindex, device, rule: what it is about, for `ds47 accept --where`.
+    """
+
+    kind: str
+    text: str
+    stored: int | None = None
+    now: int | None = None
+    path: tuple[str | int, ...] = ()
+    was: Any = None
+    is_now: Any = None
+    pnu: int | None = None
+    subindex: int | None = None
+    device: str | None = None
+    rule: str | None = None
+
+
+def compare(stored: Json, now: Json, config: Config, capture: Path) -> list[Change]:
+    """All changes, in the order of the transactions of the present result.
+
+    Args:
+        stored: the stored capture object.
+        now: the present one.
+        config: tolerances, masks and known findings.
+        capture: the file, for the patterns of the configuration.
+    """
+    return list(_Comparison(stored, now, config, capture).changes())
+
+
+def pairs(
+    stored: Json, now: Json, config: Config, capture: Path
+) -> list[tuple[int | None, int | None]]:
+    """Which transaction of the stored result is which of the present one, as 0-based places.
+
+    One that was added or is missing stands alone, and does not disturb the others.
+    """
+    return _Comparison(stored, now, config, capture).pairs
+
+
+class _Comparison:
+    def __init__(self, stored: Json, now: Json, config: Config, capture: Path) -> None:
+        self._old, self._new = stored, now
+        self._config, self._capture = config, capture
+        self._same_file = (
+            stored.get("sha256") == now.get("sha256") and now.get("sha256") is not None
+        )
+        self._olds: list[Json] = stored["transactions"]
+        self._news: list[Json] = now["transactions"]
+        self.pairs = self._align()
+
+    def changes(self) -> Iterator[Change]:
+        """Devices and counts first, then transaction by transaction, then findings."""
+        yield from self._devices()
+        if self._same_file:
+            for key in _COUNTS:
+                if self._old.get(key) != self._new.get(key):
+                    yield _field("count", "capture", (key,), self._old.get(key), self._new.get(key))
+        for old, new in self.pairs:
+            if old is None and new is not None:
+                yield self._alone("transaction_new", None, new, self._news[new], "is new")
+            elif new is None and old is not None:
+                yield self._alone("transaction_gone", old, None, self._olds[old], "is gone")
+            elif old is not None and new is not None:
+                yield from self._transaction(old, new)
+        yield from self._findings()
+
+    # Which transaction is which
+
+    def _align(self) -> list[tuple[int | None, int | None]]:
+        """Equal ones from both ends, and in between the n-th of a kind with the n-th of that kind.
+
+        Linear in the number of transactions, however often one of them repeats.
+        """
+        olds, news = self._olds, self._news
+        front = 0
+        while front < min(len(olds), len(news)) and self._equal(olds[front], news[front]):
+            front += 1
+        back = 0
+        while back < min(len(olds), len(news)) - front and self._equal(
+            olds[-1 - back], news[-1 - back]
+        ):
+            back += 1
+        waiting: defaultdict[Any, deque[int]] = defaultdict(deque)
+        for place in range(front, len(olds) - back):
+            waiting[_kind(olds[place])].append(place)
+        middle: list[tuple[int | None, int | None]] = []
+        for place in range(front, len(news) - back):
+            same = waiting[_kind(news[place])]
+            middle.append((same.popleft() if same else None, place))
+        middle += [(place, None) for places in waiting.values() for place in places]
+        middle.sort(key=_order)
+        ends = [(len(olds) - n, len(news) - n) for n in range(back, 0, -1)]
+        return [(place, place) for place in range(front)] + middle + ends
+
+    def _equal(self, old: Json, new: Json) -> bool:
+        return _kind(old) == _kind(new) and next(self._fields(0, 0, old, new), None) is None
+
+    # One transaction
+
+    def _transaction(self, old: int, new: int) -> Iterator[Change]:
+        yield from self._fields(old, new, self._olds[old], self._news[new])
+
+    def _fields(self, stored: int, now: int, old: Json, new: Json) -> Iterator[Change]:
+        where = f"transaction {new['id']}"
+        about = {"stored": stored, "now": now, "device": new["device"]}
+        for key in _STATE + _SAID + (_RECORDED if self._same_file else ()):
+            if old.get(key) != new.get(key):
+                kind = "state" if key in _STATE else "field"
+                yield _field(kind, where, (key,), old.get(key), new.get(key), **about)
+        if not self._duration_fits(old.get("duration_ms"), new.get("duration_ms")):
+            yield _field(
+                "timing",
+                where,
+                ("duration_ms",),
+                old.get("duration_ms"),
+                new.get("duration_ms"),
+                **about,
+            )
+        olds, news = old["parameters"], new["parameters"]
+        if len(olds) != len(news):
+            yield Change(
+                "field", f"{where}: had {len(olds)} parameters, has {len(news)}",
+                path=("parameters",), was=olds, is_now=news, **about,
+            )  # fmt: skip
+            return
+        for number, (before, after) in enumerate(zip(olds, news, strict=True)):
+            yield from self._parameter(where, number, before, after, about)
+
+    def _duration_fits(self, old: float | None, new: float | None) -> bool:
+        tolerance = self._config.tolerance
+        if self._same_file:
+            return old == new
+        if tolerance.duration_relative is None and tolerance.duration_absolute_ms is None:
+            return True
+        if old is None or new is None:
+            return old is new
+        room = max(old * (tolerance.duration_relative or 0), tolerance.duration_absolute_ms or 0)
+        return new - old <= room  # quicker is never a regression
+
+    def _parameter(
+        self, where: str, number: int, old: Json, new: Json, about: Json
+    ) -> Iterator[Change]:
+        pnu, first = new.get("pnu"), new.get("subindex") or 0
+        about = about | {"pnu": pnu}
+        name = "value" if pnu is None else f"p{pnu}"
+        for key in (*_ADDRESS, "name", "unit", "format", "value_count"):
+            if old.get(key) != new.get(key):
+                text = (
+                    f"{where}: {key} of {name} was {_show(old.get(key))}, is {_show(new.get(key))}"
+                )
+                yield Change("field", text, path=("parameters", number, key), was=old.get(key),
+                             is_now=new.get(key), subindex=new.get("subindex"), **about)  # fmt: skip
+        if old.get("error") != new.get("error"):
+            text = f"{where}: {name}[{first}] {_outcome(old, 'was')}, {_outcome(new, 'is')}"
+            yield Change("error", text, path=("parameters", number, "error"), was=old.get("error"),
+                         is_now=new.get("error"), subindex=new.get("subindex"), **about)  # fmt: skip
+        for key in ("values", "scaled"):
+            yield from self._values(where, name, (number, key), old, new, about)
+
+    def _values(
+        self, where: str, name: str, place: tuple[int, str], old: Json, new: Json, about: Json
+    ) -> Iterator[Change]:
+        number, key = place
+        olds, news = old.get(key) or [], new.get(key) or []
+        first, device = new.get("subindex") or 0, about["device"]
+        if len(olds) != len(news):
+            if bool(old.get("error")) == bool(new.get("error")):
+                text = f"{where}: {name}[{first}] had {len(olds)} {key}, has {len(news)}"
+                yield Change("value", text, path=("parameters", number, key), was=old.get(key),
+                             is_now=new.get(key), subindex=first, **about)  # fmt: skip
+            return
+        for step, (was, is_now) in enumerate(zip(olds, news, strict=True)):
+            subindex = first + step
+            if self._value_fits(new, device, subindex, was, is_now):
+                continue
+            label = "" if key == "values" else " (scaled)"
+            text = f"{where}: {name}[{subindex}]{label} was {_show(was)}, is {_show(is_now)}"
+            yield Change("value", text, path=("parameters", number, key, step), was=was,
+                         is_now=is_now, subindex=subindex, **about)  # fmt: skip
+
+    def _value_fits(
+        self, parameter: Json, device: str, subindex: int, was: Any, is_now: Any
+    ) -> bool:
+        if was == is_now and type(was) is type(is_now):
+            return True
+        pnu = parameter.get("pnu")
+        if not self._same_file and self._config.masked(device, pnu, subindex):
+            return True
+        if not _number(was) or not _number(is_now):
+            return False
+        own = self._own_tolerance(pnu, subindex)
+        if own is not None:
+            return isclose(was, is_now, rel_tol=own.relative, abs_tol=own.absolute)
+        if parameter.get("format") not in _FLOATS:
+            return bool(was == is_now)
+        tolerance = self._config.tolerance
+        return isclose(
+            was, is_now, rel_tol=tolerance.float_relative, abs_tol=tolerance.float_absolute
+        )
+
+    def _own_tolerance(self, pnu: int | None, subindex: int) -> ParameterTolerance | None:
+        for own in self._config.parameters:
+            if own.pnu == pnu and own.subindex in (None, subindex):
+                return own
+        return None
+
+    # What stands beside the transactions
+
+    def _alone(self, kind: str, old: int | None, new: int | None, item: Json, what: str) -> Change:
+        asked = ", ".join(f"p{each['pnu']}[{each['subindex']}]" for each in item["parameters"][:3])
+        text = (
+            f"transaction {item['id']} {what}: {item['operation']} {asked or '-'}, {item['state']}"
+        )
+        pnu = next((each["pnu"] for each in item["parameters"]), None)
+        return Change(kind, text, stored=old, now=new, was=None if old is None else item,
+                      is_now=None if new is None else item, pnu=pnu, device=item["device"])  # fmt: skip
+
+    def _devices(self) -> Iterator[Change]:
+        olds = {each["ip"]: each for each in self._old.get("devices", [])}
+        news = {each["ip"]: each for each in self._new.get("devices", [])}
+        for ip in sorted(olds.keys() | news.keys()):
+            old, new = olds.get(ip), news.get(ip)
+            if old == new:
+                continue
+            if old is None or new is None:
+                text = f"device {ip} is {'new' if old is None else 'gone'}"
+                yield Change("device", text, path=("devices", ip), was=old, is_now=new, device=ip)
+                continue
+            for key in sorted(old.keys() | new.keys()):
+                if old.get(key) != new.get(key):
+                    yield _field(
+                        "device",
+                        f"device {ip}",
+                        ("devices", ip, key),
+                        old.get(key),
+                        new.get(key),
+                        device=ip,
+                    )
+
+    def _findings(self) -> Iterator[Change]:
+        """A finding is known by its rule and its transaction; in the same file by all it says."""
+        place = {new: old for old, new in self.pairs if new is not None}
+        olds = Counter(self._finding_keys(self._old, None))
+        for key, finding in self._keyed(self._new, place):
+            if olds[key] > 0:
+                olds[key] -= 1
+                continue
+            yield self._finding("finding_new", "new finding", finding, self._news)
+        for key, finding in reversed(list(self._keyed(self._old, None))):
+            if olds[key] > 0:
+                olds[key] -= 1
+                yield self._finding("finding_gone", "finding gone", finding, self._olds)
+
+    def _finding_keys(self, result: Json, place: dict[int, int | None] | None) -> list[Any]:
+        return [key for key, _ in self._keyed(result, place)]
+
+    def _keyed(
+        self, result: Json, place: dict[int, int | None] | None
+    ) -> Iterator[tuple[Any, Json]]:
+        for finding in result.get("findings", []):
+            number = finding.get("transaction")
+            pnus = _pnus(result, number)
+            if self._config.ignored(finding["rule"], self._capture, pnus):
+                continue
+            where = number
+            if place is not None and number is not None:
+                old = place.get(number - 1)
+                where = f"new {number}" if old is None else old + 1
+            said = (finding["message"], finding["frame"]) if self._same_file else ()
+            yield (finding["rule"], where, *said), finding
+
+    def _finding(self, kind: str, what: str, finding: Json, transactions: list[Json]) -> Change:
+        number = finding.get("transaction")
+        item = transactions[number - 1] if number and number <= len(transactions) else None
+        where = f" (transaction {number})" if number else f" (frame {finding['frame']})"
+        text = f"{what}: {finding['rule']} {finding['severity']}: {finding['message']}{where}"
+        pnu = next((each["pnu"] for each in item["parameters"]), None) if item else None
+        new = kind == "finding_new"
+        return Change(kind, text, path=("findings",), was=None if new else finding,
+                      is_now=finding if new else None, rule=finding["rule"], pnu=pnu,
+                      device=item["device"] if item else None)  # fmt: skip
+
+
+def _kind(item: Json) -> tuple[Any, ...]:
+    """What two transactions have in common that are the same request, whatever came of it."""
+    asked = tuple(tuple(each.get(key) for key in _ADDRESS) for each in item["parameters"])
+    place = tuple(item.get(key) for key in ("device", "slot", "subslot", "index", "axis"))
+    return item["operation"], place, asked
+
+
+def _order(pair: tuple[int | None, int | None]) -> tuple[int, int]:
+    """Reading order: by the present place; what is gone stands where it was."""
+    old, new = pair
+    return (new if new is not None else old or 0, 0 if new is None else 1)
+
+
+def _field(
+    kind: str, where: str, path: tuple[str | int, ...], was: Any, is_now: Any, **about: Any
+) -> Change:
+    text = f"{where}: {path[-1]} was {_show(was)}, is {_show(is_now)}"
+    return Change(kind, text, path=path, was=was, is_now=is_now, **about)
+
+
+def _outcome(parameter: Json, verb: str) -> str:
+    error = parameter.get("error")
+    if error is None:
+        values = parameter.get("values") or []
+        return f"{verb} {_show(values[0])}" if len(values) == 1 else f"{verb} answered"
+    code = "-" if error["code"] is None else f"0x{error['code']:02X}"
+    return f"{verb} refused ({code} {error['text']})"
+
+
+def _show(value: Any) -> str:
+    if isinstance(value, dict) and "code" in value:
+        return f"0x{value['code']:02X} {value['text']}"
+    text = "nothing" if value is None else str(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _pnus(result: Json, number: int | None) -> set[int]:
+    transactions = result["transactions"]
+    if not number or number > len(transactions):
+        return set()
+    return {
+        each["pnu"] for each in transactions[number - 1]["parameters"] if each["pnu"] is not None
+    }
