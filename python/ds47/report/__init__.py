@@ -22,8 +22,12 @@ from ds47.model import CaptureResult, Finding, Report, Transaction
 SCHEMA = "ds47.report/1"
 """The version of the JSON contract, as the key `schema` of a report."""
 
-FORMATS = ("text", "json", "ndjson", "csv")
+FORMATS = ("text", "json", "ndjson", "csv", "parquet", "html", "junit", "sarif")
 """Names for `open_writer`, each a module of this package."""
+
+
+class CannotWriteError(Exception):
+    """A format that cannot be written here; the text says why, and what to do."""
 
 
 class RuleText(Protocol):
@@ -35,10 +39,16 @@ class RuleText(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How to print. `color`: ANSI colours (text only). `rules`: the catalogue, for rule names."""
+    """How to print. `color`: ANSI colours (text only). `rules`: the catalogue, for rule names.
+
+    `fail_on`: the severity from which on a finding is a failure (junit only). `lang`: the language in
+    which a page starts (html only).
+    """
 
     color: bool = False
     rules: Mapping[str, RuleText] = field(default_factory=dict)
+    fail_on: str = "error"
+    lang: str = "en"
 
 
 class Writer:
@@ -56,6 +66,9 @@ class Writer:
     def capture(self, result: CaptureResult) -> None:
         """Takes a capture at its end; for a writer that streams, without its transactions."""
 
+    def unreadable(self, path: str, problem: str) -> None:
+        """Takes a capture of which nothing could be read, instead of `capture`."""
+
     def close(self) -> None:
         """Ends the report. The stream stays open: it belongs to the caller."""
 
@@ -65,7 +78,12 @@ class _WriterClass(Protocol):
 
 
 def open_writer(name: str, stream: TextIO, options: Options | None = None) -> Writer:
-    """The serializer for one of FORMATS, writing to `stream`. Raises ValueError for other names."""
+    """The serializer for one of FORMATS, writing to `stream`.
+
+    Raises:
+        ValueError: for other names.
+        CannotWriteError: the format needs a package that is missing, or another kind of stream.
+    """
     if name not in FORMATS:
         raise ValueError(f"no report format {name!r}: one of {', '.join(FORMATS)}")
     module = import_module(f"ds47.report.{name}")
@@ -125,7 +143,12 @@ def at_offset(offset: int, text: str) -> str:
     return f"offset {offset}: {text}"
 
 
-def schema() -> dict[str, Any]:
-    """The JSON Schema of the report; its `$defs` has `line` (ndjson) and `message` (decode)."""
-    text = resources.files("ds47").joinpath("schema", "report-1.schema.json")
+def schema(name: str = "report-1") -> dict[str, Any]:
+    """A JSON Schema of the package.
+
+    Args:
+        name: `report-1` is the report, its `$defs` has `message` (decode); `transaction-1` is a
+            line of ndjson; `table-1` has `csv` and `parquet` in its `$defs`, a row each.
+    """
+    text = resources.files("ds47").joinpath("schema", f"{name}.schema.json")
     return cast(dict[str, Any], loads(text.read_text(encoding="utf-8")))

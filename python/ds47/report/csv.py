@@ -1,23 +1,26 @@
-"""Report as CSV: one row per parameter, for spreadsheets and data frames.
+r"""Report as CSV: one row per parameter, for spreadsheets and data frames.
 
 The columns are COLUMNS, named as the keys of the JSON contract, a dot between a key and the one
 inside it. A transaction whose parameters nobody knows has one row with these columns empty. One
 value stands as it is, several as a JSON array. Findings that belong to no transaction are not in
 this format. UTF-8, comma, LF; holds nothing between two rows.
 
-A text that a spreadsheet would take for a formula gets a quote (') in front: captures come from
-strangers. Numbers stay numbers, negative ones too.
+A text that a spreadsheet would take for a formula gets a quote (') in front, and what nobody could
+see is an escape (`\x1b`), so that a row is a line: captures come from strangers. Numbers stay
+numbers, negative ones too. The columns with type and meaning: schema/table-1.schema.json.
 """
 
 from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from json import dumps
 from typing import ClassVar, TextIO
 
 from ds47.model import Finding, Parameter, Report, Transaction, Value
 from ds47.report import Options, is_text, json, write_all
 from ds47.report import Writer as _Writer
+from ds47.report.words import escape
 
 TRANSACTION_COLUMNS = (
     "path",
@@ -99,9 +102,19 @@ class Writer(_Writer):
             self._csv.writerow(left + [None] * len(PARAMETER_COLUMNS))
 
 
+_FORMULA = "=+-@＝＋－＠"
+"""What a formula begins with, also in full width."""
+
+
 def guarded(text: str | None) -> str | None:
-    """A text that no spreadsheet takes for a formula (tab and CR count: they are skipped there)."""
-    return "'" + text if text and text[0] in "=+-@\t\r" else text
+    """A text that no spreadsheet takes for a formula and no terminal for a command.
+
+    Blanks in front are skipped by some spreadsheets; tabs and line ends are escapes here.
+    """
+    if not text:
+        return text
+    shown = escape(text)
+    return "'" + shown if shown.lstrip()[:1] in _FORMULA and not shown.isspace() else shown
 
 
 def _transaction_cells(path: str, item: Transaction) -> list[Cell]:
@@ -153,6 +166,14 @@ def _parameter_cells(item: Parameter) -> list[Cell]:
 
 def _values(values: Sequence[Value], format_name: str | None) -> Cell:
     if len(values) != 1:
-        return json.text(values) if values else None
+        return _array(values) if values else None
     value = values[0]
     return guarded(value) if isinstance(value, str) and is_text(format_name) else value
+
+
+def _array(values: Sequence[Value]) -> str:
+    """Several values as JSON; an escape in it is one of JSON."""
+    text = json.text(values)
+    if text.isprintable():
+        return text
+    return "".join(each if each.isprintable() else dumps(each)[1:-1] for each in text)

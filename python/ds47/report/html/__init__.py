@@ -1,0 +1,114 @@
+"""Report as one HTML file: opens offline, on a phone, on paper; nothing is fetched, ever.
+
+Here the page is put together: what it says is worked out in `views` and `verdict`, what its words
+are in `texts.toml`, what it looks like in templates/report.html.j2 with the partials, the style
+and the scripts in templates/report/. `embed` makes text and data safe to stand in a page.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TextIO
+
+from ds47 import __version__
+from ds47.model import CaptureResult, Report
+from ds47.report import Options, write_all
+from ds47.report import Writer as _Writer
+from ds47.report.html import embed, plots
+from ds47.report.html.texts import Words
+from ds47.report.html.views import CaptureView, Overview, capture_view, detail_first
+from ds47.report.words import count, duration, escape
+
+ROWS = 100_000
+"""Transactions that one page lists; those that went wrong come first, and the page says so."""
+ROWS_EACH = 500
+"""Transactions that every capture may list, however many the ones before it had."""
+DETAILED = 40
+"""Captures shown with all their parts; of more, the worst ones. The overview has all of them."""
+DRIVES = 250
+"""Drives that a page lists for one capture."""
+SCRIPTS = (
+    "base",
+    "data",
+    "table",
+    "message",
+    "sequence",
+    "transactions",
+    "parameters",
+    "plots",
+    "page",
+)
+"""The files of templates/report/ that make the one script of the page, in this order."""
+_FOLDER = "report"
+
+
+def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
+    """Writes a complete report."""
+    write_all(Writer(stream, options), report)
+
+
+class Writer(_Writer):
+    """Turns each capture into what the page says of it, and lets go of the rest."""
+
+    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+        super().__init__(stream, options)
+        self.lang = "zh" if getattr(self.options, "lang", "en") == "zh" else "en"
+        self._overview: list[Overview] = []
+        self._views: list[CaptureView] = []
+        self._rows_left = ROWS
+
+    def capture(self, result: CaptureResult) -> None:
+        number = len(self._overview) + 1
+        view = capture_view(result, number, self.lang, max(ROWS_EACH, self._rows_left))
+        self._rows_left -= view.rows
+        self._overview.append(view.overview)
+        self._views.append(view)
+        if len(self._views) > DETAILED:
+            self._views.remove(max(self._views, key=detail_first))
+
+    def unreadable(self, path: str, problem: str) -> None:
+        self._overview.append(Overview.unreadable(path, len(self._overview) + 1, problem))
+
+    def close(self) -> None:
+        self.stream.write(page(self._overview, self._views, self.lang))
+
+
+def page(overview: list[Overview], views: list[CaptureView], lang: str) -> str:
+    """The whole page as text."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # only for this format
+
+    environment = Environment(
+        loader=PackageLoader("ds47.report"), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    words = Words(lang)
+    environment.filters |= {"shown": escape, "duration": duration, "size": count}
+    library = plots.library() if any(view.plots for view in views) else None
+    script = _script(environment)
+    known: dict[str, Any] = {
+        "lang": lang,
+        "version": __version__,
+        "t": words.spans,
+        "both": words.pair,
+        "label": words.attributes,
+        "style": embed.safe_style(_source(environment, "page.css")),
+        "script": embed.safe_script(script),
+        "policy": embed.policy([script, *(library.scripts if library else ())]),
+        "library": library,
+        "words": embed.as_json(words.for_script()),
+        "overview": overview,
+        "total": overview[0] if len(overview) == 1 else Overview.of_all(overview),
+        "alone": len(overview) == len(views) == 1,
+        "views": views,
+        "most_drives": DRIVES,
+    }
+    return environment.get_template("report.html.j2").render(known)
+
+
+def _script(environment: Any) -> str:
+    parts = (_source(environment, f"{name}.js") for name in SCRIPTS)
+    return '"use strict";\n(() => {\n' + "\n".join(parts) + "\n})();\n"
+
+
+def _source(environment: Any, name: str) -> str:
+    source, _, _ = environment.loader.get_source(environment, f"{_FOLDER}/{name}")
+    return str(source)

@@ -1,0 +1,141 @@
+"""What each part of the page shows of a capture, as plain data for the templates and the script.
+
+`problems`: what went wrong and what to do. `findings`: by rule. `drives`: who is who. `elements`:
+parameter by parameter. `rows`: the transactions for the script. Here they are put together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from markupsafe import Markup
+
+from ds47.model import CaptureResult
+from ds47.report.html.embed import data_element
+from ds47.report.html.texts import Both, say
+from ds47.report.html.verdict import LEVELS, Counts, Remark, blind, quality, verdict
+from ds47.report.html.views.drives import Drive, drives, span
+from ds47.report.html.views.elements import elements
+from ds47.report.html.views.findings import Group, groups
+from ds47.report.html.views.problems import Problem, first_screen, problems
+from ds47.report.html.views.rows import packed_rows
+from ds47.report.text import percentile
+from ds47.report.words import escape
+
+
+@dataclass(slots=True)
+class Overview:
+    """A capture in one line, or all of them."""
+
+    path: str
+    number: int
+    counts: Counts
+    quality: str = "good"
+    """The worst level of its quality."""
+    problem: str | None = None
+    """Why nothing of it could be read."""
+
+    @property
+    def text(self) -> Both:
+        """The verdict."""
+        if self.problem is not None:
+            return say("not_readable", problem=escape(self.problem))
+        return verdict(self.counts)
+
+    @property
+    def level(self) -> str:
+        """How serious it is, one of `verdict.LEVELS`."""
+        return "bad" if self.problem is not None else self.counts.level
+
+    @classmethod
+    def unreadable(cls, path: str, number: int, problem: str) -> Overview:
+        """A capture of which nothing could be read."""
+        return cls(path, number, Counts(captures=1, unreadable=1), "bad", problem)
+
+    @classmethod
+    def of_all(cls, parts: Iterable[Overview]) -> Overview:
+        """The sum over all captures."""
+        total = cls("", 0, Counts())
+        for part in parts:
+            total.counts.add(part.counts)
+        return total
+
+
+@dataclass(slots=True)
+class CaptureView:
+    """All that the page shows of one capture; its transactions are in `data`."""
+
+    overview: Overview
+    sha256: str | None
+    span: Both | None
+    quality: list[Remark]
+    blind: list[Both]
+    drives: list[Drive]
+    problems: list[Problem]
+    problems_left_out: int
+    groups: list[Group]
+    rows: int
+    jobs: int
+    elements: int
+    elements_left_out: int
+    plots: bool
+    median: int | None
+    slowest: int | None
+    data: Markup = field(repr=False)
+
+
+def capture_view(result: CaptureResult, number: int, lang: str, most_rows: int) -> CaptureView:
+    """What the page shows of a capture, with at most so many of its transactions."""
+    vendors = {each.ip: each.vendor_id for each in result.devices}
+    found = groups(result, lang, vendors)
+    table, left_out = elements(result, vendors)
+    data = packed_rows(result, vendors, most_rows)
+    data["elements"] = table
+    data["messages"] = _by_transaction(found)
+    remarks = quality(result)
+    worst = max((LEVELS.index(each.level) for each in remarks), default=0)
+    counts = Counts.of(result)
+    wrong = problems(result, lang, vendors)
+    told = first_screen(wrong)
+    durations = sorted(
+        each.duration_ns
+        for each in result.transactions
+        if each.duration_ns is not None and each.duration_ns >= 0
+    )
+    return CaptureView(
+        overview=Overview(result.path, number, counts, LEVELS[worst]),
+        sha256=result.sha256,
+        span=span(result),
+        quality=remarks,
+        blind=blind(result),
+        drives=drives(result),
+        problems=told,
+        problems_left_out=len(wrong) - len(told),
+        groups=found,
+        rows=len(data["rows"]),
+        jobs=len(result.transactions),
+        elements=len(table["rows"]),
+        elements_left_out=left_out,
+        plots=bool(result.transactions),
+        median=percentile(durations, 50) if durations else None,
+        slowest=durations[-1] if durations else None,
+        data=data_element(f"data-{number}", data),
+    )
+
+
+def _by_transaction(found: list[Group]) -> dict[int, list[list[Any]]]:
+    """What the findings that are listed say about each transaction."""
+    messages: dict[int, list[list[Any]]] = {}
+    for group in found:
+        for each in group.shown:
+            if each.transaction is not None:
+                line = [group.rule, each.frame, *each.message]
+                messages.setdefault(each.transaction, []).append(line)
+    return messages
+
+
+def detail_first(view: CaptureView) -> tuple[int, int]:
+    """For a choice of captures to show: the worst first, then as they came."""
+    return (-LEVELS.index(view.overview.counts.level), view.overview.number)

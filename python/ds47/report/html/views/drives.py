@@ -1,0 +1,73 @@
+"""The drives of a capture with what was asked of them, and the time that the capture spans."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from ds47.model import CaptureResult, Device, Transaction
+from ds47.report.html.texts import Both, say
+from ds47.report.html.verdict import FAILED
+from ds47.report.json import timestamp
+from ds47.report.text import percentile
+
+
+@dataclass(slots=True)
+class Drive:
+    """A device that was asked for parameters."""
+
+    device: Device
+    axes: set[int] = field(default_factory=set)
+    controllers: set[str] = field(default_factory=set)
+    operations: Counter[str] = field(default_factory=Counter)
+    states: Counter[str] = field(default_factory=Counter)
+    durations: list[int] = field(default_factory=list)
+
+    @property
+    def failed(self) -> int:
+        """Jobs that did not do what they were meant to do, refusals aside."""
+        return sum(self.states[state] for state in FAILED if state != "refused")
+
+    @property
+    def median(self) -> int | None:
+        """The middle of the times from request to answer, in ns."""
+        return percentile(self.durations, 50) if self.durations else None
+
+    @property
+    def slowest(self) -> int | None:
+        """The longest time from request to answer, in ns."""
+        return self.durations[-1] if self.durations else None
+
+
+def drives(result: CaptureResult) -> list[Drive]:
+    """The drives in the order of their first transaction."""
+    known = {each.ip: each for each in result.devices}
+    found: dict[str, Drive] = {}
+    for item in result.transactions:
+        drive = found.get(item.device)
+        if drive is None:
+            drive = found[item.device] = Drive(known.get(item.device) or Device(item.device))
+        _count(drive, item)
+    for drive in found.values():
+        drive.durations.sort()
+    return list(found.values())
+
+
+def _count(drive: Drive, item: Transaction) -> None:
+    drive.operations[item.operation] += 1
+    drive.states[item.state] += 1
+    drive.controllers.add(item.controller)
+    if item.axis is not None:
+        drive.axes.add(item.axis)
+    if item.duration_ns is not None and item.duration_ns >= 0:
+        drive.durations.append(item.duration_ns)
+
+
+def span(result: CaptureResult) -> Both | None:
+    """When the first job began and how long after it the last one did."""
+    starts = [each.start_ns for each in result.transactions]
+    if not starts:
+        return None
+    first, last = min(starts), max(starts)
+    seconds = f"{(last - first) / 1e9:,.1f}"
+    return say("span", start=timestamp(first)[:19].replace("T", " "), seconds=seconds)

@@ -1,0 +1,119 @@
+"""Parameter by parameter: what was read, written and refused, and what it held last.
+
+An element is one subindex of a parameter on one drive object; an array is as many elements as
+were asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ds47.model import CaptureResult, Parameter, Transaction
+from ds47.report.html import messages
+from ds47.report.words import value
+
+MOST = 20_000
+"""Elements that a page lists."""
+UNSURE = ("unanswered", "superseded")
+"""States of a change after which nobody knows what the drive holds."""
+WIDEST = 256
+"""Elements of one access that are told apart."""
+
+
+@dataclass(slots=True)
+class Element:
+    """The life of one element in a capture."""
+
+    first: Parameter
+    """The access that showed it first: its name and unit."""
+    reads: int = 0
+    writes: int = 0
+    refused: int = 0
+    last: tuple[Transaction, Parameter, int] | None = None
+    """The last value: where it stands."""
+    failed: tuple[Transaction, Parameter] | None = None
+    """The last refusal."""
+
+
+Key = tuple[str, int, int, int, int, int]
+
+
+def elements(
+    result: CaptureResult, vendors: Mapping[str, int | None]
+) -> tuple[dict[str, Any], int]:
+    """The table for the script, and how many elements it leaves out."""
+    found: dict[Key, Element] = {}
+    left_out: set[Key] = set()
+    for item in result.transactions:
+        if item.state in ("mismatch", "orphan"):
+            continue  # whose values these are is not known
+        for each in item.parameters:
+            if each.pnu is not None and each.attribute == "value":
+                _note(found, left_out, item, each)
+    rows = [_row(key, found[key], vendors.get(key[0])) for key in sorted(found)]
+    return {"rows": rows}, len(left_out)
+
+
+def _note(
+    found: dict[Key, Element], left_out: set[Key], item: Transaction, each: Parameter
+) -> None:
+    axis = -1 if item.axis is None else item.axis
+    first = each.subindex or 0
+    for number in range(_width(each)):
+        key = (item.device, item.slot, item.subslot, axis, each.pnu or 0, first + number)
+        element = found.get(key)
+        if element is None:
+            if len(found) >= MOST:
+                left_out.add(key)
+                continue
+            element = found[key] = Element(each)
+        _count(element, item, each, number)
+
+
+def _count(element: Element, item: Transaction, each: Parameter, number: int) -> None:
+    change = item.operation == "change"
+    if change:
+        element.writes += 1
+    else:
+        element.reads += 1
+    if item.state == "refused" or each.error is not None:
+        element.refused += 1
+        element.failed = (item, each)
+    elif number < len(each.values) and not (change and item.state in UNSURE):
+        element.last = (item, each, number)
+
+
+def _width(each: Parameter) -> int:
+    """How many elements an access is about; a text counts its characters, and is one."""
+    asked = max(1, each.element_count or 0)
+    if len(each.values) == 1 and each.error is None:
+        return 1
+    return min(max(asked, len(each.values)), WIDEST)
+
+
+def _row(key: Key, element: Element, vendor: int | None) -> list[Any]:
+    device, slot, subslot, axis, pnu, subindex = key
+    last, failed = element.last, element.failed
+    return [
+        device, f"{slot}.{subslot}", axis, pnu, subindex,
+        *messages.name(element.first), element.first.unit,
+        element.reads, element.writes, element.refused,
+        last and _text(last[1], last[2]), int(bool(last and last[0].operation == "change")), last and last[0].id,
+        failed and _error(*failed, vendor), failed and failed[0].id,
+    ]  # fmt: skip
+
+
+def _text(each: Parameter, number: int) -> str:
+    shown = value(each.values[number], each.format)
+    scaled = each.scaled[number] if each.scaled and number < len(each.scaled) else None
+    return shown if scaled is None else f"{shown} ({scaled})"
+
+
+def _error(item: Transaction, each: Parameter, vendor: int | None) -> list[str]:
+    if each.error is not None:
+        code = "" if each.error.code is None else f" (0x{each.error.code:02X})"
+        return [text + code for text in messages.error(each.error.code, each.error.text, vendor)]
+    word = item.write_status or item.read_status or 0
+    return [f"{text} ({word:08X})" for text in messages.status(word)]

@@ -1,0 +1,86 @@
+"""Findings by rule: cause, advice, frames, and the display filters that show them in Wireshark."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from ds47.model import SEVERITIES, CaptureResult, Finding
+from ds47.report.html import messages
+from ds47.report.html.texts import Both
+from ds47.report.text import display_filter
+
+SHOWN = 100
+"""Findings listed of one rule; the number of all is always told."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """One finding of a group."""
+
+    frame: int
+    transaction: int | None
+    message: Both
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """All findings of one rule."""
+
+    rule: str
+    name: str
+    severity: str
+    count: int
+    cause: Both
+    advice: Both
+    shown: list[Shown]
+    filter: str
+    filter_left_out: int
+    """Frames for which the filter has no room."""
+
+    @property
+    def left_out(self) -> int:
+        """Findings that are not listed."""
+        return self.count - len(self.shown)
+
+    @property
+    def plugin_filter(self) -> str:
+        """The short filter for who has the plugin: all of them, in every capture."""
+        return f'ds47.finding == "{self.rule}"'
+
+
+def groups(result: CaptureResult, lang: str, vendors: Mapping[str, int | None]) -> list[Group]:
+    """The findings of a capture by rule, the serious rules first."""
+    found: dict[str, list[Finding]] = {}
+    for finding in result.findings:
+        found.setdefault(finding.rule, []).append(finding)
+    devices = {each.id: each.device for each in result.transactions}
+    made = [
+        _group(rule, items, lang, lambda number: vendors.get(devices.get(number or 0, "")))
+        for rule, items in found.items()
+    ]
+    return sorted(made, key=lambda group: (-SEVERITIES.index(group.severity), group.rule))
+
+
+def _group(
+    rule: str, items: list[Finding], lang: str, vendor: Callable[[int | None], int | None]
+) -> Group:
+    text, left_out = display_filter(each.frame for each in items)
+    return Group(
+        rule=rule,
+        name=messages.rule_name(rule),
+        severity=items[0].severity,
+        count=len(items),
+        cause=messages.cause(rule),
+        advice=messages.advice(rule),
+        shown=[
+            Shown(
+                each.frame,
+                each.transaction,
+                messages.with_offset(each, lang, vendor(each.transaction)),
+            )
+            for each in items[:SHOWN]
+        ],
+        filter=text,
+        filter_left_out=left_out,
+    )

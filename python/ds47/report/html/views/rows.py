@@ -1,0 +1,159 @@
+"""The transactions as the script wants them: short rows, and tables for what repeats.
+
+The order of a row is that of ROW; templates/report/data.js reads it by the same names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from typing import Any
+
+from ds47 import spec
+from ds47.model import OPERATIONS, STATES, CaptureResult, Parameter, Transaction
+from ds47.report.html import messages
+from ds47.report.words import address, escape, value
+
+ROW = (
+    "id", "operation", "state", "controller", "device", "channel", "axis", "request_reference",
+    "start", "duration", "write_request", "write_response", "read_request", "read_response",
+    "polls", "rereads", "write_status", "read_status", "request", "response", "parameters", "findings",
+)  # fmt: skip
+"""`start` and `duration` are microseconds, `start` from the first one on."""
+MOST_BYTES = 2048
+"""Bytes of a message that the page shows."""
+VALUES = 64
+"""Values of one parameter that the page shows; the last of a row says how many there are."""
+
+
+def packed_rows(
+    result: CaptureResult, vendors: Mapping[str, int | None], most: int
+) -> dict[str, Any]:
+    """The rows of a capture with their tables."""
+    items = _chosen(result.transactions, most)
+    base = min((each.start_ns for each in items), default=0)
+    tables = _Tables(vendors, {each.ip: each.station for each in result.devices})
+    rows = [_row(each, base, tables) for each in items]
+    return {
+        "row": ROW,
+        "rows": rows,
+        "start_ms": base / 1e6,
+        "operations": OPERATIONS,
+        "states": STATES,
+        "sizes": _sizes(),
+        **tables.lists(),
+    }
+
+
+def _sizes() -> dict[str, int]:
+    """Bytes of a value by the name of its format; not where there are two sizes of that name."""
+    return {
+        each.name: each.size
+        for each in spec.formats().values()
+        if each.size and each.other_size is None
+    }
+
+
+def _chosen(items: list[Transaction], most: int) -> list[Transaction]:
+    """All, or those that are not ok and then the first ones, in their order."""
+    if len(items) <= most:
+        return items
+    ranked = sorted(items, key=lambda each: (each.state == "ok" and not each.findings, each.id))
+    return sorted(ranked[:most], key=lambda each: each.id)
+
+
+class _Tables:
+    """What repeats from row to row, each once, by its place in a list."""
+
+    def __init__(
+        self, vendors: Mapping[str, int | None], stations: Mapping[str, str | None]
+    ) -> None:
+        self.vendors = vendors
+        self._stations = stations
+        self._places: dict[str, dict[Hashable, int]] = {}
+
+    def place(self, table: str, item: Hashable) -> int:
+        """Where the item stands in a table."""
+        places = self._places.setdefault(table, {})
+        return places.setdefault(item, len(places))
+
+    def lists(self) -> dict[str, list[Any]]:
+        """The tables for the page, in words."""
+        known: dict[str, list[Any]] = {name: list(places) for name, places in self._places.items()}
+        known["devices"] = [
+            [ip, escape(self._stations.get(ip) or "")] for ip in known.get("devices", [])
+        ]
+        known["statuses"] = [
+            [f"{word:08X}", *messages.status(word)] for word in known.get("statuses", [])
+        ]
+        known["rules"] = [[rule, messages.rule_name(rule)] for rule in known.get("rules", [])]
+        known["addresses"] = [_address(*each) for each in known.get("addresses", [])]
+        known["errors"] = [
+            [code, *messages.error(code, text, vendor), info]
+            for code, text, info, vendor in known.get("errors", [])
+        ]
+        return {"controllers": [], "channels": [], **known}
+
+
+def _address(
+    pnu: int | None, subindex: int | None, attribute: str | None, count: int | None,
+    name: str | None, unit: str | None, format_name: str | None,
+) -> list[Any]:  # fmt: skip
+    item = Parameter(pnu, subindex, attribute, count, name, unit, format_name)
+    return [address(item), pnu, subindex, attribute, count, *messages.name(item), unit, format_name]
+
+
+def _row(item: Transaction, base: int, tables: _Tables) -> list[Any]:
+    place = tables.place
+    frames = item.frames
+    vendor = tables.vendors.get(item.device)
+    return [
+        item.id,
+        OPERATIONS.index(item.operation),
+        STATES.index(item.state),
+        place("controllers", item.controller),
+        place("devices", item.device),
+        place("channels", (item.ar, item.api, item.slot, item.subslot, item.index)),
+        item.axis,
+        item.request_reference,
+        (item.start_ns - base) // 1000,
+        None if item.duration_ns is None else item.duration_ns / 1000,
+        frames.write_request,
+        frames.write_response,
+        frames.read_request,
+        frames.read_response,
+        frames.polls or 0,
+        frames.rereads or 0,
+        None if item.write_status is None else place("statuses", item.write_status),
+        None if item.read_status is None else place("statuses", item.read_status),
+        _hex(item.request),
+        _hex(item.response),
+        [_parameter(each, tables, vendor) for each in item.parameters],
+        [place("rules", rule) for rule in item.findings],
+    ]
+
+
+def _hex(data: bytes | None) -> str | None:
+    if data is None:
+        return None
+    cut = data[:MOST_BYTES].hex()
+    return cut if len(data) <= MOST_BYTES else f"{cut}+{len(data) - MOST_BYTES}"
+
+
+def _parameter(item: Parameter, tables: _Tables, vendor: int | None) -> list[Any]:
+    """Address, values, how many there are; then, where there are any, scaled values and error."""
+    known = (
+        item.pnu, item.subindex, item.attribute, item.element_count, item.name, item.unit, item.format,
+    )  # fmt: skip
+    row: list[Any] = [
+        tables.place("addresses", known),
+        [
+            value(each, item.format) if isinstance(each, str) else each
+            for each in item.values[:VALUES]
+        ],
+        len(item.values),
+    ]
+    scaled = None if item.scaled is None else [str(each) for each in item.scaled[:VALUES]]
+    if item.error is not None:
+        error = (item.error.code, item.error.text, item.error.info, vendor)
+        return [*row, scaled or 0, tables.place("errors", error)]
+    return [*row, scaled] if scaled else row

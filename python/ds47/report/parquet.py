@@ -1,0 +1,264 @@
+"""Report as Parquet: one row per value, for questions over many captures.
+
+The columns, their types and what they mean stand in schema/table-1.schema.json (docs/data.md).
+They are those of csv; a value has a row of its own and comes as text, as a number and, where it is
+one, as an exact integer, so that a parameter over time is one filter. Texts are as the drive sent
+them: what reads this file shows no formulas.
+
+Rows are kept as Arrow columns until there are ROWS_PER_GROUP, then written: memory does not grow.
+Needs pyarrow (the extra `parquet`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from functools import cache
+from importlib import import_module
+from typing import Any, BinaryIO, ClassVar, TextIO
+
+from ds47 import __version__, spec
+from ds47.model import Finding, Parameter, Report, Transaction, Value
+from ds47.report import CannotWriteError, Options, json, schema, write_all
+from ds47.report import Writer as _Writer
+
+SCHEMA = "ds47.table/1"
+"""The version of the columns, in the metadata of the file."""
+ROWS_PER_GROUP = 1 << 16
+"""Rows of a row group: enough to compress well, few enough to keep."""
+_ROWS_AT_ONCE = 1 << 11
+"""Rows kept as Python objects."""
+_NUMERIC_KINDS = ("number", "float", "date", "time_of_day", "duration", "zero")
+_NOT_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
+_NO_PARAMETER: list[Any] = [None] * 19
+
+Row = list[Any]
+
+
+def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
+    """Writes a complete report to the binary stream below `stream`."""
+    write_all(Writer(stream, options), report)
+
+
+class Writer(_Writer):
+    """Writes a row group whenever enough rows have come."""
+
+    streams: ClassVar[bool] = True
+
+    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+        super().__init__(stream, options)
+        if stream.isatty():
+            raise CannotWriteError("parquet is not for a terminal: -o FILE, or a pipe")
+        try:
+            arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
+        except ImportError as problem:
+            raise CannotWriteError(
+                f"parquet needs pyarrow ({problem}): pip install 'ds47[parquet]'"
+            ) from problem
+        stream.flush()
+        self._arrow: Any = arrow
+        self._schema = arrow_schema()
+        self._types = self._schema.types
+        self._file = parquet.ParquetWriter(
+            arrow.PythonFile(_Sink(stream.buffer), "w"),
+            self._schema,
+            compression="zstd",
+            version="2.6",
+            use_dictionary=[each.name for each in self._schema if each.type == arrow.string()],
+        )
+        self._rows: list[Row] = []
+        self._batches: list[Any] = []
+
+    def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
+        left = _transaction_cells(path, transaction)
+        for position, parameter in enumerate(transaction.parameters):
+            self._rows += [left + cells for cells in _parameter_cells(position, parameter)]
+        if not transaction.parameters:
+            self._rows.append(left + _NO_PARAMETER)
+        if len(self._rows) >= _ROWS_AT_ONCE:
+            self._pack()
+
+    def close(self) -> None:
+        self._pack()
+        self._group()
+        self._file.close()
+
+    def _pack(self) -> None:
+        """Turns rows into columns, which take a small part of the memory."""
+        if not self._rows:
+            return
+        columns = zip(*self._rows, strict=True)
+        arrays = [
+            self._arrow.array(column, kind)
+            for column, kind in zip(columns, self._types, strict=True)
+        ]
+        self._batches.append(self._arrow.RecordBatch.from_arrays(arrays, schema=self._schema))
+        self._rows.clear()
+        if sum(batch.num_rows for batch in self._batches) >= ROWS_PER_GROUP:
+            self._group()
+
+    def _group(self) -> None:
+        if self._batches:
+            table = self._arrow.Table.from_batches(self._batches)
+            self._file.write_table(table, row_group_size=ROWS_PER_GROUP)
+            self._batches.clear()
+
+
+class _Sink:
+    """A binary stream that knows how far it is: a pipe does not, and Parquet needs it."""
+
+    closed = False
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self._position = 0
+
+    def write(self, data: Any) -> int:
+        view = memoryview(data)
+        if not self._stream.closed:  # else the report was given up, and this is the garbage
+            self._stream.write(view)
+        self._position += view.nbytes
+        return view.nbytes
+
+    def tell(self) -> int:
+        return self._position
+
+    def flush(self) -> None:
+        if not self._stream.closed:
+            self._stream.flush()
+
+    def close(self) -> None:
+        """Leaves the stream open: it belongs to the caller."""
+        self.flush()
+
+
+def arrow_schema() -> Any:
+    """The columns as a pyarrow.Schema, with unit and meaning as metadata."""
+    arrow = import_module("pyarrow")
+    types = {
+        "int64": arrow.int64(),
+        "double": arrow.float64(),
+        "string": arrow.string(),
+        "timestamp[ns, tz=UTC]": arrow.timestamp("ns", "UTC"),
+    }
+    return arrow.schema(
+        [
+            arrow.field(
+                name,
+                types[column["arrow"]],
+                metadata={key: column[key] for key in ("description", "unit") if key in column},
+            )
+            for name, column in columns("parquet").items()
+        ],
+        metadata={"schema": SCHEMA, "tool": f"ds47 {__version__}"},
+    )
+
+
+def columns(table: str) -> dict[str, dict[str, Any]]:
+    """The columns of `csv` or `parquet` in order, each as its definition in the schema."""
+    definitions = schema("table-1")["$defs"]
+    return {
+        name: column if "$ref" not in column else definitions[column["$ref"].rpartition("/")[2]]
+        for name, column in definitions[table]["properties"].items()
+    }
+
+
+def _transaction_cells(path: str, item: Transaction) -> Row:
+    frames = item.frames
+    return [
+        _text(path),
+        item.id,
+        item.operation,
+        item.state,
+        item.controller,
+        item.device,
+        item.ar,
+        item.api,
+        item.slot,
+        item.subslot,
+        item.index,
+        item.request_reference,
+        item.axis,
+        frames.write_request,
+        frames.write_response,
+        frames.read_request,
+        frames.read_response,
+        len(frames.polls),
+        item.start_ns if _fits(item.start_ns) else None,
+        json.milliseconds(item.duration_ns),
+        json.status(item.write_status),
+        json.status(item.read_status),
+        " ".join(item.findings),
+    ]
+
+
+def _parameter_cells(position: int, item: Parameter) -> list[Row]:
+    """A row for each value of the parameter, one row where it has none."""
+    head = [
+        position,
+        item.pnu,
+        item.subindex,
+        item.attribute,
+        item.element_count,
+        _text(item.name),
+        _text(item.unit),
+        item.format,
+        item.value_count,
+    ]
+    tail: Row = [None, None, None]
+    if item.error is not None:
+        tail = [item.error.code, _text(item.error.text), item.error.info]
+    first = item.subindex if item.attribute == "value" else None
+    if not item.values:
+        return [[*head, None, first, None, None, None, None, None, *tail]]
+    numeric = item.format in _numeric_formats()
+    scaled = item.scaled or []
+    return [
+        [
+            *head,
+            index,
+            None if first is None else first + index,
+            *_value_cells(value, numeric),
+            *(_scaled_cells(scaled[index]) if index < len(scaled) else (None, None)),
+            *tail,
+        ]
+        for index, value in enumerate(item.values)
+    ]
+
+
+def _value_cells(value: Value, numeric: bool) -> tuple[str, float | None, int | None]:
+    """A value as text, as a number, and as an integer where it fits one."""
+    if isinstance(value, float):
+        return repr(value), value, None
+    if isinstance(value, int):
+        return str(value), float(value), value if _fits(value) else None
+    if not numeric:
+        return _text(value), None, None
+    if value in _NOT_FINITE:
+        return value, _NOT_FINITE[value], None
+    number = int(value)
+    return value, float(number), number if _fits(number) else None
+
+
+def _scaled_cells(value: Value) -> tuple[str, float | None]:
+    if isinstance(value, str):
+        return _text(value), _NOT_FINITE.get(value)
+    return repr(value), float(value)
+
+
+def _fits(number: int) -> bool:
+    """Whether it is a signed 64-bit integer; the smallest stands for `none` in data frames."""
+    return -(1 << 63) < number < 1 << 63
+
+
+def _text(text: Any) -> Any:
+    """A text as UTF-8 can hold it: half a surrogate in a file name becomes an escape."""
+    if text is None or text.isascii():
+        return text
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
+@cache
+def _numeric_formats() -> frozenset[str]:
+    """Formats whose values are numbers, also where JSON has to write them as a string."""
+    return frozenset(row.name for row in spec.formats().values() if row.kind in _NUMERIC_KINDS)

@@ -1,0 +1,56 @@
+// What every other part uses: making elements, words in two languages, numbers as people read them.
+
+const root = document.documentElement;
+const SVG = "http://www.w3.org/2000/svg";
+
+/** An element with attributes and children; text always becomes text, never markup. */
+function el(name, attributes = {}, ...children) {
+  return filled(document.createElement(name), attributes, children);
+}
+
+/** The same for an element of a drawing. */
+function svg(name, attributes = {}, ...children) {
+  return filled(document.createElementNS(SVG, name), attributes, children);
+}
+
+function filled(element, attributes, children) {
+  for (const [key, value] of Object.entries(attributes)) {
+    if (value === null || value === undefined || value === false) continue;
+    if (key.startsWith("on")) element.addEventListener(key.slice(2), value);
+    else element.setAttribute(key, value === true ? "" : value);
+  }
+  element.append(...children.flat().filter((child) => child !== null && child !== undefined));
+  return element;
+}
+
+const allWords = JSON.parse(document.getElementById("words").textContent);
+
+function language() {
+  return root.lang === "zh" ? "zh" : "en";
+}
+
+/** A text of the page in its present language, with values filled in. */
+function say(key, values = {}) {
+  const text = allWords[language()][key] ?? key;
+  return text.replace(/\{(\w+)\}/g, (all, name) => (name in values ? String(values[name]) : all));
+}
+
+/** One of two texts that stand side by side as [English, Chinese]. */
+function either(texts, start = 0) {
+  return texts[start + (language() === "zh" ? 1 : 0)];
+}
+
+function grouped(number) {
+  return number.toLocaleString("en-US");
+}
+
+/** A time given in microseconds, in the unit that fits it. */
+function duration(us) {
+  const ms = us / 1000;
+  if (Math.abs(ms) >= 10000) return `${(ms / 1000).toFixed(1)} s`;
+  return `${ms.toFixed(Math.abs(ms) < 1 ? 3 : 1)} ms`;
+}
+
+function announce(text) {
+  document.getElementById("announce").textContent = text;
+}

@@ -1,0 +1,112 @@
+// The data that the page carries: unpacked on demand, with names in place of positions.
+
+/** The text of a data element, unpacked where it is packed. */
+async function embedded(id) {
+  const element = document.getElementById(id);
+  if (element.type !== "application/gzip") return element.textContent;
+  if (typeof DecompressionStream === "undefined") throw new Error(say("too_old"));
+  const stream = new Blob([fromBase64(element.textContent.trim())]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Response(stream).text();
+}
+
+function fromBase64(text) {
+  if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);
+  const chars = atob(text);
+  const bytes = new Uint8Array(chars.length);
+  for (let place = 0; place < chars.length; place += 1) bytes[place] = chars.charCodeAt(place);
+  return bytes;
+}
+
+/** A capture as the scripts see it. Rows stay short arrays; `field` says which place has what. */
+class Capture {
+  constructor(number, data) {
+    Object.assign(this, data);
+    this.number = number;
+    this.field = Object.fromEntries(data.row.map((name, place) => [name, place]));
+    this.manyControllers = data.controllers.length > 1;
+  }
+
+  get(row, name) {
+    return row[this.field[name]];
+  }
+
+  operation(row) {
+    return this.operations[this.get(row, "operation")];
+  }
+
+  state(row) {
+    return this.states[this.get(row, "state")];
+  }
+
+  /** Station name where there is one, else the IP address. */
+  drive(row) {
+    const [ip, station] = this.devices[this.get(row, "device")];
+    return station || ip;
+  }
+
+  controller(row) {
+    return this.controllers[this.get(row, "controller")];
+  }
+
+  status(row, name) {
+    const place = this.get(row, name);
+    return place === null ? null : this.statuses[place];
+  }
+
+  rulesOf(row) {
+    return this.get(row, "findings").map((place) => this.rules[place]);
+  }
+
+  frames(row) {
+    const single = ["write_request", "write_response", "read_request", "read_response"].map((name) => this.get(row, name));
+    const pairs = [this.get(row, "polls"), this.get(row, "rereads")].flatMap((list) => (list ? list.flat() : []));
+    return [...new Set([...single, ...pairs].filter((frame) => frame !== null))].sort((a, b) => a - b);
+  }
+
+  parameters(row) {
+    return this.get(row, "parameters").map((item) => this.parameter(item));
+  }
+
+  parameter([place, values, count, scaled, error]) {
+    const [text, pnu, subindex, attribute, elements, en, zh, unit, format] = this.addresses[place];
+    return {
+      text, pnu, subindex, attribute, elements, names: [en, zh], unit, format, values, count,
+      scaled: scaled || null, error: error === undefined ? null : this.errors[error],
+    };
+  }
+
+  /** One value as text: a float shows that it is one. */
+  valueText(item, number) {
+    const value = item.values[number];
+    if (typeof value !== "number") return value;
+    return item.format && item.format.startsWith("Float") && Number.isInteger(value) && Math.abs(value) < 1e15
+      ? value.toFixed(1) : String(value);
+  }
+
+  valuesText(item, most = 8) {
+    if (!item.values.length) return "";
+    const shown = item.values.slice(0, most).map((_, number) => this.valueText(item, number)).join(", ");
+    const more = item.count > Math.min(most, item.values.length) ? ` ${say("values_more", { n: grouped(item.count) })}` : "";
+    const scaled = item.scaled ? ` (${item.scaled.slice(0, most).join(", ")})` : "";
+    return shown + more + scaled + (item.unit ? ` ${item.unit}` : "");
+  }
+
+  errorText(error) {
+    const [code, en, zh] = error;
+    return either([en, zh]) + (code === null ? "" : ` (0x${hex2(code)})`);
+  }
+}
+
+function hex2(number) {
+  return number.toString(16).toUpperCase().padStart(2, "0");
+}
+
+const captures = new Map();
+
+/** The capture of that number; its data is read once. */
+function capture(number) {
+  if (!captures.has(number)) {
+    captures.set(number, embedded(`data-${number}`).then((text) => new Capture(number, JSON.parse(text))));
+  }
+  return captures.get(number);
+}

@@ -1,0 +1,31 @@
+// The table of parameters: what each held last, how often it was read, changed and refused.
+
+const ELEMENT = ["device", "slot", "axis", "pnu", "subindex", "en", "zh", "unit", "reads", "writes", "refused", "last", "written", "last_in", "error", "error_in"];
+
+function parameterTable(place, capture) {
+  const stations = new Map(capture.devices);
+  const rows = capture.elements.rows.map((row, number) => ({ number, ...Object.fromEntries(ELEMENT.map((name, at) => [name, row[at]])) }));
+  const drive = (row) => (stations.get(row.device) || row.device) + (row.axis < 0 ? "" : ` DO ${row.axis}`);
+  const job = (id) => (id === null ? [] : [" ", el("a", { href: `#job-${capture.number}-${id}` }, `#${id}`)]);
+  const count = (name, words) => ({ key: name, words, number: true, value: (row) => row[name], text: (row) => grouped(row[name]) });
+  const name = (row) => either([row.en, row.zh]);
+  const choices = [...new Map(rows.map((row) => [`${row.device}/${row.axis}`, drive(row)]))];
+  return new Table(place, {
+    id: `p${capture.number}`, name: "col_parameter", rows, key: (row) => row.number,
+    columns: [
+      { key: "drive", words: "col_device", class: "keep", value: (row) => drive(row), text: (row) => drive(row) },
+      { key: "parameter", words: "col_parameter", class: "mono", value: (row) => row.pnu * 65536 + row.subindex, text: (row) => `p${row.pnu}[${row.subindex}]` },
+      { key: "name", words: "col_name", value: name, text: name },
+      count("reads", "col_reads"), count("writes", "col_writes"),
+      { ...count("refused", "col_refused"), cell: (row) => el("span", { class: row.refused ? "state refused" : null }, grouped(row.refused)) },
+      {
+        key: "last", words: "col_last", class: "value", value: (row) => (row.last === null || Number.isNaN(Number(row.last)) ? row.last : Number(row.last)),
+        cell: (row) => (row.last === null ? "" : el("span", {}, row.written ? ":= " : "", row.last, row.unit ? ` ${row.unit}` : "", job(row.last_in))),
+      },
+      { key: "reason", words: "col_reason", value: (row) => (row.error ? row.error[0] : ""), cell: (row) => (row.error ? el("span", {}, either(row.error), job(row.error_in)) : "") },
+    ],
+    filters: [{ words: "drive", choices: () => [["", say("all")], ...choices], fits: (row, value) => `${row.device}/${row.axis}` === value }],
+    haystack: (row) => [drive(row), row.device, `p${row.pnu}[${row.subindex}]`, row.en, row.zh, row.last, ...(row.error || [])].join(" "),
+    detail: null,
+  });
+}

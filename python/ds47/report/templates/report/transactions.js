@@ -1,0 +1,140 @@
+// The table of jobs, and what one of them shows when it is opened.
+
+const PROBLEM_STATES = ["partial", "error", "mismatch", "refused", "unanswered", "superseded", "orphan"];
+
+function transactionTable(place, capture) {
+  const get = (row, name) => capture.get(row, name);
+  const table = new Table(place, {
+    id: capture.number, name: "col_what", rows: capture.rows, key: (row) => get(row, "id"),
+    columns: [
+      { key: "id", words: "col_id", value: (row) => get(row, "id"), cell: (row, open) => expander(capture, row, open) },
+      { key: "start", words: "col_start", number: true, value: (row) => get(row, "start"), text: (row) => `${(get(row, "start") / 1e6).toFixed(3)} s` },
+      { key: "operation", words: "col_operation", value: (row) => capture.operation(row), text: (row) => say(capture.operation(row)) },
+      { key: "device", words: "col_device", class: capture.manyControllers ? null : "keep", value: (row) => capture.drive(row), text: (row) => (capture.manyControllers ? `${capture.controller(row)} → ${capture.drive(row)}` : capture.drive(row)) },
+      { key: "axis", words: "col_axis", number: true, value: (row) => get(row, "axis"), text: (row) => (get(row, "axis") === null ? "" : String(get(row, "axis"))) },
+      { key: "what", words: "col_what", class: "what", value: (row) => summary(capture, row), cell: (row) => what(capture, row) },
+      { key: "state", words: "col_state", value: (row) => get(row, "state"), cell: (row) => el("span", { class: `state ${capture.state(row)}` }, say(capture.state(row))) },
+      { key: "duration", words: "col_duration", number: true, value: (row) => get(row, "duration"), text: (row) => (get(row, "duration") === null ? "" : duration(get(row, "duration"))) },
+      { key: "frames", words: "col_frames", number: true, value: (row) => capture.frames(row)[0], text: (row) => framesText(capture.frames(row)) },
+      { key: "findings", words: "col_findings", class: "mono", value: (row) => capture.rulesOf(row).map(([rule]) => rule).join(" "), cell: (row) => ruleLinks(capture, row) },
+    ],
+    filters: [
+      {
+        words: "outcome", choices: () => [["", say("all")], ["problems", say("problems")], ...present(capture, "state", capture.states)],
+        fits: (row, value) => (value === "problems" ? PROBLEM_STATES.includes(capture.state(row)) || get(row, "findings").length > 0 : capture.state(row) === value),
+      },
+      { words: "operation", choices: () => [["", say("all")], ...present(capture, "operation", capture.operations)], fits: (row, value) => capture.operation(row) === value },
+      { words: "drive", choices: () => [["", say("all")], ...places(capture)], fits: (row, value) => `${get(row, "device")}/${get(row, "axis")}` === value },
+    ],
+    haystack: (row) => haystack(capture, row),
+    detail: (row) => detail(capture, row),
+  });
+  return table;
+}
+
+function present(capture, field, names) {
+  const found = new Set(capture.rows.map((row) => capture.get(row, field)));
+  return names.flatMap((name, place) => (found.has(place) ? [[name, say(name)]] : []));
+}
+
+function places(capture) {
+  const found = new Map();
+  for (const row of capture.rows) {
+    const axis = capture.get(row, "axis");
+    found.set(`${capture.get(row, "device")}/${axis}`, capture.drive(row) + (axis === null ? "" : ` DO ${axis}`));
+  }
+  return [...found].sort(([, a], [, b]) => compare(a, b, 1));
+}
+
+function expander(capture, row, open) {
+  const id = capture.get(row, "id");
+  return el("button", { type: "button", class: "expander", "aria-expanded": String(open), "aria-label": say("details", { id }) }, `#${id}`);
+}
+
+function framesText(frames) {
+  if (!frames.length) return "";
+  return frames.length === 1 ? String(frames[0]) : `${frames[0]}…${frames[frames.length - 1]}`;
+}
+
+function ruleLinks(capture, row) {
+  return capture.rulesOf(row).flatMap(([rule], number) => [number ? " " : "", el("a", { href: `#finding-${capture.number}-${rule}` }, rule)]);
+}
+
+/** What a job asked and got, as nodes: the first parameters, the failed ones marked. */
+function what(capture, row) {
+  const items = capture.parameters(row);
+  const nodes = items.slice(0, 3).map((item) => el("div", {}, ...parameterNodes(capture, row, item)));
+  if (items.length > 3) nodes.push(el("div", { class: "label" }, say("more_parameters", { n: items.length - 3 })));
+  return nodes;
+}
+
+function parameterNodes(capture, row, item) {
+  const nodes = [item.text];
+  const name = either(item.names);
+  if (item.values.length) nodes.push(` ${capture.operation(row) === "change" ? ":=" : "="} ${capture.valuesText(item, 4)}`);
+  if (item.error) nodes.push(" ", el("span", { class: "failed" }, capture.errorText(item.error)));
+  if (name) nodes.push(" ", el("span", { class: "label" }, name));
+  return nodes;
+}
+
+function summary(capture, row) {
+  return capture.parameters(row).map((item) => `${item.text} ${item.values.join(" ")}`).join(" ");
+}
+
+function haystack(capture, row) {
+  const statuses = ["write_status", "read_status"].map((name) => capture.status(row, name)).filter((status) => status && status[0] !== "00000000").flat();
+  const items = capture.parameters(row).flatMap((item) => [item.text, ...item.names, capture.valuesText(item, 64), item.error ? capture.errorText(item.error) : ""]);
+  return [`#${capture.get(row, "id")}`, capture.operation(row), capture.state(row), say(capture.state(row)), capture.controller(row),
+    ...capture.devices[capture.get(row, "device")], capture.frames(row).join(" "), ...capture.rulesOf(row).flat(), ...statuses, ...items].join(" ");
+}
+
+/** An opened job: facts and diagram on one side, its frames on the other. */
+function detail(capture, row) {
+  const id = capture.get(row, "id");
+  const [, api, slot, subslot, index] = capture.channels[capture.get(row, "channel")];
+  const filter = `frame.number in {${capture.frames(row).slice(0, 60).join(", ")}}`;
+  const when = new Date(capture.start_ms + capture.get(row, "start") / 1000);
+  const facts = [
+    ["controller", capture.controller(row)],
+    ["drive", `${capture.devices[capture.get(row, "device")].filter(Boolean).reverse().join(", ")}`],
+    ["channel", say("channel_text", { slot, subslot, api, index: index > 255 ? `0x${index.toString(16).toUpperCase()}` : index })],
+    ["started", Number.isNaN(when.getTime()) ? "" : when.toISOString().replace("T", " ").replace("Z", " UTC")],
+    ["col_duration", capture.get(row, "duration") === null ? "–" : duration(capture.get(row, "duration"))],
+  ];
+  const messages = (capture.messages[id] || []).map(([rule, frame, en, zh]) => el("li", {},
+    el("a", { class: "rule", href: `#finding-${capture.number}-${rule}` }, rule), ` ${either([en, zh])} `, el("span", { class: "dim" }, `(${say("frame", { n: frame })})`)));
+  return el("div", { class: "inside", role: "region", "aria-label": say("details", { id }) },
+    el("div", {},
+      messages.length ? el("ul", { class: "found" }, messages) : null,
+      el("dl", { class: "facts" }, facts.flatMap(([words, text]) => [el("dt", {}, say(words)), el("dd", {}, text)]),
+        el("dt", {}, say("filter")), el("dd", {}, el("code", { class: "copyable" }, filter), " ", el("button", { type: "button", class: "copy", "data-copy": true }, say("copy")))),
+      el("h3", {}, say("conversation")), sequence(capture, row)),
+    el("div", {}, el("h3", {}, say("frames_title")), frameCards(capture, row)));
+}
+
+function frameCards(capture, row) {
+  const parameters = capture.parameters(row);
+  const status = (name) => {
+    const found = capture.status(row, name);
+    return found === null ? null : found[0] === "00000000" ? say("accepted") : `${found[0]}: ${either(found, 1)}`;
+  };
+  const reads = capture.get(row, "read_request") !== null || capture.get(row, "read_response") !== null;
+  const cards = [
+    ["write_request", capture.get(row, "request"), "request", null],
+    ["write_response", null, null, status("write_status")],
+  ];
+  const polls = capture.get(row, "polls") || [];
+  if (polls.length) cards.push(["poll", null, null, polls.map(([a, b]) => `${a ?? "–"} → ${b ?? "–"}`).slice(0, 20).join(", ")]);
+  if (reads || capture.state(row) !== "refused") {
+    cards.push(["read_request", null, null, null], ["read_response", capture.get(row, "response"), "response", status("read_status")]);
+  }
+  return cards.map(([words, hex, kind, note]) => {
+    const frame = words === "poll" ? polls[0][0] : capture.get(row, words);
+    const place = frame === null ? say("not_captured") : say("frame", { n: frame });
+    return el("div", { class: "frame-card" },
+      el("h4", {}, `${say(words)} `, el("span", { class: "dim" }, words === "poll" ? "" : place)),
+      note ? el("p", { class: "dim" }, note) : null,
+      hex ? messageTable(capture, hex, kind, parameters) : null,
+      !hex && !note && frame !== null ? el("p", { class: "dim" }, say("no_message")) : null);
+  });
+}

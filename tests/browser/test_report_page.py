@@ -1,0 +1,364 @@
+"""The HTML report in a real browser: what a person does with it works, and nothing is asked of a network."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from ds47.model import CaptureResult, Device, Finding, Frames, Parameter, Transaction
+
+JOBS = "[data-part=transactions]"
+PARAMETERS = "[data-part=parameters]"
+ROWS = f"{JOBS} tr.row"
+
+
+def column(browser, place, number):
+    return browser.texts(f"{place} tr.row > td:nth-child({number})")
+
+
+def choose(browser, place, number, value):
+    browser.run(
+        "const select = document.querySelectorAll(arguments[0])[arguments[1]];"
+        "select.value = arguments[2]; select.dispatchEvent(new Event('change'))",
+        f"{place} .controls select", number, value,
+    )  # fmt: skip
+
+
+def test_opening_a_page_asks_for_nothing_but_the_page(browser, tour):
+    browser.requested()
+    browser.open(tour)
+    browser.plots()
+    assert browser.requested() == [tour.as_uri()]
+
+
+def test_the_first_screen_needs_no_script(browser, tour):
+    browser.command("Emulation.setScriptExecutionDisabled", value=True)
+    try:
+        browser.driver.get("about:blank")
+        browser.driver.get(tour.as_uri())
+        text = browser.one("main").text
+    finally:
+        browser.command("Emulation.setScriptExecutionDisabled", value=False)
+    assert text.startswith("NOT OK: 1 drive, 8 jobs, 1 refused")
+    assert "No change access while the controller is enabled" in text
+    assert "Scripts are switched off here" in text
+
+
+def test_a_click_on_a_head_sorts_up_and_down_and_back(browser, tour):
+    browser.open(tour)
+    head = f"{JOBS} thead th:nth-child(8)"  # how long it took
+    before = column(browser, JOBS, 1)
+    browser.click(f"{head} button")
+    took = column(browser, JOBS, 8)
+    known = [float(text.split()[0]) for text in took if text]
+    assert known == sorted(known)
+    assert len(known) == 6
+    assert took[6:] == ["", ""]
+    assert browser.one(head).get_attribute("aria-sort") == "ascending"
+    browser.click(f"{head} button")
+    assert column(browser, JOBS, 8)[0] == "27.0 ms"
+    assert column(browser, JOBS, 8)[6:] == ["", ""]
+    browser.click(f"{head} button")
+    assert column(browser, JOBS, 1) == before
+    assert browser.one(head).get_attribute("aria-sort") is None
+
+
+def test_jobs_are_searched_and_filtered(browser, tour):
+    browser.open(tour)
+    search = browser.one(f"{JOBS} input[type=search]")
+    search.send_keys("p50303 refused")
+    browser.until(lambda: column(browser, JOBS, 1) == ["#5"], "the search")
+    search.clear()
+    search.send_keys("0x6b")
+    browser.until(lambda: column(browser, JOBS, 1) == ["#6"], "the search")
+    browser.click(f"{JOBS} .controls > button")
+    assert len(browser.all(ROWS)) == 8
+    choose(browser, JOBS, 0, "problems")
+    assert column(browser, JOBS, 1) == ["#3", "#5", "#6", "#7", "#8"]
+    choose(browser, JOBS, 1, "read")
+    assert column(browser, JOBS, 1) == ["#3", "#7"]
+    assert browser.texts(f"{JOBS} .count") == ["1 to 2 of 2 (8 in all)"]
+
+
+def test_a_job_opens_to_its_frames_with_bytes_beside_their_meaning(browser, tour):
+    browser.open(tour)
+    browser.click(f"{JOBS} tr.row:nth-child(6) .expander")
+    assert browser.texts(f"{JOBS} .frame-card h4") == [
+        "Write request frame 26", "Write response frame 27", "Read request frame 28", "Read response frame 29",
+    ]  # fmt: skip
+    rows = browser.texts(f"{JOBS} .frame-card:first-of-type .bytes tbody tr")
+    assert rows[4:] == [
+        "4 10 01 c3 9c 00 01 address: p50076[1], attribute value, 1 element(s)",
+        "10 08 01 format Float32, 1 value(s)",
+        "12 42 c8 00 00 p50076[1] = 100.0",
+    ]
+    answer = browser.texts(f"{JOBS} .frame-card:last-of-type .bytes tbody tr.wrong")
+    assert "6 00 6b error 0x6B: No change access while the controller is enabled" in answer
+    drawing = browser.one(f"{JOBS} svg.sequence")
+    assert drawing.get_attribute("role") == "img"
+    assert "Read response: failed" in drawing.get_attribute("aria-label")
+    assert len(browser.all(f"{JOBS} svg .arrow")) == 4
+    browser.click(f"{JOBS} tr.row:nth-child(6) .expander")
+    assert not browser.all(f"{JOBS} tr.detail")
+
+
+def test_the_bytes_shown_are_all_the_bytes_there_are(browser, long, stack):
+    browser.open(long)
+    browser.run(
+        "const size = document.querySelector(arguments[0]);"
+        "size.value = '500'; size.dispatchEvent(new Event('change'))",
+        f"{JOBS} .pages select",
+    )
+    browser.run(
+        "document.querySelectorAll(arguments[0]).forEach((each) => each.click())",
+        f"{JOBS} .expander",
+    )
+    shown = browser.run(
+        "return [...document.querySelectorAll(arguments[0])].map((each) => [...each.querySelectorAll('.bytes')]"
+        ".map((table) => [...table.querySelectorAll('td.hex')].map((cell) => cell.textContent)"
+        ".join('').replaceAll(' ', '')))",
+        f"{JOBS} tr.detail",
+    )
+    expected = [
+        [data.hex() for data in (item.request, item.response) if data is not None]
+        for item in stack.transactions
+    ]
+    assert shown == expected
+    rest = [text for text in browser.texts(f"{JOBS} .bytes tr") if "not taken apart here" in text]
+    assert len(rest) <= len(expected) // 20
+
+
+def test_keys_alone_open_a_job(browser, tour):
+    from selenium.webdriver.common.keys import Keys
+
+    browser.open(tour)
+    browser.one(f"{JOBS} tr.row:nth-child(2) .expander").send_keys(Keys.ENTER)
+    assert len(browser.all(f"{JOBS} tr.detail")) == 1
+    focused = browser.run("return document.activeElement.getAttribute('aria-label')")
+    assert focused == "Details of job 2"
+    assert browser.run("return document.activeElement.getAttribute('aria-expanded')") == "true"
+
+
+def test_links_lead_from_a_finding_to_its_job_and_back(browser, tour):
+    browser.open(tour)
+    browser.click("#finding-1-DS410 tbody a")
+    browser.wait("return !!document.querySelector('#job-1-6 + tr.detail')")
+    browser.click("#job-1-6 td a")
+    assert browser.run("return document.getElementById('finding-1-DS410').open")
+    browser.open(tour, "#job-1-7")
+    browser.wait("return !!document.querySelector('#job-1-7 + tr.detail')")
+
+
+def test_the_language_changes_everywhere_and_keeps_the_place(browser, tour):
+    browser.open(tour)
+    browser.plots()
+    choose(browser, JOBS, 0, "problems")
+    browser.click("button[data-lang=zh]")
+    assert browser.run("return document.documentElement.lang") == "zh"
+    assert browser.one("h1").text.startswith("不正常：1 台驱动器，8 个任务")
+    assert browser.texts(f"{JOBS} thead th")[6] == "结果"
+    assert column(browser, JOBS, 7) == ["正常", "被拒绝", "失败", "部分失败", "没有应答"]
+    assert "控制器使能时无修改权限" in browser.one(JOBS).text
+    assert browser.texts(".plot figcaption")[0] == "任务耗时分布"
+    assert browser.one("button[data-lang=zh]").get_attribute("aria-pressed") == "true"
+    assert "What to do" not in browser.one("main").text
+    browser.click("button[data-lang=en]")
+    assert browser.one("h1").text.startswith("NOT OK")
+    browser.wait("return document.querySelectorAll('.plot').length === 4")
+
+
+def test_a_page_made_in_chinese_starts_in_chinese(browser, write, captures):
+    from ds47.analysis import AnalysisOptions, analyze
+
+    result = analyze(captures / "tour-machine.pcapng", AnalysisOptions(lang="zh"))
+    browser.open(write("zh", result, lang="zh"))
+    assert browser.one("h1").text.startswith("不正常")
+    browser.click("button[data-lang=en]")
+    assert (
+        "Write refused with status DF80B500: write: access: state conflict"
+        in browser.one("main").text
+    )
+
+
+def test_light_and_dark(browser, tour):
+    background = "return getComputedStyle(document.body).backgroundColor"
+    browser.look(dark=True)
+    browser.open(tour)
+    dark = browser.run(background)
+    browser.click("[data-theme-button]")
+    light = browser.run(background)
+    assert browser.one("[data-theme-button]").get_attribute("aria-label") == "Theme: light"
+    browser.click("[data-theme-button]")
+    assert browser.run(background) == dark != light
+
+
+def test_a_filter_is_copied(browser, tour):
+    browser.open(tour)
+    browser.run(
+        "navigator.clipboard.writeText = (text) => { window.copied = text; return Promise.resolve(); }"
+    )
+    browser.click("#finding-1-DS410 [data-copy]")
+    browser.until(lambda: browser.one("#finding-1-DS410 [data-copy]").text == "Copied", "the word")
+    assert browser.run("return window.copied") == "frame.number in {29, 33}"
+    browser.until(
+        lambda: browser.one("#finding-1-DS410 [data-copy]").text == "Copy", "the word before"
+    )
+
+
+def test_parameters_with_their_last_value(browser, tour):
+    browser.open(tour)
+    rows = browser.texts(f"{PARAMETERS} tr.row")
+    assert any("p50303[0]" in row and "10.0 s #7" in row and "DF80B500" in row for row in rows)
+    browser.one(f"{PARAMETERS} input[type=search]").send_keys("fault")
+    browser.until(lambda: len(browser.all(f"{PARAMETERS} tr.row")) == 4, "the search")
+
+
+def test_plots_are_drawn_and_another_parameter_can_be_picked(browser, tour):
+    browser.open(tour)
+    assert browser.plots() == 4
+    labels = browser.run(
+        "return [...document.querySelectorAll('.plot .canvas')].map((each) => each.getAttribute('aria-label'))"
+    )
+    assert "half within 3.0 ms" in labels[0]
+    assert "3 failed or refused, 1 without an answer" in labels[2]
+    assert "p50303[0]: 4 points: 2 read, 1 written, 1 not taken" in labels[3]
+    browser.run(
+        "const select = document.querySelector('[data-picker]');"
+        "select.value = [...select.options].find((each) => each.text.includes('p50304[0]')).value;"
+        "select.dispatchEvent(new Event('change'))"
+    )
+    label = browser.run(
+        "return [...document.querySelectorAll('.plot .canvas')].at(-1).getAttribute('aria-label')"
+    )
+    assert "p50304[0]: 2 points: 1 read, 1 written, 0 not taken; from 60 s to 100 s" in label
+
+
+def test_paper_holds_the_findings_unfolded(browser, tour):
+    browser.open(tour)
+    browser.plots()
+    folded = "return document.querySelectorAll('details.finding:not([open])').length"
+    before = browser.run(folded)
+    assert before == 2
+    browser.run(
+        "addEventListener('beforeprint', () => {"
+        " window.onPaper = document.querySelectorAll('details.finding[open]').length; })"
+    )
+    pdf = browser.pdf()
+    assert pdf.startswith(b"%PDF")
+    assert 2 <= pdf.count(b"/Type /Page\n") + pdf.count(b"/Type /Page ") <= 8
+    assert browser.run("return window.onPaper") == 4
+    assert browser.run(folded) == before
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_a_phone_shows_it_without_scrolling_sideways(browser, tour, dark):
+    browser.look((390, 844), dark=dark, touch=True)
+    browser.open(tour, "#job-1-6")
+    browser.wait("return !!document.querySelector('tr.detail')")
+    browser.plots()
+    assert browser.run("return document.documentElement.scrollWidth") <= 390
+    wide = browser.run(
+        "return [...document.querySelectorAll('main *')].filter((each) =>"
+        " !each.closest('.wide, .parts, svg, .canvas') && each.getBoundingClientRect().right > 391)"
+        ".map((each) => each.outerHTML.slice(0, 80))"
+    )
+    assert wide == []
+
+
+def test_everything_that_can_be_used_has_a_name(browser, tour):
+    browser.open(tour, "#job-1-6")
+    browser.wait("return !!document.querySelector('tr.detail')")
+    nameless = browser.run(
+        "return [...document.querySelectorAll('button, input, select, [role=img], nav, svg')].filter((each) =>"
+        " !(each.getAttribute('aria-label') || each.textContent.trim() || each.closest('label')))"
+        ".map((each) => each.outerHTML)"
+    )
+    assert nameless == []
+    assert browser.run("return document.querySelectorAll('h1').length") == 1
+    double = browser.run(
+        "const ids = [...document.querySelectorAll('[id]')].map((each) => each.id);"
+        "return ids.filter((each, number) => ids.indexOf(each) !== number)"
+    )
+    assert double == []
+
+
+def make(number, **changes):
+    item = Transaction(
+        operation="read",
+        state="ok",
+        controller="10.0.0.1",
+        device="10.0.0.2",
+        ar=None,
+        api=0,
+        slot=1,
+        subslot=1,
+        index=47,
+        request_reference=1,
+        axis=1,
+        frames=Frames(1, 2, 3, 4),
+        start_ns=number * 10**6,
+        duration_ns=10**6,
+        request=bytes.fromhex("01010101100100150000"),
+        response=bytes.fromhex("01010101080144bb8000"),
+        write_status=0,
+        read_status=0,
+        parameters=[Parameter(21, 0, "value", 1, None, None, "Float32", 1, [1500.0])],
+        id=number,
+    )
+    return replace(item, **changes)
+
+
+def test_hostile_text_stays_text(browser, write):
+    evil = "<img src=x onerror=alert(1)><script>alert(1)</script>\"'><b>"
+    parameter = Parameter(1, 0, "value", 1, evil, evil, "VisibleString", 1, [evil])
+    result = CaptureResult(
+        path=evil, frames=4, problem=evil, devices=[Device("10.0.0.2", evil, evil, 1, 1)],
+        transactions=[make(1, parameters=[parameter], operation="change", controller=evil)],
+        findings=[Finding("DS410", "error", evil, 1, 1), Finding("DS315", "error", evil, 1)],
+    )  # fmt: skip
+    browser.open(write("evil", result, result))
+    browser.run("document.querySelectorAll('details').forEach((each) => { each.open = true; })")
+    browser.wait("return !document.querySelector('article:not([data-ready])')")
+    browser.click(f"{JOBS} .expander")
+    browser.plots()
+    browser.click("button[data-lang=zh]")
+    assert not browser.all("main img, main b")
+    assert evil in browser.one(f"{JOBS} tr.row").text
+    assert evil in browser.one("h2.verdict + p").text
+
+
+def test_several_captures_stand_behind_an_overview(browser, write, captures):
+    from ds47.analysis import analyze
+
+    results = [analyze(captures / name) for name in ("record-polls.pcapng", "tour-machine.pcapng")]
+    browser.open(write("two", *results))
+    assert browser.one("h1").text.startswith("NOT OK: 1 drive, 9 jobs")
+    assert not browser.one("#capture-2 article").is_displayed()
+    browser.click("a[href='#capture-2']")
+    browser.wait("return !!document.querySelector('#capture-2 tr.row')")
+    assert len(browser.all(f"#capture-2 {ROWS}")) == 8
+
+
+def test_a_hundred_thousand_jobs_open_quickly(browser, write):
+    jobs = [
+        make(
+            n,
+            state="ok" if n % 50 else "refused",
+            duration_ns=(n % 97 + 1) * 10**5,
+            frames=Frames(4 * n, 4 * n + 1, 4 * n + 2, 4 * n + 3),
+        )
+        for n in range(1, 100_001)
+    ]
+    page = write("many", CaptureResult(path="many", frames=400_004, transactions=jobs))
+    assert page.stat().st_size < 12_000_000
+    browser.open(page)
+    assert browser.busy() < 4  # of the processor, whatever else the machine does
+    assert browser.run("return document.querySelectorAll('*').length") < 5000
+    assert browser.texts(f"{JOBS} .count") == ["1 to 50 of 100,000"]
+    browser.click(f"{JOBS} .pages button:last-child")
+    assert column(browser, JOBS, 1)[-1] == "#100000"
+    browser.one(f"{JOBS} input[type=search]").send_keys("#777 ")
+    browser.until(lambda: "#777" in column(browser, JOBS, 1)[:1], "the search")
+    assert browser.plots() == 4
+    assert "points are drawn" in browser.one("[data-part=plots]").text

@@ -1,0 +1,658 @@
+"""The HTML report without a browser: what it says, and that nothing in a capture can break it."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import io
+import json
+import os
+import re
+import string
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from ds47 import spec
+from ds47.analysis import analyze
+from ds47.model import (
+    CaptureResult,
+    Device,
+    Finding,
+    Frames,
+    Parameter,
+    ParameterError,
+    Report,
+    Transaction,
+)
+from ds47.report import html
+from ds47.report.html import embed, messages, plots, texts
+from ds47.report.html.verdict import Counts, blind, quality, verdict
+from ds47.report.html.views import capture_view
+from ds47.report.html.views.elements import elements
+from ds47.report.html.views.problems import first_screen, problems
+from ds47.report.html.views.rows import ROW, packed_rows
+
+HOSTILE = "<script>alert(1)</script>"
+QUOTES = "\"press\" & 'line' <b>1</b> </script>"
+DRIVE = "192.168.133.33"
+TEMPLATES = Path(html.__file__).parent.parent / "templates"
+RPC = {"requests": 4, "responses": 4, "faults": 0, "rejects": 0, "unanswered": 0}
+
+
+def missing(what):
+    """As in tests/conftest.py: in CI everything has to be there."""
+    (pytest.fail if os.environ.get("DS47_CI") == "1" else pytest.skip)(f"{what} is missing")
+
+
+def transaction(number=1, **changes):
+    item = Transaction(
+        operation="read", state="ok", controller="192.168.133.2", device=DRIVE,
+        ar="12345678-1234-1234-1234-123456789abc", api=0, slot=1, subslot=1, index=47,
+        request_reference=3, axis=2, frames=Frames(4 * number, 4 * number + 1, 4 * number + 2, 4 * number + 3),
+        start_ns=1_767_225_600_000_000_000 + number * 1_000_000_000, duration_ns=12_400_000,
+        request=bytes.fromhex("030102011001c47f0000"), response=bytes.fromhex("03010201080141200000"),
+        write_status=0, read_status=0, parameters=[parameter()], id=number,
+    )  # fmt: skip
+    return replace(item, **changes)
+
+
+def parameter(pnu=50303, subindex=0, values=(10.0,), **changes):
+    item = Parameter(
+        pnu,
+        subindex,
+        "value",
+        max(1, len(values)),
+        None,
+        None,
+        "Float32",
+        len(values),
+        list(values),
+    )
+    return replace(item, **changes)
+
+
+def failed(code=0x6B, text="no", **changes):
+    return parameter(error=ParameterError(code, text, 0), **changes)
+
+
+def capture(*transactions, findings=(), **changes):
+    item = CaptureResult(
+        path="line 1.pcapng", frames=1234, rpc=dict(RPC), records={"47": {"read": 2, "write": 2}},
+        devices=[Device(DRIVE, "00:0e:8c:00:00:01", "press-1", 0x2A, 0x501)],
+        transactions=list(transactions), findings=list(findings),
+    )  # fmt: skip
+    return replace(item, **changes)
+
+
+class Options:
+    color = False
+    rules = ()
+
+    def __init__(self, lang):
+        self.lang = lang
+
+
+def page(*results, lang="en"):
+    stream = io.StringIO()
+    html.write(Report(list(results)), stream, Options(lang))
+    return stream.getvalue()
+
+
+class Elements(HTMLParser):
+    """The elements of a page with their attributes, and the text of each script."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.found, self.scripts, self.text = [], [], []
+        self._inside = None
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.found.append((tag, dict(attrs)))
+        self._inside = tag
+        if tag == "script":
+            self.scripts.append((dict(attrs), ""))
+
+    def handle_endtag(self, tag):
+        self._inside = None
+
+    def handle_data(self, data):
+        if self._inside == "script":
+            attributes, text = self.scripts[-1]
+            self.scripts[-1] = (attributes, text + data)
+        else:
+            self.text.append(data)
+
+    def data(self, name):
+        for attributes, text in self.scripts:
+            if attributes.get("id") == name:
+                packed = attributes["type"] == "application/gzip"
+                return json.loads(gzip.decompress(base64.b64decode(text)) if packed else text)
+        raise AssertionError(f"no data {name}")
+
+
+# The verdict
+
+
+@pytest.mark.parametrize(
+    ("states", "severities", "expected"),
+    [
+        (["ok", "ok"], [], "OK: 1 drive, 2 jobs, all done"),
+        (["ok"], ["note"], "OK: 1 drive, 1 job, all done"),
+        (["ok"], ["warning"], "LOOK AT IT: 1 drive, 1 job, all done"),
+        (["refused"] * 3 + ["ok"], [], "NOT OK: 1 drive, 4 jobs, 3 refused"),
+        (["partial"], ["error"], "NOT OK: 1 drive, 1 job, 1 failed in part"),
+        (["unanswered", "orphan"], [], "OK: 1 drive, 2 jobs, 1 without an answer, 1 answer without its request"),
+        ([], ["error"], "NOT OK: no drive parameter job in this capture"),
+        ([], [], "NOTHING TO JUDGE: no drive parameter job in this capture"),
+    ],
+)  # fmt: skip
+def test_the_verdict_counts_what_went_wrong(states, severities, expected):
+    result = capture(
+        *(transaction(number, state=state) for number, state in enumerate(states, 1)),
+        findings=[Finding("DS107", severity, "m", 1) for severity in severities],
+    )
+    assert verdict(Counts.of(result)).en == expected
+
+
+def test_the_verdict_in_chinese():
+    result = capture(transaction(1, state="refused"), transaction(2))
+    assert verdict(Counts.of(result)).zh == "不正常：1 台驱动器，2 个任务，1 个被拒绝"
+
+
+def test_a_capture_that_is_only_partly_read_is_never_ok():
+    assert Counts.of(capture(transaction(), complete=False)).level == "warn"
+
+
+def test_several_captures_count_each_drive_once():
+    total = Counts()
+    for result in (
+        capture(transaction()),
+        capture(transaction(), transaction(2, device="10.0.0.1")),
+    ):
+        total.add(Counts.of(result))
+    assert verdict(total).en == "OK: 2 drives, 3 jobs, all done"
+
+
+def test_a_capture_that_cannot_be_read_stands_in_the_overview():
+    stream = io.StringIO()
+    writer = html.Writer(stream, Options("en"))
+    writer.unreadable("broken.pcapng", HOSTILE)
+    writer.capture(capture(transaction()))
+    writer.close()
+    text = "".join(Elements(stream.getvalue()).text)
+    assert f"NOT READ: {HOSTILE}" in text
+    assert "LOOK AT IT: 1 drive, 1 job, all done, 1 capture not read to its end" in text
+
+
+def test_a_capture_that_cannot_be_read_can_be_the_only_one():
+    stream = io.StringIO()
+    writer = html.Writer(stream, Options("en"))
+    writer.unreadable("broken.pcapng", "no capture file")
+    writer.close()
+    assert "<title>NOT READ: no capture file" in stream.getvalue()
+
+
+# The quality of the capture
+
+
+@pytest.mark.parametrize(
+    ("changes", "level", "text"),
+    [
+        ({}, "good", "read to its end: 1,234 frames"),
+        ({"complete": False, "problem": "block 3 is cut"}, "bad", "block 3 is cut"),
+        ({"dropped": None}, "none", "does not say whether frames were lost"),
+        ({"dropped": 0}, "good", "lost no frame"),
+        ({"dropped": 1}, "bad", "lost 1 frame:"),
+        ({"dropped": 2000}, "bad", "lost 2,000 frames:"),
+        ({"rpc": {"requests": 5, "responses": 0}}, "bad", "Only requests (5)"),
+        ({"rpc": {"requests": 0, "responses": 5}}, "bad", "Only answers (5)"),
+        ({"rpc": {"requests": 5, "responses": 4, "unanswered": 1}}, "warn", "1 of 5 calls has no answer"),
+        ({"rpc": {}}, "none", "No acyclic PROFINET call"),
+        ({"findings": [Finding("DS106", "warning", "m", 1)]}, "warn", "1 frame was cut"),
+        ({"findings": [Finding("DS403", "warning", "m", 1)] * 2}, "warn", "2 answers have no request"),
+    ],
+)  # fmt: skip
+def test_the_quality_of_a_capture(changes, level, text):
+    remarks = quality(capture(transaction(), **changes))
+    assert [each.level for each in remarks if text in each.text.en] == [level]
+
+
+def test_what_a_capture_cannot_show_depends_on_what_is_in_it():
+    plain = [each.en for each in blind(capture(transaction(), dropped=0))]
+    assert not any("in force later" in line or "lost frames" in line for line in plain)
+    item = transaction(operation="change")
+    more = [
+        each.en
+        for each in blind(capture(item, devices=[Device(DRIVE)], records={"1": {"read": 7}}))
+    ]
+    assert any("in force later" in line for line in more)
+    assert any("lost frames" in line for line in more)
+    assert any("station name of 1 device" in line for line in more)
+    assert any(line.startswith("7 other record calls") for line in more)
+
+
+# What went wrong
+
+
+def test_drive_errors_are_put_together_by_their_number_and_direction():
+    items = [
+        transaction(1, state="error", operation="change", parameters=[failed(), failed(pnu=5)]),
+        transaction(2, state="error", operation="change", parameters=[failed()]),
+        transaction(3, state="partial", parameters=[parameter(), failed(0x00, values=())]),
+    ]
+    findings = [
+        Finding("DS410", "error", "m", 1, number, 4)
+        for number in (1, 1, 2, 3)  # the rule speaks once of every failed parameter
+    ]
+    found = problems(capture(*items, findings=findings), "en", {DRIVE: 0x2A})
+    assert [(each.count, each.what.en) for each in found] == [
+        (3, "The drive does not take a value: No change access while the controller is enabled (0x6B)"),
+        (1, "The drive does not give a value: Illegal parameter number: the parameter does not exist (0x00)"),
+    ]  # fmt: skip
+    assert found[0].places == {"p50303[0] DO 2": 2, "p5[0] DO 2": 1}
+    assert found[0].what.zh.startswith("驱动器不接受写入的值：")
+
+
+def test_refusals_are_put_together_by_their_status():
+    words = [0xDF80B500, 0xDF80B700, 0xDF80B700]
+    items = [
+        transaction(number, state="refused", operation="change", write_status=word)
+        for number, word in enumerate(words, 1)
+    ]
+    findings = [Finding("DS203", "error", "m", 1, number) for number in (1, 2, 3)]
+    found = problems(capture(*items, findings=findings), "en", {})
+    assert [each.count for each in found] == [2, 1]
+    assert "(DF80B700)" in found[0].what.en
+    assert found[0].advice == texts.Both(
+        spec.rules()["DS203"].advice, spec.rules()["DS203"].advice_zh
+    )
+
+
+def test_errors_come_before_warnings_a_diagnosis_before_both_and_notes_are_no_problem():
+    rules = [("DS417", "warning"), ("DS402", "note"), ("DS315", "error"), ("DS701", "warning")]
+    findings = [Finding(rule, severity, rule, 1) for rule, severity in rules]
+    found = problems(capture(findings=findings), "en", {})
+    assert [each.rule for each in found] == ["DS701", "DS315", "DS417"]
+
+
+def test_a_problem_names_a_few_places_and_counts_the_others():
+    items = [transaction(n, state="error", parameters=[failed(pnu=n)]) for n in range(1, 8)]
+    findings = [Finding("DS410", "error", "m", 1, n) for n in range(1, 8)]
+    (found,) = problems(capture(*items, findings=findings), "en", {})
+    assert found.where is not None
+    assert found.where.en.endswith("and 3 more")
+
+
+def test_findings_that_differ_are_told_by_an_example_with_the_places_they_name():
+    template = spec.rules()["DS417"].message
+    findings = [
+        Finding("DS417", "warning", template.format(pnu=pnu, subindex=0, read=1, written=2), 1, 1)
+        for pnu in (7, 8)
+    ]
+    (found,) = problems(capture(transaction(), findings=findings), "en", {})
+    assert found.title.en == "Parameter 7[0] reads back 1, but 2 was written last (for example)"
+    assert found.places == {"p7[0] DO 2": 1, "p8[0] DO 2": 1}
+    (alone,) = problems(capture(transaction(), findings=findings[:1]), "en", {})
+    assert alone.title.en.endswith("was written last")
+
+
+def test_many_problems_of_one_rule_do_not_hide_the_others():
+    items = [transaction(n, state="error", parameters=[failed(n)]) for n in range(1, 9)]
+    findings = [Finding("DS410", "error", "m", 1, n) for n in range(1, 9)]
+    findings.append(Finding("DS417", "warning", "read back", 1, 1))
+    told = first_screen(problems(capture(*items, findings=findings), "en", {}))
+    assert [each.rule for each in told] == ["DS410"] * 5 + ["DS417"]
+    assert "3 more kinds of problem" in page(capture(*items, findings=findings))
+
+
+# Words
+
+
+def fields(text):
+    return {name for _, name, _, _ in string.Formatter().parse(text) if name}
+
+
+def test_every_text_is_there_in_both_languages_with_the_same_values():
+    for key, words in texts.texts().items():
+        assert set(words) == {"en", "zh"}, key
+        assert words["en"].strip(), key
+        assert words["zh"].strip(), key
+        parts = [fields(part) for text in words.values() for part in text.split("|")]
+        assert all(part == parts[0] for part in parts), key
+        assert words["zh"].count("|") == 0, key
+
+
+def sources(pattern):
+    return {path.name: path.read_text("utf-8") for path in (TEMPLATES / "report").glob(pattern)}
+
+
+def test_every_text_is_used_and_every_text_used_is_there():
+    python = "".join(path.read_text("utf-8") for path in Path(html.__file__).parent.rglob("*.py"))
+    pages = "".join(sources("*.j2").values()) + (TEMPLATES / "report.html.j2").read_text("utf-8")
+    scripts = "".join(sources("*.js").values())
+    used = set(re.findall(r"\bsay\(\s*\"(\w+)\"", python)) | set(
+        re.findall(r"\bt\(\"(\w+)\"[,)]", pages)
+    )
+    used |= set(re.findall(r"label\(\"[\w-]+\", \"(\w+)\"\)", pages))
+    used |= {f"js_{key}" for key in re.findall(r"\bsay\(\"(\w+)\"", scripts)}
+    known = set(texts.texts())
+    assert used <= known
+    quoted = set(re.findall(r"\"(\w+)\"", python + pages + scripts))
+    made = ("verdict_", "told_", "level_", "severity_", "js_theme_")
+    states = {f"js_{name}" for name in (*html.views.rows.STATES, *html.views.rows.OPERATIONS)}
+    unused = {
+        key
+        for key in known - used - states
+        if not key.startswith(made) and key not in quoted and key.removeprefix("js_") not in quoted
+    }
+    assert not unused - {f"js_{key}" for key in re.findall(r"words: \"(\w+)\"", scripts)}
+
+
+@pytest.mark.parametrize(
+    "rule", [rule for rule, known in spec.rules().items() if "text" not in fields(known.message)]
+)
+@pytest.mark.parametrize("lang", ["en", "zh"])
+def test_a_message_of_either_language_is_shown_in_both(rule, lang):
+    known = spec.rules()[rule]
+    values = {name: str(number) for number, name in enumerate(sorted(fields(known.message)))}
+    both = {"en": known.message.format_map(values), "zh": known.message_zh.format_map(values)}
+    assert messages.message(Finding(rule, "error", both[lang], 1), lang) == (both["en"], both["zh"])
+
+
+def test_texts_inside_a_message_change_their_language_too():
+    known = spec.rules()["DS410"]
+    values = {"pnu": 5, "subindex": 0, "code": "0x01", "info": 0}
+    text = known.message.format(**values, text=spec.error_text(1, "en", 0x2A))
+    expected = known.message_zh.format(**values, text=spec.error_text(1, "zh", 0x2A))
+    assert messages.message(Finding("DS410", "error", text, 1), "en", 0x2A).zh == expected
+
+
+def test_a_message_that_fits_no_template_stays_as_it_is():
+    assert messages.message(Finding("DS410", "error", "odd", 1), "en") == ("odd", "odd")
+    assert messages.message(Finding("XX999", "error", "odd", 1), "en") == ("odd", "odd")
+
+
+def test_control_characters_and_turned_text_are_made_visible():
+    shown = messages.message(Finding("DS410", "error", "a\u202eb\x1b", 1), "en").en
+    assert shown == "a\\u202eb\\x1b"
+
+
+# Nothing in a capture can break the page
+
+
+def hostile():
+    item = transaction(
+        1, state="error", operation="change",
+        parameters=[parameter(values=(HOSTILE, QUOTES), format="VisibleString", name=HOSTILE, unit=QUOTES,
+                              error=ParameterError(None, HOSTILE, 0))],
+    )  # fmt: skip
+    return capture(
+        item,
+        path=f"{HOSTILE}{QUOTES}.pcapng",
+        problem=QUOTES,
+        complete=False,
+        devices=[Device(DRIVE, HOSTILE, QUOTES, 1, 2)],
+        findings=[
+            Finding("DS410", "error", HOSTILE, 1, 1, 2),
+            Finding("DS315", "error", QUOTES, 1, 1),
+        ],
+    )
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_what_comes_from_a_capture_is_always_text(count):
+    text = page(*[hostile()] * count)
+    seen = Elements(text)
+    assert HOSTILE not in text.replace(HOSTILE.replace("<", "&lt;"), "")
+    plain = Elements(page(*[capture(transaction())] * count))
+    assert len([tag for tag, _ in seen.found if tag == "script"]) == len(
+        [tag for tag, _ in plain.found if tag == "script"]
+    )
+    assert not [
+        tag for tag, _ in seen.found if tag in ("b", "img", "iframe", "object", "base", "link")
+    ]
+    assert not [
+        name for _, attributes in seen.found for name in attributes if name.startswith("on")
+    ]
+    assert HOSTILE in "".join(seen.text)
+    row = seen.data("data-1")["rows"][0]
+    assert row[ROW.index("parameters")][0][1] == [
+        f'"{HOSTILE}"',
+        '"' + QUOTES.replace('"', '\\"') + '"',
+    ]
+    assert seen.data("data-1")["devices"] == [[DRIVE, QUOTES]]
+
+
+def test_the_page_loads_nothing():
+    seen = Elements(page(hostile()))
+    for tag, attributes in seen.found:
+        assert not {"src", "srcset", "action", "formaction", "poster", "background"} & set(
+            attributes
+        ), tag
+        assert attributes.get("href", "#").startswith("#")
+        assert "style" not in attributes
+    (policy,) = [
+        a["content"] for tag, a in seen.found if a.get("http-equiv") == "Content-Security-Policy"
+    ]
+    assert "default-src 'none'" in policy
+    assert "script-src 'sha256-" in policy
+    assert "unsafe-eval" not in policy
+    assert "http" not in policy
+
+
+def test_only_the_script_of_the_page_may_run():
+    seen = Elements(page(capture(transaction())))
+    (policy,) = [a["content"] for tag, a in seen.found if "http-equiv" in a]
+    (script,) = [text for attributes, text in seen.scripts if "type" not in attributes]
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    assert f"'sha256-{digest}'" in policy
+
+
+def test_the_scripts_make_no_markup_out_of_text_and_ask_no_network():
+    banned = (
+        r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\b|new Function"
+        r"|fetch\(|XMLHttpRequest|WebSocket|sendBeacon|import\("
+    )
+    for name, text in sources("*.js").items():
+        assert not re.search(banned, text), name
+        assert set(re.findall(r"https?://[^\"'\s]+", text)) <= {"http://www.w3.org/2000/svg"}, name
+    for name, text in sources("*.css").items():
+        assert not re.search(r"url\(|@import", text), name
+
+
+def test_every_script_file_is_part_of_the_page():
+    assert {f"{name}.js" for name in html.SCRIPTS} == set(sources("*.js"))
+
+
+def test_data_cannot_end_its_element():
+    text = str(embed.as_json({"a": "</script><!--", "b": "\u2028"}))
+    assert not set("<>&\u2028") & set(text)
+    assert json.loads(text) == {"a": "</script><!--", "b": "\u2028"}
+
+
+def test_half_a_surrogate_in_a_path_is_no_exception():
+    text = page(capture(transaction(), path="a\udc80.pcapng"))
+    text.encode("utf-8", "backslashreplace")
+    assert "a\\udc80.pcapng" in text
+
+
+# What stands in the page
+
+
+def test_the_first_screen_says_what_matters(captures):
+    text = " ".join("".join(Elements(page(analyze(captures / "tour-machine.pcapng"))).text).split())
+    for part in (
+        "NOT OK: 1 drive, 8 jobs, 1 refused, 1 failed, 1 failed in part, 1 without an answer",
+        "The file was read to its end: 35 frames.",
+        "Both directions are there: 17 calls, 17 answers.",
+        "press-1-drive",
+        DRIVE,
+        "No change access while the controller is enabled (0x6B)",
+        'ds47.finding == "DS410"',
+        "frame.number in {29, 33}",
+        "控制器使能时无修改权限",
+        spec.rules()["DS203"].advice,
+        spec.rules()["DS203"].advice_zh,
+    ):
+        assert part in text, part
+
+
+@pytest.mark.parametrize(
+    ("lang", "title"), [("en", "NOT OK: 1 drive"), ("zh", "不正常：1 台驱动器")]
+)
+def test_the_language_chosen_is_the_one_shown_first(captures, lang, title):
+    text = page(analyze(captures / "tour-machine.pcapng"), lang=lang)
+    assert f'<html lang="{lang}">' in text
+    assert f"<title>{title}" in text
+    assert text.count('<span lang="en">') == text.count('<span lang="zh">')
+
+
+def test_the_same_result_gives_the_same_page(captures):
+    path = captures / "tour-machine.pcapng"
+    assert page(analyze(path)) == page(analyze(path))
+
+
+def test_every_stored_capture_gives_a_page(captures):
+    results = [analyze(path) for path in sorted(captures.rglob("*.pcapng"))]
+    seen = Elements(page(*results))
+    assert len([1 for tag, a in seen.found if tag == "article"]) == html.DETAILED < len(results)
+    overview = [a for tag, a in seen.found if a.get("href", "").startswith("#capture-")]
+    assert len(overview) == html.DETAILED
+    assert f"{html.DETAILED} captures are shown with all their parts" in "".join(seen.text)
+
+
+def test_no_capture_at_all_is_a_page_too():
+    assert "NOTHING TO JUDGE" in page()
+
+
+def test_of_many_captures_the_worst_are_shown_whole(monkeypatch):
+    monkeypatch.setattr(html, "DETAILED", 2)
+    results = [capture(transaction(state=state)) for state in ("ok", "refused", "ok", "error")]
+    links = [
+        a["href"]
+        for _, a in Elements(page(*results)).found
+        if a.get("href", "").startswith("#capture-")
+    ]
+    assert links == ["#capture-2", "#capture-4"]
+
+
+def test_rows_are_short_and_their_tables_hold_what_repeats():
+    items = [
+        transaction(1),
+        transaction(2, state="error", parameters=[failed()], findings=["DS410"]),
+    ]
+    data = packed_rows(capture(*items), {DRIVE: 0x2A}, 100)
+    one, two = (dict(zip(ROW, row, strict=True)) for row in data["rows"])
+    assert (one["id"], one["start"], one["duration"]) == (1, 0, 12_400.0)
+    assert two["start"] == 1_000_000
+    assert data["operations"][one["operation"]] == "read"
+    assert data["states"][two["state"]] == "error"
+    assert one["request"] == "030102011001c47f0000"
+    assert one["parameters"] == [[0, [10.0], 1]]
+    assert data["addresses"][0][:3] == ["p50303[0]", 50303, 0]
+    place, _values, _count, _scaled, error = two["parameters"][0]
+    assert place == 0
+    assert data["errors"][error][1] == "No change access while the controller is enabled"
+    assert data["rules"] == [["DS410", "drive-error"]]
+
+
+def test_a_long_message_is_cut_and_the_page_knows():
+    data = packed_rows(capture(transaction(request=bytes(5000))), {}, 100)
+    assert data["rows"][0][ROW.index("request")] == "00" * 2048 + "+2952"
+
+
+def test_where_not_all_jobs_fit_those_that_went_wrong_stay(monkeypatch):
+    monkeypatch.setattr(html, "ROWS", 3)
+    monkeypatch.setattr(html, "ROWS_EACH", 3)
+    states = ["ok"] * 5 + ["refused"] + ["ok"] * 3 + ["error"]
+    text = page(capture(*(transaction(n, state=state) for n, state in enumerate(states, 1))))
+    data = Elements(text).data("data-1")
+    assert [row[0] for row in data["rows"]] == [1, 6, 10]
+    assert "3 of 10 jobs are listed" in text
+    assert "NOT OK: 1 drive, 10 jobs, 1 refused, 1 failed" in text
+
+
+def test_long_lists_of_findings_are_cut_with_their_number():
+    findings = [Finding("DS315", "error", f"m{n}", n) for n in range(1, 251)]
+    view = capture_view(capture(transaction(), findings=findings), 1, "en", 10)
+    (group,) = view.groups
+    assert (group.count, len(group.shown), group.left_out, group.filter_left_out) == (
+        250,
+        100,
+        150,
+        190,
+    )
+    assert "150 more are not listed here" in page(capture(transaction(), findings=findings))
+
+
+def row_of(table, pnu, subindex):
+    names = ("device", "slot", "axis", "pnu", "subindex", "en", "zh", "unit", "reads", "writes", "refused",
+             "last", "written", "last_in", "error", "error_in")  # fmt: skip
+    (found,) = [row for row in table["rows"] if row[3:5] == [pnu, subindex]]
+    return dict(zip(names, found, strict=True))
+
+
+def test_a_parameter_keeps_its_last_value_and_its_last_refusal():
+    change = {"operation": "change"}
+    items = [
+        transaction(1, parameters=[parameter(values=(1.0, 2.0))]),
+        transaction(2, **change, parameters=[parameter(values=(5.0,))]),
+        transaction(3, **change, state="error", parameters=[failed(values=(7.0,))]),
+        transaction(4, **change, state="unanswered", parameters=[parameter(values=(9.0,))]),
+        transaction(
+            5, **change, state="refused", write_status=0xDF80B500, parameters=[parameter()]
+        ),
+        transaction(6, state="mismatch", parameters=[parameter(pnu=None)]),
+    ]
+    table, left_out = elements(capture(*items), {DRIVE: 0x2A})
+    assert left_out == 0
+    one = row_of(table, 50303, 0)
+    assert (one["reads"], one["writes"], one["refused"]) == (1, 4, 2)
+    assert (one["last"], one["written"], one["last_in"]) == ("5.0", 1, 2)
+    assert one["error_in"] == 5
+    assert one["error"][0].endswith("(DF80B500)")
+    two = row_of(table, 50303, 1)
+    assert (two["reads"], two["writes"], two["last"]) == (1, 0, "2.0")
+
+
+def test_a_text_is_one_value():
+    items = [
+        transaction(
+            parameters=[parameter(values=("abc",), format="VisibleString", element_count=9)]
+        )
+    ]
+    table, _ = elements(capture(*items), {})
+    assert [row[11] for row in table["rows"]] == ['"abc"']
+
+
+# Plots
+
+
+def test_the_plotting_library_stands_in_the_page_once():
+    if plots.library() is None:
+        missing("bokeh")
+    seen = Elements(page(capture(transaction()), capture(transaction())))
+    ids = [attributes.get("id") for attributes, _ in seen.scripts]
+    assert ids.count("library-0") == 1
+    (policy,) = [a["content"] for tag, a in seen.found if "http-equiv" in a]
+    assert policy.count("'sha256-") == 1 + len(plots.library().scripts)
+
+
+def test_a_capture_with_nothing_to_plot_carries_no_library():
+    seen = Elements(page(capture()))
+    assert not [
+        1 for attributes, _ in seen.scripts if attributes.get("id", "").startswith("library")
+    ]
+
+
+def test_without_the_library_the_page_says_so(monkeypatch):
+    monkeypatch.setattr(plots, "library", lambda: None)
+    text = page(capture(transaction()))
+    assert "No plots: the plotting library was not installed" in text
+    assert 'data-part="plots"' not in text
