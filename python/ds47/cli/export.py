@@ -1,0 +1,357 @@
+"""`ds47 export`: the frames of what was found as a capture of their own, with or without names.
+
+Here: options, names of files, what is said about them. The work is in `ds47.export`.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ds47.cli.common import stdout, warn
+from ds47.cli.options import analysis_options, known_rules, options_from
+from ds47.cli.paths import PACKED, STDIN, SUFFIXES, about, captures
+from ds47.model import STATES
+
+if TYPE_CHECKING:
+    from ds47.analysis import AnalysisOptions
+    from ds47.export import Key, Outcome, Selection
+
+ENDING = ".ds47.pcapng"
+_UNREADABLE, _NOTHING = 3, 1
+
+
+@click.command("export")
+@click.argument("paths", metavar="CAPTURE...", nargs=-1, required=True)
+@click.option(
+    "-t",
+    "--transaction",
+    "transactions",
+    multiple=True,
+    metavar="N",
+    help="Numbers as in the report: 12, 3-7, 1,4,9.",
+)
+@click.option(
+    "-r",
+    "--rule",
+    "rules",
+    multiple=True,
+    metavar="RULE",
+    help="What has this finding: DS410, DS4.",
+)
+@click.option(
+    "-d",
+    "--device",
+    "devices",
+    multiple=True,
+    metavar="DEVICE",
+    help="IP address, MAC address or station name.",
+)
+@click.option(
+    "-s",
+    "--state",
+    "states",
+    multiple=True,
+    type=click.Choice(STATES),
+    help="Transactions that ended so.",
+)
+@click.option(
+    "--from",
+    "start",
+    metavar="TIME",
+    help="From when on: ISO 8601 (UTC unless it says so), or seconds from the first frame.",
+)
+@click.option("--to", "end", metavar="TIME", help="Until when.")
+@click.option(
+    "--all-frames", is_flag=True, help="Frames of other protocols too, for a time span or a device."
+)
+@click.option(
+    "-o",
+    "--output",
+    "output_name",
+    metavar="FILE",
+    help="File, folder, or - for stdout; else NAME.ds47.pcapng in this folder.",
+)
+@click.option(
+    "--anonymise", is_flag=True, help="Replace addresses and names; a key file maps them back."
+)
+@click.option(
+    "--anonymise-values/--keep-values",
+    "everything",
+    default=None,
+    help="Replace all values of parameters too, or keep them (default).",
+)
+@click.option(
+    "--key", "key_name", metavar="FILE", help="The key file; one that exists is used and grows."
+)
+@analysis_options
+def command(
+    paths: Sequence[str],
+    transactions: Sequence[str],
+    rules: Sequence[str],
+    devices: Sequence[str],
+    states: Sequence[str],
+    start: str | None,
+    end: str | None,
+    all_frames: bool,
+    output_name: str | None,
+    anonymise: bool,
+    everything: bool | None,
+    key_name: str | None,
+    **options: Any,
+) -> int:
+    """Write the frames of transactions, findings, a device or a time span as pcapng.
+
+    All criteria must apply; of one that is given several times, one value is enough. Without any, every
+    frame is written that the analysis understands. Each frame gets a comment that says what it is and
+    what is wrong, which Wireshark shows. Printed is a display filter for the original.
+    """
+    from ds47.export import Selection
+
+    if not anonymise and (everything is not None or key_name):
+        raise click.UsageError("--key, --keep-values and --anonymise-values need --anonymise")
+    if anonymise and all_frames:
+        raise click.UsageError(
+            "--all-frames cannot be anonymised: nobody can tell which names and addresses "
+            "frames of other protocols hold"
+        )
+    if all_frames and (transactions or rules or states):
+        raise click.UsageError("--all-frames goes with --from, --to and --device only")
+    selection = Selection(
+        tuple(part for text in transactions for part in _numbers(text)),
+        known_rules(rules),
+        tuple(devices),
+        tuple(states),
+        all_frames=all_frames,
+    )
+    span = _Span(_moment("--from", start), _moment("--to", end))
+    run = _Run(options_from(**options), selection, span, bool(everything))
+    found = list(captures(paths, run.missing))
+    targets = _targets(found, output_name)
+    run.key_path = _key_path(key_name, targets) if anonymise else None
+    run.open_key()
+    for path, target in zip(found, targets, strict=True):
+        run.one(path, target)
+    if run.failed:
+        return _UNREADABLE
+    return 0 if run.written else _NOTHING
+
+
+@dataclass(frozen=True, slots=True)
+class _Moment:
+    """A point in time, nanoseconds since 1970, or since the first frame."""
+
+    ns: int
+    relative: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Span:
+    start: _Moment | None
+    end: _Moment | None
+
+    def applied(self, selection: Selection, path: str) -> Selection:
+        """The selection with the span in the time of this capture."""
+        from ds47.export import first_time
+
+        first = 0
+        if any(moment is not None and moment.relative for moment in (self.start, self.end)):
+            first = first_time(path) or 0
+        start, end = (
+            None if moment is None else moment.ns + (first if moment.relative else 0)
+            for moment in (self.start, self.end)
+        )
+        return replace(selection, start=start, end=end)
+
+
+class _Run:
+    """Goes from capture to capture, and says what became of each."""
+
+    def __init__(
+        self, options: AnalysisOptions, selection: Selection, span: _Span, everything: bool
+    ) -> None:
+        self._options = options
+        self._selection = selection
+        self._span = span
+        self._everything = everything
+        self._key: Key | None = None
+        self.key_path: Path | None = None
+        self.failed = False
+        self.written = 0
+
+    def missing(self, text: str) -> None:
+        """Says what could not be read, or not as a whole."""
+        self.failed = True
+        warn(text)
+
+    def open_key(self) -> None:
+        """The key to anonymise with: that of the file, if there is one."""
+        from ds47.export import Key, KeyFileError
+
+        if self.key_path is None:
+            return
+        try:
+            self._key = Key.load(self.key_path) if self.key_path.exists() else Key()
+        except KeyFileError as problem:
+            raise click.ClickException(str(problem)) from problem
+
+    def one(self, path: str, target: str) -> None:
+        """Exports one capture."""
+        from ds47.capture import CaptureError
+        from ds47.export import KeyFileError, SelectionError, export
+
+        try:
+            with _file(path) as source:
+                selection = self._span.applied(self._selection, source)
+                sink = sys.stdout.buffer if target == STDIN else target
+                done = export(source, sink, selection, self._options, self._key, self._everything)
+                if self._key is not None and self.key_path is not None and done.frames:
+                    self._key.save(self.key_path)
+        except CaptureError as problem:
+            self.missing(about(path, str(problem)))
+            return
+        except (SelectionError, KeyFileError) as problem:
+            raise click.ClickException(about(path, str(problem))) from problem
+        except OSError as problem:
+            if target == STDIN:
+                raise
+            raise click.ClickException(f"cannot write {target}: {problem.strerror}") from problem
+        self._tell(path, target, done)
+
+    def _tell(self, path: str, target: str, done: Outcome) -> None:
+        from ds47.export import display_filter
+        from ds47.report.words import count, escape
+
+        name = "stdin" if path == STDIN else path
+        say = warn if target == STDIN else _print
+        if not done.result.complete:
+            self.missing(about(path, done.result.problem or "only partly read"))
+        self._tell_left_out(name, done)
+        if not done.frames:
+            warn(f"{name}: nothing to export")
+            return
+        self.written += 1
+        frames = f"{len(done.frames):,} of {count(done.result.frames, 'frame')}"
+        say(f"{escape(name)}: {frames}, {count(done.transactions, 'transaction')}")
+        if target != STDIN:
+            say(f"  written to {escape(target)}")
+        if self.key_path is not None:
+            say(f"  key to map back: {escape(str(self.key_path))} (not for others)")
+        text, left_out = display_filter(done.frames)
+        more = f"  (and {count(left_out, 'frame')} more)" if left_out else ""
+        say(f"  in the original: {text}{more}")
+
+    @staticmethod
+    def _tell_left_out(name: str, done: Outcome) -> None:
+        from ds47.report.words import count
+
+        if done.left_out:
+            frames = count(len(done.left_out), "frame")
+            warn(f"{name}: {frames} left out, fragments of messages that are not whole")
+        for frame, text in done.leaks:
+            warn(f"{name}: frame {frame} left out, {text!r} still stands in it")
+
+
+def _print(text: str) -> None:
+    stdout().write(text + "\n")
+
+
+@contextmanager
+def _file(path: str) -> Iterator[str]:
+    """A path that can be read several times: stdin becomes a file for the while."""
+    if path != STDIN:
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="ds47-") as folder:
+        copy = Path(folder, "stdin")
+        with copy.open("wb") as stream:
+            shutil.copyfileobj(sys.stdin.buffer, stream)
+        yield str(copy)
+
+
+def _numbers(text: str) -> Iterator[tuple[int, int]]:
+    """`12`, `3-7`, `3..7`, `1,4,9`."""
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*#?(\d+)\s*(?:(?:-|\.\.)\s*#?(\d+)\s*)?", part)
+        if match is None:
+            raise click.UsageError(f"--transaction {text!r}: numbers as 12, 3-7 or 1,4,9")
+        first = int(match[1])
+        last = int(match[2] or first)
+        if last < first:
+            raise click.UsageError(f"--transaction {text!r} runs backwards")
+        yield first, last
+
+
+def _moment(option: str, text: str | None) -> _Moment | None:
+    """Seconds from the first frame, or ISO 8601 with up to nine digits of a second."""
+    if text is None:
+        return None
+    if match := re.fullmatch(r"\s*(\d+)(?:\.(\d{1,9}))?\s*", text):
+        return _Moment(int(match[1]) * 10**9 + _fraction(match[2]), True)
+    match = re.fullmatch(r"\s*(\d{4}-.*?)(?:[.,](\d{1,9}))?(Z|[+-]\d\d:?\d\d)?\s*", text)
+    try:
+        if match is None:
+            raise ValueError
+        when = datetime.fromisoformat(match[1] + (match[3] or ""))
+    except ValueError as problem:
+        raise click.UsageError(
+            f"{option} {text!r} is no time: 2026-01-01T08:00:00.5Z, or seconds as 12.5"
+        ) from problem
+    whole = (when if when.tzinfo else when.replace(tzinfo=UTC)) - datetime(1970, 1, 1, tzinfo=UTC)
+    seconds = whole.days * 86_400 + whole.seconds
+    return _Moment(seconds * 10**9 + _fraction(match[2]), False)
+
+
+def _fraction(digits: str | None) -> int:
+    return int((digits or "0").ljust(9, "0"))
+
+
+def _targets(paths: Sequence[str], name: str | None) -> list[str]:
+    """Where each capture goes.
+
+    Raises click.UsageError for names that would meet each other or a capture.
+    """
+    if name is not None and not Path(name).is_dir():
+        if len(paths) > 1:
+            raise click.UsageError("-o must be a folder for more than one capture")
+        targets = [name] * len(paths)
+    else:
+        folder = Path(name or ".")
+        targets = [str(folder / (_stem(path) + ENDING)) for path in paths]
+    sources = {Path(path).resolve() for path in paths if path != STDIN}
+    places = [Path(target).resolve() for target in targets if target != STDIN]
+    for place in places:
+        if place in sources:
+            raise click.UsageError(f"{place} is a capture to read: choose another -o")
+    if len(set(places)) < len(places):
+        raise click.UsageError("captures of the same name: export them one by one, with -o")
+    return targets
+
+
+def _stem(path: str) -> str:
+    """The name of a capture without its ending."""
+    name = "stdin" if path == STDIN else Path(path).name
+    for ending in sorted((s + p for s in SUFFIXES for p in PACKED), key=len, reverse=True):
+        if name.lower().endswith(ending):
+            return name[: -len(ending)]
+    return name
+
+
+def _key_path(name: str | None, targets: Sequence[str]) -> Path:
+    if name is not None:
+        return Path(name)
+    if len(targets) == 1 and targets[0] != STDIN:
+        target = Path(targets[0])
+        stem = target.name.removesuffix(".pcapng")
+        return target.with_name(f"{stem}.key.json")
+    raise click.UsageError("--anonymise to stdout, or of several captures, needs --key FILE")

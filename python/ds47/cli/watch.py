@@ -1,0 +1,199 @@
+"""`ds47 watch`: transactions of a running plant, line by line.
+
+Here: options, starting and ending the capture, exit status. The work is in `ds47.watch`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ds47.cli.common import color, stdout, warn
+from ds47.cli.options import analysis_options, options_from
+from ds47.cli.paths import STDIN
+from ds47.model import SEVERITIES
+
+if TYPE_CHECKING:
+    from ds47.analysis import AnalysisOptions
+    from ds47.watch.dumpcap import Dumpcap
+    from ds47.watch.feed import Feed
+    from ds47.watch.show import Show
+
+_UNREADABLE = 3
+
+
+@click.command("watch")
+@click.argument("source", metavar="[SOURCE]", required=False)
+@click.option(
+    "-i",
+    "--interface",
+    "interfaces",
+    multiple=True,
+    metavar="NAME",
+    help="Capture here, with dumpcap; may be repeated. Names: dumpcap -D.",
+)
+@click.option(
+    "--capture-filter",
+    metavar="FILTER",
+    help='For dumpcap, instead of the one that keeps what matters; "" captures everything.',
+)
+@click.option("--duration", type=float, metavar="SECONDS", help="End after this time (with -i).")
+@click.option("--dumpcap", "program", metavar="PROGRAM", help="The dumpcap to use.")
+@click.option(
+    "-f",
+    "--format",
+    "format_name",
+    type=click.Choice(["text", "ndjson"]),
+    default="text",
+    show_default=True,
+)
+@click.option(
+    "--fail-on",
+    type=click.Choice(["never", *SEVERITIES]),
+    default="never",
+    show_default=True,
+    help="Exit with 1 if a finding is at least this severe.",
+)
+@analysis_options
+def command(
+    source: str | None,
+    interfaces: Sequence[str],
+    capture_filter: str | None,
+    duration: float | None,
+    program: str | None,
+    format_name: str,
+    fail_on: str,
+    **options: Any,
+) -> int:
+    """Show DS47 transactions as they happen.
+
+    Either -i INTERFACE, or SOURCE: a capture that is still being written, - for stdin (dumpcap -i eth0
+    -w - | ds47 watch -), or a named pipe. Ctrl-C ends with a summary; Enter, or the signal SIGUSR1,
+    shows one in between.
+    """
+    if bool(source) == bool(interfaces):
+        raise click.UsageError("either -i INTERFACE or a SOURCE (- for stdin)")
+    if source and (capture_filter is not None or duration is not None or program):
+        raise click.UsageError("--capture-filter, --duration and --dumpcap go with -i")
+    if duration is not None and duration <= 0:
+        raise click.UsageError("--duration must be more than 0 seconds")
+    from ds47.watch.dumpcap import DumpcapError
+
+    analysis = options_from(**options)
+    name = source or "+".join(interfaces)
+    show = _show(format_name, name)
+    watch = _Watch(name, analysis, show)
+    try:
+        if source:
+            with _opened(source) as descriptor:
+                status = watch.run(descriptor)
+        else:
+            status = watch.run_dumpcap(program, interfaces, capture_filter, duration)
+    except DumpcapError as problem:
+        warn(str(problem))
+        return _UNREADABLE
+    if status:
+        return status
+    return int(fail_on != "never" and show.tally.worst() >= SEVERITIES.index(fail_on))
+
+
+def _show(format_name: str, name: str) -> Show:
+    from ds47 import spec
+    from ds47.report import Options
+    from ds47.watch.show import NdjsonShow, TextShow
+
+    stream = stdout()
+    if format_name == "ndjson":
+        return NdjsonShow(stream, name, sys.stderr)
+    return TextShow(stream, Options(color=color(stream), rules=spec.rules()))
+
+
+@contextmanager
+def _opened(source: str) -> Iterator[int]:
+    """The descriptor of stdin, of a named pipe, of a file."""
+    if source == STDIN:
+        yield sys.stdin.fileno()
+        return
+    try:
+        descriptor = os.open(source, os.O_RDONLY | getattr(os, "O_BINARY", 0))
+    except OSError as problem:
+        raise click.ClickException(f"cannot open {source}: {problem.strerror}") from problem
+    try:
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+class _Watch:
+    """One watch, from the first byte to the summary."""
+
+    def __init__(self, name: str, options: AnalysisOptions, show: Show) -> None:
+        self._name = name
+        self._options = options
+        self._show = show
+        self._frames: Callable[[], int] = int
+
+    def run_dumpcap(
+        self,
+        program: str | None,
+        interfaces: Sequence[str],
+        capture_filter: str | None,
+        duration: float | None,
+    ) -> int:
+        """Captures with dumpcap. Raises DumpcapError."""
+        from ds47.watch import dumpcap
+
+        words = dumpcap.arguments(interfaces, capture_filter, duration)
+        with dumpcap.Dumpcap(dumpcap.find(program), words) as running:
+            return self.run(running.output.fileno(), running)
+
+    def run(self, descriptor: int, running: Dumpcap | None = None) -> int:
+        """Watches a pipe to its end, or until somebody has seen enough."""
+        from ds47.watch.feed import Feed, keyboard
+
+        def end() -> None:
+            if running is not None:
+                running.end()
+
+        feed = Feed(descriptor, self._summary, end, drain=running is not None)
+        keys = keyboard(descriptor)
+        if keys is not None:
+            click.echo(f"ds47: watching {self._name}; Enter: summary, Ctrl-C: end", err=True)
+        with feed.listening(keys):
+            return self._read(feed, running)
+
+    def _summary(self) -> None:
+        self._show.summary(self._frames())
+
+    def _read(self, feed: Feed, running: Dumpcap | None) -> int:
+        from ds47.capture import CaptureError, open_capture
+        from ds47.watch.live import Live
+
+        try:
+            with open_capture(feed, name=self._name) as capture:  # type: ignore[arg-type]
+                self._frames = lambda: capture.frames
+                result = Live(self._options, self._show).watch(capture)
+        except CaptureError as problem:
+            return self._nothing(feed, running, str(problem))
+        if feed.stopped:
+            result.complete, result.problem = True, None
+        self._show.end(result)
+        complaint = running.problem() if running else None
+        problem_text = complaint or result.problem or feed.problem
+        if problem_text:
+            warn(f"{self._name}: {problem_text}")
+        return _UNREADABLE if problem_text else 0
+
+    def _nothing(self, feed: Feed, running: Dumpcap | None, problem: str) -> int:
+        """There was not even the beginning of a capture."""
+        complaint = running.problem() if running else None
+        if feed.stopped and complaint is None:
+            self._show.summary(0)
+            return 0
+        warn(complaint or problem)
+        return _UNREADABLE

@@ -1,0 +1,633 @@
+"""Codes as people meet them: a text such as `DE80B500` or `107` -> what it may mean.
+
+Two steps that know nothing of each other: `read` turns the forms in which codes are written into
+numbers, `explain` looks the numbers up. Pure: no files but the tables of `ds47.spec`, no output;
+how an answer is laid out is `ds47.cli.explain`.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from ds47 import spec
+from ds47.profinet.status import status_hex, status_text
+from ds47.spec import explanations
+from ds47.spec.explanations import Entry
+
+# ------------------------------------------------------------------------------------- the forms
+
+BYTE, WORD, STATUS, RULE = "byte", "word", "status", "rule"
+
+_PREFIX = re.compile(r"(?:[BWD]{1,2}#)?16#|0X|&H|\$")
+_DECIMAL_PREFIX = re.compile(r"10#")
+_PAIRS = re.compile(r"[0-9A-F]{2}(?:[ :,\-][0-9A-F]{2})+")
+_HEX = re.compile(r"[0-9A-F]+")
+_RULE = re.compile(r"DS([0-9]{3})")
+_STATUS_DIGITS = 8
+
+
+class UnknownFormError(ValueError):
+    """The text has none of the forms in which codes are written."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One number that a text may stand for: a byte, a word, a status, or a rule's number.
+
+    `decimal`: it was read as a decimal number.
+    """
+
+    size: str
+    value: int
+    decimal: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """A text with all its readings; `kind` is what a word in front of it says, None without."""
+
+    text: str
+    kind: str | None
+    readings: tuple[Reading, ...]
+
+
+def read(text: str) -> Code:
+    """Reads a code in any of the forms in which people write it.
+
+    Raises:
+        UnknownFormError: it has none of them.
+    """
+    plain = " ".join(unicodedata.normalize("NFKC", text).strip("\"'` \t\r\n").split())
+    kind, digits = _split_kind(plain)
+    code = digits.upper()
+    if rule := _RULE.fullmatch(code):
+        return Code(code, kind or "rule", (Reading(RULE, int(rule[1])),))
+    if code == "DS47":
+        return Code(code, kind or "index", (Reading(BYTE, 47),))
+    readings = tuple(dict.fromkeys(_numbers(code)))
+    if not readings:
+        raise UnknownFormError(text)
+    return Code(code, kind, readings)
+
+
+def _split_kind(text: str) -> tuple[str | None, str]:
+    """The kind that the words in front announce, and the rest; the longest wording counts."""
+    lower = text.lower()
+    for word in sorted(explanations.kinds(), key=len, reverse=True):
+        rest = lower[len(word) :]
+        joined = not word.isascii()  # Chinese needs no space behind a word
+        if lower.startswith(word) and rest.strip() and (joined or rest[0] in " :="):
+            return explanations.kinds()[word], text[len(word) :].lstrip(" :=")
+    return None, text
+
+
+def _numbers(code: str) -> Iterator[Reading]:
+    if _PAIRS.fullmatch(code):
+        yield from _hexadecimal(re.sub(r"[^0-9A-F]", "", code))
+        return
+    code = code.replace("_", "").replace(" ", "")
+    if prefix := _DECIMAL_PREFIX.match(code):
+        yield from _decimal(code[prefix.end() :])
+    elif prefix := _PREFIX.match(code):
+        yield from _hexadecimal(code[prefix.end() :])
+    elif code.endswith("H") and _HEX.fullmatch(code[:-1]):
+        yield from _hexadecimal(code[:-1])
+    elif code.isascii() and code.isdigit():
+        if len(code) <= _STATUS_DIGITS:
+            yield from _hexadecimal(code)
+        if len(code) != _STATUS_DIGITS and (not code.startswith("0") or code == "0"):
+            yield from _decimal(code)
+    elif code.startswith("-"):
+        yield from _decimal(code)
+    else:
+        yield from _hexadecimal(code)
+
+
+def _hexadecimal(digits: str) -> Iterator[Reading]:
+    """Two digits are a byte, four a word, up to eight a status (zeros in front may be missing)."""
+    if not _HEX.fullmatch(digits) or len(digits) > _STATUS_DIGITS:
+        return
+    value = int(digits, 16)
+    if len(digits) > 4:
+        yield Reading(STATUS, value)
+        if value == 0:
+            return
+    yield from _sized(value)
+
+
+def _decimal(digits: str) -> Iterator[Reading]:
+    """A signed number is what a PLC shows of a byte, word or double word with the top bit set."""
+    if not re.fullmatch(r"-?[0-9]{1,10}", digits):
+        return
+    value = int(digits)
+    if value < 0:
+        bits = next((each for each in (8, 16, 32) if value >= -(1 << each - 1)), None)
+        if bits is None:
+            return
+        value += 1 << bits
+    if 0xFFFF < value <= 0xFFFFFFFF or value == 0:
+        yield Reading(STATUS, value, True)
+    yield from _sized(value, decimal=True)
+
+
+def _sized(value: int, decimal: bool = False) -> Iterator[Reading]:
+    if value <= 0xFF:
+        yield Reading(BYTE, value, decimal)
+    elif value <= 0xFFFF:
+        yield Reading(WORD, value, decimal)
+
+
+# ---------------------------------------------------------------------------------- the meanings
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a code: its value as text, where it stands, what it says."""
+
+    value: str
+    name: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """What WRREC or RDREC shows (`done` is VALID for RDREC); without a name a remark only."""
+
+    block: str
+    done: bool | None
+    busy: bool | None
+    error: bool | None
+    status: str | None
+    note: str
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """A cause and how sure it is: documented, usual or unconfirmed."""
+
+    text: str
+    basis: str
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """One thing that a code can mean, in one language; causes in the order of likelihood.
+
+    `known` is False where only the parts of the code have a meaning. `name` is the code in a form
+    that has this meaning alone (`ds47 explain NAME`).
+    """
+
+    kind: str
+    code: str
+    name: str
+    vendor: str | None
+    title: str
+    known: bool
+    parts: tuple[Part, ...]
+    plc: tuple[Block, ...]
+    causes: tuple[Reason, ...]
+    advice: str | None
+    look: str
+    filter: str | None
+    plugin_filter: str | None
+    rank: int
+
+
+@dataclass(frozen=True, slots=True)
+class Maker:
+    """Whose device it is: the name of a table of error numbers, None where there is none."""
+
+    name: str | None
+
+
+def find_vendor(text: str) -> Maker:
+    """The vendor by its name, or by its PROFINET vendor id in hex (0x002A) or decimal.
+
+    Raises:
+        UnknownFormError: neither an id nor a known name.
+    """
+    wanted = unicodedata.normalize("NFKC", text).strip()
+    wanted = explanations.vendor_names().get(wanted.lower(), wanted)
+    for vendor in spec.vendors():
+        if vendor.name.lower() == wanted.lower():
+            return Maker(vendor.name)
+    if number := re.fullmatch(r"(?:0x|16#)([0-9a-f]{1,4})|([0-9]{1,5})", wanted.lower()):
+        value = int(number[1], 16) if number[1] else int(number[2])
+        return Maker(next((each.name for each in spec.vendors() if each.id == value), None))
+    raise UnknownFormError(text)
+
+
+def explain(text: str, lang: str = "en", vendor: Maker | None = None) -> list[Meaning]:
+    """All that a code can mean, the likeliest first; what has no meaning comes last.
+
+    Args:
+        text: the code, see `read`.
+        lang: "en" or "zh".
+        vendor: whose error numbers count; None takes all that are known.
+
+    Raises:
+        UnknownFormError: the text is not a code.
+    """
+    code = read(text)
+    found: dict[tuple[str, str, str | None], Meaning] = {}
+    for reading in code.readings:
+        for meaning in _meanings(reading, code.kind, lang, vendor):
+            found.setdefault((meaning.kind, meaning.code, meaning.vendor), meaning)
+    if not found:  # a word in front that does not go with the number
+        raise UnknownFormError(text)
+    far = {f"0x{each.value:04X}" for each in code.readings if each.decimal and each.size == WORD}
+    some = any(each.known for each in found.values())
+    kept = [each for each in found.values() if each.known or not some or each.code not in far]
+    return sorted(kept, key=lambda each: (not each.known, each.rank))
+
+
+def _meanings(
+    reading: Reading, kind: str | None, lang: str, vendor: Maker | None
+) -> Iterator[Meaning]:
+    value = reading.value
+    if reading.size == RULE:
+        yield _rule(value, lang)
+    elif reading.size == STATUS:
+        if kind in (None, "status"):
+            yield _status(value, lang)
+    elif reading.size == WORD:
+        if kind in (None, "status", "index"):
+            yield from _word(value, kind, lang)
+    elif reading.decimal and kind is None:
+        yield from _decimal_byte(value, lang, vendor)
+    else:
+        yield from _byte(value, kind, lang, vendor)
+
+
+# Statuses
+
+
+def _status(status: int, lang: str, word: int | None = None) -> Meaning:
+    """A status of four bytes; `word` where only its two middle bytes were given."""
+    words = explanations.words(lang)
+    entry = _entry_of_status(status)
+    turned = int.from_bytes(status.to_bytes(4, "little"), "big")
+    if entry is None and _entry_of_status(turned) is not None:
+        inner = _status(turned, lang)
+        headline = inner.title.split(words["separator"], 1)[1]
+        title = words["bytes_reversed"].format(
+            given=status_hex(status), code=status_hex(turned), text=headline
+        )
+        return replace(inner, title=title)
+    code = status_hex(status)
+    if entry is None:
+        text = f"{words['unknown_status']} ({status_text(status, lang)})"
+        title, view, known = words["status"].format(code=code, text=text), "unknown", False
+        filter_name = "status"
+    else:
+        pattern = words["status"] if word is None else words["word"]
+        headline = _status_headline(entry, status, lang)
+        title = pattern.format(code=code, text=headline, word=f"{word or 0:04X}")
+        view, known, filter_name = _sided(entry.plc, status), True, entry.filter
+        filter_name = _sided(filter_name, status)
+    entry = entry or explanations.of_unknown()
+    return _meaning(
+        "status", code, code, title, known, entry, lang, rank="status",
+        parts=_status_parts(status, lang), view=view, shown=code,
+        filter_name=filter_name, values=_status_values(status),
+    )  # fmt: skip
+
+
+def _entry_of_status(status: int) -> Entry | None:
+    rest = _four(status)
+    return explanations.of_status(*rest) or explanations.of_local(*rest)
+
+
+def _four(status: int) -> tuple[int, int, int, int]:
+    code, decode, first, second = status.to_bytes(4, "big")
+    return code, decode, first, second
+
+
+def _sided(name: str, status: int) -> str:
+    """The view or filter for a refused Read or Write: `refused` -> `read_refused`."""
+    side = {0xDE: "read", 0xDF: "write"}.get(status >> 24)
+    if side is None:
+        return name
+    return {"refused": f"{side}_refused", "status": f"status_{side}"}.get(name, name)
+
+
+def _status_headline(entry: Entry, status: int, lang: str) -> str:
+    code, decode, first, second = _four(status)
+    names = spec.status(lang)
+    service = names.code.get(code, "")
+    name = (names.access if decode == 0x80 else names.protocol).get(first)
+    number = decode & 0x0F
+    return entry.headline(lang).format(
+        service=service[:1].upper() + service[1:],
+        name=name or f"0x{first:02X}",
+        code2=f"0x{second:02X}",
+        n=number,
+        parameter=explanations.input_name(number, lang),
+    )
+
+
+def _status_parts(status: int, lang: str) -> tuple[Part, ...]:
+    """The four bytes; what the middle two say depends on who made the status."""
+    if status == 0:
+        return ()
+    code, decode, first, second = _four(status)
+    names, words = spec.status(lang), explanations.words(lang)
+    table = {0x80: names.access, 0x81: names.protocol}.get(decode, {})
+    unknown = words["unknown_part"]
+    made_by_plc = code in _PLC_FUNCTIONS
+    return (
+        Part(
+            f"{code:02X}",
+            "ErrorCode",
+            words["plc_itself"] if made_by_plc else names.code.get(code, unknown),
+        ),
+        Part(
+            f"{decode:02X}", "ErrorDecode", "" if made_by_plc else names.decode.get(decode, unknown)
+        ),
+        Part(f"{first:02X}", "ErrorCode1", "" if made_by_plc else table.get(first, unknown)),
+        Part(f"{second:02X}", "ErrorCode2", words["second"] if second else ""),
+    )
+
+
+_PLC_FUNCTIONS = (0x00, 0x40, 0xC0)
+"""First bytes of STATUS that no PDU has: the PLC made it up (no job, CODESYS, S7)."""
+
+
+def _status_values(status: int) -> dict[str, str]:
+    code, decode, first, second = (f"0x{each:02x}" for each in _four(status))
+    whole = f"0x{status:08x}"
+    return {"code": code, "decode": decode, "code1": first, "code2": second, "value": whole}
+
+
+# Words of two bytes
+
+
+def _word(value: int, kind: str | None, lang: str) -> Iterator[Meaning]:
+    """The middle of a STATUS, or a record index."""
+    decode, first = value >> 8, value & 0xFF
+    whole: list[int] = []
+    if kind != "index":
+        if decode == 0x80:
+            if explanations.has_local(decode, first):
+                whole.append(0xC0)
+            if first >= 0xA0:
+                whole[:0] = [0xDE, 0xDF]
+        elif 0x81 <= decode <= 0x8F:
+            whole.append(0xC0)
+        elif decode == 0x70 and explanations.of_local(0, decode, first, 0):
+            whole.append(0x00)
+    for code in whole:
+        yield _status(code << 24 | value << 8, lang, value)
+    entry = explanations.of_number("index", value) if kind != "status" else None
+    if entry is not None:
+        yield _number("index", value, lang)
+    elif not whole:
+        yield _unknown_word(value, lang)
+
+
+def _unknown_word(value: int, lang: str) -> Meaning:
+    words = explanations.words(lang)
+    code = f"0x{value:04X}"
+    plain = words["plain_word"].format(code=code, decimal=value)
+    names = spec.status(lang)
+    high, low = value >> 8, value & 0xFF
+    parts = (
+        Part(
+            f"{high:02X}",
+            words["high"],
+            names.code.get(high) or names.decode.get(high) or words["unknown_part"],
+        ),
+        Part(
+            f"{low:02X}",
+            words["low"],
+            names.decode.get(low) or names.access.get(low) or words["unknown_part"],
+        ),
+    )
+    return _meaning(
+        "word", code, code, f"{plain}{words['separator']}{words['unknown_word']}", False,
+        explanations.of_unknown(), lang, rank="error_code", parts=parts, view="unknown",
+    )  # fmt: skip
+
+
+# Bytes: ids, formats, error numbers
+
+
+def _byte(value: int, kind: str | None, lang: str, vendor: Maker | None) -> Iterator[Meaning]:
+    if kind in (None, "error"):
+        yield from _errors(value, lang, vendor)
+    for name in ("response_id", "request_id", "attribute", "format"):
+        known = value in _names(name)
+        if kind == name or (kind is None and known):
+            yield _number(name, value, lang)
+    if kind == "index" or (kind is None and explanations.of_number("index", value)):
+        yield _number("index", value, lang)
+    if kind == "status" or kind is None:
+        if value in spec.status("en").access:
+            yield from _word(0x8000 | value, "status", lang)
+        if value in spec.status("en").code:
+            yield _number("error_code", value, lang)
+        elif kind == "status" and value not in spec.status("en").access:
+            yield _status(value, lang)
+
+
+def _decimal_byte(value: int, lang: str, vendor: Maker | None) -> Iterator[Meaning]:
+    """What people write in decimal: error numbers and indices; a watch table shows response ids."""
+    yield from _errors(value, lang, vendor)
+    if explanations.of_number("index", value):
+        yield _number("index", value, lang)
+    if _rank_of("response_id", value) == "negative_response":
+        yield _number("response_id", value, lang)
+
+
+def _names(kind: str) -> Mapping[int, str]:
+    """The codes of a kind that the tables know, with their names."""
+    if kind == "attribute":
+        known = {code: row.name for code, row in spec.attributes().items()}
+        return known | dict.fromkeys(spec.vendor_attributes(), "")
+    if kind == "response_id":
+        return {code: row.name for code, row in spec.response_ids().items()}
+    if kind == "request_id":
+        return {code: row.name for code, row in spec.request_ids().items()}
+    return {code: row.name for code, row in spec.formats().items()}
+
+
+def _number(kind: str, value: int, lang: str) -> Meaning:
+    """An id, attribute, format, index or first byte of a status."""
+    words = explanations.words(lang)
+    wide = kind == "index" and value > 0xFF
+    code = f"0x{value:0{4 if wide else 2}X}"
+    known, name = True, ""
+    if kind == "error_code":
+        name = spec.status(lang).code[value]
+    elif kind != "index":
+        known, name = value in _names(kind), _names(kind).get(value, "")
+    entry = explanations.of_number(kind, value)
+    known = known and entry is not None and name != "Reserved"
+    if entry is None or not known:
+        plain = words[f"plain_{kind}"].format(code=code, decimal=value)
+        title = f"{plain}{words['separator']}{words['unknown_error_text']}"
+        entry = explanations.of_unknown()
+    else:
+        size = _size(value, words) if kind == "format" else ""
+        headline = entry.headline(lang).format(name=name, size=size)
+        title = words[kind].format(code=code, decimal=value, text=headline)
+    alone = code if kind == "error_code" else f"{explanations.kind_word(kind)} {code}"
+    return _meaning(
+        kind, code, alone, title, known, entry, lang, rank=_rank_of(kind, value),
+        filter_name=entry.filter or (kind if kind != "error_code" else "service"),
+        values={"value": code.lower(), "code": code.lower(), "name": name or code},
+    )  # fmt: skip
+
+
+def _rank_of(kind: str, value: int) -> str:
+    """The name in the order of meanings (explain.toml) of what a number is as one of a kind."""
+    if kind == "response_id" and value in (0x80, 0x81, 0x82):
+        return "negative_response"
+    rows = {
+        "response_id": spec.response_ids().get(value),
+        "request_id": spec.request_ids().get(value),
+    }
+    row = rows.get(kind)
+    if row is not None and row.vendor:
+        return "vendor_id"
+    if kind == "format" and value == 0x44:
+        return "format_error"
+    if kind == "index" and value not in (0x2F, 0xB02E, 0xB02F):
+        return "wrong_index"
+    return kind
+
+
+def _size(code: int, words: Mapping[str, str]) -> str:
+    size = spec.formats()[code].size
+    if size is None:
+        return words["size_unknown"]
+    return words["size_1" if size == 1 else "size_many"].format(size=size)
+
+
+def _errors(value: int, lang: str, vendor: Maker | None) -> Iterator[Meaning]:
+    """An error number: of the profile, and of each vendor that has one of its own."""
+    makers = [
+        each for each in spec.vendors()
+        if value in each.errors and (vendor is None or vendor.name == each.name)
+    ]  # fmt: skip
+    if value in spec.errors() and not (vendor and makers):
+        yield _error(value, spec.error_text(value, lang, _NOBODY), None, lang)
+    for maker in makers:
+        row = maker.errors[value]
+        text = row.zh if lang == "zh" else row.en
+        text = text.format(code=value, above=value - row.code)
+        yield _error(value, text, maker.name, lang, whole_range=row.last is not None)
+    if not makers and value not in spec.errors():
+        yield _error(value, spec.error_text(value, lang, _NOBODY), None, lang)
+
+
+_NOBODY = -1
+"""No vendor's id: the text of the profile, or that of any manufacturer's number."""
+
+
+def _error(
+    value: int, text: str, maker: str | None, lang: str, whole_range: bool = False
+) -> Meaning:
+    words = explanations.words(lang)
+    code = f"0x{value:02X}"
+    entry = explanations.of_error(value, maker)
+    if maker is None:
+        title = words["error"].format(code=code, decimal=value, text=text)
+        rank = "error"
+    else:
+        title = words["vendor_error"].format(code=code, decimal=value, text=text, vendor=maker)
+        rank = "vendor_range" if whole_range else "vendor_error"
+    info = words[f"info_{spec.error_info_meaning(value)}"] if maker is None else ""
+    parts = (Part("", "", info),) if info else ()
+    known = not entry.reserved and (maker is not None or value in spec.errors())
+    alone = f"{explanations.kind_word('error')} {code}" + (f" --vendor {maker}" if maker else "")
+    return _meaning(
+        "error", code, alone, title, known, entry, lang, rank=rank, parts=parts,
+        view="in_response", filter_name="error", values={"value": code.lower()}, vendor=maker,
+    )  # fmt: skip
+
+
+# Rules
+
+
+def _rule(number: int, lang: str) -> Meaning:
+    words = explanations.words(lang)
+    code = f"DS{number:03d}"
+    rule = spec.rules().get(code)
+    if rule is None:
+        digit = code[2]
+        family = explanations.family(digit, lang) or words["no_family"]
+        plain = words["plain_rule"].format(code=code)
+        text = words["unknown_rule"].format(digit=digit, family=family)
+        return _meaning(
+            "rule", code, code, f"{plain}{words['separator']}{text}", False,
+            explanations.of_unknown(), lang, rank="error_code", view="rule",
+        )  # fmt: skip
+    chinese = lang == "zh"
+    message = re.sub(r"\{[^}]*\}", "…", rule.message_zh if chinese else rule.message)
+    title = words["rule"].format(
+        code=code, name=rule.name, severity=words[f"{rule.severity}_severity"], text=message
+    )
+    entry = explanations.of_number("rule", number) or explanations.of_unknown()
+    cause = explanations.Cause(rule.cause, rule.cause_zh, "usual")
+    return _meaning(
+        "rule", code, code, title, True, entry, lang, rank="index", causes=(cause,),
+        advice=rule.advice_zh if chinese else rule.advice,
+        filter_name=entry.filter, values={"name": code},
+    )  # fmt: skip
+
+
+# Putting an answer together
+
+
+def _meaning(
+    kind: str,
+    code: str,
+    name: str,
+    title: str,
+    known: bool,
+    entry: Entry,
+    lang: str,
+    *,
+    rank: str,
+    parts: tuple[Part, ...] = (),
+    view: str = "",
+    shown: str = "",
+    causes: Sequence[explanations.Cause] = (),
+    advice: str | None = None,
+    filter_name: str = "",
+    values: Mapping[str, str] | None = None,
+    vendor: str | None = None,
+) -> Meaning:
+    rows = explanations.views(view or entry.plc)
+    templates = explanations.filters(filter_name) if filter_name else {}
+    filled = {key: text.format_map(values or {}) for key, text in templates.items()}
+    return Meaning(
+        kind=kind,
+        code=code,
+        name=name,
+        vendor=vendor,
+        title=title,
+        known=known,
+        parts=parts,
+        plc=tuple(
+            Block(
+                row.block,
+                row.done,
+                row.busy,
+                row.error,
+                shown if row.status == "" else row.status,
+                row.text(lang),
+            )
+            for row in rows
+        ),
+        causes=tuple(Reason(each.text(lang), each.basis) for each in causes or entry.causes),
+        advice=advice,
+        look=entry.look(lang),
+        filter=filled.get("wireshark"),
+        plugin_filter=filled.get("plugin"),
+        rank=explanations.rank(rank),
+    )

@@ -1,0 +1,374 @@
+"""The frames of transactions, findings, devices or a time span as a capture of their own.
+
+    analysis -> what is wanted (`selection`) -> all frames of it (`messages`) -> a second reading that copies
+
+With a `Key` the frames are rewritten on the way, so that nobody can tell whose they are: `anonymise`.
+Nothing is printed here.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import BinaryIO
+from uuid import UUID
+
+from ds47 import __version__, spec
+from ds47.analysis import AnalysisOptions, analyze
+from ds47.capture import PcapngWriter, open_capture
+from ds47.capture.raw import Interface, RawFrame, raw_frames
+from ds47.capture.scan import ETHERNET, IPV4, network_layer
+from ds47.model import CaptureResult
+from ds47.profinet import dcp, lldp, rpc
+from ds47.profinet.link import Packet, mac
+from ds47.profinet.records import NIL_UUID, parse_request, parse_response
+
+from . import values
+from .anonymise import Anonymiser, Knowledge
+from .mapping import Key, KeyFileError
+from .messages import Copy, Entry, Message, Tracker
+from .selection import Chosen, Selection, SelectionError, choose, display_filter
+
+__all__ = [
+    "Key",
+    "KeyFileError",
+    "Outcome",
+    "Selection",
+    "SelectionError",
+    "display_filter",
+    "export",
+    "first_time",
+]
+
+_OPERATIONS = {
+    rpc.CONNECT: "Connect",
+    rpc.RELEASE: "Release",
+    rpc.READ: "Read",
+    rpc.WRITE: "Write",
+    rpc.CONTROL: "Control",
+    rpc.READ_IMPLICIT: "ReadImplicit",
+}
+
+
+@dataclass(slots=True)
+class Outcome:
+    """What became of one capture.
+
+    Attributes:
+        result: of the analysis.
+        frames: numbers of the exported frames in the original, sorted.
+        transactions: how many transactions were chosen.
+        left_out: frames that were wanted, and are not exported because nobody can tell what they hold.
+        leaks: frame and text of what was left out because an original still stood in it.
+    """
+
+    result: CaptureResult
+    frames: list[int] = field(default_factory=list)
+    transactions: int = 0
+    left_out: list[int] = field(default_factory=list)
+    leaks: list[tuple[int, str]] = field(default_factory=list)
+
+
+def first_time(path: str | Path) -> int | None:
+    """Time of the first frame of a capture, nanoseconds since 1970; None where there is none."""
+    return next((frame.time_ns for frame in raw_frames(path)), None)
+
+
+def export(
+    path: str | Path,
+    target: str | Path | BinaryIO,
+    selection: Selection,
+    options: AnalysisOptions | None = None,
+    key: Key | None = None,
+    everything: bool = False,
+) -> Outcome:
+    """Exports the frames of one capture.
+
+    Args:
+        path: of the capture; it is read several times.
+        target: a path, where a file appears whole or not at all, and only when there is a frame; or a
+            binary stream.
+        selection: what is wanted.
+        options: of the analysis.
+        key: anonymises with this key, and learns new originals.
+        everything: with a key, replaces all values of parameters too.
+
+    Raises:
+        ds47.capture.CaptureError: nothing can be read.
+        SelectionError: something is asked for that this capture does not have.
+        ValueError: frames of other protocols are wanted, and anonymised.
+    """
+    if key is not None and selection.all_frames:
+        raise ValueError("frames of other protocols cannot be anonymised")
+    options = options or AnalysisOptions()
+    result = analyze(path, options)
+    names = None if key is None else {rule.id: rule.name for rule in spec.rules().values()}
+    chosen = choose(result, selection, names)
+    outcome = Outcome(result, transactions=chosen.transactions)
+    wanted = _Survey(selection, chosen).run(path)
+    if key is None:
+        frames: Iterable[RawFrame] = _plain(path, wanted, selection, chosen)
+    else:
+        anonymiser = Anonymiser(key, _knowledge(result, options, everything))
+        key.learning = True
+        for _ in _Rewriting(anonymiser, Outcome(result)).frames(path, wanted):
+            pass
+        key.learning = False
+        frames = _Rewriting(anonymiser, outcome).frames(path, wanted)
+    _write(frames, target, chosen, outcome, plain=key is None)
+    return outcome
+
+
+# Which frames
+
+
+class _Survey:
+    """Finds all frames of the wanted messages, and a word for those that have none yet."""
+
+    def __init__(self, selection: Selection, chosen: Chosen) -> None:
+        self._selection = selection
+        self._chosen = chosen
+        self._wanted: set[int] = set()
+
+    def run(self, path: str | Path) -> set[int]:
+        """Numbers of the wanted frames."""
+        tracker = Tracker()
+        with open_capture(path) as capture:
+            for frame in capture:
+                data = bytearray(frame.data)
+                entry = Entry(
+                    frame.number, frame.time_ns, frame.link_type, data, frame.original_length
+                )
+                found = tracker.feed(entry)
+                if isinstance(found, Message):
+                    self._message(found)
+                elif found is not None:
+                    self._copy(found)
+                self._given_up(tracker)
+        tracker.finish()
+        self._given_up(tracker)
+        return self._wanted
+
+    def _message(self, message: Message) -> None:
+        if not self._is_wanted(message):
+            return
+        self._wanted.update(entry.number for entry in message.entries)
+        notes = self._chosen.notes
+        if message.frame not in notes:
+            notes[message.frame] = [_description(message)]
+        if len(message.entries) > 1:
+            of = f"of {len(message.entries)} frames that are one message"
+            for number, entry in enumerate(message.entries, 1):
+                notes.setdefault(entry.number, []).append(f"{number}. {of}")
+
+    def _copy(self, copy: Copy) -> None:
+        if self._selection.by_frame and copy.message.frame in self._wanted:
+            for entry in copy.datagram.entries():
+                self._wanted.add(entry.number)
+                self._chosen.notes.setdefault(entry.number, []).append("a copy")
+
+    def _given_up(self, tracker: Tracker) -> None:
+        for entries in tracker.given_up:
+            numbers = {entry.number for entry in entries}
+            if self._selection.by_frame:
+                chosen = not self._chosen.ips and self._selection.in_time(entries[0].time_ns)
+            else:
+                chosen = not numbers.isdisjoint(self._chosen.frames)
+            if chosen:
+                self._wanted |= numbers
+                for number in numbers:
+                    text = "fragment of a message that never became whole"
+                    self._chosen.notes.setdefault(number, []).append(text)
+        tracker.given_up.clear()
+
+    def _is_wanted(self, message: Message) -> bool:
+        if not self._selection.by_frame:
+            return message.frame in self._chosen.frames
+        if message.kind == "foreign" or not self._selection.in_time(message.time_ns):
+            return False
+        return not self._chosen.ips or self._of_device(message)
+
+    def _of_device(self, message: Message) -> bool:
+        chosen = self._chosen
+        if message.kind == "rpc":
+            datagram = next(message.datagrams)
+            return not chosen.ips.isdisjoint((datagram.source, datagram.destination))
+        entry = message.entries[0]
+        if entry.link_type != ETHERNET:
+            return False
+        macs = mac(bytes(entry.data[6:12])), mac(bytes(entry.data[:6]))
+        packet = Packet(
+            "dcp" if message.kind == "dcp" else "lldp", entry.number, entry.time_ns,
+            bytes(entry.data[entry.layer :]), *macs,
+        )  # fmt: skip
+        station = dcp.parse(packet) if message.kind == "dcp" else lldp.parse(packet)
+        told = (station.ip, station.mac) if station else ()
+        return not (chosen.ips | chosen.macs).isdisjoint((*macs, *told))
+
+
+def _description(message: Message) -> str:
+    """What a frame is that belongs to no transaction."""
+    pdu = message.pdu
+    if message.kind != "rpc":
+        return message.kind.upper()
+    if pdu is None:
+        return "PROFINET RPC, cut by the capture"
+    kind = rpc.PTYPES[pdu.ptype]
+    operation = _OPERATIONS.get(pdu.opnum, f"operation {pdu.opnum}")
+    index = ""
+    if pdu.opnum in (rpc.READ, rpc.WRITE, rpc.READ_IMPLICIT):
+        records = parse_request(pdu).records if pdu.ptype == 0 else []
+        if pdu.ptype == 2:
+            records = parse_response(pdu)[1]
+        if records:
+            index = f", index 0x{records[0].index:04X}"
+    return f"PROFINET RPC {operation} {kind}{index}"
+
+
+def _knowledge(result: CaptureResult, options: AnalysisOptions, everything: bool) -> Knowledge:
+    about = Knowledge(codec=options.codec, everything=everything)
+    for each in result.transactions:
+        ar = NIL_UUID if each.ar is None else UUID(each.ar).bytes
+        about.ours.add((each.controller, each.device, ar, each.index))
+        if each.request is None or not (
+            everything or values.identifying(each.request, options.codec)
+        ):
+            continue
+        for _, response in [(None, each.frames.read_response), *each.frames.rereads]:
+            if response is not None:
+                about.asked[response] = each.request
+    return about
+
+
+# The second reading
+
+
+def _plain(
+    path: str | Path, wanted: set[int], selection: Selection, chosen: Chosen
+) -> Iterator[RawFrame]:
+    """The frames as they are."""
+    if not (selection.all_frames and selection.by_frame):
+        yield from raw_frames(path, wanted.__contains__)
+        return
+    for frame in raw_frames(path):
+        if frame.number in wanted or (selection.in_time(frame.time_ns) and _touches(frame, chosen)):
+            yield frame
+
+
+def _touches(frame: RawFrame, chosen: Chosen) -> bool:
+    """Whether a frame of any protocol comes from a wanted device, or goes to one."""
+    if not chosen.ips:
+        return True
+    data, link = frame.data, frame.interface.link_type
+    if link == ETHERNET and not chosen.macs.isdisjoint((mac(data[:6]), mac(data[6:12]))):
+        return True
+    kind, at = network_layer(data, 0, len(data), link)
+    if kind != IPV4 or len(data) < at + 20:
+        return False
+    hosts = (".".join(map(str, data[at + k : at + k + 4])) for k in (12, 16))
+    return not chosen.ips.isdisjoint(hosts)
+
+
+class _Rewriting:
+    """The frames without names, in their order: a frame waits until its message is whole."""
+
+    def __init__(self, anonymiser: Anonymiser, outcome: Outcome) -> None:
+        self._anonymiser = anonymiser
+        self._outcome = outcome
+        self._waiting: OrderedDict[int, tuple[Entry, RawFrame]] = OrderedDict()
+
+    def frames(self, path: str | Path, wanted: set[int]) -> Iterator[RawFrame]:
+        """Every frame that could be rewritten."""
+        tracker = Tracker()
+        for raw in raw_frames(path, wanted.__contains__):
+            link = raw.interface.link_type
+            entry = Entry(raw.number, raw.time_ns, link, bytearray(raw.data), raw.original_length)
+            self._waiting[raw.number] = entry, raw
+            found = tracker.feed(entry)
+            if isinstance(found, Message):
+                _finish(found.entries, self._anonymiser.message(found))
+            elif found is not None:
+                _finish(list(found.datagram.entries()), self._anonymiser.copy(found))
+            yield from self._ready(tracker)
+        tracker.finish()
+        yield from self._ready(tracker)
+
+    def _ready(self, tracker: Tracker) -> Iterator[RawFrame]:
+        for entries in tracker.given_up:
+            _finish(entries, False)
+        tracker.given_up.clear()
+        while self._waiting:
+            number, (entry, raw) = next(iter(self._waiting.items()))
+            if not entry.finished:
+                return
+            del self._waiting[number]
+            leak = self._leak(entry)
+            if leak is not None:
+                self._outcome.leaks.append((number, leak))
+            elif entry.kept:
+                raw.data, raw.comments = bytes(entry.data), ()
+                yield raw
+            else:
+                self._outcome.left_out.append(number)
+
+    def _leak(self, entry: Entry) -> str | None:
+        learning = self._anonymiser.key.learning
+        return self._anonymiser.leaks(entry) if entry.kept and not learning else None
+
+
+def _finish(entries: Iterable[Entry], kept: bool) -> None:
+    for entry in entries:
+        entry.finished, entry.kept = True, kept
+
+
+# Writing
+
+
+def _write(
+    frames: Iterable[RawFrame],
+    target: str | Path | BinaryIO,
+    chosen: Chosen,
+    outcome: Outcome,
+    plain: bool,
+) -> None:
+    if not isinstance(target, str | Path):
+        _write_all(frames, target, chosen, outcome, plain)
+        return
+    path = Path(target).resolve()
+    special = path.exists() and not path.is_file()
+    draft = path if special else path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with draft.open("wb") as stream:
+            _write_all(frames, stream, chosen, outcome, plain)
+        if outcome.frames and not special:
+            draft.replace(path)
+    finally:
+        if not special:
+            draft.unlink(missing_ok=True)
+
+
+def _write_all(
+    frames: Iterable[RawFrame], stream: BinaryIO, chosen: Chosen, outcome: Outcome, plain: bool
+) -> None:
+    interfaces: dict[Interface, int] = {}
+    with PcapngWriter(stream, link_type=None, application=f"ds47 {__version__}") as writer:
+        for frame in frames:
+            about = frame.interface
+            if about not in interfaces:
+                options = about.options if plain else ()
+                interfaces[about] = writer.add_interface(
+                    about.link_type, about.snap_length, options
+                )
+            lines = [*chosen.notes.get(frame.number, ()), f"frame {frame.number} of the original"]
+            writer.write(
+                min(max(frame.time_ns, 0), (1 << 64) - 1),
+                frame.data,
+                frame.original_length,
+                interface=interfaces[about],
+                comments=(*frame.comments, "\n".join(lines)),
+                flags=frame.flags,
+            )
+            outcome.frames.append(frame.number)

@@ -1,0 +1,243 @@
+"""A message without names, written back into its frames: link layer, IP, UDP, RPC header, checksums.
+
+What is inside is in `blocks`, `values` and `stations`; what stands for what in `mapping`. A frame of
+another kind is refused: nobody can tell what it holds.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from dataclasses import dataclass, field
+
+from ds47.capture.scan import ETHERNET, SLL, SLL2
+from ds47.gate import ALWAYS
+from ds47.profidrive import Options
+from ds47.profinet import rpc
+from ds47.profinet.records import NIL_UUID
+
+from . import blocks, stations, values
+from .mapping import Key
+from .messages import Copy, Datagram, Entry, Message
+
+_UUIDS = (8, 40)
+"""Object and activity, in the RPC header."""
+
+
+@dataclass(slots=True)
+class Knowledge:
+    """What the analysis knows and a frame alone does not.
+
+    Attributes:
+        ours: controller, device, AR and index of the channels on which there is a transaction: index 47
+            alone says nothing.
+        asked: frame of a Read response -> the request it answers, where somebody has to know.
+        codec: dialects of the messages.
+        everything: whether all values are replaced.
+    """
+
+    ours: set[tuple[str, str, bytes, int]] = field(default_factory=set)
+    asked: dict[int, bytes] = field(default_factory=dict)
+    codec: Options = field(default_factory=Options)
+    everything: bool = False
+
+
+class Anonymiser:
+    """Rewrites messages in place, with one key.
+
+    While the key learns, nothing changes. `leaks` finds what is left of an original.
+    """
+
+    def __init__(self, key: Key, knowledge: Knowledge) -> None:
+        self.key = key
+        self._knowledge = knowledge
+        self._values = values.Rewriter(key, knowledge.codec, knowledge.everything)
+        self._originals: re.Pattern[bytes] | None = None
+        self._frame = 0
+        self._asked: dict[tuple[str, bytes, int], bytes] = {}
+        """The same as `asked` by RPC call: a response may be sent again."""
+
+    def message(self, message: Message) -> bool:
+        """Rewrites all frames of a message; False where that cannot be done."""
+        if message.kind == "foreign":
+            return False
+        for entry in message.entries:
+            if not self._link(entry):
+                return False
+        if message.kind == "rpc":
+            before = [(each, each.data, _addresses(each)) for each in message.datagrams]
+            self._rpc(message)
+            for entry in message.entries:
+                self._ip(entry)
+            for datagram, data, addresses in before:
+                _checksum(datagram, data, addresses)
+        else:
+            entry = message.entries[0]
+            data = bytes(entry.data[entry.layer :])
+            change = stations.dcp if message.kind == "dcp" else stations.lldp
+            entry.data[entry.layer :] = change(self.key, data)
+        return True
+
+    def copy(self, copy: Copy) -> bool:
+        """Rewrites a datagram like the one it copies."""
+        entries = list(copy.datagram.entries())
+        if not all(self._link(entry) for entry in entries):
+            return False
+        for entry in entries:
+            self._ip(entry)
+        copy.datagram.write(copy.sibling.data)
+        return True
+
+    def leaks(self, entry: Entry) -> str | None:
+        """What of an original still stands in a frame; None where nothing does."""
+        if self._originals is None:
+            every = sorted(self.key.originals(), key=len, reverse=True)
+            self._originals = re.compile(b"|".join(map(re.escape, every)) or b"(?!)")
+        found = self._originals.search(entry.data)
+        return None if found is None else found[0].decode("latin-1")
+
+    # Below RPC
+
+    def _link(self, entry: Entry) -> bool:
+        """Addresses of the link layer. False for one that is not known."""
+        data, key = entry.data, self.key
+        if entry.link_type == ETHERNET:
+            data[:6], data[6:12] = key.mac(bytes(data[:6])), key.mac(bytes(data[6:12]))
+        elif entry.link_type == SLL:
+            data[6:14] = _hardware(key, bytes(data[4:6]), bytes(data[6:14]))
+        elif entry.link_type == SLL2:
+            data[12:20] = _hardware(key, b"\0" + bytes(data[11:12]), bytes(data[12:20]))
+        else:
+            return entry.layer == 0  # raw IP
+        return True
+
+    def _ip(self, entry: Entry) -> None:
+        """Addresses, options and checksum of the IPv4 header, and what stands behind the datagram."""
+        data, at = entry.data, entry.layer
+        size = (data[at] & 15) * 4
+        data[at + 12 : at + 16] = self.key.ip(bytes(data[at + 12 : at + 16]))
+        data[at + 16 : at + 20] = self.key.ip(bytes(data[at + 16 : at + 20]))
+        data[at + 20 : at + size] = b"\1" * (size - 20)  # no operation
+        data[at + 10 : at + 12] = b"\0\0"
+        data[at + 10 : at + 12] = internet_checksum(bytes(data[at : at + size])).to_bytes(2, "big")
+        total = int.from_bytes(data[at + 2 : at + 4], "big")
+        if total:
+            data[at + total :] = bytes(len(data[at + total :]))
+
+    # RPC
+
+    def _rpc(self, message: Message) -> None:
+        pdu = message.pdu
+        if pdu is None:
+            for datagram in message.datagrams:
+                datagram.write(self._stump(datagram.data))
+            return
+        self._frame = message.frame
+        body = blocks.body(self.key, pdu, self._record)
+        at = 0
+        for copies in message.parts:
+            size = _body_size(copies[0].data)
+            part = body[at : at + size]
+            at += size
+            for datagram in copies:
+                datagram.write(self._header(datagram.data, part))
+
+    def _header(self, data: bytes, body: bytes) -> bytes:
+        """UDP header, RPC header with other UUIDs, the body, zeros."""
+        little = data[8 + 4] & 0x10 != 0
+        out = bytearray(data[: 8 + rpc.HEADER_LENGTH] + body)
+        for at, change in zip(_UUIDS, (blocks.object_uuid, Key.uuid), strict=True):
+            place = slice(8 + at, 8 + at + 16)
+            out[place] = _turned(change(self.key, _turned(bytes(out[place]), little)), little)
+        return (bytes(out) + bytes(len(data)))[: len(data)]
+
+    def _stump(self, data: bytes) -> bytes:
+        """A frame that ends inside the RPC header: what stands in front of the activity stays."""
+        head, known = data[:16], data[16:32]
+        little = len(data) > 12 and data[12] & 0x10 != 0
+        if len(known) < 16 or rpc.device_identity(_turned(known, little)) is None:
+            known = bytes(len(known))
+        return head + known + data[32:48] + bytes(len(data[48:]))
+
+    def _record(self, pdu: rpc.Pdu, ar: bytes, index: int, content: bytes) -> bytes:
+        """The content of one record; zeros where it is no parameter message."""
+        about = self._knowledge
+        if pdu.opnum == rpc.READ_IMPLICIT:
+            ar = NIL_UUID
+        if index not in ALWAYS and (pdu.client, pdu.server, ar, index) not in about.ours:
+            return stations.blank(content)
+        vendor = (rpc.device_identity(pdu.object_uuid) or (None,))[0]
+        if pdu.ptype == 0:
+            return self._values.request(content, vendor)
+        call = (pdu.client, pdu.activity, pdu.seq)
+        asked = about.asked.get(self._frame)
+        if asked is not None:
+            self._asked[call] = asked
+        return self._values.response(content, self._asked.get(call), vendor)
+
+
+def internet_checksum(data: bytes) -> int:
+    """The checksum of IP, UDP and others (RFC 1071) over data whose own checksum is 0."""
+    if len(data) % 2:
+        data += b"\0"
+    total: int = sum(struct.unpack(f">{len(data) // 2}H", data))
+    while total >> 16:
+        total = (total & 0xFFFF) + (total >> 16)
+    return ~total & 0xFFFF
+
+
+def _addresses(datagram: Datagram) -> bytes:
+    """Source and destination in the IPv4 header."""
+    entry = datagram.pieces[0][1]
+    return bytes(entry.data[entry.layer + 12 : entry.layer + 20])
+
+
+def _checksum(datagram: Datagram, before: bytes, addresses: bytes) -> None:
+    """Of UDP, over the whole datagram; 0 means that there is none and stays.
+
+    Where the capture cut the datagram it is corrected by what changed (RFC 1624), so that what was
+    right stays right.
+    """
+    data = datagram.data
+    if len(data) < 8 or data[6:8] == b"\0\0":
+        return
+    length = int.from_bytes(data[4:6], "big")
+    if 8 <= length <= len(data):
+        pseudo = _addresses(datagram) + struct.pack(">2H", 17, length)
+        value = internet_checksum(pseudo + data[:6] + b"\0\0" + data[8:length])
+    elif length > len(data):
+        old = addresses + before[:6] + before[8 : len(before) & ~1]
+        new = _addresses(datagram) + data[:6] + data[8 : len(data) & ~1]
+        last = len(data) & 1 and bytes((before[-1], 0, data[-1], 0))
+        sums = (internet_checksum(old), internet_checksum(new))
+        change = (~sums[0] & 0xFFFF, ~sums[1] & 0xFFFF)
+        total = (~int.from_bytes(before[6:8], "big") & 0xFFFF) + (~change[0] & 0xFFFF) + change[1]
+        if last:
+            total += (~int.from_bytes(last[:2], "big") & 0xFFFF) + int.from_bytes(last[2:], "big")
+        while total >> 16:
+            total = (total & 0xFFFF) + (total >> 16)
+        value = ~total & 0xFFFF
+    else:
+        return
+    datagram.write(data[:6] + (value or 0xFFFF).to_bytes(2, "big") + data[8:])
+
+
+def _hardware(key: Key, length: bytes, field_: bytes) -> bytes:
+    """The eight bytes of an address in a cooked header."""
+    if bytes(length) == b"\0\6":
+        return key.mac(field_[:6]) + bytes(len(field_[6:]))
+    return bytes(len(field_))
+
+
+def _body_size(data: bytes) -> int:
+    """Captured bytes of the RPC body in a UDP datagram."""
+    little = data[8 + 4] & 0x10 != 0
+    stated = int.from_bytes(data[8 + 74 : 8 + 76], "little" if little else "big")
+    length = int.from_bytes(data[4:6], "big")
+    end = min(len(data), length) if length >= 8 else len(data)
+    return max(0, min(stated, end - 8 - rpc.HEADER_LENGTH))
+
+
+def _turned(data: bytes, little: bool) -> bytes:
+    """A UUID between the order of a little-endian PDU and network order; both ways are the same."""
+    return struct.pack(">IHH8s", *struct.unpack("<IHH8s", data)) if little else data

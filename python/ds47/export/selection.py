@@ -1,0 +1,224 @@
+"""Which frames somebody wants, and what to say about each of them.
+
+From the result of an analysis and a `Selection` to frame numbers with comments. No file is opened here,
+and what belongs together on the wire (fragments) is the business of `messages`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from ds47.model import CaptureResult, Finding, Parameter, Transaction
+from ds47.report import at_offset
+from ds47.report.words import address, escape
+
+RUNS_PER_FILTER = 60
+"""A display filter for more runs of frames than this is of no use to anybody."""
+_PARAMETERS_SHOWN = 4
+
+
+class SelectionError(Exception):
+    """Something is asked for that this capture does not have; the message says what it has."""
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """What somebody asked for: all criteria must apply, of each criterion one value is enough.
+
+    Attributes:
+        transactions: (first, last) ids.
+        rules: rule ids or prefixes.
+        devices: IP addresses, MAC addresses or station names.
+        states: states of transactions.
+        start: from when on, nanoseconds since 1970.
+        end: until when, inclusive.
+        all_frames: frames of other protocols, too (where whole frames are chosen: see `by_frame`).
+    """
+
+    transactions: tuple[tuple[int, int], ...] = ()
+    rules: tuple[str, ...] = ()
+    devices: tuple[str, ...] = ()
+    states: tuple[str, ...] = ()
+    start: int | None = None
+    end: int | None = None
+    all_frames: bool = False
+
+    @property
+    def by_frame(self) -> bool:
+        """Whether frames are chosen by what they are, not by the transaction they belong to."""
+        return not (self.transactions or self.rules or self.states)
+
+    def in_time(self, time_ns: int) -> bool:
+        """Whether a time lies inside the span."""
+        return (self.start is None or time_ns >= self.start) and (
+            self.end is None or time_ns <= self.end
+        )
+
+
+@dataclass(slots=True)
+class Chosen:
+    """The outcome for one capture.
+
+    Attributes:
+        frames: numbers of the frames that complete a wanted message; empty where `by_frame`.
+        notes: what to say about a frame, by its number.
+        ips: of the wanted devices; empty for all.
+        macs: of the wanted devices, as text.
+        transactions: how many transactions were chosen.
+    """
+
+    frames: set[int] = field(default_factory=set)
+    notes: dict[int, list[str]] = field(default_factory=dict)
+    ips: set[str] = field(default_factory=set)
+    macs: set[str] = field(default_factory=set)
+    transactions: int = 0
+
+
+def choose(
+    result: CaptureResult, selection: Selection, names: dict[str, str] | None = None
+) -> Chosen:
+    """Applies a selection to the result of an analysis.
+
+    Args:
+        result: a complete one, with its transactions.
+        selection: what is wanted.
+        names: rule id -> name, to say these instead of the messages (which may hold names and values).
+
+    Raises:
+        SelectionError: a transaction or a device that this capture does not have.
+    """
+    chosen = Chosen()
+    _find_devices(result, selection, chosen)
+    _check_numbers(result, selection)
+    findings: dict[int | None, list[Finding]] = {}
+    for finding in result.findings:
+        findings.setdefault(finding.transaction, []).append(finding)
+    for transaction in result.transactions:
+        own = findings.get(transaction.id, [])
+        if not selection.by_frame and not _wanted(transaction, own, selection, chosen):
+            continue
+        chosen.transactions += 1
+        _note_transaction(chosen, transaction)
+        _note_findings(chosen, own, names)
+        if not selection.by_frame:
+            chosen.frames.update(transaction.frames.all())
+            chosen.frames.update(each.frame for each in own)
+    _lonely(chosen, findings.get(None, []), selection, names)
+    return chosen
+
+
+def _find_devices(result: CaptureResult, selection: Selection, chosen: Chosen) -> None:
+    for wanted in selection.devices:
+        found = [
+            each
+            for each in result.devices
+            if wanted.lower() in (each.ip, each.mac, (each.station or "").lower())
+        ]
+        if not found:
+            raise SelectionError(f"no device {wanted!r}; {_devices(result)}")
+        chosen.ips.update(each.ip for each in found)
+        chosen.macs.update(each.mac for each in found if each.mac)
+
+
+def _devices(result: CaptureResult) -> str:
+    shown = [
+        f"{each.ip} ({escape(each.station)})" if each.station else each.ip
+        for each in result.devices[:12]
+    ]
+    more = f" and {len(result.devices) - 12} more" if len(result.devices) > 12 else ""
+    return f"there are {', '.join(shown)}{more}" if shown else "the capture shows no device"
+
+
+def _check_numbers(result: CaptureResult, selection: Selection) -> None:
+    last = len(result.transactions)
+    for first, _ in selection.transactions:
+        if not 1 <= first <= last:
+            there = f"it has 1 to {last}" if last else "it has none"
+            raise SelectionError(f"no transaction {first}; {there}")
+
+
+def _wanted(
+    transaction: Transaction, findings: Iterable[Finding], selection: Selection, chosen: Chosen
+) -> bool:
+    numbers, rules = selection.transactions, selection.rules
+    return (
+        (not numbers or any(first <= transaction.id <= last for first, last in numbers))
+        and (not selection.states or transaction.state in selection.states)
+        and (not rules or any(each.rule.startswith(rules) for each in findings))
+        and (not chosen.ips or transaction.device in chosen.ips)
+        and selection.in_time(transaction.start_ns)
+    )
+
+
+def _lonely(
+    chosen: Chosen, findings: list[Finding], selection: Selection, names: dict[str, str] | None
+) -> None:
+    """Findings that belong to no transaction: only where a rule is asked for, and nothing narrower."""
+    if selection.rules and not (selection.transactions or selection.states):
+        findings = [each for each in findings if each.rule.startswith(selection.rules)]
+        chosen.frames.update(each.frame for each in findings)
+    elif not selection.by_frame:
+        return
+    _note_findings(chosen, findings, names)
+
+
+def _note_transaction(chosen: Chosen, item: Transaction) -> None:
+    head = f"DS47 #{item.id}"
+    state = "" if item.state == "ok" else f" [{item.state}]"
+    what = f"{item.operation} {_parameters(item.parameters)}".strip()
+    axis = "" if item.axis is None else f", DO {item.axis}"
+    for role, number in _roles(item):
+        if number is not None:
+            text = f"{head}{state}: {role} ({what}{axis})"
+            chosen.notes.setdefault(number, []).append(text)
+
+
+def _roles(item: Transaction) -> Iterator[tuple[str, int | None]]:
+    frames = item.frames
+    yield "Write request", frames.write_request
+    yield "Write response", frames.write_response
+    for number, (request, response) in enumerate(frames.polls, 1):
+        yield f"poll {number}, Read request", request
+        yield f"poll {number}, not ready", response
+    yield "Read request", frames.read_request
+    yield "Read response", frames.read_response
+    for number, (request, response) in enumerate(frames.rereads, 1):
+        yield f"read again {number}, Read request", request
+        yield f"read again {number}, Read response", response
+
+
+def _parameters(items: list[Parameter]) -> str:
+    shown = ", ".join(address(each) for each in items[:_PARAMETERS_SHOWN])
+    more = len(items) - _PARAMETERS_SHOWN
+    return f"{shown} and {more} more" if more > 0 else shown
+
+
+def _note_findings(
+    chosen: Chosen, findings: Iterable[Finding], names: dict[str, str] | None
+) -> None:
+    for each in findings:
+        text = each.message if names is None else names.get(each.rule, "")
+        if names is None and each.offset is not None:
+            text = at_offset(each.offset, text)
+        chosen.notes.setdefault(each.frame, []).append(f"{each.rule} {each.severity}: {text}")
+
+
+def display_filter(frames: Iterable[int]) -> tuple[str, int]:
+    """A Wireshark display filter for these frames, and how many of them it had to leave out.
+
+    Sets of one element only, joined by `or`: of `{1 2}` and `{1, 2}` Wireshark 3.4 knows the first and
+    4.0 the second.
+    """
+    runs: list[list[int]] = []
+    for number in sorted(set(frames)):
+        if runs and runs[-1][1] == number - 1:
+            runs[-1][1] = number
+        else:
+            runs.append([number, number])
+    left_out = sum(last - first + 1 for first, last in runs[RUNS_PER_FILTER:])
+    terms = [
+        f"frame.number == {first}" if first == last else f"frame.number in {{{first}..{last}}}"
+        for first, last in runs[:RUNS_PER_FILTER]
+    ]
+    return " or ".join(terms), left_out

@@ -1,0 +1,115 @@
+"""Parameter messages without names: values replaced, everything else as it was.
+
+Some parameters hold what the rest of the capture hides: name and address of the station, texts that a
+machine builder wrote. Their values are always replaced; all values only where that is asked for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ds47 import spec
+from ds47.profidrive import Block, Options, Request, decode_request, decode_response
+from ds47.profidrive.model import ERROR
+
+from .mapping import Key
+
+_SIEMENS = 0x002A
+_NAMES = frozenset((61000,))
+_NAMES_SIEMENS = frozenset((199, 8806, 8807, 8808, 8809, 8900, 8910, 8920, 8930))
+"""Names of drive objects, identification and maintenance, names of station of both Ethernet ports."""
+_ADDRESSES = frozenset((61001, 61003))
+_ADDRESSES_SIEMENS = frozenset((8901, 8902, 8911, 8912, 8921, 8922, 8931, 8932))
+_MACS = frozenset((61002,))
+_MACS_SIEMENS = frozenset((8915, 8935))
+_EVERY = _NAMES | _NAMES_SIEMENS | _ADDRESSES | _ADDRESSES_SIEMENS | _MACS | _MACS_SIEMENS
+_KEPT = frozenset((974,))
+"""How long a message may be: it says nothing about the machine, and the analysis goes by it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rewriter:
+    """Changes messages with one key.
+
+    Attributes:
+        key: what stands for what.
+        options: dialects of the messages.
+        everything: whether all values are replaced.
+    """
+
+    key: Key
+    options: Options
+    everything: bool
+
+    def request(self, data: bytes, vendor: int | None) -> bytes:
+        """The data of a Write record to a device of this vendor."""
+        message = decode_request(data, self.options)
+        return self._changed(data, message, message.blocks, message.rest, vendor)
+
+    def response(self, data: bytes, asked: bytes | None, vendor: int | None) -> bytes:
+        """The data of a Read record; `asked` is the request that it answers, where that is known."""
+        question = None if asked is None else decode_request(asked, self.options)
+        message = decode_response(data, question, self.options)
+        return self._changed(data, question, message.blocks, message.rest, vendor)
+
+    def _changed(
+        self,
+        data: bytes,
+        question: Request | None,
+        blocks: list[Block],
+        rest: bytes,
+        vendor: int | None,
+    ) -> bytes:
+        out = bytearray(data)
+        addresses = question.addresses if question else []
+        for number, block in enumerate(blocks):
+            if block.format == ERROR or not block.raw:
+                continue
+            pnu = addresses[number].pnu if number < len(addresses) else None
+            raw = _identity(self.key, pnu, vendor, block.raw)
+            if raw is None:
+                change = self.everything and pnu not in _KEPT
+                raw = _values(self.key, block) if change else block.raw
+            start = block.offset + 2
+            out[start : start + len(raw)] = raw
+        if self.everything and rest:
+            out[len(out) - len(rest) :] = bytes(0xA5 if byte else 0 for byte in rest)
+        return bytes(out)
+
+
+def identifying(data: bytes, options: Options) -> bool:
+    """Whether a request names a parameter whose value may always be replaced."""
+    return any(each.pnu in _EVERY for each in decode_request(data, options).addresses)
+
+
+def _identity(key: Key, pnu: int | None, vendor: int | None, raw: bytes) -> bytes | None:
+    """An address or a name, None where it is neither; one character or number of it alone becomes zeros."""
+    siemens = vendor == _SIEMENS
+    if pnu in _NAMES or (siemens and pnu in _NAMES_SIEMENS):
+        return _text(key, raw)
+    if pnu in _ADDRESSES or (siemens and pnu in _ADDRESSES_SIEMENS):
+        return key.ip(raw) if len(raw) == 4 else bytes(len(raw))
+    if pnu in _MACS or (siemens and pnu in _MACS_SIEMENS):
+        return key.mac(raw) if len(raw) == 6 else bytes(len(raw))
+    return None
+
+
+def _text(key: Key, raw: bytes) -> bytes:
+    """A text, of characters of one byte, or of two as 16-bit words."""
+    if len(raw) > 3 and not len(raw) % 2 and not any(raw[::2]):
+        return b"".join(bytes((0, char)) for char in _text(key, raw[1::2]))
+    return key.name(raw) if len(raw.rstrip(b"\0 ")) > 1 else bytes(len(raw))
+
+
+def _values(key: Key, block: Block) -> bytes:
+    """Equal values become equal ones, whatever their format says: what was written is read back."""
+    known = spec.formats().get(block.format if block.meaning is None else block.meaning)
+    raw, count = block.raw, block.value_count
+    if known is not None and known.kind == "text":
+        return key.name(raw)
+    size = len(raw) // count if count and not len(raw) % count else len(raw)
+    if known is not None and known.whole:
+        size = len(raw)
+    return b"".join(
+        key.value(str(size), raw[at : at + size]) for at in range(0, len(raw), max(size, 1))
+    )

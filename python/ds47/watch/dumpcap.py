@@ -1,0 +1,175 @@
+"""Running dumpcap, Wireshark's capture program: finding it, what to tell it, what it says when it fails."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import threading
+from collections import deque
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import BinaryIO
+
+from ds47.wireshark.folders import usual_folders
+
+_DCP = "ether proto 0x8892 and ether[{0}:2] >= 0xfefc and ether[{0}:2] <= 0xfeff"
+_TAGGED_DCP = (
+    "ether proto 0x8892 and ((ether[14:2] >= 0xfefc and ether[14:2] <= 0xfeff) or "
+    "(ether[18:2] >= 0xfefc and ether[18:2] <= 0xfeff))"
+)
+CAPTURE_FILTER = (
+    f"udp or ether proto 0x88cc or ({_DCP.format(14)}) or "
+    f"(vlan and (udp or ether proto 0x88cc or ({_TAGGED_DCP})))"
+)
+"""UDP (all fragments of it), LLDP and DCP, with and without a VLAN tag; not the cyclic data, which is most.
+
+`vlan` comes last because everything behind it is looked for behind a tag. A frame id may stand at 14
+in a tagged frame too, where the card has taken the tag away.
+"""
+_COOKED_FILTER = "udp"
+"""For devices without Ethernet headers: `vlan` and `ether[]` are errors there."""
+_COOKED = ("any",)
+_SECONDS_TO_END = 5
+
+_NO_PERMISSION = "permission"
+_ADVICE = {
+    "linux": "add yourself to the group wireshark (Debian: sudo dpkg-reconfigure wireshark-common; "
+    "sudo usermod -aG wireshark $USER; log in again), or pipe: sudo dumpcap -i {0} -w - | ds47 watch -",
+    "darwin": "install ChmodBPF, which comes with Wireshark, or pipe: sudo dumpcap -i {0} -w - | ds47 watch -",
+    "win32": "install Npcap, which comes with Wireshark, and allow users to capture",
+}
+
+
+class DumpcapError(Exception):
+    """dumpcap is not there, or does not capture; the message is for a person."""
+
+
+def find(program: str | None = None) -> str:
+    """The program: the one named, DS47_DUMPCAP, on the PATH, or where Wireshark is usually installed.
+
+    Raises DumpcapError.
+    """
+    named = program or os.environ.get("DS47_DUMPCAP")
+    if named:
+        found = shutil.which(named)
+        if found is None:
+            raise DumpcapError(f"{named} is not a program that can be run")
+        return found
+    found = shutil.which("dumpcap")
+    name = "dumpcap.exe" if sys.platform == "win32" else "dumpcap"
+    usual = (folder / name for folder in usual_folders(os.environ, sys.platform))
+    found = found or next((str(path) for path in usual if path.is_file()), None)
+    if found is None:
+        raise DumpcapError(
+            "dumpcap is not installed: it comes with Wireshark (Debian: apt install wireshark-common); "
+            "or name it: --dumpcap PROGRAM or DS47_DUMPCAP"
+        )
+    return found
+
+
+def arguments(
+    interfaces: Sequence[str], capture_filter: str | None, duration: float | None = None
+) -> list[str]:
+    """What to tell dumpcap, after its name. An empty filter captures everything."""
+    if capture_filter is None:
+        cooked = any(name in _COOKED for name in interfaces)
+        capture_filter = _COOKED_FILTER if cooked else CAPTURE_FILTER
+    words = ["-q", "-w", "-"]
+    if capture_filter:
+        words += ["-f", capture_filter]  # before -i: for all interfaces
+    for name in interfaces:
+        words += ["-i", name]
+    if duration is not None:
+        words += ["-a", f"duration:{duration:g}"]
+    return words
+
+
+class Dumpcap:
+    """dumpcap, running; a context manager that ends it.
+
+    `output` is the capture. Raises DumpcapError where it cannot be started.
+    """
+
+    def __init__(self, program: str, words: Sequence[str]) -> None:
+        try:
+            self._process = subprocess.Popen(
+                [program, *words],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                bufsize=0,
+            )
+        except OSError as problem:
+            raise DumpcapError(f"{program} cannot be run: {problem.strerror}") from problem
+        assert self._process.stdout is not None
+        assert self._process.stderr is not None
+        self.output: BinaryIO = self._process.stdout  # type: ignore[assignment]
+        self._errors: deque[str] = deque(maxlen=20)
+        self._reader = threading.Thread(target=self._read_errors, daemon=True)
+        self._reader.start()
+        self._interface = words[words.index("-i") + 1] if "-i" in words else ""
+        self._asked_to_end = False
+
+    def __enter__(self) -> Dumpcap:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.end()
+        try:
+            self._process.wait(_SECONDS_TO_END)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._reader.join(_SECONDS_TO_END)
+        self.output.close()
+        if self._process.stderr is not None:
+            self._process.stderr.close()
+
+    def end(self) -> None:
+        """Asks it to end; what it has captured still comes."""
+        self._asked_to_end = True
+        if self._process.poll() is None:
+            self._process.terminate()
+
+    def problem(self) -> str | None:
+        """Why it ended by itself; None where it ended because it was asked to, or its time was over.
+
+        Waits for its end: call this when the output is at its end.
+        """
+        try:
+            status = self._process.wait(_SECONDS_TO_END)
+        except subprocess.TimeoutExpired:
+            return None
+        self._reader.join(_SECONDS_TO_END)
+        if status == 0 or self._asked_to_end:
+            return None
+        return self._said() or f"dumpcap ended with status {status}"
+
+    def _read_errors(self) -> None:
+        assert self._process.stderr is not None
+        for line in iter(self._process.stderr.readline, b""):
+            self._errors.append(line.decode("utf-8", errors="replace").rstrip())
+
+    def _said(self) -> str:
+        """The line of its complaint, with advice where somebody can do something."""
+        lines = [line for line in self._errors if line]
+        first = next((n for n, line in enumerate(lines) if line.startswith("dumpcap:")), None)
+        text = "" if first is None else " ".join(lines[first : first + 3])
+        if _NO_PERMISSION in text.lower():
+            text += ". " + _ADVICE.get(sys.platform, _ADVICE["linux"]).format(self._interface)
+        elif "no device named" in text.lower() or "interface" in text.lower():
+            text += ". Interfaces: dumpcap -D"
+        return text
+
+
+def exists(path: str) -> bool:
+    """Whether a source is a file or a named pipe."""
+    return Path(path).exists()

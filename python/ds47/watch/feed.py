@@ -1,0 +1,156 @@
+"""Bytes as they come, and wishes of the person in between: a file object that nobody has to wait in.
+
+A thread reads the capture and another one the keyboard; both put what they got into one queue, and so
+do signal handlers. All else happens in the one thread that calls `read1`. The same way on all systems:
+Windows cannot wait for a pipe and the keyboard at once.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Literal
+
+_CHUNK = 1 << 16
+_CHUNKS_AHEAD = 16
+"""How far the reading thread may be ahead of the analysis: then the pipe fills, and dumpcap waits."""
+_PATIENCE = 0.25
+"""Seconds after which the main thread looks up, so that Ctrl-C works on Windows."""
+_LAST_SECONDS = 3.0
+"""How long after a wish to stop the rest of the capture may take."""
+
+_Event = tuple[Literal["data", "end", "stop", "summary"], bytes]
+
+
+class Feed:
+    """The source of a live capture, for `ds47.capture.open_capture`.
+
+    Args:
+        descriptor: of the pipe or file to read.
+        on_summary: called when somebody wants to see how things stand.
+        on_stop: called when somebody wants to stop: ends what writes into the pipe.
+        drain: whether there will be an end of the pipe then, worth waiting for.
+    """
+
+    def __init__(
+        self,
+        descriptor: int,
+        on_summary: Callable[[], None],
+        on_stop: Callable[[], None],
+        drain: bool = False,
+    ) -> None:
+        self._descriptor = descriptor
+        self._on_summary = on_summary
+        self._on_stop = on_stop
+        self._drain = drain
+        self._events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
+        self._room = threading.Semaphore(_CHUNKS_AHEAD)
+        self._left = b""
+        self._ended = False
+        self._deadline: float | None = None
+        self.problem: str | None = None
+        """What the reading of the pipe failed of."""
+        threading.Thread(target=self._read_source, daemon=True).start()
+
+    @property
+    def stopped(self) -> bool:
+        """Whether somebody wanted to stop: then a capture that breaks off is no fault."""
+        return self._deadline is not None
+
+    def stop(self) -> None:
+        """Wish to stop; may be called from a signal handler."""
+        self._events.put(("stop", b""))
+
+    def summary(self) -> None:
+        """Wish for a summary; may be called from a signal handler."""
+        self._events.put(("summary", b""))
+
+    def read1(self, size: int = _CHUNK) -> bytes:
+        """What there is, at least one byte; b"" at the end."""
+        while not self._left and not self._ended:
+            self._take()
+        piece, self._left = self._left[:size], self._left[size:]
+        return piece
+
+    read = read1
+
+    def _take(self) -> None:
+        """Waits for one event and does what it asks for."""
+        try:
+            kind, data = self._events.get(timeout=_PATIENCE)
+        except queue.Empty:
+            self._ended = self._deadline is not None and time.monotonic() > self._deadline
+            return
+        if kind == "data":
+            self._room.release()
+            self._left = data
+        elif kind == "summary":
+            self._on_summary()
+        elif kind == "end":
+            self._ended = True
+        elif self._deadline is None:
+            self._on_stop()
+            self._deadline = time.monotonic() + (_LAST_SECONDS if self._drain else _PATIENCE)
+        else:  # asked for twice
+            self._ended = True
+
+    def _read_source(self) -> None:
+        """The reading thread. `os.read`: a thread that waits in a buffered file hangs the exit."""
+        try:
+            while data := os.read(self._descriptor, _CHUNK):
+                self._room.acquire()
+                self._events.put(("data", data))
+        except OSError as problem:
+            self.problem = problem.strerror or str(problem)
+        self._events.put(("end", b""))
+
+    @contextmanager
+    def listening(self, keyboard: int | None) -> Iterator[None]:
+        """While signals and the Enter key on a terminal become wishes."""
+        if keyboard is not None:
+            threading.Thread(target=self._read_keyboard, args=(keyboard,), daemon=True).start()
+
+        def stop(_number: int, _frame: FrameType | None) -> None:
+            self.stop()
+
+        def summary(_number: int, _frame: FrameType | None) -> None:
+            self.summary()
+
+        wanted = {"SIGINT": stop, "SIGTERM": stop, "SIGBREAK": stop,
+                  "SIGUSR1": summary, "SIGINFO": summary}  # fmt: skip
+        before = {}
+        for name, handler in wanted.items():
+            number = getattr(signal, name, None)
+            if number is not None:
+                with suppress(ValueError):  # not in the main thread
+                    before[number] = signal.signal(number, handler)
+        try:
+            yield
+        finally:
+            for number, handler_before in before.items():
+                signal.signal(number, handler_before)
+
+    def _read_keyboard(self, descriptor: int) -> None:
+        with suppress(OSError):
+            while os.read(descriptor, 1024):
+                self.summary()
+
+
+def keyboard(source: int) -> int | None:
+    """The descriptor of a terminal that somebody may press Enter on; None where there is none."""
+    with suppress(OSError, ValueError):
+        if sys.stdin.isatty() and sys.stdin.fileno() != source:
+            return sys.stdin.fileno()
+    with suppress(OSError, ValueError):
+        if sys.stderr.isatty():
+            name = "CONIN$" if sys.platform == "win32" else "/dev/tty"
+            if sys.platform == "win32" or os.tcgetpgrp(sys.stderr.fileno()) == os.getpgrp():
+                return os.open(name, os.O_RDONLY)
+    return None

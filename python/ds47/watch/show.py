@@ -1,0 +1,212 @@
+"""What a watch prints: lines of text or NDJSON, each at once, and summaries.
+
+A line of text is that of the text report (`ds47.report.text`); NDJSON is that of `ds47 report`, see
+docs/watch.md for the one difference.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import TextIO
+
+from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Finding, Transaction
+from ds47.report import Options, json, message, ndjson, text
+from ds47.report.words import count, duration, escape
+
+_DIGITS = 3
+"""Digits that are kept of a duration: so there is a bounded number of different ones."""
+
+
+class Tally:
+    """Counts for the summary; of durations only how often each was, rounded."""
+
+    def __init__(self) -> None:
+        self.states: Counter[str] = Counter()
+        self.operations: Counter[str] = Counter()
+        self.severities: Counter[str] = Counter()
+        self.rules: Counter[str] = Counter()
+        self._durations: Counter[int] = Counter()
+
+    def transaction(self, item: Transaction) -> None:
+        """Counts one."""
+        self.states[item.state] += 1
+        self.operations[item.operation] += 1
+        if item.duration_ns is not None and item.duration_ns >= 0:
+            digits = len(str(item.duration_ns))
+            self._durations[round(item.duration_ns, min(0, _DIGITS - digits))] += 1
+
+    def changed(self, before: Transaction, after: Transaction) -> None:
+        """Counts one again whose state is another now."""
+        self.states[before.state] -= 1
+        self.states[after.state] += 1
+
+    def finding(self, item: Finding) -> None:
+        """Counts one."""
+        self.severities[item.severity] += 1
+        self.rules[item.rule] += 1
+
+    def worst(self) -> int:
+        """Index of the most serious severity that was found, -1 for none."""
+        found = [SEVERITIES.index(name) for name, number in self.severities.items() if number]
+        return max(found, default=-1)
+
+    def lines(self) -> list[str]:
+        """The summary."""
+        total = self.states.total()
+        split = f": {_counts(STATES, self.states)}; {_counts(OPERATIONS, self.operations)}"
+        lines = [count(total, "transaction") + (split if total else "")]
+        found = _counts(tuple(reversed(SEVERITIES)), self.severities)
+        rules = ", ".join(f"{rule} {number}" for rule, number in sorted(self.rules.items()))
+        number = count(self.severities.total(), "finding")
+        lines.append(f"{number}: {found}; {rules}" if found else number)
+        if self._durations:
+            shown = (
+                f"{name} {duration(self._percentile(at))}"
+                for name, at in (("p50", 50), ("p95", 95))
+            )
+            lines.append(f"latency {', '.join(shown)}, max {duration(max(self._durations))}")
+        return lines
+
+    def _percentile(self, percent: int) -> int:
+        wanted = -(-percent * self._durations.total() // 100)
+        seen = 0
+        for value in sorted(self._durations):
+            seen += self._durations[value]
+            if seen >= wanted:
+                break
+        return value
+
+
+class TextShow(text.Writer):
+    """A line per transaction, findings below; summaries on the same stream."""
+
+    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+        super().__init__(stream, options)
+        self.tally = Tally()
+        self._columns = _Growing()
+
+    def finished(self, transaction: Transaction, findings: list[Finding]) -> None:
+        """A transaction is finished."""
+        self.tally.transaction(transaction)
+        self._transaction(transaction)
+        for each in findings:
+            self.found(each)
+
+    def changed(
+        self,
+        before: Transaction,
+        transaction: Transaction,
+        findings: list[Finding],  # noqa: ARG002
+    ) -> None:
+        """Shown again only where its state is another one; findings were shown."""
+        if before.state != transaction.state:
+            self.tally.changed(before, transaction)
+            self._transaction(transaction)
+
+    def found(self, finding: Finding) -> None:
+        """A finding, at once."""
+        self.tally.finding(finding)
+        of = "" if finding.transaction is None else f" #{finding.transaction}"
+        rule = self._paint(finding.severity, f"{finding.rule} {finding.severity}")
+        self._line(f"      {rule} frame {finding.frame}{of}: {escape(message(finding))}")
+        self.stream.flush()
+
+    def summary(self, frames: int) -> None:
+        """How things stand."""
+        self._title(f"Summary of {count(frames, 'frame')}")
+        for line in self.tally.lines():
+            self._line(f"  {line}")
+        self.stream.flush()
+
+    def end(self, result: CaptureResult) -> None:
+        """The devices, and how things stood."""
+        self._devices(result.devices)
+        self._line()
+        if result.dropped:
+            lost = f"the capturing machine dropped {count(result.dropped, 'frame')}"
+            self._line(self._paint("warning", lost))
+        self.summary(result.frames)
+
+    def _transaction(self, item: Transaction) -> None:
+        self._columns.grow(item)
+        for line in self._transaction_lines(item, self._columns):
+            self._line(line)
+        self.stream.flush()
+
+
+class NdjsonShow(ndjson.Writer):
+    """An object a line; summaries on demand go elsewhere, as text."""
+
+    def __init__(self, stream: TextIO, name: str, aside: TextIO) -> None:
+        super().__init__(stream)
+        self.tally = Tally()
+        self._name = name
+        self._aside = aside
+
+    def finished(self, transaction: Transaction, findings: list[Finding]) -> None:
+        """A transaction is finished."""
+        self.tally.transaction(transaction)
+        for each in findings:
+            self.tally.finding(each)
+        self._write(transaction, findings)
+
+    def changed(
+        self, before: Transaction, transaction: Transaction, findings: list[Finding]
+    ) -> None:
+        """Written again as a whole: the later line counts."""
+        self.tally.changed(before, transaction)
+        self._write(transaction, findings)
+
+    def found(self, finding: Finding) -> None:
+        """A finding, at once; that of a transaction comes again with the line of `changed`."""
+        self.tally.finding(finding)
+        line = {"path": self._name, "finding": json.finding(finding)}
+        self.stream.write(json.text(line) + "\n")
+        self.stream.flush()
+
+    def summary(self, frames: int) -> None:
+        """How things stand, for a person."""
+        head = f"Summary of {count(frames, 'frame')}"
+        self._aside.write("\n  ".join([head, *self.tally.lines()]) + "\n")
+        self._aside.flush()
+
+    def end(self, result: CaptureResult) -> None:
+        """The line that ends a capture."""
+        result.path = self._name
+        self.capture(result)
+        self.stream.flush()
+
+    def _write(self, transaction: Transaction, findings: Sequence[Finding]) -> None:
+        self.transaction(self._name, transaction, findings)
+        self.stream.flush()
+
+
+Show = TextShow | NdjsonShow
+
+
+class _Growing(text._Columns):
+    """Columns for transactions that nobody has seen yet: they only get wider."""
+
+    def __init__(self) -> None:
+        self.operation = len("change")
+        self.number = 3
+        self.controllers = False
+        self.slots = False
+        self.route = 0
+        self._first: tuple[str, tuple[int, int, int]] | None = None
+
+    def grow(self, item: Transaction) -> None:
+        """Makes room for one more."""
+        place = (item.api, item.slot, item.subslot)
+        if self._first is None:
+            self._first = item.controller, place
+        self.controllers = self.controllers or item.controller != self._first[0]
+        self.slots = self.slots or place != self._first[1]
+        self.operation = max(self.operation, len(item.operation))
+        self.number = max(self.number, len(str(item.id)) + 1)
+        self.route = max(self.route, len(self._route(item)))
+
+
+def _counts(order: Sequence[str], counts: Counter[str]) -> str:
+    return ", ".join(f"{counts[key]} {key}" for key in order if counts[key])

@@ -1,0 +1,518 @@
+"""`ds47 explain`: the forms of a code, complete answers in both languages, answers as people read them."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import re
+import shlex
+import shutil
+import string
+import subprocess
+import tomllib
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ds47 import spec
+from ds47.cli import main
+from ds47.cli.explain import _columns, _lines
+from ds47.explain import Meaning, Reading, UnknownFormError, explain, find_vendor, read
+from ds47.spec import explanations
+
+ROOT = Path(__file__).resolve().parents[2]
+LANGUAGES = ("en", "zh")
+SCREEN = 32
+CHINESE = re.compile(r"[\u4e00-\u9fff]")
+
+STATUS_CODES = sorted(spec.status().code)
+ACCESS = sorted(spec.status().access)
+PROTOCOL = sorted(spec.status().protocol)
+STATUSES = [
+    *(code << 24 | 0x80 << 16 | first << 8 for code in STATUS_CODES for first in ACCESS),
+    *(code << 24 | 0x81 << 16 | first << 8 for code in STATUS_CODES for first in PROTOCOL),
+    *(code << 24 | 0x82 << 16 | 0x1234 for code in (0xDE, 0xDF)),
+    0xCF81FD05, 0xCF81FD06, 0xCF81FD25,
+]  # fmt: skip
+S7 = ["00700000", "00700100", "00700200", "7000", "7001", "7002", "16#0070_0200", "0x700200"]
+S7 += [
+    f"C080{code:02X}00" for code in (0x90, 0x92, 0x93, 0x96, 0xA3, 0xA4, 0xB1, *range(0xC2, 0xC8))
+]
+S7 += [
+    "C0820000",
+    "C0840000",
+    "C08F0000",
+    "C080B000",
+    "40820000",
+    "40000115",
+    "40000113",
+    "00000000",
+]
+NUMBERS = [
+    *(f"error 0x{code:02X}" for code in range(0x100)),
+    *(f"response 0x{code:02X}" for code in spec.response_ids()),
+    *(f"request 0x{code:02X}" for code in spec.request_ids()),
+    *(f"attribute 0x{code:02X}" for code in (*spec.attributes(), *spec.vendor_attributes())),
+    *(f"format 0x{code:02X}" for code in spec.formats()),
+    *("47", "16#2F", "index 71", "B02E", "0xB02F", "45102"),
+    *(f"status {code:02X}" for code in STATUS_CODES),
+    *spec.rules(),
+]
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    status = main(["explain", *arguments])
+    captured = capsys.readouterr()
+    return status, captured.out, captured.err
+
+
+def every_meaning(lang: str) -> Iterator[Meaning]:
+    for code in itertools.chain((f"{status:08X}" for status in STATUSES), S7, NUMBERS):
+        yield from explain(code, lang)
+
+
+# ------------------------------------------------------------------------------------- the forms
+
+
+@pytest.mark.parametrize(
+    ("text", "readings"),
+    [
+        ("DE80B500", [("status", 0xDE80B500)]),
+        ("de80b500", [("status", 0xDE80B500)]),
+        ("16#DE80B500", [("status", 0xDE80B500)]),
+        ("16#DE80_B500", [("status", 0xDE80B500)]),
+        ("DW#16#DE80_B500", [("status", 0xDE80B500)]),
+        ("0xDE80B500", [("status", 0xDE80B500)]),
+        ("DE 80 B5 00", [("status", 0xDE80B500)]),
+        ("DE-80-B5-00", [("status", 0xDE80B500)]),
+        ("3732976896", [("status", 0xDE80B500)]),
+        ("-561990400", [("status", 0xDE80B500)]),
+        ("１６＃DE80B500", [("status", 0xDE80B500)]),
+        ("00700000", [("status", 0x00700000)]),
+        ("80B5", [("word", 0x80B5)]),
+        ("W#16#80B5", [("word", 0x80B5)]),
+        ("80B5h", [("word", 0x80B5)]),
+        ("80 B5", [("word", 0x80B5)]),
+        ("-32587", [("word", 0x80B5)]),
+        ("0x6B", [("byte", 0x6B)]),
+        ("6B", [("byte", 0x6B)]),
+        ("0x006B", [("byte", 0x6B)]),
+        ("0x0000006B", [("status", 0x6B), ("byte", 0x6B)]),
+        ("B#16#82", [("byte", 0x82)]),
+        ("10#107", [("byte", 107)]),
+        ("107", [("word", 0x107), ("byte", 107)]),
+        ("82", [("byte", 0x82), ("byte", 82)]),
+        ("-126", [("byte", 0x82)]),
+        ("DS410", [("rule", 410)]),
+        ("DS47", [("byte", 47)]),
+    ],
+)
+def test_forms(text: str, readings: list[tuple[str, int]]) -> None:
+    assert [(each.size, each.value) for each in read(text).readings] == readings
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "value"),
+    [
+        ("error 107", "error", 107),
+        ("Error number 0x6B", "error", 0x6B),
+        ("错误 0x6B", "error", 0x6B),
+        ("错误号0x6B", "error", 0x6B),
+        ("response id: 0x82", "response_id", 0x82),
+        ("format=0x44", "format", 0x44),
+        ("RET_VAL 80B5", "status", 0x80B5),
+    ],
+)
+def test_a_word_in_front_says_the_kind(text: str, kind: str, value: int) -> None:
+    code = read(text)
+    assert code.kind == kind
+    assert value in [each.value for each in code.readings]
+
+
+@pytest.mark.parametrize(
+    "text", ["", " ", "xyz", "16#", "0x", "DE80B50011", "4294967296", "-2147483649", "1.5", "error",
+             "error 0x2B1", "format DE80B500", "DS4100", "16#6G", "٣"],
+)  # fmt: skip
+def test_what_is_no_code_is_refused(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(UnknownFormError):
+        explain(text)
+    for lang in LANGUAGES:
+        status, out, err = run(capsys, "--lang", lang, text)
+        assert (status, out) == (2, "")
+        assert len(err.splitlines()) == 1
+        assert "DE80B500" in err
+        assert "16#44" in err
+
+
+# ----------------------------------------------------------------------------------- completeness
+
+
+def _texts(item: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    if isinstance(item, dict):
+        yield path, item
+        for key, value in item.items():
+            yield from _texts(value, f"{path}.{key}")
+    elif isinstance(item, list):
+        for place, value in enumerate(item):
+            yield from _texts(value, f"{path}[{place}]")
+
+
+def _placeholders(text: str) -> set[str]:
+    return {name for _, name, _, _ in string.Formatter().parse(text) if name}
+
+
+def test_every_text_is_there_in_both_languages_with_the_same_placeholders() -> None:
+    table = tomllib.loads((resources.files("ds47.spec") / "explain.toml").read_text("utf-8"))
+    assert table["words"]["en"].keys() == table["words"]["zh"].keys()
+    for key, text in table["words"]["en"].items():
+        assert _placeholders(text) == _placeholders(table["words"]["zh"][key]), key
+    count = 0
+    for path, row in _texts(table):
+        for key, text in row.items():
+            if (key == "en" or key.endswith("_en")) and isinstance(text, str):
+                other = row[key[:-2] + "zh"]
+                count += 1
+                assert text.strip(), path
+                only_names = not re.search(r"[a-z]", re.sub(r"\{\w+\}", "", other))
+                assert CHINESE.search(other) or only_names, f"{path}.{key}: {other}"
+                assert not CHINESE.search(text), path
+                assert _placeholders(text) == _placeholders(other), path
+    assert count > 300
+
+
+def test_causes_say_how_sure_they_are() -> None:
+    table = tomllib.loads((resources.files("ds47.spec") / "explain.toml").read_text("utf-8"))
+    causes = [cause for name in ("status", "local", "error", "number") for row in table[name]
+              for cause in row.get("cause", ())]  # fmt: skip
+    assert {cause["basis"] for cause in causes} == set(explanations.BASES)
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_every_code_of_the_tables_has_a_complete_answer(lang: str) -> None:
+    for meaning in every_meaning(lang):
+        where = f"{meaning.code} {meaning.kind}"
+        texts = [meaning.title, meaning.look, *(cause.text for cause in meaning.causes)]
+        texts += [block.note for block in meaning.plc] + [part.text for part in meaning.parts]
+        assert meaning.title, where
+        assert meaning.look, where
+        assert meaning.causes, where
+        assert meaning.plc, where
+        for text in texts:
+            assert not re.search(r"\{|\}|\bNone\b", text), f"{where}: {text}"
+        for text in (meaning.title, meaning.look, *(cause.text for cause in meaning.causes)):
+            assert bool(CHINESE.search(text)) == (lang == "zh"), f"{where}: {text}"
+        if meaning.known:
+            assert meaning.filter or meaning.plugin_filter, where
+            assert explain(meaning.name.split(" --")[0], lang), where
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_every_status_of_the_tables_is_known(lang: str) -> None:
+    for status in STATUSES:
+        code = f"{status:08X}"
+        (meaning,) = explain(code, lang)
+        assert meaning.known, code
+        assert meaning.title.startswith(code)
+        assert meaning.kind == "status"
+        assert [part.value for part in meaning.parts] == re.findall("..", code)
+        assert meaning.filter.startswith(f"pn_io.error_code == 0x{code[:2].lower()}")
+
+
+@pytest.mark.parametrize("vendor", [None, *(each.name for each in spec.vendors())])
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_every_error_number_has_the_text_of_its_table(lang: str, vendor: str | None) -> None:
+    maker = None if vendor is None else find_vendor(vendor)
+    for code in range(0x100):
+        meanings = explain(f"error 0x{code:02X}", lang, maker)
+        titles = " / ".join(each.title for each in meanings)
+        tables = [each for each in spec.vendors() if code in each.errors]
+        wanted = [each for each in tables if vendor in (None, each.name)]
+        for table in wanted:
+            row = table.errors[code]
+            text = row.zh if lang == "zh" else row.en
+            assert table.name in [each.vendor for each in meanings]
+            assert text.format(code=code, above=code - row.code) in titles
+        if not wanted or (vendor is None and code in spec.errors()):
+            assert spec.error_text(code, lang, 0xFFFF) in titles
+
+
+@pytest.mark.parametrize("code", S7)
+def test_states_that_the_plc_makes_are_known(code: str) -> None:
+    for lang in LANGUAGES:
+        assert explain(code, lang)[0].known
+
+
+# ------------------------------------------------------------------------------- what PLCs show
+
+
+def outputs(code: str) -> dict[str, tuple[Any, ...]]:
+    rows = explain(code)[0].plc
+    return {row.block: (row.done, row.busy, row.error, row.status) for row in rows}
+
+
+@pytest.mark.parametrize(
+    ("code", "wrrec", "rdrec"),
+    [
+        ("DE80B500", (True, False, False, "00000000"), (False, False, True, "DE80B500")),
+        ("DF80B700", (False, False, True, "DF80B700"), (None, None, None, None)),
+        ("00700000", (False, False, False, "00700000"), (False, False, False, "00700000")),
+        ("00700100", (False, True, False, "00700100"), (False, True, False, "00700100")),
+        ("7002", (False, True, False, "00700200"), (False, True, False, "00700200")),
+        ("C0809300", (False, False, True, "C0809300"), (False, False, True, "C0809300")),
+        ("0x6B", (True, False, False, "00000000"), (True, False, False, "00000000")),
+        ("82", (True, False, False, "00000000"), (True, False, False, "00000000")),
+        ("00000000", (True, False, False, "00000000"), (True, False, False, "00000000")),
+    ],
+)
+def test_what_the_blocks_show(code: str, wrrec: tuple[Any, ...], rdrec: tuple[Any, ...]) -> None:
+    assert outputs(code) == {"WRREC": wrrec, "RDREC": rdrec}
+
+
+@pytest.mark.parametrize("status", [status for status in STATUSES if status >> 24 in (0xDE, 0xDF)])
+def test_a_refusal_is_an_error_of_the_block_that_was_refused(status: int) -> None:
+    code = f"{status:08X}"
+    block = "RDREC" if code.startswith("DE") else "WRREC"
+    assert outputs(code)[block] == (False, False, True, code)
+
+
+# -------------------------------------------------------------------------- which meaning is first
+
+
+def brief(code: str, vendor: str | None = None) -> list[tuple[str, str, str | None]]:
+    maker = None if vendor is None else find_vendor(vendor)
+    found = explain(code, "en", maker)
+    return [(each.kind, each.code, each.vendor) for each in found if each.known]
+
+
+@pytest.mark.parametrize(
+    ("code", "meanings"),
+    [
+        ("82", [("response_id", "0x82", None), ("error", "0x82", "SINAMICS"),
+                ("error", "0x82", "ABB"), ("error", "0x82", "SEW")]),
+        ("0x82", [("response_id", "0x82", None), ("error", "0x82", "SINAMICS"),
+                  ("error", "0x82", "ABB"), ("error", "0x82", "SEW")]),
+        ("130", [("response_id", "0x82", None), ("error", "0x82", "SINAMICS"),
+                 ("error", "0x82", "ABB"), ("error", "0x82", "SEW")]),
+        ("107", [("error", "0x6B", "SINAMICS"), ("error", "0x6B", "KEB")]),
+        ("20", [("error", "0x20", None), ("error", "0x14", None), ("error", "0x14", "KEB"),
+                ("attribute", "0x20", None), ("format", "0x20", None)]),
+        ("47", [("index", "0x2F", None), ("index", "0x47", None)]),
+        ("16#44", [("format", "0x44", None)]),
+        ("16#80B5", [("status", "DE80B500", None), ("status", "DF80B500", None)]),
+        ("16#80B1", [("status", "DE80B100", None), ("status", "DF80B100", None),
+                     ("status", "C080B100", None)]),
+        ("8093", [("status", "C0809300", None)]),
+        ("0x0000006B", [("error", "0x6B", "SINAMICS"), ("error", "0x6B", "KEB"),
+                        ("format", "0x6B", None)]),
+        ("DS410", [("rule", "DS410", None)]),
+    ],
+)  # fmt: skip
+def test_where_a_code_means_several_things_all_are_shown(
+    code: str, meanings: list[tuple[str, str, str | None]]
+) -> None:
+    assert brief(code) == meanings
+
+
+def test_a_number_that_means_nothing_in_one_reading_says_so() -> None:
+    assert "0x0107 = 263" in explain("107")[-1].title
+    assert not explain("107")[-1].known
+    assert "Reserved" in explain("82")[-1].title
+
+
+def test_bytes_in_the_order_of_a_little_endian_pdu() -> None:
+    (meaning,) = explain("00 B5 80 DE")
+    assert meaning.code == "DE80B500"
+    assert "reversed" in meaning.title
+
+
+@pytest.mark.parametrize("vendor", ["SINAMICS", "sinamics", "Siemens", "0x002A", "16#2a", "42"])
+def test_a_vendor_picks_its_table(vendor: str) -> None:
+    assert brief("error 0x82", vendor) == [("error", "0x82", "SINAMICS")]
+
+
+def test_a_vendor_without_a_table_leaves_the_number_open() -> None:
+    (meaning,) = explain("error 0x6B", "en", find_vendor("0x0123"))
+    assert not meaning.known
+    assert "Manufacturer-specific error 0x6B" in meaning.title
+
+
+def test_the_number_of_a_vendor_goes_before_that_of_the_profile() -> None:
+    assert brief("error 0x11", "KEB") == [("error", "0x11", "KEB")]
+    assert brief("error 0x11", "ABB") == [("error", "0x11", None)]
+
+
+@pytest.mark.parametrize(
+    ("code", "part"),
+    [("DEADBEEF", "AD"), ("0x1234", "12"), ("DE80", "DE"), ("DS999", None), ("error 0x40", None),
+     ("format 0x7F", None), ("attribute 0x55", None), ("response 3", None), ("index 12", None)],
+)  # fmt: skip
+def test_understood_but_without_a_meaning(
+    code: str, part: str | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for lang in LANGUAGES:
+        meaning = explain(code, lang)[0]
+        assert not meaning.known
+        if part:
+            assert part in [each.value for each in meaning.parts]
+        assert run(capsys, code, "--lang", lang)[0] == 0
+
+
+def test_no_number_is_an_exception() -> None:
+    for value in range(0x10000):
+        if value < 0x1000 or value & 0xFF in (0, 0x93, 0xB5):
+            assert explain(f"0x{value:X}")
+            assert explain(str(value), "zh")
+    for code in range(0x100):
+        for decode in (0x00, 0x70, 0x7F, 0x80, 0x81, 0x84, 0x8F, 0xFE):
+            assert explain(f"{code:02X}{decode:02X}B5FF")
+
+
+# ------------------------------------------------------------------------------------- the command
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+def test_an_answer_fits_on_a_screen_and_begins_with_the_answer(lang: str) -> None:
+    wide = re.compile(r"pn_io|ds47\.|ds47 explain")
+    codes = [f"{status:08X}" for status in STATUSES] + S7 + NUMBERS
+    for code in [*codes, *map(str, range(256)), *(f"0x{value:02X}" for value in range(256))]:
+        meanings = explain(code, lang)
+        lines = list(_lines(meanings, lang))
+        assert len(lines) <= SCREEN, code
+        assert lines[0].split()[0] in meanings[0].title
+        for line in lines:
+            assert _columns(line) <= 100 or wide.search(line), f"{code}: {line}"
+            assert line == line.rstrip()
+
+
+def test_json_has_all_of_every_meaning(capsys: pytest.CaptureFixture[str]) -> None:
+    status, out, _ = run(capsys, "82", "-f", "json", "--lang", "zh")
+    assert status == 0
+    document = json.loads(out)
+    assert (document["code"], document["lang"]) == ("82", "zh")
+    first, second = document["meanings"][:2]
+    assert (first["kind"], first["code"], first["known"]) == ("response_id", "0x82", True)
+    assert first["plc"][0]["done"] is True
+    assert first["plc"][1]["valid"] is True
+    assert second["vendor"] == "SINAMICS"
+    assert {cause["basis"] for cause in first["causes"]} <= set(explanations.BASES)
+    assert set(first) == {"kind", "code", "name", "vendor", "title", "known", "parts", "plc",
+                          "causes", "advice", "look", "filter", "plugin_filter"}  # fmt: skip
+
+
+def test_the_code_may_be_several_arguments(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, "DE", "80", "B5", "00")[1] == run(capsys, "DE80B500")[1]
+    assert run(capsys, "error", "107", "--vendor", "KEB")[1].startswith("0x6B = 107")
+
+
+def test_a_negative_number_is_no_option(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(capsys, "-561990400")[1] == run(capsys, "DE80B500")[1]
+    status, _, err = run(capsys, "--vendr", "82")
+    assert status == 2
+    assert "--vendr" in err
+
+
+def test_an_unknown_vendor_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> None:
+    status, _, err = run(capsys, "107", "--vendor", "nobody")
+    assert status == 2
+    assert "SINAMICS" in err
+
+
+# ------------------------------------------------------------------------------------- Wireshark
+
+
+def _tshark() -> str:
+    command = shutil.which(shlex.split(os.environ.get("DS47_TSHARK", "tshark"))[0])
+    if command is None:
+        if os.environ.get("DS47_CI") == "1":
+            pytest.fail("tshark is missing, and DS47_CI=1 says that it must be there")
+        pytest.skip("tshark is missing")
+    return command
+
+
+def _found(home: Path, capture: str, wanted: str, plugin: bool) -> int:
+    """How many frames of a stored capture a display filter finds."""
+    command = [*shlex.split(os.environ.get("DS47_TSHARK", _tshark())), "-n"]
+    if plugin:
+        command += ["-X", f"lua_script:{ROOT / 'dissector' / 'ds47.lua'}", "-2"]
+    command += ["-r", str(ROOT / "captures" / capture), "-Y", wanted]
+    environment = {**os.environ, "HOME": str(home), "XDG_CONFIG_HOME": str(home)}
+    environment.pop("WIRESHARK_CONFIG_DIR", None)
+    shown = subprocess.run(command, capture_output=True, env=environment, timeout=120, check=False)
+    assert shown.returncode == 0, shown.stderr.decode("utf-8", "replace")
+    return len(shown.stdout.splitlines())
+
+
+@pytest.mark.parametrize("plugin", [False, True], ids=["wireshark", "plugin"])
+def test_every_filter_can_be_pasted(plugin: bool, tmp_path: Path) -> None:
+    _tshark()
+    filters = {each.plugin_filter if plugin else each.filter for each in every_meaning("en")}
+    shapes: dict[str, str] = {}
+    for wanted in sorted(filter(None, filters)):
+        shapes.setdefault(re.sub(r'0x[0-9a-f]+|"[^"]*"', "?", wanted), wanted)
+    assert len(shapes) > 5
+    _found(
+        tmp_path,
+        "record-polls.pcapng",
+        " || ".join(f"({each})" for each in shapes.values()),
+        plugin,
+    )
+
+
+@pytest.mark.parametrize(
+    ("code", "capture", "plugin"),
+    [
+        ("DE80B500", "record-polls.pcapng", False),
+        ("DE80B500", "record-polls.pcapng", True),
+        ("DE80B500", "record-nothing-to-read.pcapng", True),
+        ("47", "record-polls.pcapng", False),
+        ("B02F", "record-global.pcapng", True),
+        ("82", "conversation-error-change.pcapng", False),
+        ("82", "conversation-error-change.pcapng", True),
+        ("16#44", "conversation-error.pcapng", True),
+        ("request 1", "record-polls.pcapng", True),
+        ("attribute 0x10", "record-polls.pcapng", True),
+        ("DS410", "conversation-error.pcapng", True),
+    ],
+)
+def test_a_filter_finds_the_frames(code: str, capture: str, plugin: bool, tmp_path: Path) -> None:
+    _tshark()
+    meaning = explain(code)[0]
+    wanted = meaning.plugin_filter if plugin else meaning.filter
+    assert wanted
+    assert _found(tmp_path, capture, wanted, plugin) > 0
+
+
+# ------------------------------------------------------------------------------------------ page
+
+
+def _commands() -> list[tuple[str, int, str]]:
+    """The commands of docs/explain.md with their exit status and the output shown below them."""
+    text = (ROOT / "docs" / "explain.md").read_text("utf-8")
+    found = []
+    for block in re.findall(r"^```console\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
+        for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
+            line, _, output = part.partition("\n")
+            line, _, comment = line.partition("  # exit ")
+            found.append((line, int(comment or 0), output))
+    return found
+
+
+@pytest.mark.parametrize(("line", "wanted", "shown"), _commands(), ids=lambda item: str(item)[:40])
+def test_the_page_shows_what_happens(
+    line: str, wanted: int, shown: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name, command, *arguments = shlex.split(line)
+    assert (name, command) == ("ds47", "explain")
+    status, out, _ = run(capsys, *arguments)
+    assert status == wanted
+    actual = iter(out.splitlines())
+    for expected in filter(None, shown.splitlines()):
+        assert expected == "..." or expected in actual, expected
+
+
+def test_readings_are_compared_by_value() -> None:
+    assert Reading("byte", 1) == Reading("byte", 1, False)

@@ -1,0 +1,363 @@
+"""`ds47 export`: which frames, in which order, with which words; and the commands of its page."""
+
+from __future__ import annotations
+
+import io
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import frames as make
+import pytest
+from test_readme import Command, read_commands, run
+
+from ds47.analysis import AnalysisOptions, analyze
+from ds47.capture import PcapngWriter, open_capture
+from ds47.capture.raw import RawFrame, raw_frames
+from ds47.cli import main
+from ds47.export import Selection, SelectionError, display_filter, export, first_time
+
+ROOT = Path(__file__).resolve().parents[2]
+WITHOUT_PROOF = AnalysisOptions(indices=frozenset((47,)))
+"""One broken message alone does not prove that index 47 is a parameter channel."""
+CAPTURES = ROOT / "captures"
+TOUR = CAPTURES / "tour-machine.pcapng"
+PAGE = ROOT / "docs" / "export.md"
+
+
+def exported(source: Path, target: Path, **wanted: object) -> tuple[list[int], list[RawFrame]]:
+    """Numbers of the exported frames in the original, and what is in the copy."""
+    outcome = export(source, target, Selection(**wanted))  # type: ignore[arg-type]
+    return outcome.frames, list(raw_frames(target)) if outcome.frames else []
+
+
+def numbered(source: Path) -> dict[int, RawFrame]:
+    return {frame.number: frame for frame in raw_frames(source)}
+
+
+@pytest.mark.parametrize("source", sorted(CAPTURES.rglob("*.pcapng")), ids=lambda p: p.stem)
+def test_every_transaction_alone(source: Path, tmp_path: Path) -> None:
+    """Its frames are all there, byte for byte, and the analysis finds the transaction in them."""
+    originals = numbered(source)
+    result = analyze(source)
+    chosen = result.transactions[:: max(1, len(result.transactions) // 5)]
+    for transaction in chosen:
+        frames, copies = exported(
+            source, tmp_path / "t.pcapng", transactions=((transaction.id,) * 2,)
+        )
+        assert set(transaction.frames.all()) <= set(frames)
+        for number, copy in zip(frames, copies, strict=True):
+            original = originals[number]
+            assert (copy.time_ns, copy.data, copy.original_length) == (
+                original.time_ns, original.data, original.original_length,
+            )  # fmt: skip
+            assert copy.interface.link_type == original.interface.link_type
+            assert copy.interface.snap_length == original.interface.snap_length
+        after = [each for each in analyze(tmp_path / "t.pcapng", WITHOUT_PROOF).transactions
+                 if each.start_ns == transaction.start_ns]  # fmt: skip
+        if transaction.state in ("ok", "partial", "error", "mismatch", "refused"):
+            assert transaction.parameters in [each.parameters for each in after]
+
+
+@pytest.mark.parametrize("name", ["transport-ip-fragments", "transport-rpc-fragments",
+                                  "transport-ip-fragments-disorder"])  # fmt: skip
+def test_all_fragments_come_along(name: str, tmp_path: Path) -> None:
+    source = CAPTURES / f"{name}.pcapng"
+    frames, copies = exported(source, tmp_path / "t.pcapng", transactions=((1, 1),))
+    assert len(frames) > len(analyze(source).transactions[0].frames.all())
+    assert frames == sorted(frames)
+    texts = ["\n".join(copy.comments) for copy in copies]
+    assert any("1. of" in text for text in texts)
+    assert analyze(tmp_path / "t.pcapng").transactions[0].state == "ok"
+
+
+def test_incomplete_fragments_of_a_finding(tmp_path: Path) -> None:
+    for kind in ("ip", "rpc"):
+        source = CAPTURES / f"transport-{kind}-fragments-incomplete.pcapng"
+        frames, _ = exported(source, tmp_path / f"{kind}.pcapng", rules=("DS105",))
+        assert frames
+        after = analyze(tmp_path / f"{kind}.pcapng", WITHOUT_PROOF)
+        assert [each.rule for each in after.findings] == ["DS105"]
+
+
+def test_comments_say_what_is_wrong(tmp_path: Path) -> None:
+    _, copies = exported(TOUR, tmp_path / "t.pcapng", states=("refused",))
+    (text,) = copies[-1].comments
+    assert text.splitlines()[0] == "DS47 #5 [refused]: Write response (change p50303[0], DO 2)"
+    assert "DS203 error: Write refused with status DF80B500" in text
+    assert text.splitlines()[-1] == "frame 23 of the original"
+
+
+def test_wireshark_shows_the_comment(tmp_path: Path, tshark: Callable[..., str]) -> None:
+    exported(TOUR, tmp_path / "t.pcapng", states=("refused",))
+    shown = tshark("-r", tmp_path / "t.pcapng", "-V", "-Y", 'frame.comment contains "DS203"')
+    assert "Write refused with status DF80B500" in shown
+
+
+def test_criteria_apply_together(tmp_path: Path) -> None:
+    result = analyze(TOUR)
+    first = result.transactions[0].start_ns
+    target = tmp_path / "t.pcapng"
+    both = exported(TOUR, target, rules=("DS410",))[0]
+    assert both == [26, 27, 28, 29, 30, 31, 32, 33]
+    assert exported(TOUR, target, rules=("DS410",), states=("partial",))[0] == [30, 31, 32, 33]
+    assert exported(TOUR, target, transactions=((1, 2), (6, 6)), rules=("DS4",))[0] == both[:4]
+    assert exported(TOUR, target, states=("ok",), end=first)[0] == [2, 3, 4, 5]
+    assert exported(TOUR, target, devices=("press-1-drive",), states=("refused",))[0] == [22, 23]
+    assert exported(TOUR, target, devices=("192.168.133.33",))[0] == list(range(1, 36))
+    assert exported(TOUR, target, states=("orphan",))[0] == []
+
+
+def test_a_time_span_is_inclusive(tmp_path: Path) -> None:
+    start = first_time(TOUR)
+    assert start is not None
+    frames, _ = exported(TOUR, tmp_path / "t.pcapng", start=start, end=start + 4_000_000)
+    assert frames == [1, 2, 3, 4, 5]
+
+
+def test_what_there_is_not(tmp_path: Path) -> None:
+    with pytest.raises(SelectionError, match="no transaction 9; it has 1 to 8"):
+        export(TOUR, tmp_path / "t.pcapng", Selection(transactions=((9, 9),)))
+    with pytest.raises(SelectionError, match=r"no device 'x'; there are 192\.168\.133\.33"):
+        export(TOUR, tmp_path / "t.pcapng", Selection(devices=("x",)))
+    assert not list(tmp_path.iterdir())
+
+
+def mixed(path: Path) -> None:
+    """Two interfaces of different link types, times to the nanosecond, comments, foreign frames."""
+    big = make.option(9, b"\x09") + make.option(2, b"left port") + make.option(0, b"")
+    binary = make.option(9, b"\x94") + make.option(0, b"")  # 2^-20 s
+    comment = make.option(1, b"look here") + make.option(2, b"\1\0\0\0") + make.option(0, b"")
+    body = make.enhanced(make.call(), number=0, stamp=1_700_000_000_123_456_789)
+    body = body[8:-4] + comment
+    raw = make.ipv4(make.udp(make.rpc()))
+    path.write_bytes(
+        make.section()
+        + make.interface(snap=333, options=big)
+        + make.interface(link_type=101, options=binary)
+        + make.block(6, body)
+        + make.enhanced(make.DNS, number=0, stamp=1_700_000_000_200_000_000)
+        + make.enhanced(raw, number=1, stamp=(1_700_000_000 << 20) + (1 << 19))
+        + make.block(0x0BAD, b"\0\0\x7e\xd9abcd")
+        + make.section()
+        + make.interface(link_type=1)
+        + make.enhanced(make.LLDP, stamp=1_700_000_001_000_000)
+    )
+
+
+def test_interfaces_times_and_comments_stay(tmp_path: Path) -> None:
+    source, target = tmp_path / "in.pcapng", tmp_path / "out.pcapng"
+    mixed(source)
+    frames, copies = exported(source, target)
+    assert frames == [1, 3, 5]
+    assert [copy.time_ns for copy in copies] == [
+        1_700_000_000_123_456_789, 1_700_000_000_500_000_000, 1_700_000_001_000_000_000,
+    ]  # fmt: skip
+    assert [copy.interface.link_type for copy in copies] == [1, 101, 1]
+    assert copies[0].interface.snap_length == 333
+    assert (2, b"left port") in copies[0].interface.options
+    assert copies[0].comments[0] == "look here"
+    assert copies[0].flags == 1
+    assert exported(source, target, all_frames=True)[0] == [1, 2, 3, 5]
+
+
+def test_capinfos_agrees(tmp_path: Path, tshark: Callable[..., str]) -> None:
+    source, target = tmp_path / "in.pcapng", tmp_path / "out.pcapng"
+    mixed(source)
+    exported(source, target)
+    shown = tshark("-r", target, "-T", "fields", "-e", "frame.time_epoch", "-e",
+                   "frame.interface_id", "-e", "frame.encap_type")  # fmt: skip
+    assert [line.split("\t")[:2] for line in shown.splitlines()] == [
+        ["1700000000.123456789", "0"], ["1700000000.500000000", "1"],
+        ["1700000001.000000000", "2"],
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("magic", [0xA1B2C3D4, 0xA1B23C4D, 0xA1B2CD34])
+def test_every_frame_of_a_pcap(order: str, magic: int, tmp_path: Path) -> None:
+    source = tmp_path / "in.pcap"
+    source.write_bytes(make.pcap([make.RT, make.call(), make.DNS], order=order, magic=magic))
+    fraction = 5 if magic == 0xA1B23C4D else 5000
+    assert [(frame.number, frame.time_ns, frame.data) for frame in raw_frames(source)] == [
+        (1, 1000 * 10**9 + fraction, make.RT), (2, 1001 * 10**9 + fraction, make.call()),
+        (3, 1002 * 10**9 + fraction, make.DNS),
+    ]  # fmt: skip
+    assert exported(source, tmp_path / "out.pcapng")[0] == [2]
+
+
+@pytest.mark.parametrize("source", sorted(CAPTURES.glob("*.pcapng"))[::9], ids=lambda p: p.stem)
+def test_both_readers_number_alike(source: Path) -> None:
+    raw = numbered(source)
+    for frame in open_capture(source):
+        same = raw[frame.number]
+        assert (same.time_ns, same.data, same.original_length, same.interface.link_type) == (
+            frame.time_ns, frame.data, frame.original_length, frame.link_type,
+        )  # fmt: skip
+
+
+def test_a_damaged_capture_gives_what_is_before(tmp_path: Path) -> None:
+    whole = TOUR.read_bytes()
+    for cut in (len(whole) - 7, len(whole) // 2, 300):
+        source = tmp_path / "in.pcapng"
+        source.write_bytes(whole[:cut])
+        frames, _ = exported(source, tmp_path / "out.pcapng")
+        assert frames == list(range(1, analyze(source).frames + 1))
+
+
+# The filter
+
+
+def test_filter() -> None:
+    assert display_filter([7]) == ("frame.number == 7", 0)
+    assert display_filter([3, 1, 2, 9, 8, 5, 5]) == (
+        "frame.number in {1..3} or frame.number == 5 or frame.number in {8..9}", 0,
+    )  # fmt: skip
+    text, left_out = display_filter(range(0, 200, 2))
+    assert text.count("frame.number") == 60
+    assert left_out == 40
+
+
+def test_tshark_takes_the_filter(tshark: Callable[..., str]) -> None:
+    result = analyze(TOUR)
+    frames = [frame for each in result.transactions[1::2] for frame in each.frames.all()]
+    text, _ = display_filter(frames)
+    shown = tshark("-r", TOUR, "-Y", text, "-T", "fields", "-e", "frame.number")
+    assert [int(line) for line in shown.split()] == sorted(frames)
+
+
+def test_no_set_has_two_elements() -> None:
+    """Wireshark 3.4 wants blanks between them, 4.0 commas."""
+    text, _ = display_filter([1, 2, 3, 7, 9, 10, 20])
+    assert all(re.fullmatch(r"\d+\.\.\d+", inner) for inner in re.findall(r"\{(.*?)\}", text))
+
+
+# The writer
+
+
+def test_writer_keeps_its_old_bytes() -> None:
+    stream = io.BytesIO()
+    with PcapngWriter(stream) as writer:
+        writer.write(5, b"abc", comment="x")
+    interface = make.interface(options=make.option(9, b"\x09") + make.option(0, b""))
+    body = make.enhanced(b"abc", stamp=5)[8:-4] + make.option(1, b"x") + make.option(0, b"")
+    assert stream.getvalue() == make.section() + interface + make.block(6, body)
+
+
+def test_writer_refuses_an_interface_that_is_not_there() -> None:
+    with PcapngWriter(io.BytesIO(), link_type=None) as writer:
+        with pytest.raises(ValueError, match="no interface 0"):
+            writer.write(5, b"abc")
+        assert writer.add_interface(113) == 0
+        assert writer.add_interface(1) == 1
+        with pytest.raises(ValueError, match="no interface 2"):
+            writer.write(5, b"abc", interface=2)
+
+
+def test_a_long_comment_is_cut_between_characters(tmp_path: Path) -> None:
+    with PcapngWriter(tmp_path / "t.pcapng") as writer:
+        writer.write(5, b"abc", comment="ä" * 40_000)
+    (frame,) = raw_frames(tmp_path / "t.pcapng")
+    assert frame.comments == ("ä" * 0x7FFE,)
+
+
+# The command
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    shutil.copytree(CAPTURES, tmp_path / "captures")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_default_name_and_what_is_said(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["export", "captures/tour-machine.pcapng", "-t", "5,7-8"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "captures/tour-machine.pcapng: 8 of 35 frames, 3 transactions",
+        "  written to tour-machine.ds47.pcapng",
+        "  in the original: frame.number in {22..23} or frame.number in {30..35}",
+    ]
+    assert analyze("tour-machine.ds47.pcapng").summary["transactions"] == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "count"),
+    [(["--from", "0.25", "--to", "0.3"], 8), (["--to", "0.004"], 5),
+     (["--from", "2026-01-01T08:00:01.195Z"], 10),
+     (["--from", "2026-01-01T09:00:01.195000001+01:00"], 9),
+     (["--from", "2026-01-01 08:00:01.195"], 10), (["--from", "2027-01-01"], 0)],
+)  # fmt: skip
+def test_times(folder: Path, arguments: list[str], count: int) -> None:
+    status = main(["export", "captures/tour-machine.pcapng", *arguments])
+    assert status == (0 if count else 1)
+    if count:
+        assert len(list(raw_frames("tour-machine.ds47.pcapng"))) == count
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [(["--from", "noon"], "no time"), (["-t", "x"], "12, 3-7 or 1,4,9"),
+     (["-t", "7-3"], "backwards"), (["-t", "99"], "it has 1 to 8"), (["--rule", "DS9"], "no rule"),
+     (["--device", "1.2.3.4"], "no device"), (["--key", "k"], "need --anonymise"),
+     (["--all-frames", "-t", "1"], "--all-frames goes with"),
+     (["--all-frames", "--anonymise"], "nobody can tell"),
+     (["-o", "captures/tour-machine.pcapng"], "a capture to read"),
+     (["--anonymise", "-o", "-"], "needs --key"),
+     (["-o", "no/such/folder/x"], "cannot write")],
+)  # fmt: skip
+def test_wrong_use(
+    folder: Path, arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["export", "captures/tour-machine.pcapng", *arguments]) == 2
+    assert words in capsys.readouterr().err
+    assert [path.name for path in folder.iterdir()] == ["captures"]
+
+
+def test_several_captures_into_a_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "out").mkdir()
+    names = ["captures/tour-machine.pcapng", "captures/record-polls.pcapng"]
+    assert main(["export", *names, "-o", "out", "--state", "ok"]) == 0
+    assert sorted(path.name for path in (folder / "out").iterdir()) == [
+        "record-polls.ds47.pcapng", "tour-machine.ds47.pcapng",
+    ]  # fmt: skip
+    assert main(["export", *names, "-o", "one.pcapng"]) == 2
+
+
+def test_through_a_pipe(folder: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "ds47", "export", "-", "-t", "5", "-o", "-"],
+        input=TOUR.read_bytes(), capture_output=True, check=False, timeout=60,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert b"in the original" in done.stderr
+    (folder / "x.pcapng").write_bytes(done.stdout)
+    assert len(list(raw_frames(folder / "x.pcapng"))) == 2
+
+
+def test_status_3_where_not_all_could_be_read(folder: Path) -> None:
+    (folder / "cut.pcapng").write_bytes(TOUR.read_bytes()[:-5])
+    assert main(["export", "cut.pcapng"]) == 3
+    assert (folder / "cut.ds47.pcapng").exists()
+    assert main(["export", "nowhere.pcapng"]) == 3
+
+
+@pytest.fixture(scope="module")
+def page_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    copy = tmp_path_factory.mktemp("export")
+    shutil.copytree(CAPTURES, copy / "captures")
+    return copy
+
+
+@pytest.mark.parametrize("command", read_commands(PAGE.read_text("utf-8")), ids=lambda c: c.line)
+def test_command_of_the_page(command: Command, page_folder: Path) -> None:
+    status, output, errors = run(command, page_folder)
+    assert status == command.status, errors
+    assert "Traceback" not in errors
+    lines = iter((output + errors).splitlines())
+    for line in command.output:
+        if line.strip() not in ("", "..."):
+            assert line.rstrip() in (each.rstrip() for each in lines), line
