@@ -37,8 +37,10 @@ def test_select_and_ignore(
 
 def test_order_and_owner() -> None:
     first, second = job(READ), job(READ, frame=5)
-    owners = {second: build(second), first: build(first)}
-    owners[first].id, owners[second].id = 1, 2
+    first.order, second.order, other = 1, 2, job(READ)
+    other.order = 3
+    owners = {2: build(second), 1: build(first)}
+    owners[1].id, owners[2].id = 1, 2
     findings = Findings("en", (), ())
     for remark in (
         Remark("DS403", 9),
@@ -47,7 +49,7 @@ def test_order_and_owner() -> None:
         Remark("DS101", 2, job=first),
         Remark("DS410", 1, offset=10),
         Remark("DS410", 1, offset=4),
-        Remark("DS401", 2, job=job(READ)),  # of no transaction here
+        Remark("DS401", 2, job=other),  # of no transaction here
         Remark("DS101", 3, job=first),
     ):
         findings.add(remark)
@@ -57,8 +59,8 @@ def test_order_and_owner() -> None:
         (2, "DS401", None, None), (2, "DS401", 1, None), (2, "DS401", 2, None),
         (3, "DS101", 1, None), (9, "DS403", None, None),
     ]  # fmt: skip
-    assert owners[first].findings == ["DS101", "DS401"]
-    assert owners[second].findings == ["DS401"]
+    assert owners[1].findings == ["DS101", "DS401"]
+    assert owners[2].findings == ["DS401"]
 
 
 @pytest.mark.parametrize("lang", ["en", "zh"])

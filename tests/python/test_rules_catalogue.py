@@ -74,6 +74,7 @@ DS415 note reference-constant reference
 DS416 warning slow limit milliseconds
 DS417 warning read-back-differs pnu read subindex written
 DS418 error request-not-supported id
+DS601 error engines-differ difference
 """
 
 

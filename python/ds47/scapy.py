@@ -1,0 +1,377 @@
+"""The parameter channel as scapy layers, below those of scapy.contrib.pnio_rpc.
+
+    from ds47.scapy import DS47Request
+    for packet in rdpcap("drive.pcapng"):
+        if DS47Request in packet:
+            print(packet[DS47Request].pnu)
+
+Importing this module binds the layers (and `scapy.contrib.pnio_rpc` to UDP port 34964, which scapy
+leaves to the user). Bytes are decoded and made by `ds47.profidrive`: here are names for scapy only.
+Scapy looks at one packet: fragments are not put together, and no request says what a response is
+about. docs/engines.md has examples. The only module that needs scapy when it is imported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from scapy.contrib.pnio_rpc import IODReadRes, IODWriteReq
+from scapy.fields import (
+    ByteField,
+    ConditionalField,
+    Field,
+    PacketListField,
+    ShortField,
+    StrField,
+    XByteEnumField,
+)
+from scapy.layers.dcerpc import DceRpc, DceRpc4
+from scapy.layers.inet import UDP
+from scapy.packet import Packet, Raw, bind_bottom_up, bind_layers, bind_top_down
+
+from ds47 import spec
+from ds47.profidrive import (
+    Address,
+    Block,
+    Request,
+    Response,
+    decode_request,
+    decode_response,
+    encode_request,
+    encode_response,
+    error_block,
+    make_block,
+)
+from ds47.profidrive.model import ERROR
+
+__all__ = ["DS47Address", "DS47Block", "DS47Request", "DS47Response"]
+
+PNIO_PORT = 34964
+INDEX_47, LOCAL, GLOBAL = 47, 0xB02E, 0xB02F
+_HEADER = 4
+_ATTRIBUTES = {code: row.name for code, row in spec.attributes().items()}
+_FORMATS = {code: row.name for code, row in spec.formats().items()} | {ERROR: "Error"}
+_REQUESTS = {code: row.name for code, row in spec.request_ids().items()}
+_RESPONSES = {code: row.name for code, row in spec.response_ids().items()}
+
+
+class _ListField(Field):  # type: ignore[misc]
+    """A Python list as it is; the bytes are the affair of the message."""
+
+    islist = 1
+
+    def any2i(self, pkt: Packet | None, x: Any) -> Any:  # noqa: ARG002
+        return x if x is None or isinstance(x, list) else list(x) if _many(x) else [x]
+
+    def i2repr(self, pkt: Packet | None, x: Any) -> str:  # noqa: ARG002
+        return repr(x)
+
+    def do_copy(self, x: Any) -> Any:
+        return None if x is None else list(x)
+
+
+def _many(value: Any) -> bool:
+    return isinstance(value, tuple | range | set)
+
+
+class _Part(Packet):  # type: ignore[misc]
+    """Something inside a message. A change of it must not leave the bytes that were received."""
+
+    def setfieldval(self, attr: str, val: Any) -> None:
+        super().setfieldval(attr, val)
+        if isinstance(self.parent, _Message):
+            self.parent.clear_cache()
+
+    def extract_padding(self, s: bytes) -> tuple[bytes, bytes]:
+        return b"", s
+
+
+class DS47Address(_Part):
+    """One parameter address of a request (docs/protocol.md A.1)."""
+
+    name = "DS47 address"
+    fields_desc = [  # noqa: RUF012
+        XByteEnumField("attribute", 0x10, _ATTRIBUTES),
+        ByteField("element_count", 1),
+        ShortField("pnu", 0),
+        ShortField("subindex", 0),
+    ]
+
+    def mysummary(self) -> str:
+        """The address as it stands in a summary."""
+        return f"p{self.pnu}[{self.subindex}]"
+
+
+class DS47Block(_Part):
+    """One value block (docs/protocol.md A.5 to A.7).
+
+    `values` are the values, as in a report. A block of an error (`format` 0x44) has no values but
+    `error_words`: the error number, and mostly further information. `raw` and `pad` are bytes to
+    send as they are, whatever stands in `values`; a block that was received has them only where its
+    bytes are not those that its values give.
+    """
+
+    name = "DS47 value block"
+    fields_desc = [  # noqa: RUF012
+        XByteEnumField("format", 0x08, _FORMATS),
+        ByteField("value_count", None),
+        _ListField("values", []),
+        ConditionalField(_ListField("error_words", []), lambda block: block.format == ERROR),
+        ConditionalField(StrField("raw", None), lambda block: "raw" in block.fields),
+        ConditionalField(StrField("pad", None), lambda block: "pad" in block.fields),
+    ]
+
+    def self_build(self) -> bytes:
+        """The bytes of the block. Raises ValueError like `block`."""
+        block = self.block()
+        return bytes((block.format, block.value_count)) + block.raw + block.pad
+
+    def block(self) -> Block:
+        """The block of the codec. Raises ValueError for values that the format cannot carry."""
+        made = _made(self.format, self.values, self.error_words or [], self.raw is not None)
+        made.format = self.format
+        if self.raw is not None:
+            made.raw, made.pad = self.raw, bytes(len(self.raw) % 2)
+        if self.pad is not None:
+            made.pad = self.pad
+        if self.value_count is not None:
+            made.value_count = self.value_count
+        return made
+
+    @classmethod
+    def of(cls, block: Block, parent: Packet) -> DS47Block:
+        """The layer of a decoded block."""
+        words = block.error.words if block.error else []
+        layer = cls(format=block.format, value_count=block.value_count, values=block.values,
+                    error_words=words, _parent=parent)  # fmt: skip
+        try:
+            same = layer.block()
+        except ValueError:
+            same = None
+        if same is None or (same.raw, same.pad) != (block.raw, block.pad):
+            layer.fields |= {"raw": block.raw, "pad": block.pad}
+        return layer
+
+
+def _made(code: int, values: list[Any], words: list[int], raw: bool) -> Block:
+    """A block from values; one whose bytes are given needs no more than its header."""
+    if raw:
+        return Block(code, len(values), [], None, None, b"")
+    if code != ERROR:
+        return make_block(code, values)
+    if not 1 <= len(words) <= 2:
+        raise ValueError(f"an error block has one or two error_words, not {len(words)}: set raw")
+    return error_block(*words) if len(words) == 2 else error_block(words[0], None)
+
+
+class _Message(Packet):  # type: ignore[misc]
+    """What requests and responses have in common: they are read and made by the codec."""
+
+    def do_dissect(self, s: bytes) -> bytes:
+        data = bytes(s)
+        self._fill(data)
+        self.raw_packet_cache = data
+        self.explicit = 1
+        return b""
+
+    def self_build(self) -> bytes:
+        # Not from raw_packet_cache: what it is made of may have changed, and the same comes out.
+        return self._bytes()
+
+    def _fill(self, data: bytes) -> None:
+        raise NotImplementedError
+
+    def _bytes(self) -> bytes:
+        raise NotImplementedError
+
+    def _blocks(self) -> list[Block]:
+        return [layer.block() for layer in self.blocks]
+
+
+class DS47Request(_Message):
+    """A parameter request: the data of a Write record (docs/protocol.md A.1).
+
+    `pnu`, `subindex`, `attribute` and `element_count` are those of the first address.
+    `parameter_count` counts the addresses by itself. `rest` stands behind everything.
+    """
+
+    name = "DS47 request"
+    fields_desc = [  # noqa: RUF012
+        ByteField("request_reference", 1),
+        XByteEnumField("request_id", 1, _REQUESTS),
+        ByteField("axis", 1),
+        ByteField("parameter_count", None),
+        PacketListField("addresses", [], DS47Address),
+        PacketListField("blocks", [], DS47Block),
+        StrField("rest", b""),
+    ]
+
+    @classmethod
+    def dispatch_hook(cls, _pkt: bytes | None = None, **others: Any) -> type[Packet]:
+        """Record 47 may hold anything: what has not the shape of a request stays Raw."""
+        return _layer(cls, _pkt, others, lambda data: decode_request(data).shaped)
+
+    def _fill(self, data: bytes) -> None:
+        request = decode_request(data)
+        self.fields |= _head(request) | {"request_id": request.request_id}
+        self.fields["addresses"] = [
+            DS47Address(attribute=each.attribute, element_count=each.element_count, pnu=each.pnu,
+                        subindex=each.subindex, _parent=self)
+            for each in request.addresses
+        ]  # fmt: skip
+        self.fields["blocks"] = [DS47Block.of(each, self) for each in request.blocks]
+        self.fields["rest"] = request.rest
+
+    def _bytes(self) -> bytes:
+        return encode_request(self.message())
+
+    def message(self) -> Request:
+        """The request of the codec. Raises ValueError for values that a format cannot carry."""
+        addresses = [
+            Address(each.attribute, each.element_count, each.pnu, each.subindex)
+            for each in self.addresses
+        ]
+        count = len(addresses) if self.parameter_count is None else self.parameter_count
+        head = (self.request_reference, self.request_id, self.axis, count)
+        return Request(*head, addresses=addresses, blocks=self._blocks(), rest=self.rest)
+
+    @property
+    def pnu(self) -> int | None:
+        """Parameter number of the first address, None without one."""
+        return self._first("pnu")
+
+    @property
+    def subindex(self) -> int | None:
+        """Subindex of the first address."""
+        return self._first("subindex")
+
+    @property
+    def attribute(self) -> int | None:
+        """Attribute of the first address."""
+        return self._first("attribute")
+
+    @property
+    def element_count(self) -> int | None:
+        """Number of elements of the first address."""
+        return self._first("element_count")
+
+    def _first(self, name: str) -> int | None:
+        return getattr(self.addresses[0], name) if self.addresses else None
+
+    def mysummary(self) -> str:
+        """What is asked, in one line."""
+        parameters = ", ".join(each.mysummary() for each in self.addresses)
+        return f"{self.sprintf('DS47 %DS47Request.request_id%')} {parameters}"
+
+
+class DS47Response(_Message):
+    """A parameter response: the data of a Read record (docs/protocol.md A.2).
+
+    `format`, `value_count`, `values` and `error_words` are those of the first block.
+    `parameter_count` counts the blocks by itself; for a change that was done, which has none, it is
+    1 unless given.
+    """
+
+    name = "DS47 response"
+    fields_desc = [  # noqa: RUF012
+        ByteField("request_reference", 1),
+        XByteEnumField("response_id", 1, _RESPONSES),
+        ByteField("axis", 1),
+        ByteField("parameter_count", None),
+        PacketListField("blocks", [], DS47Block),
+        StrField("rest", b""),
+    ]
+
+    @classmethod
+    def dispatch_hook(cls, _pkt: bytes | None = None, **others: Any) -> type[Packet]:
+        """Record 47 may hold anything: what has not the shape of a response stays Raw."""
+        return _layer(cls, _pkt, others, lambda data: decode_response(data).shaped)
+
+    def _fill(self, data: bytes) -> None:
+        response = decode_response(data)
+        self.fields |= _head(response) | {"response_id": response.response_id}
+        self.fields["blocks"] = [DS47Block.of(each, self) for each in response.blocks]
+        self.fields["rest"] = response.rest
+
+    def _bytes(self) -> bytes:
+        return encode_response(self.message())
+
+    def message(self) -> Response:
+        """The response of the codec. Raises ValueError for values that a format cannot carry."""
+        blocks = self._blocks()
+        count = self.parameter_count
+        count = (len(blocks) or 1) if count is None else count
+        head = (self.request_reference, self.response_id, self.axis, count)
+        return Response(*head, blocks=blocks, rest=self.rest)
+
+    @property
+    def format(self) -> int | None:
+        """Format of the first block, None without one."""
+        found: int | None = self._first("format")
+        return found
+
+    @property
+    def value_count(self) -> int | None:
+        """Number of values of the first block."""
+        found: int | None = self._first("value_count")
+        return found
+
+    @property
+    def values(self) -> list[Any] | None:
+        """Values of the first block."""
+        found: list[Any] | None = self._first("values")
+        return found
+
+    @property
+    def error_words(self) -> list[int] | None:
+        """Error words of the first block; empty where it is no error."""
+        found: list[int] | None = self._first("error_words")
+        return found
+
+    def _first(self, name: str) -> Any:
+        return getattr(self.blocks[0], name) if self.blocks else None
+
+    def mysummary(self) -> str:
+        """What is answered, in one line."""
+        return str(self.sprintf("DS47 %DS47Response.response_id% response"))
+
+
+def _head(message: Request | Response) -> dict[str, int | None]:
+    return {
+        "request_reference": message.request_reference,
+        "axis": message.axis,
+        "parameter_count": message.parameter_count,
+    }
+
+
+def _layer(
+    cls: type[Packet], data: bytes | None, others: dict[str, Any], shaped: Callable[[bytes], bool]
+) -> type[Packet]:
+    if data is None or not others.get("_internal"):
+        return cls  # made by hand: it is what the caller says
+    below = others.get("_underlayer")
+    if len(data) < _HEADER or (getattr(below, "index", None) == INDEX_47 and not shaped(data)):
+        return Raw  # type: ignore[no-any-return]
+    return cls
+
+
+def _record_length(block: Packet) -> int:
+    return block.recordDataLength or 0
+
+
+def _bind() -> None:
+    """Hangs the layers below the record blocks, and those below UDP."""
+    # scapy takes the record of a Read response for the next block.
+    if "payload_length" not in vars(IODReadRes):
+        IODReadRes.payload_length = _record_length
+    for below, layer in ((IODWriteReq, DS47Request), (IODReadRes, DS47Response)):
+        for index in (LOCAL, GLOBAL):
+            bind_bottom_up(below, layer, index=index)
+        bind_layers(below, layer, index=INDEX_47)
+    bind_bottom_up(UDP, DceRpc, dport=PNIO_PORT)
+    bind_bottom_up(UDP, DceRpc, sport=PNIO_PORT)
+    bind_top_down(UDP, DceRpc4, sport=PNIO_PORT, dport=PNIO_PORT)
+
+
+_bind()

@@ -1,0 +1,298 @@
+"""The engine tshark: the same model as from `ds47.analysis`, but decoded by the Wireshark plugin.
+
+The native engine reads the capture and keeps the frames that may matter; only those go through
+tshark, and their numbers are put back into what it says. What the plugin does not show (counts,
+devices) is that of the native engine. `both` compares the two: a difference is a finding (DS601).
+Running tshark is in `shark`, reading its answer in `fields`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import string
+import tempfile
+from array import array
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any, BinaryIO, Literal
+
+from ds47 import spec
+from ds47.analysis import AnalysisOptions, OnTransaction
+from ds47.analysis import analyze as analyze_natively
+from ds47.capture import Capture, CaptureError, Frame
+from ds47.capture.stream import Stream
+from ds47.capture.writer import PcapngWriter
+from ds47.findings import Findings
+from ds47.model import CaptureResult, Finding, Transaction
+from ds47.regression.compare import Change, compare
+from ds47.regression.config import Config
+from ds47.report import json as report
+from ds47.spec.semantics import limits, reasons
+from ds47.transactions import summarise
+from ds47.wireshark import rebuild, shark
+
+DIFFERS = "DS601"
+_WITHOUT_REQUEST = "DS403"
+_FRAME_ARGUMENTS = frozenset(("by", "first"))
+"""Arguments of messages that are frame numbers (spec/rules.toml)."""
+_MOST_MS = 2**32 - 1
+
+Json = dict[str, Any]
+
+
+class Engine:
+    """Analyses captures with tshark; ready once it is made.
+
+    Args:
+        name: "tshark" gives what the plugin says, "both" what the native engine says and where the
+            plugin differs.
+        options: choices of the user, for all captures.
+        program: tshark; None for the one of this machine.
+
+    Raises:
+        ds47.wireshark.shark.NotReadyError: something is missing, in one line.
+    """
+
+    def __init__(
+        self, name: Literal["tshark", "both"], options: AnalysisOptions, program: str | None = None
+    ) -> None:
+        self._both = name == "both"
+        self._options = options
+        self._findings = Findings(options.lang, options.select, options.ignore)
+        self._preferences = preferences(options)
+        self._tshark = shark.prepare(program)
+
+    def analyze(
+        self, source: str | Path | BinaryIO, on_transaction: OnTransaction | None = None
+    ) -> CaptureResult:
+        """Analyses one capture; arguments and result are those of `ds47.analysis.analyze`.
+
+        `on_transaction` is called at the end of the capture: tshark needs two passes.
+
+        Raises:
+            ds47.capture.CaptureError: nothing of the source can be read, or tshark gave up.
+        """
+        with tempfile.TemporaryDirectory(prefix="ds47-") as folder:
+            extract = Path(folder, "frames.pcapng")
+            capture = _Extract(source, extract)
+            with capture:
+                native = analyze_natively(capture, self._options)
+            try:
+                found, errors = self._ask(capture, extract, native)
+            except shark.StoppedError as problem:
+                if not self._both:
+                    raise CaptureError(f"{native.path}: {problem}") from problem
+                found, errors = None, [str(problem)]
+        result = self._compared(native, found, errors) if self._both else found
+        if result is None or (errors and not self._both):
+            raise CaptureError(f"{native.path}: the plugin failed: {errors[0]}")
+        if self._options.digest and isinstance(source, (str, Path)) and str(source) != "-":
+            with Path(source).open("rb") as stream:
+                result.sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+        return result if on_transaction is None else _handed_out(result, on_transaction)
+
+    def _ask(
+        self, capture: _Extract, extract: Path, native: CaptureResult
+    ) -> tuple[CaptureResult, list[str]]:
+        """The result of the plugin, with the frame numbers of the capture itself."""
+        result = replace(native, transactions=[], findings=[], summary={"transactions": 0})
+        if not capture.numbers:
+            return result, []
+        answer = shark.ask(self._tshark, extract, self._preferences)
+        original = _Original(capture.numbers, self._options.lang, bool(native.dropped))
+        findings = [original.finding(each) for each in answer.fields.findings]
+        result.findings = [each for each in findings if self._findings.wanted(each.rule)]
+        summary = {"transactions": 0}
+        for item in answer.fields.transactions:
+            transaction = original.transaction(item)
+            transaction.findings = list(filter(self._findings.wanted, transaction.findings))
+            summarise(summary, transaction)
+            result.transactions.append(transaction)
+        # Equal results are equal texts: the native one counts in the order in which they end.
+        result.summary = {key: summary[key] for key in native.summary if key in summary} | summary
+        return result, answer.errors
+
+    def _compared(
+        self, native: CaptureResult, found: CaptureResult | None, errors: Sequence[str]
+    ) -> CaptureResult:
+        """The native result, with a finding for each difference."""
+        if not self._findings.wanted(DIFFERS):
+            return native
+        first = next((t.frames.first() for t in native.transactions), 1)
+        findings = [self._difference(text, first) for text in errors]
+        if found is not None:
+            findings += [
+                self._difference(change.text, _frame(change, native, found) or first)
+                for change in differences(native, found)
+            ]
+        native.findings = sorted(
+            native.findings + findings,
+            key=lambda f: (f.frame, f.rule, f.transaction or 0, f.offset or 0),
+        )
+        return native
+
+    def _difference(self, text: str, frame: int) -> Finding:
+        rule = spec.rules()[DIFFERS]
+        template = rule.message_zh if self._options.lang == "zh" else rule.message
+        return Finding(DIFFERS, rule.severity, template.format(difference=text), frame)
+
+
+def differences(native: CaptureResult, found: CaptureResult) -> list[Change]:
+    """What differs between two results of one capture: was native, is tshark."""
+    # One file: compare() then compares frames and times too.
+    one_file = {"sha256": "the same"}
+    stored, now = report.capture(native) | one_file, report.capture(found) | one_file
+    return compare(stored, now, Config(), Path(native.path))
+
+
+def preferences(options: AnalysisOptions) -> list[str]:
+    """The options of an analysis as preferences of the plugin.
+
+    Rules are not left out by the plugin but afterwards: those of the comparison would be missing.
+
+    Raises:
+        ds47.wireshark.shark.NotReadyError: the plugin takes whole milliseconds.
+    """
+    slow_ms = limits().slow_ns / 1e6 if options.slow_ms is None else options.slow_ms
+    if not 0 <= slow_ms <= _MOST_MS or slow_ms != int(slow_ms):
+        raise shark.NotReadyError(f"the engine tshark takes whole ms for --slow, not {slow_ms:g}")
+    codec = options.codec
+    # Wireshark 3.4 takes no empty value. Empty is what a preference is where nobody has set it.
+    indices = ",".join(map(str, sorted(options.indices)))
+    return [
+        *([f"ds47.indices:{indices}"] if indices else []),
+        "ds47.index_47:auto",
+        f"ds47.language:{options.lang}",
+        f"ds47.slow_ms:{int(slow_ms)}",
+        f"ds47.legacy_g120_formats:{str(codec.legacy_g120_formats).upper()}",
+        f"ds47.profile_v3_types:{str(codec.profile_v3_types).upper()}",
+    ]
+
+
+class _Extract(Capture):
+    """A capture that keeps, while it is read, the frames that may matter in a file of their own.
+
+    `numbers[n - 1]` is the number in the capture of frame n of that file.
+    """
+
+    def __init__(self, source: str | Path | BinaryIO, path: Path) -> None:
+        stream = Stream(source)
+        try:
+            super().__init__(stream)
+        except CaptureError as error:
+            stream.close()
+            raise CaptureError(f"{stream.name}: {error.message}") from error
+        self.numbers = array("Q")
+        self._writer = PcapngWriter(path, link_type=None)
+        self._interfaces: dict[int, int] = {}
+
+    def __iter__(self) -> Iterator[Frame]:
+        for frame in super().__iter__():
+            self._keep(frame)
+            yield frame
+
+    def _keep(self, frame: Frame) -> None:
+        interface = self._interfaces.get(frame.link_type)
+        if interface is None:
+            interface = self._writer.add_interface(frame.link_type)
+            self._interfaces[frame.link_type] = interface
+        data = bytes(frame.data)
+        try:
+            self._writer.write(frame.time_ns, data, frame.original_length, interface=interface)
+        except ValueError as problem:
+            text = f"{self.path}: frame {frame.number}: the time cannot be given to tshark"
+            raise CaptureError(f"{text}: {problem}") from problem
+        self.numbers.append(frame.number)
+
+    def close(self) -> None:
+        """Close both files."""
+        super().close()
+        self._writer.close()
+
+
+class _Original:
+    """Puts what the plugin cannot know into what it says: frame numbers, and that frames are lost."""
+
+    def __init__(self, numbers: Sequence[int], lang: str, dropped: bool) -> None:
+        self._numbers = numbers
+        self._lang = lang
+        self._dropped = dropped
+
+    def transaction(self, item: Json) -> Transaction:
+        """The transaction, with the frame numbers of the capture."""
+        transaction = rebuild.transaction(item)
+        frames = transaction.frames
+        for name in ("write_request", "write_response", "read_request", "read_response"):
+            setattr(frames, name, self._number(getattr(frames, name)))
+        frames.polls = [(self._number(a), self._number(b)) for a, b in frames.polls]
+        frames.rereads = [(self._number(a), self._number(b)) for a, b in frames.rereads]
+        return transaction
+
+    def finding(self, item: Json) -> Finding:
+        """The finding, with the frame numbers of the capture, also in its message."""
+        finding = rebuild.finding(item)
+        finding.frame = self._numbers[finding.frame - 1]
+        template = _template(finding.rule, self._lang)
+        match = template and template.fullmatch(finding.message)
+        if match:
+            finding.message = self._worded(match)
+        if self._dropped and finding.rule == _WITHOUT_REQUEST:
+            finding.message += f" ({reasons(self._lang)['dropped']})"
+        return finding
+
+    def _worded(self, match: re.Match[str]) -> str:
+        text = match.string
+        words = reasons(self._lang)
+        for name in reversed(list(match.groupdict())):
+            said = match[name]
+            if name in _FRAME_ARGUMENTS:
+                said = str(self._number(int(said)))
+            elif self._dropped and said == words["end"]:
+                said = f"{said}; {words['dropped']}"
+            text = text[: match.start(name)] + said + text[match.end(name) :]
+        return text
+
+    def _number(self, frame: int | None) -> int | None:
+        return None if frame is None else self._numbers[frame - 1]
+
+
+@cache
+def _template(rule: str, lang: str) -> re.Pattern[str] | None:
+    """The message of a rule with its frame numbers and its reason as groups; None without any."""
+    texts = spec.rules()[rule]
+    pattern, wanted = "", False
+    for text, name, _, _ in string.Formatter().parse(
+        texts.message_zh if lang == "zh" else texts.message
+    ):
+        pattern += re.escape(text)
+        if name in _FRAME_ARGUMENTS:
+            pattern, wanted = pattern + rf"(?P<{name}>\d+)", True
+        elif name == "reason":
+            pattern, wanted = pattern + "(?P<reason>.*)", True
+        elif name is not None:
+            pattern += ".*"
+    return re.compile(pattern, re.DOTALL) if wanted else None
+
+
+def _frame(change: Change, native: CaptureResult, found: CaptureResult) -> int | None:
+    """A frame in which a difference shows."""
+    if change.stored is not None:
+        return native.transactions[change.stored].frames.first()
+    if change.now is not None:
+        return found.transactions[change.now].frames.first()
+    about = change.is_now or change.was
+    return about.get("frame") if isinstance(about, dict) else None
+
+
+def _handed_out(result: CaptureResult, on_transaction: OnTransaction) -> CaptureResult:
+    """Gives the transactions away in the order in which they ended, as an analysis does."""
+    about: dict[int | None, list[Finding]] = {}
+    for finding in result.findings:
+        about.setdefault(finding.transaction, []).append(finding)
+    for transaction in sorted(result.transactions, key=lambda t: max(t.frames.all(), default=0)):
+        on_transaction(transaction, about.pop(transaction.id, []))
+    rest = [finding for findings in about.values() for finding in findings]
+    return replace(result, transactions=[], findings=rest)

@@ -1,0 +1,514 @@
+"""The engine tshark: the same result as the native one, and a finding where it is not the same."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fake_tshark import real_tshark
+
+from ds47 import spec
+from ds47.analysis import AnalysisOptions, analyze
+from ds47.capture import CaptureError, open_capture
+from ds47.capture.scan import ETHERNET, SLL, SLL2
+from ds47.capture.writer import PcapngWriter
+from ds47.model import CaptureResult, Finding, Transaction
+from ds47.profidrive import Options
+from ds47.report import json as report
+from ds47.spec.semantics import limits, reasons
+from ds47.wireshark import engine, rebuild, shark
+from ds47.wireshark.engine import Engine
+from ds47.wireshark.fields import Fields
+from ds47.wireshark.shark import Answer, NotReadyError
+
+ROOT = Path(__file__).resolve().parents[2]
+CAPTURES = ROOT / "captures"
+SOME = [
+    "tour-machine", "seed-g120-change", "format-mixed", "format-description",
+    "message-error-words", "message-left-over", "message-value-count", "message-vendor",
+    "conversation-orphan", "conversation-partial-change", "conversation-read-back",
+    "conversation-released", "conversation-superseded-read", "transport-time-back",
+    "conversation-wrong-reference", "record-implicit", "record-multiple-refused",
+    "record-nothing-to-read", "record-polls-many", "record-reread", "record-write-refused-open",
+    "transport-copies", "transport-fault", "transport-ip-fragments-disorder",
+    "transport-little-big", "transport-retransmission", "transport-rpc-fragments",
+    "transport-sll", "transport-sll2", "transport-snap-length", "transport-vlan", "naming-all",
+]  # fmt: skip
+NOISE = 60_000
+
+
+@pytest.fixture(scope="module")
+def program() -> str:
+    pytest.importorskip("pyshark") if os.environ.get("DS47_CI") != "1" else __import__("pyshark")
+    return real_tshark()
+
+
+@pytest.fixture(scope="module")
+def ready(program: str) -> Callable[..., Engine]:
+    """Makes an engine with any options; tshark is tried once."""
+    tshark = shark.prepare(program)
+
+    def make(name: Any = "both", options: AnalysisOptions | None = None) -> Engine:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(shark, "prepare", lambda _program: tshark)
+            return Engine(name, options or AnalysisOptions())
+
+    return make
+
+
+def endures(program: str, path: Path) -> None:
+    """Skips where tshark dies of a capture without any plugin: some 4.6 do of cooked frames."""
+    command = [program, "-n", "-r", str(path)]
+    if subprocess.run(command, capture_output=True, check=False).returncode not in (0, 1, 2):
+        pytest.skip("this tshark dies of this capture, without the plugin too")
+
+
+def as_json(result: CaptureResult) -> str:
+    return json.dumps(report.capture(result), indent=1, ensure_ascii=False)
+
+
+# -- the same result --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SOME)
+def test_both_engines_say_the_same(ready: Callable[..., Engine], program: str, name: str) -> None:
+    path = CAPTURES / f"{name}.pcapng"
+    if "sll" in name:
+        endures(program, path)
+    assert as_json(ready("tshark").analyze(path)) == as_json(analyze(path))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        AnalysisOptions(lang="zh"),
+        AnalysisOptions(slow_ms=1),
+        AnalysisOptions(select=("DS4",)),
+        AnalysisOptions(ignore=("DS4",), lang="zh"),
+        AnalysisOptions(indices=frozenset((0xAFF0, 47)), codec=Options(legacy_g120_formats=True)),
+        AnalysisOptions(codec=Options(profile_v3_types=True)),
+        AnalysisOptions(digest=True),
+    ],
+    ids=lambda options: str(options)[16:60],
+)
+def test_the_options_are_those_of_the_plugin(
+    ready: Callable[..., Engine], options: AnalysisOptions
+) -> None:
+    for name in ("tour-machine", "conversation-superseded-read"):
+        path = CAPTURES / f"{name}.pcapng"
+        assert as_json(ready("tshark", options).analyze(path)) == as_json(analyze(path, options))
+        assert as_json(ready("both", options).analyze(path)) == as_json(analyze(path, options))
+
+
+def test_transactions_one_by_one(ready: Callable[..., Engine]) -> None:
+    path = CAPTURES / "tour-machine.pcapng"
+    handed: list[tuple[Transaction, list[Finding]]] = []
+    result = ready("tshark").analyze(path, lambda *item: handed.append((item[0], list(item[1]))))
+    whole = analyze(path)
+    assert result.transactions == []
+    assert result.summary == whole.summary
+    assert sorted(t.id for t, _ in handed) == [t.id for t in whole.transactions]
+    ends = [t.frames.all()[-1] for t, _ in handed]
+    assert ends == sorted(ends)
+    for transaction, findings in handed:
+        assert sorted({f.rule for f in findings}) == transaction.findings
+
+
+def test_a_capture_without_a_frame_of_ours(ready: Callable[..., Engine], tmp_path: Path) -> None:
+    path = tmp_path / "noise.pcapng"
+    with PcapngWriter(path) as writer:
+        for number in range(5):
+            writer.write(number, cyclic(number))
+    assert as_json(ready().analyze(path)) == as_json(analyze(path))
+    assert ready("tshark").analyze(path).frames == 5
+
+
+# -- what goes through tshark -----------------------------------------------------------------------
+
+
+def cyclic(number: int) -> bytes:
+    """A frame of cyclic data: none of our business."""
+    return (
+        bytes.fromhex("001c06000001001ff8000001") + b"\x88\x92\xc0\x00" + bytes([number & 255] * 44)
+    )
+
+
+def buried(path: Path) -> dict[int, int]:
+    """The tour among cyclic frames, every link type it can have; its frame numbers, old to new."""
+    places, number = {}, 0
+    with PcapngWriter(path) as writer, open_capture(CAPTURES / "tour-machine.pcapng") as capture:
+        for frame in capture:
+            for _ in range(NOISE // 35):
+                number += 1
+                writer.write(frame.time_ns, cyclic(number))
+            number += 1
+            places[frame.number] = number
+            writer.write(frame.time_ns, bytes(frame.data), frame.original_length)
+    return places
+
+
+def test_only_frames_that_matter_go_through_tshark(
+    ready: Callable[..., Engine], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "huge.pcapng"
+    places = buried(path)
+    given: list[int] = []
+    ask = shark.ask
+
+    def watched(tshark: Any, capture: Path, preferences: Any) -> Answer:
+        with open_capture(capture) as extract:
+            given.append(sum(1 for _ in extract))
+            assert extract.frames == given[-1]
+        return ask(tshark, capture, preferences)
+
+    monkeypatch.setattr(shark, "ask", watched)
+    result = ready("tshark").analyze(path)
+    assert given == [len(places)]
+    assert result.frames > NOISE * 0.9
+    assert as_json(result) == as_json(analyze(path))
+    before = analyze(CAPTURES / "tour-machine.pcapng")
+    for then, now in zip(before.transactions, result.transactions, strict=True):
+        assert now.frames.all() == [places[number] for number in then.frames.all()]
+    assert [f.frame for f in result.findings] == [places[f.frame] for f in before.findings]
+
+
+@pytest.mark.parametrize("lang", ["en", "zh"])
+@pytest.mark.parametrize(
+    "name",
+    ["conversation-superseded-read", "conversation-superseded-change", "transport-retransmission"],
+)
+def test_frame_numbers_in_messages_are_those_of_the_capture(
+    ready: Callable[..., Engine], tmp_path: Path, name: str, lang: str
+) -> None:
+    path = tmp_path / "later.pcapng"
+    with PcapngWriter(path) as writer, open_capture(CAPTURES / f"{name}.pcapng") as capture:
+        for frame in capture:
+            for _ in range(3):
+                writer.write(frame.time_ns, cyclic(1))
+            writer.write(frame.time_ns, bytes(frame.data), frame.original_length)
+    options = AnalysisOptions(lang=lang)
+    assert as_json(ready("tshark", options).analyze(path)) == as_json(analyze(path, options))
+
+
+def test_every_frame_number_in_a_message_is_known() -> None:
+    """A rule whose message names a frame by another argument would show the wrong number."""
+    for rule in spec.rules().values():
+        named = set(re.findall(r"frame \{(\w+)\}", rule.message)) | set(
+            re.findall(r"\{(\w+)\} 帧", rule.message_zh)
+        )
+        assert named <= engine._FRAME_ARGUMENTS, rule.id
+
+
+def test_link_types_and_times_are_kept(
+    ready: Callable[..., Engine], program: str, tmp_path: Path
+) -> None:
+    """One capture with three link types, times to the nanosecond."""
+    endures(program, CAPTURES / "transport-sll2.pcapng")
+    path = tmp_path / "two.pcapng"
+    with PcapngWriter(path, link_type=None) as writer:
+        for interface, name in enumerate(
+            ("transport-sll", "transport-sll2", "transport-little-endian")
+        ):
+            with open_capture(CAPTURES / f"{name}.pcapng") as capture:
+                for frame in capture:
+                    if frame.number == 1:
+                        writer.add_interface(frame.link_type)
+                    late = frame.time_ns + interface * 10**9 + 123_456_789
+                    writer.write(late, bytes(frame.data), interface=interface)
+    native = analyze(path)
+    assert {frame.link_type for frame in open_capture(path)} == {SLL, SLL2, ETHERNET}
+    assert all(t.start_ns % 10**9 for t in native.transactions)
+    assert as_json(ready("tshark").analyze(path)) == as_json(native)
+
+
+def test_a_capture_that_lost_frames_says_so(ready: Callable[..., Engine], tmp_path: Path) -> None:
+    for name in (
+        "conversation-orphan",
+        "conversation-read-unanswered",
+        "conversation-change-unread",
+    ):
+        path = tmp_path / f"{name}.pcapng"
+        statistics = bytes.fromhex("0500000028000000000000000000000000000000")
+        statistics += bytes.fromhex("0500080007000000000000000000000028000000")
+        path.write_bytes((CAPTURES / path.name).read_bytes() + statistics)
+        native = analyze(path)
+        assert native.dropped == 7
+        assert reasons("en")["dropped"] in "".join(f.message for f in native.findings)
+        assert as_json(ready("tshark").analyze(path)) == as_json(native)
+
+
+def test_a_damaged_capture_is_read_as_far_as_it_goes(
+    ready: Callable[..., Engine], tmp_path: Path
+) -> None:
+    path = tmp_path / "cut.pcapng"
+    path.write_bytes((CAPTURES / "tour-machine.pcapng").read_bytes()[:-700])
+    result = ready().analyze(path)
+    assert not result.complete
+    assert as_json(result) == as_json(analyze(path))
+
+
+def test_what_is_no_capture(ready: Callable[..., Engine], tmp_path: Path) -> None:
+    path = tmp_path / "text.pcapng"
+    path.write_text("no capture")
+    with pytest.raises(CaptureError, match="not a capture"):
+        ready().analyze(path)
+
+
+# -- a difference -----------------------------------------------------------------------------------
+
+
+def lying(monkeypatch: pytest.MonkeyPatch, change: Callable[[Fields], None]) -> None:
+    """From here on the plugin says something else."""
+    ask = shark.ask
+
+    def changed(*arguments: Any) -> Answer:
+        answer = ask(*arguments)
+        change(answer.fields)
+        return answer
+
+    monkeypatch.setattr(shark, "ask", changed)
+
+
+def value(fields: Fields) -> None:
+    fields.transactions[0]["parameters"][0]["values"] = [47.0]
+
+
+def state(fields: Fields) -> None:
+    fields.transactions[1]["state"] = "orphan"
+
+
+def lost(fields: Fields) -> None:
+    fields.transactions.pop()
+
+
+def silent(fields: Fields) -> None:
+    fields.findings.pop()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (value, r"transaction 1: p\d+\[\d+\] was .*, is 47\.0"),
+        (state, r"transaction 2: state was ok, is orphan"),
+        (lost, r"transaction 8 is gone"),
+        (silent, r"finding gone: DS402"),
+    ],
+)
+def test_a_difference_is_a_finding(
+    ready: Callable[..., Engine],
+    monkeypatch: pytest.MonkeyPatch,
+    change: Callable[[Fields], None],
+    words: str,
+) -> None:
+    lying(monkeypatch, change)
+    path = CAPTURES / "tour-machine.pcapng"
+    result, native = ready().analyze(path), analyze(path)
+    found = [f for f in result.findings if f.rule == "DS601"]
+    assert any(re.search(words, f.message) for f in found), [f.message for f in found]
+    assert {f.severity for f in found} == {"error"}
+    frames = {frame for t in native.transactions for frame in t.frames.all()}
+    assert {f.frame for f in found} <= frames
+    result.findings = [f for f in result.findings if f.rule != "DS601"]
+    assert as_json(result) == as_json(native)
+
+
+def test_a_difference_that_nobody_wants(
+    ready: Callable[..., Engine], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lying(monkeypatch, value)
+    path = CAPTURES / "tour-machine.pcapng"
+    assert not ready("both", AnalysisOptions(select=("DS2",))).analyze(path).findings[1:]
+    chinese = ready("both", AnalysisOptions(lang="zh", select=("DS601",))).analyze(path)
+    assert [f.rule for f in chinese.findings] == ["DS601"]
+    assert "插件" in chinese.findings[0].message
+
+
+def test_an_error_of_the_plugin_shows(ready: Callable[..., Engine], tmp_path: Path) -> None:
+    for folder in ("dissector", "lua"):
+        copy(ROOT / folder, tmp_path / folder)
+    entry = tmp_path / "dissector/ds47.lua"
+    text = entry.read_text(encoding="utf-8")
+    head = "function ds47.dissector(tvb, pinfo, tree)"
+    assert head in text
+    entry.write_text(text.replace(head, f"{head} if pinfo.number == 3 then error('<no>') end"))
+    path = CAPTURES / "record-global.pcapng"
+    both, alone = ready("both"), ready("tshark")
+    for each in (both, alone):
+        each._tshark = replace(each._tshark, script=entry)
+    texts = [f.message for f in both.analyze(path).findings if f.rule == "DS601"]
+    assert any("<no>" in text for text in texts)
+    with pytest.raises(CaptureError, match="<no>"):
+        alone.analyze(path)
+
+
+def copy(source: Path, target: Path) -> None:
+    for path in source.rglob("*.lua"):
+        place = target / path.relative_to(source)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(path.read_bytes())
+
+
+def broken_tshark(folder: Path, program: str, rest: str) -> Path:
+    """A tshark that is the real one until it has to print PDML."""
+    path = folder / "tshark"
+    path.write_text(f'#!/bin/sh\ncase "$*" in *pdml*) {rest};; esac\nexec {program} "$@"\n')
+    path.chmod(0o755)
+    return path
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell script")
+@pytest.mark.parametrize(
+    ("rest", "words"),
+    [
+        ("echo '<pdml><packet>'; echo out of memory >&2; exit 0", "out of memory"),
+        ("echo '<pdml></pdml>'; echo no plugin >&2; exit 4", "no plugin"),
+        ("echo '<pdml><packet><proto></packet></pdml>'; exit 0", "cannot be read"),
+        ("kill -9 $$", "stopped early"),
+    ],
+)
+def test_a_tshark_that_stops(program: str, tmp_path: Path, rest: str, words: str) -> None:
+    path = CAPTURES / "record-global.pcapng"
+    broken = str(broken_tshark(tmp_path, program, rest))
+    with pytest.raises(CaptureError, match=words):
+        Engine("tshark", AnalysisOptions(), broken).analyze(path)
+    (found,) = Engine("both", AnalysisOptions(), broken).analyze(path).findings
+    assert found.rule == "DS601"
+    assert words in found.message
+
+
+# -- what is missing --------------------------------------------------------------------------------
+
+
+def test_without_tshark(tmp_path: Path) -> None:
+    with pytest.raises(NotReadyError, match="install tshark, or name it with --tshark"):
+        Engine("tshark", AnalysisOptions(), str(tmp_path / "no-tshark"))
+
+
+def test_without_pyshark(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyshark", None)
+    shark._file_capture.cache_clear()
+    with pytest.raises(NotReadyError, match=r"needs pyshark .*pip install 'ds47\[tshark\]'"):
+        Engine("tshark", AnalysisOptions())
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell script")
+def test_where_the_plugin_is_not_loaded(program: str, tmp_path: Path) -> None:
+    """As root Wireshark 4.4 ignores scripts: it then takes ds47 for a typing error."""
+    path = tmp_path / "tshark"
+    path.write_text(
+        f'#!/bin/sh\ncase "$*" in *lua_script*) echo "tshark: ds47 is neither a field" >&2; exit 2;; esac\n'
+        f'exec {program} "$@"\n'
+    )
+    path.chmod(0o755)
+    with pytest.raises(NotReadyError, match=r"(neither a field|as root).*ds47 plugin doctor"):
+        Engine("tshark", AnalysisOptions(), str(path))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a shell script")
+def test_a_plugin_of_another_version_is_in_the_way(program: str, tmp_path: Path) -> None:
+    path = tmp_path / "tshark"
+    path.write_text(
+        "#!/bin/sh\n"
+        f'if [ "$1 $2" = "-G plugins" ]; then printf "ds47.lua\\t0.0.9\\tlua script\\t/opt/ds47.lua\\n"; fi\n'
+        f'exec {program} "$@"\n'
+    )
+    path.chmod(0o755)
+    with pytest.raises(NotReadyError, match=r"/opt/ds47\.lua is version 0\.0\.9 .*delete it"):
+        Engine("tshark", AnalysisOptions(), str(path))
+
+
+@pytest.mark.parametrize("slow_ms", [0.5, -1, float("inf"), 2.0**33])
+def test_a_limit_that_the_plugin_cannot_have(slow_ms: float) -> None:
+    with pytest.raises(NotReadyError, match="whole ms"):
+        engine.preferences(AnalysisOptions(slow_ms=slow_ms))
+
+
+def test_preferences_are_complete() -> None:
+    """Each preference of the plugin can be given; `ignore` is applied to both engines afterwards."""
+    text = (ROOT / "dissector/ds47_ws/preferences.lua").read_text(encoding="utf-8")
+    there = set(re.findall(r"^  prefs\.(\w+) = Pref", text, re.MULTILINE))
+    given = engine.preferences(AnalysisOptions(indices=frozenset((3, 0xB030))))
+    assert {each.split(":")[0].removeprefix("ds47.") for each in given} == there - {"ignore"}
+    assert {"ds47.indices:3,45104", f"ds47.slow_ms:{limits().slow_ns // 10**6}"} <= set(given)
+    assert all(each.split(":")[1] for each in engine.preferences(AnalysisOptions()))
+
+
+def test_settings_of_the_user_do_not_count(
+    ready: Callable[..., Engine], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("HOME", "XDG_CONFIG_HOME", "WIRESHARK_CONFIG_DIR"):
+        monkeypatch.setenv(name, str(tmp_path))
+    for folder in (tmp_path, tmp_path / ".config/wireshark"):
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "disabled_protos").write_text("ds47\n")
+    path = CAPTURES / "record-global.pcapng"
+    assert as_json(ready("tshark").analyze(path)) == as_json(analyze(path))
+    assert os.environ["HOME"] == str(tmp_path)
+
+
+# -- the command ------------------------------------------------------------------------------------
+
+
+def ds47(*arguments: str | Path, data: bytes = b"") -> subprocess.CompletedProcess[bytes]:
+    command = [sys.executable, "-m", "ds47", *map(str, arguments)]
+    return subprocess.run(command, input=data, capture_output=True, check=False)
+
+
+def test_the_command(program: str) -> None:
+    path = CAPTURES / "tour-machine.pcapng"
+    texts = {
+        name: ds47("report", "--engine", name, "--tshark", program, path).stdout
+        for name in ("native", "tshark", "both")
+    }
+    assert texts["native"] == texts["tshark"] == texts["both"] != b""
+
+
+@pytest.mark.parametrize("form", ["json", "ndjson", "csv"])
+def test_the_command_in_other_formats_from_stdin(program: str, form: str) -> None:
+    data = (CAPTURES / "conversation-superseded-read.pcapng").read_bytes()
+    native, both = (
+        ds47("report", "-f", form, "--engine", name, "--tshark", program, "-", data=data)
+        for name in ("native", "both")
+    )
+    assert native.returncode == both.returncode == 0, both.stderr
+    assert sorted(native.stdout.splitlines()) == sorted(both.stdout.splitlines())
+
+
+def test_the_command_without_tshark() -> None:
+    said = ds47("report", "--engine", "tshark", "--tshark", "no-such-tshark", CAPTURES)
+    assert said.returncode == 2
+    assert said.stdout == b""
+    assert len(said.stderr.splitlines()) == 1
+
+
+# -- from dictionaries to the model -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("path", sorted(CAPTURES.glob("*.pcapng")), ids=lambda path: path.stem)
+def test_rebuilding_is_the_reverse_of_the_report(path: Path) -> None:
+    for transaction in analyze(path).transactions:
+        rebuilt = rebuild.transaction(report.transaction(transaction))
+        assert rebuilt == replace(transaction, position=0)
+
+
+@pytest.mark.parametrize("time_ns", [0, 1, -1, -(10**18), 1_767_254_400_123_456_789, 2**63, 2**80])
+def test_times_are_exact(time_ns: int) -> None:
+    assert rebuild.nanoseconds(report.timestamp(time_ns)) == time_ns
+
+
+@pytest.mark.parametrize("ns", [0, 1, -5, 999_999, 12_345_678_901, 10**15 + 1, None])
+def test_durations_are_exact(ns: int | None) -> None:
+    assert rebuild.duration(report.milliseconds(ns)) == ns
+
+
+def test_what_is_no_time() -> None:
+    with pytest.raises(ValueError, match="no time"):
+        rebuild.nanoseconds("yesterday")
