@@ -3,22 +3,30 @@
 #
 #   make report     set up if needed, then print the report of the stored captures
 #   make test       set up, system packages included where that is possible, then run the tests
-#   make lint       ruff check, ruff format --check, mypy --strict
-#   make bench      time the analyzer against tshark        (BENCH=--small for a quick one)
+#   make lint       ruff check, ruff format --check, mypy --strict; luacheck where it is installed
+#   make matrix     run the plugin's tests on Wireshark 3.4, 4.0, 4.4, 4.6 and on plain Lua 5.2 to 5.4
+#   make bench      time the analyzer and the plugin against tshark    (BENCH=--small for a quick one)
+#   make dist       write the plugin as one Lua file, dist/ds47-VERSION.lua
 #   make captures   let the lab write captures/ again
+#   make tables     write lua/ds47/tables.lua from python/ds47/spec/*.toml again
+#   make screenshot take the README's picture of Wireshark again
 #   make readme     put the present report into README.md
 #   make constraints  resolve constraints.txt anew
 #   make clean      remove what the targets above made
 #
-# PYTHON=... chooses the interpreter, ARGS=... goes to pytest.
+# PYTHON=... chooses the interpreter, ARGS=... goes to pytest, MATRIX=trixie chooses of the matrix.
+# LUACHECK=must and MATRIX=--must fail where what they need is missing; otherwise they say so and go on.
 
 PYTHON ?= $(shell tools/find-python.sh)
 ARGS ?=
 BENCH ?=
+MATRIX ?=
+LUACHECK ?=
 UV_VERSION := 0.13.9
 
 VENV := .venv
 BIN := $(VENV)/bin
+RUN := $(VENV)/.run
 STAMP := $(VENV)/.installed
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
@@ -27,9 +35,10 @@ export PYTHONUTF8 := 1
 .DEFAULT_GOAL := report
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: report test lint format bench captures readme constraints clean system venv FORCE
+.PHONY: report test lint format matrix bench dist captures tables screenshot readme constraints clean \
+  system venv FORCE
 
-report: $(STAMP)
+report: $(RUN)
 	@$(BIN)/ds47 report captures
 
 test: system
@@ -40,16 +49,36 @@ lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy --strict python/ds47
+	@if command -v luacheck >/dev/null 2>&1; then \
+	  echo luacheck . && luacheck --quiet --no-color .; \
+	elif [ "$(LUACHECK)" = must ]; then \
+	  echo "luacheck is missing (Debian: lua-check)" >&2; exit 1; \
+	else \
+	  echo "luacheck is not installed (Debian: lua-check): lint of the Lua files skipped" >&2; \
+	fi
 
 format: $(STAMP)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
+matrix: $(STAMP)
+	$(BIN)/python tools/matrix.py $(MATRIX)
+
 bench: $(STAMP)
 	$(BIN)/python bench/run.py $(BENCH)
+	$(BIN)/python bench/plugin.py $(BENCH)
+
+dist: $(STAMP)
+	$(BIN)/python tools/make_bundle.py
 
 captures: $(STAMP)
 	$(BIN)/python -m ds47.lab captures
+
+tables: $(STAMP)
+	$(BIN)/python tools/make_tables.py
+
+screenshot: $(STAMP)
+	tools/screenshot.sh
 
 readme: $(STAMP)
 	$(BIN)/python tools/readme_report.py
@@ -60,26 +89,34 @@ system:
 venv: $(STAMP)
 
 # A virtual environment holds absolute paths, so one of a checkout that was moved is made again.
-ifneq ($(shell cat $(STAMP) 2>/dev/null),$(CURDIR))
-$(STAMP): FORCE
+ifneq ($(shell cat $(RUN) 2>/dev/null),$(CURDIR))
+$(RUN): FORCE
 endif
 
-$(STAMP): constraints.txt pyproject.toml
+# What the command needs; then, for the tests and tools, all the rest.
+$(RUN): constraints-run.txt pyproject.toml
 	@echo "Setting up $(VENV) (once, some ten seconds) ..." >&2
 	@tools/check-python.sh "$(PYTHON)"
-	@rm -f $(STAMP)
+	@rm -f $(RUN) $(STAMP)
 	@"$(PYTHON)" -m venv --clear $(VENV)
-	@$(BIN)/python -m pip install --quiet --require-hashes -r constraints.txt
+	@$(BIN)/python -m pip install --quiet --require-hashes -r constraints-run.txt
 	@$(BIN)/python -m pip install --quiet --no-index --no-deps --no-build-isolation --editable .
-	@printf '%s\n' "$(CURDIR)" > $(STAMP)
+	@printf '%s\n' "$(CURDIR)" > $(RUN)
 
-# One file for Linux, macOS and Windows and every Python from 3.11 on; names no index.
+$(STAMP): $(RUN) constraints.txt
+	@echo "Installing what the tests need (once, up to a minute) ..." >&2
+	@$(BIN)/python -m pip install --quiet --require-hashes -r constraints.txt
+	@touch $(STAMP)
+
+# Two files for Linux, macOS and Windows and every Python from 3.11 on; they name no index.
+COMPILE := build/resolver/bin/uv pip compile --quiet pyproject.toml --universal --python-version 3.11 \
+  --generate-hashes --no-annotate --no-emit-index-url --custom-compile-command "make constraints"
+
 constraints:
 	@"$(PYTHON)" -m venv --clear build/resolver
 	@build/resolver/bin/python -m pip install --quiet uv==$(UV_VERSION)
-	build/resolver/bin/uv pip compile --quiet --upgrade pyproject.toml --all-extras --universal \
-	  --python-version 3.11 --generate-hashes --no-annotate --no-emit-index-url \
-	  --custom-compile-command "make constraints" --output-file constraints.txt
+	$(COMPILE) --upgrade --all-extras --output-file constraints.txt
+	$(COMPILE) --extra build --constraints constraints.txt --output-file constraints-run.txt
 
 clean:
 	rm -rf $(VENV) build dist bench/data .mypy_cache .ruff_cache .pytest_cache .hypothesis

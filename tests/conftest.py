@@ -13,6 +13,9 @@ import pytest
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
+# Wheels that tests build stay plain Python: compiling takes minutes, and CI does it once.
+os.environ.setdefault("DS47_COMPILE", "0")
+
 
 def _missing(what: str) -> None:
     """Skip the test, or fail it where DS47_CI says that everything has to be there."""
@@ -51,7 +54,7 @@ def shared() -> Path:
 @pytest.fixture
 def tshark(tmp_path: Path) -> Callable[..., str]:
     """A function that runs tshark with empty settings, in UTC, and returns what it printed."""
-    program = shutil.which("tshark")
+    program = os.environ.get("DS47_TSHARK") or shutil.which("tshark")
     if program is None:
         _missing("tshark")
     home = tmp_path / "tshark-home"

@@ -55,5 +55,13 @@ def test_every_dependency_is_in_the_constraints(repository: Path) -> None:
     assert names - {"ds47"} <= pinned
 
 
+def test_what_the_command_needs_is_pinned_to_the_same_versions(repository: Path) -> None:
+    pins = re.compile(r"^([a-z0-9.-]+==[^ ]+)", re.MULTILINE)
+    whole = set(pins.findall(_read(repository, "constraints.txt")))
+    needed = set(pins.findall(_read(repository, "constraints-run.txt")))
+    assert needed < whole
+    assert {"click", "jinja2", "hatchling"} <= {pin.split("==")[0] for pin in needed}
+
+
 def _read(repository: Path, name: str) -> str:
     return (repository / name).read_text("utf-8")

@@ -2,7 +2,7 @@
 
 In a ``console`` block a line that starts with ``$ `` is a command, run by a shell's rules but
 without a shell: pipes, ``<`` and ``>`` as a person types them. ``  # exit 1`` at its end says which
-exit status it has, otherwise it has to be 0.
+exit status it has, otherwise it has to be 0. They run in their order, in one folder.
 """
 
 import os
@@ -35,9 +35,9 @@ def read_commands(text: str) -> list[Command]:
     for block in re.findall(r"^```console\n(.*?)^```", text, re.DOTALL | re.MULTILINE):
         for part in re.split(r"^\$ ", block, flags=re.MULTILINE)[1:]:
             line, *output = part.rstrip("\n").split("\n")
-            line, _, comment = line.partition("  # ")
+            line, _, comment = re.sub(r" {3,}#", "  #", line).partition("  # ")
             status = re.match(r"exit (\d+)", comment)
-            if re.search(r"\bds47 ", line):
+            if re.search(r"\bds47 |^cat ", line):
                 commands.append(Command(line, int(status[1]) if status else 0, tuple(output)))
     return commands
 
@@ -67,6 +67,7 @@ def run(command: Command, folder: Path) -> tuple[int, str, str]:
     """Run a command in a folder; returns exit status, stdout and stderr of the last program."""
     programs, files = split_pipe(command.line)
     data = (folder / files["<"]).read_bytes() if "<" in files else b""
+    status, errors = 0, b""
     for words in programs:
         if words[0] == "ds47":
             program = [sys.executable, "-m", "ds47", *words[1:]]
@@ -148,7 +149,7 @@ def test_a_command_line_is_split_as_a_shell_does() -> None:
 def test_columns_are_documented() -> None:
     from ds47.report.csv import COLUMNS
 
-    text = (README.parent / "docs" / "report.md").read_text("utf-8").partition("## CSV")[2]
+    text = (README.parent / "docs" / "data.md").read_text("utf-8").partition("## CSV")[2]
     assert [name for name in re.findall(r"`([a-z_.]+)`", text) if name in COLUMNS][
         : len(COLUMNS)
     ] == list(COLUMNS)

@@ -21,7 +21,10 @@ import click
 
 from ds47 import __version__
 
-COMMANDS = ("report", "decode", "encode", "rules", "lab")
+COMMANDS = (
+    "report", "check", "baseline", "accept", "diff", "watch", "export", "decode", "encode",
+    "explain", "rules", "plugin", "lab",
+)  # fmt: skip
 """Each is a module of this package with a click command named `command`."""
 
 _INTERRUPTED = 130

@@ -77,6 +77,11 @@ def warn(text: str) -> None:
     click.echo(f"ds47: {escape(text)}", err=True)
 
 
+def counted(number: int, noun: str) -> str:
+    """A number and its noun: `1 capture`, `2 captures`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 @contextmanager
 def output(name: str) -> Iterator[TextIO]:
     """The stream for `-o`: `-` is stdout, a file appears whole or not at all.

@@ -7,34 +7,26 @@ Here: options, finding the files, exit status. The analysis is `ds47.analysis`, 
 from __future__ import annotations
 
 import gc
-import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, BinaryIO, TextIO
 
 import click
 
-from ds47.cli.common import (
-    codec_options,
-    color,
-    dialect_options,
-    lang_option,
-    output,
-    warn,
-)
+from ds47.cli.common import color, output, warn
+from ds47.cli.options import analysis_options, options_from
+from ds47.cli.paths import STDIN, about, captures
 from ds47.model import SEVERITIES, CaptureResult, Finding, Transaction
-from ds47.report import FORMATS, Options, Writer, open_writer
+from ds47.report import FORMATS, CannotWriteError, Options, Writer, open_writer
 
 if TYPE_CHECKING:
-    from ds47.analysis import AnalysisOptions
+    from ds47.analysis import AnalysisOptions, OnTransaction
 
-SUFFIXES = (".pcap", ".pcapng", ".cap")
-"""Files of a folder that are captures; each also with one of PACKED behind."""
-PACKED = ("", ".gz", ".zst")
-STDIN = "-"
+    _Analyzer = Callable[[str | BinaryIO, OnTransaction | None], CaptureResult]
+
 UNREADABLE = 3
-_ENDINGS = tuple(suffix + packed for suffix in SUFFIXES for packed in PACKED)
+_OBJECTS = 100_000
+"""How many new ones make it worth to look for garbage."""
 
 
 @click.command("report")
@@ -46,7 +38,7 @@ _ENDINGS = tuple(suffix + packed for suffix in SUFFIXES for packed in PACKED)
     type=click.Choice(FORMATS),
     default="text",
     show_default=True,
-    help="Format of the report; ndjson and csv appear transaction by transaction.",
+    help="Format of the report; ndjson, csv and parquet do not grow in memory.",
 )
 @click.option(
     "-o",
@@ -63,28 +55,41 @@ _ENDINGS = tuple(suffix + packed for suffix in SUFFIXES for packed in PACKED)
     show_default=True,
     help="Exit with 1 if a finding is at least this severe.",
 )
-@click.option("--select", multiple=True, metavar="RULE", help="Only these rules (DS301, DS3).")
-@click.option("--ignore", multiple=True, metavar="RULE", help="Not these rules (DS204, DS2).")
-@click.option("--index", "indices", multiple=True, metavar="N", help="Another record index.")
-@lang_option
-@click.option("--slow", type=float, metavar="MS", help="Limit for a slow transaction, in ms.")
 @click.option("--digest", is_flag=True, help="Put the SHA-256 of each capture into the report.")
-@dialect_options
+@analysis_options
+@click.option(
+    "--engine",
+    type=click.Choice(["native", "tshark", "both"]),
+    default="native",
+    show_default=True,
+    help="Who decodes; tshark is the Wireshark plugin, both reports where they differ (DS601).",
+)
+@click.option(
+    "--tshark",
+    metavar="PROGRAM",
+    envvar="DS47_TSHARK",
+    help="The tshark of the engine tshark, else the one that is found. [env: DS47_TSHARK]",
+)
 def command(
-    paths: Sequence[str], format_name: str, output_name: str, fail_on: str, **options: Any
+    paths: Sequence[str],
+    format_name: str,
+    output_name: str,
+    fail_on: str,
+    engine: str,
+    tshark: str | None,
+    **options: Any,
 ) -> int:
     """Report the DS47 transactions of captures.
 
     PATH is a pcap or pcapng file (also .gz and .zst), a folder, which is searched for captures
     with all that is below it, or - for stdin.
     """
-    analysis = _analysis_options(**options)
-    run = _Run(analysis)
+    analysis = options_from(**options)
+    run = _Run(_analyzer(engine, analysis, tshark))
     _collect_rarely()
     with output(output_name) as stream:
-        report_options = Options(color=color(stream), rules=_rules())
-        writer = open_writer(format_name, stream, report_options)
-        for path in _captures(paths, run.missing):
+        writer = _writer(format_name, stream, fail_on, analysis.lang)
+        for path in captures(paths, run.missing):
             run.one(path, writer)
         writer.close()
     if run.failed:
@@ -92,17 +97,52 @@ def command(
     return int(fail_on != "never" and run.worst >= SEVERITIES.index(fail_on))
 
 
+def _writer(format_name: str, stream: TextIO, fail_on: str, lang: str) -> Writer:
+    """The serializer; of a junit report that fails on nothing, the errors still fail."""
+    options = Options(
+        color=color(stream),
+        rules=_rules(),
+        fail_on="error" if fail_on == "never" else fail_on,
+        lang=lang,
+    )
+    try:
+        return open_writer(format_name, stream, options)
+    except CannotWriteError as problem:
+        raise click.ClickException(str(problem)) from problem
+
+
+def _analyzer(engine: str, options: AnalysisOptions, tshark: str | None) -> _Analyzer:
+    """What analyses a capture with these options."""
+    if engine == "native":
+        from ds47.analysis import analyze
+
+        return lambda source, finished: analyze(source, options, finished)
+    from ds47.wireshark.engine import Engine
+    from ds47.wireshark.shark import NotReadyError
+
+    try:
+        return Engine("both" if engine == "both" else "tshark", options, tshark).analyze
+    except NotReadyError as problem:
+        raise click.ClickException(str(problem)) from problem
+
+
 def _collect_rarely() -> None:
     """What an analysis keeps has no cycles: looking for them again and again only costs time."""
     gc.freeze()
-    gc.set_threshold(100_000, 50, 100)
+    gc.disable()
+
+
+def _collect() -> None:
+    """Between two captures: what belonged to the last one, as a whole, has cycles."""
+    if gc.get_count()[0] > _OBJECTS:
+        gc.collect()
 
 
 class _Run:
     """Goes from capture to capture, and remembers what the exit status needs."""
 
-    def __init__(self, options: AnalysisOptions) -> None:
-        self.options = options
+    def __init__(self, analyzer: _Analyzer) -> None:
+        self._analyze = analyzer
         self.failed = False
         self.worst = -1
 
@@ -113,7 +153,6 @@ class _Run:
 
     def one(self, path: str, writer: Writer) -> None:
         """Analyses a capture and hands what it says to the writer."""
-        from ds47.analysis import analyze
         from ds47.capture import CaptureError
 
         def finished(transaction: Transaction, findings: Sequence[Finding]) -> None:
@@ -122,17 +161,19 @@ class _Run:
 
         source = sys.stdin.buffer if path == STDIN else path
         try:
-            result = analyze(source, self.options, finished if writer.streams else None)
+            result = self._analyze(source, finished if writer.streams else None)
         except CaptureError as problem:
-            self.missing(_about(path, str(problem)))
+            self.missing(about(path, str(problem)))
+            writer.unreadable(path, str(problem))
             return
         self._end(path, result, writer)
+        _collect()
 
     def _end(self, path: str, result: CaptureResult, writer: Writer) -> None:
         result.path = path
         self._note(result.findings)
         if not result.complete:
-            self.missing(_about(path, result.problem or "only partly read"))
+            self.missing(about(path, result.problem or "only partly read"))
         writer.capture(result)
 
     def _note(self, findings: Sequence[Finding]) -> None:
@@ -140,83 +181,7 @@ class _Run:
             self.worst = max(self.worst, SEVERITIES.index(finding.severity))
 
 
-def _about(path: str, problem: str) -> str:
-    """One line that names the capture, and names it once."""
-    name = "stdin" if path == STDIN else path
-    line = " ".join(problem.split())
-    return line if name in line else f"{name}: {line}"
-
-
-def _captures(paths: Sequence[str], missing: Callable[[str], None]) -> Iterator[str]:
-    """The captures that the arguments mean, each once, in order."""
-    seen = set()
-    for path in paths:
-        found = [path]
-        if path != STDIN and Path(path).is_dir():
-            found = _in_folder(path, missing)
-            if not found:
-                missing(f"{path}: no capture in this folder ({', '.join(SUFFIXES)})")
-        for each in found:
-            name = os.path.normpath(each)
-            if name not in seen:
-                seen.add(name)
-                yield each
-
-
-def _in_folder(folder: str, missing: Callable[[str], None]) -> list[str]:
-    def unreadable(problem: OSError) -> None:
-        missing(f"{problem.filename}: {problem.strerror}")
-
-    return sorted(
-        str(Path(parent, name))
-        for parent, _, names in os.walk(folder, onerror=unreadable)
-        for name in names
-        if name.lower().endswith(_ENDINGS)
-    )
-
-
-def _analysis_options(
-    select: Sequence[str],
-    ignore: Sequence[str],
-    indices: Sequence[str],
-    slow: float | None,
-    legacy_g120_formats: bool,
-    profile_v3_types: bool,
-    **others: Any,
-) -> AnalysisOptions:
-    from ds47.analysis import AnalysisOptions
-
-    if slow is not None:
-        others["slow_ms"] = slow
-    return AnalysisOptions(
-        select=_known_rules(select),
-        ignore=_known_rules(ignore),
-        indices=frozenset(map(_index, indices)),
-        codec=codec_options(legacy_g120_formats, profile_v3_types),
-        **others,
-    )
-
-
 def _rules() -> Any:
     from ds47 import spec
 
     return spec.rules()
-
-
-def _known_rules(names: Sequence[str]) -> tuple[str, ...]:
-    """Rules or the start of rules, in capitals; one that means no rule is a typing error."""
-    wanted = tuple(name.strip().upper() for name in names)
-    for name in wanted:
-        if not name or not any(rule.startswith(name) for rule in _rules()):
-            raise click.UsageError(f"no rule begins with {name!r}; see: ds47 rules")
-    return wanted
-
-
-def _index(text: str) -> int:
-    try:
-        index = int(text, 0)
-    except ValueError:
-        index = -1
-    if not 0 <= index <= 0xFFFF:
-        raise click.UsageError(f"--index {text!r} is no record index: 0..65535, also as 0xB02E")
-    return index

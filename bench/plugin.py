@@ -1,0 +1,137 @@
+"""What the Wireshark plugin costs: the CPU time of tshark with it and without.
+
+Two captures: cyclic RT frames with a few transactions among them (make_noise), and nothing but
+record calls (make_dense). Both are read with `-Y frame.number==1`, which makes tshark dissect all
+and print almost nothing. Runs with and without take turns; the medians are compared. Each tshark
+under build/wireshark (`make matrix` puts them there) is measured, otherwise the one on the PATH.
+Not a test: it fails where the plugin does not load or meets an error, not where it is slow. POSIX
+only (wait4).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+DATA = HERE / "data"
+TSHARKS = ROOT / "build" / "wireshark"
+PLUGIN = ROOT / "dissector" / "ds47.lua"
+COMPLAINTS = ("Lua Error", "Error during loading")
+"""tshark prints these and still exits with 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """A capture to read, and how many times as long the plugin may make it take."""
+
+    title: str
+    maker: str
+    frames: int
+    small: int
+    limit: float
+
+    def capture(self, small: bool) -> Path:
+        """The capture, written by a process of its own where it is missing."""
+        frames = self.small if small else self.frames
+        suffix = ".pcap" if self.maker == "make_noise" else ".pcapng"
+        path = DATA / f"{self.maker.removeprefix('make_')}-{frames}{suffix}"
+        if not path.exists():
+            part = path.with_suffix(".part")
+            environment = os.environ | {"PYTHONPATH": str(ROOT / "python")}
+            command = [sys.executable, HERE / f"{self.maker}.py", part, "--frames", str(frames)]
+            subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
+            part.rename(path)
+        return path
+
+
+LOADS = (
+    Load("RT frames", "make_noise", 1_000_000, 100_000, 1.5),
+    Load("record frames", "make_dense", 200_000, 20_000, 2.0),
+)
+
+
+def tsharks() -> list[str]:
+    """The programs to measure, those of the matrix if there are any."""
+    found = sorted(str(path) for path in TSHARKS.glob("*/tshark"))
+    return found or [path for path in [shutil.which("tshark")] if path]
+
+
+def version(program: str) -> tuple[int, ...]:
+    """The version of a tshark; empty where it does not run."""
+    run = subprocess.run([program, "-v"], capture_output=True, text=True, check=False)
+    match = re.match(r"TShark \(Wireshark\) (\d+)\.(\d+)\.(\d+)", run.stdout)
+    return tuple(map(int, match.groups())) if match else ()
+
+
+def seconds(command: list[str], home: str) -> float:
+    """User and system time of a run; SystemExit where it fails or Lua complains."""
+    environment = os.environ | {"HOME": home, "XDG_CONFIG_HOME": home, "LC_ALL": "C.UTF-8"}
+    process = subprocess.Popen(
+        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment, text=True
+    )
+    assert process.stderr is not None
+    complaint = process.stderr.read()
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    process.stderr.close()
+    if process.returncode or any(text in complaint for text in COMPLAINTS):
+        raise SystemExit(f"{' '.join(command)} failed ({process.returncode}): {complaint}")
+    return usage.ru_utime + usage.ru_stime
+
+
+def compare(program: str, capture: Path, turns: int, home: str) -> tuple[float, float]:
+    """Median seconds without and with the plugin, in turns."""
+    plain = [program, "-n", "-r", str(capture), "-Y", "frame.number==1"]
+    loaded = [*plain, "-X", f"lua_script:{PLUGIN}"]
+    without, including = [], []
+    for _ in range(turns):
+        without.append(seconds(plain, home))
+        including.append(seconds(loaded, home))
+    return statistics.median(without), statistics.median(including)
+
+
+def loads_plugin(program: str, home: str) -> None:
+    """SystemExit where this tshark does not know the plugin's protocol when it is told to load it."""
+    capture = next((ROOT / "captures").glob("*.pcapng"))
+    seconds([program, "-r", str(capture), "-X", f"lua_script:{PLUGIN}", "-Y", "ds47"], home)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--small", action="store_true", help="a tenth of the frames, for CI")
+    parser.add_argument("-n", type=int, default=3, help="runs of each (default 3)")
+    parser.add_argument("tshark", nargs="*", help="programs to measure instead of all")
+    arguments = parser.parse_args()
+    programs = {program: version(program) for program in arguments.tshark or tsharks()}
+    programs = {program: number for program, number in programs.items() if number}
+    if not programs:
+        print("No tshark: the cost of the plugin is not measured")
+        return
+    captures = {load: load.capture(arguments.small) for load in LOADS}
+    print(f"CPU seconds of tshark, median of {arguments.n}")
+    columns = f"{'without':>9}{'with':>9}{'ratio':>8}{'at most':>9}"
+    print(f"{'tshark':<9}{'capture':<26}{columns}")
+    with tempfile.TemporaryDirectory() as home:
+        Path(home).chmod(0o755)
+        for program, number in sorted(programs.items(), key=lambda item: item[1]):
+            loads_plugin(program, home)
+            for load, capture in captures.items():
+                without, including = compare(program, capture, arguments.n, home)
+                frames = load.small if arguments.small else load.frames
+                name = f"{'.'.join(map(str, number)):<9}{f'{frames:,} {load.title}':<26}"
+                times = f"{without:>9.2f}{including:>9.2f}{including / without:>8.2f}"
+                print(f"{name}{times}{load.limit:>9.1f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
