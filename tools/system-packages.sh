@@ -1,6 +1,6 @@
 #!/bin/sh
 # Installs what the tests need from the system: tshark and capinfos, Lua 5.2 to 5.4 and luacheck for the
-# plugin, and venv where Python lacks it.
+# plugin, Chromium for the HTML report, and venv where Python lacks it.
 # As root on Debian and its relatives it installs; elsewhere it says what is missing and goes on.
 # Usage: system-packages.sh PYTHON VENV_PYTHON
 python=$1
@@ -13,6 +13,8 @@ command -v tshark >/dev/null 2>&1 || need tshark
 command -v capinfos >/dev/null 2>&1 || need wireshark-common
 for lua in lua5.2 lua5.3 lua5.4; do command -v "$lua" >/dev/null 2>&1 || need "$lua"; done
 command -v luacheck >/dev/null 2>&1 || need lua-check
+command -v chromium >/dev/null 2>&1 || need chromium
+command -v chromedriver >/dev/null 2>&1 || need chromium-driver
 if [ ! -x "$venv_python" ] && ! "$python" -c 'import venv, ensurepip' 2>/dev/null; then
     need python3-venv
 fi
