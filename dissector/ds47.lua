@@ -16,6 +16,12 @@ if package.loaded[GUARD] then
 end
 package.loaded[GUARD] = { path = source }
 
+-- Every call of the dissector leaves three objects behind. From Lua 5.4 on (Wireshark 4.4) the collector can
+-- take the young ones alone; on cyclic frames that is a third of what the plugin costs.
+if _VERSION >= "Lua 5.4" then
+  collectgarbage("generational")
+end
+
 -- The modules stand beside this file (an installed copy), or in ../lua (a checkout).
 local folder = source:match("^(.*)[/\\]") or "."
 package.path = table.concat({

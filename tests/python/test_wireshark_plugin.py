@@ -49,6 +49,17 @@ def program() -> list[str]:
     return command
 
 
+def crashes_alone(environment: dict[str, str], arguments: tuple[str | Path, ...]) -> bool:
+    """Whether a tshark without the plugin ends by a signal too (4.6.9 does on cooked headers)."""
+    if "-r" not in arguments:
+        return False
+    capture = str(arguments[arguments.index("-r") + 1])
+    # With the tree of everything: the fault is in a dissector that writes into it.
+    command = [*program(), "-n", "-r", capture, "-V"]
+    result = subprocess.run(command, env=environment, capture_output=True, timeout=300, check=False)
+    return result.returncode < 0
+
+
 def run(home: Path, *arguments: str | Path) -> bytes:
     """What tshark with the plugin prints, with empty settings."""
     environment = {
@@ -62,6 +73,8 @@ def run(home: Path, *arguments: str | Path) -> bytes:
     command = [*program(), "-n", "-X", f"lua_script:{PLUGIN}", *map(str, arguments)]
     result = subprocess.run(command, env=environment, capture_output=True, timeout=300, check=False)
     problem = result.stderr.decode("utf-8", "replace")
+    if result.returncode < 0 and crashes_alone(environment, arguments):
+        pytest.skip("this tshark crashes on the capture without the plugin as well")
     assert result.returncode == 0, problem
     for word in BROKEN:
         assert word not in problem
