@@ -55,27 +55,36 @@ def tables(spec: Path) -> str:
     return json.dumps(content, ensure_ascii=False, separators=(",", ":"))
 
 
+def digest(sources: Path) -> str:
+    """A name for what the compilers would make of the package `sources`."""
+    found = hashlib.sha256(sysconfig.get_platform().encode() + sys.version.encode())
+    for pattern in READ:
+        for file in sorted(sources.glob(pattern)):
+            found.update(file.read_bytes())
+    found.update(Path(__file__).read_bytes())
+    return found.hexdigest()[:16]
+
+
 def compiled(sources: Path, work: Path) -> Path:
     """A folder in `work` with the package `sources` and the extension modules made of it.
 
     That of the same sources is used again: a checkout is often built more than once.
     """
-    digest = hashlib.sha256(sysconfig.get_platform().encode() + sys.version.encode())
-    for pattern in READ:
-        for file in sorted(sources.glob(pattern)):
-            digest.update(file.read_bytes())
-    digest.update(Path(__file__).read_bytes())
-    folder = work / digest.hexdigest()[:16]
+    folder = work / digest(sources)
     if not folder.exists():
         draft = work / f"draft-{os.getpid()}"
         shutil.copytree(sources, draft / "ds47", ignore=shutil.ignore_patterns("*.so", "*.pyd"))
+        whole = True
         for part in ("scan", "record-path"):
             command = [sys.executable, __file__, str(draft), part]
             done = subprocess.run(command, capture_output=True, text=True, timeout=MOST_SECONDS)
             if done.returncode:
+                whole = False
                 reason = _reason(done.stderr or done.stdout)
                 sys.stderr.write(f"ds47: {part} stays plain Python: {reason}\n")
         shutil.rmtree(draft / "build", ignore_errors=True)
+        if not whole:  # the next build shall try again
+            return draft
         if folder.exists():  # another build was faster
             shutil.rmtree(draft)
         else:

@@ -1,18 +1,21 @@
-"""The benchmark's capture: cyclic PROFINET RT frames with transactions scattered among them.
+"""The benchmark's captures: cyclic PROFINET RT frames with transactions scattered among them.
 
-Half of the RT frames carry a VLAN tag, as controllers send them. The transactions come from the
-lab; the RT frames are patched templates, because a million of them should take seconds. Same
-arguments, same bytes.
+Half of the RT frames carry a VLAN tag, as controllers send them. With --mixed they have many lengths
+in no order, and every fourth frame is other traffic (TCP, UDP, ARP). The transactions come from the
+lab; all other frames are patched templates, because a million of them should take seconds. Same
+arguments, same bytes. A name that ends in .pcapng gives that format.
 Needs the package and scapy: `pip install -e .[lab]`.
 """
 
 from __future__ import annotations
 
 import argparse
+import random
 import struct
 from collections.abc import Iterator
 from pathlib import Path
 
+from ds47.capture.writer import PcapngWriter
 from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.stage import START_NS, Stage
@@ -52,11 +55,31 @@ def rt_frames(count: int) -> Iterator[bytes]:
         yield heads[number & 1] + struct.pack(">H", number * 32 & 0xFFFF) + RT_STATUS
 
 
-def mixed(frames: int) -> Iterator[bytes]:
-    """RT frames with the RPC frames spread evenly among them."""
+def plant_frames(count: int) -> Iterator[bytes]:
+    """RT frames of 16 lengths in no order, with other traffic between."""
+    chance = random.Random(47)
+    lengths = [chance.randrange(40, 200) for _ in range(16)]
+    heads = [
+        (MACS + VLAN_TAG if number & 1 else MACS) + RT_HEAD[:4] + bytes(length)
+        for number, length in enumerate(lengths)
+    ]
+    others = [MACS + bytes.fromhex("0806") + bytes(46)]
+    for protocol in (6, 6, 17, 1):  # TCP, UDP, ICMP
+        length = chance.randrange(60, 1400)
+        head = struct.pack(">HBBHHHBBH", 0x0800, 0x45, 0, 20 + length, 1, 0, 64, protocol, 0)
+        others.append(MACS + head + bytes([10, 0, 0, 1, 10, 0, 0, 2]) + bytes(length))
+    for number in range(count):
+        if number & 3 == 3:
+            yield chance.choice(others)
+        else:
+            yield chance.choice(heads) + struct.pack(">H", number * 32 & 0xFFFF) + RT_STATUS
+
+
+def mixed(frames: int, cyclic: Iterator[bytes]) -> Iterator[bytes]:
+    """Cyclic frames with the RPC frames spread evenly among them."""
     calls = iter(transactions(frames // FRAMES_PER_TRANSACTION))
     every = FRAMES_PER_TRANSACTION // RPC_FRAMES_PER_TRANSACTION
-    for number, frame in enumerate(rt_frames(frames), start=1):
+    for number, frame in enumerate(cyclic, start=1):
         yield frame
         if number % every == 0:
             call = next(calls, None)
@@ -64,13 +87,19 @@ def mixed(frames: int) -> Iterator[bytes]:
                 yield call
 
 
-def write(path: Path, frames: int = FRAMES) -> int:
-    """Write a nanosecond pcap; the number of its frames."""
+def write(path: Path, frames: int = FRAMES, many_lengths: bool = False) -> int:
+    """Write a capture; the number of its frames."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    traffic = mixed(frames, (plant_frames if many_lengths else rt_frames)(frames))
     written = 0
+    if path.suffix == ".pcapng":
+        with PcapngWriter(path) as capture:
+            for written, data in enumerate(traffic, start=1):
+                capture.write(START_NS + written * PERIOD_NS, data)
+        return written
     with path.open("wb") as file:
         file.write(PCAP_HEADER)
-        for written, data in enumerate(mixed(frames), start=1):
+        for written, data in enumerate(traffic, start=1):
             seconds, rest = divmod(START_NS + written * PERIOD_NS, 1_000_000_000)
             file.write(RECORD.pack(seconds, rest, len(data), len(data)) + data)
     return written
@@ -80,8 +109,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("path", type=Path)
     parser.add_argument("--frames", type=int, default=FRAMES, help="RT frames")
+    parser.add_argument("--mixed", action="store_true", help="many lengths, other traffic")
     arguments = parser.parse_args()
-    print(f"{arguments.path}: {write(arguments.path, arguments.frames)} frames")
+    written = write(arguments.path, arguments.frames, arguments.mixed)
+    print(f"{arguments.path}: {written} frames")
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ Plain values only: no decoding, no pairing and no formatting lives here.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 Value = int | float | str
 """One value as JSON shows it: docs/report.md, values."""
@@ -17,8 +18,19 @@ SEVERITIES = ("note", "warning", "error")
 """From harmless to serious, so that an index compares two of them."""
 
 
+class _Plain:
+    """What all classes here have: they can be copied and sent to another process, compiled too."""
+
+    __slots__ = ()
+
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
+        return type(self), tuple(getattr(self, name) for name in self.__dataclass_fields__)
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
+
+
 @dataclass(slots=True, init=False)
-class ParameterError:
+class ParameterError(_Plain):
     """What the drive answered instead of a value (docs/protocol.md A.7, B)."""
 
     code: int | None
@@ -37,7 +49,7 @@ class ParameterError:
 
 
 @dataclass(slots=True, init=False)
-class Parameter:
+class Parameter(_Plain):
     """One parameter of a transaction; `pnu` and its address are None where no request names them."""
 
     pnu: int | None
@@ -80,7 +92,7 @@ class Parameter:
 
 
 @dataclass(slots=True, init=False)
-class Frames:
+class Frames(_Plain):
     """Frame numbers of a transaction, as Wireshark shows them for the same file."""
 
     write_request: int | None
@@ -118,7 +130,7 @@ class Frames:
 
 
 @dataclass(slots=True, init=False)
-class Transaction:
+class Transaction(_Plain):
     """One parameter request with all that came of it (docs/pairing.md)."""
 
     operation: str
@@ -197,7 +209,7 @@ class Transaction:
 
 
 @dataclass(slots=True, init=False)
-class Finding:
+class Finding(_Plain):
     """A rule that applies, where it shows and to which transaction it belongs."""
 
     rule: str
@@ -231,7 +243,7 @@ class Finding:
 
 
 @dataclass(slots=True)
-class Device:
+class Device(_Plain):
     """A device as the capture names it (RPC object UUID, Connect, DCP, LLDP)."""
 
     ip: str
@@ -242,7 +254,7 @@ class Device:
 
 
 @dataclass(slots=True)
-class CaptureResult:
+class CaptureResult(_Plain):
     """All that one capture says."""
 
     path: str
@@ -260,7 +272,7 @@ class CaptureResult:
 
 
 @dataclass(slots=True)
-class Report:
+class Report(_Plain):
     """The results of one run."""
 
     captures: list[CaptureResult] = field(default_factory=list)

@@ -109,6 +109,22 @@ def test_memory_is_bounded() -> None:
     assert len(reassembler.unfinished()) <= 8
 
 
+def test_bytes_are_bounded() -> None:
+    reassembler = ip.Reassembler(most_bytes=5_000)
+    for ident in range(100):
+        reassembler.feed(
+            ip.Datagram("192.168.0.1", "192.168.0.2", 17, ident, 0, True, bytes(1400), 0), 1, 0
+        )
+        assert reassembler._bytes <= 5_000 + 1400
+    assert [entry.identification for entry in reassembler._open.values()] == [97, 98, 99]
+    for entry in list(reassembler._open.values()):
+        last = ip.Datagram(
+            entry.source, entry.destination, 17, entry.identification, 1400, False, b"ab", 0
+        )
+        assert reassembler.feed(last, 2, 0) is not None
+    assert reassembler._bytes == 0
+
+
 def test_a_hole_and_impossible_offsets() -> None:
     reassembler = ip.Reassembler()
     parts = fragments()

@@ -184,3 +184,13 @@ def test_the_number_of_fragments_is_bounded() -> None:
     fragments = rpc.Fragments(10**12, fragments=15)
     assert feed(fragments, pieces) == []
     assert sum(have for _, have in fragments.unfinished()) == 20
+
+
+def test_the_bytes_of_fragments_are_bounded() -> None:
+    head, *rest = parts()
+    fragments = rpc.Fragments(10**12, most_bytes=35)  # of ten bytes each
+    assert feed(fragments, [replace(head, seq=number) for number in range(5)]) == []
+    assert [len(partial.parts) for partial in fragments._partial.values()] == [1, 1, 1]
+    (whole,) = feed(fragments, [replace(part, seq=4) for part in rest[:1] + rest[1:]])
+    assert whole.body == BODY
+    assert fragments._bytes == sum(partial.bytes for partial in fragments._partial.values())

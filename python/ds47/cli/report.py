@@ -7,8 +7,9 @@ Here: options, finding the files, exit status. The analysis is `ds47.analysis`, 
 from __future__ import annotations
 
 import gc
+import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, BinaryIO, TextIO
 
 import click
@@ -17,7 +18,7 @@ from ds47.cli.common import color, output, warn
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import STDIN, about, captures
 from ds47.model import SEVERITIES, CaptureResult, Finding, Transaction
-from ds47.report import FORMATS, CannotWriteError, Options, Writer, open_writer
+from ds47.report import FORMATS, CannotWriteError, Options, RuleText, Writer, open_writer
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions, OnTransaction
@@ -70,6 +71,15 @@ _OBJECTS = 100_000
     envvar="DS47_TSHARK",
     help="The tshark of the engine tshark, else the one that is found. [env: DS47_TSHARK]",
 )
+@click.option(
+    "-j",
+    "--jobs",
+    type=click.IntRange(min=0),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="Captures analysed at once, each in a process; 0: as many as there are cores.",
+)
 def command(
     paths: Sequence[str],
     format_name: str,
@@ -77,6 +87,7 @@ def command(
     fail_on: str,
     engine: str,
     tshark: str | None,
+    jobs: int,
     **options: Any,
 ) -> int:
     """Report the DS47 transactions of captures.
@@ -89,8 +100,16 @@ def command(
     _collect_rarely()
     with output(output_name) as stream:
         writer = _writer(format_name, stream, fail_on, analysis.lang)
-        for path in captures(paths, run.missing):
-            run.one(path, writer)
+        wanted = captures(paths, run.missing)
+        if jobs == 1 or engine != "native":
+            run.all(wanted, writer)
+        else:
+            from ds47.cli.ahead import Ahead
+
+            jobs = jobs or os.cpu_count() or 1
+            with Ahead(wanted, (STDIN,), analysis, writer.streams, jobs) as ahead:
+                run.analyze = ahead.analyze
+                run.all(ahead, writer)
         writer.close()
     if run.failed:
         return UNREADABLE
@@ -101,7 +120,7 @@ def _writer(format_name: str, stream: TextIO, fail_on: str, lang: str) -> Writer
     """The serializer; of a junit report that fails on nothing, the errors still fail."""
     options = Options(
         color=color(stream),
-        rules=_rules(),
+        rules=_Catalogue(),
         fail_on="error" if fail_on == "never" else fail_on,
         lang=lang,
     )
@@ -142,7 +161,7 @@ class _Run:
     """Goes from capture to capture, and remembers what the exit status needs."""
 
     def __init__(self, analyzer: _Analyzer) -> None:
-        self._analyze = analyzer
+        self.analyze = analyzer
         self.failed = False
         self.worst = -1
 
@@ -150,6 +169,11 @@ class _Run:
         """Says what could not be read, or not as a whole."""
         self.failed = True
         warn(text)
+
+    def all(self, paths: Iterable[str], writer: Writer) -> None:
+        """Analyses the captures, one after the other."""
+        for path in paths:
+            self.one(path, writer)
 
     def one(self, path: str, writer: Writer) -> None:
         """Analyses a capture and hands what it says to the writer."""
@@ -159,15 +183,15 @@ class _Run:
             self._note(findings)
             writer.transaction(path, transaction, findings)
 
+        _collect()
         source = sys.stdin.buffer if path == STDIN else path
         try:
-            result = self._analyze(source, finished if writer.streams else None)
+            result = self.analyze(source, finished if writer.streams else None)
         except CaptureError as problem:
             self.missing(about(path, str(problem)))
             writer.unreadable(path, str(problem))
             return
         self._end(path, result, writer)
-        _collect()
 
     def _end(self, path: str, result: CaptureResult, writer: Writer) -> None:
         result.path = path
@@ -181,7 +205,19 @@ class _Run:
             self.worst = max(self.worst, SEVERITIES.index(finding.severity))
 
 
-def _rules() -> Any:
-    from ds47 import spec
+class _Catalogue(Mapping[str, RuleText]):
+    """The rules, loaded when the first one is asked for: many captures have no finding."""
 
-    return spec.rules()
+    def __getitem__(self, rule: str) -> RuleText:
+        return self._rules()[rule]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._rules())
+
+    def __len__(self) -> int:
+        return len(self._rules())
+
+    def _rules(self) -> Mapping[str, RuleText]:
+        from ds47 import spec
+
+        return spec.rules()

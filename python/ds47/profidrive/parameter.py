@@ -405,12 +405,10 @@ class _Body:
     ) -> tuple[int | None, Codec | None]:
         """Of two sizes the one with which the message comes out even (A.6), once per message."""
         fits = [self._fits_with(code, start, choice) for choice in (usual, other)]
-        exact = next(
-            (choice for choice, fit in zip((usual, other), fits, strict=True) if fit == 2), None
-        )
-        found = exact or usual
+        exact = next((place for place, fit in enumerate(fits) if fit == 2), None)
+        found: tuple[int | None, Codec | None] = other if exact == 1 else usual
         two_sizes = spec.formats()[other[0]].other_size is not None
-        sure = found is exact and (found is usual or two_sizes)
+        sure = exact == 0 or (exact == 1 and two_sizes)
         if found[1] is not None and not sure and fits != [1, 0]:
             args: dict[str, object] = {"format": f"0x{code:02X}", "size": found[1].size}
             self.flaws.append(Flaw("DS317", start, args))

@@ -13,8 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module, resources
-from json import loads
+from importlib import import_module
 from typing import Any, ClassVar, Protocol, TextIO, cast
 
 from ds47.model import CaptureResult, Finding, Report, Transaction
@@ -150,5 +149,8 @@ def schema(name: str = "report-1") -> dict[str, Any]:
         name: `report-1` is the report, its `$defs` has `message` (decode); `transaction-1` is a
             line of ndjson; `table-1` has `csv` and `parquet` in its `$defs`, a row each.
     """
+    from importlib import resources  # takes as long to import as a small report to write
+    from json import loads
+
     text = resources.files("ds47").joinpath("schema", f"{name}.schema.json")
     return cast(dict[str, Any], loads(text.read_text(encoding="utf-8")))

@@ -1,0 +1,69 @@
+"""`-j`: the report of several processes is that of one, byte for byte."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ds47.cli import main
+from ds47.cli.ahead import Ahead
+
+
+@pytest.fixture
+def folder(tmp_path: Path, captures: Path) -> Path:
+    """Some captures, one of them cut, one no capture, one empty folder."""
+    for name in ("format-change", "conversation-change-unread", "seed-dcm-read"):
+        for path in captures.glob(f"{name}*.pcap*"):
+            shutil.copy(path, tmp_path)
+    whole = (captures / "format-change.pcapng").read_bytes()
+    (tmp_path / "cut.pcapng").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "no.pcap").write_text("not a capture")
+    (tmp_path / "empty").mkdir()
+    return tmp_path
+
+
+def said(capsys: Any, *arguments: str) -> tuple[int, str, list[str]]:
+    status = main(["report", *arguments])
+    shown = capsys.readouterr()
+    return status, shown.out, sorted(shown.err.splitlines())
+
+
+@pytest.mark.parametrize("format_name", ["text", "json", "ndjson", "csv"])
+def test_two_processes_say_what_one_says(capsys: Any, folder: Path, format_name: str) -> None:
+    arguments = ("-f", format_name, str(folder), str(folder / "empty"))
+    alone = said(capsys, *arguments)
+    assert alone[0] == 3
+    assert len(alone[1]) > 1000
+    assert said(capsys, *arguments, "-j", "2") == alone
+
+
+def test_options_and_stdin_go_the_same_way(capsys: Any, folder: Path, monkeypatch: Any) -> None:
+    arguments = (
+        "-f",
+        "json",
+        "--lang",
+        "zh",
+        "--ignore",
+        "DS4",
+        "-",
+        str(folder / "format-change.pcapng"),
+    )
+
+    def answers(*more: str) -> Any:
+        data = (folder / "cut.pcapng").read_bytes()
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))
+        return said(capsys, *arguments, *more)
+
+    assert answers("-j", "0") == answers()
+
+
+def test_no_captures(tmp_path: Path) -> None:
+    from ds47.analysis import AnalysisOptions
+
+    with Ahead([], (), AnalysisOptions(), streams=False, jobs=2) as ahead:
+        assert list(ahead) == []

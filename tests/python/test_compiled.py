@@ -1,0 +1,83 @@
+"""The compiled package gives the reports of the plain one, byte for byte.
+
+Compiling takes a minute, so it is done where DS47_CI=1 or DS47_COMPILED=1, or where it is done already.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import random
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+COMPILED = "import ds47.capture.scan as s, ds47.pairing as p; print(s.COMPILED, p.__file__)"
+
+
+def hook(repository: Path) -> Any:
+    spec = importlib.util.spec_from_file_location("hatch_build", repository / "hatch_build.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def compiled(repository: Path) -> Path:
+    """A folder with the compiled package in it."""
+    build, work = hook(repository), repository / "build" / "compiled"
+    if shutil.which("cc") is None and shutil.which("cl") is None:
+        pytest.skip("no C compiler")
+    wanted = "1" in (os.environ.get("DS47_CI"), os.environ.get("DS47_COMPILED"))
+    if not wanted and not (work / build.digest(repository / "python" / "ds47")).exists():
+        pytest.skip("not compiled yet: DS47_COMPILED=1 does it")
+    work.mkdir(parents=True, exist_ok=True)
+    folder: Path = build.compiled(repository / "python" / "ds47", work)
+    return folder
+
+
+def run(package: Path, *arguments: str) -> tuple[int, bytes, bytes]:
+    environment = os.environ | {"PYTHONPATH": str(package)}
+    done = subprocess.run(
+        [sys.executable, *arguments], env=environment, capture_output=True, check=False
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_it_is_compiled(compiled: Path) -> None:
+    status, out, error = run(compiled, "-c", COMPILED)
+    assert status == 0, error
+    assert out.startswith(b"True ")
+    assert not out.rstrip().endswith(b".py")
+
+
+@pytest.fixture(scope="session")
+def damaged(captures: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Copies of stored captures with bytes overwritten: nothing of them is sound for sure."""
+    folder, chance = tmp_path_factory.mktemp("damaged"), random.Random(47)
+    for path in sorted(captures.glob("*.pcap*"))[::3]:
+        for number in range(3):
+            data = bytearray(path.read_bytes())
+            for _ in range(3 * number + 1):
+                data[chance.randrange(200, len(data))] = chance.randrange(256)
+            (folder / f"{number}-{path.name}").write_bytes(data)
+    return folder
+
+
+@pytest.mark.parametrize("format_name", ["json", "ndjson", "text"])
+def test_reports_are_the_same(
+    compiled: Path, repository: Path, captures: Path, damaged: Path, format_name: str
+) -> None:
+    shared = repository.parent / "shared" / "captures"
+    folders = [str(each) for each in (captures, damaged, shared) if each.is_dir()]
+    arguments = ("-m", "ds47", "report", "-f", format_name, *folders)
+    plain = run(repository / "python", *arguments)
+    assert plain[0] in (0, 3), plain[2]
+    assert len(plain[1]) > 100_000
+    assert run(compiled, *arguments) == plain

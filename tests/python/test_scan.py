@@ -1,0 +1,219 @@
+"""The hot loops: over bytes and over unpacked fields, compiled and plain, they find the same frames."""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import os
+import struct
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import frames as make
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ds47.capture import open_capture, scan
+
+SOURCE = Path(scan.__file__).with_name("scan.py")
+CALL = make.call()
+BIG = make.ethernet(0x0800, make.ipv4(make.udp(make.rpc(make.UUID_LITTLE))), (0x88A8, 0x8100))
+FRAGMENT = make.ethernet(0x0800, make.ipv4(bytes(48), offset=1480, more=True))
+OTHER_PORT = make.ethernet(0x0800, make.ipv4(make.udp(make.rpc(), (1, 2))), (0x9100,))
+TCP = make.ethernet(0x0800, make.ipv4(bytes(60), proto=6))
+ALARM = make.ethernet(0x8892, b"\xfe\x01" + bytes(44))
+TAGGED_DCP = make.ethernet(0x8892, b"\xfe\xfc" + bytes(44), (0x8100,))
+SLL_CALL = bytes(14) + b"\x08\x00" + make.ipv4(make.udp(make.rpc()))
+SHAPES = (
+    make.RT, make.RT_TAGGED, make.DNS, make.DCP, make.LLDP, CALL, BIG, FRAGMENT, OTHER_PORT, TCP,
+    ALARM, TAGGED_DCP, SLL_CALL, make.RT[:15], make.RT_TAGGED[:19], make.RT[:14], b"", CALL[:70],
+)  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def plain() -> ModuleType:
+    """scan.py as it stands, whatever `ds47.capture.scan` is."""
+    return _load("plain_scan", SOURCE)
+
+
+@pytest.fixture(scope="session")
+def compiled(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
+    """scan.py compiled: as it is installed, or made here where there is a compiler."""
+    if scan.COMPILED:
+        return scan
+    folder = tmp_path_factory.mktemp("compiled")
+    (folder / "ds47" / "capture").mkdir(parents=True)
+    for part in ("__init__.py", "capture/scan.py", "capture/scan.pxd"):
+        content = (
+            b""
+            if part.endswith("__init__.py")
+            else SOURCE.parent.parent.joinpath(part).read_bytes()
+        )
+        (folder / "ds47" / part).write_bytes(content)
+    (folder / "ds47" / "capture" / "__init__.py").touch()
+    command = [sys.executable, str(repository / "hatch_build.py"), str(folder), "scan"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    made = [
+        each for each in (folder / "ds47" / "capture").iterdir() if each.suffix in (".so", ".pyd")
+    ]
+    if not made:
+        if os.environ.get("DS47_CI") == "1":
+            pytest.fail(f"scan.py does not compile: {done.stderr[-2000:]}", pytrace=False)
+        pytest.skip("no Cython or no C compiler")
+    module = _load("ds47.capture.scan", made[0])
+    assert module.COMPILED
+    return module
+
+
+def _load(name: str, path: Path) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def mutated(frame: bytes, at: int, value: int) -> bytes:
+    """The frame with one byte overwritten, most often in the headers."""
+    return frame[:at] + bytes([value]) + frame[at + 1 :] if at < len(frame) else frame
+
+
+frame = st.builds(
+    mutated,
+    st.sampled_from(SHAPES),
+    st.integers(0, 100),
+    st.sampled_from((0, 4, 6, 17, 69, 129, 136, 254)),
+)
+traffic = st.lists(st.one_of(frame, st.sampled_from(SHAPES)), max_size=30)
+orders = st.sampled_from("<>")
+kinds = st.sampled_from((0xA1B2C3D4, 0xA1B23C4D, 0xA1B2CD34))
+links = st.sampled_from((1, 113, 276, 101, 147))
+cuts = st.sampled_from((0, 0, 14, 18, 40, 60, 70, 82))
+
+
+def walk(scanner: Any, method: str, data: bytes, pieces: list[int]) -> list[object]:
+    """Everything a loop says while the buffer grows piece by piece, as a file that is being read does."""
+    said: list[object] = []
+    padded = data + bytes(range(64))
+    for end in [*sorted(pieces), len(data)]:
+        while True:
+            found = getattr(scanner, method)(padded, min(end, len(data)))
+            said += [*found, (scanner.position, scanner.frames)]
+            if len(found) < scan.BATCH:
+                break
+    return said
+
+
+def both(
+    make_scanner: Callable[[ModuleType], Any], data: bytes, pieces: list[int], *modules: ModuleType
+) -> None:
+    """`_plain` of this module, `_compiled` run as Python, and `scan` of the others say the same."""
+    methods = [(scan, "scan")] if scan.COMPILED else [(scan, "_plain"), (scan, "_compiled")]
+    methods += [(module, "scan") for module in modules]
+    said = [walk(make_scanner(module), method, data, pieces) for module, method in methods]
+    for each in said[1:]:
+        assert each == said[0]
+
+
+def pcap_scanner(order: str, magic: int, link: int) -> Callable[[ModuleType], Any]:
+    def made(module: ModuleType) -> Any:
+        scanner = module.PcapScan(
+            "little" if order == "<" else "big", 24 if magic == 0xA1B2CD34 else 16, link
+        )
+        scanner.position = 24
+        return scanner
+
+    return made
+
+
+def pcapng_scanner(order: str, interfaces: list[int]) -> Callable[[ModuleType], Any]:
+    def made(module: ModuleType) -> Any:
+        scanner = module.PcapngScan()
+        scanner.section("little" if order == "<" else "big")
+        scanner.links += interfaces
+        return scanner
+
+    return made
+
+
+def enhanced(frames: list[bytes], order: str, snap: int, interfaces: int) -> bytes:
+    out = []
+    for number, data in enumerate(frames):
+        kept = data[:snap] if snap else data
+        head = struct.pack(order + "5I", number % interfaces, 1, number, len(kept), len(data))
+        out.append(make.block(6, head + make.padded(kept), order))
+    return b"".join(out)
+
+
+@settings(max_examples=300, deadline=None)
+@given(traffic, orders, kinds, links, cuts, st.lists(st.integers(24, 3000), max_size=3), st.data())
+def test_pcap_loops_agree(
+    plain: ModuleType, compiled: ModuleType, frames: list[bytes], order: str, magic: int,
+    link: int, snap: int, pieces: list[int], more: st.DataObject,
+) -> None:  # fmt: skip
+    data = bytearray(make.pcap(frames, order=order, magic=magic, link_type=link, snap=snap))
+    for _ in range(more.draw(st.integers(0, 2))):  # also lengths that lie
+        if len(data) > 24:
+            data[more.draw(st.integers(24, len(data) - 1))] = more.draw(st.integers(0, 255))
+    both(pcap_scanner(order, magic, link), bytes(data), pieces, plain, compiled)
+
+
+@settings(max_examples=300, deadline=None)
+@given(traffic, orders, cuts, st.lists(links, min_size=1, max_size=3), st.lists(st.integers(0, 3000), max_size=3),
+       st.data())  # fmt: skip
+def test_pcapng_loops_agree(
+    plain: ModuleType, compiled: ModuleType, frames: list[bytes], order: str, snap: int,
+    interfaces: list[int], pieces: list[int], more: st.DataObject,
+) -> None:  # fmt: skip
+    data = bytearray(enhanced(frames, order, snap, len(interfaces)))
+    for _ in range(more.draw(st.integers(0, 2))):
+        if data:
+            data[more.draw(st.integers(0, len(data) - 1))] = more.draw(st.integers(0, 255))
+    both(pcapng_scanner(order, interfaces), bytes(data), pieces, plain, compiled)
+
+
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize("ng", [False, True])
+def test_long_runs_are_counted_frame_by_frame(
+    plain: ModuleType, compiled: ModuleType, order: str, ng: bool
+) -> None:
+    """Cyclic frames of some lengths, many more than it takes to learn them, with others in between."""
+    lengths = [make.RT, make.RT_TAGGED, make.RT + bytes(7), make.RT_TAGGED + bytes(90)]
+    frames = [lengths[number * number % 4] for number in range(15_000)]
+    for place, other in enumerate(SHAPES):
+        frames[5_000 + 501 * place : 5_000 + 501 * place] = [other] * (place + 1)
+    if ng:
+        both(pcapng_scanner(order, [1]), enhanced(frames, order, 0, 1), [9_000], plain, compiled)
+        return
+    data = make.pcap(frames, order=order)
+    both(pcap_scanner(order, 0xA1B2C3D4, 1), data, [9_000, 400_000], plain, compiled)
+    with open_capture(io.BytesIO(data)) as capture:
+        found = list(capture)
+    assert capture.frames == len(frames)
+    assert all(frames[each.number - 1] == each.data for each in found)
+    assert [each.number for each in found] == [
+        number
+        for number, each in enumerate(frames, 1)
+        if scan.relevant(each, 0, len(each), 1, len(each))
+    ]
+
+
+def test_a_buffer_without_room_is_refused() -> None:
+    for scanner in (scan.PcapScan("little", 16, 1), scan.PcapngScan()):
+        with pytest.raises(ValueError, match="room"):
+            scanner.scan(bytes(100), 100)
+
+
+def test_more_than_a_batch() -> None:
+    data = make.pcap([CALL] * (2 * scan.BATCH + 5))
+    scanner = scan.PcapScan("little", 16, 1)
+    scanner.position = 24
+    sizes = [len(scanner.scan(data + bytes(scan.PADDING), len(data))) for _ in range(4)]
+    assert sizes == [scan.BATCH, scan.BATCH, 5, 0]
+    assert scanner.frames == 2 * scan.BATCH + 5
