@@ -222,7 +222,7 @@ def _value(item: Element, name: str | None) -> int | float | str:
             return bytes.fromhex(below["value.hex"]).decode("latin-1")
         return _show(item)[1:-1]  # in quotes
     if kind in ("octets", "with_status"):
-        return _show(item)
+        return _show(item).strip('"')  # characters of an unknown code are shown in quotes, too
     return _float(_show(item)) if kind == "float" else _integer(_show(item))
 
 
