@@ -383,6 +383,8 @@ def test_another_index_can_be_ours(tshark: Tshark, make: Any) -> None:
 def test_what_the_built_in_calls_malformed_is_decoded(tshark: Tshark) -> None:
     names = ("ds47.state", "ds47.pnu", "ds47.value")
     path = CAPTURES["format-mixed.pcapng"]
+    if not tshark("-r", path, "-Y", "_ws.malformed", *columns("frame.number")):
+        pytest.skip("the built-in of this version does not decode index 47 (3.4)")
     found = rows(tshark("-r", path, "-2", "-Y", "_ws.malformed && ds47", *columns(*names)))
     wanted = analyze(path).transactions[0]
     assert len(found) == 1
