@@ -145,13 +145,21 @@ def main() -> int:
     parser.add_argument(
         "--must", action="store_true", help="fail where other tsharks cannot be made"
     )
+    parser.add_argument(
+        "--others",
+        action="store_true",
+        help="leave out what the plain test run covers: this machine's own tshark, plain Lua",
+    )
     parser.add_argument("--jobs", type=int, default=min(4, os.cpu_count() or 1), help="at once")
     parser.add_argument("--pytest", action="append", default=[], help="an argument for pytest")
     arguments = parser.parse_args()
 
     tsharks, status = provide(arguments.suites)
+    if arguments.others:
+        tsharks = [each for each in tsharks if Path(each.program).parent.name != "own"]
     jobs = [Job(f"tshark {t.version}", t.lua, "test_wireshark_*.py", t.program) for t in tsharks]
-    jobs.append(Job("plain Lua", lua_versions(), "test_lua_*.py"))
+    if not arguments.others:
+        jobs.append(Job("plain Lua", lua_versions(), "test_lua_*.py"))
     with ThreadPoolExecutor(arguments.jobs) as pool:
         outcomes = list(pool.map(lambda job: run(job, arguments.pytest), jobs))
     rows = list(zip(jobs, outcomes, strict=True))
