@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from ds47.model import CaptureResult, Finding, Parameter, Transaction
     from ds47.regression.run import Outcome
 
-_ENDINGS = tuple(
-    suffix + packed for suffix in (".pcap", ".pcapng", ".cap") for packed in ("", ".gz", ".zst")
-)
 _SHOWN = 50
 """Changes of one capture that a failure lists."""
 
@@ -43,11 +40,10 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     """A capture is collected with --ds47, and only where a result of it is stored."""
     if not parent.config.getoption("--ds47"):
         return None
-    if not file_path.name.lower().endswith(_ENDINGS):
-        return None
+    from ds47.capture.names import is_capture
     from ds47.regression.baseline import path_of
 
-    if not path_of(file_path).exists():
+    if not is_capture(file_path.name) or not path_of(file_path).exists():
         return None
     collected: pytest.Collector = CaptureFile.from_parent(parent, path=file_path)
     return collected

@@ -7,7 +7,6 @@ import json
 import os
 import re
 import shlex
-import shutil
 import string
 import subprocess
 import tomllib
@@ -17,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fake_tshark import real_tshark
 
 from ds47 import spec
 from ds47.cli import main
@@ -424,18 +424,9 @@ def test_an_unknown_vendor_is_wrong_use(capsys: pytest.CaptureFixture[str]) -> N
 # ------------------------------------------------------------------------------------- Wireshark
 
 
-def _tshark() -> str:
-    command = shutil.which(shlex.split(os.environ.get("DS47_TSHARK", "tshark"))[0])
-    if command is None:
-        if os.environ.get("DS47_CI") == "1":
-            pytest.fail("tshark is missing, and DS47_CI=1 says that it must be there")
-        pytest.skip("tshark is missing")
-    return command
-
-
 def _found(home: Path, capture: str, wanted: str, plugin: bool) -> int:
     """How many frames of a stored capture a display filter finds."""
-    command = [*shlex.split(os.environ.get("DS47_TSHARK", _tshark())), "-n"]
+    command = [real_tshark(), "-n"]
     if plugin:
         command += ["-X", f"lua_script:{ROOT / 'dissector' / 'ds47.lua'}", "-2"]
     command += ["-r", str(ROOT / "captures" / capture), "-Y", wanted]
@@ -448,7 +439,7 @@ def _found(home: Path, capture: str, wanted: str, plugin: bool) -> int:
 
 @pytest.mark.parametrize("plugin", [False, True], ids=["wireshark", "plugin"])
 def test_every_filter_can_be_pasted(plugin: bool, tmp_path: Path) -> None:
-    _tshark()
+    real_tshark()
     filters = {each.plugin_filter if plugin else each.filter for each in every_meaning("en")}
     shapes: dict[str, str] = {}
     for wanted in sorted(filter(None, filters)):
@@ -479,7 +470,7 @@ def test_every_filter_can_be_pasted(plugin: bool, tmp_path: Path) -> None:
     ],
 )
 def test_a_filter_finds_the_frames(code: str, capture: str, plugin: bool, tmp_path: Path) -> None:
-    _tshark()
+    real_tshark()
     meaning = explain(code)[0]
     wanted = meaning.plugin_filter if plugin else meaning.filter
     assert wanted

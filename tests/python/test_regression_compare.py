@@ -10,7 +10,7 @@ import pytest
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.regression import baseline
 from ds47.regression.accept import WhereError, chosen, merge, parse_where
-from ds47.regression.compare import Change, compare, pairs
+from ds47.regression.compare import Change, Comparison, compare
 from ds47.regression.config import Config, Ignore, Mask, ParameterTolerance, Tolerance
 from ds47.regression.run import fails
 
@@ -189,12 +189,12 @@ def test_accepting_everything_in_parts_leaves_nothing(stored, now):
     now["devices"][0]["device_id"] = 7
     changes = compare(stored, now, Config(), CAPTURE)
     assert len(changes) == 3
-    which = pairs(stored, now, Config(), CAPTURE)
+    which = Comparison(stored, now, Config(), CAPTURE).pairs
     some = [change for change in changes if change.kind == "value"]
     merged = merge(stored, now, which, some)
     left = compare(merged, now, Config(), CAPTURE)
     assert {change.kind for change in left} == {"state", "device"}
-    merged = merge(merged, now, pairs(merged, now, Config(), CAPTURE), left)
+    merged = merge(merged, now, Comparison(merged, now, Config(), CAPTURE).pairs, left)
     assert compare(merged, now, Config(), CAPTURE) == []
 
 
@@ -207,7 +207,7 @@ def test_accepting_a_new_transaction_counts_the_others_on(stored, now):
     for finding in now["findings"]:
         if finding["transaction"] and finding["transaction"] > 2:
             finding["transaction"] += 1
-    which = pairs(stored, now, Config(), CAPTURE)
+    which = Comparison(stored, now, Config(), CAPTURE).pairs
     merged = merge(stored, now, which, compare(stored, now, Config(), CAPTURE))
     assert [item["id"] for item in merged["transactions"]] == list(
         range(1, len(merged["transactions"]) + 1)

@@ -16,12 +16,13 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
+import handmade
 import jsonschema
 import pytest
 
 from ds47 import cli, report, spec
 from ds47.analysis import analyze
-from ds47.model import CaptureResult, Finding, Frames, Parameter, Report, Transaction
+from ds47.model import CaptureResult, Finding, Parameter, Report, Transaction
 from ds47.report import Options, junit, sarif
 
 JUNIT = """<xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema">
@@ -118,31 +119,9 @@ def written(name: str, captures: list[CaptureResult], **options: Any) -> str:
 
 
 def transaction(number: int = 1, **changes: Any) -> Transaction:
-    item = Transaction(
-        operation="read",
-        state="error",
-        controller="192.168.133.2",
-        device="192.168.133.33",
-        ar=None,
-        api=0,
-        slot=1,
-        subslot=1,
-        index=47,
-        request_reference=3,
-        axis=2,
-        frames=Frames(1, 2, 3, 4),
-        start_ns=0,
-        duration_ns=1,
-        request=None,
-        response=None,
-        write_status=0,
-        read_status=0,
-        parameters=[Parameter(901, 0, "value", 1)],
-        id=number,
-    )
-    for key, value in changes.items():
-        setattr(item, key, value)
-    return item
+    parameters = [Parameter(901, 0, "value", 1)]
+    usual = {"state": "error", "start_ns": 0, "duration_ns": 1, "parameters": parameters}
+    return handmade.transaction(id=number, **(usual | changes))
 
 
 def capture(

@@ -8,6 +8,7 @@ import json as json_module
 from copy import deepcopy
 from types import SimpleNamespace
 
+import handmade
 import jsonschema
 import pytest
 
@@ -23,7 +24,6 @@ from ds47.model import (
     Parameter,
     ParameterError,
     Report,
-    Transaction,
 )
 from ds47.report import csv, json, ndjson, text, words
 
@@ -35,33 +35,13 @@ def definition(name):
 
 
 def make_transaction(number=12, **changes):
-    item = Transaction(
-        operation="read",
-        state="ok",
-        controller="192.168.133.2",
-        device="192.168.133.33",
-        ar="12345678-1234-1234-1234-123456789abc",
-        api=0,
-        slot=1,
-        subslot=1,
-        index=47,
-        request_reference=3,
-        axis=2,
-        frames=Frames(1, 2, 3, 4),
-        start_ns=1_767_225_600_000_000_001,
-        duration_ns=12_400_000,
-        request=bytes.fromhex("030102011001c47f0000"),
-        response=bytes.fromhex("03010201080141200000"),
-        write_status=0,
-        read_status=0,
-        parameters=[
-            Parameter(50303, 0, "value", 1, None, None, "Float32", 1, [10.0]),
-        ],
-        id=number,
-    )
-    for key, value in changes.items():
-        setattr(item, key, value)
-    return item
+    usual = {
+        "ar": "12345678-1234-1234-1234-123456789abc",
+        "request": bytes.fromhex("030102011001c47f0000"),
+        "response": bytes.fromhex("03010201080141200000"),
+        "parameters": [Parameter(50303, 0, "value", 1, None, None, "Float32", 1, [10.0])],
+    }
+    return handmade.transaction(id=number, **(usual | changes))
 
 
 def make_capture(*transactions, findings=(), **changes):

@@ -11,12 +11,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import handmade
 import jsonschema
 import pytest
 
 from ds47 import cli, report
 from ds47.analysis import analyze
-from ds47.model import CaptureResult, Frames, Parameter, ParameterError, Report, Transaction
+from ds47.model import CaptureResult, Parameter, ParameterError, Report, Transaction
 from ds47.report import CannotWriteError, Options, csv, ndjson, parquet
 from ds47.report import json as contract
 
@@ -88,31 +89,8 @@ def rows(arrow: Any, captures: list[CaptureResult]) -> list[dict[str, Any]]:
 
 
 def transaction(*parameters: Parameter, **changes: Any) -> Transaction:
-    item = Transaction(
-        operation="read",
-        state="ok",
-        controller="192.168.133.2",
-        device="192.168.133.33",
-        ar=None,
-        api=0,
-        slot=1,
-        subslot=1,
-        index=47,
-        request_reference=3,
-        axis=2,
-        frames=Frames(1, 2, 3, 4),
-        start_ns=1_767_225_600_000_000_001,
-        duration_ns=12_400_000,
-        request=None,
-        response=None,
-        write_status=0,
-        read_status=0xDE80B500,
-        parameters=list(parameters),
-        id=1,
-    )
-    for key, value in changes.items():
-        setattr(item, key, value)
-    return item
+    usual = {"read_status": 0xDE80B500, "parameters": list(parameters)}
+    return handmade.transaction(**(usual | changes))
 
 
 def capture(*transactions: Transaction, path: str = "a.pcapng") -> CaptureResult:

@@ -1,14 +1,12 @@
 """The Wireshark plugin in a real tshark: what it shows is what the analyzer reports.
 
-`DS47_TSHARK` may hold another command to run tshark with.
+`DS47_TSHARK` may name another tshark.
 """
 
 from __future__ import annotations
 
 import io
 import os
-import shlex
-import shutil
 import subprocess
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -17,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fake_tshark import real_tshark
 
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture.writer import PcapngWriter
@@ -41,12 +40,7 @@ Tshark = Callable[..., str]
 @cache
 def program() -> list[str]:
     """The command; skips where there is none, fails where CI promises one."""
-    command = shlex.split(os.environ.get("DS47_TSHARK", "tshark"))
-    if shutil.which(command[0]) is None:
-        if os.environ.get("DS47_CI") == "1":
-            pytest.fail("tshark is missing, and DS47_CI=1 says that it must be there")
-        pytest.skip("tshark is missing")
-    return command
+    return [real_tshark()]
 
 
 def crashes_alone(environment: dict[str, str], arguments: tuple[str | Path, ...]) -> bool:

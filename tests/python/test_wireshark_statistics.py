@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from fake_tshark import real_tshark
 
 from ds47 import spec
 from ds47.analysis import analyze
@@ -66,13 +67,7 @@ def home(tmp_path: Path) -> Path:
 @pytest.fixture
 def shark(home: Path) -> Run:
     """Runs tshark with an empty home folder; fails on any error that Lua reports."""
-    program = os.environ.get("DS47_TSHARK") or shutil.which("tshark")
-    if program is None:
-        if os.environ.get("DS47_CI") == "1":
-            pytest.fail(
-                "tshark is missing, and DS47_CI=1 says that it must be there", pytrace=False
-            )
-        pytest.skip("tshark is missing")
+    program = real_tshark()
     environment = {
         "PATH": os.environ.get("PATH", ""),
         "HOME": str(home),

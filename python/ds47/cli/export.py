@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ds47.capture.names import ENDINGS
 from ds47.cli.common import stdout, warn
 from ds47.cli.options import analysis_options, known_rules, options_from
-from ds47.cli.paths import PACKED, STDIN, SUFFIXES, about, captures
+from ds47.cli.paths import STDIN, about, captures
 from ds47.model import STATES
 
 if TYPE_CHECKING:
@@ -341,7 +342,7 @@ def _targets(paths: Sequence[str], name: str | None) -> list[str]:
 def _stem(path: str) -> str:
     """The name of a capture without its ending."""
     name = "stdin" if path == STDIN else Path(path).name
-    for ending in sorted((s + p for s in SUFFIXES for p in PACKED), key=len, reverse=True):
+    for ending in sorted(ENDINGS, key=len, reverse=True):
         if name.lower().endswith(ending):
             return name[: -len(ending)]
     return name

@@ -9,11 +9,9 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
-SUFFIXES = (".pcap", ".pcapng", ".cap")
-"""Files of a folder that are captures; each also with one of PACKED behind."""
-PACKED = ("", ".gz", ".zst")
+from ds47.capture.names import SUFFIXES, is_capture
+
 STDIN = "-"
-_ENDINGS = tuple(suffix + packed for suffix in SUFFIXES for packed in PACKED)
 
 
 def captures(paths: Sequence[str], missing: Callable[[str], None]) -> Iterator[str]:
@@ -52,5 +50,5 @@ def _in_folder(folder: str, missing: Callable[[str], None]) -> list[str]:
         str(Path(parent, name))
         for parent, _, names in os.walk(folder, onerror=unreadable)
         for name in names
-        if name.lower().endswith(_ENDINGS)
+        if is_capture(name)
     )

@@ -69,7 +69,7 @@ def merge(
     Args:
         stored: the stored capture object; it is not changed.
         now: the present one.
-        pairs: which transaction is which (`ds47.regression.compare.pairs`).
+        pairs: which transaction is which (`ds47.regression.compare.Comparison`).
         accepted: the changes to take over.
     """
     result = deepcopy(stored)

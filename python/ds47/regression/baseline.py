@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from ds47 import __version__
+from ds47.capture.names import PACKED, SUFFIXES
 from ds47.model import CaptureResult
 
 SCHEMA = "ds47.baseline/1"
 SUFFIX = ".ds47.json"
-_PACKED = (".gz", ".zst")
-_CAPTURES = (".pcap", ".pcapng", ".cap")
 _WIDTH = 100
 
 
@@ -37,16 +36,16 @@ def path_of(capture: Path) -> Path:
 
 
 def _stem(name: str) -> str:
-    for packed in _PACKED:
+    for packed in PACKED:
         name = name.removesuffix(packed)
-    for suffix in _CAPTURES:
+    for suffix in SUFFIXES:
         if name.lower().endswith(suffix):
             return name[: -len(suffix)]
     return name
 
 
 def _has_namesake(capture: Path, stem: str) -> bool:
-    names = (stem + suffix + packed for suffix in _CAPTURES for packed in ("", *_PACKED))
+    names = (stem + suffix + packed for suffix in SUFFIXES for packed in PACKED)
     return any(name != capture.name and capture.with_name(name).exists() for name in names)
 
 

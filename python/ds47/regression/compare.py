@@ -81,20 +81,17 @@ def compare(stored: Json, now: Json, config: Config, capture: Path) -> list[Chan
         config: tolerances, masks and known findings.
         capture: the file, for the patterns of the configuration.
     """
-    return list(_Comparison(stored, now, config, capture).changes())
+    return list(Comparison(stored, now, config, capture).changes())
 
 
-def pairs(
-    stored: Json, now: Json, config: Config, capture: Path
-) -> list[tuple[int | None, int | None]]:
-    """Which transaction of the stored result is which of the present one, as 0-based places.
+class Comparison:
+    """Two results side by side: `pairs`, made once, and the `changes` between them.
 
-    One that was added or is missing stands alone, and does not disturb the others.
+    Attributes:
+        pairs: which transaction of the stored result is which of the present one, as 0-based places;
+            one that was added or is missing stands alone, and does not disturb the others.
     """
-    return _Comparison(stored, now, config, capture).pairs
 
-
-class _Comparison:
     def __init__(self, stored: Json, now: Json, config: Config, capture: Path) -> None:
         self._old, self._new = stored, now
         self._config, self._capture = config, capture

@@ -83,7 +83,7 @@ class Difference:
     @property
     def changed(self) -> list[tuple[Place, History | None, History | None]]:
         """The elements whose last value or refusal differs, or that only one capture has."""
-        return [row for row in self.parameters if _differs(row[1], row[2])]
+        return [row for row in self.parameters if differs(row[1], row[2])]
 
     @property
     def errors(self) -> list[tuple[Place, History | None, History | None]]:
@@ -95,7 +95,8 @@ class Difference:
         ]
 
 
-def _differs(a: History | None, b: History | None) -> bool:
+def differs(a: History | None, b: History | None) -> bool:
+    """Whether two captures say something else of an element, or only one of them asked for it."""
     return a is None or b is None or a.last != b.last or a.error != b.error
 
 

@@ -12,7 +12,7 @@ from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import CaptureError
 from ds47.model import SEVERITIES, CaptureResult
 from ds47.regression import baseline, config
-from ds47.regression.compare import Change, Json, compare, pairs
+from ds47.regression.compare import Change, Comparison, Json
 
 
 @dataclass(slots=True)
@@ -103,6 +103,6 @@ def check(path: str, options: AnalysisOptions | None = None, fail_on: str | None
     except baseline.BaselineError as problem:
         outcome.error = f"{problem} {path}" if "make one" in str(problem) else str(problem)
         return outcome
-    outcome.changes = compare(outcome.stored, outcome.now, settings, capture)
-    outcome.pairs = pairs(outcome.stored, outcome.now, settings, capture)
+    comparison = Comparison(outcome.stored, outcome.now, settings, capture)
+    outcome.changes, outcome.pairs = list(comparison.changes()), comparison.pairs
     return outcome

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any, TextIO
 
 from ds47 import __version__, spec
-from ds47.regression.difference import Difference, History, Latency, Place
+from ds47.regression.difference import Difference, History, Latency, Place, differs
 from ds47.report.words import escape
 
 SCHEMA = "ds47.diff/1"
@@ -127,9 +127,8 @@ def document(found: Difference) -> dict[str, Any]:
         "a": found.names[0],
         "b": found.names[1],
         "parameters": [
-            {**place._asdict(), "changed": row in found.changed, "a": _history(a), "b": _history(b)}
-            for row in found.parameters
-            for place, a, b in [row]
+            {**place._asdict(), "changed": differs(a, b), "a": _history(a), "b": _history(b)}
+            for place, a, b in found.parameters
         ],
         "findings": [{"rule": rule, "a": was, "b": now} for rule, was, now in found.findings],
         "states": [{"state": name, "a": was, "b": now} for name, was, now in found.states],
