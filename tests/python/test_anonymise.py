@@ -20,14 +20,19 @@ from ds47.export import Key, KeyFileError, Outcome, Selection, export
 from ds47.export.anonymise import internet_checksum
 from ds47.lab import ether, message, wire
 from ds47.lab.client import OK, Client
-from ds47.lab.naming import DCP, LLDP, ar_request, ar_response, dcp_identify, lldp
+from ds47.lab.naming import DCP, LLDP, dcp_identify, lldp
 from ds47.lab.stage import Stage
+from ds47.lab.wire import ar_request, ar_response
 from ds47.model import CaptureResult, Transaction
 
 CAPTURES = Path(__file__).resolve().parents[2] / "captures"
 EVERY = sorted(CAPTURES.rglob("*.pcapng"))
 TSHARK_CHECKSUMS = ("-o", "ip.check_checksum:TRUE", "-o", "udp.check_checksum:TRUE")
 GOOD = "ip.checksum.status == 1 && udp.checksum.status == 1"
+
+
+OF_VALUES = ("DS701", "DS714", "DS715", "DS716", "DS717")
+"""Diagnoses that go by values: other values may mean something else, and then another rule explains a refusal."""
 
 
 def anonymised(source: Path, target: Path, **more: Any) -> tuple[Outcome, Key]:
@@ -51,7 +56,8 @@ def story(item: Transaction, number: Callable[[int], int], values: bool) -> tupl
     return (
         item.operation, item.state, item.api, item.slot, item.subslot, item.index,
         item.request_reference, item.axis, frames, item.start_ns, item.duration_ns,
-        item.write_status, item.read_status, parameters, item.findings,
+        item.write_status, item.read_status, parameters,
+        [rule for rule in item.findings if values or rule not in OF_VALUES],
         item.request if values else None, item.response if values else None,
     )  # fmt: skip
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from struct import pack
 from typing import Any
 from uuid import UUID
 
@@ -19,6 +20,10 @@ _NETS = 512
 _DIGITS = "0123456789abcdefghijklmnopqrstuvwxyz"
 _LEAST_NAME = 4
 """Bytes from which on a name that is found anywhere is no chance."""
+
+_REALS = {4: ">f", 8: ">d"}
+_MOST_EXACT = 1 << 24
+"""Up to here every whole number is one of a Float32."""
 
 
 class KeyFileError(Exception):
@@ -147,10 +152,17 @@ class Key:
         return "n" + digits.rjust(length - 1, "0")[-(length - 1) :]
 
     def _next_value(self, original: str) -> str:
-        """The n-th value of a format becomes the number n: different values stay different."""
+        """The n-th value of a format becomes the number n: different values stay different.
+
+        Four and eight bytes become a floating-point number: most are one, and as such a small whole
+        number is next to nothing, which an analysis would take for a mistake (DS714).
+        """
         group, _, data = original.partition(" ")
         size = len(data) // 2
         number = self._count(f"value {group} {size}") - 1
+        code = _REALS.get(size)
+        if code is not None and number < _MOST_EXACT:
+            return f"{group} {pack(code, number + 1).hex()}"
         return f"{group} {(number % (1 << 8 * size)).to_bytes(size, 'big').hex()}"
 
     # The file
