@@ -158,6 +158,11 @@ def found(text: str, *, dropped: bool = False) -> list[Row]:
     return result
 
 
+def in_order(findings: list[Row]) -> list[Row]:
+    """As a report has them."""
+    return sorted(findings, key=lambda one: (one["frame"], one["rule"], one["transaction"] or 0))
+
+
 CASES: list[Row] = []
 Play = Callable[[Tape], None]
 
@@ -169,8 +174,10 @@ def case(
     transactions: Sequence[Row],
     findings: str = "",
     *,
+    diagnoses: str = "",
     options: Row | None = None,
     dropped: int | None = None,
+    cases: list[Row] = CASES,
 ) -> Callable[[Play], Play]:
     """Decorator: a function that plays a conversation becomes a case; its docstring the comment."""
 
@@ -189,9 +196,10 @@ def case(
             row["dropped"] = dropped
         row["steps"] = tape.steps
         listed = found(findings, dropped=dropped is not None)
-        listed.sort(key=lambda one: (one["frame"], one["rule"], one["transaction"] or 0))
-        row["expect"] = {"transactions": list(transactions), "findings": listed}
-        CASES.append(row)
+        row["expect"] = {"transactions": list(transactions), "findings": in_order(listed)}
+        if diagnoses:
+            row["expect"]["diagnoses"] = in_order(found(diagnoses))
+        cases.append(row)
         return play
 
     return enter
@@ -532,6 +540,7 @@ def _(tape: Tape) -> None:
         tx(2, "ok", (3, 4, 5, 6), 3, real(2.5, pnu=27), ref=2),
     ],
     "DS413@3#1",
+    diagnoses="DS705@3#1",
 )
 def _(tape: Tape) -> None:
     """The same sequence number with another record right after the answer is a new call."""
@@ -785,6 +794,7 @@ def _(tape: Tape) -> None:
         tx(3, "ok", (1, 2, 5, 6), 5, real(3.0), ref=3, slot=3),
     ],
     "DS203@2#2",
+    diagnoses="DS705@1#2",
 )  # fmt: skip
 def _(tape: Tape) -> None:
     """The second of three inner responses is negative: paired by position, only it is refused."""
@@ -837,6 +847,7 @@ def _(tape: Tape) -> None:
     "malformed refused",
     [tx(1, "refused", (1, 2, None, None), None, ref=7, write="DF80B700", read=None, index=0xB02F)],
     "DS315@1#1 DS203@2#1",
+    diagnoses="DS711@1#1",
 )
 def _(tape: Tape) -> None:
     """A cut request on 0xB02F is ours though nothing else is there: a finding, no exception."""
@@ -879,6 +890,7 @@ def _(tape: Tape) -> None:
         tx(2, "refused", (5, 6, None, None), None, ref=7, write="DF80B700", read=None),
     ],
     "DS315@5#2 DS203@6#2",
+    diagnoses="DS711@5#2",
 )
 def _(tape: Tape) -> None:
     """After a shaped message a cut one on index 47 is decoded with its findings."""
@@ -896,6 +908,7 @@ def _(tape: Tape) -> None:
         tx(2, "ok", (3, 4, 5, 6), 3, real(1.5)),
     ],
     "DS315@1#1 DS203@2#1",
+    diagnoses="DS711@1#1",
 )
 def _(tape: Tape) -> None:
     """A cut and refused request before the first shaped one is taken in too."""
@@ -913,6 +926,7 @@ def _(tape: Tape) -> None:
         tx(2, "ok", (3, 4, 5, 6), 3, real(1.5)),
     ],
     "DS315@1#1 DS413@3#1",
+    diagnoses="DS711@1#1 DS705@3#1",
 )
 def _(tape: Tape) -> None:
     """A cut but accepted request before the first shaped one was open when that one came."""
@@ -969,6 +983,7 @@ def _(tape: Tape) -> None:
         tx(2, "refused", (3, 4, None, None), None, par(27), ref=2, write="DF80B500", read=None),
     ],
     "DS203@4#2",
+    diagnoses="DS705@3#2",
 )
 def _(tape: Tape) -> None:
     """A second Write is refused while the first is open: the Read brings the first's response."""
@@ -987,6 +1002,7 @@ def _(tape: Tape) -> None:
         tx(2, "ok", (3, 4, 5, 6), 3, real(2.5, pnu=27), ref=2),
     ],
     "DS413@3#1",
+    diagnoses="DS705@3#1",
 )
 def _(tape: Tape) -> None:
     """An accepted Write before the response of the first: reported on its request."""
@@ -1025,6 +1041,7 @@ def _(tape: Tape) -> None:
         tx(2, "ok", (7, 8, 9, 10), 3, real(2.5, pnu=27), ref=2),
     ],
     "DS413@7#1",
+    diagnoses="DS705@7#1",
 )
 def _(tape: Tape) -> None:
     """A polled request is displaced: superseded, not refused, for a poll is no response."""
@@ -1054,6 +1071,7 @@ def _(tape: Tape) -> None:
     "P28 P29",
     "disorder",
     [tx(1, "ok", (1, 4, 2, 3), 2, real(1.5))],
+    diagnoses="DS702@2#1",
 )
 def _(tape: Tape) -> None:
     """The Write response comes after the Read response: it still belongs to its transaction."""
@@ -1108,6 +1126,7 @@ def _(tape: Tape) -> None:
         tx(2, "ok", (3, None, 4, 5), 2, real(2.5, pnu=27), ref=2, write=None),
     ],
     "DS101@3#2 DS413@3#1",
+    diagnoses="DS705@3#1",
 )
 def _(tape: Tape) -> None:
     """While one request is open the Read brings another's record, whose Write response is lost."""
@@ -1126,6 +1145,7 @@ def _(tape: Tape) -> None:
     "refused",
     [tx(1, "refused", (1, 2, 3, 4), 3, real(1.5), write="DF80B500")],
     "DS203@2#1",
+    diagnoses="DS705@1#1",
 )
 def _(tape: Tape) -> None:
     """Without an open request a Read belongs to the refused Write; the state stays refused."""
@@ -1143,6 +1163,7 @@ def _(tape: Tape) -> None:
         tx(2, "refused", (3, 4, 5, 6), 3, real(2.5, pnu=27), ref=2, write="DF80B500"),
     ],
     "DS203@2#1 DS203@4#2",
+    diagnoses="DS705@1#1 DS705@3#2",
 )
 def _(tape: Tape) -> None:
     """Two refused Writes: the Read belongs to the latest."""
@@ -1161,6 +1182,7 @@ def _(tape: Tape) -> None:
         tx(2, "refused", (5, 6, 7, 8), 3, real(1.5), write="DF80B500"),
     ],
     "DS415@5#2 DS203@6#2",
+    diagnoses="DS705@5#2 DS704@8#2",
 )
 def _(tape: Tape) -> None:
     """The refused Write comes before the last response, even where the bytes are the same."""
@@ -1179,6 +1201,7 @@ def _(tape: Tape) -> None:
         tx(2, "refused", (3, 4, None, None), None, par(27), ref=2, write="DF80B500", read=None),
     ],
     "DS203@4#2",
+    diagnoses="DS705@3#2 DS704@8#1",
 )
 def _(tape: Tape) -> None:
     """Something was read since the refused Write: the next Read is not its own."""
@@ -1194,6 +1217,7 @@ def _(tape: Tape) -> None:
     "P31 P48",
     "reread",
     [tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), rereads=[(5, 6), (7, 8)])],
+    diagnoses="DS704@6#1",
 )
 def _(tape: Tape) -> None:
     """The same bytes read twice more: re-reads, and the duration is that of the first Read."""
@@ -1351,6 +1375,7 @@ def _(tape: Tape) -> None:
         tx(2, "orphan", (None, None, 5, 6), None, real(1.5, pnu=None), write=None),
     ],
     "DS401@1#1 DS403@6#2",
+    diagnoses="DS722@1#1",
 )
 def _(tape: Tape) -> None:
     """The AR is released: what was open stays unanswered, a later Read finds nothing."""
@@ -1369,6 +1394,7 @@ def _(tape: Tape) -> None:
         tx(2, "unanswered", (3, 4, None, None), None, NOTHING, read=None, **HOME2),
     ],
     "DS401@3#2",
+    diagnoses="DS722@3#2",
 )
 def _(tape: Tape) -> None:
     """The release of one AR leaves the other alone."""
@@ -1389,6 +1415,7 @@ def _(tape: Tape) -> None:
            read=None, controller="192.168.133.3"),
     ],
     "DS401@3#2",
+    diagnoses="DS722@3#2",
 )  # fmt: skip
 def _(tape: Tape) -> None:
     """An AR with the same UUID between another controller and the drive is another AR."""
@@ -1440,6 +1467,7 @@ def _(tape: Tape) -> None:
     "disorder refused",
     [tx(1, "refused", (1, 4, 2, 3), 2, real(1.5), write="DF80B500")],
     "DS203@4#1",
+    diagnoses="DS705@1#1",
 )
 def _(tape: Tape) -> None:
     """A negative Write response after the Read that brought the record: refused, and it is said."""
@@ -1515,6 +1543,7 @@ def _(tape: Tape) -> None:
         tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(0, 0)), par(27, error=(0x6B, 3))),
     ],
     "DS410@4#1 DS410@4#1",
+    diagnoses="DS719@4#1",
 )
 def _(tape: Tape) -> None:
     """Both parameters failed."""
@@ -1540,6 +1569,7 @@ def _(tape: Tape) -> None:
     "drive-error",
     [tx(1, "partial", (1, 2, 3, 4), 3, par(21, error=(0, 0)), real(2.5, pnu=27))],
     "DS410@4#1",
+    diagnoses="DS701@4#1",
 )
 def _(tape: Tape) -> None:
     """The first of two parameters failed."""
@@ -1556,6 +1586,7 @@ def _(tape: Tape) -> None:
            par(1121, "Float32", 5.0, error=(0x6B, 0)), operation="change"),
     ],
     "DS410@4#1",
+    diagnoses="DS719@4#1",
 )  # fmt: skip
 def _(tape: Tape) -> None:
     """The second of two changes failed: it keeps the value that was written."""
@@ -1806,6 +1837,7 @@ def _(tape: Tape) -> None:
     "drive-error malformed",
     [tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, error=(0x11, 0)))],
     "DS410@4#1 DS411@4#1",
+    diagnoses="DS719@4#1",
 )
 def _(tape: Tape) -> None:
     """One of two failed, and the response id says that none did."""
@@ -1895,11 +1927,11 @@ def render(one: Row) -> str:
     return " {\n" + ",\n".join([*lines, '  "expect": {\n' + expect + "}"]) + "\n }"
 
 
-def text() -> str:
+def text(cases: list[Row] = CASES, about: str = ABOUT) -> str:
     """The whole file."""
-    cases = ",\n".join(render(one) for one in CASES)
-    head = f'{{\n"$schema": "conversations.schema.json",\n"about": {dump(ABOUT)},\n'
-    return f'{head}"count": {len(CASES)},\n"cases": [\n{cases}\n]\n}}\n'
+    shown = ",\n".join(render(one) for one in cases)
+    head = f'{{\n"$schema": "conversations.schema.json",\n"about": {dump(about)},\n'
+    return f'{head}"count": {len(cases)},\n"cases": [\n{shown}\n]\n}}\n'
 
 
 if __name__ == "__main__":

@@ -35,7 +35,20 @@ def fields(where: str, row: Any) -> Flat:
     """An object's fields; what is absent or empty has no line."""
     for name, value in asdict(row).items():
         if name not in KEYS and value is not None and value != "":
-            yield f"{where}.{name}", value
+            yield from leaves(f"{where}.{name}", value)
+
+
+def leaves(where: str, value: Any) -> Flat:
+    """A value, or what a list, a set or a table holds."""
+    if isinstance(value, tuple):
+        value = dict(enumerate(value, 1))
+    elif isinstance(value, frozenset):
+        value = dict.fromkeys(sorted(value), True)
+    if not isinstance(value, Mapping):
+        yield where, value
+        return
+    for key, item in value.items():
+        yield f"{where}.0x{key:02X}", item
 
 
 def rows(where: str, table: Mapping[int, Any]) -> Flat:
@@ -57,6 +70,10 @@ def semantic() -> Flat:
         for event, then in events.items():
             yield f"phases.{phase}.{event}", then
     yield from texts("reasons", semantics.reasons("en"), semantics.reasons("zh"))
+    yield from fields("known", semantics.known())
+    yield from texts(
+        "diagnosis_words", semantics.diagnosis_words("en"), semantics.diagnosis_words("zh")
+    )
 
 
 def wire() -> Flat:

@@ -3,7 +3,7 @@
     .venv/bin/python tools/make_tables.py            writes the file
     .venv/bin/python tools/make_tables.py --check    fails when the file is not what would be written
 
-Everything is read through `ds47.spec` and `ds47.spec.semantics`, so that both sides see the same
+Everything is read through `ds47.spec` and its modules, so that both sides see the same
 rows. Nothing is decided here but the layout: one entry a line, as Wireshark parses the file at
 every start. Fields that only explain a row to its reader (`note`, `confirmed`) stay behind.
 """
@@ -17,7 +17,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 
 from ds47 import __version__, spec
-from ds47.spec import semantics
+from ds47.spec import reporting, semantics
 
 TARGET = Path(__file__).resolve().parent.parent / "lua" / "ds47" / "tables.lua"
 Scalar = int | str | bool | None
@@ -75,6 +75,10 @@ def entry(row: object, names: Sequence[str]) -> str:
     values = {name: getattr(row, name) for name in names}
     shown = (f"{name} = {scalar(v)}" for name, v in values.items() if v is not None and v != "")
     return "{" + ", ".join(shown) + "}"
+
+
+def _listed(values: Sequence[str]) -> str:
+    return "{" + ", ".join(scalar(value) for value in values) + "}"
 
 
 def bilingual(en: str, zh: str) -> str:
@@ -162,11 +166,14 @@ def _status() -> Iterator[str]:
 
 
 def _rules() -> Iterator[str]:
-    names = tuple(field.name for field in fields(spec.Rule))
+    names = tuple(field.name for field in fields(spec.Rule) if field.name != "group")
     yield "M.rules = {"
     for number, row in spec.rules().items():
         yield f"  {number} = {entry(row, names)},"
     yield "}"
+    for number, row in spec.rules().items():
+        if number.startswith("DS7"):
+            yield f"M.rules.{number}.group = {_listed(row.group)}"
     yield "M.rule_ids = {"
     yield "  " + ", ".join(scalar(number) for number in sorted(spec.rules())) + ","
     yield "}"
@@ -191,6 +198,39 @@ def _semantics() -> Iterator[str]:
     yield "}"
 
 
+def _diagnoses() -> Iterator[str]:
+    known = semantics.known()
+    yield "M.known = {"
+    for name, value in asdict(known).items():
+        if isinstance(value, frozenset):
+            shown = ", ".join(f"[{number}] = true" for number in sorted(value))
+            yield f"  {name} = {{{shown}}},"
+        elif isinstance(value, dict):
+            shown = ", ".join(f"[{code}] = {scalar(text)}" for code, text in value.items())
+            yield f"  {name} = {{{shown}}},"
+        else:
+            yield f"  {name} = {value},"
+    yield "}"
+    yield "M.diagnosis_words = {"
+    chinese = semantics.diagnosis_words("zh")
+    for name, text in semantics.diagnosis_words("en").items():
+        yield f"  {name} = {bilingual(text, chinese[name])},"
+    yield "}"
+
+
+def _report() -> Iterator[str]:
+    yield "M.report_words = {"
+    for name, words in reporting.report_words().items():
+        yield f"  {name} = {bilingual(words['en'], words['zh'])},"
+    yield "}"
+    yield "M.covers = {"
+    for how in reporting.COVERS:
+        rows = reporting.covers(how).items()
+        shown = ", ".join(f"{rule} = {_listed(covered)}" for rule, covered in rows)
+        yield f"  {how} = {{{shown}}},"
+    yield "}"
+
+
 def generate() -> str:
     """The text of tables.lua."""
     parts = (
@@ -203,6 +243,8 @@ def generate() -> str:
         _status(),
         _parameters(),
         _rules(),
+        _diagnoses(),
+        _report(),
         ["return M"],
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"

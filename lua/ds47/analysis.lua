@@ -10,6 +10,7 @@
 
 local calls = require("ds47.calls")
 local copy = require("ds47.copy")
+local diagnosis = require("ds47.diagnosis")
 local findings = require("ds47.findings")
 local gate = require("ds47.gate")
 local ip = require("ds47.ip")
@@ -34,6 +35,7 @@ M.Analysis = Analysis
 local UNCHANGING = {
   message = true, peer = true, request = true, response = true,
   read_request = true, read_response = true, write_response = true,
+  superseding = true, rival = true, -- jobs that are looked at, with what is certain of them
 }
 
 --- A new analysis.
@@ -58,6 +60,7 @@ function M.new(options)
     codec = options.codec or {},
     findings = findings.new(lang, options.select, options.ignore),
     judge = rules.new(limits, slow_ns, lang),
+    diagnoses = diagnosis.new(lang, options.codec or {}),
     naming = naming.Naming.new(),
     fragments = rpc.Fragments.new(limits.fragment_expiry_ns),
     reassembly = ip.Reassembly.new(limits),
@@ -199,7 +202,7 @@ end
 -- The end
 
 --- The complete result, as if the capture ended here; the analysis goes on as if nothing was asked.
--- The same table until the next packet. {transactions, findings, devices, rpc, records, summary}:
+-- The same table until the next packet. {transactions, findings, diagnoses, devices, rpc, records, summary}:
 -- transactions by `id`, findings by frame and rule, rpc and records (by index) as counts. Nobody may change
 -- it, and of an older result only numbers may differ from a newer one: transactions that were finished
 -- before are the same tables, with their newest `id` and `findings`.
@@ -223,6 +226,8 @@ function Analysis:_open_state()
   }
   self.findings:copied(known)
   self.judge:copied(known)
+  self.diagnoses:copied(known)
+  self.pairing:copied(known)
   return copy.copy(self, known, UNCHANGING)
 end
 
@@ -240,9 +245,11 @@ function Analysis:_finish()
   self.calls:finish()
   self.pairing:finish()
   local numbered = self.finished_jobs:numbered()
+  local found, diagnoses = self.findings:result(numbered, self.finished_jobs)
   return {
     transactions = numbered,
-    findings = self.findings:result(numbered, self.finished_jobs),
+    findings = found,
+    diagnoses = diagnoses,
     devices = self.naming:devices(),
     rpc = self.calls.counts,
     records = self.records.counts,
@@ -315,6 +322,10 @@ function Analysis:closed(job)
   local refused = self.judge:closed(job)
   if refused then
     self.findings:add(refused)
+  end
+  local diagnoses = self.diagnoses:closed(job)
+  for number = 1, #diagnoses do
+    self.findings:add(diagnoses[number])
   end
   local transaction = transactions.build(job, self.lang)
   transactions.summarise(self.summary, transaction)

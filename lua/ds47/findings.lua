@@ -3,6 +3,7 @@
 -- Nothing is judged here; a remark comes from rules.lua or recordcalls.lua. Words are made when somebody asks
 -- for them, not on the way of a frame.
 
+local grouping = require("ds47.grouping")
 local tables = require("ds47.tables")
 
 local floor, format = math.floor, string.format
@@ -220,10 +221,15 @@ function Findings:at(frame)
   return sorted(result, "order")
 end
 
-local function add_all(self, remarks, store, result)
+local function add_all(self, remarks, store, result, causes)
   for _, remark in ipairs(remarks) do
     local owner = remark.order and store:by_order(remark.order)
-    result[#result + 1] = self:word(remark, owner and owner.id)
+    local finding = self:word(remark, owner and owner.id)
+    result[#result + 1] = finding
+    if grouping.is_diagnosis(remark.rule) then
+      local args = remark.args or {}
+      causes[#causes + 1] = {finding = finding, device = owner and owner.device or args.device, args = args}
+    end
     if owner then
       local rules = owner.findings
       local known = false
@@ -237,21 +243,40 @@ local function add_all(self, remarks, store, result)
   end
 end
 
+-- The diagnoses of findings with what they are told apart by; the first frame of a cause gives its message.
+local function grouped(causes)
+  for number, each in ipairs(causes) do
+    each.told = number
+  end
+  table.sort(causes, function(a, b)
+    if a.finding.frame ~= b.finding.frame then
+      return a.finding.frame < b.finding.frame
+    end
+    return a.told < b.told
+  end)
+  local groups = grouping.new()
+  for _, each in ipairs(causes) do
+    groups:add(each.finding, each.device, each.args)
+  end
+  return groups:result()
+end
+
 --- All findings in the order of their frames; their transactions get to know their rules.
 -- @param transactions  array of all transactions, with their ids
 -- @param store         the transactions.Store that knows them by the order of their jobs
+-- @return findings, diagnoses
 function Findings:result(transactions, store)
-  local result = {}
+  local result, causes = {}, {}
   if self.kept.below then
-    add_all(self, self.kept.below, store, result)
+    add_all(self, self.kept.below, store, result, causes)
   end
-  add_all(self, self.kept, store, result)
+  add_all(self, self.kept, store, result, causes)
   for _, transaction in ipairs(transactions) do
     if #transaction.findings > 1 then
       table.sort(transaction.findings)
     end
   end
-  return sorted(result, "transaction")
+  return sorted(result, "transaction"), grouped(causes)
 end
 
 return M

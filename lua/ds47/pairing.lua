@@ -11,10 +11,12 @@ local M = {}
 
 --- State conflict on a Read: the response is not ready, read again (docs/protocol.md E.1).
 M.STATUS_NOT_READY = 0xDE80B500
+--- State conflict on a Write: the device still works on another request.
+M.STATUS_IN_USE = 0xDF80B500
 --- Polls, re-reads and empty reads of one transaction that are kept, of each.
 M.MOST_READS = 4096
 
-local STATUS_NOT_READY, MOST_READS = M.STATUS_NOT_READY, M.MOST_READS
+local STATUS_NOT_READY, STATUS_IN_USE, MOST_READS = M.STATUS_NOT_READY, M.STATUS_IN_USE, M.MOST_READS
 local PHASES = tables.phases
 
 -- Jobs: the halves of the record calls of one transaction, and what pairing learnt of it.
@@ -43,6 +45,10 @@ local function new_job(peer, record, message, order)
     reason = "",
     accepted = false,
     order = order,
+    superseding = nil, -- the request that displaced this one
+    rival = nil, -- whose request was open when this one was turned away as in conflict with another
+    repeats = nil, -- frame of an earlier answer that was read once more where a new one was due
+    ended = nil, -- frame that ended the connection while the request was open
   }, Job)
 end
 
@@ -90,6 +96,12 @@ end
 local function channel_key(peer, record)
   return text_of(record.api) .. text_of(record.slot * 65536 + record.subslot) .. text_of(record.index)
     .. record.ar .. peer.controller .. "\0" .. peer.device
+end
+
+-- What is one place of a device, whoever asks there.
+local function place_key(peer, record)
+  return text_of(record.api) .. text_of(record.slot * 65536 + record.subslot) .. text_of(record.index)
+    .. peer.device
 end
 
 -- Small things
@@ -140,6 +152,8 @@ function M.new(limits, listener)
     listener = listener,
     channels = ordered.new(), -- channel key -> channel, the one that was touched last goes last
     of_ar = {}, -- AR key -> its channel keys, in the order of first sight
+    newest = ordered.new(), -- place -> its newest accepted request, whoever asked
+    connects = ordered.new(), -- controller and device -> frame of the newest Connect between them
     count = 0,
     -- What the caller's last step touched; he sets the count to 0 before it.
     touched_count = 0,
@@ -147,6 +161,12 @@ function M.new(limits, listener)
     touched_roles = {},
     touched_frames = {},
   }, Pairing)
+end
+
+--- For a copy of the analysis that only plays the end of the capture: nobody asks or connects there.
+function Pairing:copied(known)
+  known[self.newest] = ordered.new()
+  known[self.connects] = self.connects
 end
 
 -- For `Analysis:touched`: in arrays of its own, so that nothing is made for it on the way of a frame.
@@ -161,14 +181,24 @@ end
 local function end_job(self, job, event)
   job.phase = PHASES[job.phase][event]
   self.listener:closed(job)
+  job.superseding, job.rival = nil, nil -- or a closed job would keep all that came after it
 end
 
-local function lose(self, job, reason)
+-- The frame of a Connect that came after the request of a job, nil for none.
+local function connected_since(self, job)
+  local asked = job.read_response == nil and job:write_request()
+  local peer = job.peer
+  local connect = asked and self.connects:get(peer.controller .. "\0" .. peer.device)
+  return connect and connect > asked.frame and connect or nil
+end
+
+local function lose(self, job, reason, ended)
   job.reason = reason
+  job.ended = ended or connected_since(self, job)
   end_job(self, job, "lost")
 end
 
-local function close_channel(self, channel, reason)
+local function close_channel(self, channel, reason, ended)
   local siblings = self.of_ar[channel.ar_key]
   siblings:pop(channel.key)
   if siblings.length == 0 then
@@ -177,16 +207,16 @@ local function close_channel(self, channel, reason)
   self.channels:pop(channel.key)
   local last, refused, open = channel.last, channel.refused, channel.open
   if last then
-    lose(self, last, reason)
+    lose(self, last, reason, ended)
   end
   if refused then
-    lose(self, refused, reason)
+    lose(self, refused, reason, ended)
   end
   if open then
-    lose(self, open, reason)
+    lose(self, open, reason, ended)
   end
   for _, job in ipairs(channel.asked) do
-    lose(self, job, reason)
+    lose(self, job, reason, ended)
   end
 end
 
@@ -195,6 +225,7 @@ local function new_channel(self, key, peer, record)
   local channel = {
     key = key,
     ar_key = of_ar,
+    place = place_key(peer, record),
     touched = nil, -- time of the newest call
     asked = {}, -- Writes without a Write response, oldest first
     open = nil, -- the accepted request that nothing was read for
@@ -240,6 +271,15 @@ local function make_job(self, peer, record, message)
   return new_job(peer, record, message, self.count)
 end
 
+local function remember(self, place, job)
+  local newest = self.newest
+  newest:set(place, job)
+  newest:move_to_end(place)
+  if newest.length > self.limits.channels then
+    newest:pop_first()
+  end
+end
+
 -- An accepted Write opens; it displaces what was open and ends the grace of a refused one.
 local function accept(self, channel, job)
   job.accepted = true
@@ -248,6 +288,7 @@ local function accept(self, channel, job)
     local open = channel.open
     if open then
       open.superseded_by = job.record.request and job.record.request.frame
+      open.superseding = job
       end_job(self, open, "displaced")
     end
     if channel.refused then
@@ -255,12 +296,19 @@ local function accept(self, channel, job)
       channel.refused = nil
     end
     channel.open = job
+    remember(self, channel.place, job)
   end
   job.phase = PHASES[job.phase].write_accepted
 end
 
 local function refuse(self, channel, job)
-  local before = job.phase
+  local before, half = job.phase, job.write_response
+  if half and half.status == STATUS_IN_USE then
+    local newest = self.newest:get(channel.place)
+    if newest and newest ~= job and newest.phase == "open" then
+      job.rival = newest
+    end
+  end
   job.phase = PHASES[before].write_refused
   if before == "answered" then
     return
@@ -323,8 +371,25 @@ local function answer(self, channel, job, record)
   channel.last = job
 end
 
+-- Whether a request that failed, or another one than before, is answered as the last one was.
+local function compare(last, job, half)
+  if bytes(last) ~= half.data then
+    return
+  end
+  if job.phase == "asked" then
+    local asked, before = job:write_request(), last:write_request()
+    if asked == nil or before == nil or asked.data:sub(2) == before.data:sub(2) then
+      return -- the same question may well have the same answer
+    end
+  end
+  job.repeats = last.read_response.frame
+end
+
 local function read(self, channel, job, event, record)
   local half = record.response
+  if event == "read_record" and (job.phase == "asked" or job.phase == "refused") then
+    compare(channel.last, job, half)
+  end
   if job.phase == "asked" then
     accept(self, channel, job)
     job.accepted = false -- only presumed: the Write response is missing in the capture
@@ -433,12 +498,22 @@ function Pairing:expected(peer, record)
   return channel.open or channel.asked[#channel.asked] or channel.refused
 end
 
---- The AR is over: what is open on its channels stays unanswered.
-function Pairing:release(controller, device, ar)
+--- The AR is over with this frame: what is open on its channels stays unanswered.
+function Pairing:release(controller, device, ar, frame)
   local of_ar = ar_key({controller = controller, device = device}, {ar = ar})
   local siblings = self.of_ar[of_ar]
   while siblings and siblings.length > 0 do
-    close_channel(self, self.channels:get((siblings:first())), "release")
+    close_channel(self, self.channels:get((siblings:first())), "release", frame)
+  end
+end
+
+--- A new AR between the two: requests that are open now have lost their connection.
+function Pairing:connected(controller, device, frame)
+  local connects, key = self.connects, controller .. "\0" .. device
+  connects:set(key, frame)
+  connects:move_to_end(key)
+  if connects.length > self.limits.channels then
+    connects:pop_first()
   end
 end
 

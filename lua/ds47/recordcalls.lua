@@ -138,8 +138,10 @@ function RecordCalls:request(call)
   if opnum == rpc.RELEASE then
     local ar = records.released_ar(pdu)
     if ar then
-      self.pairing:release(pdu.client, pdu.server, ar)
+      self.pairing:release(pdu.client, pdu.server, ar, pdu.frame)
     end
+  elseif opnum == rpc.CONNECT then
+    self.pairing:connected(pdu.client, pdu.server, pdu.frame)
   end
   if not OPERATIONS[opnum] then
     return

@@ -564,9 +564,173 @@ M.rules = {
   DS417 = {id = "DS417", name = "read-back-differs", severity = "warning", scope = "transaction", anchor = "read_response", message = "Parameter {pnu}[{subindex}] reads back {read}, but {written} was written last", cause = "The drive rounds or limits the value, a data set was switched, another client or the drive itself changed it since, or the change was sent in the wrong format.", advice = "Compare format and scaling of the change with the parameter list. Look for a second writer (HMI, engineering tool, another PLC block) and for limits that depend on other parameters.", message_zh = "参数 {pnu}[{subindex}] 回读为 {read}，而上次写入的是 {written}", cause_zh = "驱动器对数值进行了取整或限幅，切换了数据组，此后被其他客户端或驱动器自身修改，或修改时使用了错误的格式。", advice_zh = "将修改任务的格式和定标与参数表核对。查找是否有第二个写入方（HMI、工程工具、另一个 PLC 程序块），以及依赖其他参数的限值。"},
   DS418 = {id = "DS418", name = "request-not-supported", severity = "error", scope = "transaction", anchor = "read_response", message = "Drive does not support request ID {id} (response ID 0x80)", cause = "Byte 1 of the request holds a service that this drive does not know: a vendor service of another make, or bytes shifted in the buffer.", advice = "Use request ID 16#01 (read) or 16#02 (change) and check that the RECORD buffer of WRREC starts with the reference.", message_zh = "驱动器不支持请求 ID {id}（应答 ID 0x80）", cause_zh = "请求的字节 1 是该驱动器不支持的服务：其他制造商的服务，或缓冲区中字节错位。", advice_zh = "使用请求 ID 16#01（读取）或 16#02（修改），并检查 WRREC 的 RECORD 缓冲区是否从请求参考开始。"},
   DS601 = {id = "DS601", name = "engines-differ", severity = "error", scope = "capture", anchor = "frame", message = "Native engine (was) and Wireshark plugin (is) differ: {difference}", cause = "The two decoders of ds47 disagree about the same frames: a fault of one of them, or a plugin of another version in Wireshark's own folder. The drive and the capture are not to blame.", advice = "Check with ds47 plugin doctor that only the plugin of this version is loaded. If it is, report the difference together with the frames of the transaction; until then compare the bytes with the manual of the drive.", message_zh = "原生引擎（was）与 Wireshark 插件（is）的结果不同：{difference}", cause_zh = "ds47 的两个解码器对相同的帧得出不同结果：其中一个有错误，或者 Wireshark 自己的文件夹中有其他版本的插件。与驱动器和抓包无关。", advice_zh = "用 ds47 plugin doctor 检查是否只加载了本版本的插件。如果是，请将差异与该事务的帧一起报告；在此之前请将字节与驱动器手册核对。"},
+  DS701 = {id = "DS701", name = "refusal-not-seen", severity = "warning", scope = "transaction", anchor = "read_response", message = "The drive refused (response ID {id}, {code} {text}), but every STATUS the program gets is 0", cause = "The record calls succeeded, so WRREC and RDREC report success; the refusal stands inside the record, in byte 1 of the response and in its error block.", advice = "STATUS 0 is not success: check byte 1 of the RDREC buffer. 16#81 or 16#82 is a refusal, the error number stands behind format 16#44.", message_zh = "驱动器拒绝了任务（应答 ID {id}，{code} {text}），但程序得到的 STATUS 全部为 0", cause_zh = "记录调用本身成功，因此 WRREC 和 RDREC 报告成功；拒绝信息在记录内部：应答的字节 1 及其错误块中。", advice_zh = "STATUS 0 不等于成功：检查 RDREC 缓冲区的字节 1。16#81 或 16#82 表示拒绝，错误号位于格式 16#44 之后。"},
+  DS702 = {id = "DS702", name = "read-too-early", severity = "warning", scope = "transaction", anchor = "frame", message = "The Read was sent in frame {frame}, before the Write was answered in frame {by}", cause = "RDREC is started together with WRREC or a fixed time after it, not when WRREC has finished.", advice = "Start RDREC with DONE of WRREC.", message_zh = "读取在帧 {frame} 中发出，而写入直到帧 {by} 才得到应答", cause_zh = "RDREC 与 WRREC 同时启动，或在固定时间后启动，而不是在 WRREC 完成之后。", advice_zh = "用 WRREC 的 DONE 启动 RDREC。"},
+  DS703 = {id = "DS703", name = "nothing-was-asked", severity = "warning", scope = "capture", anchor = "frame", message = "{count} x Read refused with DE80B500 on {device} while no request was open", cause = "Nothing was asked before, or the response was read already: the drive has nothing to hand out.", advice = "This is not 'busy': do not wait for it. Send a request first (WRREC, DONE) and read each response once.", message_zh = "{device} 上 {count} 次读取被 DE80B500 拒绝，而当时没有未完成的请求", cause_zh = "此前没有发出请求，或者应答已被读取：驱动器没有可提供的内容。", advice_zh = "这不是“忙”：不要等待。先发送请求（WRREC，DONE），并且每个应答只读取一次。"},
+  DS704 = {id = "DS704", name = "old-answer", severity = "warning", scope = "transaction", anchor = "frame", message = "The Read in frame {frame} brought the response of frame {first} once more: no new request stands behind it", cause = "The Write before it failed or was never sent, the drive still held the previous response, and the reference did not change, so the old value looks new.", advice = "The value belongs to the earlier request. Count the reference with each request and compare it, and do not start RDREC when WRREC ended with ERROR.", message_zh = "帧 {frame} 的读取再次得到帧 {first} 的应答：背后没有新的请求", cause_zh = "之前的写入失败或从未发出，驱动器仍保留上一个应答，而请求参考没有变化，因此旧值看起来像新值。", advice_zh = "该值属于较早的请求。每次请求递增并比较请求参考；WRREC 以 ERROR 结束时不要启动 RDREC。"},
+  DS705 = {id = "DS705", name = "two-users", severity = "error", scope = "transaction", anchor = "frame", message = "{controller} asked in frame {frame} while the request of {other} (frame {first}) was open", cause = "Two function blocks, programs or stations use the same parameter channel at the same time. The device keeps one request per channel: the later one displaces the earlier one or is turned away with DF80B500.", advice = "One job at a time: put a queue or a lock in front of the channel. For two stations use a channel (access point) each.", message_zh = "{controller} 在帧 {frame} 中发出请求，而 {other} 的请求（帧 {first}）尚未得到应答", cause_zh = "两个功能块、程序或站同时使用同一个参数通道。设备每个通道只保留一个请求：后来的请求取代先前的请求，或以 DF80B500 被拒绝。", advice_zh = "一次只执行一个任务：在通道前设置队列或锁。两个站应各用一个通道（访问点）。"},
+  DS706 = {id = "DS706", name = "request-here-read-there", severity = "error", scope = "capture", anchor = "frame", message = "The request in frame {request} went to {place}, its response was looked for at {other} (frame {frame})", cause = "WRREC and RDREC are given different hardware identifiers (or INDEX); the drive keeps the response at the submodule that was asked.", advice = "Give both blocks the same hardware identifier and the same INDEX.", message_zh = "帧 {request} 的请求发往 {place}，其应答却在 {other} 处读取（帧 {frame}）", cause_zh = "WRREC 和 RDREC 使用了不同的硬件标识符（或 INDEX）；驱动器把应答保留在被请求的子模块上。", advice_zh = "两个块使用相同的硬件标识符和相同的 INDEX。"},
+  DS707 = {id = "DS707", name = "wrong-record-index", severity = "error", scope = "capture", anchor = "frame", message = "A parameter request was written to record index {index} of {device} ({status})", cause = "INDEX of WRREC and RDREC is a decimal number. 16#47 is 71; 47 is 16#2F.", advice = "Use INDEX 47 (decimal, 16#2F), or 16#B02E / 16#B02F where the device has them.", message_zh = "参数请求被写入 {device} 的记录索引 {index}（{status}）", cause_zh = "WRREC 和 RDREC 的 INDEX 是十进制数。16#47 是 71；47 是 16#2F。", advice_zh = "使用 INDEX 47（十进制，16#2F），或设备支持的 16#B02E / 16#B02F。"},
+  DS708 = {id = "DS708", name = "wrong-slot", severity = "error", scope = "capture", anchor = "frame", message = "{device} turns requests to {place} away ({status}); {other} answers", cause = "The hardware identifier of another submodule is used: the drive has its parameter access point at a certain slot and subslot.", advice = "Use the hardware identifier of the submodule that answers.", message_zh = "{device} 拒绝发往 {place} 的请求（{status}）；{other} 有应答", cause_zh = "使用了其他子模块的硬件标识符：驱动器的参数访问点位于特定的插槽和子插槽。", advice_zh = "使用有应答的子模块的硬件标识符。"},
+  DS709 = {id = "DS709", name = "wrong-drive-object", severity = "error", scope = "transaction", anchor = "read_response", message = "Drive object (axis) {axis} does not exist on {device}", cause = "Byte 2 of the request names a drive object that this device does not have.", advice = "SINAMICS G120: 1. S120, G130, G150, DCM: the numbers in p0101. Use one of those that answer in this capture.", message_zh = "{device} 上不存在驱动对象（轴）{axis}", cause_zh = "请求的字节 2 指定了该设备没有的驱动对象。", advice_zh = "SINAMICS G120：1。S120、G130、G150、DCM：见 p0101 中的编号。使用本抓包中有应答的编号。"},
+  DS710 = {id = "DS710", name = "axis-byte-ignored", severity = "note", scope = "capture", anchor = "frame", message = "Different axis numbers ({axes}) are asked at {place}: all reach the drive object of that slot", cause = "On index 0xB02E (local access) the device does not look at the axis byte; the slot decides which drive object answers.", advice = "Address the slot of the drive object that is meant, or use index 16#B02F (global access), where the axis byte counts.", message_zh = "在 {place} 处使用了不同的轴号（{axes}）：全部到达该插槽的驱动对象", cause_zh = "在索引 0xB02E（本地访问）上设备不看轴字节；由插槽决定哪个驱动对象应答。", advice_zh = "寻址目标驱动对象的插槽，或使用轴字节有效的索引 16#B02F（全局访问）。"},
+  DS711 = {id = "DS711", name = "request-length", severity = "error", scope = "message", anchor = "request", message = "The request ends after {have} bytes but needs {need}", cause = "LEN of WRREC is smaller than the request, often the length of another job or of the header alone.", advice = "Set LEN of WRREC to the length of the request, at least the number named here.", message_zh = "请求在 {have} 个字节后结束，但需要 {need} 个字节", cause_zh = "WRREC 的 LEN 小于请求长度，通常是另一个任务的长度或仅为报文头的长度。", advice_zh = "将 WRREC 的 LEN 设为请求的长度，至少为此处给出的数。"},
+  DS712 = {id = "DS712", name = "read-length", severity = "error", scope = "transaction", anchor = "read_response", message = "The Read asks for {asked} bytes at most, the response needs {need}", cause = "MLEN of RDREC is smaller than the response to this request.", advice = "Set MLEN of RDREC to at least the number named here; 240 is always enough for index 47.", message_zh = "读取最多请求 {asked} 个字节，应答需要 {need} 个字节", cause_zh = "RDREC 的 MLEN 小于该请求的应答。", advice_zh = "将 RDREC 的 MLEN 至少设为此处给出的数；对于索引 47，240 总是足够。"},
+  DS713 = {id = "DS713", name = "response-too-long", severity = "error", scope = "transaction", anchor = "read_response", message = "The response to all of {parameters} parameter(s) does not fit into {limit} bytes: {number} found room", cause = "The request asks for more values than one response can carry; the device answers 16#15 or leaves the rest out.", advice = "Split the request after the last parameter that was answered; r0974 says how many bytes the device can handle.", message_zh = "{parameters} 个参数的应答放不进 {limit} 个字节：其中 {number} 个得到应答", cause_zh = "请求的数值超过一个应答所能容纳的数量；设备以 16#15 应答，或省略其余部分。", advice_zh = "在最后一个得到应答的参数之后拆分请求；r0974 给出设备可处理的字节数。"},
+  DS714 = {id = "DS714", name = "value-in-wrong-type", severity = "error", scope = "transaction", anchor = "request", message = "p{pnu}[{subindex}] is written as {format} {value}; what is meant is {better} ({code}) {meant}", cause = "The bits in the buffer and the format byte do not belong together: a REAL under an integer format, a whole number under a floating-point format, or a format that this parameter does not have.", advice = "Use the format of the parameter list, and move a variable of exactly that type into the buffer; convert a whole number first (DINT_TO_REAL).", message_zh = "p{pnu}[{subindex}] 以 {format} 写入 {value}；实际含义应为 {better}（{code}）{meant}", cause_zh = "缓冲区中的位与格式字节不匹配：整数格式下放了 REAL，浮点格式下放了整数，或使用了该参数没有的格式。", advice_zh = "使用参数表中的格式，并将完全相同类型的变量放入缓冲区；整数须先转换（DINT_TO_REAL）。"},
+  DS715 = {id = "DS715", name = "bytes-swapped", severity = "error", scope = "transaction", anchor = "request", message = "The request makes sense when the bytes of {what} are swapped: {meant}", cause = "The program keeps its words with the low byte first; on the wire of PROFIdrive the high byte comes first.", advice = "Swap the bytes in the data block, where the request is put together and where the response is taken apart.", message_zh = "将 {what} 的字节交换后请求才有意义：{meant}", cause_zh = "程序按低字节在前存放字；PROFIdrive 报文中高字节在前。", advice_zh = "在组成请求和拆解应答的地方交换数据块中的字节。"},
+  DS716 = {id = "DS716", name = "data-block-layout", severity = "error", scope = "transaction", anchor = "request", message = "The request makes sense without {what}: {meant}", cause = "The data block is optimised or its fields begin at even offsets, so bytes that belong together are apart.", advice = "Use a data block with standard (S7-300/400 compatible) access and consecutive BYTE fields, or an ARRAY of BYTE.", message_zh = "去掉 {what} 后请求才有意义：{meant}", cause_zh = "数据块为优化访问，或其字段从偶数偏移开始，因此本应相邻的字节被分开。", advice_zh = "使用标准访问（兼容 S7-300/400）的数据块和连续的 BYTE 字段，或 ARRAY of BYTE。"},
+  DS717 = {id = "DS717", name = "index-and-count", severity = "error", scope = "transaction", anchor = "read_response", message = "p{pnu}[{subindex}] with number of elements {elements} was refused: {code} {text}", cause = "Subindex and number of elements are mixed up, an array is asked of a parameter that is none, or the number of values does not match.", advice = "Not an array: number of elements 0 or 1, subindex 0. Array: elements begin at the subindex. In a change the number of values equals the number of elements.", message_zh = "p{pnu}[{subindex}]（元素数量 {elements}）被拒绝：{code} {text}", cause_zh = "下标与元素数量混淆，对非数组参数按数组访问，或数值的数量不符。", advice_zh = "非数组：元素数量 0 或 1，下标 0。数组：元素从下标开始。修改时数值的数量等于元素数量。"},
+  DS718 = {id = "DS718", name = "commissioning-state", severity = "error", scope = "transaction", anchor = "read_response", message = "p{pnu}[{subindex}] can be changed only with {state}: {code} {text}", cause = "The drive takes this change only in a certain commissioning state.", advice = "Write p0010 first as named here, then the parameter, then p0010 = 0 again.", message_zh = "p{pnu}[{subindex}] 只能在 {state} 时修改：{code} {text}", cause_zh = "驱动器仅在特定的调试状态下接受此修改。", advice_zh = "先按此处写入 p0010，再写入该参数，然后恢复 p0010 = 0。"},
+  DS719 = {id = "DS719", name = "drive-running", severity = "error", scope = "transaction", anchor = "read_response", message = "p{pnu}[{subindex}] cannot be changed now: {code} {text}", cause = "The drive is enabled or in an operating state in which this parameter is locked.", advice = "Remove the enable (OFF1, standstill) and repeat the change.", message_zh = "p{pnu}[{subindex}] 现在不能修改：{code} {text}", cause_zh = "驱动器已使能，或处于该参数被锁定的运行状态。", advice_zh = "取消使能（OFF1，静止）后重复修改。"},
+  DS720 = {id = "DS720", name = "connector-as-number", severity = "error", scope = "transaction", anchor = "read_response", message = "p{pnu}[{subindex}] is an interconnection and was written as {format} {value}: {code} {text}", cause = "A BICO input takes no number but the source of its signal: parameter, index and drive object in one unsigned 32-bit value.", advice = "Write it as Unsigned32 (format 16#07): PNU in the high word, then drive object and index as the manual of the drive shows.", message_zh = "p{pnu}[{subindex}] 是互联参数，却以 {format} {value} 写入：{code} {text}", cause_zh = "BICO 输入不接受数字，而是信号源：参数号、下标和驱动对象合成一个无符号 32 位值。", advice_zh = "以 Unsigned32（格式 16#07）写入：高字为 PNU，其后按驱动器手册为驱动对象和下标。"},
+  DS721 = {id = "DS721", name = "lost-at-power-off", severity = "note", scope = "capture", anchor = "frame", message = "{count} change(s) on {device} and no p0971 or p0977 after the last one (frame {last})", cause = "Changed parameters stand in the RAM of the drive until they are copied to ROM.", advice = "If the changes are to stay after power-off, copy RAM to ROM: p0971 = 1 for a drive object, p0977 = 1 for all (Siemens), or the maker's own way.", message_zh = "{device} 上有 {count} 次修改，最后一次（帧 {last}）之后没有 p0971 或 p0977", cause_zh = "修改后的参数保存在驱动器的 RAM 中，直到复制到 ROM。", advice_zh = "如果修改要在断电后保留，请将 RAM 复制到 ROM：单个驱动对象 p0971 = 1，全部 p0977 = 1（西门子），或使用制造商自己的方法。"},
+  DS722 = {id = "DS722", name = "connection-lost", severity = "error", scope = "transaction", anchor = "request", message = "The connection ended (frame {frame}) while the request was open", cause = "The AR was released or set up anew between request and response; the device forgets the request with it.", advice = "Repeat the job when the connection is back, and look for the reason of the interruption (watchdog, link, restart of the device).", message_zh = "请求未完成时连接结束（帧 {frame}）", cause_zh = "在请求与应答之间 AR 被释放或重新建立；设备随之丢弃请求。", advice_zh = "连接恢复后重复任务，并查找中断的原因（看门狗、链路、设备重启）。"},
+  DS723 = {id = "DS723", name = "request-held", severity = "warning", scope = "capture", anchor = "frame", message = "The same change was written {count} times to {device}, every {period} ms", cause = "REQ of WRREC stays TRUE, or the job is started in every cycle.", advice = "Trigger the job with an edge, and only when the value has changed.", message_zh = "同一修改向 {device} 写入了 {count} 次，每 {period} ms 一次", cause_zh = "WRREC 的 REQ 一直为 TRUE，或每个周期都启动任务。", advice_zh = "用边沿触发任务，且仅在数值变化时触发。"},
+  DS724 = {id = "DS724", name = "polling-storm", severity = "warning", scope = "capture", anchor = "frame", message = "{count} Reads on {device} came before the response was ready, one every {period} ms; the drive takes {time} ms", cause = "RDREC is started again in every cycle of the program until the drive has its response; each such Read costs drive and network time.", advice = "Wait between two Reads about as long as the drive takes, or start the next one only after BUSY of the last is FALSE and a pause.", message_zh = "{device} 上有 {count} 次读取早于应答就绪，每 {period} ms 一次；驱动器需要 {time} ms", cause_zh = "程序在每个周期重新启动 RDREC，直到驱动器准备好应答；每次读取都占用驱动器和网络的时间。", advice_zh = "两次读取之间等待约等于驱动器所需的时间，或在上一次 BUSY 为 FALSE 并暂停后再启动下一次。"},
+  DS725 = {id = "DS725", name = "half-captured", severity = "warning", scope = "capture", anchor = "frame", message = "The capture shows only a part: {what} ({count} times)", cause = "The mirror port carries one direction, the capture began too late, frames were cut to a length or dropped.", advice = "Mirror both directions of the port of the controller or of the drive, do not limit the packet length, capture with enough buffer, and start before the first request.", message_zh = "抓包只显示了一部分：{what}（{count} 次）", cause_zh = "镜像端口只传送一个方向，抓包开始过晚，帧被截短或被丢弃。", advice_zh = "镜像控制器或驱动器端口的两个方向，不限制包长度，使用足够的缓冲区抓包，并在第一个请求之前开始。"},
 }
+M.rules.DS701.group = {}
+M.rules.DS702.group = {}
+M.rules.DS703.group = {"device"}
+M.rules.DS704.group = {}
+M.rules.DS705.group = {"controller", "other"}
+M.rules.DS706.group = {"device", "place", "other"}
+M.rules.DS707.group = {"device", "index"}
+M.rules.DS708.group = {"device", "place"}
+M.rules.DS709.group = {"axis"}
+M.rules.DS710.group = {"device", "place"}
+M.rules.DS711.group = {}
+M.rules.DS712.group = {}
+M.rules.DS713.group = {"limit"}
+M.rules.DS714.group = {"pnu", "format"}
+M.rules.DS715.group = {"what"}
+M.rules.DS716.group = {"what"}
+M.rules.DS717.group = {"code"}
+M.rules.DS718.group = {"code"}
+M.rules.DS719.group = {"code"}
+M.rules.DS720.group = {"pnu"}
+M.rules.DS721.group = {"device"}
+M.rules.DS722.group = {}
+M.rules.DS723.group = {"device", "place"}
+M.rules.DS724.group = {"device"}
+M.rules.DS725.group = {"what"}
 M.rule_ids = {
-  "DS101", "DS102", "DS103", "DS104", "DS105", "DS106", "DS107", "DS108", "DS201", "DS202", "DS203", "DS204", "DS205", "DS206", "DS207", "DS208", "DS301", "DS302", "DS303", "DS304", "DS305", "DS306", "DS307", "DS308", "DS309", "DS310", "DS311", "DS312", "DS313", "DS314", "DS315", "DS316", "DS317", "DS318", "DS319", "DS401", "DS402", "DS403", "DS404", "DS405", "DS406", "DS407", "DS408", "DS409", "DS410", "DS411", "DS412", "DS413", "DS414", "DS415", "DS416", "DS417", "DS418", "DS601",
+  "DS101", "DS102", "DS103", "DS104", "DS105", "DS106", "DS107", "DS108", "DS201", "DS202", "DS203", "DS204", "DS205", "DS206", "DS207", "DS208", "DS301", "DS302", "DS303", "DS304", "DS305", "DS306", "DS307", "DS308", "DS309", "DS310", "DS311", "DS312", "DS313", "DS314", "DS315", "DS316", "DS317", "DS318", "DS319", "DS401", "DS402", "DS403", "DS404", "DS405", "DS406", "DS407", "DS408", "DS409", "DS410", "DS411", "DS412", "DS413", "DS414", "DS415", "DS416", "DS417", "DS418", "DS601", "DS701", "DS702", "DS703", "DS704", "DS705", "DS706", "DS707", "DS708", "DS709", "DS710", "DS711", "DS712", "DS713", "DS714", "DS715", "DS716", "DS717", "DS718", "DS719", "DS720", "DS721", "DS722", "DS723", "DS724", "DS725",
+}
+
+M.known = {
+  held = 5,
+  held_jitter = 20,
+  held_period = 10000,
+  storm_polls = 10,
+  storm_jobs = 3,
+  storm_total = 100,
+  channel_bytes = 240,
+  groups = 256,
+  frames = 5,
+  history = 4096,
+  plausible_digits = 6,
+  plausible_least = -4,
+  plausible_most = 7,
+  saving = {[971] = true, [977] = true},
+  confused_indices = {[71] = true},
+  running = {[17] = true},
+  running_siemens = {[107] = true},
+  index_errors = {[3] = true, [4] = true, [22] = true, [24] = true},
+  type_errors = {[2] = true, [5] = true, [23] = true},
+  connectors = {[840] = true, [844] = true, [845] = true, [848] = true, [849] = true, [852] = true, [854] = true, [1055] = true, [1056] = true, [1070] = true, [1075] = true, [1113] = true, [1140] = true, [1141] = true, [1142] = true, [2051] = true, [2061] = true, [2103] = true, [2104] = true},
+  axis_error = 25,
+  too_long = 21,
+  unknown_pnu = 0,
+  connector_error = 131,
+  commissioning = {[110] = "p0010 = 3", [111] = "p0010 = 2", [112] = "p0010 = 1", [113] = "p0010 = 0", [114] = "p0010 = 30", [115] = "p0010 = 95", [116] = "p0010 = 5", [117] = "p0010 > 0"},
+}
+M.diagnosis_words = {
+  place = {en = "slot {slot}.{subslot}, index {index}", zh = "插槽 {slot}.{subslot}，索引 {index}"},
+  all_bytes = {en = "every word", zh = "每个字"},
+  fields = {en = "PNU, subindex and values", zh = "PNU、下标和数值"},
+  values = {en = "the values", zh = "数值"},
+  zeros = {en = "the zeros between the bytes", zh = "字节之间的零"},
+  even_offsets = {en = "the fill bytes after single bytes", zh = "单字节之后的填充字节"},
+  one_direction = {en = "requests without any response: only one direction was captured", zh = "只有请求而没有任何应答：只抓取了一个方向"},
+  other_direction = {en = "responses without any request: only one direction was captured", zh = "只有应答而没有任何请求：只抓取了一个方向"},
+  no_write = {en = "responses are read, but no request was captured", zh = "有应答被读取，但没有抓到请求"},
+  cut = {en = "frames were cut to a length", zh = "帧被截短"},
+  dropped = {en = "frames were dropped while capturing", zh = "抓包时丢失了帧"},
+  unseen = {en = "a station that this capture does not show", zh = "本抓包未显示的站"},
+}
+
+M.report_words = {
+  verdict_bad = {en = "NOT OK", zh = "不正常"},
+  verdict_warn = {en = "LOOK AT IT", zh = "需要检查"},
+  verdict_good = {en = "OK", zh = "正常"},
+  verdict_none = {en = "NOTHING TO JUDGE", zh = "无可分析内容"},
+  verdict_no_jobs = {en = "no drive parameter job in this capture", zh = "抓包中没有驱动参数任务"},
+  drives = {en = "{n} drive|{n} drives", zh = "{n} 台驱动器"},
+  jobs = {en = "{n} job|{n} jobs", zh = "{n} 个任务"},
+  told_refused = {en = "{n} refused", zh = "{n} 个被拒绝"},
+  told_error = {en = "{n} failed", zh = "{n} 个失败"},
+  told_partial = {en = "{n} failed in part", zh = "{n} 个部分失败"},
+  told_mismatch = {en = "{n} answered wrongly", zh = "{n} 个应答不匹配"},
+  told_unanswered = {en = "{n} without an answer", zh = "{n} 个没有应答"},
+  told_superseded = {en = "{n} overtaken", zh = "{n} 个被下一个任务取代"},
+  told_orphan = {en = "{n} answer without its request|{n} answers without their request", zh = "{n} 个应答没有对应的请求"},
+  told_unreadable = {en = "{n} capture not read to its end|{n} captures not read to their end", zh = "{n} 个抓包未能完整读取"},
+  told_all_answered = {en = "all done", zh = "全部完成"},
+  frames = {en = "{n} frame|{n} frames", zh = "{n} 帧"},
+  partly_read = {en = "only partly read: {problem}", zh = "仅部分读取：{problem}"},
+  file_ends_early = {en = "the file ends early", zh = "文件提前结束"},
+  machine_dropped = {en = "the capturing machine dropped {n} frame|the capturing machine dropped {n} frames", zh = "抓包计算机丢失了 {n} 帧"},
+  no_transaction = {en = "no DS47 transaction", zh = "没有 DS47 事务"},
+  no_rpc = {en = "no PROFINET RPC either", zh = "也没有 PROFINET RPC"},
+  drives_head = {en = "Drives", zh = "驱动器"},
+  other_devices_head = {en = "Other devices", zh = "其他设备"},
+  more_drives = {en = "and {n} more drive|and {n} more drives", zh = "另有 {n} 台驱动器"},
+  more_devices = {en = "and {n} more device|and {n} more devices", zh = "另有 {n} 台设备"},
+  vendor_id = {en = "vendor 0x{id}", zh = "厂商 0x{id}"},
+  device_id = {en = "device 0x{id}", zh = "设备 0x{id}"},
+  to_do_head = {en = "What to do", zh = "怎么处理"},
+  other_findings_head = {en = "Other findings", zh = "其他结论"},
+  cause_line = {en = "{rule} {severity} {name}: {message}", zh = "{rule} {severity} {name}：{message}"},
+  cause_device = {en = "{device}: {message}", zh = "{device}：{message}"},
+  cause_times = {en = "({n} time)|({n} times)", zh = "（{n} 次）"},
+  more_causes = {en = "{rule} {name}: {n} more cause of this kind, {times} in all|{rule} {name}: {n} more causes of this kind, {times} in all", zh = "{rule} {name}：另有 {n} 个同类原因，共 {times}"},
+  times = {en = "{n} time|{n} times", zh = "{n} 次"},
+  first_of = {en = "first: {message}", zh = "第一处：{message}"},
+  look_at = {en = "look at frame {frame}: {filter}", zh = "查看帧 {frame}：{filter}"},
+  look_at_job = {en = "look at frame {frame} (#{job}): {filter}", zh = "查看帧 {frame}（#{job}）：{filter}"},
+  instead = {en = "send instead: {hex}", zh = "应改为发送：{hex}"},
+  severity_error = {en = "error", zh = "错误"},
+  severity_warning = {en = "warning", zh = "警告"},
+  severity_note = {en = "note", zh = "提示"},
+  blind = {en = "What this capture cannot show", zh = "本抓包无法说明的内容"},
+  blind_effect = {en = "Whether a value that the drive took is still in force later, or was stored to survive power off; only a later read shows that.", zh = "驱动器已接受的值之后是否仍然有效、是否已保存到断电保持；只有之后的读取才能说明。"},
+  blind_drops = {en = "Whether the capturing computer lost frames: a missing answer may have been there.", zh = "抓包计算机是否丢帧：缺少的应答可能实际存在。"},
+  blind_names = {en = "The station name of {n} device: it was not announced during the capture (DCP, LLDP).|The station names of {n} devices: they were not announced during the capture (DCP, LLDP).", zh = "{n} 台设备的设备名称：抓包期间没有出现（DCP、LLDP）。"},
+  blind_before = {en = "What was asked in {n} job that began before the capture.|What was asked in {n} jobs that began before the capture.", zh = "{n} 个在抓包之前开始的任务请求了什么。"},
+  blind_records = {en = "{n} other record call (diagnosis, identification and the like): counted, not judged.|{n} other record calls (diagnosis, identification and the like): counted, not judged.", zh = "{n} 个其他数据记录调用（诊断、标识等）：只计数，不评判。"},
+  plc_line = {en = "PLC: {calls}", zh = "PLC：{calls}"},
+  plc_write_done = {en = "WRREC DONE, STATUS {status}", zh = "WRREC DONE，STATUS {status}"},
+  plc_write_error = {en = "WRREC ERROR, STATUS {status}", zh = "WRREC ERROR，STATUS {status}"},
+  plc_write_fault = {en = "WRREC ERROR with a STATUS of the PLC itself (RPC fault)", zh = "WRREC ERROR，STATUS 由 PLC 自身产生（RPC 故障）"},
+  plc_write_busy = {en = "WRREC BUSY until its timeout, then ERROR (no response in the capture)", zh = "WRREC 保持 BUSY 直到超时，然后 ERROR（抓包中没有应答）"},
+  plc_write_assumed = {en = "WRREC DONE (its response is not in the capture)", zh = "WRREC DONE（其应答不在抓包中）"},
+  plc_write_missing = {en = "WRREC not in the capture", zh = "WRREC 不在抓包中"},
+  plc_read_polled = {en = "RDREC ERROR, STATUS {status}|RDREC {n} x ERROR, STATUS {status}", zh = "RDREC {n} 次 ERROR，STATUS {status}"},
+  plc_read_done = {en = "RDREC VALID, STATUS {status}, LEN {length}", zh = "RDREC VALID，STATUS {status}，LEN {length}"},
+  plc_read_error = {en = "RDREC ERROR, STATUS {status}", zh = "RDREC ERROR，STATUS {status}"},
+  plc_read_busy = {en = "RDREC BUSY until its timeout, then ERROR (no response in the capture)", zh = "RDREC 保持 BUSY 直到超时，然后 ERROR（抓包中没有应答）"},
+  plc_read_never = {en = "RDREC not started in this capture", zh = "RDREC 在本抓包中未启动"},
+  plc_read_given_up = {en = "RDREC not started again in this capture", zh = "RDREC 在本抓包中未再次启动"},
+  plc_read_again = {en = "RDREC VALID once more, LEN {length}|RDREC {n} x VALID once more, LEN {length}", zh = "RDREC 又 {n} 次 VALID，LEN {length}"},
+  plc_refused = {en = "byte 1 is 16#{id}: refused", zh = "字节 1 为 16#{id}：被拒绝"},
+  plc_other = {en = "the record answers another request", zh = "记录是另一个任务的应答"},
+}
+M.covers = {
+  job = {DS704 = {"DS403", "DS404", "DS405", "DS406", "DS407"}, DS705 = {"DS203", "DS413", "DS414"}, DS709 = {"DS410"}, DS711 = {"DS3", "DS201", "DS203", "DS401", "DS410"}, DS712 = {"DS315", "DS201", "DS202", "DS407", "DS408"}, DS713 = {"DS307", "DS407", "DS408", "DS410"}, DS714 = {"DS3", "DS201", "DS203", "DS410", "DS417"}, DS715 = {"DS3", "DS201", "DS203", "DS410", "DS417"}, DS716 = {"DS3", "DS201", "DS203", "DS410", "DS417"}, DS717 = {"DS307", "DS308", "DS310"}, DS722 = {"DS101", "DS401", "DS402"}},
+  word = {DS701 = {"DS410"}, DS708 = {"DS201", "DS203"}, DS717 = {"DS410"}, DS718 = {"DS410"}, DS719 = {"DS410"}, DS720 = {"DS410"}},
+  whole = {DS703 = {"DS206"}, DS706 = {"DS206", "DS401", "DS402", "DS403", "DS413", "DS414"}, DS724 = {"DS205"}, DS725 = {"DS101", "DS102", "DS105", "DS106", "DS108", "DS202", "DS315", "DS401", "DS402", "DS403"}},
 }
 
 return M

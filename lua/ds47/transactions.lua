@@ -21,7 +21,8 @@ local NIL_UUID = ("\0"):rep(16)
 -- Text of AR UUIDs. A capture has few of them; one made to have many must not fill memory.
 local uuids, uuid_count, MOST_UUIDS = {}, 0, 1024
 
-local function uuid(raw)
+--- An AR UUID, 16 bytes, as text.
+function M.uuid(raw)
   local text = uuids[raw]
   if text == nil then
     text = format("%02x%02x%02x%02x-%02x%02x-%02x%02x-%02x%02x-%02x%02x%02x%02x%02x%02x", byte(raw, 1, 16))
@@ -223,7 +224,7 @@ function M.build(job, lang)
     controller = job.peer.controller,
     device = job.peer.device,
     vendor_id = job.peer.vendor_id,
-    ar = record.ar ~= NIL_UUID and uuid(record.ar) or nil,
+    ar = record.ar ~= NIL_UUID and M.uuid(record.ar) or nil,
     api = record.api,
     slot = record.slot,
     subslot = record.subslot,

@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import BinaryIO
 
 from ds47.capture import Capture, Frame, open_capture
+from ds47.diagnosis import Diagnoses
 from ds47.findings import Findings
 from ds47.gate import Gate
 from ds47.model import CaptureResult, Finding, Transaction
 from ds47.naming import Naming
-from ds47.pairing import Job, Pairing
+from ds47.pairing import Job, Pairing, Peer
 from ds47.profidrive import Options, decode_response
 from ds47.profinet import rpc
 from ds47.profinet.calls import CallTracker
@@ -29,6 +30,8 @@ from ds47.recordcalls import RecordCalls
 from ds47.rules import Judge, Remark
 from ds47.spec.semantics import limits
 from ds47.transactions import build, summarise
+
+_RECORD_CALLS = (rpc.READ, rpc.WRITE, rpc.READ_IMPLICIT)
 
 OnTransaction = Callable[[Transaction, list[Finding]], None]
 
@@ -97,9 +100,12 @@ class _Analysis:
         slow_ns = bounds.slow_ns if slow_ms is None else int(slow_ms * 1e6)
         self._findings = Findings(options.lang, options.select, options.ignore)
         self._judge = Judge(bounds, slow_ns, options.lang)
+        self._diagnoses = Diagnoses(options.lang, options.codec)
         self._pairing = Pairing(bounds, self._answered, self._closed, self._nothing_to_read)
         gate = Gate(options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars)
-        self._records = RecordCalls(gate, self._pairing, options.codec, self._remark)
+        self._records = RecordCalls(
+            gate, self._pairing, options.codec, self._remark, self._diagnoses.foreign
+        )
         self._calls = CallTracker(bounds, self._records.handlers())
         self._fragments = rpc.Fragments(
             bounds.fragment_expiry_ns, bounds.rpc_messages, bounds.rpc_fragments,
@@ -129,6 +135,7 @@ class _Analysis:
                 self._records.incomplete(part, have, "IP")
         self._calls.finish()
         self._pairing.finish()
+        self._diagnose(capture.dropped)
         counts = self._records.counts
         return CaptureResult(
             path=capture.path,
@@ -141,6 +148,7 @@ class _Analysis:
             devices=self._naming.devices(),
             transactions=self._numbered(),
             findings=self._findings.result(self._transactions),
+            diagnoses=self._findings.diagnoses(),
             summary=self._summary,
         )
 
@@ -162,14 +170,25 @@ class _Analysis:
         pdu = rpc.parse(packet)
         if pdu is not None:
             self._pdu(pdu)
+        elif packet.missing:
+            self._diagnoses.cut(packet.frame)
 
     def _pdu(self, pdu: rpc.Pdu) -> None:
         if self._calls.is_copy(pdu):
             return
+        if pdu.missing and pdu.opnum in _RECORD_CALLS:
+            self._diagnoses.cut(pdu.frame)
         whole = self._fragments.feed(pdu) if pdu.fragmented else pdu
         if whole is not None:
             self._naming.message(whole)
             self._calls.feed(whole)
+
+    def _diagnose(self, dropped: int | None) -> None:
+        """What only the whole capture can show."""
+        calls = self._calls.counts
+        answers = calls["responses"] + calls["faults"] + calls["rejects"]
+        for remark in self._diagnoses.finish(dropped, calls["requests"], answers):
+            self._findings.add(remark)
 
     def _remark(self, remark: Remark) -> None:
         """A transport finding; where transactions are handed out, it goes with that of its job."""
@@ -193,6 +212,7 @@ class _Analysis:
             job.reason = self._findings.reason(job.reason) if job.reason else ""
             remarks = self._judge.unanswered(job)
         remarks += self._judge.closed(job)
+        remarks += self._diagnoses.closed(job)
         remarks += self._transport.pop(job, [])
         transaction = build(job, self._options.lang)
         summarise(self._summary, transaction)
@@ -204,9 +224,10 @@ class _Analysis:
         transaction.id = job.order
         remarks = [remark for remark in remarks if self._findings.wanted(remark.rule)]
         transaction.findings = sorted({remark.rule for remark in remarks})
-        self._on_transaction(transaction, [self._findings.word(r, job.order) for r in remarks])
+        self._on_transaction(transaction, [self._findings.told(r, job.order) for r in remarks])
 
-    def _nothing_to_read(self, record: Record) -> None:
+    def _nothing_to_read(self, peer: Peer, record: Record) -> None:
+        self._diagnoses.nothing_to_read(peer, record)
         half = record.response
         if half is not None:
             status = "-" if half.status is None else status_hex(half.status)

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ds47.model import Finding, Transaction
+from ds47.diagnosis.grouping import FAMILY, Grouping, cause
+from ds47.model import Diagnosis, Finding, Transaction
 from ds47.rules import Remark
 from ds47.spec import rules
 from ds47.spec.semantics import reasons
@@ -29,6 +30,7 @@ class Findings:
         self._select = select
         self._ignore = ignore
         self._remarks: list[Remark] = []
+        self._grouping = Grouping()
         self.frames_dropped = False
         """Whether the capture says that frames are missing; unanswered and orphan say so then."""
 
@@ -42,6 +44,19 @@ class Findings:
         if self._select and not rule.startswith(self._select):
             return False
         return not (self._ignore and rule.startswith(self._ignore))
+
+    def told(self, remark: Remark, transaction: int | None = None) -> Finding:
+        """The finding of a remark, counted among the diagnoses if it is one."""
+        finding = self.word(remark, transaction)
+        if remark.rule.startswith(FAMILY):
+            device = remark.job.peer.device if remark.job else remark.args.get("device")
+            group = cause(remark.rule, device, remark.args)
+            self._grouping.add(group, finding, remark.args.get("corrected"))
+        return finding
+
+    def diagnoses(self) -> list[Diagnosis]:
+        """The causes of all findings told so far."""
+        return self._grouping.result()
 
     def word(self, remark: Remark, transaction: int | None = None) -> Finding:
         """The finding of a remark."""
@@ -64,9 +79,9 @@ class Findings:
             transactions: by the order of their jobs.
         """
         findings: list[Finding] = []
-        for remark in self._remarks:
+        for remark in sorted(self._remarks, key=lambda remark: remark.frame):
             owner = transactions.get(remark.job.order) if remark.job else None
-            findings.append(self.word(remark, owner.id if owner else None))
+            findings.append(self.told(remark, owner.id if owner else None))
             if owner and remark.rule not in owner.findings:
                 owner.findings.append(remark.rule)
         for transaction in transactions.values():

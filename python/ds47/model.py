@@ -243,6 +243,29 @@ class Finding(_Plain):
 
 
 @dataclass(slots=True)
+class Diagnosis(_Plain):
+    """One cause (DS7xx) with all that it explains (docs/diagnoses.md)."""
+
+    rule: str
+    severity: str
+    message: str
+    """That of the first finding."""
+    device: str | None = None
+    count: int = 0
+    """Findings of this cause."""
+    frames: list[int] = field(default_factory=list)
+    """The first of them, sorted, each once."""
+    transactions: list[int] = field(default_factory=list)
+    corrected: bytes | None = None
+    """A whole request as it should have been, where it can be computed."""
+
+    @property
+    def filter(self) -> str:
+        """A Wireshark display filter that shows the first frames."""
+        return " or ".join(f"frame.number == {frame}" for frame in self.frames)
+
+
+@dataclass(slots=True)
 class Device(_Plain):
     """A device as the capture names it (RPC object UUID, Connect, DCP, LLDP)."""
 
@@ -268,6 +291,7 @@ class CaptureResult(_Plain):
     devices: list[Device] = field(default_factory=list)
     transactions: list[Transaction] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
+    diagnoses: list[Diagnosis] = field(default_factory=list)
     summary: dict[str, int] = field(default_factory=dict)
 
 

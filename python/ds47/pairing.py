@@ -18,6 +18,8 @@ from ds47.spec.semantics import Limits, phases
 
 STATUS_NOT_READY: Final = 0xDE80B500
 """State conflict on a Read: the response is not ready, read again (docs/protocol.md E.1)."""
+STATUS_IN_USE: Final = 0xDF80B500
+"""State conflict on a Write: the device still works on another request."""
 
 
 _T = TypeVar("_T")
@@ -58,6 +60,14 @@ class Job:
     reason: str
     accepted: bool
     order: int
+    superseding: Job | None
+    """The request that displaced this one."""
+    rival: Job | None
+    """Whose request was open when this one was turned away as in conflict with another."""
+    repeats: int | None
+    """Frame of an earlier answer that was read once more where a new one was due."""
+    ended: int | None
+    """Frame that ended the connection while the request was open."""
 
     def __init__(
         self,
@@ -96,6 +106,10 @@ class Job:
         self.reason = reason
         self.accepted = accepted
         self.order = order
+        self.superseding = None
+        self.rival = None
+        self.repeats = None
+        self.ended = None
 
     @property
     def write_request(self) -> Half | None:
@@ -157,7 +171,7 @@ class Pairing:
         limits: Limits,
         answered: Callable[[Job], None],
         closed: Callable[[Job], None],
-        nothing_to_read: Callable[[Record], None],
+        nothing_to_read: Callable[[Peer, Record], None],
     ) -> None:
         self._limits = limits
         self._answered = answered
@@ -166,6 +180,10 @@ class Pairing:
         self._table = phases()
         self._channels: OrderedDict[ChannelKey, _Channel] = OrderedDict()
         self._of_ar: dict[tuple[str, str, bytes], dict[ChannelKey, None]] = {}
+        self._newest: OrderedDict[tuple[str, int, int, int, int], Job] = OrderedDict()
+        """The newest accepted request of a place, whoever asked."""
+        self._connects: OrderedDict[tuple[str, str], int] = OrderedDict()
+        """The newest Connect between two stations, by its frame."""
         self._count = 0
 
     def write_request(self, peer: Peer, record: Record, message: Request) -> Job:
@@ -208,7 +226,7 @@ class Pairing:
             self._read(channel, job, event, record)
             return job
         if event != "read_record":
-            self._nothing_to_read(record)
+            self._nothing_to_read(peer, record)
             return None
         if channel.last is not None and _bytes(channel.last) == half.data:
             self._step(channel.last, "reread")
@@ -227,10 +245,18 @@ class Pairing:
             job.read_request = record.request
         return job or None
 
-    def release(self, controller: str, device: str, ar: bytes) -> None:
+    def release(self, controller: str, device: str, ar: bytes, frame: int | None = None) -> None:
         """The AR is over: what is open on its channels stays unanswered."""
         for key in list(self._of_ar.get((controller, device, ar), ())):
-            self._close_channel(key, "release")
+            self._close_channel(key, "release", frame)
+
+    def connected(self, controller: str, device: str, frame: int) -> None:
+        """A new AR between the two: requests that are open now have lost their connection."""
+        connects = self._connects
+        connects[controller, device] = frame
+        connects.move_to_end((controller, device))
+        if len(connects) > self._limits.channels:
+            connects.popitem(last=False)
 
     def finish(self) -> None:
         """The capture is over."""
@@ -270,15 +296,29 @@ class Pairing:
                 channel.open.superseded_by = (
                     job.record.request.frame if job.record.request else None
                 )
+                channel.open.superseding = job
                 self._end(channel.open, "displaced")
             if channel.refused is not None:
                 self._lose(channel.refused, "")
                 channel.refused = None
             channel.open = job
+            self._remember(job)
         self._step(job, "write_accepted")
+
+    def _remember(self, job: Job) -> None:
+        place = _place(job)
+        self._newest[place] = job
+        self._newest.move_to_end(place)
+        if len(self._newest) > self._limits.channels:
+            self._newest.popitem(last=False)
 
     def _refuse(self, channel: _Channel, job: Job) -> None:
         before = job.phase
+        half = job.write_response
+        if half is not None and half.status == STATUS_IN_USE:
+            newest = self._newest.get(_place(job))
+            if newest is not None and newest is not job and newest.phase == "open":
+                job.rival = newest
         self._step(job, "write_refused")
         if before == "answered":
             return
@@ -307,6 +347,8 @@ class Pairing:
     def _read(self, channel: _Channel, job: Job, event: str, record: Record) -> None:
         half = record.response
         assert half is not None
+        if event == "read_record" and job.phase in ("asked", "refused"):
+            _compare(channel.last, job, half)
         if job.phase == "asked":
             self._accept(channel, job)
             job.accepted = False  # only presumed: the Write response is missing in the capture
@@ -341,18 +383,25 @@ class Pairing:
 
     def _lose(self, job: Job, reason: str) -> None:
         job.reason = reason
+        asked = job.write_request
+        if asked is not None and job.ended is None and job.read_response is None:
+            connect = self._connects.get((job.peer.controller, job.peer.device))
+            if connect is not None and connect > asked.frame:
+                job.ended = connect
         self._end(job, "lost")
 
     def _end(self, job: Job, event: str) -> None:
         self._step(job, event)
         self._closed(job)
+        job.superseding = job.rival = None  # or each would keep the next one alive
 
-    def _close_channel(self, key: ChannelKey, reason: str) -> None:
+    def _close_channel(self, key: ChannelKey, reason: str, frame: int | None = None) -> None:
         siblings = self._of_ar[key[:3]]
         del siblings[key]
         if not siblings:
             del self._of_ar[key[:3]]
         for job in self._channels.pop(key).jobs():
+            job.ended = frame
             self._lose(job, reason)
 
 
@@ -366,6 +415,21 @@ def _key(peer: Peer, record: Record) -> ChannelKey:
         record.subslot,
         record.index,
     )
+
+
+def _place(job: Job) -> tuple[str, int, int, int, int]:
+    record = job.record
+    return (job.peer.device, record.api, record.slot, record.subslot, record.index)
+
+
+def _compare(last: Job | None, job: Job, half: Half) -> None:
+    """Whether a request that failed, or another one than before, is answered as the last one was."""
+    if last is None or last.read_response is None or last.read_response.data != half.data:
+        return
+    asked, before = job.write_request, last.write_request
+    if job.phase == "asked" and (not asked or not before or asked.data[1:] == before.data[1:]):
+        return  # the same question may well have the same answer
+    job.repeats = last.read_response.frame
 
 
 def _read_event(half: Half) -> str:

@@ -59,15 +59,22 @@ class RecordCalls:
         pairing: hears of every Write and Read that is ours.
         codec: dialects of the messages.
         remark: takes the transport findings.
+        foreign: hears of every answered Write to an index that cannot be ours.
     """
 
     def __init__(
-        self, gate: Gate, pairing: Pairing, codec: Options, remark: Callable[[Remark], None]
+        self,
+        gate: Gate,
+        pairing: Pairing,
+        codec: Options,
+        remark: Callable[[Remark], None],
+        foreign: Callable[[Peer, Record], None],
     ) -> None:
         self._gate = gate
         self._pairing = pairing
         self._codec = codec
         self._remark = remark
+        self._foreign = foreign
         self._newest_ns: int | None = None
         self._requests: dict[bytes, Request] = {}
         self.counts: dict[int, dict[str, int]] = {}
@@ -94,7 +101,9 @@ class RecordCalls:
     def _request(self, call: Call) -> None:
         pdu = call.request
         if pdu.opnum == rpc.RELEASE and (ar := released_ar(pdu)):
-            self._pairing.release(pdu.client, pdu.server, ar)
+            self._pairing.release(pdu.client, pdu.server, ar, pdu.frame)
+        if pdu.opnum == rpc.CONNECT:
+            self._pairing.connected(pdu.client, pdu.server, pdu.frame)
         if pdu.opnum not in _OPERATIONS:
             return
         body = parse_request(pdu)
@@ -177,12 +186,16 @@ class RecordCalls:
             return
         status, answers = parse_response(pdu)
         for number, record in enumerate(context.body.records):
-            if not self._gate.concerns(record.index):
+            ours = self._gate.concerns(record.index)
+            if not ours and not record.write:
                 continue
             half = answers[number].response if number < len(answers) else None
             if half is None:  # no block of its own: the status of the NDR header counts
                 half = Half(pdu.frame, pdu.time_ns, status=status)
             record.response = half
+            if not ours:
+                self._foreign(_peer(pdu), record)
+                continue
             if half.status is None:
                 self._about(pdu, record, Remark("DS108", pdu.frame))
             if not record.write:

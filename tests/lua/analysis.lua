@@ -91,6 +91,12 @@ local function finding(item)
   return result
 end
 
+local function diagnosis(item)
+  local result = object(item, "rule severity device message count")
+  result.frames, result.transactions = json.array(item.frames), json.array(item.transactions)
+  return result
+end
+
 local function capture(run)
   local result, records = run:ended(), {}
   for index, counts in pairs(result.records) do
@@ -104,6 +110,7 @@ local function capture(run)
     end),
     transactions = list(result.transactions, function(item) return transaction(item, run.base_seconds) end),
     findings = list(result.findings, finding),
+    diagnoses = list(result.diagnoses, diagnosis),
     summary = result.summary,
   }
 end

@@ -99,6 +99,16 @@ local function each(list, change)
   return result
 end
 
+-- Findings DS1xx to DS6xx, and the diagnoses DS7xx.
+local function apart(findings)
+  local symptoms, diagnoses = {}, {}
+  for _, finding in ipairs(findings) do
+    local list = finding.rule:sub(1, 3) == "DS7" and diagnoses or symptoms
+    list[#list + 1] = finding
+  end
+  return symptoms, diagnoses
+end
+
 -- Running a case
 
 local function new(case)
@@ -126,8 +136,10 @@ local function check(case)
     feed(run, step, frame)
   end
   local result = run:ended()
+  local symptoms, diagnoses = apart(each(result.findings, told))
   local wrong = difference(case.expect.transactions, each(result.transactions, shown), "transactions")
-    or difference(case.expect.findings, each(result.findings, told), "findings")
+    or difference(case.expect.findings, symptoms, "findings")
+    or difference(case.expect.diagnoses or {}, diagnoses, "diagnoses")
   if wrong then
     fail(case.id, "%s", wrong)
   end

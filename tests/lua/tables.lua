@@ -37,7 +37,7 @@ local function flatten(where, value, decimal)
 end
 
 for name in ("limits phases reasons formats dialects attributes vendor_attributes request_ids response_ids "
-  .. "errors error_fallback rules"):gmatch("%S+") do
+  .. "errors error_fallback rules known diagnosis_words"):gmatch("%S+") do
   flatten(name, tables[name])
 end
 flatten("parameters", tables.parameters, true)

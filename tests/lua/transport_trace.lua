@@ -102,8 +102,12 @@ function Ear.read_lost(_, peer, record)
   tell("read_lost", {peer = peer, record = record_of(record)})
 end
 
-function Ear.release(_, controller, device, ar)
-  tell("release", {controller = controller, device = device, ar = hex(ar)})
+function Ear.release(_, controller, device, ar, frame)
+  tell("release", {controller = controller, device = device, ar = hex(ar), frame = frame})
+end
+
+function Ear.connected(_, controller, device, frame)
+  tell("connected", {controller = controller, device = device, frame = frame})
 end
 
 function Ear.remark(_, remark)

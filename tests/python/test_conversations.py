@@ -14,17 +14,24 @@ from typing import Any
 import pytest
 from frames import block, ethernet, option, udp
 from jsonschema import Draft202012Validator
+from whole_capture import of_transactions
 
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture.writer import PcapngWriter
 from ds47.model import CaptureResult, Finding, Transaction
 from ds47.profinet.status import status_hex
+from ds47.spec import rules
 from ds47.spec.semantics import reasons
 
 ROOT = Path(__file__).resolve().parents[2]
-FILE = ROOT / "tests/vectors/conversations.json"
-VECTORS = json.loads(FILE.read_text(encoding="utf-8"))
-CASES = VECTORS["cases"]
+VECTORS = ROOT / "tests/vectors"
+SCHEMA = VECTORS / "conversations.schema.json"
+TOOLS = {
+    "conversations.json": "make_conversations.py",
+    "diagnoses.json": "make_diagnosis_conversations.py",
+}
+FILES = {name: json.loads((VECTORS / name).read_text(encoding="utf-8")) for name in TOOLS}
+CASES = [case for vectors in FILES.values() for case in vectors["cases"]]
 START_NS = 1_767_254_400_000_000_000
 
 NO_CONVERSATION = {
@@ -122,21 +129,27 @@ def test_conversation(case: dict[str, Any]) -> None:
     assert result.complete
     assert result.dropped == case.get("dropped")
     assert [shown(each) for each in result.transactions] == case["expect"]["transactions"]
-    assert [told(each) for each in result.findings] == in_order(case["expect"]["findings"])
+    findings = of_transactions(map(told, result.findings))
+    diagnoses = [each for each in findings if each["rule"].startswith("DS7")]
+    symptoms = [each for each in findings if each not in diagnoses]
+    assert symptoms == in_order(case["expect"]["findings"])
+    assert diagnoses == in_order(case["expect"].get("diagnoses", []))
 
 
-def test_file_obeys_its_schema() -> None:
-    schema = json.loads(FILE.with_suffix(".schema.json").read_text(encoding="utf-8"))
+@pytest.mark.parametrize("name", FILES)
+def test_file_obeys_its_schema(name: str) -> None:
+    schema = json.loads(SCHEMA.read_text(encoding="utf-8"))
     Draft202012Validator.check_schema(schema)
     problems = [
         f"{error.json_path}: {error.message}"
-        for error in Draft202012Validator(schema).iter_errors(VECTORS)
+        for error in Draft202012Validator(schema).iter_errors(FILES[name])
     ]
     assert problems == []
 
 
 def test_count_is_the_number_of_cases() -> None:
-    assert VECTORS["count"] == len(CASES)
+    for vectors in FILES.values():
+        assert vectors["count"] == len(vectors["cases"])
     assert len({case["id"] for case in CASES}) == len(CASES)
 
 
@@ -146,19 +159,28 @@ def test_each_case_shows_the_sentence_in_its_name() -> None:
 
 def test_findings_stand_in_the_order_of_frame_and_rule() -> None:
     for case in CASES:
-        assert case["expect"]["findings"] == in_order(case["expect"]["findings"]), case["id"]
+        for key in ("findings", "diagnoses"):
+            listed = case["expect"].get(key, [])
+            assert listed == in_order(listed), case["id"]
 
 
 def test_every_sentence_has_a_case_or_a_reason_why_not() -> None:
     text = (ROOT / "docs/pairing.md").read_text(encoding="utf-8")
     sentences = set(re.findall(r"^\* \*\*(P\d+)\*\*", text, re.MULTILINE))
     shows = {sentence for case in CASES for sentence in case["shows"]}
-    assert shows - sentences == set()
+    assert shows - sentences - set(rules()) == set()
     assert sentences - shows == set(NO_CONVERSATION)
 
 
-def test_the_tool_writes_this_file(tmp_path: Path) -> None:
-    tool = ROOT / "tools/make_conversations.py"
-    target = tmp_path / FILE.name
+def test_every_diagnosis_of_a_transaction_has_a_case() -> None:
+    shown = {each["rule"] for case in CASES for each in case["expect"].get("diagnoses", [])}
+    wanted = of_transactions({"rule": rule} for rule in rules() if rule.startswith("DS7"))
+    assert shown == {each["rule"] for each in wanted}
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_the_tool_writes_this_file(name: str, tmp_path: Path) -> None:
+    tool = ROOT / "tools" / TOOLS[name]
+    target = tmp_path / name
     subprocess.run([sys.executable, str(tool), str(target)], check=True, timeout=60)
-    assert target.read_bytes() == FILE.read_bytes(), f"run {tool.name} again"
+    assert target.read_bytes() == (VECTORS / name).read_bytes(), f"run {tool.name} again"

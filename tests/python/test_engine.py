@@ -201,9 +201,12 @@ def test_frame_numbers_in_messages_are_those_of_the_capture(
 def test_every_frame_number_in_a_message_is_known() -> None:
     """A rule whose message names a frame by another argument would show the wrong number."""
     for rule in spec.rules().values():
+        if rule.id.startswith("DS7") and rule.scope == "capture":
+            continue  # never from the plugin
         named = set(re.findall(r"frame \{(\w+)\}", rule.message)) | set(
             re.findall(r"\{(\w+)\} 帧", rule.message_zh)
         )
+        named |= set(re.findall(r"帧 \{(\w+)\}", rule.message_zh))
         assert named <= engine._FRAME_ARGUMENTS, rule.id
 
 
@@ -494,9 +497,12 @@ def test_the_command_without_tshark() -> None:
 
 @pytest.mark.parametrize("path", sorted(CAPTURES.glob("*.pcapng")), ids=lambda path: path.stem)
 def test_rebuilding_is_the_reverse_of_the_report(path: Path) -> None:
-    for transaction in analyze(path).transactions:
+    result = analyze(path)
+    for transaction in result.transactions:
         rebuilt = rebuild.transaction(report.transaction(transaction))
         assert rebuilt == replace(transaction, position=0)
+    for finding in result.findings:
+        assert rebuild.finding(report.finding(finding)) == finding
 
 
 @pytest.mark.parametrize("time_ns", [0, 1, -1, -(10**18), 1_767_254_400_123_456_789, 2**63, 2**80])

@@ -13,6 +13,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 DRIVER = ROOT / "tests/lua/conversations.lua"
 VECTORS = ROOT / "tests/vectors/conversations.json"
+FILES = (VECTORS, ROOT / "tests/vectors/diagnoses.json")
 
 
 def run(version: str, *command: Path) -> subprocess.CompletedProcess[str]:
@@ -30,20 +31,24 @@ def run(version: str, *command: Path) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 @pytest.mark.parametrize("version", ["5.2", "5.3", "5.4"])
-def test_every_conversation(version: str) -> None:
-    result = run(version, DRIVER, VECTORS)
+def test_every_conversation(version: str, path: Path) -> None:
+    result = run(version, DRIVER, path)
     assert result.returncode == 0, result.stdout + result.stderr
-    count = json.loads(VECTORS.read_text(encoding="utf-8"))["count"]
+    count = json.loads(path.read_text(encoding="utf-8"))["count"]
     assert result.stdout.splitlines() == [f"{count} cases"]
 
 
 def test_what_is_not_expected_fails(tmp_path: Path) -> None:
     vectors = json.loads(VECTORS.read_text(encoding="utf-8"))
     cases = [case for case in vectors["cases"] if case["expect"]["findings"]][:3]
+    cases += [case for case in vectors["cases"] if "diagnoses" in case["expect"]][-2:]
     cases[0]["expect"]["findings"].pop()
     cases[1]["expect"]["findings"][0]["frame"] += 1
     cases[2]["expect"]["transactions"][0]["frames"]["polls"].append({"request": 1, "response": 2})
+    cases[3]["expect"]["diagnoses"][0]["frame"] += 1
+    del cases[4]["expect"]["diagnoses"]
     changed = tmp_path / "vectors.json"
     changed.write_text(json.dumps({"cases": cases}), encoding="utf-8")
     result = run("5.4", DRIVER, changed)
@@ -52,7 +57,8 @@ def test_what_is_not_expected_fails(tmp_path: Path) -> None:
     assert failed == [case["id"] for case in cases], result.stdout
 
 
+@pytest.mark.parametrize("name", ["copy", "memory"])
 @pytest.mark.parametrize("version", ["5.2", "5.3", "5.4"])
-def test_copy_of_the_open_state(version: str) -> None:
-    result = run(version, ROOT / "tests/lua/copy.lua")
+def test_what_the_open_state_is_made_of(version: str, name: str) -> None:
+    result = run(version, ROOT / f"tests/lua/{name}.lua")
     assert (result.returncode, result.stdout) == (0, "ok\n"), result.stderr

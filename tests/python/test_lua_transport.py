@@ -136,8 +136,11 @@ class Ear:
     def read_lost(self, peer: Peer, record: Record) -> None:
         self.tell("read_lost", peer=_peer(peer), record=_record(record))
 
-    def release(self, controller: str, device: str, ar: bytes) -> None:
-        self.tell("release", controller=controller, device=device, ar=ar.hex())
+    def release(self, controller: str, device: str, ar: bytes, frame: int) -> None:
+        self.tell("release", controller=controller, device=device, ar=ar.hex(), frame=frame)
+
+    def connected(self, controller: str, device: str, frame: int) -> None:
+        self.tell("connected", controller=controller, device=device, frame=frame)
 
     def remark(self, remark: Remark) -> None:
         self.tell("remark", rule=remark.rule, frame=remark.frame, args=remark.args,
@@ -165,6 +168,10 @@ class Ear:
         )  # fmt: skip
 
 
+def _ignore(*_: object) -> None:
+    """Writes to foreign indices: the analyzer's alone."""
+
+
 class Without47(Gate):
     """What `forbid_47` of the Lua gate means."""
 
@@ -179,7 +186,7 @@ class Run:
         self.ear = Ear()
         self.naming = Naming()
         self.fragments = rpc.Fragments(limits().fragment_expiry_ns)
-        self.records = RecordCalls(gate, self.ear, Options(), self.ear.remark)  # type: ignore[arg-type]
+        self.records = RecordCalls(gate, self.ear, Options(), self.ear.remark, _ignore)  # type: ignore[arg-type]
         self.calls = CallTracker(limits(), self.records.handlers())
 
     def run(self, frames: Iterable[Frame]) -> list[dict[str, Any]]:

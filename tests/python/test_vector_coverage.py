@@ -17,20 +17,30 @@ from ds47.profidrive import Options
 
 VECTORS = Path(__file__).resolve().parents[1] / "vectors"
 MESSAGES = json.loads((VECTORS / "messages.json").read_text(encoding="utf-8"))
-CONVERSATIONS = json.loads((VECTORS / "conversations.json").read_text(encoding="utf-8"))
+CONVERSATIONS = [
+    case
+    for name in ("conversations.json", "diagnoses.json")
+    for case in json.loads((VECTORS / name).read_text(encoding="utf-8"))["cases"]
+]
 CASES = MESSAGES["messages"]
 
 NOT_YET: frozenset[str] = frozenset()
 """What spec/ has and no vector shows yet."""
 
-NO_MESSAGE = frozenset({"DS316"})
-"""DS3xx that one message cannot show: the limit comes from an earlier one. A conversation shows it."""
+NO_MESSAGE = frozenset({"DS316", "DS711"})
+"""Rules about a message that it cannot show alone: the limit comes from an earlier one, and whether the
+record was cut by the capture from its block. A conversation shows them."""
 
 NOT_OF_THE_WIRE = frozenset({"vendor_id", "lang", "slow_ms", "select", "ignore", "codec", "digest"})
 """Options that choose texts or what is shown, and no meaning of bytes: other tests have them."""
 
 ELSEWHERE = {
-    "DS601": "two engines disagree about one capture, which no step of a conversation makes"
+    "DS601": "two engines disagree about one capture, which no step of a conversation makes",
+    **{
+        rule: "only the whole capture shows it, and only to the analyzer: test_diagnoses.py"
+        for rule, row in spec.rules().items()
+        if rule.startswith("DS7") and row.scope == "capture"
+    },
 }
 """Rules that no conversation can show, and why."""
 
@@ -181,7 +191,7 @@ def test_dialects() -> None:
 
 def test_options_of_an_analysis() -> None:
     names = {field.name for field in fields(AnalysisOptions)}
-    shown = {option for case in CONVERSATIONS["cases"] for option in case.get("options", {})}
+    shown = {option for case in CONVERSATIONS for option in case.get("options", {})}
     assert "indices" in names
     covered(names - NOT_OF_THE_WIRE, shown)
 
@@ -191,8 +201,12 @@ def rules_of_messages() -> set[str]:
 
 
 def rules_of_conversations() -> set[str]:
-    cases = CONVERSATIONS["cases"]
-    return {each["rule"] for case in cases for each in case["expect"]["findings"]}
+    return {
+        each["rule"]
+        for case in CONVERSATIONS
+        for key in ("findings", "diagnoses")
+        for each in case["expect"].get(key, [])
+    }
 
 
 def test_rules_of_one_message() -> None:

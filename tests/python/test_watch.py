@@ -139,7 +139,7 @@ def test_lines_are_those_of_the_report(capsys: pytest.CaptureFixture[str]) -> No
     for line in wanted:
         assert " ".join(line.split()) in [" ".join(each.split()) for each in said]
     for words in ("8 transactions: 4 ok, 1 partial, 1 error, 1 refused, 1 unanswered",
-                  "5 findings: 3 error, 1 warning, 1 note", '"press-1-drive"'):  # fmt: skip
+                  "9 findings: 5 error, 2 warning, 2 note", '"press-1-drive"'):  # fmt: skip
         assert words in done.stdout.decode()
 
 
@@ -195,7 +195,8 @@ def test_a_transaction_that_is_read_again_comes_again_as_ndjson() -> None:
         input=(CAPTURES / "record-reread.pcapng").read_bytes(), capture_output=True, timeout=60,
         check=True,
     )  # fmt: skip
-    first, second, end = map(json.loads, done.stdout.splitlines())
+    first, found, second, end = map(json.loads, done.stdout.splitlines())
+    assert found["finding"]["rule"] == "DS704"
     assert first["transaction"]["id"] == second["transaction"]["id"] == 1
     assert (len(first["transaction"]["frames"]["rereads"]),
             len(second["transaction"]["frames"]["rereads"])) == (0, 2)  # fmt: skip
@@ -301,7 +302,7 @@ def test_exit_statuses(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> No
     assert main(["watch", str(TOUR)]) == 0
     assert main(["watch", str(TOUR), "--fail-on", "error"]) == 1
     assert (
-        main(["watch", str(TOUR), "--fail-on", "error", "--ignore", "DS2", "--ignore", "DS4"]) == 0
+        main(["watch", str(TOUR), "--fail-on", "error", "--select", "DS1", "--select", "DS3"]) == 0
     )
     assert main(["watch"]) == 2
     assert main(["watch", "-", "-i", "lo"]) == 2

@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 from test_conversations import CASES, capture
 from test_wireshark_plugin import COMPLETE, WORKERS, program, run, without_dropped
+from whole_capture import of_transactions
 
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture.writer import PcapngWriter
@@ -29,7 +30,7 @@ VECTORS = json.loads(
 )
 MESSAGES = VECTORS["messages"]
 DIALECTS = ("legacy_g120_formats", "profile_v3_types")
-CONVERSATIONS = 98
+CONVERSATIONS = 142
 """Declared, so that none is left out unnoticed."""
 
 
@@ -45,7 +46,7 @@ def shark(home: Path, path: Path, options: AnalysisOptions) -> fields.Fields:
 
 def native(path: Path, options: AnalysisOptions) -> fields.Fields:
     result = analyze(path, options)
-    findings = [report.finding(each) for each in result.findings]
+    findings = of_transactions(report.finding(each) for each in result.findings)
     for each in findings:
         each["message"] = without_dropped(each["message"])
     return fields.Fields([report.transaction(each) for each in result.transactions], findings)

@@ -84,6 +84,7 @@ def merge(
             _device(result, now, str(change.path[1]), change.path[2:])
     numbers = _transactions(result, now, pairs, accepted)
     _findings(result, numbers, accepted)
+    result["diagnoses"] = _diagnoses(result, now)
     result["summary"] = _summary(result["transactions"])
     return result
 
@@ -159,6 +160,15 @@ def _findings(
         item["findings"] = sorted(
             {each["rule"] for each in findings if each["transaction"] == item["id"]}
         )
+
+
+def _diagnoses(result: Json, now: Json) -> list[Json]:
+    """Diagnoses sum up findings: those of the rules that are among them, the present ones first."""
+    rules = {each["rule"] for each in result["findings"]}
+    present = now.get("diagnoses", [])
+    told = {each["rule"] for each in present}
+    kept = [each for each in result.get("diagnoses", []) if each["rule"] not in told]
+    return [deepcopy(each) for each in present + kept if each["rule"] in rules]
 
 
 def _summary(transactions: Sequence[Json]) -> dict[str, int]:

@@ -20,6 +20,7 @@ from ds47 import __version__
 from ds47.model import (
     CaptureResult,
     Device,
+    Diagnosis,
     Finding,
     Frames,
     Parameter,
@@ -236,6 +237,33 @@ def finding(item: Finding) -> dict[str, Any]:
     }
 
 
+def diagnosis(item: Diagnosis) -> dict[str, Any]:
+    """A diagnosis as an object of the contract."""
+    return {
+        "rule": item.rule,
+        "severity": item.severity,
+        "device": item.device,
+        "message": item.message,
+        "count": item.count,
+        "frames": item.frames,
+        "transactions": item.transactions,
+        "filter": item.filter,
+        "corrected": None if item.corrected is None else _corrected(item.corrected),
+    }
+
+
+def _corrected(request: bytes) -> dict[str, Any]:
+    from ds47.diagnosis.suggest import corrected  # only here: most captures need no correction
+
+    shown = corrected(request)
+    return {
+        "request": shown.hex,
+        "words": shown.words,
+        "scl": shown.scl,
+        "encode": shown.encode,
+    }
+
+
 def capture_head(result: CaptureResult) -> dict[str, Any]:
     """What the contract says about a capture itself, before its lists."""
     return {
@@ -254,6 +282,7 @@ def capture(result: CaptureResult) -> dict[str, Any]:
         "devices": [device(each) for each in result.devices],
         "transactions": [transaction(each) for each in result.transactions],
         "findings": [finding(each) for each in result.findings],
+        "diagnoses": [diagnosis(each) for each in result.diagnoses],
         "summary": result.summary,
     }
 
@@ -289,6 +318,7 @@ class Writer(_Writer):
         self._lines("devices", (text(device(each)) for each in result.devices))
         self._lines("transactions", map(transaction_line, result.transactions))
         self._lines("findings", (text(finding(each)) for each in result.findings))
+        self._lines("diagnoses", (text(diagnosis(each)) for each in result.diagnoses))
         write_line(f',\n"summary": {text(result.summary)}}}')
 
     def _lines(self, key: str, lines: Iterator[str]) -> None:

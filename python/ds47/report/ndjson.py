@@ -39,6 +39,7 @@ class Writer(_Writer):
         whole = json.capture_head(result) | {
             "devices": [json.device(each) for each in result.devices],
             "findings": [json.finding(each) for each in result.findings],
+            "diagnoses": [json.diagnosis(each) for each in result.diagnoses],
             "summary": result.summary,
         }
         self.stream.write(json.text({"path": result.path, "capture": whole}) + "\n")

@@ -138,6 +138,7 @@ class Rule:
     message_zh: str
     cause_zh: str
     advice_zh: str
+    group: tuple[str, ...] = ()
 
 
 @cache
@@ -314,4 +315,7 @@ def parameters() -> Mapping[int, Pnu]:
 @cache
 def rules() -> Mapping[str, Rule]:
     """The catalogue of findings by id, in the order of the ids."""
-    return MappingProxyType({row["id"]: Rule(**row) for row in _load("rules.toml")["rule"]})
+    rows = _load("rules.toml")["rule"]
+    return MappingProxyType(
+        {row["id"]: Rule(**{**row, "group": tuple(row.get("group", ()))}) for row in rows}
+    )

@@ -1,9 +1,10 @@
-"""The numbers and the state table of pairing: limits.toml and pairing.toml as Python objects."""
+"""Numbers, states and lists that decide: limits.toml, pairing.toml and diagnoses.toml as Python objects."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 from ds47.spec import _load
 
@@ -62,3 +63,52 @@ def phases() -> dict[str, dict[str, str]]:
 def reasons(lang: str) -> dict[str, str]:
     """Why a request stayed without its response, in words ("en" or "zh")."""
     return {name: words[lang] for name, words in _load("pairing.toml")["reason"].items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Known:
+    """What the diagnoses know of drives and programs (diagnoses.toml): limits and numbers by their names there."""
+
+    held: int
+    held_jitter: int
+    held_period: int
+    storm_polls: int
+    storm_jobs: int
+    storm_total: int
+    channel_bytes: int
+    groups: int
+    frames: int
+    history: int
+    plausible_digits: int
+    plausible_least: int
+    plausible_most: int
+    saving: frozenset[int]
+    confused_indices: frozenset[int]
+    running: frozenset[int]
+    running_siemens: frozenset[int]
+    index_errors: frozenset[int]
+    type_errors: frozenset[int]
+    connectors: frozenset[int]
+    axis_error: int
+    too_long: int
+    unknown_pnu: int
+    connector_error: int
+    commissioning: dict[int, str]
+
+
+@cache
+def known() -> Known:
+    """The numbers and lists of the diagnoses as they are shipped."""
+    table = _load("diagnoses.toml")
+    numbers: dict[str, Any] = {
+        name: frozenset(value) if isinstance(value, list) else value
+        for name, value in table["numbers"].items()
+    }
+    states = {int(code): text for code, text in table["commissioning"].items()}
+    return Known(**table["limits"], **numbers, commissioning=states)
+
+
+@cache
+def diagnosis_words(lang: str) -> dict[str, str]:
+    """The words that the sentences of the diagnoses are filled with ("en" or "zh")."""
+    return dict(_load("diagnoses.toml")["words"]["zh" if lang == "zh" else "en"])

@@ -13,7 +13,7 @@ from ds47.analysis import AnalysisOptions, _Analysis
 from ds47.capture import Capture
 from ds47.findings import Findings
 from ds47.model import CaptureResult, Finding, Transaction
-from ds47.pairing import Job, Pairing
+from ds47.pairing import Job, Pairing, Peer
 from ds47.profinet.records import Half, Record
 from ds47.rules import Remark
 from ds47.spec.semantics import Limits, limits
@@ -113,7 +113,7 @@ class _Pairing(Pairing):
         bounds: Limits,
         answered: Callable[[Job], None],
         closed: Callable[[Job], None],
-        nothing_to_read: Callable[[Record], None],
+        nothing_to_read: Callable[[Peer, Record], None],
         refused: Callable[[Job], None],
     ) -> None:
         super().__init__(bounds, answered, closed, nothing_to_read)

@@ -25,6 +25,7 @@ from ds47.analysis import analyze as analyze_natively
 from ds47.capture import Capture, CaptureError, Frame
 from ds47.capture.stream import Stream
 from ds47.capture.writer import PcapngWriter
+from ds47.diagnosis.grouping import FAMILY
 from ds47.findings import Findings
 from ds47.model import CaptureResult, Finding, Transaction
 from ds47.regression.compare import Change, compare
@@ -36,8 +37,10 @@ from ds47.wireshark import rebuild, shark
 
 DIFFERS = "DS601"
 _WITHOUT_REQUEST = "DS403"
-_FRAME_ARGUMENTS = frozenset(("by", "first"))
+_FRAME_ARGUMENTS = frozenset(("by", "first", "frame"))
 """Arguments of messages that are frame numbers (spec/rules.toml)."""
+_UNSEEN = "?"
+"""What stands there for a frame that the capture does not have."""
 _MOST_MS = 2**32 - 1
 
 Json = dict[str, Any]
@@ -98,13 +101,15 @@ class Engine:
         self, capture: _Extract, extract: Path, native: CaptureResult
     ) -> tuple[CaptureResult, list[str]]:
         """The result of the plugin, with the frame numbers of the capture itself."""
-        result = replace(native, transactions=[], findings=[], summary={"transactions": 0})
+        whole = _of_the_whole(native)
+        result = replace(native, transactions=[], findings=whole, summary={"transactions": 0})
         if not capture.numbers:
             return result, []
         answer = shark.ask(self._tshark, extract, self._preferences)
         original = _Original(capture.numbers, self._options.lang, bool(native.dropped))
         findings = [original.finding(each) for each in answer.fields.findings]
-        result.findings = [each for each in findings if self._findings.wanted(each.rule)]
+        findings = [each for each in findings if self._findings.wanted(each.rule)]
+        result.findings = sorted(findings + whole, key=_place)
         summary = {"transactions": 0}
         for item in answer.fields.transactions:
             transaction = original.transaction(item)
@@ -128,16 +133,26 @@ class Engine:
                 self._difference(change.text, _frame(change, native, found) or first)
                 for change in differences(native, found)
             ]
-        native.findings = sorted(
-            native.findings + findings,
-            key=lambda f: (f.frame, f.rule, f.transaction or 0, f.offset or 0),
-        )
+        native.findings = sorted(native.findings + findings, key=_place)
         return native
 
     def _difference(self, text: str, frame: int) -> Finding:
         rule = spec.rules()[DIFFERS]
         template = rule.message_zh if self._options.lang == "zh" else rule.message
         return Finding(DIFFERS, rule.severity, template.format(difference=text), frame)
+
+
+def _of_the_whole(native: CaptureResult) -> list[Finding]:
+    """Diagnoses of the whole capture, which Wireshark has not when it looks at a frame: the analyzer's."""
+    return [
+        each
+        for each in native.findings
+        if each.rule.startswith(FAMILY) and spec.rules()[each.rule].scope == "capture"
+    ]
+
+
+def _place(finding: Finding) -> tuple[int, str, int, int]:
+    return finding.frame, finding.rule, finding.transaction or 0, finding.offset or 0
 
 
 def differences(native: CaptureResult, found: CaptureResult) -> list[Change]:
@@ -249,7 +264,7 @@ class _Original:
         for name in reversed(list(match.groupdict())):
             said = match[name]
             if name in _FRAME_ARGUMENTS:
-                said = str(self._number(int(said)))
+                said = said if said == _UNSEEN else str(self._number(int(said)))
             elif self._dropped and said == words["end"]:
                 said = f"{said}; {words['dropped']}"
             text = text[: match.start(name)] + said + text[match.end(name) :]
@@ -269,7 +284,7 @@ def _template(rule: str, lang: str) -> re.Pattern[str] | None:
     ):
         pattern += re.escape(text)
         if name in _FRAME_ARGUMENTS:
-            pattern, wanted = pattern + rf"(?P<{name}>\d+)", True
+            pattern, wanted = pattern + rf"(?P<{name}>\d+|{re.escape(_UNSEEN)})", True
         elif name == "reason":
             pattern, wanted = pattern + "(?P<reason>.*)", True
         elif name is not None:

@@ -15,6 +15,7 @@ from ds47.model import Finding, Frames, Parameter, ParameterError, Transaction
 _NS = 10**9
 _EPOCH_DAY = date(1970, 1, 1).toordinal()
 _DAYS_IN_400_YEARS = 146_097
+_OFFSET = re.compile(r"offset (\d+): ")  # ds47.report.at_offset
 _START = re.compile(r"(-?\d+)-(\d\d)-(\d\d)T(\d\d):(\d\d):(\d\d)\.(\d{9})Z")
 
 Json = dict[str, Any]
@@ -66,10 +67,12 @@ def parameter(item: Json) -> Parameter:
 
 
 def finding(item: Json) -> Finding:
-    """A finding; its message holds the offset already."""
-    return Finding(
-        item["rule"], item["severity"], item["message"], item["frame"], item["transaction"]
-    )
+    """A finding; the offset that the message of a report begins with is taken off."""
+    text: str = item["message"]
+    match = _OFFSET.match(text)
+    offset = int(match[1]) if match else None
+    rest = text[match.end() :] if match else text
+    return Finding(item["rule"], item["severity"], rest, item["frame"], item["transaction"], offset)
 
 
 def nanoseconds(text: str) -> int:

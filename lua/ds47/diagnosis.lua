@@ -1,0 +1,203 @@
+-- Diagnoses: what went wrong and what to change, from findings, frames and their history
+-- (docs/diagnoses.md).
+--
+-- A finding names a symptom, a diagnosis its cause. Diagnoses are rules like the others (DS7xx) and made when
+-- a job is closed: diagnosis_order.lua (frames), diagnosis_length.lua, diagnosis_refusal.lua (error numbers)
+-- and repair.lua (what the bytes were meant to be). Those that need the whole capture are the analyzer's
+-- alone.
+
+local length = require("ds47.diagnosis_length")
+local memory = require("ds47.diagnosis_memory")
+local order = require("ds47.diagnosis_order")
+local refusal = require("ds47.diagnosis_refusal")
+local repair = require("ds47.repair")
+local rules = require("ds47.rules")
+local tables = require("ds47.tables")
+
+local abs = math.abs
+
+local M = {}
+
+local VALUE = 0x10
+local PNU_ACCESS_IDENTIFICATION = rules.PNU_ACCESS_IDENTIFICATION
+-- Float32 and Float64: what is nearer to zero is no number that anybody typed, nor is what is farther away
+-- than MOST.
+local LEAST_NORMAL = {[0x08] = 2 ^ -126, [0x0F] = 2 ^ -1022}
+local MOST = 1e30
+local USUAL = {[0x01] = true, [0x02] = true} -- response ids without a refusal
+local LEARNT = {[0x01] = true, [0x02] = true, [0x81] = true, [0x82] = true}
+
+local NONE = {}
+
+local codes = {} -- name of a format -> its code
+for code, row in pairs(tables.formats) do
+  codes[row.name] = code
+end
+
+local Diagnoses = {}
+Diagnoses.__index = Diagnoses
+M.Diagnoses = Diagnoses
+
+--- Takes jobs as they are closed.
+-- @param lang   "en" or "zh"
+-- @param codec  dialects of the messages
+function M.new(lang, codec)
+  return setmetatable({
+    lang = lang,
+    codec = codec,
+    formats = memory.new(tables.known.history), -- device, PNU -> format in which it was read last
+    limits = memory.new(tables.known.history), -- device, PNU 974 -> bytes of its longest message
+  }, Diagnoses)
+end
+
+--- For a copy of the analysis: what is known is shared, what the copy learns stays its own.
+function Diagnoses:copied(known)
+  known[self.formats] = self.formats:on_top()
+  known[self.limits] = self.limits:on_top()
+end
+
+-- Whether a job that was answered well may have something to be repaired all the same.
+local function is_odd(job)
+  local message = job.message
+  if message == nil then
+    return false
+  elseif message.flaws[1] then
+    return true
+  elseif message.operation == "read" then -- the response may have been too long
+    return #job.response.blocks < #message.addresses
+  end
+  for _, block in ipairs(message.blocks) do
+    local least = LEAST_NORMAL[block.format]
+    for _, value in ipairs(least and block.values or NONE) do
+      if type(value) == "string" then -- NaN or infinite
+        return true
+      elseif value ~= 0 and (abs(value) < least or abs(value) > MOST) then
+        return true
+      end
+    end
+  end
+  return false
+end
+
+-- Whether a job has a response that nothing is to be said of, as nearly all have.
+local function is_answered_well(job)
+  local response = job.response
+  return response and USUAL[response.response_id or 0] and not response.flaws[1] and not is_odd(job)
+end
+
+--- What a closed job shows, and the findings it has, were caused by: an array of remarks, for reading only.
+function Diagnoses:closed(job)
+  local in_order, well = order.is_usual(job), is_answered_well(job)
+  local remarks = NONE
+  if not (in_order and well) then
+    remarks = {}
+    if not in_order then
+      order.add(remarks, job, self.lang)
+    end
+    if not well then
+      self:_cause(remarks, job)
+    end
+    for number = 1, #remarks do
+      remarks[number].job = job
+    end
+  end
+  if job.response and job.message then
+    self:_learn(job)
+  end
+  return remarks
+end
+
+-- One cause explains a job: a repair all of it, then lengths, then each refusal by its number.
+function Diagnoses:_cause(remarks, job)
+  local refused = refusal.refusals(job)
+  local repaired = self:_repair(job, refused)
+  if repaired then
+    remarks[#remarks + 1] = repaired
+    return
+  end
+  local device = job.peer.device
+  local function size_of(pnu)
+    return self:_size(device, pnu)
+  end
+  local before = #remarks
+  length.request_too_short(remarks, job, refused)
+  length.answer_cut(remarks, job, size_of)
+  length.answer_too_long(remarks, job, self.limits:get(device, PNU_ACCESS_IDENTIFICATION), size_of)
+  refusal.add(remarks, job, refused, self.lang)
+  if #remarks == before then
+    refusal.not_seen(remarks, job, self.lang)
+  end
+end
+
+function Diagnoses:_repair(job, refused)
+  local half, message = job:write_request(), job.message
+  if half == nil or half.missing ~= 0 then
+    return nil
+  end
+  local device, errors = job.peer.device, {}
+  for _, each in ipairs(refused) do
+    errors[each.number] = each.code
+  end
+  local function is_known(pnu)
+    return tables.parameters[pnu] ~= nil or self.formats:get(device, pnu) ~= nil
+  end
+  local function format_of(pnu)
+    return self:_format(device, pnu)
+  end
+  local options = {
+    legacy_g120_formats = self.codec.legacy_g120_formats, profile_v3_types = self.codec.profile_v3_types,
+    vendor_id = job.peer.vendor_id,
+  }
+  local found = repair.find(half.data, message, errors, is_known, format_of, options)
+  if found == nil then
+    return nil
+  end
+  local words = tables.diagnosis_words[found.what]
+  found.args.what = words and words[self.lang == "zh" and "zh" or "en"]
+  return rules.remark(found.rule, half.frame, found.args)
+end
+
+-- What was seen before
+
+function Diagnoses:_learn(job)
+  local request, response = job.message, job.response
+  if request.operation ~= "read" or not LEARNT[response.response_id] or rules.is_mismatch(job) then
+    return
+  end
+  local device, addresses, blocks = job.peer.device, request.addresses, response.blocks
+  for number = 1, #blocks do
+    local address, block = addresses[number], blocks[number]
+    if block.error == nil and address.attribute == VALUE then
+      local pnu = address.pnu
+      if self.formats:get(device, pnu) ~= block.format then
+        self.formats:put(device, pnu, block.format)
+      end
+      if pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 then
+        self:_learn_limit(device, block)
+      end
+    end
+  end
+end
+
+function Diagnoses:_learn_limit(device, block)
+  local longest = block.values[1]
+  if type(longest) == "number" and not block.float and longest > 0 then
+    self.limits:put(device, PNU_ACCESS_IDENTIFICATION, longest)
+  end
+end
+
+function Diagnoses:_format(device, pnu)
+  local seen = self.formats:get(device, pnu)
+  if seen then
+    return seen
+  end
+  local row = tables.parameters[pnu]
+  return row and codes[(row.type:gsub("%[%]$", ""))]
+end
+
+function Diagnoses:_size(device, pnu)
+  local row = tables.formats[self:_format(device, pnu)]
+  return row and row.size
+end
+
+return M

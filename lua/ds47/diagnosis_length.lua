@@ -1,0 +1,140 @@
+-- Diagnoses of lengths: LEN, MLEN and the longest message of the device (DS711, 712, 713).
+--
+-- What fits is computed from the request alone: a value takes one byte at least, more where its format is
+-- known. `size_of` gives the bytes of one value of a PNU, nil where they are not known.
+
+local pairing = require("ds47.pairing")
+local tables = require("ds47.tables")
+
+local max, min = math.max, math.min
+
+local M = {}
+
+local STATUS_NOT_READY = pairing.STATUS_NOT_READY
+local VALUE = 0x10
+local HEADER, ADDRESS = 4, 6
+local BLOCK_HEADER = 2 -- format and number of values
+local BLOCK = 4 -- the shortest value block: format, number of values, one value with its pad
+
+-- The flaw of a message that ends too soon, nil for any other.
+local function missing(flaws)
+  for _, flaw in ipairs(flaws) do
+    if flaw.rule == "DS315" then
+      return flaw
+    end
+  end
+  return nil
+end
+
+local function put(remarks, rule, frame, args, offset)
+  remarks[#remarks + 1] = {rule = rule, frame = frame, args = args, offset = offset}
+end
+
+-- The least length of a request that ends too soon: what is cut, and the shortest form of what follows.
+local function need_of(message, have, more)
+  local count = message.parameter_count
+  if count == nil or count == 0 then
+    count = 1
+  end
+  local change = message.operation == "change"
+  local addresses = HEADER + ADDRESS * count
+  if have < addresses or change and have < addresses + BLOCK_HEADER then
+    return addresses + (change and BLOCK * count or 0)
+  end
+  return have + more + BLOCK * max(0, count - #message.blocks - 1)
+end
+
+--- LEN of WRREC is too small: the record is whole, the request in it is not.
+-- A drive that refused a value for its type has read it: then the format is wrong, and not the length.
+-- @param refused  the parameters that were refused, by diagnosis_refusal.lua
+function M.request_too_short(remarks, job, refused)
+  local half, message = job:write_request(), job.message
+  if half == nil or half.missing ~= 0 then
+    return
+  end
+  for _, each in ipairs(refused) do
+    if tables.known.type_errors[each.code] then
+      return
+    end
+  end
+  local flaw = missing(message.flaws)
+  if flaw then
+    local have = #half.data
+    local need = need_of(message, have, flaw.args.need)
+    put(remarks, "DS711", half.frame, {have = have, need = need}, flaw.offset)
+  end
+end
+
+local function least_block(address, size_of)
+  if address.attribute ~= VALUE then
+    return BLOCK
+  end
+  local size = (size_of(address.pnu) or 1) * max(1, address.element_count)
+  return 2 + size + size % 2
+end
+
+-- Bytes of the shortest positive response to a request.
+local function least_answer(message, size_of)
+  local size = HEADER
+  if message.operation == "read" then
+    for _, address in ipairs(message.addresses) do
+      size = size + least_block(address, size_of)
+    end
+  end
+  return size
+end
+
+--- MLEN of RDREC is too small: the response was cut to it, or the Read was refused for it.
+function M.answer_cut(remarks, job, size_of)
+  local asked, answer = job.read_request, job.read_response
+  if asked == nil or answer == nil or asked.stated == 0 then
+    return
+  end
+  local need, status = 0, answer.status
+  if answer.data ~= "" and job.response and #answer.data == asked.stated then
+    local flaw = missing(job.response.flaws)
+    if flaw and answer.missing == 0 then
+      need = #answer.data + flaw.args.need
+    end
+  elseif status and status ~= 0 and status ~= STATUS_NOT_READY and job.message then
+    need = least_answer(job.message, size_of)
+  end
+  if need > asked.stated then
+    put(remarks, "DS712", answer.frame, {asked = asked.stated, need = need})
+  end
+end
+
+-- How many parameters found room; nil where room is not what was missing.
+local function answered(request, blocks, length, most, size_of)
+  local count, refused = #request.addresses, false
+  for number = 1, min(#blocks, count) do
+    local failure = blocks[number].error
+    if failure then
+      refused = true
+      if failure.code == tables.known.too_long then
+        return number - 1
+      end
+    end
+  end
+  if refused or #blocks >= count then
+    return nil
+  end
+  local following = least_block(request.addresses[#blocks + 1], size_of)
+  return length + following > most and #blocks or nil
+end
+
+--- More was asked than one response can carry.
+-- @param limit  r0974 of the device, bytes, if it was read; nil for the usual length of a channel
+function M.answer_too_long(remarks, job, limit, size_of)
+  local half, request, response = job.read_response, job.message, job.response
+  if half == nil or request == nil or response == nil or request.operation ~= "read" then
+    return
+  end
+  local most = limit or tables.known.channel_bytes
+  local number = answered(request, response.blocks, #half.data, most, size_of)
+  if number then
+    put(remarks, "DS713", half.frame, {parameters = #request.addresses, limit = most, number = number})
+  end
+end
+
+return M

@@ -1,0 +1,152 @@
+-- Diagnoses of what the drive refused: from error number and request to what has to be changed (DS701, 709,
+-- 717 to 720).
+--
+-- One error block has one cause. What a repair of the whole request explains is not looked at here.
+
+local formats = require("ds47.formats")
+local rules = require("ds47.rules")
+local spec = require("ds47.spec")
+local tables = require("ds47.tables")
+
+local format = string.format
+local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, rules.NOT_SUPPORTED
+
+local M = {}
+
+local SIEMENS = 0x002A
+local WORD_ERRORS = {[0x05] = true, [0x17] = true} -- data type, format: a number where a connector belongs
+local UNSIGNED_32 = "Unsigned32"
+
+--- The parameters of a job that the drive refused: array of {number, code, address, answer, value}.
+-- `value` is the block that was to be written, nil for a read. Empty where the response is that of another
+-- request.
+function M.refusals(job)
+  local request, response, found = job.message, job.response, {}
+  if request == nil or response == nil or is_mismatch(job) then
+    return found
+  end
+  for number, address in ipairs(request.addresses) do
+    local block = response.blocks[number]
+    if block == nil then
+      break
+    end
+    if block.error and block.error.code then
+      found[#found + 1] = {
+        number = number, code = block.error.code, address = address, answer = block,
+        value = request.blocks[number],
+      }
+    end
+  end
+  return found
+end
+
+-- Whether a value was written to what takes the source of a signal.
+local function is_connector(refusal)
+  local value = refusal.value
+  if refusal.code == tables.known.connector_error then
+    return true
+  end
+  return WORD_ERRORS[refusal.code] and tables.known.connectors[refusal.address.pnu]
+    and value.format_name ~= UNSIGNED_32
+end
+
+-- Whether index or count can be what the drive means: an address without both has neither.
+local function index_and_count(refusal)
+  local address, code = refusal.address, refusal.code
+  local either = address.subindex > 0 or address.element_count > 1
+  if code == 0x04 or code == 0x18 then
+    return true
+  end
+  return either and (code == 0x03 or address.pnu ~= 0)
+end
+
+local function rule_of(refusal, siemens)
+  local known, code = tables.known, refusal.code
+  if code == known.axis_error then
+    return "DS709"
+  elseif siemens and refusal.value and is_connector(refusal) then
+    return "DS720"
+  elseif siemens and known.commissioning[code] then
+    return "DS718"
+  elseif known.running[code] or siemens and known.running_siemens[code] then
+    return "DS719"
+  elseif known.index_errors[code] and index_and_count(refusal) then
+    return "DS717"
+  end
+  return nil
+end
+
+local function hex(code)
+  return format("0x%02X", code)
+end
+
+local function value_of(block)
+  local value = block and block.values[1]
+  if value == nil then
+    return "-"
+  end
+  return type(value) == "string" and value or formats.value_text(value, block)
+end
+
+local function args_of(job, refusal, lang)
+  local address, value = refusal.address, refusal.value
+  return {
+    axis = job.message.axis,
+    device = job.peer.device,
+    pnu = address.pnu,
+    subindex = address.subindex,
+    elements = address.element_count,
+    format = value and value.format_name or "-",
+    value = value_of(value),
+    state = tables.known.commissioning[refusal.code],
+    code = hex(refusal.code),
+    text = spec.error_text(refusal.code, lang, job.peer.vendor_id),
+  }
+end
+
+--- Adds what the refusals of a job say, each cause once.
+-- @param refused  what `refusals` gave
+function M.add(remarks, job, refused, lang)
+  local half, given = job.read_response, {}
+  if half == nil then
+    return
+  end
+  local siemens = job.peer.vendor_id == SIEMENS
+  for _, refusal in ipairs(refused) do
+    local rule = rule_of(refusal, siemens)
+    local cause = rule and rule .. refusal.code
+    if rule and not given[cause] then
+      given[cause] = true
+      local args = args_of(job, refusal, lang)
+      remarks[#remarks + 1] = rules.remark(rule, half.frame, args, refusal.answer.offset)
+    end
+  end
+end
+
+local function positive(half)
+  return half == nil or half.status == nil or half.status == 0
+end
+
+--- Adds a refusal that no status tells of, and of which nothing better can be said.
+function M.not_seen(remarks, job, lang)
+  local half, response = job.read_response, job.response
+  local id = response and response.response_id
+  if half == nil or id == nil or id < 0x80 or id == NOT_SUPPORTED or is_mismatch(job) then
+    return
+  end
+  if not positive(half) or not positive(job.write_response) then
+    return
+  end
+  for _, block in ipairs(response.blocks) do
+    if block.error then
+      local code = block.error.code
+      remarks[#remarks + 1] = rules.remark("DS701", half.frame, {
+        id = hex(id), code = code and hex(code),
+        text = code and spec.error_text(code, lang, job.peer.vendor_id),
+      })
+      return
+    end
+  end
+end
+
+return M

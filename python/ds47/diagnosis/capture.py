@@ -1,0 +1,378 @@
+"""Diagnoses that need the whole capture: DS703, 706 to 708, 710, 721, 723 to 725.
+
+Collects while the capture is read, in bounded memory, and speaks when it is over. One remark for each
+cause, on the first frame in which it shows.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator
+from typing import Any, Generic, NamedTuple, TypeVar
+
+from ds47.diagnosis.repetition import Repetition
+from ds47.pairing import STATUS_NOT_READY, Job, Peer
+from ds47.profidrive import decode_request
+from ds47.profinet.records import Record
+from ds47.profinet.status import status_hex
+from ds47.rules import Remark
+from ds47.spec import parameters
+from ds47.spec.semantics import diagnosis_words, known
+
+LOCAL = 0xB02E
+"""Record index of local access: the slot decides, not the axis byte (docs/protocol.md E.4)."""
+_INVALID_SLOT = 0xB2
+_NO_ACCESS = 0xDF80B600
+
+Pair = tuple[str, str]
+"""Controller and device."""
+Place = tuple[int, int, int, int]
+"""API, slot, subslot and record index."""
+
+_V = TypeVar("_V")
+
+
+class _Memory(Generic[_V]):
+    """The newest entries by key; the oldest goes first."""
+
+    def __init__(self) -> None:
+        self._items: OrderedDict[Any, _V] = OrderedDict()
+
+    def put(self, key: object, value: _V) -> _V:
+        self._items[key] = value
+        if len(self._items) > known().history:
+            self._items.popitem(last=False)
+        return value
+
+    def get(self, key: object) -> _V | None:
+        return self._items.get(key)
+
+    def items(self) -> list[tuple[Any, _V]]:
+        return list(self._items.items())
+
+
+class _Open(NamedTuple):
+    """A request that nobody read the response of at its place."""
+
+    place: Place
+    reference: int | None
+    axis: int | None
+    frame: int
+    until: int | None
+
+
+class _Read(NamedTuple):
+    """A Read that had no request at its place; reference and axis where it brought a record."""
+
+    place: Place
+    reference: int | None
+    axis: int | None
+    frame: int
+
+
+class _Unsaved:
+    """The changes of a device after its newest save, by the frames of their Writes.
+
+    Jobs are heard of when they are over, which is not the order in which they were asked.
+    """
+
+    __slots__ = ("frames", "more", "saved")
+
+    def __init__(self) -> None:
+        self.frames: list[int] = []
+        self.more = self.saved = 0
+
+    def change(self, frame: int) -> None:
+        if frame < self.saved:
+            return
+        self.frames.append(frame)
+        if len(self.frames) > known().history:  # the first and the newest are enough to name
+            del self.frames[1]
+            self.more += 1
+
+    def save(self, frame: int) -> None:
+        self.saved = max(self.saved, frame)
+        self.frames = [each for each in self.frames if each > self.saved]
+        self.more = 0
+
+
+class _Tally:
+    """How often, and where first and last."""
+
+    __slots__ = ("count", "first", "last")
+
+    def __init__(self) -> None:
+        self.count = self.first = self.last = 0
+
+    def add(self, frame: int) -> None:
+        self.count += 1
+        self.first = min(self.first or frame, frame)
+        self.last = max(self.last, frame)
+
+
+class WholeCapture:
+    """Sees every closed job, every Read for nothing and every Write to a foreign index.
+
+    Args:
+        lang: "en" or "zh".
+    """
+
+    def __init__(self, lang: str) -> None:
+        self._words = diagnosis_words(lang)
+        self._opened: _Memory[list[_Open]] = _Memory()
+        self._idle: _Memory[list[_Read]] = _Memory()
+        self._orphans: _Memory[list[_Read]] = _Memory()
+        self._foreign: _Memory[tuple[_Tally, dict[str, Any]]] = _Memory()
+        self._answering: _Memory[Place] = _Memory()
+        self._refusing: _Memory[tuple[_Tally, int]] = _Memory()
+        self._axes: _Memory[dict[int, int]] = _Memory()
+        self._unsaved: _Memory[_Unsaved] = _Memory()
+        self._asking: _Memory[bool] = _Memory()
+        self._repetition = Repetition(self.place_name)
+        self._asked = self._all_orphans = 0
+        self._first_frame = 0
+        self._cut = _Tally()
+
+    def place_name(self, place: Place) -> str:
+        """A place in words: slot, subslot and index."""
+        _api, slot, subslot, index = place
+        return self._words["place"].format(slot=slot, subslot=subslot, index=_index(index))
+
+    def closed(self, job: Job) -> None:
+        """A job is over."""
+        message, record, device = job.message, job.record, job.peer.device
+        place = _place(record)
+        first = record.request or job.read_response
+        if first is not None and not self._first_frame:
+            self._first_frame = first.frame
+        if message is None:
+            self._all_orphans += 1
+            self._orphan((job.peer.controller, device), place, job)
+            return
+        self._asked += 1
+        asks = job.peer.controller, device, place
+        if self._asking.get(asks) is None:
+            self._asking.put(asks, True)
+        self._slot(device, place, job)
+        if job.read_response is None:
+            self._open((job.peer.controller, device), place, job)
+        elif record.index == LOCAL:
+            self._axis(device, place, job)
+        change = message.operation == "change"
+        if change:
+            self._change(job)
+        if change or job.polls or self._repetition.storming:
+            self._repetition.closed(job, place)
+
+    def nothing_to_read(self, peer: Peer, record: Record) -> None:
+        """A Read without record on a channel that has no request."""
+        half = record.response
+        if half is None or half.status is None:
+            return
+        place = _place(record)
+        if half.status == STATUS_NOT_READY:
+            pair = peer.controller, peer.device
+            _append(self._idle, pair, _Read(place, None, None, half.frame))
+        else:
+            self._refusal(peer.device, place, half.status, half.frame)
+
+    def foreign(self, peer: Peer, record: Record) -> None:
+        """A Write to an index that is not ours has been answered."""
+        asked, answer = record.request, record.response
+        if asked is None or answer is None or len(asked.data) > known().channel_bytes:
+            return
+        if not answer.status and record.index not in known().confused_indices:
+            return
+        message = decode_request(asked.data)
+        if not message.shaped or message.flaws:
+            return
+        key = peer.device, record.index
+        status = "-" if answer.status is None else status_hex(answer.status)
+        args = {"index": _index(record.index), "device": peer.device, "status": status}
+        tally, _ = self._foreign.get(key) or self._foreign.put(key, (_Tally(), args))
+        tally.add(asked.frame)
+
+    def cut(self, frame: int) -> None:
+        """The capture cut a frame of ours."""
+        self._cut.add(frame)
+
+    def finish(self, dropped: int | None, requests: int, responses: int) -> Iterator[Remark]:
+        """All that can be said now; requests and responses are the RPC calls of the capture."""
+        yield from self._read_there(bool(dropped))
+        yield from self._nothing()
+        for _, (tally, args) in self._foreign.items():
+            yield Remark("DS707", tally.first, args)
+        yield from self._slots()
+        yield from self._ignored_axes()
+        yield from self._lost()
+        yield from self._repetition.finish()
+        yield from self._halves(dropped, requests, responses)
+
+    # Requests here, Reads there (DS706), Reads for nothing (DS703)
+
+    def _open(self, pair: Pair, place: Place, job: Job) -> None:
+        asked, message = job.write_request, job.message
+        if job.write_refused or asked is None or message is None:
+            return
+        reference, axis = message.request_reference, message.axis
+        _append(self._opened, pair, _Open(place, reference, axis, asked.frame, job.superseded_by))
+
+    def _orphan(self, pair: Pair, place: Place, job: Job) -> None:
+        half, response = job.read_response, job.response
+        if half is not None and response is not None:
+            read = _Read(place, response.request_reference, response.axis, half.frame)
+            _append(self._orphans, pair, read)
+
+    def _read_there(self, gaps: bool) -> Iterator[Remark]:
+        """Only places where nothing is asked: elsewhere a Read may belong to a request of its own.
+
+        Where frames are missing an orphan has lost its own request.
+        """
+        for pair, opened in self._opened.items():
+            idle = self._idle.get(pair) or []
+            orphans = [] if gaps else self._orphans.get(pair) or []
+            strays = self._unasked(pair, orphans)
+            for each in opened:
+                read = _elsewhere(each, strays, answer=True)
+                read = read or _elsewhere(each, self._unasked(pair, idle))
+                if read is None:
+                    continue
+                idle[:] = [other for other in idle if other.place != read.place]
+                yield Remark("DS706", read.frame, {
+                    "device": pair[1], "request": each.frame, "frame": read.frame,
+                    "place": self.place_name(each.place), "other": self.place_name(read.place),
+                })  # fmt: skip
+
+    def _unasked(self, pair: Pair, reads: list[_Read]) -> list[_Read]:
+        return [read for read in reads if self._asking.get((*pair, read.place)) is None]
+
+    def _nothing(self) -> Iterator[Remark]:
+        tallies: dict[str, _Tally] = {}
+        for (_, device), reads in self._idle.items():
+            for read in reads:
+                tallies.setdefault(device, _Tally()).add(read.frame)
+        for device, tally in tallies.items():
+            yield Remark("DS703", tally.first, {"count": tally.count, "device": device})
+
+    # The place: slot (DS708) and axis (DS710)
+
+    def _slot(self, device: str, place: Place, job: Job) -> None:
+        answer, read = job.write_response, job.read_response
+        spot = device, place[1], place[2]
+        if read is not None and read.data and self._answering.get(spot) is None:
+            self._answering.put(spot, place)
+        for half in (answer, read):
+            if half is not None and half.status:
+                self._refusal(device, place, half.status, half.frame)
+
+    def _refusal(self, device: str, place: Place, status: int, frame: int) -> None:
+        if (status >> 8) & 0xFF != _INVALID_SLOT and status & 0xFFFFFF00 != _NO_ACCESS:
+            return
+        key = device, place
+        tally, _ = self._refusing.get(key) or self._refusing.put(key, (_Tally(), status))
+        tally.add(frame)
+
+    def _slots(self) -> Iterator[Remark]:
+        for (device, place), (tally, status) in self._refusing.items():
+            other = next(
+                (there for (who, *spot), there in self._answering.items()
+                 if who == device and tuple(spot) != place[1:3]), None,
+            )  # fmt: skip
+            if other is not None:
+                yield Remark("DS708", tally.first, {
+                    "device": device, "place": self.place_name(place),
+                    "status": status_hex(status), "other": self.place_name(other),
+                })  # fmt: skip
+
+    def _axis(self, device: str, place: Place, job: Job) -> None:
+        message, response, read = job.message, job.response, job.read_response
+        if message is None or message.axis is None or response is None or read is None:
+            return
+        if all(b.error is None or b.error.code != known().axis_error for b in response.blocks):
+            axes = self._axes.get((device, place)) or self._axes.put((device, place), {})
+            axes.setdefault(message.axis, read.frame)
+
+    def _ignored_axes(self) -> Iterator[Remark]:
+        for (device, place), axes in self._axes.items():
+            if len(axes) > 1:
+                args = {
+                    "axes": ", ".join(map(str, sorted(axes))),
+                    "device": device,
+                    "place": self.place_name(place),
+                }
+                yield Remark("DS710", sorted(axes.values())[1], args)
+
+    # Changes that are not saved (DS721)
+
+    def _change(self, job: Job) -> None:
+        message, response, asked = job.message, job.response, job.write_request
+        if message is None or asked is None or not (job.accepted or response):
+            return
+        blocks = response.blocks if response else []
+        done = [
+            address.pnu
+            for number, address in enumerate(message.addresses)
+            if number >= len(blocks) or blocks[number].error is None
+        ]
+        device = job.peer.device
+        unsaved = self._unsaved.get(device) or self._unsaved.put(device, _Unsaved())
+        if any(pnu in known().saving for pnu in done):
+            unsaved.save(asked.frame)
+        elif any(not (row and row.volatile) for row in map(parameters().get, done)):
+            unsaved.change(asked.frame)
+
+    def _lost(self) -> Iterator[Remark]:
+        for device, unsaved in self._unsaved.items():
+            frames = sorted(unsaved.frames)
+            if frames:
+                args = {"count": len(frames) + unsaved.more, "device": device, "last": frames[-1]}
+                yield Remark("DS721", frames[0], args)
+
+    # What the capture does not have (DS725)
+
+    def _halves(self, dropped: int | None, requests: int, responses: int) -> Iterator[Remark]:
+        jobs = self._asked + self._all_orphans
+        if dropped:
+            yield self._half("dropped", 1, dropped)
+        if self._cut.count:
+            yield self._half("cut", self._cut.first, self._cut.count)
+        if not jobs:
+            return
+        if requests and not responses:
+            yield self._half("one_direction", self._first_frame, requests)
+        elif responses and not requests:
+            yield self._half("other_direction", self._first_frame, responses)
+        elif not self._asked:
+            yield self._half("no_write", self._first_frame, self._all_orphans)
+
+    def _half(self, what: str, frame: int, count: int) -> Remark:
+        return Remark("DS725", frame, {"what": self._words[what], "count": count})
+
+
+def _index(index: int) -> str:
+    return str(index) if index < 0x100 else f"0x{index:04X}"
+
+
+def _place(record: Record) -> Place:
+    return (record.api, record.slot, record.subslot, record.index)
+
+
+def _append(memory: _Memory[list[_V]], key: object, item: _V) -> None:
+    """Keeps the first of each pair of stations: later ones of the same cause say no more."""
+    items = memory.get(key)
+    if items is None:
+        items = memory.put(key, [])
+    if len(items) < known().history:
+        items.append(item)
+
+
+def _elsewhere(opened: _Open, reads: list[_Read], *, answer: bool = False) -> _Read | None:
+    """The first Read at another place while the request was open; an answer must be that to it."""
+    for read in reads:
+        if read.place == opened.place or read.frame < opened.frame:
+            continue
+        if opened.until is not None and read.frame > opened.until:
+            return None
+        if not answer or (read.reference, read.axis) == (opened.reference, opened.axis):
+            return read
+    return None

@@ -1,0 +1,66 @@
+"""Findings DS7xx to diagnoses: one for each cause, with a count and the first frames (docs/diagnoses.md).
+
+A cause is a rule, a device and those arguments of the message that the rule names in `group`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from ds47.model import SEVERITIES, Diagnosis, Finding
+from ds47.spec import rules
+from ds47.spec.semantics import known
+
+FAMILY = "DS7"
+
+
+class Cause(NamedTuple):
+    """What is kept of the finding that showed it first."""
+
+    rule: str
+    device: str | None
+    key: tuple[str, ...]
+
+
+def cause(rule: str, device: str | None, args: dict[str, Any]) -> Cause:
+    """The cause of a finding, by the arguments of its message."""
+    return Cause(rule, device, tuple(str(args.get(name, "")) for name in rules()[rule].group))
+
+
+class Grouping:
+    """Counts findings by their causes; memory is bounded, whatever the capture holds."""
+
+    def __init__(self) -> None:
+        self._groups: dict[Cause, Diagnosis] = {}
+
+    def add(self, about: Cause, finding: Finding, corrected: bytes | None = None) -> None:
+        """A finding of a cause, with its transaction where it has one."""
+        group = self._groups.get(about)
+        if group is None:
+            if len(self._groups) >= known().groups:  # too many to tell apart: by rule alone
+                about = Cause(about.rule, None, ())
+                group = self._groups.get(about)
+            if group is None:
+                group = Diagnosis(finding.rule, finding.severity, finding.message, about.device)
+                self._groups[about] = group
+        group.count += 1
+        group.corrected = group.corrected or corrected
+        _insert(group.frames, finding.frame)
+        if finding.transaction is not None:
+            _insert(group.transactions, finding.transaction)
+
+    def result(self) -> list[Diagnosis]:
+        """The diagnoses, worst first, then the most frequent."""
+        return sorted(
+            self._groups.values(),
+            key=lambda d: (-SEVERITIES.index(d.severity), -d.count, d.rule, d.frames, d.message),
+        )
+
+
+def _insert(numbers: list[int], number: int) -> None:
+    """Keeps the least ones, sorted, each once."""
+    if number in numbers:
+        return
+    numbers.append(number)
+    numbers.sort()
+    del numbers[known().frames :]

@@ -1,0 +1,118 @@
+"""Diagnoses of lengths: LEN, MLEN and the longest message of the device (DS711, 712, 713).
+
+What fits is computed from the request alone: a value takes one byte at least, more where its format is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, Final
+
+from ds47.diagnosis import suggest
+from ds47.pairing import STATUS_NOT_READY, Job
+from ds47.profidrive import Address, Request
+from ds47.profidrive.model import VALUE, Block
+from ds47.rules import Remark
+from ds47.spec.semantics import known
+
+HEADER: Final = 4
+ADDRESS: Final = 6
+BLOCK: Final = 4
+"""The shortest value block: format, number of values and one value, filled up to an even length."""
+BLOCK_HEADER: Final = 2
+"""Format and number of values."""
+MISSING: Final = "DS315"
+
+SizeOf = Callable[[int], int | None]
+"""Bytes of one value of a PNU, as far as it is known."""
+
+
+def request_too_short(job: Job, errors: Iterable[int]) -> Iterator[Remark]:
+    """LEN of WRREC is too small: the record is whole, the request in it is not.
+
+    A drive that refused a value for its type has read it: then the format is wrong, and not the length.
+    """
+    half, message = job.write_request, job.message
+    if half is None or message is None or half.missing:
+        return
+    if any(code in known().type_errors for code in errors):
+        return
+    flaw = next((flaw for flaw in message.flaws if flaw.rule == MISSING), None)
+    if flaw is not None:
+        args = {"have": len(half.data), "need": _need(message, len(half.data), flaw.args["need"])}
+        yield Remark("DS711", half.frame, args, flaw.offset)
+
+
+def _need(message: Request, have: int, more: int) -> int:
+    """The least length of a request that ends too soon: what is cut, and the shortest form of what follows."""
+    count = message.parameter_count or 1
+    change = message.operation == "change"
+    addresses = HEADER + ADDRESS * count
+    if have < addresses or (change and have < addresses + BLOCK_HEADER):
+        return addresses + (BLOCK * count if change else 0)
+    return have + more + BLOCK * max(0, count - len(message.blocks) - 1)
+
+
+def answer_cut(job: Job, size_of: SizeOf) -> Iterator[Remark]:
+    """MLEN of RDREC is too small: the response was cut to it, or the Read was refused for it."""
+    asked, answer = job.read_request, job.read_response
+    if asked is None or answer is None or not asked.stated:
+        return
+    need = 0
+    if answer.data and job.response is not None and len(answer.data) == asked.stated:
+        flaw = next((flaw for flaw in job.response.flaws if flaw.rule == MISSING), None)
+        if flaw is not None and not answer.missing:
+            need = len(answer.data) + int(flaw.args["need"])
+    elif answer.status and answer.status != STATUS_NOT_READY and job.message is not None:
+        need = least_answer(job.message, size_of)
+    if need > asked.stated:
+        yield Remark("DS712", answer.frame, {"asked": asked.stated, "need": need})
+
+
+def least_answer(message: Request, size_of: SizeOf) -> int:
+    """Bytes of the shortest positive response to a request."""
+    if message.operation != "read":
+        return HEADER
+    return HEADER + sum(_least_block(address, size_of) for address in message.addresses)
+
+
+def _least_block(address: Address, size_of: SizeOf) -> int:
+    if address.attribute != VALUE:
+        return BLOCK
+    size = (size_of(address.pnu) or 1) * max(1, address.element_count)
+    return 2 + size + size % 2
+
+
+def answer_too_long(job: Job, limit: int | None, size_of: SizeOf) -> Iterator[Remark]:
+    """More was asked than one response can carry.
+
+    Args:
+        job: closed.
+        limit: r0974 of the device, bytes, if it was read; None for the usual length of a channel.
+        size_of: bytes of one value of a PNU.
+    """
+    half, request, response = job.read_response, job.message, job.response
+    if half is None or request is None or response is None or request.operation != "read":
+        return
+    most = limit or known().channel_bytes
+    answered = _answered(request, response.blocks, len(half.data), most, size_of)
+    if answered is None:
+        return
+    args: dict[str, Any] = {"parameters": len(request.addresses), "limit": most, "number": answered}
+    write = job.write_request
+    if write is not None and len(request.addresses) > 1:
+        args["corrected"] = suggest.first_parameters(request, write.data, max(1, answered))
+    yield Remark("DS713", half.frame, args)
+
+
+def _answered(
+    request: Request, blocks: list[Block], length: int, most: int, size_of: SizeOf
+) -> int | None:
+    """How many parameters found room; None where room is not what was missing."""
+    for number, block in enumerate(blocks[: len(request.addresses)]):
+        if block.error is not None and block.error.code == known().too_long:
+            return number
+    if len(blocks) >= len(request.addresses) or any(block.error is not None for block in blocks):
+        return None
+    following = _least_block(request.addresses[len(blocks)], size_of)
+    return len(blocks) if length + following > most else None

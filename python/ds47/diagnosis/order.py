@@ -1,0 +1,105 @@
+"""Diagnoses of the order of frames: too early, too late, twice, somebody else's (DS702, 704, 705, 722).
+
+Each function looks at one closed job, with what pairing learnt of its neighbours. Nothing is decoded here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from uuid import UUID
+
+from ds47.pairing import STATUS_IN_USE, Job
+from ds47.rules import Remark
+from ds47.spec.semantics import diagnosis_words
+
+
+def is_usual(job: Job) -> bool:
+    """Whether nothing can be said: answered at the first Read, which came after the Write's response."""
+    accepted, read = job.write_response, job.read_request
+    return (
+        accepted is not None
+        and read is not None
+        and job.read_response is not None
+        and not accepted.status
+        and accepted.frame < read.frame
+        and not job.polls
+        and not job.rereads
+        and job.repeats is None
+    )
+
+
+def of(job: Job, lang: str) -> Iterator[Remark]:
+    """What the order of its frames says of a closed job."""
+    yield from _read_too_early(job)
+    yield from _old_answer(job)
+    yield from _two_users(job, diagnosis_words(lang)["unseen"])
+    yield from _connection_lost(job)
+
+
+def _read_too_early(job: Job) -> Iterator[Remark]:
+    answer = job.write_response
+    if answer is None or answer.status != 0:
+        return
+    reads = [request for request, _ in job.polls] + [job.read_request]
+    for read in reads:
+        if read is not None:
+            if read.frame < answer.frame:
+                yield Remark("DS702", read.frame, {"frame": read.frame, "by": answer.frame})
+            return
+
+
+def _old_answer(job: Job) -> Iterator[Remark]:
+    read = job.read_response
+    if read is None:
+        return
+    if job.repeats is not None:
+        yield Remark("DS704", read.frame, {"frame": read.frame, "first": job.repeats})
+    if job.rereads:
+        again = job.rereads[0][1].frame
+        yield Remark("DS704", again, {"frame": again, "first": read.frame})
+
+
+def _two_users(job: Job, unseen: str) -> Iterator[Remark]:
+    """A read that is displaced, or a Write that is turned away while another is open.
+
+    A change that is displaced says nothing: many programs never read what a change is answered. Nor does
+    the same question asked again: that is one user who does not wait.
+    """
+    asked = job.write_request
+    if asked is None:
+        return
+    later = job.superseding
+    if later is not None and job.message is not None and job.message.operation == "read":
+        other = later.write_request
+        if other is not None and other.data[1:] != asked.data[1:]:
+            yield _clash(job, later, asked.frame, job.superseded_by or other.frame, unseen)
+    answer = job.write_response
+    if answer is not None and answer.status == STATUS_IN_USE:
+        rival = job.rival
+        held = rival.write_request if rival else None
+        yield _clash(rival, job, held.frame if held else None, asked.frame, unseen)
+
+
+def _clash(held: Job | None, came: Job, first: int | None, frame: int, unseen: str) -> Remark:
+    other = _user(held, came) if held else unseen
+    controller = _user(came, held or came)
+    args = {"controller": controller, "other": other, "first": first or "?", "frame": frame}
+    return Remark("DS705", frame, args)
+
+
+def _user(job: Job, other: Job) -> str:
+    """A controller; two ARs of the same one are told apart by their UUIDs."""
+    if job.peer.controller == other.peer.controller and job.record.ar != other.record.ar:
+        return f"{job.peer.controller} (AR {UUID(bytes=job.record.ar)})"
+    return job.peer.controller
+
+
+def _connection_lost(job: Job) -> Iterator[Remark]:
+    """What was to be read, or was waited for; of a change many programs never read the answer."""
+    asked, message = job.write_request, job.message
+    if asked is None or job.ended is None or job.read_response is not None or job.write_refused:
+        return
+    waited = bool(job.polls or job.empty_reads or job.read_request)
+    if not waited and (message is None or message.operation != "read"):
+        return
+    yield Remark("DS722", asked.frame, {"frame": job.ended})

@@ -1,0 +1,154 @@
+"""Diagnoses of what the drive refused: what has to be changed, by the error number (DS701, 709, 717 to 720).
+
+One error block has one cause. What a repair of the whole request explains is not looked at here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final, NamedTuple
+
+from ds47.diagnosis import suggest
+from ds47.pairing import Job
+from ds47.profidrive import Address
+from ds47.profidrive.model import Block
+from ds47.rules import NOT_SUPPORTED, Remark, is_mismatch
+from ds47.spec import error_text
+from ds47.spec.semantics import known
+
+SIEMENS: Final = 0x002A
+WORD_ERRORS: Final = (0x05, 0x17)
+"""Data type and format: what a connector written as a number is refused with."""
+UNSIGNED_32: Final = "Unsigned32"
+
+
+class Refusal(NamedTuple):
+    """One error block with the address it belongs to, and the value that was to be written."""
+
+    number: int
+    code: int
+    address: Address
+    answer: Block
+    value: Block | None
+
+
+def refusals(job: Job) -> list[Refusal]:
+    """The parameters of a job that the drive refused; none where the response is that of another request."""
+    request, response = job.message, job.response
+    if request is None or response is None or is_mismatch(job):
+        return []
+    return [
+        Refusal(number, block.error.code, address, block, _value(request.blocks, number))
+        for number, (address, block) in enumerate(
+            zip(request.addresses, response.blocks, strict=False)
+        )
+        if block.error is not None and block.error.code is not None
+    ]
+
+
+def _value(blocks: list[Block], number: int) -> Block | None:
+    return blocks[number] if number < len(blocks) else None
+
+
+def of(job: Job, refused: list[Refusal], lang: str) -> Iterator[Remark]:
+    """What the refusals of a job say, each cause once."""
+    half, given = job.read_response, set()
+    if half is None:
+        return
+    for refusal in refused:
+        rule = _rule(job, refusal)
+        if rule is None or (rule, refusal.code) in given:
+            continue
+        given.add((rule, refusal.code))
+        args = _args(job, refusal, lang)
+        corrected = _corrected(job, rule, refusal)
+        if corrected is not None:
+            args["corrected"] = corrected
+        yield Remark(rule, half.frame, args, refusal.answer.offset)
+
+
+def not_seen(job: Job, lang: str) -> Iterator[Remark]:
+    """A refusal that no status tells of, and of which nothing better can be said."""
+    half, response = job.read_response, job.response
+    if half is None or response is None or response.response_id is None or is_mismatch(job):
+        return
+    quiet = not half.status and not (job.write_response and job.write_response.status)
+    if not response.response_id & 0x80 or response.response_id == NOT_SUPPORTED or not quiet:
+        return
+    error = next((block.error for block in response.blocks if block.error is not None), None)
+    if error is None:
+        return
+    code = error.code
+    args = {
+        "id": f"0x{response.response_id:02X}",
+        "code": "?" if code is None else f"0x{code:02X}",
+        "text": "?" if code is None else error_text(code, lang, job.peer.vendor_id),
+    }
+    yield Remark("DS701", half.frame, args)
+
+
+def _rule(job: Job, refusal: Refusal) -> str | None:
+    facts, code = known(), refusal.code
+    siemens = job.peer.vendor_id == SIEMENS
+    if code == facts.axis_error:
+        return "DS709"
+    if siemens and refusal.value is not None and _connector(refusal):
+        return "DS720"
+    if siemens and code in facts.commissioning:
+        return "DS718"
+    if code in facts.running or (siemens and code in facts.running_siemens):
+        return "DS719"
+    if code in facts.index_errors and _index_and_count(refusal):
+        return "DS717"
+    return None
+
+
+def _connector(refusal: Refusal) -> bool:
+    facts, value = known(), refusal.value
+    if refusal.code == facts.connector_error:
+        return True
+    return (
+        refusal.code in WORD_ERRORS
+        and refusal.address.pnu in facts.connectors
+        and value is not None
+        and value.format_name != UNSIGNED_32
+    )
+
+
+def _index_and_count(refusal: Refusal) -> bool:
+    """Whether index or count can be what the drive means: an address without both has neither."""
+    address, code = refusal.address, refusal.code
+    if code in (0x04, 0x18):
+        return True
+    if code == 0x03:
+        return address.subindex > 0 or address.element_count > 1
+    return address.pnu != 0 and (address.element_count > 1 or address.subindex > 0)
+
+
+def _args(job: Job, refusal: Refusal, lang: str) -> dict[str, Any]:
+    address, value = refusal.address, refusal.value
+    return {
+        "axis": job.message.axis if job.message else "?",
+        "device": job.peer.device,
+        "pnu": address.pnu,
+        "subindex": address.subindex,
+        "elements": address.element_count,
+        "format": (value.format_name or "-") if value else "-",
+        "value": value.values[0] if value and value.values else "-",
+        "state": known().commissioning.get(refusal.code, "?"),
+        "code": f"0x{refusal.code:02X}",
+        "text": error_text(refusal.code, lang, job.peer.vendor_id),
+    }
+
+
+def _corrected(job: Job, rule: str, refusal: Refusal) -> bytes | None:
+    write, message = job.write_request, job.message
+    if rule != "DS717" or write is None or message is None:
+        return None
+    if refusal.code == 0x18 and refusal.value is not None:
+        subindex, elements = refusal.address.subindex, refusal.value.value_count
+    elif refusal.code == 0x04:
+        subindex, elements = 0, 1
+    else:
+        return None
+    return suggest.with_elements(message, write.data, refusal.number, subindex, elements)

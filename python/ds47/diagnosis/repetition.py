@@ -1,0 +1,142 @@
+"""Diagnoses of what a program does again and again: REQ held (DS723) and polling storms (DS724)."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from ds47.pairing import Job
+from ds47.rules import Remark
+from ds47.spec.semantics import known
+
+_MS = 1_000_000
+_GAPS = 256
+"""Periods kept of one run: enough to say whether they are equal."""
+
+
+class _Run:
+    """The same change, as long as nothing else is written on its channel."""
+
+    __slots__ = ("count", "data", "first", "gaps", "newest_ns")
+
+    def __init__(self, data: bytes, frame: int, time_ns: int) -> None:
+        self.data, self.first, self.newest_ns = data, frame, time_ns
+        self.count, self.gaps = 1, list[int]()
+
+    def add(self, time_ns: int) -> None:
+        self.count += 1
+        if len(self.gaps) < _GAPS:
+            self.gaps.append(time_ns - self.newest_ns)
+        self.newest_ns = time_ns
+
+    def period_ns(self) -> int | None:
+        """The period, if it is a fixed one."""
+        middle = sorted(self.gaps)[(len(self.gaps) - 1) // 2] if self.gaps else 0
+        jitter = middle * known().held_jitter // 100
+        if not 0 < middle <= known().held_period * _MS or any(
+            abs(gap - middle) > jitter for gap in self.gaps
+        ):
+            return None
+        return middle
+
+
+class _Storm:
+    """Transactions in a row that were polled many times."""
+
+    __slots__ = ("first", "jobs", "polling_ns", "polls", "taken_ns", "total")
+
+    def __init__(self) -> None:
+        self.jobs = self.polls = self.polling_ns = self.taken_ns = self.first = self.total = 0
+
+
+class Repetition:
+    """Looks at the changes and the polls of every channel.
+
+    Args:
+        place_name: words for API, slot, subslot and index.
+    """
+
+    def __init__(self, place_name: Callable[[tuple[int, int, int, int]], str]) -> None:
+        self._place_name = place_name
+        self._runs: OrderedDict[Any, _Run] = OrderedDict()
+        self._storms: OrderedDict[Any, _Storm] = OrderedDict()
+        self._found: list[Remark] = []
+
+    @property
+    def storming(self) -> bool:
+        """Whether the next job of a channel may end a storm."""
+        return bool(self._storms)
+
+    def closed(self, job: Job, place: tuple[int, int, int, int]) -> None:
+        """A job that was asked is over."""
+        key = (job.peer.controller, job.peer.device, job.record.ar, place)
+        if job.message is not None and job.message.operation == "change":
+            self._change(job, key)
+        if job.polls or key in self._storms:
+            self._polled(job, key)
+
+    def finish(self) -> Iterator[Remark]:
+        """What was found, and what goes on to the end of the capture."""
+        for key, run in self._runs.items():
+            self._end_run(key, run)
+        for key, storm in self._storms.items():
+            self._end_storm(key, storm)
+        yield from self._found
+
+    def _change(self, job: Job, key: Any) -> None:
+        asked = job.write_request
+        if asked is None:
+            return
+        run = self._runs.get(key)
+        if run is not None and run.data == asked.data[1:]:
+            run.add(asked.time_ns)
+            return
+        if run is not None:
+            self._end_run(key, run)
+        self._runs[key] = _Run(asked.data[1:], asked.frame, asked.time_ns)
+        if len(self._runs) > known().history:
+            self._end_run(*self._runs.popitem(last=False))
+
+    def _end_run(self, key: Any, run: _Run) -> None:
+        period = run.period_ns() if run.count >= known().held else None
+        if period is not None and len(self._found) < known().history:
+            args = {
+                "count": run.count,
+                "device": key[1],
+                "period": f"{period / _MS:.1f}",
+                "place": self._place_name(key[3]),
+            }
+            self._found.append(Remark("DS723", run.first, args))
+
+    def _polled(self, job: Job, key: Any) -> None:
+        storm = self._storms.get(key)
+        if len(job.polls) < known().storm_polls:
+            if storm is not None:
+                self._end_storm(key, self._storms.pop(key))
+            return
+        if storm is None:
+            storm = self._storms[key] = _Storm()
+            if len(self._storms) > known().history:
+                self._end_storm(*self._storms.popitem(last=False))
+        first, last = job.polls[0], job.polls[-1]
+        began = (first[0] or first[1]).time_ns
+        asked, read = job.write_request, job.read_response or last[1]
+        storm.first = storm.first or (first[0] or first[1]).frame
+        storm.jobs += 1
+        storm.polls += len(job.polls)
+        storm.polling_ns += max(0, read.time_ns - began)
+        storm.taken_ns += max(0, read.time_ns - (asked.time_ns if asked else began))
+        storm.total = max(storm.total, len(job.polls))
+
+    def _end_storm(self, key: Any, storm: _Storm) -> None:
+        facts = known()
+        enough = storm.jobs >= facts.storm_jobs or storm.total >= facts.storm_total
+        if enough and len(self._found) < facts.history:
+            args = {
+                "count": storm.polls,
+                "device": key[1],
+                "period": f"{storm.polling_ns / storm.polls / _MS:.1f}",
+                "time": f"{storm.taken_ns / storm.jobs / _MS:.1f}",
+            }
+            self._found.append(Remark("DS724", storm.first, args))

@@ -1,0 +1,24 @@
+"""The words that reports begin with, and which findings a diagnosis covers: report.toml as Python objects."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+from ds47.spec import _load
+
+COVERS = ("job", "word", "whole")
+"""How a diagnosis covers findings; report.toml says what each means."""
+
+
+@cache
+def report_words() -> Mapping[str, Mapping[str, str]]:
+    """Every text by its key, then by language ("en", "zh")."""
+    table: Mapping[str, Mapping[str, str]] = _load("report.toml")["words"]
+    return table
+
+
+@cache
+def covers(how: str) -> Mapping[str, tuple[str, ...]]:
+    """Rule of a diagnosis -> rules, or how they begin, of the findings that it covers in this way (of COVERS)."""
+    return {rule: tuple(covered) for rule, covered in _load("report.toml")["covers"][how].items()}

@@ -1,0 +1,782 @@
+"""Writes tests/vectors/diagnoses.json: small conversations, and the diagnoses (DS7xx) of each.
+
+Played and written as those of make_conversations.py, in the same layout. What is expected is typed by hand,
+from the conditions in docs/diagnoses.md; for each diagnosis there is a near miss, too. Diagnoses that need the
+whole capture are not here: Wireshark has none of them.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from uuid import UUID
+
+import make_conversations as base
+from make_conversations import (
+    AR2,
+    BAD_HEADER,
+    CUT,
+    HOME2,
+    NOT_POSSIBLE,
+    NOTHING,
+    Play,
+    Row,
+    Tape,
+    ask,
+    par,
+    put,
+    real,
+    second,
+    tell,
+    tx,
+)
+
+from ds47.lab import message, wire
+from ds47.lab.client import BUSY, Client, drive
+
+TARGET = base.ROOT / "tests/vectors/diagnoses.json"
+ABOUT = (
+    "Conversations and the diagnoses (DS7xx) of their messages and transactions, for every implementation. "
+    "tests/vectors/README.md says how to run them; tools/make_diagnosis_conversations.py writes this file."
+)
+TEN = 0x41200000
+"""The bits of 10.0 as Float32."""
+TURNED = 0x00002041
+"""The same with its bytes in the other order: 1.157e-41."""
+ANOTHER_MAKE = 0x0119
+INVALID_PARAMETER = 0xDE80B800
+
+CASES: list[Row] = []
+
+
+def case(
+    name: str,
+    flags: str,
+    transactions: Sequence[Row],
+    findings: str = "",
+    diagnoses: str = "",
+) -> Callable[[Play], Play]:
+    """Decorator: as that of make_conversations.py; the rule is the beginning of the name."""
+    rule = name.partition("-")[0]
+    return base.case(name, rule, flags, transactions, findings, diagnoses=diagnoses, cases=CASES)
+
+
+def refused(reference: int, code: int, identifier: int = 0x81, axis: int = 1) -> bytes:
+    """The answer of a drive that refuses the only parameter."""
+    return message.answer(reference, identifier, axis, message.error(code))
+
+
+def change(pnu: int, block: bytes) -> bytes:
+    """A change of one parameter, reference 1."""
+    return message.change(1, 1, (message.address(pnu), block))
+
+
+# DS701: the program does not see the refusal
+
+
+@case(
+    "DS701-only-in-the-record",
+    "drive-error",
+    [tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(1, 0)))],
+    "DS410@4#1",
+    "DS701@4#1",
+)
+def _(tape: Tape) -> None:
+    """Every status is 0, the record refuses."""
+    Client(tape).exchange(ask(), refused(1, 0x01))
+
+
+@case(
+    "DS701-of-another-request",
+    "mismatch drive-error",
+    [tx(1, "mismatch", (1, 2, 3, 4), 3, par(None, error=(1, 0)))],
+    "DS404@4#1 DS410@4#1",
+)
+def _(tape: Tape) -> None:
+    """Near miss: what was read refuses another request."""
+    Client(tape).exchange(ask(1), refused(2, 0x01))
+
+
+# DS702: read too early
+
+
+@case(
+    "DS702-poll",
+    "disorder poll",
+    [tx(1, "ok", (1, 3, 5, 6), 5, real(1.5), polls=[(2, 4)])],
+    "",
+    "DS702@2#1",
+)
+def _(tape: Tape) -> None:
+    """The Read that was sent before the Write response is refused as not ready; the next one is answered."""
+    client = Client(tape)
+    write, read = client.ask_write(ask()), client.ask_read()
+    client.accept_write(write, ask())
+    client.refuse_read(read, BUSY)
+    client.read(tell(1, 1.5))
+
+
+@case(
+    "DS702-write-response-lost",
+    "lost",
+    [tx(1, "ok", (1, None, 2, 3), 2, real(1.5), write=None)],
+    "DS101@1#1",
+)
+def _(tape: Tape) -> None:
+    """Near miss: when the Write was answered is not in the capture."""
+    client = Client(tape)
+    client.ask_write(ask())
+    client.read(tell(1, 1.5))
+
+
+# DS704: an old answer taken for a new one
+
+
+@case(
+    "DS704-after-a-refused-write",
+    "refused mismatch",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+        tx(2, "refused", (5, 6, 7, 8), 3, par(27), ref=2, write="DF80B700"),
+    ],
+    "DS203@6#2 DS404@8#2",
+    "DS704@8#2",
+)
+def _(tape: Tape) -> None:
+    """The second Write fails, the Read behind it brings the first response again."""
+    client = Client(tape)
+    client.exchange(ask(1), tell(1, 1.5))
+    client.write(ask(2, 27), BAD_HEADER)
+    client.read(tell(1, 1.5))
+
+
+@case(
+    "DS704-new-answer-after-a-refused-write",
+    "refused",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+        tx(2, "refused", (5, 6, 7, 8), 3, real(2.5, pnu=27), ref=2, write="DF80B700"),
+    ],
+    "DS203@6#2",
+)
+def _(tape: Tape) -> None:
+    """Near miss: the Write is refused, but what is read is new."""
+    client = Client(tape)
+    client.exchange(ask(1), tell(1, 1.5))
+    client.write(ask(2, 27), BAD_HEADER)
+    client.read(tell(2, 2.5))
+
+
+@case(
+    "DS704-write-response-lost",
+    "lost",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+        tx(2, "ok", (5, None, 6, 7), 2, real(1.5, pnu=27), write=None),
+    ],
+    "DS101@5#2 DS415@5#2",
+    "DS704@7#2",
+)
+def _(tape: Tape) -> None:
+    """Another parameter with the same reference, no Write response, and the answer of before."""
+    client = Client(tape)
+    client.exchange(ask(1), tell(1, 1.5))
+    client.ask_write(ask(1, 27))
+    client.read(tell(1, 1.5))
+
+
+@case(
+    "DS704-same-question",
+    "lost",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+        tx(2, "ok", (5, None, 6, 7), 2, real(1.5), write=None),
+    ],
+    "DS101@5#2 DS415@5#2",
+)
+def _(tape: Tape) -> None:
+    """Near miss: the same question may have the same answer."""
+    client = Client(tape)
+    client.exchange(ask(1), tell(1, 1.5))
+    client.ask_write(ask(1))
+    client.read(tell(1, 1.5))
+
+
+@case(
+    "DS704-asked-anew",
+    "none",
+    [tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)), tx(2, "ok", (5, 6, 7, 8), 3, real(1.5))],
+    "DS415@5#2",
+)
+def _(tape: Tape) -> None:
+    """Near miss: the bytes are read again, but a new Write stands behind them."""
+    client = Client(tape)
+    client.exchange(ask(1), tell(1, 1.5))
+    client.exchange(ask(1), tell(1, 1.5))
+
+
+# DS705: two users of one channel
+
+
+@case(
+    "DS705-same-question",
+    "superseded",
+    [
+        tx(1, "superseded", (1, 2, None, None), None, NOTHING, read=None),
+        tx(2, "ok", (3, 4, 5, 6), 3, real(1.5), ref=2),
+    ],
+    "DS413@3#1",
+)
+def _(tape: Tape) -> None:
+    """Near miss: only the reference differs, that is one user who does not wait."""
+    client = Client(tape)
+    client.write(ask(1))
+    client.exchange(ask(2), tell(2, 1.5))
+
+
+@case(
+    "DS705-displaced-change",
+    "superseded",
+    [
+        tx(
+            1, "superseded", (1, 2, None, None), None, real(1.0, pnu=1120),
+            operation="change", read=None,
+        ),
+        tx(2, "ok", (3, 4, 5, 6), 3, real(1.5), ref=2),
+    ],
+    "DS414@3#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """Near miss: a change whose response nobody wants."""
+    client = Client(tape)
+    client.write(put(1, 1.0))
+    client.exchange(ask(2), tell(2, 1.5))
+
+
+@case(
+    "DS705-another-controller",
+    "refused interleaved",
+    [
+        tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)),
+        tx(
+            2, "refused", (3, 4, None, None), None, par(27),
+            write="DF80B500", read=None, **HOME2,
+        ),
+    ],
+    "DS203@4#2",
+    "DS705@3#2",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """A second controller is turned away while the request of the first is open."""
+    first, other = Client(tape), second(tape)
+    first.write(ask(1))
+    other.write(ask(1, 27), NOT_POSSIBLE)
+    first.read(tell(1, 1.5))
+
+
+@case(
+    "DS705-another-ar",
+    "refused interleaved",
+    [
+        tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)),
+        tx(
+            2, "refused", (3, 4, None, None), None, par(27),
+            write="DF80B500", read=None, ar=str(AR2),
+        ),
+    ],
+    "DS203@4#2",
+    "DS705@3#2",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """The same controller is turned away on its second AR."""
+    first = Client(tape)
+    other = Client(tape, activity=UUID(int=0x47), channel=wire.Channel(AR2))
+    first.write(ask(1))
+    other.write(ask(1, 27), NOT_POSSIBLE)
+    first.read(tell(1, 1.5))
+
+
+@case(
+    "DS705-refused-otherwise",
+    "refused interleaved",
+    [
+        tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)),
+        tx(
+            2, "refused", (3, 4, None, None), None, par(27),
+            write="DF80B700", read=None, **HOME2,
+        ),
+    ],
+    "DS203@4#2",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """Near miss: turned away while another is open, but not for that."""
+    first, other = Client(tape), second(tape)
+    first.write(ask(1))
+    other.write(ask(1, 27), BAD_HEADER)
+    first.read(tell(1, 1.5))
+
+
+# DS709: a drive object that is not there
+
+
+@case(
+    "DS709-axis",
+    "drive-error",
+    [tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(0x19, 0)), axis=9)],
+    "DS410@4#1",
+    "DS709@4#1",
+)
+def _(tape: Tape) -> None:
+    """Drive object 9 does not exist."""
+    Client(tape).exchange(ask(1, axis=9), refused(1, 0x19, axis=9))
+
+
+# DS711: the request is not whole (cut ones are among the conversations of pairing)
+
+
+@case(
+    "DS711-stated-more",
+    "malformed refused other-index",
+    [tx(1, "refused", (1, 2, None, None), None, ref=7, write="DF80B700", read=None, index=0xB02F)],
+    "DS202@1 DS203@2#1 DS315@1#1",
+)
+def _(tape: Tape) -> None:
+    """Near miss: the record itself is shorter than it says, so LEN is not to blame."""
+    client = Client(tape)
+    place = client.at(index=0xB02F)
+    call = client.ask_write(CUT, place, stated=len(CUT) + 2)
+    client.accept_write(call, CUT, place, BAD_HEADER)
+
+
+@case(
+    "DS711-wrong-format",
+    "malformed drive-error",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+        tx(2, "error", (5, 6, 7, 8), 3, par(1120, "Unsigned64", error=(0x17, 0)),
+           ref=2, operation="change"),
+    ],
+    "DS315@5#2 DS410@8#2",
+    "DS701@8#2",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """Near miss: the drive has read four bytes and says that the format of eight is wrong."""
+    client = Client(tape)
+    client.exchange(ask(1), tell(1, 1.5))
+    block = message.raw_block(0x38, 1, bytes(4))
+    request = message.change(2, 1, (message.address(1120), block))
+    client.exchange(request, refused(2, 0x17, 0x82))
+
+
+# DS712: the Read asks for too few bytes
+
+
+@case(
+    "DS712-cut",
+    "malformed",
+    [tx(1, "ok", (1, 2, 3, 4), 3, real())],
+    "DS315@4#1",
+    "DS712@4#1",
+)
+def _(tape: Tape) -> None:
+    """The Read takes 8 bytes, the response has 10 and ends after 8."""
+    client = Client(tape)
+    client.write(ask())
+    client.accept_read(client.ask_read(maximum=8), tell(1, 1.5)[:8])
+
+
+@case(
+    "DS712-cut-by-itself",
+    "malformed",
+    [tx(1, "ok", (1, 2, 3, 4), 3, real())],
+    "DS315@4#1",
+)
+def _(tape: Tape) -> None:
+    """Near miss: the response is cut, though the Read would have taken more."""
+    client = Client(tape)
+    client.write(ask())
+    client.accept_read(client.ask_read(maximum=240), tell(1, 1.5)[:8])
+
+
+@case(
+    "DS712-refused",
+    "read-refused",
+    [tx(1, "refused", (1, 2, 3, 4), None, NOTHING, par(27), read="DE80B800")],
+    "DS201@4#1",
+    "DS712@4#1",
+)
+def _(tape: Tape) -> None:
+    """Two parameters need more than 8 bytes, whatever their values: the Read is refused."""
+    client = Client(tape)
+    client.write(ask(1, 21, 27))
+    client.refuse_read(client.ask_read(maximum=8), INVALID_PARAMETER)
+
+
+@case(
+    "DS712-refused-for-something-else",
+    "read-refused",
+    [tx(1, "refused", (1, 2, 3, 4), None, NOTHING, par(27), read="DE80B800")],
+    "DS201@4#1",
+)
+def _(tape: Tape) -> None:
+    """Near miss: refused, though there was room."""
+    client = Client(tape)
+    client.write(ask(1, 21, 27))
+    client.refuse_read(client.ask_read(maximum=240), INVALID_PARAMETER)
+
+
+@case(
+    "DS712-not-ready",
+    "poll",
+    [tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), polls=[(3, 4)])],
+)
+def _(tape: Tape) -> None:
+    """Near miss: a Read for 6 bytes is refused because the response is not ready."""
+    client = Client(tape)
+    client.write(ask())
+    client.refuse_read(client.ask_read(maximum=6), BUSY)
+    client.read(tell(1, 1.5))
+
+
+# DS713: more asked than one response carries
+
+
+@case(
+    "DS713-said",
+    "drive-error",
+    [
+        tx(
+            1, "partial", (1, 2, 3, 4), 3,
+            real(1.5), par(27, error=(0x15, 0)), par(25, error=(0x15, 0)),
+        )
+    ],
+    "DS410@4#1 DS410@4#1",
+    "DS713@4#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """The drive says of the second and the third parameter that they do not fit."""
+    blocks = (message.real(1.5), message.error(0x15), message.error(0x15))
+    Client(tape).exchange(ask(1, 21, 27, 25), message.answer(1, 0x81, 1, *blocks))
+
+
+@case(
+    "DS713-left-out",
+    "count",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, par(974, "Unsigned16", 16)),
+        tx(2, "partial", (5, 6, 7, 8), 3, real(1.5), real(2.5, pnu=27), par(25), ref=2),
+    ],
+    "DS316@5#2 DS407@8#2",
+    "DS713@8#2",
+)
+def _(tape: Tape) -> None:
+    """The drive takes 16 bytes, and answers two of three parameters in them."""
+    client = Client(tape)
+    client.exchange(ask(1, 974), message.answer(1, 1, 1, message.word(16)))
+    client.exchange(ask(2, 21, 27, 25), tell(2, 1.5, 2.5))
+
+
+@case(
+    "DS713-room-left",
+    "count",
+    [tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), real(2.5, pnu=27), par(25))],
+    "DS407@4#1",
+)
+def _(tape: Tape) -> None:
+    """Near miss: one of three is left out, though a usual channel has room for it."""
+    Client(tape).exchange(ask(1, 21, 27, 25), tell(1, 1.5, 2.5))
+
+
+# DS714 to DS716: what the bytes were meant to be
+
+
+@case(
+    "DS714-float-as-integer",
+    "drive-error",
+    [
+        tx(
+            1, "error", (1, 2, 3, 4), 3, par(1120, "Unsigned32", TEN, error=(5, 0)),
+            operation="change",
+        )
+    ],
+    "DS410@4#1",
+    "DS714@1#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """The bits of 10.0 under Unsigned32, refused for the data type."""
+    block = message.raw_block(0x07, 1, TEN.to_bytes(4, "big"))
+    Client(tape).exchange(change(1120, block), refused(1, 0x05, 0x82))
+
+
+@case(
+    "DS714-integer",
+    "drive-error",
+    [
+        tx(
+            1, "error", (1, 2, 3, 4), 3, par(1120, "Unsigned32", 10, error=(2, 0)),
+            operation="change",
+        )
+    ],
+    "DS410@4#1",
+    "DS701@4#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """Near miss: 10 as it should be, outside of the limits."""
+    block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
+    Client(tape).exchange(change(1120, block), refused(1, 0x02, 0x82))
+
+
+@case(
+    "DS714-integer-as-float",
+    "values",
+    [tx(1, "ok", (1, 2, 3, 4), 3, par(1120, "Float32") | {"values": ["NaN"]}, operation="change")],
+    "",
+    "DS714@1#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """The bits of -1 under Float32, where they are no number; the drive takes it."""
+    block = message.raw_block(0x08, 1, b"\xff" * 4)
+    Client(tape).exchange(change(1120, block), message.changed(1, 1))
+
+
+@case(
+    "DS715-values",
+    "values",
+    [
+        tx(
+            1, "ok", (1, 2, 3, 4), 3,
+            real(1.157e-41, pnu=1120),
+            operation="change",
+        )
+    ],
+    "",
+    "DS715@1#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """10.0 with its bytes turned round, and the drive takes it."""
+    block = message.raw_block(0x08, 1, TURNED.to_bytes(4, "big"))
+    Client(tape).exchange(change(1120, block), message.changed(1, 1))
+
+
+@case(
+    "DS716-zeros",
+    "malformed refused other-index",
+    [
+        tx(
+            1, "refused", (1, 2, None, None), None,
+            par(1, subindex=16) | {"attribute": "0x00"},
+            ref=0, axis=0, write="DF80B700", read=None, index=0xB02F,
+        )
+    ],
+    "DS203@2#1 DS301@1#1 DS305@1#1 DS313@1#1",
+    "DS716@1#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """A zero before each byte of a read."""
+    client = Client(tape)
+    spread = b"".join(bytes((0, byte)) for byte in ask())
+    client.write(spread, BAD_HEADER, client.at(index=0xB02F))
+
+
+# DS717 to DS720: what the error numbers say
+
+
+@case(
+    "DS717-no-array",
+    "drive-error",
+    [tx(1, "error", (1, 2, 3, 4), 3, par(21, subindex=3, error=(4, 0)))],
+    "DS410@4#1",
+    "DS717@4#1",
+)
+def _(tape: Tape) -> None:
+    """Two elements of what is no array."""
+    request = message.read(1, 1, message.address(21, 3, 2))
+    Client(tape).exchange(request, refused(1, 0x04))
+
+
+@case(
+    "DS717-no-subindex",
+    "drive-error",
+    [tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(3, 0)))],
+    "DS410@4#1",
+    "DS701@4#1",
+)
+def _(tape: Tape) -> None:
+    """Near miss: 0x03, but nothing was indexed."""
+    Client(tape).exchange(ask(), refused(1, 0x03))
+
+
+@case(
+    "DS718-quick-commissioning",
+    "drive-error",
+    [tx(1, "error", (1, 2, 3, 4), 3, real(1.0, pnu=304) | {"error": {"code": 0x70, "info": 0}},
+        operation="change")],
+    "DS410@4#1",
+    "DS718@4#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """0x70 of a Siemens drive: only with p0010 = 1."""
+    Client(tape).exchange(put(1, 1.0, 304), refused(1, 0x70, 0x82))
+
+
+@case(
+    "DS718-another-make",
+    "drive-error",
+    [tx(1, "error", (1, 2, 3, 4), 3, real(1.0, pnu=304) | {"error": {"code": 0x70, "info": 0}},
+        operation="change")],
+    "DS410@4#1",
+    "DS701@4#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """Near miss: the same number of another make means something else."""
+    client = Client(tape, device=drive(vendor_id=ANOTHER_MAKE))
+    client.exchange(put(1, 1.0, 304), refused(1, 0x70, 0x82))
+
+
+@case(
+    "DS719-another-make",
+    "drive-error",
+    [tx(1, "error", (1, 2, 3, 4), 3, real(1.0, pnu=1120) | {"error": {"code": 0x6B, "info": 0}},
+        operation="change")],
+    "DS410@4#1",
+    "DS701@4#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """Near miss: 0x6B says that a Siemens drive is enabled, and nothing of others."""
+    client = Client(tape, device=drive(vendor_id=ANOTHER_MAKE))
+    client.exchange(put(1, 1.0), refused(1, 0x6B, 0x82))
+
+
+@case(
+    "DS720-word",
+    "drive-error",
+    [tx(1, "error", (1, 2, 3, 4), 3, par(1070, "Unsigned16", 1024, error=(5, 0)),
+        operation="change")],
+    "DS410@4#1",
+    "DS720@4#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """A source of signals written as 16 bits."""
+    Client(tape).exchange(change(1070, message.word(1024)), refused(1, 0x05, 0x82))
+
+
+# DS722: the connection ends inside a job
+
+
+@case(
+    "DS722-connect",
+    "unanswered",
+    [tx(1, "unanswered", (1, 2, None, None), None, NOTHING, read=None)],
+    "DS401@1#1",
+    "DS722@1#1",
+)
+def _(tape: Tape) -> None:
+    """The controller connects anew while its request is open."""
+    client = Client(tape)
+    client.write(ask())
+    client.connect("plc")
+
+
+@case(
+    "DS722-read-under-way",
+    "unanswered lost",
+    [tx(1, "unanswered", (1, 2, 3, None), None, NOTHING, read=None)],
+    "DS101@3 DS401@1#1",
+    "DS722@1#1",
+)
+def _(tape: Tape) -> None:
+    """The same while its Read is under way."""
+    client = Client(tape)
+    client.write(ask())
+    client.ask_read()
+    client.connect("plc")
+
+
+@case(
+    "DS722-change-polled",
+    "unanswered poll",
+    [
+        tx(
+            1, "unanswered", (1, 2, None, None), None, real(1.0, pnu=1120),
+            operation="change", read=None, polls=[(3, 4)],
+        )
+    ],
+    "DS402@1#1",
+    "DS722@1#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """A change whose answer is waited for when the connection ends."""
+    client = Client(tape)
+    client.write(put(1, 1.0))
+    client.poll()
+    base.release(client)
+
+
+@case(
+    "DS722-change-unread",
+    "unanswered release",
+    [
+        tx(
+            1, "unanswered", (1, 2, None, None), None, real(1.0, pnu=1120),
+            operation="change", read=None,
+        )
+    ],
+    "DS402@1#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """Near miss: a change whose answer nobody asks for."""
+    client = Client(tape)
+    client.write(put(1, 1.0))
+    base.release(client)
+
+
+@case(
+    "DS722-connected-before",
+    "unanswered",
+    [tx(1, "unanswered", (3, 4, None, None), None, NOTHING, read=None)],
+    "DS401@3#1",
+)
+def _(tape: Tape) -> None:
+    """Near miss: the connection is older than the request."""
+    client = Client(tape)
+    client.connect("plc")
+    client.write(ask())
+
+
+@case(
+    "DS722-another-connects",
+    "unanswered",
+    [tx(1, "unanswered", (1, 2, None, None), None, NOTHING, read=None)],
+    "DS401@1#1",
+)
+def _(tape: Tape) -> None:
+    """Near miss: another controller connects to the drive."""
+    Client(tape).write(ask())
+    second(tape).connect("panel")
+
+
+@case("DS722-answered", "release", [tx(1, "ok", (1, 2, 3, 4), 3, real(1.5))])
+def _(tape: Tape) -> None:
+    """Near miss: the connection ends when the response was read."""
+    client = Client(tape)
+    client.exchange(ask(), tell(1, 1.5))
+    base.release(client)
+
+
+@case(
+    "DS722-refused",
+    "release refused",
+    [tx(1, "refused", (1, 2, None, None), None, NOTHING, write="DF80B700", read=None)],
+    "DS203@2#1",
+)
+def _(tape: Tape) -> None:
+    """Near miss: the connection ends after a Write that was refused: nothing was open."""
+    client = Client(tape)
+    client.write(ask(), BAD_HEADER)
+    base.release(client)
+
+
+if __name__ == "__main__":
+    target = Path(sys.argv[1]) if len(sys.argv) > 1 else TARGET
+    target.write_text(base.text(CASES, ABOUT), "utf-8", newline="\n")
