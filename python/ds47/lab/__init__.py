@@ -1,13 +1,15 @@
 """The lab: a simulated controller and drive that write captures.
 
 Here are the list of scenarios and how one becomes a file. What happens in them is in the modules
-`seeds`, `formats`, `transport`, `records`, `messages`, `conversation`, `naming` and `tour`; who talks is
-`client`, how it is carried `stage`, and its bytes come from `wire`, `message` and `ether`.
+`seeds`, `formats`, `transport`, `records`, `messages`, `conversation`, `naming`, `tour` and (causes, DS7xx)
+the `diagnoses`; who talks is `client`, how it is carried `stage`, and its bytes come from `wire`, `message`
+and `ether`.
 Needs scapy, but only when a capture is made: `pip install ds47[lab]`.
 """
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -17,13 +19,32 @@ from ds47.lab.scenario import Expect, Scenario
 
 __all__ = ["Expect", "Scenario", "scenarios", "write"]
 
+_INTERFACE_STATISTICS, _ISB_IFDROP = 5, 5
+
 
 @cache
 def scenarios() -> Mapping[str, Scenario]:
     """Every scenario by its name, in the order of the names."""
-    from ds47.lab import conversation, formats, messages, naming, records, seeds, tour, transport
+    from ds47.lab import (
+        conversation,
+        diagnoses,
+        diagnoses_bytes,
+        diagnoses_places,
+        diagnoses_refused,
+        diagnoses_whole,
+        formats,
+        messages,
+        naming,
+        records,
+        seeds,
+        tour,
+        transport,
+    )
 
-    modules = (conversation, formats, messages, naming, records, seeds, tour, transport)
+    modules = (
+        conversation, diagnoses, diagnoses_bytes, diagnoses_places, diagnoses_refused,
+        diagnoses_whole, formats, messages, naming, records, seeds, tour, transport,
+    )  # fmt: skip
     every = [scenario for module in modules for scenario in module.BOOK.scenarios]
     names = {scenario.name: scenario for scenario in every}
     if len(names) != len(every):
@@ -44,4 +65,15 @@ def write(name: str, path: str | Path) -> int:
     with PcapngWriter(path, link_type=stage.link) as writer:
         for shot in stage.shots:
             writer.write(shot.time_ns, shot.data, original_length=shot.original_length)
+    if stage.dropped is not None:
+        with Path(path).open("ab") as file:
+            file.write(_statistics(stage.dropped))
     return len(stage.shots)
+
+
+def _statistics(dropped: int) -> bytes:
+    """The pcapng Interface Statistics Block of interface 0 with isb_ifdrop, and no time."""
+    options = struct.pack("<HHQHH", _ISB_IFDROP, 8, dropped, 0, 0)
+    body = struct.pack("<3I", 0, 0, 0) + options
+    length = len(body) + 12
+    return struct.pack("<2I", _INTERFACE_STATISTICS, length) + body + struct.pack("<I", length)

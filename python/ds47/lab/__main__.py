@@ -28,7 +28,10 @@ def manifest_entry(scenario: Scenario, path: Path, frames: int) -> str:
     transactions = ", ".join(
         f'"{operation} {state}"' for operation, state in scenario.expect.transactions
     )
-    rules = ", ".join(f'"{rule}"' for rule in sorted(scenario.expect.rules))
+    rules, diagnoses = (
+        ", ".join(f'"{rule}"' for rule in sorted(ids))
+        for ids in (scenario.expect.rules, scenario.expect.diagnoses)
+    )
     return f"""
 [[capture]]
 file = "{path.name}"
@@ -39,6 +42,7 @@ title = {quoted(scenario.title)}
 shows = {quoted(scenario.shows)}
 transactions = [{transactions}]
 rules = [{rules}]
+diagnoses = [{diagnoses}]
 """
 
 

@@ -94,6 +94,18 @@ class Client:
         """The device answers a call with a PNIOStatus and blocks."""
         self.reply(call, wire.response_body(self.reply_order, status, blocks))
 
+    def connect(self, station: str) -> None:
+        """The AR is set up; the controller calls itself `station`."""
+        call = self.call(wire.CONNECT)
+        self.ask(call, wire.ar_request(self.channel.ar, self.host, station))
+        self.accept(call, OK, wire.ar_response(self.channel.ar, self.device))
+
+    def release(self) -> None:
+        """The AR is given up."""
+        call = self.call(wire.RELEASE)
+        self.ask(call, wire.release_request(self.channel.ar))
+        self.accept(call, OK, wire.release_response(self.channel.ar))
+
     # Record services
 
     def ask_write(

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from uuid import UUID
-
-from ds47.lab import message, wire
-from ds47.lab.client import OK, Client
+from ds47.lab import message
+from ds47.lab.client import Client
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
 from ds47.lab.stage import Stage
 
@@ -39,15 +37,15 @@ EXCHANGES: tuple[tuple[str, str, str, tuple[str, str], bytes, bytes], ...] = (
      message.answer(1, 1, 1, message.word(1, 2, 3, 4, 5))),
     ("more-parameters", "One parameter asked for, two answered", "DS407", ("read", "mismatch"),
      READ, message.answer(1, 1, 1, TEN, FIVE)),
-    ("error", "A read of a parameter that does not exist", "DS410", ("read", "error"),
+    ("error", "A read of a parameter that does not exist", "DS410 DS701", ("read", "error"),
      READ, message.answer(1, 0x81, 1, message.error(NO_PARAMETER))),
-    ("error-one-word", "An error block without additional information", "DS410", ("read", "error"),
+    ("error-one-word", "An error block without additional information", "DS410 DS701", ("read", "error"),
      READ, message.answer(1, 0x81, 1, message.error(NO_PARAMETER, None))),
-    ("partial-read", "One of two parameters failed", "DS410", ("read", "partial"),
+    ("partial-read", "One of two parameters failed", "DS410 DS701", ("read", "partial"),
      BOTH, message.answer(1, 0x81, 1, TEN, message.error(NO_PARAMETER))),
-    ("partial-change", "One of two changes failed", "DS410", ("change", "partial"),
+    ("partial-change", "One of two changes failed", "DS410 DS719 DS721", ("change", "partial"),
      CHANGE_BOTH, message.answer(1, 0x82, 1, message.done(), message.error(NOT_NOW))),
-    ("error-change", "Both changes failed", "DS410", ("change", "error"),
+    ("error-change", "Both changes failed", "DS410 DS719", ("change", "error"),
      CHANGE_BOTH, message.answer(1, 0x82, 1, message.error(LIMIT, 0), message.error(NOT_NOW))),
     ("positive-with-error", "A positive response with an error inside", "DS410 DS411",
      ("read", "partial"), BOTH, message.answer(1, 1, 1, TEN, message.error(NO_PARAMETER))),
@@ -81,14 +79,17 @@ def read_unanswered(stage: Stage) -> None:
 
 
 @BOOK.scene(
-    "change-unread", "WRREC only, as many programs do", ("change", "unanswered"), rules="DS402"
+    "change-unread",
+    "WRREC only, as many programs do",
+    ("change", "unanswered"),
+    rules="DS402 DS721",
 )
 def change_unread(stage: Stage) -> None:
     """A change whose response nobody fetches."""
     Client(stage).write(CHANGE)
 
 
-@BOOK.scene("orphan", "the Write request was not captured", ("read", "orphan"), rules="DS403")
+@BOOK.scene("orphan", "the Write request was not captured", ("read", "orphan"), rules="DS403 DS725")
 def orphan(stage: Stage) -> None:
     """A response without its request."""
     client = Client(stage)
@@ -100,7 +101,7 @@ def orphan(stage: Stage) -> None:
     "a new request before the response of the first was fetched",
     ("read", "superseded"),
     OK_READ,
-    rules="DS413",
+    rules="DS413 DS705",
 )
 def superseded_read(stage: Stage) -> None:
     """A read displaced by a new request."""
@@ -115,7 +116,7 @@ def superseded_read(stage: Stage) -> None:
     ("change", "superseded"),
     ("change", "superseded"),
     OK_CHANGE,
-    rules="DS414",
+    rules="DS414 DS721",
 )
 def superseded_change(stage: Stage) -> None:
     """Changes without reading the responses."""
@@ -144,7 +145,9 @@ def slow(stage: Stage) -> None:
     client.accept_read(call, ANSWER)
 
 
-@BOOK.scene("read-back", "10.0 was written, 9.5 is read back", OK_CHANGE, OK_READ, rules="DS417")
+@BOOK.scene(
+    "read-back", "10.0 was written, 9.5 is read back", OK_CHANGE, OK_READ, rules="DS417 DS721"
+)
 def read_back(stage: Stage) -> None:
     """A value that reads back differently."""
     client = Client(stage)
@@ -152,7 +155,9 @@ def read_back(stage: Stage) -> None:
     client.exchange(message.read(2, 1, RAMP), message.answer(2, 1, 1, message.real(9.5)))
 
 
-@BOOK.scene("read-back-equal", "10.0 was written and is read back", OK_CHANGE, OK_READ)
+@BOOK.scene(
+    "read-back-equal", "10.0 was written and is read back", OK_CHANGE, OK_READ, rules="DS721"
+)
 def read_back_equal(stage: Stage) -> None:
     """A value that reads back as written."""
     client = Client(stage)
@@ -174,7 +179,7 @@ def constant_reference(stage: Stage) -> None:
     "two program parts on one channel: the second Read finds the response of the first",
     ("read", "superseded"),
     ("read", "mismatch"),
-    rules="DS404 DS413",
+    rules="DS404 DS413 DS705",
 )
 def other_response(stage: Stage) -> None:
     """The response of another request."""
@@ -185,19 +190,14 @@ def other_response(stage: Stage) -> None:
 
 
 @BOOK.scene(
-    "released", "the AR is released while the drive works", ("read", "unanswered"), rules="DS401"
+    "released",
+    "the AR is released while the drive works",
+    ("read", "unanswered"),
+    rules="DS401 DS722",
 )
 def released(stage: Stage) -> None:
     """Release of the AR inside a job."""
     client = Client(stage)
     client.write(READ)
     client.poll()
-    call = client.call(wire.RELEASE)
-    client.ask(call, _release(0x0114, client.channel.ar, 4))
-    client.accept(call, OK, _release(0x8114, client.channel.ar, 8))
-
-
-def _release(kind: int, ar: UUID, command: int) -> bytes:
-    """IODReleaseReq or IODReleaseRes: 32 bytes, control command 4 (release) or 8 (done)."""
-    head = kind.to_bytes(2, "big") + bytes((0, 28, 1, 0, 0, 0))
-    return head + ar.bytes + bytes((0, 1, 0, 0)) + command.to_bytes(2, "big") + bytes(2)
+    client.release()

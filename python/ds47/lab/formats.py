@@ -106,6 +106,7 @@ BOOK.add(
     "a value block of every type in a change request",
     _change,
     [OK_CHANGE] * len(EXAMPLES),
+    "DS721",
 )
 BOOK.add(
     "mixed",

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import struct
-from uuid import UUID
 
-from ds47.lab import ether, message, wire
-from ds47.lab.client import OK, Client
+from ds47.lab import ether, message
+from ds47.lab.client import Client
 from ds47.lab.ether import Host
 from ds47.lab.scenario import OK_READ, Book
 from ds47.lab.stage import Stage
+from ds47.lab.wire import mac_bytes
 
 BOOK = Book("naming")
 
@@ -20,10 +20,6 @@ IDENTIFY_RESPONSE = 0xFEFF
 
 def _address(host: Host) -> bytes:
     return bytes(int(part) for part in host.ip.split("."))
-
-
-def _mac(host: Host) -> bytes:
-    return bytes.fromhex(host.mac.replace(":", ""))
 
 
 def dcp_identify(host: Host, station: str) -> bytes:
@@ -48,26 +44,11 @@ def lldp(host: Host, station: str) -> bytes:
         (1, b"\x07" + station.encode("ascii")),
         (2, b"\x07port-001"),
         (3, struct.pack(">H", 20)),
-        (127, bytes.fromhex("000ecf05") + _mac(host)),
+        (127, bytes.fromhex("000ecf05") + mac_bytes(host)),
         (8, management),
         (0, b""),
     )
     return b"".join(struct.pack(">H", kind << 9 | len(data)) + data for kind, data in parts)
-
-
-def ar_request(ar: UUID, host: Host, station: str) -> bytes:
-    """ARBlockReq: an IO controller's AR, with its MAC and station name."""
-    body = struct.pack(">BBH", 1, 0, 1) + ar.bytes + struct.pack(">H", 1) + _mac(host)
-    body += wire.object_uuid(host.device_id, host.vendor_id).bytes
-    body += struct.pack(">IHHH", 0x131, 600, 0x8892, len(station)) + station.encode("ascii")
-    return struct.pack(">HH", 0x0101, len(body)) + body
-
-
-def ar_response(ar: UUID, device: Host) -> bytes:
-    """ARBlockRes: the device's MAC."""
-    body = struct.pack(">BBH", 1, 0, 1) + ar.bytes + struct.pack(">H", 1) + _mac(device)
-    body += struct.pack(">H", 0x8892)
-    return struct.pack(">HH", 0x8101, len(body)) + body
 
 
 @BOOK.scene("all", "station names, vendor and device id for the report", OK_READ)
@@ -77,9 +58,7 @@ def naming(stage: Stage) -> None:
     plc, motor = client.host, client.device
     stage.frame(ether.bare(motor.mac, plc.mac, DCP, dcp_identify(motor, "press-1-drive")))
     stage.frame(ether.bare(motor.mac, LLDP_MULTICAST, LLDP, lldp(motor, "press-1-drive")))
-    call = client.call(wire.CONNECT)
-    client.ask(call, ar_request(client.channel.ar, plc, "plc-1"))
-    client.accept(call, OK, ar_response(client.channel.ar, motor))
+    client.connect("plc-1")
     client.exchange(
         message.read(1, 1, message.address(21)), message.answer(1, 1, 1, message.real(1500.0))
     )

@@ -61,7 +61,7 @@ def polls_long(stage: Stage) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene("reread", "the response is read three times", OK_READ)
+@BOOK.scene("reread", "the response is read three times", OK_READ, rules="DS704")
 def reread(stage: Stage) -> None:
     """A response read again."""
     client = Client(stage)
@@ -82,7 +82,7 @@ def write_refused(stage: Stage) -> None:
     "a second request while the first is open is refused; the Read brings the first one's response",
     OK_READ,
     ("read", "refused"),
-    rules="DS203",
+    rules="DS203 DS705",
 )
 def write_refused_open(stage: Stage) -> None:
     """A Write refused while another request is open."""
@@ -110,7 +110,7 @@ def read_empty(stage: Stage) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene("nothing-to-read", "a Read before the first Write", OK_READ, rules="DS206")
+@BOOK.scene("nothing-to-read", "a Read before the first Write", OK_READ, rules="DS206 DS703")
 def nothing_to_read(stage: Stage) -> None:
     """A Read that no request goes before."""
     client = Client(stage)
@@ -155,7 +155,7 @@ def multiple(stage: Stage) -> None:
     OK_READ,
     ("read", "refused"),
     OK_READ,
-    rules="DS203",
+    rules="DS203 DS705",
 )
 def multiple_refused(stage: Stage) -> None:
     """IODWriteMultiple with a refused record."""
@@ -205,7 +205,7 @@ def implicit(stage: Stage) -> None:
     "implicit-orphan",
     "ReadImplicit brings a response that nobody asked for",
     ("read", "orphan"),
-    rules="DS403",
+    rules="DS403 DS725",
 )
 def implicit_orphan(stage: Stage) -> None:
     """ReadImplicit with data."""
@@ -230,7 +230,7 @@ def foreign(stage: Stage) -> None:
     "a broken request before the AR shows its parameter channel is taken in too",
     ("read", "refused"),
     OK_READ,
-    rules="DS203 DS315",
+    rules="DS203 DS315 DS711",
 )
 def foreign_then_ours(stage: Stage) -> None:
     """A broken request first."""
@@ -240,7 +240,10 @@ def foreign_then_ours(stage: Stage) -> None:
 
 
 @BOOK.scene(
-    "other-index", "other records around the parameter channel: I&M0, PDRealData", OK_CHANGE
+    "other-index",
+    "other records around the parameter channel: I&M0, PDRealData",
+    OK_CHANGE,
+    rules="DS721",
 )
 def other_index(stage: Stage) -> None:
     """Other records on the same AR."""

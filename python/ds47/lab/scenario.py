@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from ds47.lab.stage import Stage
 
 Build = Callable[[Stage], None]
+DIAGNOSES = "DS7"
+"""How the ids of diagnoses begin."""
 OK_READ = ("read", "ok")
 OK_CHANGE = ("change", "ok")
 
@@ -19,7 +21,9 @@ class Expect:
     transactions: tuple[tuple[str, str], ...]
     """(operation, state) in the order of transaction ids."""
     rules: frozenset[str]
-    """Ids of all rules that are found, and of no other."""
+    """Ids DS1xx to DS6xx of all rules that are found, and of no other."""
+    diagnoses: frozenset[str] = frozenset()
+    """Ids DS7xx of all diagnoses that are given, and of no other."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,13 +55,13 @@ class Book:
     ) -> Callable[[Build], Build]:
         """Decorator: a function that fills a stage becomes a scenario; its docstring is the title.
 
-        `transactions` are (operation, state); `rules` the ids that are expected, with spaces.
+        `transactions` are (operation, state); `rules` the ids that are expected, with spaces, those
+        of diagnoses among them.
         """
 
         def enter(build: Build) -> Build:
-            self.add(
-                name, (build.__doc__ or "").strip().rstrip("."), shows, build, transactions, rules
-            )
+            title = (build.__doc__ or "").strip().rstrip(".")
+            self.add(name, title, shows, build, transactions, rules)
             return build
 
         return enter
@@ -72,5 +76,7 @@ class Book:
         rules: str = "",
     ) -> None:
         """Enter a scenario that a table makes."""
-        expect = Expect(tuple(transactions), frozenset(rules.split()))
+        ids = frozenset(rules.split())
+        diagnoses = frozenset(rule for rule in ids if rule.startswith(DIAGNOSES))
+        expect = Expect(tuple(transactions), ids - diagnoses, diagnoses)
         self.scenarios.append(Scenario(f"{self.topic}-{name}", title, shows, build, expect))

@@ -34,7 +34,7 @@ def dcm_read(stage: Stage) -> None:
     _play(stage, DCM_READ)
 
 
-@BOOK.scene("dcm-change", "one parameter, Float32 100.0, DO 2", OK_CHANGE)
+@BOOK.scene("dcm-change", "one parameter, Float32 100.0, DO 2", OK_CHANGE, rules="DS721")
 def dcm_change(stage: Stage) -> None:
     """SINAMICS DCM: change p50304."""
     _play(stage, DCM_CHANGE)
@@ -46,7 +46,7 @@ def g120_read(stage: Stage) -> None:
     _play(stage, G120_READ)
 
 
-@BOOK.scene("g120-change", "two parameters in one change", OK_CHANGE)
+@BOOK.scene("g120-change", "two parameters in one change", OK_CHANGE, rules="DS721")
 def g120_change(stage: Stage) -> None:
     """G120: change P2900 and P2901."""
     _play(stage, G120_CHANGE)
@@ -57,7 +57,7 @@ def g120_change(stage: Stage) -> None:
     "the two G120 programs one after the other, both with reference 1",
     OK_READ,
     OK_CHANGE,
-    rules="DS415",
+    rules="DS415 DS721",
 )
 def g120_constant_reference(stage: Stage) -> None:
     """G120: read, then change, with the reference left as it is."""
@@ -68,7 +68,7 @@ def g120_constant_reference(stage: Stage) -> None:
     "dcm-buffer",
     "WRREC sends its whole buffer of 40 bytes: zeros behind a request of 16",
     OK_CHANGE,
-    rules="DS314",
+    rules="DS314 DS721",
 )
 def dcm_buffer(stage: Stage) -> None:
     """SINAMICS DCM: change p50304 from a buffer of 40 bytes."""

@@ -40,6 +40,8 @@ class Stage:
     """How often the capture point sees each frame (mirror port): 20 us apart, same IP id."""
     deaf: bool = False
     """While true nothing is captured, though the clock runs: lost frames."""
+    dropped: int | None = None
+    """Frames that the capturing machine says it lost; None where it does not say."""
     gap_ns: int = MILLISECOND
     now_ns: int = START_NS
     shots: list[Shot] = field(default_factory=list)

@@ -28,7 +28,7 @@ LOCKED, OUT_OF_LIMITS = 0x6B, 0x02
     ("change", "error"),
     ("read", "partial"),
     ("change", "unanswered"),
-    rules="DS203 DS402 DS410 DS417",
+    rules="DS203 DS402 DS410 DS417 DS701 DS705 DS719 DS721",
 )
 def machine(stage: Stage) -> None:
     """Commissioning of a DC drive: what works, what is refused, what is forgotten."""

@@ -48,7 +48,7 @@ def _orders(order: Order, answer: Order | None, name: str, title: str) -> None:
 
     shows = "UUID, numbers and PNIOStatus follow the byte order of each PDU"
     expect = [OK_READ, OK_CHANGE, ("read", "refused")]
-    BOOK.add(name, title, shows, build, expect, "DS203")
+    BOOK.add(name, title, shows, build, expect, "DS203 DS705 DS721")
 
 
 def _refused(client: Client) -> None:
@@ -89,7 +89,9 @@ def sll2(stage: Stage) -> None:
     _speed(Client(stage))
 
 
-@BOOK.scene("ip-fragments", "requests and responses in IP fragments", OK_READ, OK_CHANGE)
+@BOOK.scene(
+    "ip-fragments", "requests and responses in IP fragments", OK_READ, OK_CHANGE, rules="DS721"
+)
 def ip_fragments(stage: Stage) -> None:
     """IP fragments."""
     stage.mtu = 176
@@ -126,7 +128,9 @@ def ip_fragments_incomplete(stage: Stage) -> None:
     client.read(message.answer(1, 1, 1, message.real(*range(50))))
 
 
-@BOOK.scene("rpc-fragments", "requests and responses in RPC fragments", OK_READ, OK_CHANGE)
+@BOOK.scene(
+    "rpc-fragments", "requests and responses in RPC fragments", OK_READ, OK_CHANGE, rules="DS721"
+)
 def rpc_fragments(stage: Stage) -> None:
     """RPC fragments."""
     client = Client(stage, fragment=100)
@@ -153,7 +157,7 @@ def rpc_fragments_incomplete(stage: Stage) -> None:
     "snap-length",
     "the capture keeps 260 bytes of each frame: the response ends too early",
     ("read", "ok"),
-    rules="DS106 DS315",
+    rules="DS106 DS315 DS725",
 )
 def snap_length(stage: Stage) -> None:
     """Frames cut by the snap length."""
@@ -320,7 +324,7 @@ def write_unanswered(stage: Stage) -> None:
     "starts-late",
     "the capture starts after the Write request",
     ("read", "orphan"),
-    rules="DS102 DS403",
+    rules="DS102 DS403 DS725",
 )
 def starts_late(stage: Stage) -> None:
     """Capture starts in the middle of a transaction."""

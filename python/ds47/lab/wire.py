@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from typing import Literal
 from uuid import UUID
 
+from ds47.lab.ether import Host
+
 Order = Literal["<", ">"]
 """Byte order of a PDU, as `struct` writes it; blocks are big-endian whatever it says."""
 
@@ -124,3 +126,41 @@ def padded(blocks: list[bytes]) -> bytes:
     """Inner requests of an IODWriteMultiple, each but the last padded to four bytes."""
     inner = [block + bytes(-len(block) % 4) for block in blocks[:-1]]
     return b"".join([*inner, *blocks[-1:]])
+
+
+# Blocks that begin and end an AR
+
+
+def mac_bytes(host: Host) -> bytes:
+    """The MAC address of a host."""
+    return bytes.fromhex(host.mac.replace(":", ""))
+
+
+def ar_request(ar: UUID, host: Host, station: str) -> bytes:
+    """ARBlockReq: an IO controller's AR, with its MAC and station name."""
+    body = struct.pack(">BBH", 1, 0, 1) + ar.bytes + struct.pack(">H", 1) + mac_bytes(host)
+    body += object_uuid(host.device_id, host.vendor_id).bytes
+    body += struct.pack(">IHHH", 0x131, 600, 0x8892, len(station)) + station.encode("ascii")
+    return struct.pack(">HH", 0x0101, len(body)) + body
+
+
+def ar_response(ar: UUID, device: Host) -> bytes:
+    """ARBlockRes: the device's MAC."""
+    body = struct.pack(">BBH", 1, 0, 1) + ar.bytes + struct.pack(">H", 1) + mac_bytes(device)
+    body += struct.pack(">H", 0x8892)
+    return struct.pack(">HH", 0x8101, len(body)) + body
+
+
+def release_request(ar: UUID) -> bytes:
+    """IODReleaseReq: control command 4, release."""
+    return _release(0x0114, ar, 4)
+
+
+def release_response(ar: UUID) -> bytes:
+    """IODReleaseRes: control command 8, done."""
+    return _release(0x8114, ar, 8)
+
+
+def _release(kind: int, ar: UUID, command: int) -> bytes:
+    head = struct.pack(">HHBBH", kind, 28, 1, 0, 0)
+    return head + ar.bytes + struct.pack(">HHHH", 1, 0, command, 0)

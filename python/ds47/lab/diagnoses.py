@@ -1,0 +1,344 @@
+"""Scenarios: causes (DS7xx) that the order of calls betrays, and the sentences that all of the causes use.
+
+Each cause is shown by `diagnosis-NAME`, the name of its rule, or by several with a word behind it. Each
+has a near miss, with `-not` at the end, that differs in the decisive detail only and gives no diagnosis.
+Changes end with p0977 = 1 (copy RAM to ROM), so that DS721 is given where it is meant and nowhere else.
+The other causes: `diagnoses_places`, `diagnoses_whole`, `diagnoses_refused` and `diagnoses_bytes`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from uuid import UUID
+
+from ds47.lab import message
+from ds47.lab.client import BUSY, Client, controller, drive
+from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
+from ds47.lab.stage import Stage
+from ds47.lab.wire import Channel
+
+BOOK = Book("diagnosis")
+
+UNANSWERED = ("read", "unanswered")
+REFUSED = ("read", "refused")
+ORPHAN = ("read", "orphan")
+
+CYCLE = 10
+"""Milliseconds of a cycle of the program: a block sees the end of another one in the next."""
+
+SPEED, CURRENT = message.address(21), message.address(27)
+FAULTS = message.address(945, 0, 4)
+FIXED = message.address(2900)
+LOCAL, GLOBAL, CONFUSED = 0xB02E, 0xB02F, 71
+
+DF_BUSY, DF_STATE, DF_HEADER = 0xDF80C200, 0xDF80B500, 0xDF80B700
+DF_INDEX, DF_SLOT, DF_ACCESS = 0xDF80B000, 0xDF80B200, 0xDF80B600
+
+
+def read(reference: int, *addresses: bytes, axis: int = 1) -> bytes:
+    """A read request; r0021 where nothing else is said."""
+    return message.read(reference, axis, *(addresses or (SPEED,)))
+
+
+def speed(reference: int, value: float = 1500.0, axis: int = 1) -> bytes:
+    """The answer to a read of one Float32."""
+    return message.answer(reference, 1, axis, message.real(value))
+
+
+def fixed(reference: int, value: float) -> bytes:
+    """A change of P2900, fixed value 1."""
+    return message.change(reference, 1, (FIXED, message.real(value)))
+
+
+def save(client: Client, reference: int) -> None:
+    """Copy RAM to ROM: p0977 = 1, which takes the drive a while."""
+    request = message.change(reference, 1, (message.address(977), message.word(1)))
+    client.stage.wait(CYCLE)
+    client.exchange(request, message.changed(reference, 1), polls=3)
+
+
+def ask(client: Client, reference: int, value: float = 1500.0, at: Channel | None = None) -> None:
+    """A read of r0021 that nothing is wrong with."""
+    client.exchange(read(reference), speed(reference, value), at=at)
+    client.stage.wait(CYCLE)
+
+
+def polls(client: Client, count: int, pause: float = CYCLE, at: Channel | None = None) -> None:
+    """Reads that are refused with DE80B500, and a pause behind each."""
+    for _ in range(count):
+        client.poll(at=at)
+        client.stage.wait(pause)
+
+
+# The Read before the Write response (DS702)
+
+
+@BOOK.scene(
+    "read-too-early",
+    "RDREC starts together with WRREC: its first Read overtakes the Write response",
+    OK_READ,
+    rules="DS702",
+)
+def read_too_early(stage: Stage) -> None:
+    """Read and Write started in the same cycle."""
+    client = Client(stage)
+    request = read(1)
+    write = client.ask_write(request)
+    early = client.ask_read()
+    client.accept_write(write, request)
+    client.refuse_read(early, BUSY)
+    stage.wait(CYCLE)
+    client.read(speed(1))
+
+
+@BOOK.scene(
+    "read-too-early-not",
+    "the same frames, but the first Read is sent after the Write response: an ordinary poll",
+    OK_READ,
+)
+def read_too_early_not(stage: Stage) -> None:
+    """Read started with DONE of the Write, the drive not ready yet."""
+    client = Client(stage)
+    client.exchange(read(1), speed(1), polls=1)
+
+
+# Nothing was asked (DS703)
+
+
+@BOOK.scene(
+    "nothing-was-asked",
+    "RDREC goes on after the response was read: three times DE80B500",
+    OK_READ,
+    rules="DS206 DS703",
+)
+def nothing_to_read(stage: Stage) -> None:
+    """Reads without a request."""
+    client = Client(stage)
+    ask(client, 1)
+    polls(client, 3)
+
+
+@BOOK.scene(
+    "nothing-was-asked-not",
+    "the same three DE80B500, but a request stands before them: the drive is busy",
+    OK_READ,
+    OK_READ,
+)
+def nothing_to_read_not(stage: Stage) -> None:
+    """Reads while the drive works on a request."""
+    client = Client(stage)
+    ask(client, 1)
+    client.write(read(2))
+    polls(client, 3)
+    client.read(speed(2, 1480.0))
+
+
+# The previous response read again (DS704)
+
+
+def _faults(client: Client, status: int) -> None:
+    """The fault buffer, asked for twice with the same reference; `status` is that of the second Write."""
+    answer = message.answer(1, 1, 1, message.word(7900, 0, 0, 0))
+    client.exchange(read(1, FAULTS), answer)
+    client.stage.wait(500)
+    client.write(read(1, FAULTS), status=status)
+    client.stage.wait(CYCLE)
+    client.read(answer)
+
+
+@BOOK.scene(
+    "old-answer",
+    "the second Write fails, the Read brings the first response again: a fault long acknowledged still shows",
+    OK_READ,
+    REFUSED,
+    rules="DS203 DS415 DS704",
+)
+def old_answer(stage: Stage) -> None:
+    """An old response after a failed Write."""
+    _faults(Client(stage), DF_BUSY)
+
+
+@BOOK.scene(
+    "old-answer-not",
+    "the same bytes, but the second Write is accepted: the fault is really still there",
+    OK_READ,
+    OK_READ,
+    rules="DS415",
+)
+def old_answer_not(stage: Stage) -> None:
+    """The same value asked for twice."""
+    _faults(Client(stage), 0)
+
+
+@BOOK.scene(
+    "old-answer-unsent",
+    "RDREC runs again without WRREC: the same response three times, 500 ms apart",
+    OK_READ,
+    rules="DS704",
+)
+def old_answer_unsent(stage: Stage) -> None:
+    """One request, three Reads."""
+    client = Client(stage)
+    ask(client, 1)
+    for _ in range(2):
+        stage.wait(500)
+        client.read(speed(1))
+
+
+@BOOK.scene(
+    "nothing-was-asked-elsewhere",
+    "a change at slot 1 that nobody reads; at slot 2 a whole job, and one Read too many behind it",
+    ("change", "superseded"),
+    OK_READ,
+    OK_CHANGE,
+    rules="DS206 DS414 DS703",
+)
+def nothing_to_read_elsewhere(stage: Stage) -> None:
+    """A Read without a request, while another submodule has one open."""
+    client = Client(stage)
+    client.write(fixed(1, 25.0))
+    there = client.at(slot=2)
+    ask(client, 1, at=there)
+    polls(client, 1, at=there)
+    save(client, 2)
+
+
+# Two users of one channel (DS705)
+
+
+@BOOK.scene(
+    "two-users",
+    "block B writes its request before block A has read its response, which is lost",
+    ("read", "superseded"),
+    OK_READ,
+    rules="DS413 DS705",
+)
+def two_users(stage: Stage) -> None:
+    """Two blocks on one channel of one AR."""
+    client = Client(stage)
+    client.write(read(1))
+    client.exchange(read(2, CURRENT), speed(2, 12.5))
+
+
+@BOOK.scene(
+    "two-users-again-not",
+    "the same question once more before its response was read: one user who does not wait",
+    ("read", "superseded"),
+    OK_READ,
+    rules="DS413",
+)
+def two_users_again_not(stage: Stage) -> None:
+    """One block that asks again."""
+    client = Client(stage)
+    client.write(read(1))
+    client.exchange(read(2), speed(2, 12.5))
+
+
+@BOOK.scene(
+    "two-users-not",
+    "the same two requests one after the other: each response is read before the next request",
+    OK_READ,
+    OK_READ,
+)
+def two_users_not(stage: Stage) -> None:
+    """Two blocks that take turns."""
+    client = Client(stage)
+    client.exchange(read(1), speed(1))
+    client.exchange(read(2, CURRENT), speed(2, 12.5))
+
+
+def two_controllers(stage: Stage) -> tuple[Client, Client]:
+    """Two controllers with an AR each to the same submodule of one drive."""
+    first = Client(stage, controller(1), drive())
+    second = Client(
+        stage,
+        controller(2),
+        first.device,
+        activity=UUID("1f2e3d4c-5b6a-11f0-8a47-00000a0b0c02"),
+        channel=replace(first.channel, ar=UUID("47474747-0002-4000-8000-000000000002")),
+    )
+    return first, second
+
+
+@BOOK.scene(
+    "two-users-across",
+    "the second controller asks while the first one's request is open: DF80B500",
+    OK_READ,
+    OK_READ,
+    REFUSED,
+    rules="DS203 DS705",
+)
+def two_users_across(stage: Stage) -> None:
+    """Two controllers on one channel."""
+    first, second = two_controllers(stage)
+    ask(second, 1)
+    first.write(read(7))
+    second.write(read(2), status=DF_STATE)
+    first.read(speed(7))
+
+
+@BOOK.scene(
+    "two-users-across-not",
+    "the same two controllers, the second one asks when the first has its response",
+    *[OK_READ] * 3,
+)
+def two_users_across_not(stage: Stage) -> None:
+    """Two controllers that take turns."""
+    first, second = two_controllers(stage)
+    ask(second, 1)
+    ask(first, 7)
+    ask(second, 2)
+
+
+@BOOK.scene(
+    "two-users-connections",
+    "one controller with two ARs, such as the program and a diagnostic block: DF80B500",
+    OK_READ,
+    OK_READ,
+    REFUSED,
+    rules="DS203 DS705",
+)
+def two_users_connections(stage: Stage) -> None:
+    """Two connections of one controller on one channel."""
+    first = Client(stage)
+    second = Client(
+        stage,
+        first.host,
+        first.device,
+        activity=UUID("1f2e3d4c-5b6a-11f0-8a47-00000a0b0c03"),
+        channel=replace(first.channel, ar=UUID("74747474-0003-4000-8000-000000000003")),
+    )
+    ask(second, 1)
+    first.write(read(7))
+    second.write(read(2), status=DF_STATE)
+    first.read(speed(7))
+
+
+@BOOK.scene(
+    "two-users-unknown",
+    "DF80B500 and nobody else to be seen: the other user is not in the capture",
+    REFUSED,
+    OK_READ,
+    rules="DS203 DS705",
+)
+def two_users_unknown(stage: Stage) -> None:
+    """A channel that somebody else uses."""
+    client = Client(stage)
+    client.write(read(1), status=DF_STATE)
+    stage.wait(50)
+    ask(client, 2)
+
+
+@BOOK.scene(
+    "two-users-unknown-not",
+    "the same, refused with DF80C200: the drive is short of resources and says nothing of another user",
+    REFUSED,
+    OK_READ,
+    rules="DS203",
+)
+def two_users_unknown_not(stage: Stage) -> None:
+    """A Write refused for another reason."""
+    client = Client(stage)
+    client.write(read(1), status=DF_BUSY)
+    stage.wait(50)
+    ask(client, 2)

@@ -1,0 +1,313 @@
+"""Scenarios: causes (DS7xx) that the place of a call betrays, and its connection. See `diagnoses`."""
+
+from __future__ import annotations
+
+from uuid import UUID
+
+from ds47.lab import message
+from ds47.lab.client import Client, drive
+from ds47.lab.diagnoses import (
+    CONFUSED,
+    CYCLE,
+    DF_ACCESS,
+    DF_INDEX,
+    DF_SLOT,
+    GLOBAL,
+    LOCAL,
+    ORPHAN,
+    REFUSED,
+    UNANSWERED,
+    ask,
+    polls,
+    read,
+    speed,
+)
+from ds47.lab.scenario import OK_READ, Book
+from ds47.lab.stage import Stage
+
+BOOK = Book("diagnosis")
+
+# Asked at one submodule, read at another (DS706)
+
+
+@BOOK.scene(
+    "request-here-read-there",
+    "WRREC has the hardware identifier of slot 1.1, RDREC that of 1.2: the drive has nothing there",
+    UNANSWERED,
+    rules="DS206 DS401 DS706",
+)
+def request_here_read_there(stage: Stage) -> None:
+    """Two hardware identifiers: the Read is refused."""
+    client = Client(stage)
+    client.write(read(1))
+    stage.wait(CYCLE)
+    polls(client, 3, at=client.at(subslot=2))
+
+
+@BOOK.scene(
+    "request-here-read-there-not",
+    "the same polls at the submodule that was asked, and the response at last",
+    OK_READ,
+)
+def request_here_read_there_not(stage: Stage) -> None:
+    """One hardware identifier for both blocks."""
+    client = Client(stage)
+    client.write(read(1))
+    stage.wait(CYCLE)
+    polls(client, 3)
+    client.read(speed(1))
+
+
+@BOOK.scene(
+    "request-here-read-there-answered",
+    "asked at slot 1.1, answered at 1.2: a drive with one channel for all its submodules",
+    UNANSWERED,
+    ORPHAN,
+    rules="DS401 DS403 DS706",
+)
+def request_here_read_there_answered(stage: Stage) -> None:
+    """Two hardware identifiers: the Read is answered."""
+    client = Client(stage)
+    client.write(read(1))
+    stage.wait(CYCLE)
+    client.read(speed(1), at=client.at(subslot=2))
+
+
+# 16#47 is not 47 (DS707)
+
+
+@BOOK.scene(
+    "wrong-record-index",
+    "INDEX := 16#47: the drive has no record 71 and says so",
+    rules="DS707",
+)
+def wrong_record_index(stage: Stage) -> None:
+    """A request on record 71."""
+    client = Client(stage)
+    for reference in (1, 2):
+        client.write(read(reference), status=DF_INDEX, at=client.at(index=CONFUSED))
+        stage.wait(500)
+
+
+@BOOK.scene(
+    "wrong-record-index-not",
+    "record 71 refused as well, but what it holds is no parameter request",
+)
+def wrong_record_index_not(stage: Stage) -> None:
+    """Another record with the number 71."""
+    client = Client(stage)
+    for number in (1, 2):
+        recipe = bytes((number, 0, 0, 25)) + b"recipe"
+        client.write(recipe, status=DF_INDEX, at=client.at(index=CONFUSED))
+        stage.wait(500)
+
+
+@BOOK.scene(
+    "wrong-record-index-other",
+    "a digit off: 16#B02D instead of 16#B02E, refused",
+    OK_READ,
+    rules="DS707",
+)
+def wrong_record_index_other(stage: Stage) -> None:
+    """A request on record 0xB02D, then on 0xB02E."""
+    client = Client(stage)
+    client.write(read(1), status=DF_INDEX, at=client.at(index=LOCAL - 1))
+    stage.wait(500)
+    ask(client, 2, at=client.at(index=LOCAL))
+
+
+@BOOK.scene(
+    "wrong-record-index-other-not",
+    "record 0xB02D is accepted: the device has one of that number, whatever it means there",
+    OK_READ,
+)
+def wrong_record_index_other_not(stage: Stage) -> None:
+    """A record of the maker that looks like a request."""
+    client = Client(stage)
+    client.write(read(1), at=client.at(index=LOCAL - 1))
+    stage.wait(500)
+    ask(client, 2, at=client.at(index=LOCAL))
+
+
+# Another slot (DS708)
+
+
+@BOOK.scene(
+    "wrong-slot",
+    "slot 5 is refused with DF80B200, slot 1 of the same drive answers",
+    REFUSED,
+    OK_READ,
+    rules="DS203 DS708",
+)
+def wrong_slot(stage: Stage) -> None:
+    """The hardware identifier of a slot that is not there."""
+    client = Client(stage)
+    client.write(read(1), status=DF_SLOT, at=client.at(slot=5))
+    stage.wait(100)
+    ask(client, 2)
+
+
+@BOOK.scene(
+    "wrong-slot-not",
+    "slot 5 is refused, and no other was asked: the capture does not know a better one",
+    REFUSED,
+    REFUSED,
+    rules="DS203",
+)
+def wrong_slot_not(stage: Stage) -> None:
+    """A slot that is not there, and no other."""
+    client = Client(stage)
+    for reference in (1, 2):
+        client.write(read(reference), status=DF_SLOT, at=client.at(slot=5))
+        stage.wait(100)
+
+
+@BOOK.scene(
+    "wrong-slot-denied",
+    "the diagnostic address of slot 0: DF80B600; slot 1 of the same drive answers",
+    REFUSED,
+    OK_READ,
+    rules="DS203 DS708",
+)
+def wrong_slot_denied(stage: Stage) -> None:
+    """The station's own submodule instead of the drive's."""
+    client = Client(stage)
+    client.write(read(1), status=DF_ACCESS, at=client.at(slot=0))
+    stage.wait(100)
+    ask(client, 2)
+
+
+@BOOK.scene(
+    "wrong-slot-other-drive-not",
+    "slot 5 of one drive is refused, slot 1 of another one answers: that says nothing of the first",
+    REFUSED,
+    OK_READ,
+    rules="DS203",
+)
+def wrong_slot_other_drive_not(stage: Stage) -> None:
+    """A slot that is not there, and another drive that answers."""
+    client = Client(stage)
+    client.write(read(1), status=DF_SLOT, at=client.at(slot=5))
+    stage.wait(100)
+    other = Client(stage, device=drive(2), channel=client.at(ar=UUID(int=2)), activity=UUID(int=2))
+    ask(other, 1)
+
+
+# The axis byte that nobody looks at (DS710)
+
+
+def _two_axes(stage: Stage, index: int) -> None:
+    """DO 1 and DO 2 asked at the same submodule."""
+    client = Client(stage)
+    for axis in (1, 2):
+        client.exchange(
+            read(axis, axis=axis), speed(axis, 1500.0, axis), at=client.at(slot=2, index=index)
+        )
+        stage.wait(CYCLE)
+
+
+@BOOK.scene(
+    "axis-byte-ignored",
+    "axes 1 and 2 asked through 0xB02E of slot 2: both times the same drive object answers",
+    OK_READ,
+    OK_READ,
+    rules="DS710",
+)
+def axis_byte_ignored(stage: Stage) -> None:
+    """Two axis numbers on the local access point."""
+    _two_axes(stage, LOCAL)
+
+
+@BOOK.scene(
+    "axis-byte-ignored-not",
+    "the same through 0xB02F, where the axis byte counts",
+    OK_READ,
+    OK_READ,
+)
+def axis_byte_ignored_not(stage: Stage) -> None:
+    """Two axis numbers on the global access point."""
+    _two_axes(stage, GLOBAL)
+
+
+# The connection ends inside a job (DS722)
+
+
+@BOOK.scene(
+    "connection-lost",
+    "the controller releases the AR while the drive works",
+    UNANSWERED,
+    rules="DS401 DS722",
+)
+def connection_lost(stage: Stage) -> None:
+    """Release inside a job."""
+    client = Client(stage)
+    client.connect("plc-1")
+    client.write(read(1))
+    polls(client, 2)
+    client.release()
+
+
+@BOOK.scene(
+    "connection-lost-not",
+    "the response is read, then the AR is released",
+    OK_READ,
+)
+def connection_lost_not(stage: Stage) -> None:
+    """Release after the job."""
+    client = Client(stage)
+    client.connect("plc-1")
+    client.write(read(1))
+    polls(client, 2)
+    client.read(speed(1))
+    client.release()
+
+
+@BOOK.scene(
+    "connection-lost-unread-not",
+    "a change whose response nobody reads (WRREC only), and a minute later the AR is released",
+    ("change", "unanswered"),
+    rules="DS402",
+)
+def connection_lost_unread_not(stage: Stage) -> None:
+    """Release long after a change."""
+    client = Client(stage)
+    client.connect("plc-1")
+    client.write(message.change(1, 1, (message.address(977), message.word(1))))
+    stage.wait(60_000)
+    client.release()
+
+
+def _restart(stage: Stage, *, read_before: bool) -> None:
+    """The drive restarts; the controller sets up a new AR, under another UUID, and asks again."""
+    client = Client(stage)
+    client.connect("plc-1")
+    client.write(read(1))
+    if read_before:
+        client.read(speed(1))
+    stage.wait(3000)
+    client.channel = client.at(ar=UUID("47474747-0003-4000-8000-000000000003"))
+    client.connect("plc-1")
+    ask(client, 2)
+
+
+@BOOK.scene(
+    "connection-lost-restart",
+    "no Release: a new Connect 3 s after the request, the drive was restarted",
+    UNANSWERED,
+    OK_READ,
+    rules="DS401 DS722",
+)
+def connection_lost_restart(stage: Stage) -> None:
+    """A new Connect inside a job."""
+    _restart(stage, read_before=False)
+
+
+@BOOK.scene(
+    "connection-lost-restart-not",
+    "the same restart, but the response was read before",
+    OK_READ,
+    OK_READ,
+)
+def connection_lost_restart_not(stage: Stage) -> None:
+    """A new Connect between two jobs."""
+    _restart(stage, read_before=True)
