@@ -100,7 +100,8 @@ local function show(views, findings, tvb, pinfo, tree, offset, whole)
     columns.info = info.text(views)
   end
   if whole and #views + #findings > 0 then
-    tree_of.add(tree, views, findings, finder(tvb, tvb:raw(), offset), track.base_seconds())
+    local context = { base_seconds = track.base_seconds(), lang = track.lang }
+    tree_of.add(tree, views, findings, finder(tvb, tvb:raw(), offset), context)
   elseif #findings > 0 then
     tree_of.add_experts(tree, findings)
   end

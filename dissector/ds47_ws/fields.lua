@@ -64,6 +64,7 @@ local FIELDS = {
   { "bytes.response", "Bytes of the response", "string" },
   { "status.write", "Status of the Write", "uint32", "HEX" },
   { "status.read", "Status of the Read", "uint32", "HEX" },
+  { "plc", "What the PLC saw", "string" },
   { "frames.write_request", "Write request", "framenum", "REQUEST" },
   { "frames.write_response", "Write response", "framenum", "RESPONSE" },
   { "frames.read_request", "Read request", "framenum", "REQUEST" },

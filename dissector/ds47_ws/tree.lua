@@ -5,6 +5,7 @@
 -- Read response, or else in its Write request) stands everything that the JSON report says of it.
 
 local info = require("ds47_ws.info")
+local plc = require("ds47.plc")
 local reader = require("ds47.reader")
 local tables = require("ds47.tables")
 local words = require("ds47.report_words")
@@ -305,7 +306,14 @@ local function add_bytes(parent, view)
   end
 end
 
-local function add_transaction(parent, view, base_seconds)
+-- What WRREC and RDREC showed, once it is known how the transaction ended.
+local function add_plc(parent, view, lang)
+  if is_main(view) and (view.complete or view.item.frames.read_response) then
+    derive(parent, "plc", plc.text(view.item, lang))
+  end
+end
+
+local function add_transaction(parent, view, context)
   local item = view.item
   local frames = item.frames
   local shown = derive(parent, "transaction", view.complete and item.id or item.order)
@@ -328,13 +336,14 @@ local function add_transaction(parent, view, base_seconds)
     add_reads(shown, "poll", frames.polls)
     add_reads(shown, "reread", frames.rereads)
   end
-  derive(shown, "start", csv.timestamp(base_seconds, item.start_ns))
+  derive(shown, "start", csv.timestamp(context.base_seconds, item.start_ns))
   if item.duration_ns then
     derive(shown, "duration_ms", item.duration_ns / 1000000)
   end
   derive(shown, "status.write", item.write_status)
   derive(shown, "status.read", item.read_status)
   add_bytes(shown, view)
+  add_plc(shown, view, context.lang)
 end
 
 -- Findings
@@ -371,12 +380,12 @@ local function of_view(finding, view)
   return finding.order == view.item.order
 end
 
-local function add_view(tree, view, findings, taken, record, base_seconds)
+local function add_view(tree, view, findings, taken, record, context)
   local label = "DS47 " .. info.sentence(view)
   local root = record and tree:add(protocol, record, label) or tree:add(protocol, label)
   add_message(root, view, record)
   add_links(root, view)
-  add_transaction(root, view, base_seconds)
+  add_transaction(root, view, context)
   for number, finding in ipairs(findings) do
     if not taken[number] and of_view(finding, view) then
       taken[number] = true
@@ -389,8 +398,8 @@ end
 -- @param tree the tree of the frame
 -- @param views, findings as track.lua gives them
 -- @param find_record a function that gives the TvbRange of a record in this frame, or nil
--- @param base_seconds second since 1970 that the times are relative to
-function M.add(tree, views, findings, find_record, base_seconds)
+-- @param context {base_seconds = second since 1970 that the times are relative to, lang = "en" or "zh"}
+function M.add(tree, views, findings, find_record, context)
   local taken = {}
   for _, view in ipairs(views) do
     local data
@@ -399,7 +408,7 @@ function M.add(tree, views, findings, find_record, base_seconds)
     elseif HEADERS[view.role] then
       data = view.item.response
     end
-    add_view(tree, view, findings, taken, data and find_record(data), base_seconds)
+    add_view(tree, view, findings, taken, data and find_record(data), context)
   end
   local rest
   for number, finding in ipairs(findings) do

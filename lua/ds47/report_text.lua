@@ -1,18 +1,25 @@
---- Report as text, for a person: devices, a line per transaction, findings, a summary.
--- The same bytes as `ds47 report` prints for the same capture (Python: ds47.report.text). What stands in a
--- line is decided here; how values and addresses are written in ds47.report_words. Opens no file.
+--- Report as text, for a person: the verdict and what to do, a line per transaction, findings, a summary.
+-- The same bytes as `ds47 report` prints for the same capture (Python: ds47.report.text), but for what the
+-- analyzer alone has: diagnoses about the whole capture, and corrected requests. What stands in a line is
+-- decided here, in the first lines in ds47.report_opening; how values are written in ds47.report_words. Opens
+-- no file.
 
+local filters = require("ds47.filters")
+local opening = require("ds47.report_opening")
+local plc = require("ds47.plc")
 local tables = require("ds47.tables")
+local todo = require("ds47.todo")
+local verdict = require("ds47.verdict")
 local words = require("ds47.report_words")
 
 local M = {}
 
 local count, duration, escape, integer = words.count, words.duration, words.escape, words.integer
+local say = words.say
 local concat, format, sort = table.concat, string.format, table.sort
 
 M.LINE_LENGTH = 120 -- parameters that make a line longer than this stand below it, one a line
 M.FINDINGS_PER_RULE = 12
-M.FRAMES_PER_FILTER = 60
 M.OPERATIONS = { "read", "change", "vendor", "unknown" }
 M.STATES = { "ok", "partial", "error", "mismatch", "refused", "unanswered", "superseded", "orphan" }
 M.SEVERITIES = { "error", "warning", "note" } -- from serious to harmless
@@ -21,7 +28,6 @@ local RPC_COUNTS = {
   "requests", "responses", "faults", "rejects", "pings", "working", "others", "copies",
   "retransmissions", "unanswered",
 }
-local SERIOUS = { error = 1, warning = 2, note = 3 }
 
 local function distinct_sorted(list)
   local seen, result = {}, {}
@@ -48,18 +54,6 @@ function M.all_frames(frames)
     end
   end
   return distinct_sorted(list)
-end
-
---- One Wireshark display filter for the frames, and how many of them it had to leave out.
-function M.display_filter(frames)
-  local list, shown = distinct_sorted(frames), {}
-  for i = 1, math.min(#list, M.FRAMES_PER_FILTER) do
-    shown[i] = integer(list[i])
-  end
-  if #shown == 1 then
-    return "frame.number == " .. shown[1], 0
-  end
-  return "frame.number in {" .. concat(shown, ", ") .. "}", #list - #shown
 end
 
 --- The nearest-rank percentile of sorted numbers: always one that was measured.
@@ -115,51 +109,28 @@ local function traffic(result)
     end
   end
   if #rpc == 0 then
-    return " (no PROFINET RPC either)"
+    return nil
   end
   local more = #calls > 6 and format(", and %d more", #calls - 6) or ""
   local shown = concat(calls, ", ", 1, math.min(6, #calls))
   local records = #calls > 0 and "; record calls: " .. shown .. more or ""
-  return " (RPC: " .. concat(rpc, ", ") .. records .. ")"
+  return "RPC: " .. concat(rpc, ", ") .. records
 end
 
-local function header(add, result, options)
-  add(escape(options.path or "-") .. ": " .. count(options.frames or result.frames or 0, "frame"))
+local function header(add, result, counts, options)
+  local lang = options.lang
+  local frames = say(lang, "frames", { n = options.frames or result.frames or 0 })
+  add(escape(options.path or "-") .. ": " .. frames)
+  add(verdict.verdict(counts, lang))
   if result.complete == false or result.problem then
-    add("  only partly read: " .. escape(result.problem or "the file ends early"))
+    local problem = escape(result.problem or say(lang, "file_ends_early"))
+    add("  " .. say(lang, "partly_read", { problem = problem }))
   end
   if result.dropped and result.dropped > 0 then
-    add("  the capturing machine dropped " .. count(result.dropped, "frame"))
+    add("  " .. say(lang, "machine_dropped", { n = result.dropped }))
   end
   if #result.transactions == 0 then
-    add("  no DS47 transaction" .. traffic(result))
-  end
-end
-
---- MAC, station name, vendor and device id of a device, as far as they are known.
-function M.about(device)
-  local text = device.mac and "  " .. escape(device.mac) or ""
-  if device.station then
-    text = text .. '  "' .. escape(device.station) .. '"'
-  end
-  if device.vendor_id then
-    text = text .. format("  vendor 0x%04X", device.vendor_id)
-  end
-  return device.device_id and text .. format("  device 0x%04X", device.device_id) or text
-end
-
-local function devices(add, list)
-  if #list == 0 then
-    return
-  end
-  local width = 0
-  for _, each in ipairs(list) do
-    width = math.max(width, words.length(escape(each.ip)))
-  end
-  add("")
-  add("Devices")
-  for _, each in ipairs(list) do
-    add((("  " .. pad(escape(each.ip), width) .. M.about(each)):gsub(" +$", "")))
+    add("  " .. say(lang, "no_transaction") .. " (" .. (traffic(result) or say(lang, "no_rpc")) .. ")")
   end
 end
 
@@ -254,7 +225,7 @@ local function transaction_lines(add, item, columns)
   end
 end
 
-local function transaction_table(add, transactions)
+local function transaction_table(add, transactions, options)
   if #transactions == 0 then
     return
   end
@@ -263,26 +234,10 @@ local function transaction_table(add, transactions)
   local columns = columns_of(transactions)
   for _, each in ipairs(transactions) do
     transaction_lines(add, each, columns)
-  end
-end
-
---- Findings by rule: an array of arrays, the serious rules first, then by id.
-function M.groups(findings)
-  local by_rule, groups = {}, {}
-  for _, each in ipairs(findings) do
-    local group = by_rule[each.rule]
-    if not group then
-      group = {}
-      by_rule[each.rule] = group
-      groups[#groups + 1] = group
+    if options.plc or each.state ~= "ok" then
+      add("      " .. plc.line(each, options.lang))
     end
-    group[#group + 1] = each
   end
-  sort(groups, function(a, b)
-    local left, right = SERIOUS[a[1].severity], SERIOUS[b[1].severity]
-    return left < right or left == right and a[1].rule < b[1].rule
-  end)
-  return groups
 end
 
 local function finding_group(add, group, rules)
@@ -300,7 +255,7 @@ local function finding_group(add, group, rules)
   if #group > M.FINDINGS_PER_RULE then
     add(format("    and %d more", #group - M.FINDINGS_PER_RULE))
   end
-  local filter, left_out = M.display_filter(frames)
+  local filter, left_out = filters.display_filter(frames)
   add("    " .. filter .. (left_out > 0 and "  (and " .. count(left_out, "frame") .. " more)" or ""))
 end
 
@@ -310,7 +265,7 @@ local function findings(add, list, rules)
   end
   add("")
   add("Findings")
-  for _, group in ipairs(M.groups(list)) do
+  for _, group in ipairs(todo.by_rule(list)) do
     finding_group(add, group, rules)
   end
 end
@@ -346,18 +301,20 @@ end
 
 --- The report of one capture.
 -- @param result what Analysis:ended() gives
--- @param options nil or {path = name of the capture, frames = frames in the file, rules = catalogue}
+-- @param options nil or {path = name of the capture, frames = frames in the file, rules = catalogue,
+--   lang = "en" or "zh" for the first lines, plc = true for what the PLC saw of every job}
 -- @return text, every line ended with LF
 function M.report(result, options)
   options = options or {}
-  local lines = {}
+  local rules = options.rules or tables.rules
+  local counts, lines = verdict.counts(result), {}
   local function add(line)
     lines[#lines + 1] = line
   end
-  header(add, result, options)
-  devices(add, result.devices or {})
-  transaction_table(add, result.transactions)
-  findings(add, result.findings, options.rules or tables.rules)
+  header(add, result, counts, options)
+  opening.lines(add, result, counts, { lang = options.lang, rules = rules })
+  transaction_table(add, result.transactions, options)
+  findings(add, result.findings, rules)
   add("")
   add("Summary")
   local transactions, found = M.summary(result)

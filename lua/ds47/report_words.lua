@@ -101,13 +101,38 @@ function M.integer(number)
   return format("%.0f", number)
 end
 
---- `1 frame`, `4 frames`, `12,000 frames`.
-function M.count(number, noun)
+--- A whole number in groups of three digits: `12,000`.
+function M.grouped(number)
   local digits, cut = M.integer(number), 1
   while cut > 0 do
     digits, cut = gsub(digits, "^(-?%d+)(%d%d%d)", "%1,%2")
   end
-  return digits .. " " .. noun .. (number == 1 and "" or "s")
+  return digits
+end
+
+--- `1 frame`, `4 frames`, `12,000 frames`.
+function M.count(number, noun)
+  return M.grouped(number) .. " " .. noun .. (number == 1 and "" or "s")
+end
+
+--- A text of tables.report_words in "en" or "zh" with its values filled in; `n` also chooses between
+-- `one|several`.
+function M.say(lang, key, values)
+  local known = tables.report_words[key]
+  local text = lang == "zh" and known.zh or known.en
+  local one, several = text:match("^(.*)|(.*)$")
+  if one then
+    text = values.n == 1 and one or several
+  end
+  return (gsub(text, "{(%w+)}", function(name)
+    local value = values[name]
+    return type(value) == "number" and M.grouped(value) or tostring(value)
+  end))
+end
+
+--- Texts in a row, with the commas of their language where no separators are given.
+function M.joined(lang, parts, en, zh)
+  return concat(parts, lang == "zh" and (zh or "，") or en or ", ")
 end
 
 --- A time in the unit that fits it: `0.412 ms`, `12.4 ms`, `12.3 s`.
@@ -220,6 +245,52 @@ end
 --- The message of a finding; where it is about a byte of a message, with its offset in front.
 function M.message(finding)
   return finding.offset and format("offset %d: %s", finding.offset, finding.message) or finding.message
+end
+
+-- Lines of a terminal
+
+local STAYS = {} -- characters that do not begin a line
+for character in ("，。；：、）”"):gmatch(M.CHARACTER) do
+  STAYS[character] = true
+end
+
+-- The text in pieces that stay whole: a word with the blanks behind it, or a wide character.
+local function pieces(text)
+  local characters, found, piece = {}, {}, ""
+  for character in text:gmatch(M.CHARACTER) do
+    characters[#characters + 1] = character
+  end
+  for place, character in ipairs(characters) do
+    local following = characters[place + 1] or ""
+    piece = piece .. character
+    local blank = character == " " and following ~= " "
+    local wide = M.width(character) == 2 or M.width(following) == 2
+    if blank or (wide and not STAYS[following]) then
+      found[#found + 1] = piece
+      piece = ""
+    end
+  end
+  found[#found + 1] = piece
+  return found
+end
+
+local function stripped(text)
+  return (gsub(text, " +$", ""))
+end
+
+--- Lines of at most so many columns, all but the first behind `hanging` blanks (Python: ds47.report.wrap).
+function M.wrap(text, width, hanging)
+  local lines, line = {}, ""
+  for _, piece in ipairs(pieces(text)) do
+    if find(line, "%S") and M.width(line .. stripped(piece)) > width then
+      lines[#lines + 1] = stripped(line)
+      line = (" "):rep(hanging or 0)
+      piece = gsub(piece, "^ +", "")
+    end
+    line = line .. piece
+  end
+  lines[#lines + 1] = stripped(line)
+  return lines
 end
 
 return M

@@ -5,6 +5,7 @@
 local report_text = require("ds47.report_text")
 local status = require("ds47.status")
 local tables = require("ds47.tables")
+local todo = require("ds47.todo")
 local words = require("ds47.report_words")
 
 local M = {}
@@ -214,7 +215,7 @@ end
 --   rules}: the last six are arrays of rows
 function M.compute(result, options)
   local list = result.transactions
-  local groups = report_text.groups(result.findings)
+  local groups = todo.by_rule(result.findings)
   local rules = {}
   for i, group in ipairs(groups) do
     rules[i] = { rule = group[1].rule, severity = group[1].severity, count = #group, frame = group[1].frame }

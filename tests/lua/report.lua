@@ -1,14 +1,25 @@
 -- Driver: results of an analysis as JSON in, reports as JSON out, under plain Lua.
 --   lua tests/lua/report.lua IN.json OUT.json
--- IN is an array of {"kind": "statistics" | "report" | "csv", "result": {...}, "options": {...}}; OUT is an
--- array of the texts. Nothing is judged here: the test that calls it compares.
+-- IN is an array of {"kind": "statistics" | "report" | "csv" | "grouping", "result": {...},
+-- "options": {...}}; OUT is an array of the texts. Nothing is judged here: the test that calls it compares.
 
 local folder = arg[0]:match("^(.*)[/\\]tests[/\\]lua[/\\]") or "."
 package.path = folder .. "/lua/?.lua;" .. package.path
 
+local grouping = require("ds47.grouping")
 local json = require("ds47.json")
 
+-- Findings to diagnoses: the result has `told`, an array of {finding, device, args}.
+local function group(result)
+  local groups = grouping.new()
+  for _, each in ipairs(result.told) do
+    groups:add(each.finding, each.device, each.args)
+  end
+  return json.encode(json.array(groups:result()))
+end
+
 local KINDS = {
+  grouping = group,
   statistics = require("ds47.statistics").text,
   report = require("ds47.report_text").report,
   csv = require("ds47.report_csv").report,
@@ -26,13 +37,25 @@ local function without_null(item)
   return item
 end
 
+-- Messages are bytes in a result, and hexadecimal digits in JSON.
+local function with_bytes(result)
+  for _, each in ipairs(result.transactions) do
+    for _, key in ipairs({"request", "response"}) do
+      each[key] = each[key] and each[key]:gsub("%x%x", function(digits)
+        return string.char(tonumber(digits, 16))
+      end)
+    end
+  end
+  return result
+end
+
 local input = assert(io.open(arg[1], "rb"))
 local jobs = json.decode(input:read("*a"))
 input:close()
 
 local texts = {}
 for i, job in ipairs(jobs) do
-  texts[i] = KINDS[job.kind](without_null(job.result), without_null(job.options))
+  texts[i] = KINDS[job.kind](with_bytes(without_null(job.result)), without_null(job.options))
 end
 
 local output = assert(io.open(arg[2], "wb"))

@@ -20,8 +20,9 @@ from fake_tshark import real_tshark
 
 from ds47 import spec
 from ds47.cli import main
-from ds47.cli.explain import _columns, _lines
+from ds47.cli.explain import _lines
 from ds47.explain import Meaning, Reading, UnknownFormError, explain, find_vendor, read
+from ds47.report.wrap import columns
 from ds47.spec import explanations
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -384,7 +385,7 @@ def test_an_answer_fits_on_a_screen_and_begins_with_the_answer(lang: str) -> Non
         assert len(lines) <= SCREEN, code
         assert lines[0].split()[0] in meanings[0].title
         for line in lines:
-            assert _columns(line) <= 100 or wide.search(line), f"{code}: {line}"
+            assert columns(line) <= 100 or wide.search(line), f"{code}: {line}"
             assert line == line.rstrip()
 
 

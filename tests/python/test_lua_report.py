@@ -20,7 +20,17 @@ from lua_program import LUAS, lua_program
 
 from ds47 import spec
 from ds47.analysis import analyze
-from ds47.model import CaptureResult, Finding, Frames, Parameter, Report, Transaction
+from ds47.diagnosis import grouping
+from ds47.model import (
+    CaptureResult,
+    Device,
+    Diagnosis,
+    Finding,
+    Frames,
+    Parameter,
+    Report,
+    Transaction,
+)
 from ds47.report import Options
 from ds47.report import csv as csv_report
 from ds47.report import text as text_report
@@ -64,10 +74,13 @@ def as_lua(result: CaptureResult) -> dict[str, Any]:
     item["base_seconds"] = base
     for each in item["transactions"]:
         each["start_ns"] -= base * 10**9
-        each["request"] = each["response"] = None
+        for key in ("request", "response"):
+            each[key] = None if each[key] is None else each[key].hex()
         for key in ("polls", "rereads"):
             pairs = each["frames"][key]
             each["frames"][key] = [{"request": one, "response": two} for one, two in pairs]
+    for each in item["diagnoses"]:
+        del each["corrected"]  # the analyzer alone has them
     return item
 
 
@@ -77,9 +90,11 @@ def job(kind: str, result: CaptureResult, **options: Any) -> dict[str, Any]:
     return {"kind": kind, "result": as_lua(result), "options": given}
 
 
-def python_text(result: CaptureResult) -> str:
+def python_text(result: CaptureResult, **options: Any) -> str:
+    """The report of Python, without what only Python has."""
     stream = io.StringIO()
-    text_report.write(Report([result]), stream, Options(rules=spec.rules()))
+    wanted = Options(rules=spec.rules(), corrected=False, **options)
+    text_report.write(Report([result]), stream, wanted)
     return stream.getvalue()
 
 
@@ -138,6 +153,37 @@ def odd_result() -> CaptureResult:
                          dropped=1, transactions=[first, second], findings=findings)  # fmt: skip
 
 
+def diagnosed_results() -> list[CaptureResult]:
+    """Diagnoses of every kind: of a job and of the capture, many of a rule, some that cover findings."""
+    base = odd_result()
+    first = dataclasses.replace(base.transactions[0], id=1, response=b"\xff\x82\x01\x00")
+    second = dataclasses.replace(first, id=2, device="10.0.0.9", state="mismatch")
+    odd = "控制器，使能时无修改权限。" * 9 + " a\x1b[1m " + "word " * 40 + "0x6B"
+    findings = [
+        Finding("DS410", "error", "failed with error 0x6B: no", 3, 1, 4),
+        Finding("DS410", "error", "failed with error 0x11: no", 4, 1, 4),
+        Finding("DS403", "warning", "no request", 8, 2),
+        Finding("DS206", "warning", "nothing", 9),
+        Finding("DS417", "warning", "one", 10, 1),
+        Finding("DS417", "warning", "another", 11, 1),
+        Finding("DS719", "error", odd, 3, 1, 4),
+        Finding("DS704", "error", "again", 9, 2),
+    ]
+    diagnoses = [
+        Diagnosis("DS719", "error", odd, "10.0.0.9", 1, [3], [1]),
+        Diagnosis("DS704", "error", "again", None, 5000, [9, 10, 11, 12, 14], [2]),
+        *(Diagnosis("DS701", "warning", f"m{n}", "-10.0.0.2", n, [n]) for n in range(1, 7)),
+        Diagnosis("DS703", "warning", "2 x", "10.0.0.9", 1, [9]),
+        Diagnosis("DS721", "note", "2 changes", None, 1, []),
+    ]
+    devices = [Device(f"10.0.1.{n}", None, "é" * (n % 3), n, None) for n in range(60)]
+    whole = dataclasses.replace(
+        base, transactions=[first, second], findings=findings, diagnoses=diagnoses,
+        devices=[*devices, Device("10.0.0.9", "00:00:00:00:00:01", "drive", 42, 7)], dropped=None,
+    )  # fmt: skip
+    return [whole, dataclasses.replace(whole, findings=[], dropped=0, complete=True)]
+
+
 def empty_results() -> list[CaptureResult]:
     records = {str(47 + i): {"read": i, "write": 1} for i in range(8)}
     return [
@@ -149,10 +195,50 @@ def empty_results() -> list[CaptureResult]:
 
 
 def test_text_is_that_of_python(lua: Run, results: list[CaptureResult]) -> None:
-    everything = [*results, odd_result(), *empty_results()]
+    everything = [*results, odd_result(), *diagnosed_results(), *empty_results()]
     texts = lua([job("report", each) for each in everything])
     for result, text in zip(everything, texts, strict=True):
         assert text == python_text(result), result.path
+
+
+@pytest.mark.parametrize("options", [{"lang": "zh"}, {"plc": True}, {"lang": "zh", "plc": True}])
+def test_text_is_that_of_python_with_every_option(
+    lua: Run, results: list[CaptureResult], options: dict[str, Any]
+) -> None:
+    everything = [*results, odd_result(), *diagnosed_results(), *empty_results()]
+    texts = lua([job("report", each, **options) for each in everything])
+    for result, text in zip(everything, texts, strict=True):
+        assert text == python_text(result, **options), result.path
+
+
+def test_findings_are_grouped_as_in_python(lua: Run) -> None:
+    """By rule, device and the arguments of the group; more causes than are told apart fall together."""
+    told = []
+    for number in range(900):
+        rule = ("DS705", "DS719", "DS717", "DS703")[number % 4]
+        device = (None, "10.0.0.1", "10.0.0.2")[number % 3]
+        args = {
+            "controller": f"c{number % 5}", "other": "?", "code": f"0x{number % 7:02X}",
+            "pnu": number % 90, "device": device,
+        }  # fmt: skip
+        owner = None if number % 4 == 3 else number // 3 + 1
+        known = spec.rules()[rule]
+        message = f"{rule} Ä{number % 11}" if number % 2 else "控制器"
+        finding = Finding(rule, known.severity, message, number // 2 + 1, owner)
+        told.append((finding, device, args))
+    python = grouping.Grouping()
+    for finding, device, args in told:
+        python.add(grouping.cause(finding.rule, device, args), finding)
+    expected = []
+    for each in python.result():
+        item = dataclasses.asdict(each)
+        del item["corrected"]
+        expected.append({key: value for key, value in item.items() if value not in (None, [])})
+    rows = [{"finding": dataclasses.asdict(f), "device": d, "args": a} for f, d, a in told]
+    found = lua([{"kind": "grouping", "result": {"told": rows, "transactions": []}, "options": {}}])
+    got = json.loads(found[0])
+    assert [{k: v for k, v in each.items() if v not in ([], {})} for each in got] == expected
+    assert sum(each["count"] for each in got) == 900
 
 
 def test_csv_is_that_of_python(lua: Run, results: list[CaptureResult]) -> None:
@@ -217,7 +303,8 @@ def test_statistics_count_what_the_result_holds(lua: Run, results: list[CaptureR
         ["34", "#8", "unanswered", "change", "192.168.133.33", "DO", "2", "p50303[0]", ":=", "10.0"]
     ]
     rules = rows(text, "Findings by rule")
-    assert [row[0] for row in rules] == ["DS203", "DS410", "DS417", "DS402"]
+    told = [row[0] for row in rules if not row[0].startswith("DS7")]
+    assert told == ["DS203", "DS410", "DS417", "DS402"]
     assert rules[1] == ["DS410", "error", "2", "29", "drive-error"]
 
 

@@ -6,7 +6,6 @@ in short: an answer fits on a screen and begins with the answer.
 
 from __future__ import annotations
 
-import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.cli.common import lang_option, stdout
+from ds47.report.wrap import columns, wrap
 
 if TYPE_CHECKING:
     from ds47.explain import Block, Meaning, Reason
@@ -136,49 +136,14 @@ def _block(block: Block, words: Mapping[str, str]) -> str:
 
 
 def _labelled(label: str, text: str, hanging: int = 0) -> Iterator[str]:
-    lines = _wrap(text, _WIDTH - _LABEL - 2, hanging)
+    lines = wrap(text, _WIDTH - _LABEL - 2, hanging)
     for number, line in enumerate(lines):
         yield _label(label if number == 0 else "") + line
 
 
 def _label(text: str) -> str:
-    return "  " + text + " " * max(1, _LABEL - _columns(text))
+    return "  " + text + " " * max(1, _LABEL - columns(text))
 
 
 def _wrapped(text: str, hanging: int) -> list[str]:
-    return _wrap(text, _WIDTH, hanging)
-
-
-def _wrap(text: str, width: int, hanging: int) -> list[str]:
-    """Lines of at most `width` columns; Chinese may break between any two characters."""
-    lines, line = [], ""
-    for piece in _pieces(text):
-        if line.strip() and _columns(line + piece.rstrip()) > width:
-            lines.append(line.rstrip())
-            line = " " * hanging
-            piece = piece.lstrip()
-        line += piece
-    return [*lines, line.rstrip()]
-
-
-def _pieces(text: str) -> Iterator[str]:
-    """The text in pieces that stay whole: a word with the blanks behind it, or a wide character."""
-    piece = ""
-    for place, character in enumerate(text):
-        piece += character
-        following = text[place + 1 : place + 2]
-        blank = character == " " and following != " "
-        wide = _columns(character) == 2 or (following and _columns(following) == 2)
-        if blank or (wide and following not in _STAYS):
-            yield piece
-            piece = ""
-    yield piece
-
-
-_STAYS = tuple("，。；：、）”")
-"""Characters that do not begin a line."""
-
-
-def _columns(text: str) -> int:
-    """How many columns of a terminal a text takes."""
-    return sum(2 if unicodedata.east_asian_width(each) in "WF" else 1 for each in text)
+    return wrap(text, _WIDTH, hanging)

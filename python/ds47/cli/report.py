@@ -56,6 +56,11 @@ _OBJECTS = 100_000
     show_default=True,
     help="Exit with 1 if a finding is at least this severe.",
 )
+@click.option(
+    "--plc",
+    is_flag=True,
+    help="What the PLC saw of every job, not only of those that failed (text).",
+)
 @click.option("--digest", is_flag=True, help="Put the SHA-256 of each capture into the report.")
 @analysis_options
 @click.option(
@@ -85,6 +90,7 @@ def command(
     format_name: str,
     output_name: str,
     fail_on: str,
+    plc: bool,
     engine: str,
     tshark: str | None,
     jobs: int,
@@ -99,7 +105,7 @@ def command(
     run = _Run(_analyzer(engine, analysis, tshark))
     _collect_rarely()
     with output(output_name) as stream:
-        writer = _writer(format_name, stream, fail_on, analysis.lang)
+        writer = _writer(format_name, stream, fail_on, analysis.lang, plc)
         wanted = captures(paths, run.missing)
         if jobs == 1 or engine != "native":
             run.all(wanted, writer)
@@ -116,13 +122,14 @@ def command(
     return int(fail_on != "never" and run.worst >= SEVERITIES.index(fail_on))
 
 
-def _writer(format_name: str, stream: TextIO, fail_on: str, lang: str) -> Writer:
+def _writer(format_name: str, stream: TextIO, fail_on: str, lang: str, plc: bool) -> Writer:
     """The serializer; of a junit report that fails on nothing, the errors still fail."""
     options = Options(
         color=color(stream),
         rules=_Catalogue(),
         fail_on="error" if fail_on == "never" else fail_on,
         lang=lang,
+        plc=plc,
     )
     try:
         return open_writer(format_name, stream, options)

@@ -25,12 +25,13 @@ from ds47.model import CaptureResult
 from ds47.profinet import dcp, lldp, rpc
 from ds47.profinet.link import Packet, mac
 from ds47.profinet.records import NIL_UUID, parse_request, parse_response
+from ds47.report.filters import display_filter
 
 from . import values
 from .anonymise import Anonymiser, Knowledge
 from .mapping import Key, KeyFileError
 from .messages import Copy, Entry, Message, Tracker
-from .selection import Chosen, Selection, SelectionError, choose, display_filter
+from .selection import Chosen, Selection, SelectionError, choose
 
 __all__ = [
     "Key",

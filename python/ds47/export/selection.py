@@ -13,8 +13,6 @@ from ds47.model import CaptureResult, Finding, Parameter, Transaction
 from ds47.report import at_offset
 from ds47.report.words import address, escape
 
-RUNS_PER_FILTER = 60
-"""A display filter for more runs of frames than this is of no use to anybody."""
 _PARAMETERS_SHOWN = 4
 
 
@@ -202,23 +200,3 @@ def _note_findings(
         if names is None and each.offset is not None:
             text = at_offset(each.offset, text)
         chosen.notes.setdefault(each.frame, []).append(f"{each.rule} {each.severity}: {text}")
-
-
-def display_filter(frames: Iterable[int]) -> tuple[str, int]:
-    """A Wireshark display filter for these frames, and how many of them it had to leave out.
-
-    Sets of one element only, joined by `or`: of `{1 2}` and `{1, 2}` Wireshark 3.4 knows the first and
-    4.0 the second.
-    """
-    runs: list[list[int]] = []
-    for number in sorted(set(frames)):
-        if runs and runs[-1][1] == number - 1:
-            runs[-1][1] = number
-        else:
-            runs.append([number, number])
-    left_out = sum(last - first + 1 for first, last in runs[RUNS_PER_FILTER:])
-    terms = [
-        f"frame.number == {first}" if first == last else f"frame.number in {{{first}..{last}}}"
-        for first, last in runs[:RUNS_PER_FILTER]
-    ]
-    return " or ".join(terms), left_out

@@ -34,20 +34,28 @@ class RuleText(Protocol):
 
     @property
     def name(self) -> str: ...
+    @property
+    def advice(self) -> str: ...
+    @property
+    def advice_zh(self) -> str: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Options:
     """How to print. `color`: ANSI colours (text only). `rules`: the catalogue, for rule names.
 
-    `fail_on`: the severity from which on a finding is a failure (junit only). `lang`: the language in
-    which a page starts (html only).
+    `fail_on`: the severity from which on a finding is a failure (junit only). `lang`: the language of
+    the words that a report begins with (text), or in which a page starts (html). `plc`: what the PLC saw
+    of every job, not only of those that are not ok (text only). `corrected`: requests as they should have
+    been (text only; the Lua reports have none).
     """
 
     color: bool = False
     rules: Mapping[str, RuleText] = field(default_factory=dict)
     fail_on: str = "error"
     lang: str = "en"
+    plc: bool = False
+    corrected: bool = True
 
 
 class Writer:

@@ -1,6 +1,7 @@
-"""Report as text, for a person: captures, devices, a line per transaction, findings, a summary.
+"""Report as text, for a person: the verdict and what to do, a line per transaction, findings, a summary.
 
-What stands in a line is decided here; how values and addresses are written in `ds47.report.words`.
+What stands in a line is decided here, in the first lines in `ds47.report.opening`; how values and addresses are
+written in `ds47.report.words`.
 The layout itself is ASCII, so that any console can show it; texts from the capture are escaped, so
 that none of them can talk to the terminal.
 """
@@ -8,7 +9,7 @@ that none of them can talk to the terminal.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TextIO
 
 from ds47.model import (
@@ -16,20 +17,22 @@ from ds47.model import (
     SEVERITIES,
     STATES,
     CaptureResult,
-    Device,
     Finding,
     Report,
     Transaction,
 )
-from ds47.report import Options, message, write_all
+from ds47.report import Options, message, plc, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import json as contract
+from ds47.report.bilingual import say
+from ds47.report.filters import display_filter
+from ds47.report.opening import Opening
+from ds47.report.verdict import Counts
 from ds47.report.words import count, duration, escape, parameter
 
 LINE_LENGTH = 120
 """Parameters that make a line longer than this stand below it, one a line."""
 FINDINGS_PER_RULE = 12
-FRAMES_PER_FILTER = 60
 _COLORS = {"error": "31", "warning": "33", "note": "36", "ok": "32", "bold": "1", "dim": "2"}
 _SERIOUS_STATES = ("error", "mismatch", "refused")
 
@@ -37,15 +40,6 @@ _SERIOUS_STATES = ("error", "mismatch", "refused")
 def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
     """Writes a complete report."""
     write_all(Writer(stream, options), report)
-
-
-def display_filter(frames: Iterable[int]) -> tuple[str, int]:
-    """One Wireshark display filter for the frames, and how many of them it had to leave out."""
-    numbers = sorted(set(frames))
-    shown = numbers[:FRAMES_PER_FILTER]
-    if len(shown) == 1:
-        return f"frame.number == {shown[0]}", 0
-    return f"frame.number in {{{', '.join(map(str, shown))}}}", len(numbers) - len(shown)
 
 
 def percentile(ordered: Sequence[int], percent: int) -> int:
@@ -58,7 +52,9 @@ class Writer(_Writer):
 
     def __init__(self, stream: TextIO, options: Options | None = None) -> None:
         super().__init__(stream, options)
+        self._opening = Opening(self.options, self._paint)
         self._captures = 0
+        self._counts = Counts()
         self._transactions: list[tuple[str, str, int | None]] = []
         self._severities: Counter[str] = Counter()
 
@@ -66,8 +62,11 @@ class Writer(_Writer):
         if self._captures:
             self._line()
         self._captures += 1
-        self._header(result)
-        self._devices(result.devices)
+        counts = Counts.of(result)
+        self._counts.add(counts)
+        self._header(result, counts)
+        for line in self._opening.lines(result):
+            self._line(line)
         self._table(result.transactions)
         self._findings(result.findings)
         rows = [(each.operation, each.state, each.duration_ns) for each in result.transactions]
@@ -76,9 +75,15 @@ class Writer(_Writer):
         self._transactions += rows
         self._severities += severities
 
+    def unreadable(self, path: str, problem: str) -> None:
+        self._captures += 1
+        self._counts.add(Counts(captures=1, unreadable=1))
+
     def close(self) -> None:
         if self._captures > 1:
-            self._summary(f"All {self._captures} captures", self._transactions, self._severities)
+            title = f"All {self._captures} captures"
+            verdict = self._opening.verdict(self._counts)
+            self._summary(title, self._transactions, self._severities, verdict)
 
     def _line(self, text: str = "") -> None:
         self.stream.write(text + "\n")
@@ -89,27 +94,24 @@ class Writer(_Writer):
     def _title(self, text: str) -> None:
         self._line(self._paint("bold", text))
 
-    def _header(self, result: CaptureResult) -> None:
-        self._title(f"{escape(result.path)}: {count(result.frames, 'frame')}")
+    def _say(self, key: str, **values: object) -> str:
+        return say(key, **values).text(self.options.lang)
+
+    def _header(self, result: CaptureResult, counts: Counts) -> None:
+        frames = self._say("frames", n=result.frames)
+        self._title(f"{escape(result.path)}: {frames}")
         if result.sha256:
             self._line(f"  sha256 {result.sha256}")
+        self._line(self._opening.verdict(counts))
         if not result.complete or result.problem:
-            problem = escape(result.problem or "the file ends early")
-            self._line("  " + self._paint("error", f"only partly read: {problem}"))
+            problem = escape(result.problem or self._say("file_ends_early"))
+            self._line("  " + self._paint("error", self._say("partly_read", problem=problem)))
         if result.dropped:
-            lost = f"the capturing machine dropped {count(result.dropped, 'frame')}"
+            lost = self._say("machine_dropped", n=result.dropped)
             self._line("  " + self._paint("warning", lost))
         if not result.transactions:
-            self._line("  no DS47 transaction" + _traffic(result))
-
-    def _devices(self, devices: Sequence[Device]) -> None:
-        if not devices:
-            return
-        self._line()
-        self._title("Devices")
-        width = max(len(escape(each.ip)) for each in devices)
-        for each in devices:
-            self._line(f"  {escape(each.ip):<{width}}{_about(each)}".rstrip())
+            there = _traffic(result) or self._say("no_rpc")
+            self._line("  " + self._say("no_transaction") + f" ({there})")
 
     def _table(self, transactions: Sequence[Transaction]) -> None:
         if not transactions:
@@ -120,6 +122,9 @@ class Writer(_Writer):
         for each in transactions:
             for line in self._transaction_lines(each, columns):
                 self._line(line)
+            if self.options.plc or each.state != "ok":
+                saw = plc.line(each).text(self.options.lang)
+                self._line("      " + self._paint("dim", saw))
 
     def _transaction_lines(self, item: Transaction, columns: _Columns) -> list[str]:
         left = columns.left(item)
@@ -173,9 +178,12 @@ class Writer(_Writer):
         title: str,
         rows: Sequence[tuple[str, str, int | None]],
         severities: Counter[str],
+        verdict: str = "",
     ) -> None:
         self._line()
         self._title(title)
+        if verdict:
+            self._line(f"  {verdict}")
         states = _counts(STATES, Counter(state for _, state, _ in rows))
         operations = _counts(OPERATIONS, Counter(operation for operation, _, _ in rows))
         split = f": {states}; {operations}" if rows else ""
@@ -217,14 +225,6 @@ def _timing(item: Transaction) -> str:
     return f"{count(len(item.frames.all()), 'frame')}{took}{polls}{again}"
 
 
-def _about(item: Device) -> str:
-    mac = f"  {escape(item.mac)}" if item.mac else ""
-    station = f'  "{escape(item.station)}"' if item.station else ""
-    vendor = "" if item.vendor_id is None else f"  vendor 0x{item.vendor_id:04X}"
-    device = "" if item.device_id is None else f"  device 0x{item.device_id:04X}"
-    return mac + station + vendor + device
-
-
 def _traffic(result: CaptureResult) -> str:
     """What a capture without transactions has instead, so that nobody doubts it was read."""
     calls = [
@@ -236,7 +236,7 @@ def _traffic(result: CaptureResult) -> str:
     rpc = [f"{name} {number}" for name, number in result.rpc.items() if number]
     more = f", and {len(calls) - 6} more" if len(calls) > 6 else ""
     records = f"; record calls: {', '.join(calls[:6])}{more}" if calls else ""
-    return f" (RPC: {', '.join(rpc)}{records})" if rpc else " (no PROFINET RPC either)"
+    return f"RPC: {', '.join(rpc)}{records}" if rpc else ""
 
 
 def _serious_first(item: tuple[str, list[Finding]]) -> tuple[int, str]:

@@ -12,6 +12,7 @@ from typing import TextIO
 
 from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Finding, Transaction
 from ds47.report import Options, json, message, ndjson, text
+from ds47.report.opening import about
 from ds47.report.words import count, duration, escape
 
 _DIGITS = 3
@@ -121,7 +122,12 @@ class TextShow(text.Writer):
 
     def end(self, result: CaptureResult) -> None:
         """The devices, and how things stood."""
-        self._devices(result.devices)
+        if result.devices:
+            self._line()
+            self._title("Devices")
+        width = max((len(escape(each.ip)) for each in result.devices), default=0)
+        for each in result.devices:
+            self._line(f"  {escape(each.ip):<{width}}{about(each)}".rstrip())
         self._line()
         if result.dropped:
             lost = f"the capturing machine dropped {count(result.dropped, 'frame')}"

@@ -11,19 +11,26 @@ from collections.abc import Mapping
 from functools import cache, lru_cache
 
 from ds47 import spec
-from ds47.model import Finding, Parameter
+from ds47.model import Diagnosis, Finding, Parameter
 from ds47.profinet.status import status_text
 from ds47.report import at_offset
 from ds47.report.html.texts import LANGUAGES, Both
 from ds47.report.words import escape
-from ds47.spec.semantics import reasons
+from ds47.spec.semantics import diagnosis_words, reasons
 
 _FIELD = re.compile(r"\{(\w+)\}")
+_WORDED = ("what", "place", "other")
+"""Values of a message that are filled with words of diagnoses.toml."""
 
 
 def message(finding: Finding, lang: str, vendor_id: int | None = None) -> Both:
     """The message of a finding in both languages, escaped for the eye."""
     return _translated(finding.rule, escape(finding.message), lang, vendor_id)
+
+
+def diagnosis(item: Diagnosis, lang: str, vendor_id: int | None = None) -> Both:
+    """The message of a diagnosis in both languages, escaped for the eye."""
+    return _translated(item.rule, escape(item.message), lang, vendor_id)
 
 
 def with_offset(finding: Finding, lang: str, vendor_id: int | None = None) -> Both:
@@ -71,11 +78,23 @@ def _word(
             next((then[name] for name, words in now.items() if words == part), part)
             for part in value.split("; ")
         )
+    if key in _WORDED:
+        return _diagnosis_word(value, lang, other)
     if key == "text" and _hex(values.get("status")) is not None:
         return status_text(_hex(values["status"]) or 0, other)
     if key == "text" and _hex(values.get("code")) is not None:
         return spec.error_text(_hex(values["code"]) or 0, other, vendor_id)
     return value
+
+
+def _diagnosis_word(text: str, lang: str, other: str) -> str:
+    """A place, or a part of a request or of a capture, that a diagnosis names."""
+    then = diagnosis_words(other)
+    for name, words in diagnosis_words(lang).items():
+        found = _pattern(words).fullmatch(text)
+        if found is not None:
+            return then[name].format_map(found.groupdict())
+    return text
 
 
 def _hex(text: str | None) -> int | None:
@@ -88,8 +107,12 @@ def _hex(text: str | None) -> int | None:
 @cache
 def _patterns(rule: str, lang: str) -> re.Pattern[str] | None:
     template = _template(rule, lang)
-    if not template:
-        return None
+    return _pattern(template) if template else None
+
+
+@cache
+def _pattern(template: str) -> re.Pattern[str]:
+    """What finds the values in a text that was made from a template."""
     parts = _FIELD.split(template)
     seen: set[str] = set()
     pattern = ""

@@ -1,4 +1,4 @@
-"""The words of the page in English and Chinese (texts.toml), and how they get into it.
+"""The words of the page in English and Chinese (texts.toml, spec/report.toml), and how they get into it.
 
 A page holds both languages: every text stands in it twice, and the `lang` of the document says
 which one shows. So it can be read, and switched, without asking anybody.
@@ -10,57 +10,26 @@ import tomllib
 from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
-from typing import Any, NamedTuple
+from typing import Any
 
 from markupsafe import Markup, escape
 
-LANGUAGES = ("en", "zh")
+from ds47.report.bilingual import LANGUAGES, Both, filled, joined
+from ds47.spec.reporting import report_words
 
-
-class Both(NamedTuple):
-    """One text in both languages."""
-
-    en: str
-    zh: str
-
-    @classmethod
-    def same(cls, text: str) -> Both:
-        """A text that has only one language: a name, a number."""
-        return cls(text, text)
-
-    def joined(self, other: Both, en: str = " ", zh: str = "") -> Both:
-        """This text and another one behind it."""
-        return Both(self.en + en + other.en, self.zh + zh + other.zh)
+__all__ = ["LANGUAGES", "Both", "Words", "joined", "say", "texts"]
 
 
 @cache
 def texts() -> Mapping[str, Mapping[str, str]]:
-    """Every text by its key, then by language."""
-    return tomllib.loads((files(__package__) / "texts.toml").read_text("utf-8"))
+    """Every text by its key, then by language: those of the page, and those that all reports share."""
+    own = tomllib.loads((files(__package__) / "texts.toml").read_text("utf-8"))
+    return {**report_words(), **own}
 
 
 def say(key: str, **values: Any) -> Both:
     """A text with its values filled in; `n` also chooses between `one|several`."""
-    return Both(*(_fill(texts()[key][lang], index, values) for index, lang in enumerate(LANGUAGES)))
-
-
-def _fill(text: str, language: int, values: Mapping[str, Any]) -> str:
-    number = values.get("n")
-    if "|" in text:
-        one, several = text.split("|")
-        text = one if number == 1 else several
-    return text.format_map({key: _shown(value, language) for key, value in values.items()})
-
-
-def _shown(value: Any, language: int) -> str:
-    if isinstance(value, Both):
-        return value[language]
-    return f"{value:,}" if isinstance(value, int) else str(value)
-
-
-def joined(parts: list[Both], en: str = ", ", zh: str = "，") -> Both:
-    """Texts in a row."""
-    return Both(en.join(part.en for part in parts), zh.join(part.zh for part in parts))
+    return filled(texts()[key], values)
 
 
 class Words:

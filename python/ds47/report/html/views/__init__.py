@@ -15,13 +15,14 @@ from markupsafe import Markup
 from ds47.model import CaptureResult
 from ds47.report.html.embed import data_element
 from ds47.report.html.texts import Both, say
-from ds47.report.html.verdict import LEVELS, Counts, Remark, blind, quality, verdict
+from ds47.report.html.verdict import Remark, quality
 from ds47.report.html.views.drives import Drive, drives, span
 from ds47.report.html.views.elements import elements
 from ds47.report.html.views.findings import Group, groups
 from ds47.report.html.views.problems import Problem, first_screen, problems
 from ds47.report.html.views.rows import packed_rows
 from ds47.report.text import percentile
+from ds47.report.verdict import LEVELS, Counts, blind, verdict
 from ds47.report.words import escape
 
 
@@ -109,7 +110,7 @@ def capture_view(result: CaptureResult, number: int, lang: str, most_rows: int) 
         sha256=result.sha256,
         span=span(result),
         quality=remarks,
-        blind=blind(result),
+        blind=[*blind(result), say("blind_place"), say("blind_cyclic"), say("blind_meaning")],
         drives=drives(result),
         problems=told,
         problems_left_out=len(wrong) - len(told),

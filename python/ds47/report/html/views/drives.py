@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 from ds47.model import CaptureResult, Device, Transaction
 from ds47.report.html.texts import Both, say
-from ds47.report.html.verdict import FAILED
 from ds47.report.json import timestamp
 from ds47.report.text import percentile
+from ds47.report.verdict import FAILED
 
 
 @dataclass(slots=True)

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from ds47.model import SEVERITIES, CaptureResult, Finding
+from ds47.report.filters import display_filter
 from ds47.report.html import messages
 from ds47.report.html.texts import Both
-from ds47.report.text import display_filter
 
 SHOWN = 100
 """Findings listed of one rule; the number of all is always told."""

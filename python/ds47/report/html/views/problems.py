@@ -1,15 +1,24 @@
-"""What went wrong and what to do: findings put together by their cause, the serious ones first."""
+"""What went wrong and what to do: the diagnoses, then the findings that none of them covers.
+
+The serious come first; findings are put together by what the drive or the device says.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from ds47.model import SEVERITIES, CaptureResult, Finding, Transaction
+from ds47.model import SEVERITIES, CaptureResult, Diagnosis, Finding, Transaction
+from ds47.report.filters import display_filter
 from ds47.report.html import messages
 from ds47.report.html.texts import Both, joined, say
+from ds47.report.todo import DIAGNOSIS, uncovered
 from ds47.report.words import address
+
+if TYPE_CHECKING:
+    from ds47.diagnosis.suggest import Corrected
 
 FIRST_SCREEN = 6
 """Problems on the first screen."""
@@ -17,7 +26,6 @@ OF_ONE_RULE = 3
 """Of these, as many of one rule; more where there is room."""
 PLACES = 4
 """Places named of one problem."""
-_DIAGNOSIS = "DS7"
 _DRIVE_ERROR, _READ_REFUSED, _WRITE_REFUSED = "DS410", "DS201", "DS203"
 
 
@@ -32,6 +40,12 @@ class Problem:
     places: Counter[str] = field(default_factory=Counter)
     alike: bool = True
     """Whether `what` is true of all of them; else it is an example."""
+    frame: int | None = None
+    """The first one, to look at."""
+    job: int | None = None
+    filter: str = ""
+    request: bytes | None = None
+    """The request as it should have been, where a diagnosis knows it."""
 
     @property
     def title(self) -> Both:
@@ -42,6 +56,15 @@ class Problem:
     def advice(self) -> Both:
         """What to do."""
         return messages.advice(self.rule)
+
+    @property
+    def corrected(self) -> Corrected | None:
+        """The same in the forms in which it can be used."""
+        if self.request is None:
+            return None
+        from ds47.diagnosis.suggest import corrected  # only here: most captures need no correction
+
+        return corrected(self.request)
 
     @property
     def where(self) -> Both | None:
@@ -55,13 +78,34 @@ class Problem:
 
 
 def problems(result: CaptureResult, lang: str, vendors: Mapping[str, int | None]) -> list[Problem]:
-    """The problems of a capture; notes are none."""
+    """The problems of a capture; findings that are notes are none."""
+    told = [_diagnosed(each, lang, vendors) for each in result.diagnoses]
+    return sorted([*told, *_others(result, lang, vendors)], key=_serious_first)
+
+
+def _diagnosed(item: Diagnosis, lang: str, vendors: Mapping[str, int | None]) -> Problem:
+    vendor = vendors.get(item.device) if item.device else None
+    return Problem(
+        item.rule,
+        item.severity,
+        messages.diagnosis(item, lang, vendor),
+        item.count,
+        Counter([item.device] if item.device else []),
+        frame=item.frames[0] if item.frames else None,
+        job=item.transactions[0] if item.transactions else None,
+        filter=display_filter(item.frames)[0],
+        request=item.corrected,
+    )
+
+
+def _others(
+    result: CaptureResult, lang: str, vendors: Mapping[str, int | None]
+) -> Iterable[Problem]:
+    """The findings that no diagnosis covers, by their cause."""
     by_id = {each.id: each for each in result.transactions}
     found: dict[tuple[str, object], Problem] = {}
     errors_of: set[int] = set()
-    for finding in result.findings:
-        if finding.severity == "note":
-            continue
+    for finding in uncovered(result):
         owner = by_id.get(finding.transaction) if finding.transaction is not None else None
         if finding.rule == _DRIVE_ERROR and owner is not None:
             if owner.id not in errors_of:
@@ -69,12 +113,23 @@ def problems(result: CaptureResult, lang: str, vendors: Mapping[str, int | None]
                 _drive_errors(found, owner, finding, vendors.get(owner.device))
             continue
         key, what = _kind(finding, owner, lang, vendors)
-        problem = found.setdefault(key, Problem(finding.rule, finding.severity, what))
+        problem = found.setdefault(key, _problem(finding, what))
         problem.count += 1
         problem.alike &= what == problem.what
         if owner is not None:
             problem.places[_place(owner, messages.values(finding, lang))] += 1
-    return sorted(found.values(), key=_serious_first)
+    return found.values()
+
+
+def _problem(finding: Finding, what: Both) -> Problem:
+    return Problem(
+        finding.rule,
+        finding.severity,
+        what,
+        frame=finding.frame,
+        job=finding.transaction,
+        filter=finding.filter,
+    )
 
 
 def first_screen(items: list[Problem]) -> list[Problem]:
@@ -88,8 +143,10 @@ def first_screen(items: list[Problem]) -> list[Problem]:
     return sorted((chosen + spare)[:FIRST_SCREEN], key=_serious_first)
 
 
-def _serious_first(item: Problem) -> tuple[bool, int, int]:
-    return (not item.rule.startswith(_DIAGNOSIS), -SEVERITIES.index(item.severity), -item.count)
+def _serious_first(item: Problem) -> tuple[bool, bool, int, int]:
+    """Diagnoses before other findings, but a note behind all that went wrong."""
+    note, diagnosed = item.severity == "note", item.rule.startswith(DIAGNOSIS)
+    return (note, not diagnosed, -SEVERITIES.index(item.severity), -item.count)
 
 
 def _drive_errors(
@@ -110,9 +167,7 @@ def _drive_errors(
             number = ""  # the text names it already
         key = "drive_error_change" if change else "drive_error_read"
         what = say(key, text=text.joined(Both.same(number), "", ""))
-        problem = found.setdefault(
-            (finding.rule, (code, text, change)), Problem(finding.rule, finding.severity, what)
-        )
+        problem = found.setdefault((finding.rule, (code, text, change)), _problem(finding, what))
         problem.count += 1
         axis = "" if owner.axis is None else f" DO {owner.axis}"
         problem.places[address(item) + axis] += 1

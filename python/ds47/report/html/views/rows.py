@@ -10,13 +10,14 @@ from typing import Any
 
 from ds47 import spec
 from ds47.model import OPERATIONS, STATES, CaptureResult, Parameter, Transaction
+from ds47.report import plc
 from ds47.report.html import messages
 from ds47.report.words import address, escape, value
 
 ROW = (
     "id", "operation", "state", "controller", "device", "channel", "axis", "request_reference",
     "start", "duration", "write_request", "write_response", "read_request", "read_response",
-    "polls", "rereads", "write_status", "read_status", "request", "response", "parameters", "findings",
+    "polls", "rereads", "write_status", "read_status", "request", "response", "parameters", "findings", "plc",
 )  # fmt: skip
 """`start` and `duration` are microseconds, `start` from the first one on."""
 MOST_BYTES = 2048
@@ -91,7 +92,7 @@ class _Tables:
             [code, *messages.error(code, text, vendor), info]
             for code, text, info, vendor in known.get("errors", [])
         ]
-        return {"controllers": [], "channels": [], **known}
+        return {"controllers": [], "channels": [], "plc": [], **known}
 
 
 def _address(
@@ -129,6 +130,7 @@ def _row(item: Transaction, base: int, tables: _Tables) -> list[Any]:
         _hex(item.response),
         [_parameter(each, tables, vendor) for each in item.parameters],
         [place("rules", rule) for rule in item.findings],
+        place("plc", plc.line(item)),
     ]
 
 

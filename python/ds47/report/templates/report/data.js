@@ -17,6 +17,17 @@ function fromBase64(text) {
   return bytes;
 }
 
+/** A display filter for frames, sorted, in the form that every Wireshark takes: sets of one element, joined by `or`. */
+function displayFilter(frames) {
+  const runs = [];
+  for (const frame of frames) {
+    const last = runs[runs.length - 1];
+    if (last && frame === last[1] + 1) last[1] = frame;
+    else runs.push([frame, frame]);
+  }
+  return runs.slice(0, 60).map(([first, last]) => (first === last ? `frame.number == ${first}` : `frame.number in {${first}..${last}}`)).join(" or ");
+}
+
 /** A capture as the scripts see it. Rows stay short arrays; `field` says which place has what. */
 class Capture {
   constructor(number, data) {

@@ -92,7 +92,7 @@ function haystack(capture, row) {
 function detail(capture, row) {
   const id = capture.get(row, "id");
   const [, api, slot, subslot, index] = capture.channels[capture.get(row, "channel")];
-  const filter = `frame.number in {${capture.frames(row).slice(0, 60).join(", ")}}`;
+  const filter = displayFilter(capture.frames(row));
   const when = new Date(capture.start_ms + capture.get(row, "start") / 1000);
   const facts = [
     ["controller", capture.controller(row)],
@@ -106,6 +106,7 @@ function detail(capture, row) {
   return el("div", { class: "inside", role: "region", "aria-label": say("details", { id }) },
     el("div", {},
       messages.length ? el("ul", { class: "found" }, messages) : null,
+      el("p", { class: "plc" }, either(capture.plc[capture.get(row, "plc")])),
       el("dl", { class: "facts" }, facts.flatMap(([words, text]) => [el("dt", {}, say(words)), el("dd", {}, text)]),
         el("dt", {}, say("filter")), el("dd", {}, el("code", { class: "copyable" }, filter), " ", el("button", { type: "button", class: "copy", "data-copy": true }, say("copy")))),
       el("h3", {}, say("conversation")), sequence(capture, row)),

@@ -1,0 +1,133 @@
+--- What is to be done: the diagnoses of a capture, and the findings that none of them says already (Python:
+-- ds47.report.todo). Which findings a diagnosis covers stands in tables.covers.
+
+local grouping = require("ds47.grouping")
+local tables = require("ds47.tables")
+
+local M = {}
+
+local SERIOUS = { error = 1, warning = 2, note = 3 }
+local CODES = { "%f[%w]0x[0-9A-F][0-9A-F]%f[%W]", "%f[%w]" .. ("[0-9A-F]"):rep(8) .. "%f[%W]" }
+
+-- Whether a diagnosis of this rule names the rule of a finding: how is "job", "word" or "whole".
+local function names(how, rule, finding)
+  for _, start in ipairs(tables.covers[how][rule] or {}) do
+    if finding.rule:sub(1, #start) == start then
+      return true
+    end
+  end
+  return false
+end
+
+local function same_code(diagnosis, finding)
+  if not names("word", diagnosis.rule, finding) then
+    return false
+  end
+  for _, pattern in ipairs(CODES) do
+    for code in diagnosis.message:gmatch(pattern) do
+      for other in finding.message:gmatch(pattern) do
+        if code == other then
+          return true
+        end
+      end
+    end
+  end
+  return false
+end
+
+-- What the diagnoses of a result cover: {devices of jobs, diagnoses of jobs, diagnoses of the whole capture}.
+local function covered_by(result, diagnoses)
+  local devices, jobs, of_jobs, whole = {}, {}, {}, {}
+  for _, each in ipairs(result.transactions) do
+    devices[each.id] = each.device
+  end
+  for _, each in ipairs(result.findings) do
+    if each.transaction and grouping.is_diagnosis(each.rule) then
+      jobs[each.transaction] = jobs[each.transaction] or {}
+      table.insert(jobs[each.transaction], each)
+      of_jobs[each.rule] = true
+    end
+  end
+  for _, each in ipairs(diagnoses) do
+    if not of_jobs[each.rule] then
+      whole[#whole + 1] = each
+    end
+  end
+  return { devices = devices, jobs = jobs, whole = whole }
+end
+
+local function covers(about, finding)
+  for _, each in ipairs(about.jobs[finding.transaction or 0] or {}) do
+    if names("job", each.rule, finding) or same_code(each, finding) then
+      return true
+    end
+  end
+  local device = about.devices[finding.transaction or 0]
+  for _, each in ipairs(about.whole) do
+    local elsewhere = device and each.device and device ~= each.device
+    if not elsewhere and (names("whole", each.rule, finding) or same_code(each, finding)) then
+      return true
+    end
+  end
+  return false
+end
+
+--- Errors and warnings that no diagnosis covers, in their order.
+function M.uncovered(result, diagnoses)
+  local about, found = covered_by(result, diagnoses), {}
+  for _, each in ipairs(result.findings) do
+    local serious = each.severity ~= "note" and not grouping.is_diagnosis(each.rule)
+    if serious and not covers(about, each) then
+      found[#found + 1] = each
+    end
+  end
+  return found
+end
+
+--- Findings by rule: an array of arrays, the serious rules first, then by id.
+function M.by_rule(findings)
+  local rules, groups = {}, {}
+  for _, each in ipairs(findings) do
+    local group = rules[each.rule]
+    if not group then
+      group = {}
+      rules[each.rule] = group
+      groups[#groups + 1] = group
+    end
+    group[#group + 1] = each
+  end
+  table.sort(groups, function(a, b)
+    local left, right = SERIOUS[a[1].severity], SERIOUS[b[1].severity]
+    return left < right or left == right and a[1].rule < b[1].rule
+  end)
+  return groups
+end
+
+--- The diagnoses in their order, but no more than `most` of one rule: the rest of it stands behind the last,
+-- as {more = true, rule, causes, findings}.
+function M.causes(diagnoses, most)
+  local told, rest, list = {}, {}, {}
+  for _, each in ipairs(diagnoses) do
+    local number = (told[each.rule] or 0) + 1
+    told[each.rule] = number
+    if number <= most then
+      list[#list + 1] = each
+    end
+    if number == most then
+      rest[each.rule] = { more = true, rule = each.rule, causes = 0, findings = 0 }
+      list[#list + 1] = rest[each.rule]
+    elseif number > most then
+      local more = rest[each.rule]
+      more.causes, more.findings = more.causes + 1, more.findings + each.count
+    end
+  end
+  local shown = {}
+  for _, each in ipairs(list) do
+    if not each.more or each.causes > 0 then
+      shown[#shown + 1] = each
+    end
+  end
+  return shown
+end
+
+return M

@@ -1,0 +1,62 @@
+"""A text in English and Chinese at once, and the words of spec/report.toml with their values filled in.
+
+The text report shows one of the two languages, the HTML page holds both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from ds47.spec.reporting import report_words
+
+LANGUAGES = ("en", "zh")
+
+
+class Both(NamedTuple):
+    """One text in both languages."""
+
+    en: str
+    zh: str
+
+    @classmethod
+    def same(cls, text: str) -> Both:
+        """A text that has only one language: a name, a number."""
+        return cls(text, text)
+
+    def joined(self, other: Both, en: str = " ", zh: str = "") -> Both:
+        """This text and another one behind it."""
+        return Both(self.en + en + other.en, self.zh + zh + other.zh)
+
+    def text(self, lang: str) -> str:
+        """The text in "en" or "zh"."""
+        return self.zh if lang == "zh" else self.en
+
+
+def say(key: str, **values: Any) -> Both:
+    """A text of spec/report.toml with its values filled in; `n` also chooses between `one|several`."""
+    return filled(report_words()[key], values)
+
+
+def filled(texts: Mapping[str, str], values: Mapping[str, Any]) -> Both:
+    """A text of a table of both languages with its values filled in."""
+    return Both(*(_fill(texts[lang], index, values) for index, lang in enumerate(LANGUAGES)))
+
+
+def joined(parts: Sequence[Both], en: str = ", ", zh: str = "，") -> Both:
+    """Texts in a row."""
+    return Both(en.join(part.en for part in parts), zh.join(part.zh for part in parts))
+
+
+def _fill(text: str, language: int, values: Mapping[str, Any]) -> str:
+    number = values.get("n")
+    if "|" in text:
+        one, several = text.split("|")
+        text = one if number == 1 else several
+    return text.format_map({key: _shown(value, language) for key, value in values.items()})
+
+
+def _shown(value: Any, language: int) -> str:
+    if isinstance(value, Both):
+        return value[language]
+    return f"{value:,}" if isinstance(value, int) else str(value)

@@ -1,0 +1,200 @@
+"""The first lines of the text report: verdict, drives, what to do, what the capture cannot show.
+
+In English or Chinese, by the words of spec/report.toml; what to do comes from `ds47.report.todo`. A capture in
+which all is well has the first two only. Nothing here writes: lines are given to whoever prints them.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+
+from ds47.model import CaptureResult, Device, Diagnosis, Finding
+from ds47.report import Options
+from ds47.report.bilingual import say
+from ds47.report.filters import display_filter
+from ds47.report.todo import More, by_rule, causes, uncovered
+from ds47.report.verdict import Counts, blind, told, verdict
+from ds47.report.words import escape
+from ds47.report.wrap import wrap
+
+WIDTH = 100
+"""Columns of a line of text; what can be copied is never broken."""
+DRIVES = 50
+"""Drives, and other devices, that are listed."""
+OF_ONE_RULE = 3
+"""Diagnoses of one rule that are told one by one."""
+COLORS = {"bad": "error", "warn": "warning", "good": "ok", "none": "dim"}
+"""The colour of a verdict by its level."""
+
+Paint = Callable[[str, str], str]
+
+
+class Opening:
+    """Makes the lines. `paint` takes a colour ("error", "bold", ...) and a text."""
+
+    def __init__(self, options: Options, paint: Paint) -> None:
+        self._options = options
+        self._lang = options.lang
+        self._paint = paint
+
+    def verdict(self, counts: Counts) -> str:
+        """`NOT OK: 1 drive, 452 jobs, 412 refused`."""
+        return self._paint(COLORS[counts.level], verdict(counts).text(self._lang))
+
+    def lines(self, result: CaptureResult) -> Iterator[str]:
+        """Everything behind the verdict, each part with an empty line before it."""
+        yield from self._drives(result)
+        serious = [each for each in result.diagnoses if each.severity != "note"]
+        rest = uncovered(result)
+        if result.diagnoses or rest:
+            yield from self._title("to_do_head")
+            yield from self._to_do(result, rest)
+        if serious or rest or Counts.of(result).level not in ("good", "none"):
+            yield from self._blind(result)
+
+    def _say(self, key: str, **values: object) -> str:
+        return say(key, **values).text(self._lang)
+
+    def _title(self, key: str) -> Iterator[str]:
+        yield ""
+        yield self._paint("bold", self._say(key))
+
+    # Drives
+
+    def _drives(self, result: CaptureResult) -> Iterator[str]:
+        states: dict[str, Counter[str]] = {}
+        for each in result.transactions:
+            states.setdefault(each.device, Counter())[each.state] += 1
+        known = {each.ip: each for each in result.devices}
+        drives = [known.get(ip) or Device(ip) for ip in states]
+        others = [each for each in result.devices if each.ip not in states]
+        counts = [self._counts(states[each.ip]) for each in drives]
+        yield from self._devices("drives_head", "more_drives", drives, counts)
+        yield from self._devices("other_devices_head", "more_devices", others, [""] * len(others))
+
+    def _counts(self, states: Counter[str]) -> str:
+        parts = [say("jobs", n=states.total()), *told(states)]
+        return "  " + (", ", "，")[self._lang == "zh"].join(p.text(self._lang) for p in parts)
+
+    def _devices(
+        self, title: str, more: str, items: Sequence[Device], counts: Sequence[str]
+    ) -> Iterator[str]:
+        if not items:
+            return
+        yield from self._title(title)
+        shown = items[:DRIVES]
+        width = max(len(escape(each.ip)) for each in shown)
+        for each, text in zip(shown, counts, strict=False):
+            yield f"  {escape(each.ip):<{width}}{about(each, self._lang)}{text}".rstrip()
+        if len(items) > DRIVES:
+            yield "  " + self._say(more, n=len(items) - DRIVES)
+
+    # What to do
+
+    def _to_do(self, result: CaptureResult, rest: list[Finding]) -> Iterator[str]:
+        several = len({each.device for each in result.transactions}) > 1
+        advised = ""
+        for each in causes(result.diagnoses, OF_ONE_RULE):
+            if isinstance(each, More):
+                yield from self._more(each)
+                continue
+            yield from self._diagnosis(each, several)
+            yield from self._advice(each.rule, advised)
+            yield from self._look(each.frames, each.transactions)
+            yield from self._corrected(each)
+            advised = each.rule
+        if rest and result.diagnoses:
+            yield "  " + self._paint("bold", self._say("other_findings_head"))
+        for group in by_rule(rest):
+            yield from self._group(group)
+
+    def _head(self, rule: str, severity: str, text: str, number: int) -> Iterator[str]:
+        known = self._options.rules.get(rule)
+        line = self._say(
+            "cause_line",
+            rule=rule,
+            severity=self._say(f"severity_{severity}"),
+            name=known.name if known else "",
+            message=text,
+        )
+        if number > 1:
+            line += ("", " ")[self._lang != "zh"] + self._say("cause_times", n=number)
+        first, *others = wrap(line, WIDTH - 4)
+        yield "  " + self._paint(severity, first)
+        for other in others:
+            yield "    " + self._paint(severity, other)
+
+    def _diagnosis(self, item: Diagnosis, several: bool) -> Iterator[str]:
+        text = escape(item.message)
+        if several and item.device and item.device not in text:
+            text = self._say("cause_device", device=escape(item.device), message=text)
+        yield from self._head(item.rule, item.severity, text, item.count)
+
+    def _group(self, group: Sequence[Finding]) -> Iterator[str]:
+        first = group[0]
+        text = escape(first.message)
+        if any(each.message != first.message for each in group):
+            text = self._say("first_of", message=text)
+        yield from self._head(first.rule, first.severity, text, len(group))
+        yield from self._advice(first.rule, "")
+        jobs = [] if first.transaction is None else [first.transaction]
+        yield from self._look([first.frame], jobs)
+
+    def _more(self, item: More) -> Iterator[str]:
+        known = self._options.rules.get(item.rule)
+        times = self._say("times", n=item.findings)
+        name = known.name if known else ""
+        yield "  " + self._say("more_causes", rule=item.rule, name=name, n=item.causes, times=times)
+
+    def _advice(self, rule: str, advised: str) -> Iterator[str]:
+        """What to do, once for diagnoses of one rule that follow each other."""
+        known = self._options.rules.get(rule)
+        if known is None or rule == advised:
+            return
+        advice = known.advice_zh if self._lang == "zh" else known.advice
+        for line in wrap("-> " + advice, WIDTH - 4, 3):
+            yield "    " + line
+
+    def _look(self, frames: Sequence[int], jobs: Sequence[int]) -> Iterator[str]:
+        if not frames:
+            return
+        text, _ = display_filter(frames)
+        values = {"frame": str(frames[0]), "filter": text}
+        if jobs:
+            values["job"] = str(jobs[0])
+        yield "    " + self._paint("dim", self._say("look_at_job" if jobs else "look_at", **values))
+
+    def _corrected(self, item: Diagnosis) -> Iterator[str]:
+        """The request as it should have been: of Python only, see docs/report.md."""
+        if item.corrected is None or not self._options.corrected:
+            return
+        from ds47.diagnosis.suggest import corrected  # not for captures without any
+
+        better = corrected(item.corrected)
+        yield "    " + self._say("instead", hex=better.hex)
+        if better.encode:
+            yield "      " + better.encode
+
+    # What the capture cannot show
+
+    def _blind(self, result: CaptureResult) -> Iterator[str]:
+        lines = blind(result)
+        if not lines:
+            return
+        yield from self._title("blind")
+        for each in lines:
+            for number, line in enumerate(wrap(each.text(self._lang), WIDTH - 4)):
+                yield ("    " if number else "  ") + line
+
+
+def about(item: Device, lang: str = "en") -> str:
+    """MAC, station name, vendor and device id of a device, as far as they are known."""
+    parts = [escape(item.mac)] if item.mac else []
+    if item.station:
+        parts.append(f'"{escape(item.station)}"')
+    if item.vendor_id is not None:
+        parts.append(say("vendor_id", id=f"{item.vendor_id:04X}").text(lang))
+    if item.device_id is not None:
+        parts.append(say("device_id", id=f"{item.device_id:04X}").text(lang))
+    return "".join(f"  {part}" for part in parts)

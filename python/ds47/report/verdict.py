@@ -1,0 +1,116 @@
+"""The verdict on a capture, and what the capture cannot show: the same in every report.
+
+Everything here is counted from the result model; the words are in spec/report.toml.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+from ds47.model import CaptureResult
+from ds47.report.bilingual import Both, joined, say
+
+FAILED = ("refused", "error", "partial", "mismatch")
+"""States of a job that did not do what it was meant to do."""
+_TOLD = ("refused", "error", "partial", "mismatch", "unanswered", "superseded", "orphan")
+LEVELS = ("none", "good", "warn", "bad")
+"""From nothing to say to serious; names of classes in the style sheet of the page."""
+
+
+@dataclass(slots=True)
+class Counts:
+    """What a verdict rests on."""
+
+    captures: int = 0
+    frames: int = 0
+    unreadable: int = 0
+    drives: set[str] = field(default_factory=set)
+    jobs: int = 0
+    states: Counter[str] = field(default_factory=Counter)
+    operations: Counter[str] = field(default_factory=Counter)
+    severities: Counter[str] = field(default_factory=Counter)
+
+    @classmethod
+    def of(cls, result: CaptureResult) -> Counts:
+        """The counts of one capture."""
+        return cls(
+            captures=1,
+            frames=result.frames,
+            unreadable=0 if result.complete else 1,
+            drives={each.device for each in result.transactions},
+            jobs=len(result.transactions),
+            states=Counter(each.state for each in result.transactions),
+            operations=Counter(each.operation for each in result.transactions),
+            severities=Counter(each.severity for each in result.findings),
+        )
+
+    def add(self, other: Counts) -> None:
+        """Adds another capture."""
+        self.captures += other.captures
+        self.frames += other.frames
+        self.unreadable += other.unreadable
+        self.drives |= other.drives
+        self.jobs += other.jobs
+        self.states += other.states
+        self.operations += other.operations
+        self.severities += other.severities
+
+    @property
+    def level(self) -> str:
+        """One of LEVELS."""
+        if self.severities["error"] or any(self.states[state] for state in FAILED):
+            return "bad"
+        if self.severities["warning"] or self.unreadable:
+            return "warn"
+        return "good" if self.jobs else "none"
+
+
+def verdict(counts: Counts) -> Both:
+    """One line: `NOT OK: 1 drive, 452 jobs, 412 refused`."""
+    head = say(f"verdict_{counts.level}")
+    if not counts.jobs:
+        tail = say("verdict_no_jobs")
+    else:
+        parts = [say("drives", n=len(counts.drives)), say("jobs", n=counts.jobs)]
+        tail = joined([*parts, *told(counts.states)])
+    if counts.unreadable:
+        tail = joined([tail, say("told_unreadable", n=counts.unreadable)])
+    return head.joined(tail, ": ", "：")
+
+
+def told(states: Counter[str]) -> list[Both]:
+    """What became of jobs that did not end well, or that all of them did."""
+    parts = [say(f"told_{state}", n=states[state]) for state in _TOLD if states[state]]
+    return parts or [say("told_all_answered")]
+
+
+def blind(result: CaptureResult) -> list[Both]:
+    """What this capture, other than another one, cannot show: nobody should conclude from its silence."""
+    counts = Counter(each.operation for each in result.transactions)
+    lines = []
+    if counts["change"]:
+        lines.append(say("blind_effect"))
+    if result.dropped is None:
+        lines.append(say("blind_drops"))
+    nameless = sum(1 for each in result.devices if not each.station)
+    if nameless:
+        lines.append(say("blind_names", n=nameless))
+    orphans = sum(1 for each in result.transactions if each.state == "orphan")
+    if orphans:
+        lines.append(say("blind_before", n=orphans))
+    other = _other_records(result)
+    if other:
+        lines.append(say("blind_records", n=other))
+    return lines
+
+
+def _other_records(result: CaptureResult) -> int:
+    """Record calls on indices that carried no parameter channel."""
+    ours = {str(each.index) for each in result.transactions}
+    return sum(
+        number
+        for index, kinds in result.records.items()
+        if index not in ours
+        for number in kinds.values()
+    )

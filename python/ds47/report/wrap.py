@@ -1,0 +1,42 @@
+"""Text in lines of a terminal: Chinese takes two columns a character, and may break between any two."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Iterator
+
+_STAYS = tuple("，。；：、）”")
+"""Characters that do not begin a line."""
+
+
+def wrap(text: str, width: int, hanging: int = 0) -> list[str]:
+    """Lines of at most `width` columns; all but the first begin with `hanging` blanks."""
+    lines, line = [], ""
+    for piece in _pieces(text):
+        if line.strip() and columns(line + piece.rstrip()) > width:
+            lines.append(line.rstrip())
+            line = " " * hanging
+            piece = piece.lstrip()
+        line += piece
+    return [*lines, line.rstrip()]
+
+
+def columns(text: str) -> int:
+    """How many columns of a terminal a text takes."""
+    if text.isascii():
+        return len(text)
+    return sum(2 if unicodedata.east_asian_width(each) in "WF" else 1 for each in text)
+
+
+def _pieces(text: str) -> Iterator[str]:
+    """The text in pieces that stay whole: a word with the blanks behind it, or a wide character."""
+    piece = ""
+    for place, character in enumerate(text):
+        piece += character
+        following = text[place + 1 : place + 2]
+        blank = character == " " and following != " "
+        wide = columns(character) == 2 or (following and columns(following) == 2)
+        if blank or (wide and following not in _STAYS):
+            yield piece
+            piece = ""
+    yield piece

@@ -1,0 +1,431 @@
+"""The first lines of the text report, and what the PLC saw: what they say, how short they are, both languages."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import handmade
+import pytest
+
+from ds47 import spec
+from ds47.analysis import analyze
+from ds47.cli import main
+from ds47.model import CaptureResult, Device, Diagnosis, Finding, Frames, Report
+from ds47.report import Options, bilingual, plc, text
+from ds47.report.filters import display_filter
+from ds47.report.todo import More, causes, uncovered
+from ds47.report.wrap import columns, wrap
+from ds47.spec.reporting import COVERS, covers, report_words
+
+DRIVE = "192.168.133.33"
+
+
+def capture(*transactions, findings=(), diagnoses=(), **changes):
+    item = CaptureResult(
+        "line.pcapng", frames=9, devices=[Device(DRIVE, station="press-1")], transactions=list(transactions),
+        findings=list(findings), diagnoses=list(diagnoses), dropped=0,
+    )  # fmt: skip
+    for key, value in changes.items():
+        setattr(item, key, value)
+    return item
+
+
+def written(*captures, **options):
+    stream = io.StringIO()
+    text.write(Report(list(captures)), stream, Options(rules=spec.rules(), **options))
+    return stream.getvalue()
+
+
+def opening(result, **options):
+    """The lines before the transactions."""
+    return written(result, **options).split("\n\nTransactions\n")[0].splitlines()
+
+
+def diagnosis(rule="DS719", message="p76[1] cannot be changed now: 0x6B no", **changes):
+    usual = {"count": 1, "frames": [9], "transactions": [1], "device": DRIVE}
+    return Diagnosis(rule, spec.rules()[rule].severity, message, **(usual | changes))
+
+
+# The opening
+
+
+def test_a_capture_in_which_all_is_well_has_a_verdict_and_drives_and_no_more():
+    assert opening(capture(handmade.transaction())) == [
+        "line.pcapng: 9 frames",
+        "OK: 1 drive, 1 job, all done",
+        "",
+        "Drives",
+        f'  {DRIVE}  "press-1"  1 job, all done',
+    ]
+
+
+def test_every_drive_has_its_counts_and_other_devices_stand_below():
+    jobs = [
+        handmade.transaction(id=1, state="refused", write_status=0xDF80B700),
+        handmade.transaction(id=2),
+        handmade.transaction(id=3, device="192.168.133.40"),
+    ]
+    lines = opening(capture(*jobs, devices=[Device("192.168.133.50"), Device(DRIVE)]))
+    assert lines[1] == "NOT OK: 2 drives, 3 jobs, 1 refused"
+    assert lines[4:9] == [
+        f"  {DRIVE}  2 jobs, 1 refused",
+        "  192.168.133.40  1 job, all done",
+        "",
+        "Other devices",
+        "  192.168.133.50",
+    ]
+
+
+def test_many_drives_do_not_push_away_what_to_do():
+    jobs = [handmade.transaction(id=n, device=f"10.0.0.{n}") for n in range(1, 61)]
+    lines = opening(capture(*jobs, devices=[]))
+    assert lines[-1] == "  and 10 more drives"
+    assert len(lines) == 55
+
+
+def test_five_thousand_equal_symptoms_are_one_line():
+    jobs = [handmade.transaction(id=n, state="error") for n in range(1, 5001)]
+    message = "p76[1] cannot be changed now: 0x6B no"
+    findings = [
+        each
+        for n in range(1, 5001)
+        for each in (
+            Finding("DS410", "error", "Parameter 76[1] failed with error 0x6B: no (info 0)", n, n),
+            Finding("DS719", "error", message, n, n),
+        )
+    ]
+    told = diagnosis(count=5000, frames=[1, 2, 3, 4, 5], transactions=[1, 2, 3, 4, 5])
+    lines = opening(capture(*jobs, findings=findings, diagnoses=[told]))
+    assert lines[6:] == [
+        "What to do",
+        f"  DS719 error drive-running: {message} (5,000 times)",
+        "    -> Remove the enable (OFF1, standstill) and repeat the change.",
+        "    look at frame 1 (#1): frame.number in {1..5}",
+    ]
+
+
+def test_what_no_diagnosis_covers_stands_behind_them_a_line_a_rule():
+    findings = [
+        Finding("DS410", "error", "Parameter 1[0] failed with error 0x6B: no", 9, 1, 4),
+        Finding("DS410", "error", "Parameter 2[0] failed with error 0x11: no", 9, 1, 8),
+        Finding("DS410", "error", "Parameter 3[0] failed with error 0x11: no", 9, 1, 12),
+        Finding("DS415", "note", "same reference", 9, 1),
+        Finding("DS719", "error", "p76[1] cannot be changed now: 0x6B no", 9, 1),
+    ]
+    job = handmade.transaction(state="error")
+    lines = opening(capture(job, findings=findings, diagnoses=[diagnosis()]))
+    place = lines.index("  Other findings")
+    head = "  DS410 error drive-error: first: Parameter 2[0] failed with error 0x11: no (2 times)"
+    assert lines[place + 1] == head
+    assert lines[-1] == "    look at frame 9 (#1): frame.number == 9"
+    assert not any("DS415" in line for line in lines)
+    assert sum("-> " in line for line in lines) == 2
+
+
+def test_causes_of_one_rule_do_not_hide_the_others():
+    many = [diagnosis("DS717", f"p{n}[0]", count=2, frames=[n]) for n in range(1, 9)]
+    job = handmade.transaction(state="error")
+    lines = opening(capture(job, diagnoses=[*many, diagnosis("DS702", "too early", frames=[77])]))
+    assert "  DS717 index-and-count: 5 more causes of this kind, 10 times in all" in lines
+    assert any(line.startswith("  DS702 warning read-too-early: too early") for line in lines)
+    assert sum("Not an array" in line for line in lines) == 1  # the advice, once for all
+    assert lines.index(next(line for line in lines if "5 more" in line)) < lines.index(
+        next(line for line in lines if "DS702" in line)
+    )
+
+
+def test_with_several_drives_a_diagnosis_names_its_drive():
+    jobs = [handmade.transaction(), handmade.transaction(id=2, device="192.168.133.40")]
+    lines = opening(capture(*jobs, diagnoses=[diagnosis()]))
+    assert any(f"drive-running: {DRIVE}: p76[1] cannot" in line for line in lines)
+
+
+def test_a_corrected_request_stands_below_its_diagnosis():
+    request = bytes.fromhex("010101011001001500000000")[:10]
+    told = diagnosis("DS717", corrected=request)
+    lines = opening(capture(handmade.transaction(state="error"), diagnoses=[told]))
+    place = lines.index(f"    send instead: {request.hex()}")
+    assert lines[place + 1].strip().startswith("ds47 encode ")
+    without = opening(
+        capture(handmade.transaction(state="error"), diagnoses=[told]), corrected=False
+    )
+    assert without == [*lines[:place], *lines[place + 2 :]]
+
+
+def test_what_a_capture_cannot_show_is_told_where_something_is_wrong_and_only_what_applies():
+    well = written(capture(handmade.transaction(operation="change"), dropped=None))
+    assert "cannot show" not in well
+    job = handmade.transaction(operation="change", state="error")
+    lines = opening(capture(job, dropped=None))
+    shown = lines[lines.index("What this capture cannot show") + 1 :]
+    assert [line for line in shown if not line.startswith("   ")] == [
+        "  Whether a value that the drive took is still in force later, or was stored to survive power off;",
+        "  Whether the capturing computer lost frames: a missing answer may have been there.",
+    ]
+    assert "cannot show" not in written(capture(handmade.transaction(state="error")))
+
+
+def test_the_opening_is_chinese_where_that_is_asked_for():
+    findings = [Finding("DS401", "warning", "从未得到应答", 1, 1)]
+    job = handmade.transaction(state="unanswered", frames=Frames(1, 2))
+    lines = opening(capture(job, findings=findings, dropped=None), lang="zh")
+    assert lines[:2] == ["line.pcapng: 9 帧", "需要检查：1 台驱动器，1 个任务，1 个没有应答"]
+    assert "怎么处理" in lines
+    assert any(line.startswith("  DS401 警告") for line in lines)
+    words = {line for line in lines if re.search(r"\b(error|warning|look|What|Drives)\b", line)}
+    assert words == set()
+
+
+def test_several_captures_end_with_the_verdict_over_all():
+    stream = io.StringIO()
+    writer = text.Writer(stream, Options(rules=spec.rules()))
+    writer.capture(capture(handmade.transaction()))
+    writer.unreadable("gone.pcapng", "no such file")
+    writer.capture(capture(handmade.transaction(state="refused", write_status=0xDF80B500)))
+    writer.close()
+    last = stream.getvalue().split("All 3 captures\n")[1].splitlines()
+    assert last[0] == "  NOT OK: 1 drive, 2 jobs, 1 refused, 1 capture not read to its end"
+
+
+def test_colours_are_those_of_the_severity():
+    job = handmade.transaction(state="error")
+    content = written(capture(job, diagnoses=[diagnosis()]), color=True)
+    assert "\x1b[31mNOT OK: 1 drive" in content
+    assert "\x1b[31mDS719 error drive-running" in content
+    assert "\x1b[32mOK: 1 drive" in written(capture(handmade.transaction()), color=True)
+
+
+def test_nothing_of_a_capture_talks_to_the_terminal():
+    told = diagnosis(message="a\x1b[2J\r\n\u202e", device="1\x07")
+    jobs = [handmade.transaction(device="1\x07"), handmade.transaction(device="2")]
+    content = written(capture(*jobs, diagnoses=[told], devices=[Device("3\x9b", station="\x1b")]))
+    assert all(char.isprintable() or char == "\n" for char in content)
+
+
+def test_every_stored_capture_has_a_line_for_all_that_is_serious(captures: Path):
+    """Every error and warning is a diagnosis, covered by one, or has a line of its own."""
+    seen = 0
+    for path in sorted(captures.glob("*.pcapng")):
+        result = analyze(path)
+        lines = "\n".join(opening(result))
+        for each in (*result.diagnoses, *uncovered(result)):
+            assert each.rule in lines, (path.name, each)
+            seen += 1
+        assert "NOT OK" not in lines or "What to do" in lines, path.name
+    assert seen > 50
+
+
+# What a diagnosis covers
+
+
+def test_what_is_covered_is_in_the_catalogue():
+    for how in COVERS:
+        for rule, covered in covers(how).items():
+            assert rule.startswith("DS7")
+            assert rule in spec.rules()
+            assert all(any(known.startswith(each) for known in spec.rules()) for each in covered)
+            assert (spec.rules()[rule].scope == "capture") == (how == "whole") or how == "word", (
+                rule
+            )
+
+
+def test_a_diagnosis_covers_its_own_job_only():
+    findings = [
+        Finding("DS203", "error", "refused", 1, 1), Finding("DS705", "error", "clash", 1, 1),
+        Finding("DS203", "error", "refused", 5, 2), Finding("DS416", "warning", "slow", 1, 1),
+    ]  # fmt: skip
+    jobs = [handmade.transaction(id=n) for n in (1, 2)]
+    rest = uncovered(capture(*jobs, findings=findings, diagnoses=[diagnosis("DS705", "clash")]))
+    assert [(each.rule, each.transaction) for each in rest] == [("DS203", 2), ("DS416", 1)]
+
+
+def test_a_diagnosis_of_the_capture_covers_its_own_device_only():
+    jobs = [handmade.transaction(id=1), handmade.transaction(id=2, device="192.168.133.40")]
+    findings = [
+        Finding("DS203", "error", "refused with status DF80B600: no", 1, 1),
+        Finding("DS203", "error", "refused with status DF80B700: no", 2, 1),
+        Finding("DS203", "error", "refused with status DF80B600: no", 3, 2),
+        Finding("DS206", "warning", "nothing", 4),
+        Finding("DS708", "error", "turns away", 1),
+    ]
+    told = diagnosis(
+        "DS708", f"{DRIVE} turns requests to slot 2.1 away (DF80B600); slot 1.1 answers"
+    )
+    rest = uncovered(capture(*jobs, findings=findings, diagnoses=[told]))
+    assert [each.frame for each in rest] == [2, 3, 4]
+    told = diagnosis("DS703", "2 x", transactions=[])
+    rest = uncovered(capture(*jobs, findings=findings, diagnoses=[told]))
+    assert [each.frame for each in rest] == [1, 2, 3]
+
+
+def test_without_diagnoses_every_serious_finding_is_told():
+    findings = [Finding("DS410", "error", "a", 1, 1), Finding("DS402", "note", "b", 1, 1)]
+    assert uncovered(capture(findings=findings)) == findings[:1]
+
+
+def test_causes_keep_their_order():
+    items = [diagnosis("DS717", f"{n}") for n in range(3)] + [diagnosis("DS702", "x")]
+    assert list(causes(items, 2)) == [items[0], items[1], More("DS717", 1, 1), items[3]]
+    assert list(causes(items, 3)) == items
+    assert list(causes([], 3)) == []
+
+
+# What the PLC saw
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({}, "WRREC DONE, STATUS 00000000; RDREC VALID, STATUS 00000000, LEN 4"),
+        (
+            {"write_status": 0xDF80B700, "read_status": None, "response": None, "frames": Frames(1, 2)},
+            "WRREC ERROR, STATUS DF80B700; RDREC not started in this capture",
+        ),
+        (
+            {"frames": Frames(1, 2, 9, 10, [(3, 4), (5, 6), (7, 8)]), "response": b"\x01\x82\x01\x01"},
+            "WRREC DONE, STATUS 00000000; RDREC 3 x ERROR, STATUS DE80B500; RDREC VALID, STATUS 00000000, LEN 4"
+            " - byte 1 is 16#82: refused",
+        ),
+        (
+            {"frames": Frames(1, 2, 3, 4), "read_status": 0xDE80B700, "response": None},
+            "WRREC DONE, STATUS 00000000; RDREC ERROR, STATUS DE80B700",
+        ),
+        (
+            {"frames": Frames(1, None), "write_status": None, "read_status": None, "response": None},
+            "WRREC BUSY until its timeout, then ERROR (no response in the capture);"
+            " RDREC not started in this capture",
+        ),
+        (
+            {"frames": Frames(1, 2, 3, None), "read_status": None, "response": None},
+            "WRREC DONE, STATUS 00000000; RDREC BUSY until its timeout, then ERROR (no response in the capture)",
+        ),
+        (
+            {"frames": Frames(1, 2), "write_status": None, "read_status": None, "response": None},
+            "WRREC ERROR with a STATUS of the PLC itself (RPC fault); RDREC not started in this capture",
+        ),
+        (
+            {"frames": Frames(1, None, 3, 4), "write_status": None},
+            "WRREC DONE (its response is not in the capture); RDREC VALID, STATUS 00000000, LEN 4",
+        ),
+        (
+            {"frames": Frames(None, None, 3, 4), "write_status": None, "state": "orphan"},
+            "WRREC not in the capture; RDREC VALID, STATUS 00000000, LEN 4",
+        ),
+        (
+            {"frames": Frames(1, 2, None, None, [(3, 4)]), "read_status": None, "response": None},
+            "WRREC DONE, STATUS 00000000; RDREC ERROR, STATUS DE80B500; RDREC not started again in this capture",
+        ),
+        (
+            {"frames": Frames(1, 2, 3, 4, [], [(5, 6), (7, 8)])},
+            "WRREC DONE, STATUS 00000000; RDREC VALID, STATUS 00000000, LEN 4; RDREC 2 x VALID once more, LEN 4",
+        ),
+        (
+            {"state": "mismatch"},
+            "WRREC DONE, STATUS 00000000; RDREC VALID, STATUS 00000000, LEN 4"
+            " - the record answers another request",
+        ),
+    ],
+)  # fmt: skip
+def test_what_the_plc_saw(changes, expected):
+    item = handmade.transaction(**({"response": b"\x01\x01\x01\x01"} | changes))
+    assert plc.text(item).en == expected
+    assert plc.line(item).en == f"PLC: {expected}"
+    chinese = plc.line(item).zh
+    assert chinese.startswith("PLC：WRREC")
+    numbers = r"[0-9A-F]{8}|16#\w+|LEN \d+"
+    assert re.findall(numbers, chinese) == re.findall(numbers, expected)
+
+
+def test_what_the_plc_saw_stands_below_what_is_not_ok_or_below_all():
+    jobs = [handmade.transaction(id=1), handmade.transaction(id=2, state="unanswered")]
+    lines = written(capture(*jobs)).splitlines()
+    (place,) = [number for number, line in enumerate(lines) if "PLC: " in line]
+    assert lines[place - 1].startswith("#2")
+    assert written(capture(*jobs), plc=True).count("      PLC: WRREC DONE") == 2
+
+
+def test_the_option_plc_tells_it_of_every_job(captures: Path, capsys):
+    assert main(["report", "--plc", str(captures / "tour-machine.pcapng")]) == 0
+    assert capsys.readouterr().out.count("      PLC: WRREC ") == 8
+    assert main(["report", "--lang", "zh", str(captures / "tour-machine.pcapng")]) == 0
+    assert capsys.readouterr().out.count("      PLC：WRREC ") == 4
+
+
+@pytest.mark.parametrize("lang", ["en", "zh"])
+@pytest.mark.parametrize(
+    "name", ["tour-machine", "record-reread", "record-polls", "transport-fault"]
+)
+def test_wireshark_shows_what_the_plc_saw(tshark, repository: Path, captures: Path, name, lang):
+    path = captures / f"{name}.pcapng"
+    plugin = [
+        "-X",
+        f"lua_script:{repository / 'dissector' / 'ds47.lua'}",
+        "-o",
+        f"ds47.language:{lang}",
+    ]
+    wanted = ["-Y", "ds47.plc", "-T", "fields", "-e", "ds47.transaction", "-e", "ds47.plc"]
+    shown = [line.split("\t") for line in tshark(*plugin, "-2", "-r", path, *wanted).splitlines()]
+    expected = {str(each.id): plc.text(each).text(lang) for each in analyze(path).transactions}
+    assert expected
+    assert {number.split(",")[0]: told for number, told in shown} == expected
+
+
+# Filters, lines, words
+
+
+def test_display_filter():
+    assert display_filter([7]) == ("frame.number == 7", 0)
+    expected = "frame.number in {1..3} or frame.number == 5 or frame.number in {8..9}"
+    assert display_filter([3, 1, 2, 9, 8, 5, 5]) == (expected, 0)
+    content, left_out = display_filter(range(0, 200, 2))
+    assert content.count("==") == 60
+    assert left_out == 40
+
+
+def tsharks(repository: Path) -> list[str]:
+    """The tshark of this machine, and those of other versions that were fetched for the tests."""
+    own = os.environ.get("DS47_TSHARK") or shutil.which("tshark")
+    return [*([own] if own else []), *map(str, sorted(repository.glob("build/wireshark/*/tshark")))]
+
+
+def test_every_tshark_takes_the_filter(repository: Path, captures: Path, tmp_path: Path):
+    found = tsharks(repository)
+    if not found:
+        pytest.skip("tshark is missing")
+    frames = [1, 2, 3, 29, 33]
+    wanted = ["-Y", display_filter(frames)[0], "-T", "fields", "-e", "frame.number"]
+    capture_path = str(captures / "tour-machine.pcapng")
+    environment = {**os.environ, "HOME": str(tmp_path), "XDG_CONFIG_HOME": str(tmp_path)}
+    for program in found:
+        done = subprocess.run(
+            [program, "-n", "-r", capture_path, *wanted],
+            env=environment, capture_output=True, encoding="utf-8", timeout=120, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, (program, done.stderr)
+        assert [int(line) for line in done.stdout.split()] == frames, program
+
+
+def test_lines_are_as_wide_as_a_terminal():
+    chinese = "应答没有被读取，" * 20 + "DE80B500 " * 10
+    for content in (chinese, "word " * 60):
+        lines = wrap(content, 40, 3)
+        assert max(map(columns, lines)) <= 41  # a comma may stand out: it does not begin a line
+        assert "".join(lines).replace(" ", "") == content.replace(" ", "")
+        assert all(line.startswith("   ") and line[3] not in " ，" for line in lines[1:])
+
+
+def test_every_word_is_there_in_both_languages_and_used():
+    package = Path(bilingual.__file__).parent
+    sources = "".join(
+        path.read_text("utf-8") for path in package.rglob("*") if path.suffix in (".py", ".j2")
+    )
+    made = ("verdict_", "told_", "severity_", "plc_write_", "plc_read_")
+    for key, texts in report_words().items():
+        assert set(texts) == {"en", "zh"}, key
+        assert all(texts.values()), key
+        assert key.startswith(made) or f'"{key}"' in sources, key
