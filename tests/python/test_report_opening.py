@@ -150,11 +150,14 @@ def test_a_corrected_request_stands_below_its_diagnosis():
     told = diagnosis("DS717", corrected=request)
     lines = opening(capture(handmade.transaction(state="error"), diagnoses=[told]))
     place = lines.index(f"    send instead: {request.hex()}")
-    assert lines[place + 1].strip().startswith("ds47 encode ")
+    assert lines[place + 1].strip() == "16#0101 16#0101 16#1001 16#0015 16#0000"
+    assert lines[place + 3].strip().startswith("#request[0] := 16#01; ")
+    end = place + 7
+    assert lines[end].strip().startswith("ds47 encode ")
     without = opening(
         capture(handmade.transaction(state="error"), diagnoses=[told]), corrected=False
     )
-    assert without == [*lines[:place], *lines[place + 2 :]]
+    assert without == [*lines[:place], *lines[end + 1 :]]
 
 
 def test_what_a_capture_cannot_show_is_told_where_something_is_wrong_and_only_what_applies():

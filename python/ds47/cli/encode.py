@@ -54,13 +54,16 @@ def hex_bytes(data: bytes) -> str:
 
 def plc_words(data: bytes) -> str:
     """`16#0301 16#0201`; a last odd byte stands alone, two digits."""
-    return " ".join(f"16#{data[at : at + 2].hex().upper()}" for at in range(0, len(data), 2))
+    from ds47.diagnosis.suggest import plc_words
+
+    return " ".join(plc_words(data))
 
 
 def scl(data: bytes) -> str:
     """Assignments to an array of bytes named `request`, and the length for WRREC."""
-    rows = [f"#request[{at}] := 16#{byte:02X};" for at, byte in enumerate(data)]
-    return "\n".join([*rows, f"#length := {len(data)};"])
+    from ds47.diagnosis.suggest import scl
+
+    return scl(data)
 
 
 WAYS: dict[str, Callable[[bytes], str]] = {"hex": hex_bytes, "words": plc_words, "scl": scl}

@@ -22,6 +22,8 @@ WIDTH = 100
 """Columns of a line of text; what can be copied is never broken."""
 DRIVES = 50
 """Drives, and other devices, that are listed."""
+_LONGEST_SCL = 32
+"""Bytes of a corrected request that is shown as SCL as well; `ds47 encode -f scl` shows any."""
 OF_ONE_RULE = 3
 """Diagnoses of one rule that are told one by one."""
 COLORS = {"bad": "error", "warn": "warning", "good": "ok", "none": "dim"}
@@ -173,6 +175,11 @@ class Opening:
 
         better = corrected(item.corrected)
         yield "    " + self._say("instead", hex=better.hex)
+        for line in wrap(" ".join(better.words), WIDTH - 6):
+            yield "      " + line
+        if len(item.corrected) <= _LONGEST_SCL:
+            for line in better.scl.splitlines():
+                yield "      " + line
         if better.encode:
             yield "      " + better.encode
 
