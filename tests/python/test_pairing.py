@@ -28,11 +28,14 @@ class Channel:
     now: int = 0
     answered: list[Job] = field(default_factory=list)
     closed: list[Job] = field(default_factory=list)
-    nothing: list[Record] = field(default_factory=list)
+    nothing: list[tuple[Peer, Record]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.pairing = Pairing(
-            self.bounds, self.answered.append, self.closed.append, self.nothing.append
+            self.bounds,
+            self.answered.append,
+            self.closed.append,
+            lambda peer, record: self.nothing.append((peer, record)),
         )
 
     def half(self, data: bytes = b"", status: int | None = None) -> Half:
