@@ -1,25 +1,46 @@
 -- What a frame says in one sentence: the Info column, and the label of the tree.
 --
 -- A *view* is one transaction as one frame shows it (track.lua makes them): {role, item = the transaction,
--- parameters = those that the frame shows, message, response, complete}. Numbers, values and addresses are
--- written as the text report writes them.
+-- parameters = those that the frame shows, message, response, complete}. A view of which only the sentence
+-- is wanted has of its transaction only what is read here, and in `shared` (with `vendor_id`) where the text
+-- of its parameters may be remembered. Numbers, values and addresses are written as the text report does.
 
 local status = require("ds47.status")
 local words = require("ds47.report_words")
 
 local M = {}
 
+local NONE = {}
 local PARAMETERS_SHOWN = 6 -- more make the line long: they are counted
 
--- `ref 3, DO 2`; a message may be too short to have them.
-local function head(item)
-  local reference, axis = item.request_reference, item.axis
-  local text = reference and string.format("ref %d", reference) or "ref ?"
-  return axis and string.format("%s, DO %d", text, axis) or text
-end
+-- `ref 3, DO 2`; a message may be too short to have them. Both are bytes, so there are only so many texts.
+local heads, references = {}, {}
 
 local function reference(item)
-  return item.request_reference and string.format("ref %d", item.request_reference) or "ref ?"
+  local number = item.request_reference
+  if number == nil then
+    return "ref ?"
+  end
+  local text = references[number]
+  if text == nil then
+    text = string.format("ref %d", number)
+    references[number] = text
+  end
+  return text
+end
+
+local function head(item)
+  local number, axis = item.request_reference, item.axis
+  if axis == nil then
+    return reference(item)
+  end
+  local key = (number or 256) * 256 + axis
+  local text = heads[key]
+  if text == nil then
+    text = string.format("%s, DO %d", reference(item), axis)
+    heads[key] = text
+  end
+  return text
 end
 
 local function drive_object(item)
@@ -38,9 +59,23 @@ function M.error(failed)
   return text
 end
 
+-- The address of a parameter, remembered with what parameters of one address have in common.
+local function address(item)
+  local class = item.class
+  if class == nil then
+    return words.address(item)
+  end
+  local text = class.text
+  if text == nil then
+    text = words.address(class)
+    class.text = text
+  end
+  return text
+end
+
 --- One parameter: `p50303[0] = 10.0`, `:=` where the value was written, `: 0x02 ...` where it failed.
 function M.parameter(item, written)
-  local text = words.address(item)
+  local text = address(item)
   if item.error then
     return text .. ": " .. M.error(item.error)
   elseif #item.values == 0 then
@@ -54,17 +89,37 @@ function M.parameter(item, written)
   return text
 end
 
-local function list(view)
-  local parameters, parts = view.parameters, {}
-  local written = view.item.operation == "change"
-  for number = 1, math.min(#parameters, PARAMETERS_SHOWN) do
-    parts[number] = M.parameter(parameters[number], written)
-  end
-  if #parts == 0 then
+local parts = {}
+
+local function parameters_of(view)
+  local parameters = view.parameters
+  local written, count = view.item.operation == "change", #parameters
+  if count == 0 then
     return ""
   end
-  local more = #parameters - #parts
-  return ": " .. table.concat(parts, ", ") .. (more > 0 and string.format(", ... and %d more", more) or "")
+  local shown = math.min(count, PARAMETERS_SHOWN)
+  for number = 1, shown do
+    parts[number] = M.parameter(parameters[number], written)
+  end
+  local more = count - shown
+  return ": " .. table.concat(parts, ", ", 1, shown)
+    .. (more > 0 and string.format(", ... and %d more", more) or "")
+end
+
+--- Whether the sentence of a request is known but for its reference: then nobody needs its parameters.
+-- @param shared  what equal requests share (parameter.remembering)
+function M.is_known(shared, vendor_id)
+  return shared.listed ~= nil and shared.listed_for == (vendor_id or false)
+end
+
+local function list(view)
+  local shared, vendor_id = view.shared, view.vendor_id
+  if shared == nil then
+    return parameters_of(view)
+  elseif not M.is_known(shared, vendor_id) then -- units are those of the vendor
+    shared.listed, shared.listed_for = parameters_of(view), vendor_id or false
+  end
+  return shared.listed
 end
 
 local function refusal(word)
@@ -108,7 +163,7 @@ end
 local function outcome(view)
   local item, response = view.item, view.response
   local failed, done = 0, 0
-  for _, block in ipairs(response and response.blocks or {}) do
+  for _, block in ipairs(response and response.blocks or NONE) do
     if block.error then
       failed = failed + 1
     else

@@ -6,6 +6,7 @@
 -- Not here: fields and trees (tree.lua), and the analysis itself (ds47.analysis).
 
 local analysis = require("ds47.analysis")
+local info = require("ds47_ws.info")
 local parameter = require("ds47.parameter")
 local transactions = require("ds47.transactions")
 
@@ -73,17 +74,23 @@ end
 
 -- Where the network layer begins, and the MAC addresses
 
--- MAC addresses of a frame whose network layer begins at `offset`: Ethernet, or a cooked header, which knows
--- the source only. VLAN tags have 4 bytes, so what is left of the offset tells the link type.
-local function mac_addresses(frame, offset)
+-- Source of a frame whose network layer begins at `offset`: Ethernet, or a cooked header. VLAN tags have 4
+-- bytes, so what is left of the offset tells the link type.
+local function source_mac(frame, offset)
   if offset % 4 == 2 and offset >= 14 then
-    return mac_text(sub(frame, 7, 12)), mac_text(sub(frame, 1, 6))
+    return mac_text(sub(frame, 7, 12))
   elseif offset >= 20 and byte(frame, 1) ~= 0 then
     return byte(frame, 12) == 6 and mac_text(sub(frame, 13, 18)) or nil
   elseif offset >= 16 and sub(frame, 5, 6) == "\0\6" then
     return mac_text(sub(frame, 7, 12))
   end
   return nil
+end
+
+-- Source and destination; a cooked header knows the source only.
+local function mac_addresses(frame, offset)
+  local ethernet = offset % 4 == 2 and offset >= 14
+  return source_mac(frame, offset), ethernet and mac_text(sub(frame, 1, 6)) or nil
 end
 
 -- Places of the EtherType, and where what it tells begins: Ethernet, Linux cooked, Linux cooked 2.
@@ -144,19 +151,22 @@ end
 
 -- Feeding
 
--- A whole UDP datagram at `at` (0-based, behind the IP header); nil when it is no PROFINET RPC.
+local packet = {} -- the one of the newest frame; whoever takes it does not keep it
+
+-- A whole UDP datagram at `at` (0-based, behind the IP header); false when it is no PROFINET RPC.
 local function udp_packet(frame, at, stop)
   local payload = at + 8
   if stop - payload < RPC_HEADER or byte(frame, payload + 1) ~= 4
     or sub(frame, payload + 33, payload + 40) ~= UUID_TAIL then
-    return nil
+    return false
   end
   local high, low = byte(frame, at + 5, at + 6)
   local length = high * 256 + low
   if length >= 8 and at + length < stop then
     stop = at + length
   end
-  return { payload = sub(frame, payload + 1, stop) }
+  packet.payload, packet.at, packet.stop = frame, payload, stop
+  return true
 end
 
 local function fragment(frame, at, stop, wanted, flags)
@@ -168,7 +178,7 @@ local function fragment(frame, at, stop, wanted, flags)
   }
 end
 
--- What a frame brings: a packet, or a fragment as second; nothing when it is none of our business.
+-- What a frame brings: a packet, or a fragment (then as second too); nothing when it is none of our business.
 local function dissect(frame, offset)
   local first, _, t1, t2, i1, i2, f1, f2, _, protocol = byte(frame, offset + 1, offset + 10)
   if protocol ~= UDP or first < 0x45 or first > 0x4F then
@@ -181,20 +191,18 @@ local function dissect(frame, offset)
   if at > stop or stop < offset + 20 then
     return nil
   end
-  local flags, packet, part = f1 * 256 + f2, nil, nil
-  if flags % 0x4000 == 0 then
-    packet = udp_packet(frame, at, stop)
-  else
+  local flags, part = f1 * 256 + f2, nil
+  if flags % 0x4000 ~= 0 then
     part = fragment(frame, at, stop, wanted, flags)
+  elseif not udp_packet(frame, at, stop) then
+    return nil
   end
-  local made = packet or part
-  if made then
-    made.src_ip = ip_text(sub(frame, offset + 13, offset + 16))
-    made.dst_ip = ip_text(sub(frame, offset + 17, offset + 20))
-    made.ip_id = i1 * 256 + i2
-    made.src_mac = mac_addresses(frame, offset)
-  end
-  return packet, part
+  local made = part or packet
+  made.src_ip = ip_text(sub(frame, offset + 13, offset + 16))
+  made.dst_ip = ip_text(sub(frame, offset + 17, offset + 20))
+  made.ip_id = i1 * 256 + i2
+  made.src_mac = source_mac(frame, offset)
+  return made, part
 end
 
 --- Whether a frame is to be fed: it is new. In the first of two passes a frame that a read filter drops
@@ -208,8 +216,7 @@ end
 -- @param offset where its IP header begins
 -- @param clock a function that gives its time: seconds since 1970 and nanoseconds
 function M.feed(number, frame, offset, clock)
-  local packet, part = dissect(frame, offset)
-  local made = packet or part
+  local made, part = dissect(frame, offset)
   if made == nil then
     return false
   end
@@ -217,10 +224,10 @@ function M.feed(number, frame, offset, clock)
   complete, last = nil, number
   made.frame = number
   made.time_ns = live:time_ns(clock())
-  if packet then
-    live:packet(packet)
-  else
+  if part then
     live:fragment(part)
+  else
+    live:packet(packet)
   end
   return true
 end
@@ -236,30 +243,41 @@ end
 -- Roles whose frames carry a message of which parameters are shown.
 local MESSAGES = { write_request = true, read_response = true, reread = true }
 
--- What a sentence needs of a transaction; making all of it for every frame takes longer.
-local function summary(job)
-  local message, response = job.message, job.response
-  local head = message or response or NONE
+local function whole_view(job, role)
+  local lang = current.lang
+  transactions.restore(job, current.codec) -- a Write response may come late
+  local item = transactions.build(job, lang)
   return {
-    operation = transactions.operation(job),
-    request_reference = head.request_reference,
-    axis = head.axis,
-    write_status = job.write_response and job.write_response.status,
-    read_status = job.read_response and job.read_response.status,
+    role = role, item = item, message = job.message, response = job.response, parameters = item.parameters,
+    complete = false,
   }
 end
 
-local function live_view(job, role, whole)
-  local lang = current.lang
-  local item = whole and transactions.build(job, lang) or summary(job)
-  local parameters = item.parameters
-  if parameters == nil then
-    parameters = MESSAGES[role] and transactions.parameters(job, lang) or NONE
+-- Views of which only the sentences are wanted: the same tables for every frame.
+local short_views = {}
+
+local function short_view(number, job, role)
+  local view = short_views[number]
+  if view == nil then
+    view = { item = {}, complete = false }
+    short_views[number] = view
   end
-  return {
-    role = role, item = item, message = job.message, response = job.response, parameters = parameters,
-    complete = false,
-  }
+  local item, message, response = view.item, job.message, job.response
+  local write, read, head = job.write_response, job.read_response, message or response or NONE
+  item.operation = transactions.operation(job)
+  item.request_reference, item.axis = head.request_reference, head.axis
+  item.write_status, item.read_status = write and write.status, read and read.status
+  view.role, view.message, view.response = role, message, response
+  -- Equal requests without their response say the same: what they say may stand with what they share.
+  local shared = role == "write_request" and not response and message.shared or nil
+  view.shared = shared
+  if not MESSAGES[role] or shared and info.is_known(shared, job.peer.vendor_id) then
+    view.parameters = NONE
+  else
+    view.parameters = transactions.parameters(job, current.lang)
+  end
+  view.vendor_id = job.peer.vendor_id
+  return view
 end
 
 -- Findings of an open job that are certain already, as far as they stand on the newest frame.
@@ -271,18 +289,28 @@ local function certain(findings, job)
   end
 end
 
+local some_views, some_findings = {}, {}
+
+local function emptied(list)
+  for number = #list, 1, -1 do
+    list[number] = nil
+  end
+  return list
+end
+
 --- What earlier frames and the frame that was fed last prove: views, findings.
 -- @param whole whether the tree is wanted, and not only the sentences
+-- @return two arrays, which count until this is called again
 function M.live_views(whole)
-  local touched = current:touched()
-  if #touched == 0 then
+  local touched, count = current:touched()
+  if count == 0 then
     return NONE, current:findings_at(last)
   end
-  local views, findings = {}, {}
-  for _, each in ipairs(touched) do
-    local job, role = each.job, each.role
+  local views, findings = emptied(some_views), emptied(some_findings)
+  for number = 1, count do
+    local job, role = touched[number].job, touched[number].role
     if role ~= "empty_read" then -- of which nothing but its finding is shown
-      views[#views + 1] = live_view(job, role, whole)
+      views[#views + 1] = whole and whole_view(job, role) or short_view(#views + 1, job, role)
     end
     if role ~= "read_request" and role ~= "poll" and not job.response then
       certain(findings, job)

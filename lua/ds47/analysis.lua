@@ -27,6 +27,8 @@ local transactions = require("ds47.transactions")
 
 local M = {}
 
+local NONE = {}
+
 local Analysis = {}
 Analysis.__index = Analysis
 M.Analysis = Analysis
@@ -65,8 +67,7 @@ function M.new(options)
     fragments = rpc.Fragments.new(limits.fragment_expiry_ns),
     reassembly = ip.Reassembly.new(limits),
     answers = {}, -- job -> its remarks, from the answer until the job is closed
-    finished_jobs = transactions.store(),
-    summary = {transactions = 0},
+    finished_jobs = transactions.store(lang, options.codec),
     last_frame = nil,
     last_call = nil,
     last_pdu = nil,
@@ -93,7 +94,8 @@ function Analysis:time_ns(seconds, nanoseconds)
   return (seconds - base) * 1000000000 + nanoseconds
 end
 
---- Takes one whole UDP datagram: {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac}.
+--- Takes one whole UDP datagram: {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac}, see rpc.lua.
+-- The table is not kept.
 function Analysis:packet(packet)
   self.result, self.last_call, self.last_pdu = nil, nil, nil
   self.last_frame = packet.frame
@@ -129,26 +131,48 @@ end
 
 -- What the last packet did
 
+-- What `touched` tells; the same tables each time, so that nothing is made for a frame.
+local touched = {}
+
+local function tell_touched(count, job, role)
+  local entry = touched[count]
+  if entry == nil then
+    entry = {}
+    touched[count] = entry
+  end
+  entry.job, entry.role = job, role
+end
+
 --- The jobs that the last packet touched: array of {job, role}; role is one of "write_request",
 -- "write_response", "read_request", "read_response", "poll", "reread", "empty_read".
+-- @return the array, and how many of it count; both only until this is called again
 function Analysis:touched()
-  local result = {}
-  local live = self.pairing
+  local live, count = self.pairing, 0
   for number = 1, live.touched_count do
     if live.touched_frames[number] == self.last_frame then
-      result[#result + 1] = {job = live.touched_jobs[number], role = live.touched_roles[number]}
+      count = count + 1
+      tell_touched(count, live.touched_jobs[number], live.touched_roles[number])
     end
   end
   local call = self.last_call
-  if call and call.response == nil then
-    for _, record in ipairs(self:records_of_last()) do
-      local job = not record.write and live:expected(recordcalls.peer(call.request), record)
-      if job then
-        result[#result + 1] = {job = job, role = "read_request"}
-      end
+  local context = call and call.response == nil and call.context
+  if not context then
+    return touched, count
+  end
+  local list, peer = context.records, recordcalls.peer(call.request)
+  for number = 1, #list do
+    local record = list[number]
+    local job = not record.write and self:_is_ours(peer, record) and live:expected(peer, record)
+    if job then
+      count = count + 1
+      tell_touched(count, job, "read_request")
     end
   end
-  return result
+  return touched, count
+end
+
+function Analysis:_is_ours(peer, record)
+  return self.gate:concerns(record.index) and self.gate:is_open(records.ar_key(peer, record), record.index)
 end
 
 --- The records of ours that the last packet carried, a request or a response: an array, empty for none.
@@ -160,13 +184,14 @@ function Analysis:records_of_last()
   local all = {}
   if self.last_call then
     local context = self.last_call.context
-    all = context and context.body.records or all
+    all = context and context.records or all
   elseif pdu.ptype == 2 then
     local _
     _, all = records.parse_response(pdu)
   end
+  local peer = recordcalls.peer(pdu)
   for _, record in ipairs(all) do
-    if self.gate:concerns(record.index) and self.gate:is_open(pdu.client, pdu.server, record) then
+    if self:_is_ours(peer, record) then
       found[#found + 1] = record
     end
   end
@@ -176,11 +201,12 @@ end
 --- What is certain of a job that has no answer yet: array of findings, none of them kept.
 -- An answered job has none: `findings_at` knows them.
 function Analysis:peek(job)
-  local result = {}
-  if job.phase == "closed" or self.answers[job] then
-    return result
+  local remarks = job.phase ~= "closed" and not self.answers[job] and self.judge:certain(job) or NONE
+  if #remarks == 0 then
+    return NONE
   end
-  for _, remark in ipairs(self.judge:certain(job)) do
+  local result = {}
+  for _, remark in ipairs(remarks) do
     if self.findings:wanted(remark.rule) then
       result[#result + 1] = self.findings:word(remark)
     end
@@ -253,7 +279,7 @@ function Analysis:_finish()
     devices = self.naming:devices(),
     rpc = self.calls.counts,
     records = self.records.counts,
-    summary = self.summary,
+    summary = transactions.summary(numbered),
   }
 end
 
@@ -327,9 +353,12 @@ function Analysis:closed(job)
   for number = 1, #diagnoses do
     self.findings:add(diagnoses[number])
   end
-  local transaction = transactions.build(job, self.lang)
-  transactions.summarise(self.summary, transaction)
-  self.finished_jobs:add(transaction)
+  self.finished_jobs:add(job)
+end
+
+--- A closed job is about to change: its transaction stays what it is.
+function Analysis:late(job)
+  self.finished_jobs:by_order(job.order)
 end
 
 --- A Read without record on a channel that has no request (docs/pairing.md P33).

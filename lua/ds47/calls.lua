@@ -113,7 +113,7 @@ end
 function CallTracker:_request(pdu)
   count(self, "requests")
   local activities, seq = self.activities, pdu.seq
-  local key = pdu.client .. "\0" .. pdu.activity
+  local key = pdu.conversation
   local activity = activities:get(key)
   if activity then
     activities:move_to_end(key)
@@ -137,7 +137,7 @@ function CallTracker:_request(pdu)
     calls:move_to_end(seq)
   end
   activity.newest = seq
-  call = {request = pdu}
+  call = {request = pdu, response = nil, context = nil}
   calls:set(seq, call)
   self.handlers:request(call)
 end
@@ -154,7 +154,7 @@ function CallTracker:_is_retransmission(activity, call, pdu)
 end
 
 local function activity_of(self, pdu)
-  return self.activities:get(pdu.client .. "\0" .. pdu.activity)
+  return self.activities:get(pdu.conversation)
 end
 
 function CallTracker:_response(pdu)

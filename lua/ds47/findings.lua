@@ -11,6 +11,7 @@ local floor, format = math.floor, string.format
 local M = {}
 
 local WITHOUT_REQUEST = "DS403"
+local NONE = {}
 
 local Findings = {}
 Findings.__index = Findings
@@ -211,10 +212,11 @@ end
 
 --- What is known so far of a frame: array of findings without transaction ids.
 function Findings:at(frame)
-  local result, remarks = {}, self.at_frame[frame]
+  local remarks = self.at_frame[frame]
   if remarks == nil then
-    return result
+    return NONE
   end
+  local result = {}
   for number, remark in ipairs(remarks) do
     result[number] = self:word(remark)
   end

@@ -4,6 +4,8 @@
 -- comes on it waits here until one message of that AR has the shape of the parameter channel; then all of
 -- it, in its order, goes on.
 --
+-- An AR is named by a key, which records.lua makes: controller, device, AR UUID (nil UUID for ReadImplicit).
+--
 -- An event is any table; whoever hands it in runs it (`runner:run(event)`). Where nothing has to wait no
 -- event is made at all: ask `admit` first.
 
@@ -15,12 +17,6 @@ local M = {}
 local SHARED_INDEX = 47
 local ALWAYS = {0xB02E, 0xB02F}
 M.SHARED_INDEX = SHARED_INDEX
-
---- An AR as a key: controller, device, AR UUID (nil UUID for ReadImplicit).
-local function ar_key(controller, device, ar)
-  return controller .. "\0" .. device .. "\0" .. ar
-end
-M.ar_key = ar_key
 
 local Gate = {}
 Gate.__index = Gate
@@ -62,9 +58,8 @@ function Gate:needs_proof(ar, index)
   return not self.always[index] and not self.open:get(ar)
 end
 
---- Whether what comes on this record runs now, and does not have to wait.
-function Gate:is_open(controller, device, record)
-  local ar, index = ar_key(controller, device, record.ar), record.index
+--- Whether what comes on a record of this AR and index runs now, and does not have to wait.
+function Gate:is_open(ar, index)
   return self:concerns(index) and not self:needs_proof(ar, index)
 end
 

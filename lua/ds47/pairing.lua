@@ -5,6 +5,7 @@
 -- judged: rules.lua does that when the listener is told `answered` and `closed`.
 
 local ordered = require("ds47.ordered")
+local records = require("ds47.records")
 local tables = require("ds47.tables")
 
 local M = {}
@@ -16,6 +17,7 @@ M.STATUS_IN_USE = 0xDF80B500
 --- Polls, re-reads and empty reads of one transaction that are kept, of each.
 M.MOST_READS = 4096
 
+local ar_key, channel_key = records.ar_key, records.channel_key
 local STATUS_NOT_READY, STATUS_IN_USE, MOST_READS = M.STATUS_NOT_READY, M.STATUS_IN_USE, M.MOST_READS
 local PHASES = tables.phases
 
@@ -26,29 +28,28 @@ local Job = {}
 Job.__index = Job
 M.Job = Job
 
+-- What a job has until it gets its own.
+local NONE = {}
+Job.write_fault = false
+Job.polls = NONE -- array of {request = half or nil, response = half}
+Job.rereads = NONE -- the same
+Job.empty_reads = NONE -- array of halves
+Job.reason = ""
+Job.accepted = false
+-- Further: write_response, read_request, read_response, response, previous_reference, superseded_by; and
+--   superseding: the request that displaced this one; until it is closed
+--   rival: whose request was open when this one was turned away as in conflict with another; the same
+--   repeats: frame of an earlier answer that was read once more where a new one was due
+--   ended: frame that ended the connection while the request was open
+
 local function new_job(peer, record, message, order)
   return setmetatable({
     peer = peer, -- {controller, device, vendor_id, device_id}
     record = record,
     message = message,
     phase = "asked",
-    write_response = nil,
-    write_fault = false,
-    read_request = nil,
-    read_response = nil,
-    polls = {}, -- array of {request = half or nil, response = half}
-    rereads = {}, -- the same
-    empty_reads = {}, -- array of halves
-    response = nil,
-    previous_reference = nil,
-    superseded_by = nil,
-    reason = "",
-    accepted = false,
     order = order,
-    superseding = nil, -- the request that displaced this one
-    rival = nil, -- whose request was open when this one was turned away as in conflict with another
-    repeats = nil, -- frame of an earlier answer that was read once more where a new one was due
-    ended = nil, -- frame that ended the connection while the request was open
+    channel_key = nil, write_response = nil, read_request = nil, -- named here to be given room at once
   }, Job)
 end
 
@@ -73,35 +74,9 @@ end
 
 -- Keys
 
--- Texts of the numbers in a key: Lua 5.2 prints numbers slowly, and a capture has few of them.
-local texts, text_count, MOST_TEXTS = {}, 0, 4096
-
-local function text_of(number)
-  local text = texts[number]
-  if text == nil then
-    if text_count >= MOST_TEXTS then
-      texts, text_count = {}, 0
-    end
-    text = number .. "\0"
-    texts[number], text_count = text, text_count + 1
-  end
-  return text
-end
-
-local function ar_key(peer, record)
-  return peer.controller .. "\0" .. peer.device .. "\0" .. record.ar
-end
-
--- What names a channel (docs/pairing.md P14); slot and subslot share one number.
-local function channel_key(peer, record)
-  return text_of(record.api) .. text_of(record.slot * 65536 + record.subslot) .. text_of(record.index)
-    .. record.ar .. peer.controller .. "\0" .. peer.device
-end
-
 -- What is one place of a device, whoever asks there.
 local function place_key(peer, record)
-  return text_of(record.api) .. text_of(record.slot * 65536 + record.subslot) .. text_of(record.index)
-    .. peer.device
+  return record.api .. record.spot .. peer.device
 end
 
 -- Small things
@@ -122,7 +97,12 @@ local function bytes(job)
 end
 
 -- The reads of one transaction: of more than MOST_READS the first and the newest are kept.
-local function keep(reads, read)
+local function keep(job, name, read)
+  local reads = job[name]
+  if reads == NONE then
+    reads = {}
+    job[name] = reads
+  end
   local count = #reads
   reads[count < MOST_READS and count + 1 or count] = read
 end
@@ -145,7 +125,8 @@ M.Pairing = Pairing
 --- Takes record calls in the order of the capture and keeps the jobs of every channel.
 -- @param limits    the numbers of tables.limits
 -- @param listener  told `answered(job)`, once, when a job has its response; `closed(job)`, once, when nothing
---   more can come; `nothing_to_read(record)` for a Read without record on a channel that has no request
+--   more can come; `late(job)` before a Write response changes a closed one; `nothing_to_read(record)` for a
+--   Read without record on a channel that has no request
 function M.new(limits, listener)
   return setmetatable({
     limits = limits,
@@ -396,11 +377,11 @@ local function read(self, channel, job, event, record)
   end
   job.phase = PHASES[job.phase][event]
   if event == "read_poll" then
-    keep(job.polls, {request = record.request, response = half})
+    keep(job, "polls", {request = record.request, response = half})
     touch(self, job, "poll", half)
   elseif event == "read_empty" then
     if half.status ~= nil then
-      keep(job.empty_reads, half)
+      keep(job, "empty_reads", half)
     end
     touch(self, job, "empty_read", half)
   else
@@ -427,8 +408,11 @@ end
 --- The answer to a Write: accepted (status 0), refused (any other status, or an RPC fault).
 -- @param response  the half; may be nil
 function Pairing:write_response(job, response, fault)
+  if job.phase == "closed" then
+    self.listener:late(job)
+  end
   job.write_response = response
-  job.write_fault = fault or false
+  job.write_fault = fault or nil
   if response then
     touch(self, job, "write_response", response)
   end
@@ -468,7 +452,7 @@ function Pairing:read_response(peer, record)
   local last = channel.last
   if last and bytes(last) == half.data then
     last.phase = PHASES[last.phase].reread
-    keep(last.rereads, {request = record.request, response = half})
+    keep(last, "rereads", {request = record.request, response = half})
     touch(self, last, "reread", half)
     return last
   end
@@ -500,7 +484,7 @@ end
 
 --- The AR is over with this frame: what is open on its channels stays unanswered.
 function Pairing:release(controller, device, ar, frame)
-  local of_ar = ar_key({controller = controller, device = device}, {ar = ar})
+  local of_ar = records.ar_text(controller, device, ar)
   local siblings = self.of_ar[of_ar]
   while siblings and siblings.length > 0 do
     close_channel(self, self.channels:get((siblings:first())), "release", frame)

@@ -375,6 +375,32 @@ function M.decode_request(data, options)
   return request
 end
 
+local MOST_REMEMBERED, LONGEST_REMEMBERED = 1024, 240
+
+--- `decode_request` that decodes equal requests once: a function of the data, with the options bound.
+-- Programs ask the same again and again, but for the reference. So all of a message but that is shared with
+-- its equals, and stands in its metatable (`message.shared`).
+function M.remembering(options)
+  local known, count = {}, 0
+  return function(data)
+    local reference = byte(data, 1)
+    if not reference or reference == 0 or #data > LONGEST_REMEMBERED then
+      return M.decode_request(data, options)
+    end
+    local behind = sub(data, 2)
+    local class = known[behind]
+    if class == nil then
+      class = M.decode_request(data, options)
+      class.shared, class.__index = class, class
+      if count >= MOST_REMEMBERED then
+        known, count = {}, 0
+      end
+      known[behind], count = class, count + 1
+    end
+    return setmetatable({request_reference = reference}, class)
+  end
+end
+
 -- Responses ---------------------------------------------------------------------------------------------
 
 -- Bit 7 of the response id says whether an error is inside (A.2).

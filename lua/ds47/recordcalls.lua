@@ -3,19 +3,17 @@
 -- Sits between the RPC calls (calls.lua) and the jobs (pairing.lua), and reports what is wrong with the
 -- transport of a record call (DS1xx, DS202, DS208). Decodes a message once; compares nothing.
 --
--- What happens to a record is an event: one of the methods under "Events", with up to four arguments (pdu,
--- record, context, detail). While the gate is open the method is called at once; a table is made only for an
--- event that has to wait.
+-- What happens to a record is an event: one of the methods under "Events", with up to three arguments (pdu,
+-- record, detail). While the gate is open the method is called at once; a table is made only for an event
+-- that has to wait. The record of a Write knows the job that was made of it (`record.job`).
 
-local gates = require("ds47.gate")
 local parameter = require("ds47.parameter")
 local records = require("ds47.records")
 local rpc = require("ds47.rpc")
 
 local byte = string.byte
-local ar_key = gates.ar_key
-local decode_request, decode_response = parameter.decode_request, parameter.decode_response
-local half_of, parse_request = records.half, records.parse_request
+local ar_key, half_of, parse_request = records.ar_key, records.half, records.parse_request
+local decode_response = parameter.decode_response
 local parse_halves, parse_response = records.parse_halves, records.parse_response
 
 local M = {}
@@ -36,6 +34,7 @@ M.RecordCalls = RecordCalls
 function RecordCalls.new(gate, pairing, codec, listener)
   return setmetatable({
     gate = gate, pairing = pairing, codec = codec, listener = listener, newest_ns = nil, counts = {},
+    decode_request = parameter.remembering(codec),
   }, RecordCalls)
 end
 
@@ -55,20 +54,35 @@ end
 
 -- Small things
 
--- The last peer and the object UUID that it was made of.
-local last_peer, last_object = {}, nil
+-- Peers that were told, by what tells them apart.
+local peers, peer_count, MOST_PEERS = {}, 0, 4096
+
+local function known_peer(pdu)
+  local key = pdu.client .. "\0" .. pdu.server .. "\0" .. pdu.object_uuid
+  local peer = peers[key]
+  if peer == nil then
+    local vendor_id, device_id = rpc.device_identity(pdu.object_uuid)
+    peer = {controller = pdu.client, device = pdu.server, vendor_id = vendor_id, device_id = device_id}
+    if peer_count >= MOST_PEERS then
+      peers, peer_count = {}, 0
+    end
+    peers[key], peer_count = peer, peer_count + 1
+  end
+  return peer
+end
 
 --- Who talks to whom: {controller, device, vendor_id, device_id}.
 -- The same table again while it stays the same, so nobody may change it.
 function M.peer(pdu)
-  local peer, object = last_peer, pdu.object_uuid
-  if object ~= last_object or peer.controller ~= pdu.client or peer.device ~= pdu.server then
-    local vendor_id, device_id = rpc.device_identity(object)
-    peer = {controller = pdu.client, device = pdu.server, vendor_id = vendor_id, device_id = device_id}
-    last_peer, last_object = peer, object
+  local peer = pdu.peer
+  if peer == nil then
+    peer = known_peer(pdu)
+    getmetatable(pdu).peer = peer -- the head of its conversation
   end
   return peer
 end
+
+local peer_of = M.peer
 
 local function count(self, index, write)
   local counts = self.counts[index]
@@ -81,25 +95,23 @@ local function count(self, index, write)
 end
 
 --- Runs an event, now or when a shaped message of the same AR comes; never if none does.
-function RecordCalls:_pass(method, shaped, pdu, record, context, detail)
-  local ar = ar_key(pdu.client, pdu.server, record.ar)
+function RecordCalls:_pass(method, shaped, pdu, record, detail)
+  local ar = ar_key(peer_of(pdu), record)
   if self.gate:admit(ar, record.index, shaped, self) then
-    self[method](self, pdu, record, context, detail)
+    self[method](self, pdu, record, detail)
   else
-    self.gate:hold(ar, {
-      method = method, pdu = pdu, record = record, context = context, detail = detail,
-    })
+    self.gate:hold(ar, {method = method, pdu = pdu, record = record, detail = detail})
   end
 end
 
 --- Runs an event that the gate held back.
 function RecordCalls:run(event)
-  self[event.method](self, event.pdu, event.record, event.context, event.detail)
+  self[event.method](self, event.pdu, event.record, event.detail)
 end
 
 --- A finding about a record that is ours, or will turn out to be.
 function RecordCalls:_about(pdu, record, remark)
-  self:_pass("_event_remark", false, pdu, record, nil, remark)
+  self:_pass("_event_remark", false, pdu, record, remark)
 end
 
 --- A finding about an RPC call: once, and with the first job that it carries.
@@ -108,9 +120,9 @@ function RecordCalls:_about_call(call, remark)
   if not context then
     return
   end
-  for _, record in ipairs(context.body.records) do
+  for _, record in ipairs(context.records) do
     if self.gate:concerns(record.index) then
-      self:_pass("_event_call_remark", false, call.request, record, context, remark)
+      self:_pass("_event_call_remark", false, call.request, record, remark)
       return
     end
   end
@@ -147,8 +159,7 @@ function RecordCalls:request(call)
     return
   end
   local body = parse_request(pdu)
-  local context = {body = body, jobs = {}} -- the record calls, and the jobs of its Writes by position
-  call.context = context
+  call.context = body
   local list = body.records
   if body.multiple then
     count(self, records.WRITE_MULTIPLE, true)
@@ -164,8 +175,8 @@ function RecordCalls:request(call)
     if self.gate:concerns(record.index) then
       self:_length(pdu, record, record.request)
       if record.write then
-        local message = decode_request(record.request.data, self.codec)
-        self:_pass("_event_write_request", message.shaped, pdu, record, context, message)
+        local message = self.decode_request(record.request.data)
+        self:_pass("_event_write_request", message.shaped, pdu, record, message)
       else
         self:_pass("_event_read_request", false, pdu, record)
       end
@@ -186,7 +197,7 @@ function RecordCalls:lost(call)
   end
   local args = {operation = OPERATIONS[pdu.opnum]}
   self:_about_call(call, {rule = "DS101", frame = pdu.frame, args = args})
-  for _, record in ipairs(context.body.records) do
+  for _, record in ipairs(context.records) do
     if not record.write and self.gate:concerns(record.index) then
       self:_pass("_event_read_lost", false, pdu, record)
     end
@@ -201,7 +212,7 @@ function RecordCalls:response(call)
     return
   end
   local status, halves = parse_halves(pdu)
-  local list = context.body.records
+  local list = context.records
   for number = 1, #list do
     local record = list[number]
     if self.gate:concerns(record.index) then
@@ -212,7 +223,7 @@ function RecordCalls:response(call)
         self:_about(pdu, record, {rule = "DS108", frame = pdu.frame, args = {}})
       end
       if record.write then
-        self:_pass("_event_write_answered", false, pdu, record, context)
+        self:_pass("_event_write_answered", false, pdu, record)
       else
         self:_read_answered(pdu, record, half)
       end
@@ -224,7 +235,7 @@ function RecordCalls:_read_answered(pdu, record, half)
   self:_length(pdu, record, half)
   local shaped = false
   if half.data ~= "" and half.missing == 0
-    and self.gate:needs_proof(ar_key(pdu.client, pdu.server, record.ar), record.index) then
+    and self.gate:needs_proof(ar_key(peer_of(pdu), record), record.index) then
     shaped = decode_response(half.data, nil, self.codec).shaped
   end
   self:_pass("_event_read_answered", shaped, pdu, record)
@@ -262,9 +273,9 @@ function RecordCalls:fault(call, pdu)
   if not context then
     return
   end
-  for _, record in ipairs(context.body.records) do
+  for _, record in ipairs(context.records) do
     if record.write and self.gate:concerns(record.index) then
-      self:_pass("_event_write_failed", false, pdu, record, context)
+      self:_pass("_event_write_failed", false, pdu, record)
     end
   end
 end
@@ -281,12 +292,12 @@ local function clock(self, pdu)
   self.newest_ns = now
 end
 
-function RecordCalls:_event_remark(_, _, _, remark)
+function RecordCalls:_event_remark(_, _, remark)
   self.listener:remark(remark)
 end
 
-function RecordCalls:_event_call_remark(_, record, context, remark)
-  remark.job = context.jobs[record.position]
+function RecordCalls:_event_call_remark(_, record, remark)
+  remark.job = record.job
   self.listener:remark(remark)
 end
 
@@ -294,18 +305,18 @@ function RecordCalls:_event_read_request(pdu)
   clock(self, pdu)
 end
 
-function RecordCalls:_event_write_request(pdu, record, context, message)
+function RecordCalls:_event_write_request(pdu, record, message)
   clock(self, pdu)
-  context.jobs[record.position] = self.pairing:write_request(M.peer(pdu), record, message)
+  record.job = self.pairing:write_request(peer_of(pdu), record, message)
 end
 
 function RecordCalls:_event_read_lost(pdu, record)
-  self.pairing:read_lost(M.peer(pdu), record)
+  self.pairing:read_lost(peer_of(pdu), record)
 end
 
-function RecordCalls:_event_write_answered(pdu, record, context)
+function RecordCalls:_event_write_answered(pdu, record)
   clock(self, pdu)
-  local job = context.jobs[record.position]
+  local job = record.job
   if job then
     self.pairing:write_response(job, record.response)
   end
@@ -313,11 +324,11 @@ end
 
 function RecordCalls:_event_read_answered(pdu, record)
   clock(self, pdu)
-  self.pairing:read_response(M.peer(pdu), record)
+  self.pairing:read_response(peer_of(pdu), record)
 end
 
-function RecordCalls:_event_write_failed(pdu, record, context)
-  local job = context.jobs[record.position]
+function RecordCalls:_event_write_failed(pdu, record)
+  local job = record.job
   if job then
     self.pairing:write_response(job, half_of(pdu.frame, pdu.time_ns, nil), true)
   end

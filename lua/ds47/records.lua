@@ -8,6 +8,9 @@
 -- ErrorCode first (nil where the PDU carries none).
 -- A Record is {write, implicit, ar, api, slot, subslot, index, position, request, response}; `position` is 0,
 -- or the place inside an IODWriteMultiple; `request` and `response` are halves or nil.
+--
+-- What halves and records repeat stands in their metatables (`half.missing`, `record.place`): a table with a
+-- few keys of its own is what the plugin can afford for a frame.
 
 local rpc = require("ds47.rpc")
 
@@ -25,9 +28,80 @@ local REQUEST_BLOCKS = {[rpc.READ] = 0x0009, [READ_IMPLICIT] = 0x0009, [WRITE] =
 local RESPONSE_BLOCKS = {[rpc.READ] = 0x8009, [READ_IMPLICIT] = 0x8009, [WRITE] = 0x8008}
 local RELEASE_BLOCKS = {[0x0114] = true, [0x0117] = true}
 
+local HALF = {data = "", stated = 0, missing = 0}
+HALF.__index = HALF
+
 --- A half that carries no data.
 function M.half(frame, time_ns, status)
-  return {frame = frame, time_ns = time_ns, data = "", stated = 0, missing = 0, status = status}
+  return setmetatable({frame = frame, time_ns = time_ns, status = status}, HALF)
+end
+
+-- The fields of a place are those of its records: `write` to `position`. With them stand `spot`, a text for
+-- slot, subslot and index, and the keys of its AR and its channel for the peer that spoke of it last
+-- (`ar_key`, `channel_key`), which is always the same one but for ReadImplicit.
+local places, place_count, MOST_PLACES = {}, 0, 4096
+
+local function new_place(opnum, key)
+  local a1, a2, a3, a4, s1, s2, u1, u2, _, _, i1, i2 = byte(key, 17, 28)
+  local implicit = opnum == READ_IMPLICIT
+  local place = {
+    write = opnum == WRITE, implicit = implicit, ar = implicit and NIL_UUID or sub(key, 1, 16),
+    api = ((a1 * 256 + a2) * 256 + a3) * 256 + a4, slot = s1 * 256 + s2, subslot = u1 * 256 + u2,
+    index = i1 * 256 + i2, position = 0,
+  }
+  place.spot = "\0" .. place.slot * 65536 + place.subslot .. "\0" .. place.index .. "\0"
+  place.text = place.api .. place.spot .. place.ar
+  place.place, place.__index = place, place
+  return place
+end
+
+-- The place of the block at the 0-based offset.
+local function place_at(opnum, data, offset)
+  local known = places[opnum]
+  if known == nil then
+    known = {}
+    places[opnum] = known
+  end
+  local key = sub(data, offset + 9, offset + 36)
+  local place = known[key]
+  if place == nil then
+    place = new_place(opnum, key)
+    if place_count >= MOST_PLACES then
+      places, place_count = {[opnum] = {[key] = place}}, 1
+    else
+      known[key], place_count = place, place_count + 1
+    end
+  end
+  return place
+end
+
+--- What names an AR: controller, device, AR UUID (nil UUID for ReadImplicit).
+function M.ar_text(controller, device, ar)
+  return controller .. "\0" .. device .. "\0" .. ar
+end
+
+local function know_peer(place, peer)
+  local names = peer.controller .. "\0" .. peer.device
+  place.peer, place.ar_key = peer, M.ar_text(peer.controller, peer.device, place.ar)
+  place.channel_key = place.text .. names
+end
+
+--- What names the AR of a record, between two peers: its `ar_text`.
+function M.ar_key(peer, record)
+  local place = record.place
+  if place.peer ~= peer then
+    know_peer(place, peer)
+  end
+  return place.ar_key
+end
+
+--- What names the channel of a record (docs/pairing.md P14).
+function M.channel_key(peer, record)
+  local place = record.place
+  if place.peer ~= peer then
+    know_peer(place, peer)
+  end
+  return place.channel_key
 end
 
 --- The index and the stated data length of the block at the 0-based offset.
@@ -41,46 +115,45 @@ local function head(data, offset, expected)
   return i1 * 256 + i2, ((l1 * 256 + l2) * 256 + l3) * 256 + l4
 end
 
---- The record whose block, of which `head` read the index, stands at the 0-based offset.
-local function record_at(pdu, data, offset, index, position)
-  local a1, a2, a3, a4, s1, s2, u1, u2 = byte(data, offset + 25, offset + 32)
-  local opnum = pdu.opnum
-  local implicit = opnum == READ_IMPLICIT
-  return {
-    write = opnum == WRITE, implicit = implicit,
-    ar = implicit and NIL_UUID or sub(data, offset + 9, offset + 24),
-    api = ((a1 * 256 + a2) * 256 + a3) * 256 + a4, slot = s1 * 256 + s2, subslot = u1 * 256 + u2,
-    index = index, position = position, request = nil, response = nil,
-  }
-end
-
---- Gives a record its request: what follows the block in a Write, only the wanted length in a Read.
-local function fill(record, pdu, data, start, stated)
-  local payload, missing = "", 0
-  if record.write then
-    payload = sub(data, start + 1, start + stated)
-    missing = stated - #payload
+--- The record whose block stands at the 0-based offset, with one half or the other.
+local function record_at(pdu, data, offset, position, request, response)
+  local record = setmetatable({request = request, response = response}, place_at(pdu.opnum, data, offset))
+  if position ~= 0 then
+    record.position = position
   end
-  record.request = {
-    frame = pdu.frame, time_ns = pdu.time_ns, data = payload, stated = stated, missing = missing,
-    status = nil,
-  }
   return record
 end
+
+--- The half of a request: what follows the block in a Write, only the wanted length in a Read.
+local function asked(pdu, data, start, stated)
+  local half = {frame = pdu.frame, time_ns = pdu.time_ns, stated = stated, data = nil}
+  if pdu.opnum == WRITE then
+    local payload = sub(data, start + 1, start + stated)
+    half.data = payload
+    if #payload < stated then
+      half.missing = stated - #payload
+    end
+  end
+  return setmetatable(half, HALF)
+end
+
+-- The records of one request.
+local Body = {multiple = false, nested = false}
+Body.__index = Body
 
 --- The records of a Read, Write or ReadImplicit request; what does not parse is absent.
 -- @return {records, multiple, nested}: `nested` when an IODWriteMultiple stands inside another, whose records
 --   are not opened (P18)
 function M.parse_request(pdu)
   local body, records = pdu.body, {}
-  local result = {records = records, multiple = false, nested = false}
+  local result = setmetatable({records = records}, Body)
   local expected = REQUEST_BLOCKS[pdu.opnum]
   local index, stated = head(body, 20, expected)
   if not index then
     return result
   end
   if index ~= WRITE_MULTIPLE or pdu.opnum ~= WRITE then
-    records[1] = fill(record_at(pdu, body, 20, index, 0), pdu, body, 20 + BLOCK_LENGTH, stated)
+    records[1] = record_at(pdu, body, 20, 0, asked(pdu, body, 20 + BLOCK_LENGTH, stated))
     return result
   end
   result.multiple = true
@@ -91,8 +164,8 @@ function M.parse_request(pdu)
     if index == WRITE_MULTIPLE then
       result.nested = true
     end
-    local record = record_at(pdu, inner, offset, index, position)
-    records[position] = fill(record, pdu, inner, offset + BLOCK_LENGTH, stated)
+    local half = asked(pdu, inner, offset + BLOCK_LENGTH, stated)
+    records[position] = record_at(pdu, inner, offset, position, half)
     offset = offset + BLOCK_LENGTH + stated + -stated % 4
     position = position + 1
     index, stated = head(inner, offset, expected)
@@ -114,20 +187,21 @@ end
 
 --- The response of one block. The status of a Write is its own, unless the whole call failed.
 local function answer(pdu, offset, stated, ndr_status)
-  local body, data, status = pdu.body, "", ndr_status
-  if pdu.opnum ~= WRITE then
-    data = sub(body, offset + BLOCK_LENGTH + 1, offset + BLOCK_LENGTH + stated)
-  else
-    stated = 0
+  local body = pdu.body
+  if pdu.opnum == WRITE then
+    local status = ndr_status
     if ndr_status == 0 then
       local a, b, c, d = byte(body, offset + 45, offset + 48)
       status = d and ((a * 256 + b) * 256 + c) * 256 + d
     end
+    return M.half(pdu.frame, pdu.time_ns, status)
   end
-  return {
-    frame = pdu.frame, time_ns = pdu.time_ns, data = data, stated = stated, missing = stated - #data,
-    status = status,
-  }
+  local data = sub(body, offset + BLOCK_LENGTH + 1, offset + BLOCK_LENGTH + stated)
+  local half = {frame = pdu.frame, time_ns = pdu.time_ns, data = data, stated = stated, status = ndr_status}
+  if #data < stated then
+    half.missing = stated - #data
+  end
+  return setmetatable(half, HALF)
 end
 
 --- The halves of a response, in the order of its blocks.
@@ -172,10 +246,7 @@ function M.parse_response(pdu)
     offset, position = offset + BLOCK_LENGTH, 1
   end
   for number, half in ipairs(halves) do
-    local index = head(pdu.body, offset, RESPONSE_BLOCKS[pdu.opnum])
-    local record = record_at(pdu, pdu.body, offset, index, position)
-    record.response = half
-    records[number] = record
+    records[number] = record_at(pdu, pdu.body, offset, position, nil, half)
     offset, position = offset + BLOCK_LENGTH, position + 1
   end
   return ndr_status, records

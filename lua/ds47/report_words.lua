@@ -209,6 +209,9 @@ end
 
 --- A list of values, cut where it grows long: `1, 2, 3, ... (40 values)`.
 function M.values(items, format_name, scaled)
+  if #items == 1 then
+    return M.value(items[1], format_name, scaled)
+  end
   local shown = {}
   for i = 1, math.min(#items, M.VALUES_SHOWN) do
     shown[i] = M.value(items[i], format_name, scaled)

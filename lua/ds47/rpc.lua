@@ -3,6 +3,8 @@
 -- Recognised by content (version 4 and a PNIO interface UUID), never by port. Each PDU states its own byte
 -- order; what leaves this file is normalised, so that a request and its answer compare equal.
 -- Which response belongs to which request is decided in calls.lua.
+-- Other than in Python, what the header of a conversation repeats is read once (`heads`): every frame of ours
+-- passes here while Wireshark reads a file, and making things is what costs time in Lua.
 
 local ordered = require("ds47.ordered")
 local tables = require("ds47.tables")
@@ -37,53 +39,93 @@ local function swapped(data, at)
   return char(d, c, b, a, f, e, h, g) .. sub(data, at + 8, at + 15)
 end
 
---- The PDU in a UDP packet; nil where it is not PNIO RPC or its header is cut off.
---
--- `body` is what follows the 80-byte header, `missing` the bytes of it that the capture cut off. UUIDs are in
--- network order whatever the PDU used; `little` tells the order of the NDR header.
--- @param packet {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac}: a whole UDP payload
-function M.parse(packet)
-  local data = packet.payload
-  local version, ptype, flags, _, order = byte(data, 1, 5)
-  if version ~= 4 or #data < 80 then
-    return nil
-  end
+-- What all PDUs of one kind have in common, by the first 64 bytes of their header: a conversation repeats
+-- them, so they are read once. A head is the metatable of its PDUs. A capture made to have many must not fill
+-- memory.
+local heads, head_count, MOST_HEADS = {}, 0, 4096
+local COMMON = 64
+
+-- The head for a header and the addresses of a packet; nil where it is not PNIO RPC.
+local function new_head(header, packet)
+  local _, ptype, flags, _, order = byte(header, 1, 5)
   ptype = ptype % 32
-  if ptype > MOST_PTYPE then
+  local little, interface = order % 32 >= 16, sub(header, 25, 40)
+  if ptype > MOST_PTYPE or not (little and LITTLE_INTERFACES or BIG_INTERFACES)[interface] then
     return nil
   end
-  local little = order % 32 >= 16
-  local interface = sub(data, 25, 40)
-  local s1, s2, s3, s4, o1, o2, _, _, _, _, l1, l2, f1, f2 = byte(data, 65, 78)
-  local object, activity, seq, opnum, length, fragment
-  if little then
-    if not LITTLE_INTERFACES[interface] then
-      return nil
-    end
-    object, activity = swapped(data, 9), swapped(data, 41)
-    seq = ((s4 * 256 + s3) * 256 + s2) * 256 + s1
-    opnum, length, fragment = o2 * 256 + o1, l2 * 256 + l1, f2 * 256 + f1
-  else
-    if not BIG_INTERFACES[interface] then
-      return nil
-    end
-    object, activity = sub(data, 9, 24), sub(data, 41, 56)
-    seq = ((s1 * 256 + s2) * 256 + s3) * 256 + s4
-    opnum, length, fragment = o1 * 256 + o2, l1 * 256 + l2, f1 * 256 + f2
-  end
-  local body = sub(data, 81, 80 + length)
   local source, destination = packet.src_ip, packet.dst_ip
   local client, server = source, destination
   if not FROM_CLIENT[ptype] then
     client, server = destination, source
   end
-  return {
-    ptype = ptype, little = little, object_uuid = object, activity = activity, seq = seq, opnum = opnum,
-    fragment = fragment, last = flags % 4 >= 2, fragmented = flags % 8 >= 4,
-    body = body, missing = length - #body, frame = packet.frame, time_ns = packet.time_ns,
+  local activity = little and swapped(header, 41) or sub(header, 41, 56)
+  local head = {
+    ptype = ptype, little = little, last = flags % 4 >= 2, fragmented = flags % 8 >= 4,
+    object_uuid = little and swapped(header, 9) or sub(header, 9, 24), activity = activity,
     source = source, destination = destination, client = client, server = server,
-    ip_id = packet.ip_id, source_mac = packet.src_mac,
+    source_mac = packet.src_mac, conversation = client .. "\0" .. activity,
+    fragment = 0, missing = 0, -- of most PDUs; the others have their own
   }
+  head.__index = head
+  return head
+end
+
+local function remember(header, packet)
+  local head = new_head(header, packet)
+  if head and heads[header] == nil then
+    if head_count >= MOST_HEADS then
+      heads, head_count = {}, 0
+    end
+    head_count = head_count + 1
+  end
+  heads[header] = head
+  return head
+end
+
+--- The PDU in a UDP packet; nil where it is not PNIO RPC or its header is cut off.
+--
+-- `body` is what follows the 80-byte header, `missing` the bytes of it that the capture cut off. UUIDs are in
+-- network order whatever the PDU used; `little` tells the order of the NDR header; `conversation` names
+-- client and activity. What a conversation repeats stands in the metatable of the PDU.
+-- @param packet {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac}: a whole UDP payload. Where
+--   `payload` is more than that, `at` and `stop` are the 0-based offsets of its beginning and its end. It is
+--   not kept.
+function M.parse(packet)
+  local data, at = packet.payload, packet.at or 0
+  local stop = packet.stop or #data
+  if stop - at < M.HEADER_LENGTH or byte(data, at + 1) ~= 4 then
+    return nil
+  end
+  local header = sub(data, at + 1, at + COMMON)
+  local head = heads[header]
+  if not head or head.source ~= packet.src_ip or head.destination ~= packet.dst_ip
+    or head.source_mac ~= packet.src_mac then
+    head = remember(header, packet)
+    if not head then
+      return nil
+    end
+  end
+  local s1, s2, s3, s4, o1, o2, _, _, _, _, l1, l2, f1, f2 = byte(data, at + 65, at + 78)
+  local seq, opnum, length, fragment
+  if head.little then
+    seq = ((s4 * 256 + s3) * 256 + s2) * 256 + s1
+    opnum, length, fragment = o2 * 256 + o1, l2 * 256 + l1, f2 * 256 + f1
+  else
+    seq = ((s1 * 256 + s2) * 256 + s3) * 256 + s4
+    opnum, length, fragment = o1 * 256 + o2, l1 * 256 + l2, f1 * 256 + f2
+  end
+  local stated = at + 80 + length
+  local pdu = setmetatable({
+    seq = seq, opnum = opnum, body = sub(data, at + 81, stated < stop and stated or stop),
+    frame = packet.frame, time_ns = packet.time_ns, ip_id = packet.ip_id,
+  }, head)
+  if stated > stop then
+    pdu.missing = stated - stop
+  end
+  if fragment ~= 0 then
+    pdu.fragment = fragment
+  end
+  return pdu
 end
 
 --- Vendor id and device id out of an RPC object UUID (docs/protocol.md E.2); nil for a foreign one.
@@ -142,7 +184,7 @@ local function join(partial, newest)
     bodies[number + 1] = parts[number].body
     missing = missing + parts[number].missing
   end
-  local whole = {}
+  local whole = setmetatable({}, getmetatable(parts[0]))
   for name, value in pairs(parts[0]) do -- the fragment itself is still needed to know its copies
     whole[name] = value
   end

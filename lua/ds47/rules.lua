@@ -12,7 +12,7 @@ local spec = require("ds47.spec")
 local status = require("ds47.status")
 local tables = require("ds47.tables")
 
-local floor, format, max, sub = math.floor, string.format, math.max, string.sub
+local char, floor, format, max, sub = string.char, math.floor, string.format, math.max, string.sub
 
 local M = {}
 
@@ -23,6 +23,7 @@ M.NOT_SUPPORTED = 0x80
 
 local PNU_ACCESS_IDENTIFICATION, NOT_SUPPORTED = M.PNU_ACCESS_IDENTIFICATION, M.NOT_SUPPORTED
 local VALUE = 0x10 -- attribute (docs/protocol.md A.4)
+local NONE = {} -- no remarks; most jobs have none
 local SUBINDICES = 131072 -- more than a subindex and the elements behind it can be
 
 --- A remark. `args` may be nil; `offset` is the 0-based byte of the message, nil where there is none.
@@ -68,10 +69,10 @@ function M.drive_time_ns(job)
   if write == nil or read == nil then
     return nil
   end
-  local first = job.read_request
-  for _, poll in ipairs(job.polls) do
-    if poll.request then
-      first = poll.request
+  local first, polls = job.read_request, job.polls
+  for number = 1, #polls do
+    if polls[number].request then
+      first = polls[number].request
       break
     end
   end
@@ -92,16 +93,16 @@ local function ms(nanoseconds)
 end
 
 local function put_flaws(remarks, flaws, frame)
-  for _, flaw in ipairs(flaws) do
+  for number = 1, #flaws do
+    local flaw = flaws[number]
     put(remarks, flaw.rule, frame, flaw.args, flaw.offset)
   end
 end
 
 -- Where a parameter lives: a channel of a device and the axis, whoever asks.
 local function place_of(job)
-  local record, axis = job.record, job.message.axis
-  return job.peer.device .. "\0" .. record.slot * 65536 + record.subslot .. "\0"
-    .. record.index * 512 + (axis or 256)
+  local axis = job.message.axis
+  return job.peer.device .. job.record.spot .. (axis and char(axis) or "")
 end
 
 -- The number of elements and the bytes of each, for a block whose elements can be told apart; nil for errors,
@@ -142,6 +143,7 @@ function M.new(limits, slow_ns, lang)
     written = ordered.new(), -- the same entries in the order of writing
     longest = {}, -- device -> longest message it takes
     longest_count = 0,
+    blank = {}, -- where the remarks of the next job go; made anew only when it had some
   }, Judge)
 end
 
@@ -152,7 +154,13 @@ function Judge:copied(known)
   known[self.longest] = self.longest
 end
 
-local function owned(remarks, job)
+-- The remarks in `blank`, as those of the job.
+local function owned(self, job)
+  local remarks = self.blank
+  if #remarks == 0 then
+    return NONE
+  end
+  self.blank = {}
   for _, remark in ipairs(remarks) do
     remark.job = job
   end
@@ -162,21 +170,21 @@ end
 --- What its response, and the values in it, say of a job: an array of remarks.
 -- To be called in the order of the capture.
 function Judge:answered(job)
-  local remarks = {}
+  local remarks, stray = self.blank, is_mismatch(job)
   self:_request(remarks, job)
   self:_reads(remarks, job)
-  self:_response(remarks, job)
+  self:_response(remarks, job, stray)
   self:_time(remarks, job)
-  if not is_mismatch(job) then
+  if not stray then
     self:_read_back(remarks, job)
     self:_learn_limit(job)
   end
-  return owned(remarks, job)
+  return owned(self, job)
 end
 
 --- What is to be said of a job that is closed without a response: an array of remarks.
 function Judge:unanswered(job)
-  local remarks = {}
+  local remarks = self.blank
   self:_request(remarks, job)
   self:_reads(remarks, job)
   local write = job:write_request()
@@ -191,16 +199,16 @@ function Judge:unanswered(job)
       put(remarks, change and "DS402" or "DS401", write.frame, {reason = job.reason})
     end
   end
-  return owned(remarks, job)
+  return owned(self, job)
 end
 
 --- What is certain of a job that still waits: an array of remarks.
 function Judge:certain(job)
-  local remarks = {}
+  local remarks = self.blank
   self:_request(remarks, job)
   self:_reads(remarks, job)
   remarks[#remarks + 1] = self:closed(job)
-  return owned(remarks, job)
+  return owned(self, job)
 end
 
 --- What its Write response says of a job: a remark or nil. It may come after the Read.
@@ -234,8 +242,9 @@ function Judge:_reads(remarks, job)
   if half and half.status and half.status ~= 0 then
     put(remarks, "DS201", half.frame, self:_status_args(half.status))
   end
-  for _, empty in ipairs(job.empty_reads) do
-    put(remarks, "DS207", empty.frame)
+  local empty_reads = job.empty_reads
+  for number = 1, #empty_reads do
+    put(remarks, "DS207", empty_reads[number].frame)
   end
 end
 
@@ -243,7 +252,7 @@ function Judge:_status_args(code)
   return {status = status.status_hex(code), text = status.status_text(code, self.lang)}
 end
 
-function Judge:_response(remarks, job)
+function Judge:_response(remarks, job, stray)
   local half, response = job.read_response, job.response
   if half == nil or response == nil then
     return
@@ -254,7 +263,7 @@ function Judge:_response(remarks, job)
   else
     self:_mirror(remarks, half.frame, job)
   end
-  self:_blocks(remarks, half.frame, job)
+  self:_blocks(remarks, half.frame, job, stray)
 end
 
 local function put_if_other(remarks, rule, frame, sent, got)
@@ -292,11 +301,12 @@ local function element_count(remarks, frame, block, address)
   put(remarks, got < asked and "DS408" or "DS409", frame, args, block.offset)
 end
 
-function Judge:_blocks(remarks, frame, job)
-  local request = job.message
-  local addresses = request and not is_mismatch(job) and request.addresses
+function Judge:_blocks(remarks, frame, job, stray)
+  local request, blocks = job.message, job.response.blocks
+  local addresses = request and not stray and request.addresses
   local counted = addresses and request.operation == "read"
-  for number, block in ipairs(job.response.blocks) do
+  for number = 1, #blocks do
+    local block = blocks[number]
     local address = addresses and addresses[number] or nil
     if block.error ~= nil then
       put(remarks, "DS410", frame, self:_error_args(job, block, address), block.offset)
@@ -349,7 +359,7 @@ function Judge:_read_back(remarks, job)
     self:_remember(place_of(job), request, response.blocks)
   elseif request.operation == "read" and self.written.length > 0 then
     local place = self.places[place_of(job)]
-    for number, block in ipairs(place and response.blocks or {}) do
+    for number, block in ipairs(place and response.blocks or NONE) do
       local address = request.addresses[number]
       if address == nil then
         return
@@ -361,9 +371,10 @@ end
 
 function Judge:_compare(remarks, frame, place, address, block)
   local count, size = elements(address, block)
+  local first = address.pnu * SUBINDICES
   for number = 0, (count or 0) - 1 do
     local subindex = address.subindex + number
-    local entry = place[address.pnu * SUBINDICES + subindex]
+    local entry = place[first + subindex]
     local raw = entry and sub(block.raw, number * size + 1, (number + 1) * size)
     if entry and #entry.raw == size and entry.raw ~= raw then
       self:_drop(entry)
@@ -447,8 +458,9 @@ function Judge:_learn_limit(job)
   if request == nil or response == nil or request.operation ~= "read" then
     return
   end
-  for number, block in ipairs(response.blocks) do
-    local address = request.addresses[number]
+  local addresses, blocks = request.addresses, response.blocks
+  for number = 1, #blocks do
+    local address, block = addresses[number], blocks[number]
     if address == nil then
       return
     end

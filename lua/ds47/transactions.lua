@@ -3,6 +3,7 @@
 -- States and parameters follow docs/pairing.md; findings are rules.lua's business. The keys of a transaction
 -- are those of python/ds47/model.py, and `order`, by which its job is known while the capture goes on.
 
+local parameter = require("ds47.parameter")
 local rules = require("ds47.rules")
 local spec = require("ds47.spec")
 local tables = require("ds47.tables")
@@ -105,40 +106,59 @@ end
 
 -- Parameters
 
--- One parameter: `value` is the block with the values, `answer` the one that may hold an error; either may
--- be nil.
-local function parameter(job, lang, address, value, answer)
-  local known = address and tables.parameters[address.pnu]
-  if known and known.family ~= "profile" and job.peer.vendor_id ~= SIEMENS then
+local NONE = {}
+
+-- What a parameter has until it gets its own, where no request names it.
+local NAMELESS = {values = NONE}
+NAMELESS.__index = NAMELESS
+
+-- What is known of a parameter from its address alone. Stands with the address, which equal requests share;
+-- the parameters of transactions have it as their metatable (`parameter.class`).
+local function class_of(address, lang, siemens)
+  local class = address.class
+  if class and class.lang == lang and class.siemens == siemens then
+    return class
+  end
+  local known = tables.parameters[address.pnu]
+  if known and known.family ~= "profile" and not siemens then
     known = nil
   end
-  local result = {
-    pnu = address and address.pnu,
-    subindex = address and address.subindex,
-    attribute = address and address.attribute_name,
-    element_count = address and address.element_count,
-    name = nil, unit = known and known.unit or nil,
-    format = nil, value_count = nil, values = {}, scaled = nil, error = nil,
+  class = {
+    pnu = address.pnu, subindex = address.subindex, attribute = address.attribute_name,
+    element_count = address.element_count, name = nil, unit = known and known.unit or nil, values = NONE,
+    lang = lang, siemens = siemens,
   }
   if known then
     local zh = known.name_zh
-    result.name = lang == "zh" and zh and zh ~= "" and zh or known.name_en
+    class.name = lang == "zh" and zh and zh ~= "" and zh or known.name_en
   end
+  class.class, class.__index = class, class
+  address.class = class
+  return class
+end
+
+-- One parameter: `value` is the block with the values, `answer` the one that may hold an error; either may
+-- be nil.
+local function shown(job, lang, address, value, answer)
+  local result
   if value and value.error == nil then
-    result.format, result.value_count = value.format_name, value.value_count
-    result.values, result.scaled = value.values, value.scaled
+    result = {
+      format = value.format_name, value_count = value.value_count, values = value.values,
+      scaled = value.scaled,
+    }
+  else
+    result = {}
   end
   if answer and answer.error ~= nil then
     local code, info = answer.error.code, answer.error.info
     local text = code == nil and "" or spec.error_text(code, lang, job.peer.vendor_id)
     result.error = {code = code, text = text, info = info}
   end
-  return result
+  return setmetatable(result, address and class_of(address, lang, job.peer.vendor_id == SIEMENS) or NAMELESS)
 end
 
-local NONE = {}
-
---- The parameters of a job as a report shows them (docs/pairing.md P37, P43).
+--- The parameters of a job as a report shows them (docs/pairing.md P37, P43): an array of {pnu, subindex,
+-- attribute, element_count, name, unit, format, value_count, values, scaled, error}.
 function M.parameters(job, lang)
   local request = job.message
   local blocks = job.response and job.response.blocks or NONE
@@ -150,14 +170,14 @@ function M.parameters(job, lang)
   local result = {}
   if request == nil or (stray and not refused(job)) then
     for number, block in ipairs(blocks) do
-      result[number] = parameter(job, lang, nil, block, block)
+      result[number] = shown(job, lang, nil, block, block)
     end
     return result
   end
   local answers = stray and NONE or blocks
   local values = change and request.blocks or answers
   for number, address in ipairs(request.addresses) do
-    result[number] = parameter(job, lang, address, values[number], answers[number])
+    result[number] = shown(job, lang, address, values[number], answers[number])
   end
   return result
 end
@@ -165,6 +185,9 @@ end
 -- Frames
 
 local function pairs_of_frames(reads)
+  if #reads == 0 then
+    return NONE
+  end
   local result = {}
   for number, read in ipairs(reads) do
     result[number] = {request = read.request and read.request.frame, response = read.response.frame}
@@ -203,6 +226,14 @@ function M.first_frame(frames)
     end
   end
   return first < math.huge and first or 0
+end
+
+--- Gives a job that was closed its response again: see `Store:add`.
+function M.restore(job, codec)
+  local read = job.read_response
+  if job.phase == "closed" and job.response == nil and read ~= nil and read.data ~= "" then
+    job.response = parameter.decode_response(read.data, job.message, codec)
+  end
 end
 
 --- The transaction of a closed job; error texts in "en" or "zh".
@@ -245,42 +276,68 @@ function M.build(job, lang)
   }
 end
 
---- Counts a transaction: in all, by state and by operation.
-function M.summarise(summary, transaction)
-  summary.transactions = summary.transactions + 1
-  summary[transaction.state] = (summary[transaction.state] or 0) + 1
-  summary[transaction.operation] = (summary[transaction.operation] or 0) + 1
+--- Counts transactions: in all, by state and by operation.
+function M.summary(all)
+  local summary = {transactions = #all}
+  for _, transaction in ipairs(all) do
+    local state, operation = transaction.state, transaction.operation
+    summary[state] = (summary[state] or 0) + 1
+    summary[operation] = (summary[operation] or 0) + 1
+  end
+  return summary
 end
 
 -- All finished transactions of an analysis
+--
+-- A job is kept as it was closed, without its decoded response, and becomes a transaction when somebody asks:
+-- mostly nobody does while a file is read, and a transaction is three times as large.
 
 local Store = {}
 Store.__index = Store
 M.Store = Store
 
---- An empty store. `all` is the array of its transactions, in the order in which they were finished.
-function M.store()
-  return setmetatable({all = {}, places = {}, below = nil}, Store)
+--- An empty store for closed jobs; language and dialects as those of the analysis.
+function M.store(lang, codec)
+  return setmetatable({
+    lang = lang, codec = codec,
+    all = {}, -- transactions, or jobs of which nobody asked yet, in the order in which they were finished
+    places = {}, -- order of a job -> place in `all`
+    below = nil,
+  }, Store)
 end
 
 --- A store that begins with what this one holds; what is added to it stays its own.
 function Store:on_top()
-  local store = M.store()
+  local store = M.store(self.lang, self.codec)
   store.below = self
   return store
 end
 
-function Store:add(transaction)
+--- Takes a job that was just closed. Its `response` is decoded anew when it is needed.
+function Store:add(job)
   local place = #self.all + 1
-  self.all[place] = transaction
-  self.places[transaction.order] = place
+  self.all[place] = job
+  self.places[job.order] = place
+  job.response = nil
+end
+
+local function transaction_at(self, place)
+  local found = self.all[place]
+  if found.phase then -- still a job
+    M.restore(found, self.codec)
+    local job = found
+    found = M.build(job, self.lang)
+    job.response = nil
+    self.all[place] = found
+  end
+  return found
 end
 
 --- The transaction of a job, by the order in which the jobs began; nil where it is not finished.
 function Store:by_order(order)
   local place = self.places[order]
   if place then
-    return self.all[place]
+    return transaction_at(self, place)
   end
   return self.below and self.below:by_order(order)
 end
@@ -302,7 +359,8 @@ end
 function Store:numbered()
   local all, firsts, finished = {}, {}, {}
   for _, store in ipairs({self.below or NONE, self}) do
-    for _, transaction in ipairs(store.all or NONE) do
+    for place = 1, #(store.all or NONE) do
+      local transaction = transaction_at(store, place)
       all[#all + 1] = transaction
       firsts[transaction], finished[transaction] = M.first_frame(transaction.frames), #all
     end

@@ -174,7 +174,9 @@ local ROLES = {
 
 -- What is told of one step must be true in the end.
 local function look(run, frame, seen)
-  for _, touched in ipairs(run:touched()) do
+  local list, count = run:touched()
+  for number = 1, count do
+    local touched = list[number]
     seen.touched[#seen.touched + 1] = {order = touched.job.order, role = touched.role, frame = frame}
     run:peek(touched.job)
     local finished = run:finished(touched.job.order)

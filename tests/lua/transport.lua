@@ -582,8 +582,8 @@ local function test_gate_indices()
   local door = door_of({[47] = true})
   door:send("now")
   check("named by the user", door:told(), "now")
-  check("open", door.gate:is_open("a", "b", {index = 47, ar = AR}), true)
-  check("not ours", door.gate:is_open("a", "b", {index = 48, ar = AR}), false)
+  check("open", door.gate:is_open("AR", 47), true)
+  check("not ours", door.gate:is_open("AR", 48), false)
 end
 
 local function test_gate_waiting()
