@@ -31,19 +31,22 @@ local newest_station -- number of the newest frame of those
 local told -- MAC address and kind -> what was told last
 
 -- Texts of addresses, by their bytes: a capture has few of them.
-local ip_texts, mac_texts, text_count = {}, {}, 0
+local address_pairs, mac_texts, text_count = {}, {}, 0
 
 local function remember(texts, raw, text)
   if text_count >= MOST_TEXTS then
-    ip_texts, mac_texts, text_count = {}, {}, 0
+    address_pairs, mac_texts, text_count = {}, {}, 0
   else
     texts[raw], text_count = text, text_count + 1
   end
   return text
 end
 
-local function ip_text(raw)
-  return ip_texts[raw] or remember(ip_texts, raw, format("%d.%d.%d.%d", byte(raw, 1, 4)))
+-- Source and destination address of an IP header: an array of two texts.
+local function remember_pair(raw)
+  local a, b, c, d, e, f, g, h = byte(raw, 1, 8)
+  local texts = { format("%d.%d.%d.%d", a, b, c, d), format("%d.%d.%d.%d", e, f, g, h) }
+  return remember(address_pairs, raw, texts)
 end
 
 local function mac_text(raw)
@@ -198,8 +201,9 @@ local function dissect(frame, offset)
     return nil
   end
   local made = part or packet
-  made.src_ip = ip_text(sub(frame, offset + 13, offset + 16))
-  made.dst_ip = ip_text(sub(frame, offset + 17, offset + 20))
+  local addresses = sub(frame, offset + 13, offset + 20)
+  local texts = address_pairs[addresses] or remember_pair(addresses)
+  made.src_ip, made.dst_ip = texts[1], texts[2]
   made.ip_id = i1 * 256 + i2
   made.src_mac = source_mac(frame, offset)
   return made, part
@@ -264,7 +268,7 @@ local function short_view(number, job, role)
   end
   local item, message, response = view.item, job.message, job.response
   local write, read, head = job.write_response, job.read_response, message or response or NONE
-  item.operation = transactions.operation(job)
+  item.operation = message and message.operation or transactions.operation(job)
   item.request_reference, item.axis = head.request_reference, head.axis
   item.write_status, item.read_status = write and write.status, read and read.status
   view.role, view.message, view.response = role, message, response
@@ -282,9 +286,10 @@ end
 
 -- Findings of an open job that are certain already, as far as they stand on the newest frame.
 local function certain(findings, job)
-  for _, finding in ipairs(current:peek(job)) do
-    if finding.frame == last then
-      findings[#findings + 1] = finding
+  local known = current:peek(job)
+  for number = 1, #known do
+    if known[number].frame == last then
+      findings[#findings + 1] = known[number]
     end
   end
 end
@@ -312,12 +317,13 @@ function M.live_views(whole)
     if role ~= "empty_read" then -- of which nothing but its finding is shown
       views[#views + 1] = whole and whole_view(job, role) or short_view(#views + 1, job, role)
     end
-    if role ~= "read_request" and role ~= "poll" and not job.response then
+    if not job.response and role ~= "read_request" and role ~= "poll" then
       certain(findings, job)
     end
   end
-  for _, finding in ipairs(current:findings_at(last)) do
-    findings[#findings + 1] = finding
+  local there = current:findings_at(last)
+  for number = 1, #there do
+    findings[#findings + 1] = there[number]
   end
   return views, findings
 end

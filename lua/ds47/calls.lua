@@ -23,7 +23,11 @@ M.CallTracker = CallTracker
 --   retransmission(call, pdu), fault(call, pdu), lost(call); each is called at most once for one event
 function CallTracker.new(limits, handlers)
   return setmetatable({
-    limits = limits, handlers = handlers, activities = ordered.new(), datagrams = ordered.new(),
+    limits = limits, handlers = handlers, activities = ordered.new(),
+    datagrams = {}, datagram_count = 0, -- the newest ones by a key (`find_datagram`)
+    -- Their keys in the order in which they came, from `first` to `last`. A key that came again stands there
+    -- twice: `pdu.place` tells which is the right one.
+    keys = {}, first = 1, last = 0,
     long_keys = 0, -- how many keys of `datagrams` are texts
     counts = {
       requests = 0, responses = 0, faults = 0, rejects = 0, pings = 0, working = 0, others = 0,
@@ -42,7 +46,7 @@ end
 local function find_datagram(self, pdu)
   local datagrams, seq = self.datagrams, pdu.seq
   local key = ((seq % 65536 * 65536 + pdu.ip_id) * 65536 + pdu.fragment) * 16 + pdu.ptype
-  local before = datagrams:get(key)
+  local before = datagrams[key]
   if before and same_datagram(before, pdu) then
     return key, before
   end
@@ -51,16 +55,47 @@ local function find_datagram(self, pdu)
   end
   local long = ("%.0f"):format(key) .. pdu.activity .. seq .. "\0" .. pdu.source .. "\0" .. pdu.destination
     .. "\0" .. pdu.body
-  local other = datagrams:get(long)
+  local other = datagrams[long]
   if before or other then
     key = long
   end
   return key, other
 end
 
+local PASSED = 1024 -- keys that are passed before the others move to the front of their array
+
+local function forget_oldest(self)
+  local datagrams, keys = self.datagrams, self.keys
+  local first = self.first
+  local key = keys[first]
+  while datagrams[key].place ~= first do
+    first = first + 1
+    key = keys[first]
+  end
+  datagrams[key] = nil
+  self.datagram_count = self.datagram_count - 1
+  if type(key) == "string" then
+    self.long_keys = self.long_keys - 1
+  end
+  self.first = first + 1
+  if first < PASSED then
+    return
+  end
+  for place = first + 1, self.last do
+    local moved = keys[place]
+    keys[place - first] = moved
+    if datagrams[moved].place == place then
+      datagrams[moved].place = place - first
+    end
+  end
+  for place = self.last - first + 1, self.last do
+    keys[place] = nil
+  end
+  self.first, self.last = 1, self.last - first
+end
+
 --- Whether the same datagram with the same IP id was here within the copy window (P6).
 function CallTracker:is_copy(pdu)
-  local datagrams = self.datagrams
   local key, before = find_datagram(self, pdu)
   if before then
     local passed, window = pdu.time_ns - before.time_ns, self.limits.copy_ns
@@ -68,16 +103,17 @@ function CallTracker:is_copy(pdu)
       self.counts.copies = self.counts.copies + 1
       return true
     end
-    datagrams:move_to_end(key)
-  elseif type(key) == "string" then
-    self.long_keys = self.long_keys + 1
-  end
-  datagrams:set(key, pdu)
-  if datagrams.length > self.limits.datagrams then
-    local oldest = datagrams:pop_first()
-    if type(oldest) == "string" then
-      self.long_keys = self.long_keys - 1
+  else
+    self.datagram_count = self.datagram_count + 1
+    if type(key) == "string" then
+      self.long_keys = self.long_keys + 1
     end
+  end
+  local last = self.last + 1
+  pdu.place, self.last = last, last
+  self.keys[last], self.datagrams[key] = key, pdu
+  if self.datagram_count > self.limits.datagrams then
+    forget_oldest(self)
   end
   return false
 end

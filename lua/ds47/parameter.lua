@@ -38,11 +38,16 @@ end
 
 -- Dialects ----------------------------------------------------------------------------------------------
 
--- How a format byte is read: {meaning = code whose meaning it has if that is another one, codec, name}.
+-- How a format byte is read: {meaning = code whose meaning it has if that is another one, codec, class}. The
+-- class is the metatable of its blocks, with what they have in common.
 local function choice(code, meaning, size)
-  local row = tables.formats[meaning or code]
-  local name = row and row.name or format("0x%02X", code)
-  return {meaning = meaning, codec = formats.codec(meaning or code, size), name = name}
+  local row, codec = tables.formats[meaning or code], formats.codec(meaning or code, size)
+  local class = {
+    format = code, meaning = meaning, format_name = row and row.name or format("0x%02X", code), pad = "",
+    float = codec and codec.float, scaled_float = codec and codec.scaled_float,
+  }
+  class.__index = class
+  return {meaning = meaning, codec = codec, class = class}
 end
 
 -- Format bytes that are found with another size too, or with the meaning of profile V3 (A.6).
@@ -160,7 +165,8 @@ local function choose_size(body, code, at, usual, other)
 end
 
 local function choice_for(body, code, at)
-  local usual, other = body.dialect.usual[code], body.dialect.other[code]
+  local dialect = body.dialect
+  local usual, other = dialect.usual[code], dialect.other[code]
   if not other then return usual end
   body.chosen = body.chosen or {}
   local found = body.chosen[code]
@@ -211,10 +217,9 @@ end
 local function unknown_block(body, start, code, count, found)
   local data = body.data
   flaw(body.flaws, "DS309", start, {format = format("0x%02X", code)})
-  body.blocks[#body.blocks + 1] = {
-    format = code, value_count = count, values = {}, raw = "", offset = start, pad = "",
-    meaning = found.meaning, format_name = found.name,
-  }
+  body.blocks[#body.blocks + 1] = setmetatable({
+    value_count = count, values = {}, raw = "", offset = start,
+  }, found.class)
   body.rest, body.offset = sub(data, start + 3), body.size
 end
 
@@ -234,14 +239,11 @@ local function block_at(body)
     unknown_block(body, start, code, count, found)
     return false
   end
-  local raw, whole = take(body, start, count * codec.size)
-  local there = whole and count or floor(#raw / codec.size)
-  local values = codec.decode(raw, there, codec.size)
-  local block = {
-    format = code, value_count = count, values = values,
-    scaled = codec.scale and codec.scale(values, raw, codec), raw = raw, offset = start, pad = "",
-    meaning = found.meaning, format_name = found.name, float = codec.float, scaled_float = codec.scaled_float,
-  }
+  local size = codec.size
+  local raw, whole = take(body, start, count * size)
+  local values = codec.decode(raw, whole and count or floor(#raw / size), size)
+  local block = setmetatable({value_count = count, values = values, raw = raw, offset = start}, found.class)
+  if codec.scale then block.scaled = codec.scale(values, raw, codec) end
   body.blocks[#body.blocks + 1] = block
   if not whole then return false end
   if #raw % 2 == 1 then pad_of(body, block) end
@@ -341,16 +343,22 @@ local function value_counts(request)
   end
 end
 
+local the_body = {} -- of the message that is being decoded: there is only one at a time
+
+local function decode_blocks(message, data, offset, kind, vendor, options)
+  local body = the_body
+  body.data, body.size, body.offset, body.count = data, #data, offset, message.parameter_count
+  body.vendor, body.dialect, body.chosen, body.rest = vendor, dialect_of(options), nil, ""
+  body.flaws, body.blocks = message.flaws, message.blocks
+  decode_body(body, kind)
+  if body.rest ~= "" then message.rest = body.rest end
+end
+
 local function request_body(request, data, known, options)
   local vendor = known ~= nil and known.vendor
   local offset = decode_addresses(request, data, not vendor)
   if #request.addresses < request.parameter_count then return end
-  local body = {
-    data = data, size = #data, offset = offset, count = request.parameter_count, vendor = vendor,
-    dialect = dialect_of(options), flaws = request.flaws, blocks = request.blocks, rest = "",
-  }
-  decode_body(body, known and known.body or "free")
-  request.rest = body.rest
+  decode_blocks(request, data, offset, known and known.body or "free", vendor, options)
   if known and known.operation == "change" then value_counts(request) end
 end
 
@@ -403,10 +411,17 @@ end
 
 -- Responses ---------------------------------------------------------------------------------------------
 
+local NONE = {}
+local Response = {rest = ""}
+Response.__index = Response
+
+local spare_flaws -- those of the last response, which had none
+
 -- Bit 7 of the response id says whether an error is inside (A.2).
 local function sign(response, negative)
   local failed = false
-  for _, block in ipairs(response.blocks) do failed = failed or block.error ~= nil end
+  local blocks = response.blocks
+  for i = 1, #blocks do failed = failed or blocks[i].error ~= nil end
   if negative == false and failed then
     flaw(response.flaws, "DS411", 1)
   elseif negative and not failed and response.blocks[1] and not has_one_of(response.flaws, BROKEN) then
@@ -419,13 +434,9 @@ local function response_body(response, data, known, request, options)
   if not known then flaw(flaws, "DS319", 1, {id = format("0x%02X", id)}) end
   local unsupported = id == REQUEST_NOT_SUPPORTED
   if count == 0 and not unsupported then flaw(flaws, "DS303", 3) end
-  local body = {
-    data = data, size = #data, offset = HEADER, count = count, dialect = dialect_of(options), flaws = flaws,
-    vendor = known and known.vendor or request and request.operation == "vendor",
-    blocks = response.blocks, rest = "",
-  }
-  decode_body(body, unsupported and "all" or known and known.body or "free")
-  response.rest = body.rest
+  local vendor = known and known.vendor or request and request.operation == "vendor"
+  local kind = unsupported and "all" or known and known.body or "free"
+  decode_blocks(response, data, HEADER, kind, vendor, options)
   if known and not unsupported then sign(response, known.negative) end
 end
 
@@ -438,16 +449,20 @@ end
 function M.decode_response(data, request, options)
   local reference, id, axis, count = byte(data, 1, 4)
   local known = id and response_ids[id]
-  local response = {
+  local response = setmetatable({
     request_reference = reference, response_id = id, axis = axis, parameter_count = count,
-    blocks = {}, flaws = {}, rest = "", length = #data,
-  }
+    blocks = {}, flaws = spare_flaws or {}, length = #data, shaped = nil,
+  }, Response)
+  spare_flaws = nil
   if count then
     response_body(response, data, known, request, options)
   else
     missing(response.flaws, #data, HEADER - #data, "header")
   end
   response.shaped = is_shaped(known, response)
+  if #response.flaws == 0 then
+    spare_flaws, response.flaws = response.flaws, NONE
+  end
   return response
 end
 

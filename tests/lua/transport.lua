@@ -380,7 +380,7 @@ local function test_alike_copies()
   for ip_id = 1000, 1253 do
     tracker:is_copy(pdu_of({ip_id = ip_id}))
   end
-  check("the oldest is forgotten", tracker.datagrams.length, 256)
+  check("the oldest is forgotten", tracker.datagram_count, 256)
   for _, body in ipairs({"two", "three"}) do
     check("the others are known", tracker:is_copy(pdu_of({ip_id = 9, body = body})), true)
   end
