@@ -4,6 +4,7 @@ Two captures: cyclic RT frames with a few transactions among them (make_noise), 
 record calls (make_dense). Both are read with `-Y frame.number==1`, which makes tshark dissect all
 and print almost nothing. Runs with and without take turns; the medians are compared. Each tshark
 under build/wireshark (`make matrix` puts them there) is measured, otherwise the one on the PATH.
+The full captures give the table in docs/benchmarks.md.
 Not a test: it fails where the plugin does not load or meets an error, not where it is slow. POSIX
 only (wait4).
 """
@@ -26,6 +27,8 @@ ROOT = HERE.parent
 DATA = HERE / "data"
 TSHARKS = ROOT / "build" / "wireshark"
 PLUGIN = ROOT / "dissector" / "ds47.lua"
+DOCUMENT = ROOT / "docs" / "benchmarks.md"
+BEGIN, END = "<!-- bench/plugin.py writes from here -->", "<!-- the plugin: to here -->"
 COMPLAINTS = ("Lua Error", "Error during loading")
 """tshark prints these and still exits with 0."""
 
@@ -58,6 +61,50 @@ LOADS = (
     Load("RT frames", "make_noise", 1_000_000, 100_000, 1.5),
     Load("record frames", "make_dense", 200_000, 20_000, 2.0),
 )
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Seconds of one tshark on one capture, without the plugin and with it."""
+
+    version: str
+    capture: str
+    without: float
+    including: float
+    limit: float
+
+    @property
+    def ratio(self) -> float:
+        """How many times as long tshark takes with the plugin."""
+        return self.including / self.without
+
+    def line(self) -> str:
+        """As it is printed."""
+        times = f"{self.without:>9.2f}{self.including:>9.2f}{self.ratio:>8.2f}"
+        return f"{self.version:<9}{self.capture:<26}{times}{self.limit:>9.1f}"
+
+    def row(self) -> str:
+        """As it stands in the document."""
+        times = f"{self.without:.2f} | {self.including:.2f} | {self.ratio:.2f}"
+        return f"| {self.version} | {self.capture} | {times} | {self.limit:.1f} |"
+
+
+def write(costs: list[Cost], turns: int) -> None:
+    """Put the table between the two marks of docs/benchmarks.md."""
+    load = f", load {os.getloadavg()[0]:.1f} at the end"
+    lines = [
+        f"Processor seconds of `tshark -Y frame.number==1`, median of {turns}, "
+        f"{os.cpu_count()} cores{load}.",
+        "",
+        "| tshark | capture | without | with | ratio | at most |",
+        "|---|---|--:|--:|--:|--:|",
+        *(cost.row() for cost in costs),
+    ]
+    document = DOCUMENT.read_text(encoding="utf-8")
+    before, rest = document.split(BEGIN, 1)
+    after = rest.split(END, 1)[1]
+    text = "\n".join([before + BEGIN, "", *lines, "", END + after])
+    DOCUMENT.write_text(text, encoding="utf-8", newline="\n")
 
 
 def tsharks() -> list[str]:
@@ -108,8 +155,11 @@ def loads_plugin(program: str, home: str) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--small", action="store_true", help="a tenth of the frames, for CI")
+    parser.add_argument(
+        "--small", action="store_true", help="a tenth of the frames, for CI; writes nothing"
+    )
     parser.add_argument("-n", type=int, default=3, help="runs of each (default 3)")
+    parser.add_argument("--no-write", action="store_true", help="leave docs/benchmarks.md alone")
     parser.add_argument("tshark", nargs="*", help="programs to measure instead of all")
     arguments = parser.parse_args()
     programs = {program: version(program) for program in arguments.tshark or tsharks()}
@@ -121,6 +171,7 @@ def main() -> None:
     print(f"CPU seconds of tshark, median of {arguments.n}")
     columns = f"{'without':>9}{'with':>9}{'ratio':>8}{'at most':>9}"
     print(f"{'tshark':<9}{'capture':<26}{columns}")
+    costs = []
     with tempfile.TemporaryDirectory() as home:
         Path(home).chmod(0o755)
         for program, number in sorted(programs.items(), key=lambda item: item[1]):
@@ -128,9 +179,11 @@ def main() -> None:
             for load, capture in captures.items():
                 without, including = compare(program, capture, arguments.n, home)
                 frames = load.small if arguments.small else load.frames
-                name = f"{'.'.join(map(str, number)):<9}{f'{frames:,} {load.title}':<26}"
-                times = f"{without:>9.2f}{including:>9.2f}{including / without:>8.2f}"
-                print(f"{name}{times}{load.limit:>9.1f}", flush=True)
+                name, title = ".".join(map(str, number)), f"{frames:,} {load.title}"
+                costs.append(Cost(name, title, without, including, load.limit))
+                print(costs[-1].line(), flush=True)
+    if not arguments.small and not arguments.no_write:
+        write(costs, arguments.n)
 
 
 if __name__ == "__main__":
