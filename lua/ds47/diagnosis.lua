@@ -14,7 +14,7 @@ local repair = require("ds47.repair")
 local rules = require("ds47.rules")
 local tables = require("ds47.tables")
 
-local abs = math.abs
+local abs, min = math.abs, math.min
 
 local M = {}
 
@@ -159,23 +159,36 @@ end
 
 -- What was seen before
 
+-- Nearly every answer tells what is known: one look for each block, and no more.
 function Diagnoses:_learn(job)
   local request, response = job.message, job.response
-  if request.operation ~= "read" or not LEARNT[response.response_id] or rules.is_mismatch(job) then
+  if request.operation ~= "read" or not LEARNT[response.response_id] then
     return
   end
   local device, addresses, blocks = job.peer.device, request.addresses, response.blocks
-  for number = 1, #blocks do
+  local known = self.formats:of(device)
+  for number = 1, min(#addresses, #blocks) do
     local address, block = addresses[number], blocks[number]
-    if block.error == nil and address.attribute == VALUE then
-      local pnu = address.pnu
-      if self.formats:get(device, pnu) ~= block.format then
-        self.formats:put(device, pnu, block.format)
+    local pnu = address.pnu
+    if known[pnu] ~= block.format or pnu == PNU_ACCESS_IDENTIFICATION then
+      if rules.is_mismatch(job) then
+        return
       end
-      if pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 then
-        self:_learn_limit(device, block)
-      end
+      self:_learn_block(device, address, block)
     end
+  end
+end
+
+function Diagnoses:_learn_block(device, address, block)
+  local pnu = address.pnu
+  if block.error ~= nil or address.attribute ~= VALUE then
+    return
+  end
+  if self.formats:get(device, pnu) ~= block.format then
+    self.formats:put(device, pnu, block.format)
+  end
+  if pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 then
+    self:_learn_limit(device, block)
   end
 end
 

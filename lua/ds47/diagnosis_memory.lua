@@ -1,12 +1,14 @@
 -- What the diagnoses remember of devices: a bounded memory of values with two keys, the oldest goes first.
 --
--- Most answers tell what is known already, and that is looked up without making a key. A capture that goes on
--- is looked at with `on_top`: a memory that begins with what this one holds and keeps to itself what it
--- learns.
+-- Most answers tell what is known already, and that is looked up in `of` without making a key. A capture that
+-- goes on is looked at with `on_top`: a memory that begins with what this one holds and keeps to itself what
+-- it learns.
 
 local ordered = require("ds47.ordered")
 
 local M = {}
+
+local NONE = {}
 
 local Memory = {}
 Memory.__index = Memory
@@ -33,6 +35,12 @@ end
 local function own(self, first, second)
   local values = self.values[first]
   return values and values[second]
+end
+
+--- What this memory itself holds for a first key, for reading only: second key -> value. What is not there,
+-- or false, `get` may still know.
+function Memory:of(first)
+  return self.values[first] or NONE
 end
 
 --- The value of two keys, nil where there is none.

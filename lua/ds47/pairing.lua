@@ -162,20 +162,23 @@ end
 local function end_job(self, job, event)
   job.phase = PHASES[job.phase][event]
   self.listener:closed(job)
-  job.superseding, job.rival = nil, nil -- or a closed job would keep all that came after it
+  if job.superseding or job.rival then -- or a closed job would keep all that came after it
+    job.superseding, job.rival = nil, nil
+  end
 end
 
 -- The frame of a Connect that came after the request of a job, nil for none.
 local function connected_since(self, job)
-  local asked = job.read_response == nil and job:write_request()
-  local peer = job.peer
+  local asked, peer = job:write_request(), job.peer
   local connect = asked and self.connects:get(peer.controller .. "\0" .. peer.device)
   return connect and connect > asked.frame and connect or nil
 end
 
 local function lose(self, job, reason, ended)
   job.reason = reason
-  job.ended = ended or connected_since(self, job)
+  if job.read_response == nil then
+    job.ended = ended or connected_since(self, job)
+  end
   end_job(self, job, "lost")
 end
 

@@ -47,6 +47,10 @@ local function same(tested, plain, where)
       if found ~= wanted then
         error(("%s: d%d %d is %s, not %s"):format(where, device, number, tostring(found), tostring(wanted)))
       end
+      local own = tested:of("d" .. device)[number]
+      if own ~= wanted and (own or not tested.below) then -- what is below it need not know
+        error(("%s: of d%d %d is %s, not %s"):format(where, device, number, tostring(own), tostring(wanted)))
+      end
     end
   end
   assert(tested.length == #plain, where .. ": length")
