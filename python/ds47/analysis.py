@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
 
-from ds47.capture import Capture, Frame, open_capture
+from ds47.capture import Capture, Frame, Series, open_capture
 from ds47.diagnosis import Diagnoses
 from ds47.findings import Findings
 from ds47.gate import Gate
@@ -60,14 +60,14 @@ class AnalysisOptions:
 
 
 def analyze(
-    source: str | Path | BinaryIO | Capture,
+    source: str | Path | BinaryIO | Capture | Series,
     options: AnalysisOptions | None = None,
     on_transaction: OnTransaction | None = None,
 ) -> CaptureResult:
     """Analyses one capture.
 
     Args:
-        source: path, "-" for standard input, a binary stream, or an open capture.
+        source: path, "-" for standard input, a binary stream, or an open capture or series.
         options: choices of the user.
         on_transaction: called for each finished transaction with its findings. The result then holds
             no transaction and only the findings of none (memory stays bounded), and `id` counts in the
@@ -77,7 +77,7 @@ def analyze(
         ds47.capture.CaptureError: nothing of the source can be read.
     """
     options = options or AnalysisOptions()
-    if isinstance(source, Capture):
+    if isinstance(source, (Capture, Series)):
         return _Analysis(options, on_transaction).run(source)
     with open_capture(source) as capture:
         result = _Analysis(options, on_transaction).run(capture)
@@ -122,11 +122,11 @@ class _Analysis:
         """By the order of their jobs; the jobs themselves need not be kept."""
         self._summary: dict[str, int] = {"transactions": 0}
 
-    def run(self, capture: Capture) -> CaptureResult:
+    def run(self, capture: Capture | Series) -> CaptureResult:
         """Reads the capture to its end and sums up."""
         packets = PacketSource(capture, self._datagrams)
         self._frames(capture, packets)
-        self._findings.frames_dropped = bool(capture.dropped)
+        self._findings.frames_dropped = capture.gaps
         for pdu, have in self._fragments.unfinished():
             self._records.incomplete(pdu, have, "RPC")
         for packet, have in packets.unfinished():
@@ -143,6 +143,7 @@ class _Analysis:
             complete=capture.complete,
             problem=capture.problem,
             dropped=capture.dropped,
+            files=capture.files if isinstance(capture, Series) else [],
             rpc=self._calls.counts,
             records={str(index): counts[index] for index in sorted(counts)},
             devices=self._naming.devices(),

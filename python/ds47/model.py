@@ -277,8 +277,26 @@ class Device(_Plain):
 
 
 @dataclass(slots=True)
+class CaptureFile(_Plain):
+    """A file of a series that was read as one capture; frames are numbered through all of them.
+
+    `missing_before` files of the series are not there: before the first those that a ring buffer has
+    written over, before another one those that somebody took away.
+    """
+
+    path: str
+    first_frame: int
+    frames: int = 0
+    missing_before: int = 0
+    problem: str | None = None
+    sha256: str | None = None
+    readable: bool = True
+    """False where nothing of it could be read."""
+
+
+@dataclass(slots=True)
 class CaptureResult(_Plain):
-    """All that one capture says."""
+    """All that one capture says. `files` only for a series."""
 
     path: str
     sha256: str | None = None
@@ -293,6 +311,7 @@ class CaptureResult(_Plain):
     findings: list[Finding] = field(default_factory=list)
     diagnoses: list[Diagnosis] = field(default_factory=list)
     summary: dict[str, int] = field(default_factory=dict)
+    files: list[CaptureFile] = field(default_factory=list)
 
 
 @dataclass(slots=True)

@@ -10,8 +10,10 @@ from typing import Any
 
 import pytest
 
+from ds47.analysis import AnalysisOptions
+from ds47.batch.local import Local
+from ds47.batch.products import Spool
 from ds47.cli import main
-from ds47.cli.ahead import Ahead
 
 
 @pytest.fixture
@@ -63,7 +65,6 @@ def test_options_and_stdin_go_the_same_way(capsys: Any, folder: Path, monkeypatc
 
 
 def test_no_captures(tmp_path: Path) -> None:
-    from ds47.analysis import AnalysisOptions
-
-    with Ahead([], (), AnalysisOptions(), streams=False, jobs=2) as ahead:
-        assert list(ahead) == []
+    make = Spool(AnalysisOptions(), streams=False)
+    with Local([], make, lambda task: tmp_path / task.path, 2) as outcomes:
+        assert list(outcomes) == []

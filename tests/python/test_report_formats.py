@@ -26,6 +26,7 @@ from ds47.model import (
     Report,
 )
 from ds47.report import csv, json, ndjson, text, words
+from ds47.report.latency import Latency, percentile
 
 VALIDATOR = jsonschema.Draft202012Validator(report.schema())
 
@@ -298,8 +299,13 @@ def test_text_sums_up_several_captures():
 
 
 def test_percentile_is_a_measured_value():
-    assert [text.percentile(range(1, 101), at) for at in (50, 95, 100)] == [50, 95, 100]
-    assert text.percentile([7], 50) == 7
+    assert [percentile(range(1, 101), at) for at in (50, 95, 100)] == [50, 95, 100]
+    times = [number * 1_000_000 for number in range(1, 101)]
+    counted = Latency(times[50:])
+    counted.update(Latency(times[:50]))
+    assert counted.text() == "latency p50 50.0 ms, p95 95.0 ms, max 100.0 ms"
+    assert Latency([1]).text() == "latency p50 0.000 ms, p95 0.000 ms, max 0.000 ms"
+    assert percentile([7], 50) == 7
 
 
 def test_words():

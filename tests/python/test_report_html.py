@@ -19,6 +19,7 @@ import pytest
 from ds47 import spec
 from ds47.analysis import analyze
 from ds47.model import (
+    CaptureFile,
     CaptureResult,
     Device,
     Diagnosis,
@@ -214,6 +215,8 @@ def test_a_capture_that_cannot_be_read_can_be_the_only_one():
         ({"dropped": 0}, "good", "lost no frame"),
         ({"dropped": 1}, "bad", "lost 1 frame:"),
         ({"dropped": 2000}, "bad", "lost 2,000 frames:"),
+        ({"files": [CaptureFile("a", 1, 2), CaptureFile("b", 3, 4)]}, "good", "2 files of a ring"),
+        ({"files": [CaptureFile("a", 1), CaptureFile("d", 3, missing_before=2)]}, "bad", "2 files of the"),
         ({"rpc": {"requests": 5, "responses": 0}}, "bad", "Only requests (5)"),
         ({"rpc": {"requests": 0, "responses": 5}}, "bad", "Only answers (5)"),
         ({"rpc": {"requests": 5, "responses": 4, "unanswered": 1}}, "warn", "1 of 5 calls has no answer"),

@@ -82,6 +82,11 @@ class Capture:
         """Frames lost while capturing, or None."""
         return self._reader.dropped
 
+    @property
+    def gaps(self) -> bool:
+        """Whether frames lack between two others."""
+        return bool(self.dropped)
+
     def close(self) -> None:
         """Close the file, if `open_capture` opened it."""
         self._stream.close()

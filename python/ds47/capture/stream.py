@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import BinaryIO, Protocol
 
 from .errors import CaptureError
+from .remote import open_bytes
 from .scan import PADDING
 
 CHUNK = 1 << 18  # fits the second-level cache; larger is slower
@@ -200,8 +201,8 @@ class Stream:
 
     def __init__(self, source: str | Path | BinaryIO, name: str | None = None) -> None:
         self._owned: BinaryIO | None = None
-        file = self._open(source)
         self.name = name or self._name_of(source)
+        file = self._open(source)
         try:
             raw = _Raw(file)
             self._reader: Reader = raw
@@ -221,12 +222,12 @@ class Stream:
         if str(source) == "-":
             return sys.stdin.buffer
         try:
-            self._owned = Path(source).open("rb", buffering=0)
+            self._owned = open_bytes(source)
         except OSError as error:
             reason = error.strerror or str(error)
-            raise CaptureError(f"{source}: cannot be opened: {reason}") from error
+            raise CaptureError(f"{self.name}: cannot be opened: {reason}") from error
         except ValueError as error:  # a NUL in the name
-            raise CaptureError(f"{source!r}: cannot be opened: {error}") from error
+            raise CaptureError(f"{self.name!r}: cannot be opened: {error}") from error
         assert self._owned is not None
         return self._owned
 

@@ -9,30 +9,50 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from ds47.capture import CaptureError
 from ds47.capture.names import SUFFIXES, is_capture
+from ds47.capture.remote import below, is_url
 
 STDIN = "-"
 
 
-def captures(paths: Sequence[str], missing: Callable[[str], None]) -> Iterator[str]:
+def captures(
+    paths: Sequence[str],
+    missing: Callable[[str], None],
+    accept: Callable[[str], bool] = is_capture,
+) -> Iterator[str]:
     """The captures that paths mean, each once, in order; folders are searched with all below them.
 
     Args:
-        paths: files, folders, or - for stdin.
+        paths: files, folders, URLs of either, or - for stdin.
         missing: is told in one line of a folder that cannot be read or has no capture.
+        accept: which names in a folder are captures.
     """
     seen = set()
     for path in paths:
-        found = [path]
-        if path != STDIN and Path(path).is_dir():
-            found = _in_folder(path, missing)
-            if not found:
-                missing(f"{path}: no capture in this folder ({', '.join(SUFFIXES)})")
-        for each in found:
+        for each in _meant(path, missing, accept):
             name = os.path.normpath(each)
             if name not in seen:
                 seen.add(name)
                 yield each
+
+
+def _meant(
+    path: str, missing: Callable[[str], None], accept: Callable[[str], bool]
+) -> Sequence[str]:
+    if is_url(path):
+        try:
+            found = below(path, accept)
+        except CaptureError as problem:
+            missing(str(problem))
+            return ()
+    elif path != STDIN and Path(path).is_dir():
+        found = _in_folder(path, missing, accept)
+    else:
+        return (path,)
+    if not found:
+        missing(f"{path}: no capture in this folder ({', '.join(SUFFIXES)})")
+    return found
 
 
 def about(path: str, problem: str) -> str:
@@ -42,7 +62,9 @@ def about(path: str, problem: str) -> str:
     return line if name in line else f"{name}: {line}"
 
 
-def _in_folder(folder: str, missing: Callable[[str], None]) -> list[str]:
+def _in_folder(
+    folder: str, missing: Callable[[str], None], accept: Callable[[str], bool]
+) -> list[str]:
     def unreadable(problem: OSError) -> None:
         missing(f"{problem.filename}: {problem.strerror}")
 
@@ -50,5 +72,5 @@ def _in_folder(folder: str, missing: Callable[[str], None]) -> list[str]:
         str(Path(parent, name))
         for parent, _, names in os.walk(folder, onerror=unreadable)
         for name in names
-        if is_capture(name)
+        if accept(name)
     )

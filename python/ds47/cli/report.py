@@ -1,33 +1,40 @@
 """`ds47 report`: captures to transactions, in the format asked for.
 
-Here: options, finding the files, exit status. The analysis is `ds47.analysis`, the formats are
-`ds47.report`.
+Here: options, finding the files, exit status. The analysis is `ds47.analysis`, many captures at once
+are `ds47.batch`, how a run goes `ds47.cli.run`, the formats `ds47.report`.
 """
 
 from __future__ import annotations
 
-import gc
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, BinaryIO, TextIO
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from ds47.cli.common import color, output, warn
+from ds47.cli.common import color, counted, output, warn
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import STDIN, about, captures
-from ds47.model import SEVERITIES, CaptureResult, Finding, Transaction
+from ds47.cli.paths import STDIN, captures
+from ds47.cli.progress import Progress
+from ds47.cli.run import Run, collect_rarely
+from ds47.model import SEVERITIES, CaptureResult
 from ds47.report import FORMATS, CannotWriteError, Options, RuleText, Writer, open_writer
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions, OnTransaction
-
-    _Analyzer = Callable[[str | BinaryIO, OnTransaction | None], CaptureResult]
+    from ds47.batch.products import Product
+    from ds47.batch.results import Results
+    from ds47.batch.runner import Place
+    from ds47.batch.tasks import Task
+    from ds47.cli.run import Analyzer, Runner
 
 UNREADABLE = 3
-_OBJECTS = 100_000
-"""How many new ones make it worth to look for garbage."""
 
 
 @click.command("report")
@@ -37,9 +44,8 @@ _OBJECTS = 100_000
     "--format",
     "format_name",
     type=click.Choice(FORMATS),
-    default="text",
-    show_default=True,
-    help="Format of the report; ndjson, csv and parquet do not grow in memory.",
+    help="Format of the report; ndjson, csv and parquet do not grow in memory.  "
+    "[default: text; overview with --results]",
 )
 @click.option(
     "-o",
@@ -80,46 +86,208 @@ _OBJECTS = 100_000
     "-j",
     "--jobs",
     type=click.IntRange(min=0),
-    default=1,
-    show_default=True,
     metavar="N",
-    help="Captures analysed at once, each in a process; 0: as many as there are cores.",
+    help="Captures analysed at once, each in a process; 0: as many as there are cores.  "
+    "[default: as many as pay]",
 )
+@click.option(
+    "--series",
+    is_flag=True,
+    help="Take the files of a ring buffer (dumpcap -b, tcpdump -C) as one capture.",
+)
+@click.option(
+    "--results",
+    "results_name",
+    metavar="FOLDER",
+    help="Store a result of each capture in this folder (JSON), and an overview of all.",
+)
+@click.option(
+    "--resume",
+    is_flag=True,
+    help="With --results: leave out what is stored already, unless anything changed.",
+)
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Let the workers of a Dask cluster analyse: tcp://HOST:PORT of its scheduler.",
+)
+@click.option("--no-progress", is_flag=True, help="No progress bar, not even on a terminal.")
 def command(
     paths: Sequence[str],
-    format_name: str,
+    format_name: str | None,
     output_name: str,
     fail_on: str,
     plc: bool,
     engine: str,
     tshark: str | None,
-    jobs: int,
+    jobs: int | None,
+    series: bool,
+    results_name: str | None,
+    resume: bool,
+    scheduler: str | None,
+    no_progress: bool,
     **options: Any,
 ) -> int:
     """Report the DS47 transactions of captures.
 
     PATH is a pcap or pcapng file (also .gz and .zst), a folder, which is searched for captures
-    with all that is below it, or - for stdin.
+    with all that is below it, a URL of either (s3://...), or - for stdin.
     """
-    analysis = options_from(**options)
-    run = _Run(_analyzer(engine, analysis, tshark))
-    _collect_rarely()
+    manner = _Manner(
+        options_from(**options), engine, tshark, jobs, results_name, resume, scheduler
+    )  # fmt: skip
+    manner.check(paths, series)
+    lacking: list[str] = []
+    tasks = _tasks(paths, series, lacking.append)
+    name = format_name or ("overview" if results_name else "text")
+    collect_rarely()
     with output(output_name) as stream:
-        writer = _writer(format_name, stream, fail_on, analysis.lang, plc)
-        wanted = captures(paths, run.missing)
-        if jobs == 1 or engine != "native":
-            run.all(wanted, writer)
-        else:
-            from ds47.cli.ahead import Ahead
-
-            jobs = jobs or os.cpu_count() or 1
-            with Ahead(wanted, (STDIN,), analysis, writer.streams, jobs) as ahead:
-                run.analyze = ahead.analyze
-                run.all(ahead, writer)
+        writer = _writer(name, stream, fail_on, manner.analysis.lang, plc)
+        results, todo = manner.results(tasks, paths)
+        quiet = name == "overview" or not stream.isatty()
+        shown = quiet and not no_progress and len(todo) > 1 and sys.stderr.isatty()
+        with Progress(len(todo), sum(task.size for task in todo), shown=shown) as progress:
+            run = Run(writer, progress)
+            for text in lacking:
+                run.missing(text)
+            manner.run(run, tasks, todo, results, writer)
         writer.close()
     if run.failed:
         return UNREADABLE
     return int(fail_on != "never" and run.worst >= SEVERITIES.index(fail_on))
+
+
+def _tasks(paths: Sequence[str], series: bool, missing: Callable[[str], None]) -> list[Task]:
+    from ds47.batch.tasks import plan
+    from ds47.capture.names import is_capture
+
+    accept = is_capture
+    if series:
+        from ds47.capture.rings import is_part
+
+        def accept(name: str) -> bool:
+            return is_capture(name) or is_part(name)
+
+    return plan(list(captures(paths, missing, accept)), series)
+
+
+@dataclass(frozen=True, slots=True)
+class _Manner:
+    """How the captures are analysed, and where: what the options say."""
+
+    analysis: AnalysisOptions
+    engine: str
+    tshark: str | None
+    jobs: int | None
+    folder: str | None
+    resume: bool
+    scheduler: str | None
+
+    def check(self, paths: Sequence[str], series: bool) -> None:
+        """Raises click.UsageError where options do not go together."""
+        if self.resume and not self.folder:
+            raise click.UsageError("--resume goes with --results FOLDER")
+        if self.engine != "native" and (series or self.folder or self.scheduler):
+            raise click.UsageError("--series, --results and --scheduler go with --engine native")
+        if STDIN in paths and (self.folder or self.scheduler):
+            raise click.UsageError("stdin does not go with --results and --scheduler")
+        if self.scheduler and self.jobs is not None:
+            raise click.UsageError("--jobs is for this machine: leave it out with --scheduler")
+
+    def results(
+        self, tasks: Sequence[Task], roots: Sequence[str]
+    ) -> tuple[Results | None, Sequence[Task]]:
+        """The folder of results, and what is not there yet."""
+        if self.folder is None:
+            return None, tasks
+        from ds47.batch.results import Results, SameNameError
+
+        results = Results(Path(self.folder), self.analysis)
+        try:
+            results.name(tasks, roots)
+            results.begin()
+        except SameNameError as problem:
+            raise click.ClickException(f"{problem}; report them one at a time") from problem
+        except OSError as problem:
+            raise click.ClickException(
+                f"cannot write {self.folder}: {problem.strerror}"
+            ) from problem
+        return results, _todo(results, tasks) if self.resume else tasks
+
+    def run(
+        self,
+        run: Run,
+        tasks: Sequence[Task],
+        todo: Sequence[Task],
+        results: Results | None,
+        writer: Writer,
+    ) -> None:
+        """Analyses what is to be done and reports on all."""
+        from ds47.batch.runner import Failed
+
+        try:
+            with ExitStack() as stack:
+                if results is not None:
+                    self._stored(run, tasks, todo, results, writer)
+                elif self.scheduler is None and self._jobs(tasks) == 1:
+                    run.here(tasks, _analyzer(self.engine, self.analysis, self.tshark))
+                else:
+                    folder = Path(stack.enter_context(TemporaryDirectory(prefix="ds47-")))
+                    self._spooled(run, tasks, folder, writer)
+        except Failed as problem:
+            raise click.ClickException(str(problem)) from problem
+
+    def _spooled(self, run: Run, tasks: Sequence[Task], folder: Path, writer: Writer) -> None:
+        from ds47.batch.products import Spool
+
+        numbers = {task.path: str(number) for number, task in enumerate(tasks)}
+        make = Spool(self.analysis, writer.streams)
+        run.spooled(self._runner(tasks, make, lambda task: folder / numbers[task.path]), tasks)
+
+    def _stored(
+        self,
+        run: Run,
+        tasks: Sequence[Task],
+        todo: Sequence[Task],
+        results: Results,
+        writer: Writer,
+    ) -> None:
+        from ds47.batch.results import Result
+        from ds47.report.overview import Writer as Overview
+
+        rows = writer.rows if isinstance(writer, Overview) else None
+        runner = self._runner(todo, Result(self.analysis), results.place)
+        results.end(run.stored(results, tasks, todo, runner, rows), os.getpid())
+
+    def _jobs(self, tasks: Sequence[Task]) -> int:
+        from ds47.batch.local import cores, useful_jobs
+
+        if self.engine != "native":
+            return 1
+        return useful_jobs(tasks) if self.jobs is None else self.jobs or cores()
+
+    def _runner(self, tasks: Sequence[Task], make: Product, place: Place) -> Runner:
+        if self.scheduler is not None and tasks:
+            from ds47.batch.cluster import Cluster
+
+            return Cluster(tasks, make, place, self.scheduler)
+        jobs = self._jobs(tasks)
+        if jobs == 1 or not tasks:
+            from ds47.batch.runner import Here
+
+            return Here(tasks, make, place)
+        from ds47.batch.local import Local
+
+        return Local(tasks, make, place, jobs)
+
+
+def _todo(results: Results, tasks: Sequence[Task]) -> list[Task]:
+    """What is not done; says of what was done why it is done again."""
+    reasons = {task.path: results.undone(task) for task in tasks}
+    again = Counter(reason for reason in reasons.values() if reason not in (None, "no result"))
+    for reason, number in sorted(again.items()):
+        warn(f"{counted(number, 'capture')} done again: {reason}")
+    return [task for task in tasks if reasons[task.path] is not None]
 
 
 def _writer(format_name: str, stream: TextIO, fail_on: str, lang: str, plc: bool) -> Writer:
@@ -137,79 +305,24 @@ def _writer(format_name: str, stream: TextIO, fail_on: str, lang: str, plc: bool
         raise click.ClickException(str(problem)) from problem
 
 
-def _analyzer(engine: str, options: AnalysisOptions, tshark: str | None) -> _Analyzer:
-    """What analyses a capture with these options."""
+def _analyzer(engine: str, options: AnalysisOptions, tshark: str | None) -> Analyzer:
+    """What analyses a capture with these options, in this process."""
     if engine == "native":
-        from ds47.analysis import analyze
+        from ds47.batch.tasks import read
 
-        return lambda source, finished: analyze(source, options, finished)
+        return lambda task, finished: read(task, options, finished)
     from ds47.wireshark.engine import Engine
     from ds47.wireshark.shark import NotReadyError
 
     try:
-        return Engine("both" if engine == "both" else "tshark", options, tshark).analyze
+        other = Engine("both" if engine == "both" else "tshark", options, tshark)
     except NotReadyError as problem:
         raise click.ClickException(str(problem)) from problem
 
+    def analyze(task: Task, finished: OnTransaction | None) -> CaptureResult:
+        return other.analyze(sys.stdin.buffer if task.path == STDIN else task.path, finished)
 
-def _collect_rarely() -> None:
-    """What an analysis keeps has no cycles: looking for them again and again only costs time."""
-    gc.freeze()
-    gc.disable()
-
-
-def _collect() -> None:
-    """Between two captures: what belonged to the last one, as a whole, has cycles."""
-    if gc.get_count()[0] > _OBJECTS:
-        gc.collect()
-
-
-class _Run:
-    """Goes from capture to capture, and remembers what the exit status needs."""
-
-    def __init__(self, analyzer: _Analyzer) -> None:
-        self.analyze = analyzer
-        self.failed = False
-        self.worst = -1
-
-    def missing(self, text: str) -> None:
-        """Says what could not be read, or not as a whole."""
-        self.failed = True
-        warn(text)
-
-    def all(self, paths: Iterable[str], writer: Writer) -> None:
-        """Analyses the captures, one after the other."""
-        for path in paths:
-            self.one(path, writer)
-
-    def one(self, path: str, writer: Writer) -> None:
-        """Analyses a capture and hands what it says to the writer."""
-        from ds47.capture import CaptureError
-
-        def finished(transaction: Transaction, findings: Sequence[Finding]) -> None:
-            self._note(findings)
-            writer.transaction(path, transaction, findings)
-
-        _collect()
-        source = sys.stdin.buffer if path == STDIN else path
-        try:
-            result = self.analyze(source, finished if writer.streams else None)
-        except CaptureError as problem:
-            self.missing(about(path, str(problem)))
-            writer.unreadable(path, str(problem))
-            return
-        self._end(path, result, writer)
-
-    def _end(self, path: str, result: CaptureResult, writer: Writer) -> None:
-        result.path = path
-        self._note(result.findings)
-        if not result.complete:
-            self.missing(about(path, result.problem or "only partly read"))
-        writer.capture(result)
-
-    def _note(self, findings: Sequence[Finding]) -> None:
-        for finding in findings:
-            self.worst = max(self.worst, SEVERITIES.index(finding.severity))
+    return analyze
 
 
 class _Catalogue(Mapping[str, RuleText]):

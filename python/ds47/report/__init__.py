@@ -21,7 +21,7 @@ from ds47.model import CaptureResult, Finding, Report, Transaction
 SCHEMA = "ds47.report/1"
 """The version of the JSON contract, as the key `schema` of a report."""
 
-FORMATS = ("text", "json", "ndjson", "csv", "parquet", "html", "junit", "sarif")
+FORMATS = ("text", "overview", "json", "ndjson", "csv", "parquet", "html", "junit", "sarif")
 """Names for `open_writer`, each a module of this package."""
 
 
@@ -100,11 +100,16 @@ def open_writer(name: str, stream: TextIO, options: Options | None = None) -> Wr
 def write_all(writer: Writer, report: Report) -> None:
     """Drives a writer with a result that is already complete: `write` of every format."""
     for result in report.captures:
-        if writer.streams:
-            _replay(writer, result)
-        else:
-            writer.capture(result)
+        write_one(writer, result)
     writer.close()
+
+
+def write_one(writer: Writer, result: CaptureResult) -> None:
+    """Hands one complete result to a writer, in the way that it wants it."""
+    if writer.streams:
+        _replay(writer, result)
+    else:
+        writer.capture(result)
 
 
 def _replay(writer: Writer, result: CaptureResult) -> None:
@@ -127,7 +132,9 @@ def _replay(writer: Writer, result: CaptureResult) -> None:
             records=result.records,
             devices=result.devices,
             findings=rest,
+            diagnoses=result.diagnoses,
             summary=result.summary,
+            files=result.files,
         )
     )
 
@@ -155,7 +162,8 @@ def schema(name: str = "report-1") -> dict[str, Any]:
 
     Args:
         name: `report-1` is the report, its `$defs` has `message` (decode); `transaction-1` is a
-            line of ndjson; `table-1` has `csv` and `parquet` in its `$defs`, a row each.
+            line of ndjson; `table-1` has `csv` and `parquet` in its `$defs`, a row each; `overview-1` is
+            the overview of a folder of results.
     """
     from importlib import resources  # takes as long to import as a small report to write
     from json import loads

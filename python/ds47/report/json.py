@@ -18,6 +18,7 @@ from typing import Any, Final, TextIO
 
 from ds47 import __version__
 from ds47.model import (
+    CaptureFile,
     CaptureResult,
     Device,
     Diagnosis,
@@ -266,13 +267,28 @@ def _corrected(request: bytes) -> dict[str, Any]:
 
 def capture_head(result: CaptureResult) -> dict[str, Any]:
     """What the contract says about a capture itself, before its lists."""
-    return {
+    head: dict[str, Any] = {
         "path": result.path,
         "sha256": result.sha256,
         "frames": result.frames,
         "complete": result.complete,
         "rpc": result.rpc,
         "records": dict(sorted(result.records.items(), key=_by_index)),
+    }
+    if result.files:
+        head["files"] = [capture_file(each) for each in result.files]
+    return head
+
+
+def capture_file(item: CaptureFile) -> dict[str, Any]:
+    """A file of a series as an object of the contract."""
+    return {
+        "path": item.path,
+        "sha256": item.sha256,
+        "first_frame": item.first_frame,
+        "frames": item.frames,
+        "missing_before": item.missing_before,
+        "problem": item.problem,
     }
 
 
@@ -298,14 +314,18 @@ def write(report: Report, stream: TextIO, options: Options | None = None) -> Non
 
 
 class Writer(_Writer):
-    """Writes captures as they come; holds none of them."""
+    """Writes captures as they come; holds none of them.
+
+    `about` are further keys of the document, set before the first capture (`ds47.batch.results`).
+    """
 
     def __init__(self, stream: TextIO, options: Options | None = None) -> None:
         super().__init__(stream, options)
+        self.about: dict[str, Any] = {}
         self._begun = False
 
     def _begin(self) -> None:
-        self.stream.write(text(_head())[:-1] + ', "captures": [')
+        self.stream.write(text(_head() | self.about)[:-1] + ', "captures": [')
         self._begun = True
 
     def capture(self, result: CaptureResult) -> None:

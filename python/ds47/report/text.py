@@ -8,14 +8,12 @@ that none of them can talk to the terminal.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
-from typing import TextIO
+from typing import Any, TextIO
 
 from ds47.model import (
-    OPERATIONS,
     SEVERITIES,
-    STATES,
+    CaptureFile,
     CaptureResult,
     Finding,
     Report,
@@ -26,13 +24,20 @@ from ds47.report import Writer as _Writer
 from ds47.report import json as contract
 from ds47.report.bilingual import say
 from ds47.report.filters import display_filter
+from ds47.report.latency import Latency
 from ds47.report.opening import Opening
+from ds47.report.overview import Row, table, total
+from ds47.report.places import Places, name
 from ds47.report.verdict import Counts
 from ds47.report.words import count, duration, escape, parameter
 
 LINE_LENGTH = 120
 """Parameters that make a line longer than this stand below it, one a line."""
 FINDINGS_PER_RULE = 12
+FILES_LISTED = 20
+"""Files of a series that are listed; JSON has all, and every finding names its file."""
+CAPTURES_LISTED = 20
+"""Captures of a run that are listed at its end, the worst ones; `-f overview` lists all."""
 _COLORS = {"error": "31", "warning": "33", "note": "36", "ok": "32", "bold": "1", "dim": "2"}
 _SERIOUS_STATES = ("error", "mismatch", "refused")
 
@@ -42,48 +47,46 @@ def write(report: Report, stream: TextIO, options: Options | None = None) -> Non
     write_all(Writer(stream, options), report)
 
 
-def percentile(ordered: Sequence[int], percent: int) -> int:
-    """The nearest-rank percentile of sorted numbers: always one that was measured."""
-    return ordered[max(0, -(-percent * len(ordered) // 100) - 1)]
-
-
 class Writer(_Writer):
     """Prints a capture when it is complete; keeps only counts for the last lines."""
 
     def __init__(self, stream: TextIO, options: Options | None = None) -> None:
         super().__init__(stream, options)
         self._opening = Opening(self.options, self._paint)
-        self._captures = 0
         self._counts = Counts()
-        self._transactions: list[tuple[str, str, int | None]] = []
-        self._severities: Counter[str] = Counter()
+        self._rows: list[Row] = []
+        self._latency = Latency()
 
     def capture(self, result: CaptureResult) -> None:
-        if self._captures:
+        if self._rows:
             self._line()
-        self._captures += 1
         counts = Counts.of(result)
         self._counts.add(counts)
         self._header(result, counts)
         for line in self._opening.lines(result):
             self._line(line)
         self._table(result.transactions)
-        self._findings(result.findings)
-        rows = [(each.operation, each.state, each.duration_ns) for each in result.transactions]
-        severities = Counter(each.severity for each in result.findings)
-        self._summary("Summary", rows, severities)
-        self._transactions += rows
-        self._severities += severities
+        self._findings(result.findings, Places(result.files))
+        row = Row.of(result)
+        durations = (each.duration_ns for each in result.transactions)
+        latency = Latency(each for each in durations if each is not None)
+        self._summary("Summary", total([row]), latency)
+        self._rows.append(row)
+        self._latency.update(latency)
 
     def unreadable(self, path: str, problem: str) -> None:
-        self._captures += 1
+        self._rows.append(Row.unreadable(path, problem))
         self._counts.add(Counts(captures=1, unreadable=1))
 
     def close(self) -> None:
-        if self._captures > 1:
-            title = f"All {self._captures} captures"
-            verdict = self._opening.verdict(self._counts)
-            self._summary(title, self._transactions, self._severities, verdict)
+        if len(self._rows) < 2:
+            return
+        worst = table(self._rows, CAPTURES_LISTED)
+        for line in ["", *worst] if worst else ():
+            self._line(line)
+        title = f"All {len(self._rows):,} captures"
+        verdict = self._opening.verdict(self._counts)
+        self._summary(title, total(self._rows), self._latency, verdict)
 
     def _line(self, text: str = "") -> None:
         self.stream.write(text + "\n")
@@ -103,6 +106,7 @@ class Writer(_Writer):
         if result.sha256:
             self._line(f"  sha256 {result.sha256}")
         self._line(self._opening.verdict(counts))
+        self._files(result.files)
         if not result.complete or result.problem:
             problem = escape(result.problem or self._say("file_ends_early"))
             self._line("  " + self._paint("error", self._say("partly_read", problem=problem)))
@@ -112,6 +116,32 @@ class Writer(_Writer):
         if not result.transactions:
             there = _traffic(result) or self._say("no_rpc")
             self._line("  " + self._say("no_transaction") + f" ({there})")
+
+    def _files(self, files: Sequence[CaptureFile]) -> None:
+        """Of a series: which file has which frames, and which are missing."""
+        if not files:
+            return
+        self._line(
+            f"  {count(len(files), 'file')} read as one, frames numbered through all of them"
+        )
+        if files[0].missing_before:
+            gone = count(files[0].missing_before, "file")
+            self._line(f"    {gone} before the first: written over, or not here")
+        for file in files[:FILES_LISTED]:
+            self._missing(file, files[0])
+            frames = f"frames {file.first_frame} to {file.first_frame + file.frames - 1}"
+            shown = frames if file.frames else "no frame"
+            problem = f"  {escape(file.problem)}" if file.problem else ""
+            self._line(f"    {escape(name(file))}: {shown}" + self._paint("error", problem))
+        for file in files[FILES_LISTED:]:
+            self._missing(file, files[0])
+        if len(files) > FILES_LISTED:
+            self._line(f"    and {count(len(files) - FILES_LISTED, 'file')} more")
+
+    def _missing(self, file: CaptureFile, first: CaptureFile) -> None:
+        if file.missing_before and file is not first:
+            text = f"{count(file.missing_before, 'file')} missing before {escape(name(file))}"
+            self._line("    " + self._paint("warning", text))
 
     def _table(self, transactions: Sequence[Transaction]) -> None:
         if not transactions:
@@ -147,7 +177,7 @@ class Writer(_Writer):
         color = "error" if item.state in _SERIOUS_STATES else "warning"
         return self._paint(color, f"[{item.state} {words}]" if words else f"[{item.state}]")
 
-    def _findings(self, findings: Sequence[Finding]) -> None:
+    def _findings(self, findings: Sequence[Finding], places: Places) -> None:
         if not findings:
             return
         self._line()
@@ -156,9 +186,9 @@ class Writer(_Writer):
         for each in findings:
             groups.setdefault(each.rule, []).append(each)
         for _, group in sorted(groups.items(), key=_serious_first):
-            self._group(group)
+            self._group(group, places)
 
-    def _group(self, group: Sequence[Finding]) -> None:
+    def _group(self, group: Sequence[Finding], places: Places) -> None:
         first = group[0]
         rule = self.options.rules.get(first.rule)
         name = f" {rule.name}" if rule else ""
@@ -166,33 +196,29 @@ class Writer(_Writer):
         self._line(f"  {first.rule} {severity}{name}: {count(len(group), 'finding')}")
         for each in group[:FINDINGS_PER_RULE]:
             of = "" if each.transaction is None else f" #{each.transaction}"
-            self._line(f"    frame {each.frame}{of}: {escape(message(each))}")
+            self._line(f"    {escape(places.words(each.frame))}{of}: {escape(message(each))}")
         if len(group) > FINDINGS_PER_RULE:
             self._line(f"    and {len(group) - FINDINGS_PER_RULE} more")
-        text, left_out = display_filter(each.frame for each in group)
-        note = f"  (and {count(left_out, 'frame')} more)" if left_out else ""
-        self._line("    " + self._paint("dim", text) + note)
+        for file, frames in places.by_file(each.frame for each in group):
+            text, left_out = display_filter(frames)
+            note = f"  (and {count(left_out, 'frame')} more)" if left_out else ""
+            where = f"{escape(file)}: " if file else ""
+            self._line(f"    {where}{self._paint('dim', text)}{note}")
 
     def _summary(
-        self,
-        title: str,
-        rows: Sequence[tuple[str, str, int | None]],
-        severities: Counter[str],
-        verdict: str = "",
+        self, title: str, sums: dict[str, Any], latency: Latency, verdict: str = ""
     ) -> None:
         self._line()
         self._title(title)
         if verdict:
             self._line(f"  {verdict}")
-        states = _counts(STATES, Counter(state for _, state, _ in rows))
-        operations = _counts(OPERATIONS, Counter(operation for operation, _, _ in rows))
-        split = f": {states}; {operations}" if rows else ""
-        self._line(f"  {count(len(rows), 'transaction')}{split}")
-        found = _counts(tuple(reversed(SEVERITIES)), severities)
-        self._line(f"  {count(severities.total(), 'finding')}" + (f": {found}" if found else ""))
-        latency = _latency([ns for _, _, ns in rows if ns is not None])
-        if latency:
-            self._line(f"  {latency}")
+        states, operations, findings = sums["states"], sums["operations"], sums["findings"]
+        split = f": {_counts(states)}; {_counts(operations)}" if states else ""
+        self._line(f"  {count(sum(states.values()), 'transaction')}{split}")
+        found = f": {_counts(findings)}" if findings else ""
+        self._line(f"  {count(sum(findings.values()), 'finding')}{found}")
+        if latency.text():
+            self._line(f"  {latency.text()}")
 
 
 class _Columns:
@@ -244,17 +270,5 @@ def _serious_first(item: tuple[str, list[Finding]]) -> tuple[int, str]:
     return (-SEVERITIES.index(group[0].severity), rule)
 
 
-def _counts(order: Sequence[str], counts: Counter[str]) -> str:
-    return ", ".join(f"{counts[key]} {key}" for key in order if counts[key])
-
-
-def _latency(durations: Sequence[int]) -> str:
-    """Percentiles of the times that can be true: a clock set back leaves negative ones."""
-    ordered = sorted(each for each in durations if each >= 0)
-    odd = len(durations) - len(ordered)
-    note = f" ({count(odd, 'negative time')} left out)" if odd else ""
-    if not ordered:
-        return f"latency unknown{note}" if odd else ""
-    values = ((name, percentile(ordered, at)) for name, at in (("p50", 50), ("p95", 95)))
-    shown = ", ".join(f"{name} {duration(value)}" for name, value in values)
-    return f"latency {shown}, max {duration(ordered[-1])}{note}"
+def _counts(counts: dict[str, int]) -> str:
+    return ", ".join(f"{number} {word}" for word, number in counts.items())

@@ -28,6 +28,7 @@ def quality(result: CaptureResult) -> list[Remark]:
     rules = Counter(each.rule for each in result.findings)
     return [
         _complete(result),
+        *_series(result),
         _dropped(result),
         _directions(result),
         *_flaws(rules),
@@ -39,6 +40,14 @@ def _complete(result: CaptureResult) -> Remark:
         return Remark("good", say("complete", frames=result.frames))
     problem = Both.same(escape(result.problem)) if result.problem else say("ends_early")
     return Remark("bad", say("incomplete", problem=problem, frames=result.frames))
+
+
+def _series(result: CaptureResult) -> Iterator[Remark]:
+    if result.files:
+        yield Remark("good", say("series", n=len(result.files)))
+    missing = sum(each.missing_before for each in result.files[1:])
+    if missing:
+        yield Remark("bad", say("series_missing", n=missing))
 
 
 def _dropped(result: CaptureResult) -> Remark:

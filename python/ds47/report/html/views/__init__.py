@@ -21,7 +21,7 @@ from ds47.report.html.views.elements import elements
 from ds47.report.html.views.findings import Group, groups
 from ds47.report.html.views.problems import Problem, first_screen, problems
 from ds47.report.html.views.rows import packed_rows
-from ds47.report.text import percentile
+from ds47.report.latency import percentile
 from ds47.report.verdict import LEVELS, Counts, blind, verdict
 from ds47.report.words import escape
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from ds47.model import CaptureResult, Device, Transaction
 from ds47.report.html.texts import Both, say
 from ds47.report.json import timestamp
-from ds47.report.text import percentile
+from ds47.report.latency import percentile
 from ds47.report.verdict import FAILED
 
 

@@ -1,0 +1,136 @@
+"""Many captures over many machines: the workers of a Dask cluster make the products.
+
+A worker opens the files of its task itself, so paths have to mean the same there (a shared folder, or
+a URL), and sends back the bytes of the product, which appear here as a process would have written
+them. The scheduler gives the tasks of a lost worker to another one; what was finished stays.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import os
+from collections.abc import Iterable
+from importlib import metadata
+from types import TracebackType
+from typing import Any
+
+from ds47 import __version__
+from ds47.batch.products import Product, draft_of, whole
+from ds47.batch.runner import Begun, Failed, Outcome, Place, Window
+from ds47.batch.tasks import Task
+from ds47.capture import CaptureError
+
+_SECONDS_TO_CONNECT = 15
+_SECONDS_FOR_WORKERS = 60
+
+
+class Cluster(Window[Any]):
+    """Makes products on the workers of a scheduler; a context manager.
+
+    Raises:
+        Failed: no Dask, no scheduler, no workers, or workers with another version of ds47.
+    """
+
+    def __init__(self, tasks: Iterable[Task], make: Product, place: Place, scheduler: str) -> None:
+        super().__init__(tasks)
+        self._make = make
+        self._place = place
+        self._distributed = _distributed()
+        try:
+            self._client = self._distributed.Client(
+                scheduler, timeout=_SECONDS_TO_CONNECT, set_as_default=False
+            )
+        except (OSError, ValueError, RuntimeError) as problem:
+            raise Failed(f"no Dask scheduler answers at {scheduler}: {_line(problem)}") from problem
+        try:
+            self._check_workers(scheduler)
+        except BaseException:
+            self._client.close()
+            raise
+
+    def __enter__(self) -> Cluster:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._working:
+            self._client.cancel(list(self._working), force=True)
+        self._client.close()
+
+    def _check_workers(self, scheduler: str) -> None:
+        """Whether there are workers, all with this version; one that comes later checks itself."""
+        try:
+            self._client.wait_for_workers(1, timeout=_SECONDS_FOR_WORKERS)
+        except self._distributed.TimeoutError as problem:
+            raise Failed(f"the Dask scheduler at {scheduler} has no workers") from problem
+        found = self._client.run(metadata.version, "ds47", on_error="return")
+        for worker, version in sorted(found.items()):
+            if version != __version__:
+                has = f"has ds47 {version}" if isinstance(version, str) else "has no ds47"
+                raise Failed(
+                    f"the Dask worker {worker} {has}, this is {__version__}: install the same version there"
+                )
+
+    def _wanted(self) -> int:
+        threads: int = sum(self._client.nthreads().values())
+        return max(2, 2 * threads)
+
+    def _submit(self, task: Task) -> Any:
+        return self._client.submit(
+            _work, self._make, task, __version__, key=f"ds47-{os.urandom(8).hex()}", pure=False
+        )
+
+    def _any_done(self, handles: list[Any]) -> Iterable[Any]:
+        return list(self._distributed.wait(handles, return_when="FIRST_COMPLETED").done)
+
+    def _outcome(self, begun: Begun[Any]) -> Outcome | None:
+        future: Any = begun.handle
+        try:
+            product = future.result()
+        except CaptureError as problem:
+            return problem
+        except self._distributed.KilledWorker:
+            return CaptureError("every worker that analysed it was lost; is there enough memory?")
+        except self._distributed.CancelledError:  # its result went with its worker
+            self._again(begun)
+            return None
+        except ImportError as problem:
+            raise Failed(f"a Dask worker has no ds47 {__version__}: {_line(problem)}") from problem
+        finally:
+            future.release()
+        path = self._place(begun.task)
+        with whole(path, draft_of(path, os.getpid())) as stream:
+            stream.write(product)
+        return path
+
+
+def _work(make: Product, task: Task, version: str) -> bytes:
+    """What a worker does: the bytes of the product."""
+    if version != __version__:
+        raise ImportError(f"there is {__version__}")
+    stream = io.BytesIO()
+    make(task, stream)
+    return stream.getvalue()
+
+
+def _distributed() -> Any:
+    """Dask's package, without what it likes to say: whatever matters comes as an exception.
+
+    Raises:
+        Failed: it is not installed.
+    """
+    try:
+        import distributed
+    except ImportError as problem:
+        raise Failed("--scheduler needs Dask: pip install 'ds47[cluster]'") from problem
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    return distributed
+
+
+def _line(problem: Exception) -> str:
+    return " ".join(str(problem).split()) or type(problem).__name__

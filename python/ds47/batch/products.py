@@ -1,0 +1,86 @@
+"""What is made of a task, as bytes: the spool of a report, or the stored result of a capture.
+
+A product is written by whoever analyses, a process here or a worker elsewhere, and read by the one
+who writes the report. Here: the spool, and the way a product appears whole or not at all. The
+stored result is `ds47.batch.results`.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, Protocol, cast
+
+from ds47.analysis import AnalysisOptions, OnTransaction
+from ds47.batch.tasks import Task, read
+from ds47.model import CaptureResult, Finding, Transaction
+
+_AT_ONCE = 256
+"""Transactions that are written together."""
+
+
+class Product(Protocol):
+    """Analyses a task and writes what came of it. Goes to other processes: plain data only."""
+
+    def __call__(self, task: Task, stream: BinaryIO) -> None:
+        """Raises ds47.capture.CaptureError where nothing of the task can be read."""
+
+
+@dataclass(frozen=True)
+class Spool:
+    """Transactions as they are finished, if the report streams, then the rest of the result.
+
+    So a capture with more transactions than fit into memory is no more of a problem than one that
+    is analysed where the report is written.
+    """
+
+    options: AnalysisOptions
+    streams: bool
+
+    def __call__(self, task: Task, stream: BinaryIO) -> None:
+        """Writes lists of transactions with their findings, and the result last."""
+        told: list[tuple[Transaction, list[Finding]]] = []
+
+        def finished(transaction: Transaction, findings: list[Finding]) -> None:
+            told.append((transaction, findings))
+            if len(told) == _AT_ONCE:
+                pickle.dump(told, stream, pickle.HIGHEST_PROTOCOL)
+                told.clear()
+
+        result = read(task, self.options, finished if self.streams else None)
+        if told:
+            pickle.dump(told, stream, pickle.HIGHEST_PROTOCOL)
+        pickle.dump(result, stream, pickle.HIGHEST_PROTOCOL)
+
+
+def replay(path: Path, finished: OnTransaction | None) -> CaptureResult:
+    """Tells what a `Spool` holds, in its order."""
+    with path.open("rb") as stream:
+        while True:
+            told = pickle.load(stream)
+            if not isinstance(told, list):
+                return cast(CaptureResult, told)
+            for transaction, findings in told:
+                assert finished is not None
+                finished(transaction, findings)
+
+
+@contextmanager
+def whole(path: Path, draft: Path) -> Iterator[BinaryIO]:
+    """A stream whose file appears under its name when all of it is written, or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with draft.open("wb") as stream:
+            yield stream
+        draft.replace(path)
+    except BaseException:
+        draft.unlink(missing_ok=True)
+        raise
+
+
+def draft_of(path: Path, owner: int) -> Path:
+    """Where the product is written by the run of the process `owner`."""
+    return path.with_name(f".{path.name}.{owner}.tmp")

@@ -1,0 +1,161 @@
+"""Stored results: one file a capture, `ds47.report/1` with what it was made of; what is done already.
+
+The first line of a file holds all that `--resume` and the overview ask for, so that of ten thousand
+results nobody reads more. Not here: baselines (`ds47.regression.baseline`), which stand beside
+their captures and are compared.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path, PurePosixPath
+from typing import Any, BinaryIO
+
+from ds47 import __version__
+from ds47.analysis import AnalysisOptions
+from ds47.batch.products import draft_of, whole
+from ds47.batch.tasks import Task, read
+from ds47.capture.remote import is_url
+from ds47.model import CaptureResult
+from ds47.report import SCHEMA, load
+from ds47.report import json as contract
+from ds47.report.overview import Row, document
+
+OVERVIEW = "overview.json"
+_REST = "]}"
+"""What makes a document of the first line of a result."""
+
+
+class SameNameError(Exception):
+    """Two captures whose results would have the same name; the text names both."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """A product: the result as it is stored."""
+
+    options: AnalysisOptions
+
+    def __call__(self, task: Task, stream: BinaryIO) -> None:
+        """Writes `ds47.report/1` with the key `run`, which stands in the first line."""
+        result = read(task, self.options)
+        text = io.TextIOWrapper(stream, "utf-8", errors="backslashreplace", newline="\n")
+        writer = contract.Writer(text)
+        writer.about = {"run": _made_of(task, self.options) | {"row": Row.of(result).plain()}}
+        writer.capture(result)
+        writer.close()
+        text.flush()
+        text.detach()
+
+
+def _made_of(task: Task, options: AnalysisOptions) -> dict[str, Any]:
+    """What a result depends on, besides the version: when it is the same, so is the result."""
+    chosen = asdict(options)
+    chosen["indices"] = sorted(options.indices)
+    sources = [
+        {"path": each.name, "size": each.size, "mark": each.mark, "missing_before": each.missing}
+        for each in task.sources
+    ]
+    # as it reads after a way through a file: tuples are lists there
+    made: dict[str, Any] = json.loads(json.dumps({"sources": sources, "options": chosen}))
+    return made
+
+
+class Results:
+    """A folder of results, and which of them there are already."""
+
+    def __init__(self, folder: Path, options: AnalysisOptions) -> None:
+        self.folder = folder
+        self._options = options
+        self._names: dict[str, str] = {}
+
+    def place(self, task: Task) -> Path:
+        """Where the result of a task stands."""
+        return self.folder / self._names[task.path]
+
+    def name(self, tasks: Sequence[Task], roots: Sequence[str]) -> None:
+        """Gives each task the name of its result: its path below the folder that was named.
+
+        Raises:
+            SameNameError: two would have the same.
+        """
+        owners: dict[str, str] = {}
+        for task in tasks:
+            name = f"{_below(task.path, roots)}.json"
+            other = owners.setdefault(name.casefold(), task.path)
+            if other != task.path:
+                raise SameNameError(f"{other} and {task.path} would have the same result {name}")
+            self._names[task.path] = name
+
+    def undone(self, task: Task) -> str | None:
+        """Why a task is to be done: there is no result, or it is of something else. None when done."""
+        try:
+            head = self._head(task)
+        except (OSError, ValueError, KeyError, TypeError):
+            return "no result" if not self.place(task).exists() else "no whole result"
+        made = {key: head["run"].get(key) for key in ("sources", "options")}
+        now = _made_of(task, self._options)
+        if head["tool"].get("version") != __version__:
+            return "another version of ds47"
+        if made["options"] != now["options"]:
+            return "other options"
+        if made["sources"] != now["sources"] or any(each.mark is None for each in task.sources):
+            return "changed"
+        return None
+
+    def row(self, task: Task) -> Row:
+        """What the overview tells of a task that is done."""
+        return Row.loaded(self._head(task)["run"]["row"])
+
+    def load(self, task: Task) -> CaptureResult:
+        """The result of a task that is done."""
+        stored = json.loads(self.place(task).read_bytes())
+        result = load.capture(stored["captures"][0])
+        row = stored["run"]["row"]
+        result.problem, result.dropped = row["problem"], row["dropped"]
+        return result
+
+    def forget(self, task: Task) -> None:
+        """A capture that cannot be read any more has no result."""
+        self.place(task).unlink(missing_ok=True)
+
+    def begin(self) -> None:
+        """Makes the folder; an overview of an earlier run is not that of this one.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        self.folder.mkdir(parents=True, exist_ok=True)
+        (self.folder / OVERVIEW).unlink(missing_ok=True)
+
+    def end(self, rows: Sequence[Row], owner: int) -> None:
+        """Writes the overview."""
+        path = self.folder / OVERVIEW
+        text = json.dumps(document(rows), ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+        with whole(path, draft_of(path, owner)) as stream:
+            stream.write(text.encode("utf-8", errors="backslashreplace"))
+
+    def _head(self, task: Task) -> dict[str, Any]:
+        with self.place(task).open("rb") as stream:
+            head: dict[str, Any] = json.loads(stream.readline() + _REST.encode())
+        if head["schema"] != SCHEMA:
+            raise ValueError(head["schema"])
+        return head
+
+
+def _below(path: str, roots: Sequence[str]) -> str:
+    """The path of a capture below the one of `roots` that it came from, with `/`.
+
+    Of several folders each has its own name in front, so that their results do not mix.
+    """
+    pure = PurePosixPath(path.replace("\\", "/") if not is_url(path) else path.split("://")[1])
+    for root in roots:
+        given = PurePosixPath(root.replace("\\", "/") if not is_url(root) else root.split("://")[1])
+        if pure != given and given in pure.parents:
+            below = pure.relative_to(given)
+            folder = given.name if given.name not in ("", "..") else "folder"
+            return str(below) if len(roots) == 1 else f"{folder}/{below}"
+    return pure.name

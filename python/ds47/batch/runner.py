@@ -1,0 +1,140 @@
+"""What gives the products of tasks in their order, however many are analysed at once.
+
+Lives here: the shape of a runner, the window of tasks that are on their way, and the runner that
+needs no other process. Those that do are in local.py (processes) and cluster.py (Dask).
+"""
+
+from __future__ import annotations
+
+import os
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from types import TracebackType
+from typing import Generic, TypeVar
+
+from ds47.batch.products import Product, draft_of, whole
+from ds47.batch.tasks import Task
+from ds47.capture import CaptureError
+
+Outcome = Path | CaptureError
+"""Where the product of a task is, or why there is none."""
+Place = Callable[[Task], Path]
+"""Where the product of a task goes."""
+Handle = TypeVar("Handle")
+"""How a runner names what it has begun."""
+
+_WAITING = 1024
+"""Products that may wait for their turn."""
+
+
+class Failed(Exception):
+    """The run as a whole cannot go on; the text says why, and what to do."""
+
+
+def make_here(make: Product, task: Task, path: Path) -> Outcome:
+    """Makes the product of a task in this process."""
+    try:
+        with whole(path, draft_of(path, os.getpid())) as stream:
+            make(task, stream)
+    except CaptureError as problem:
+        return problem
+    return path
+
+
+class Here:
+    """One task after the other, in this process."""
+
+    def __init__(self, tasks: Iterable[Task], make: Product, place: Place) -> None:
+        self._tasks = tasks
+        self._make = make
+        self._place = place
+
+    def __enter__(self) -> Here:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """There is nothing to end."""
+
+    def __iter__(self) -> Iterator[tuple[Task, Outcome]]:
+        for task in self._tasks:
+            yield task, make_here(self._make, task, self._place(task))
+
+
+@dataclass(slots=True)
+class Begun(Generic[Handle]):
+    """A task on its way."""
+
+    task: Task
+    handle: Handle | None
+    outcome: Outcome | None = None
+
+
+class Window(ABC, Generic[Handle]):
+    """Begins tasks ahead of their turn; iterating gives each with its outcome, in order.
+
+    There are always some more begun than can be worked at, so that nobody has to wait; one that
+    takes long does not hold up the others behind it.
+    """
+
+    def __init__(self, tasks: Iterable[Task]) -> None:
+        self._tasks = iter(tasks)
+        self._begun: deque[Begun[Handle]] = deque()
+        self._working: dict[Handle, Begun[Handle]] = {}
+
+    def __iter__(self) -> Iterator[tuple[Task, Outcome]]:
+        while True:
+            room = min(self._wanted() - len(self._working), _WAITING - len(self._begun))
+            for task in islice(self._tasks, max(0, room)):
+                self._start(Begun(task, None))
+            if not self._begun:
+                return
+            first = self._begun[0]
+            if first.outcome is None:
+                self._wait()
+                continue
+            self._begun.popleft()
+            yield first.task, first.outcome
+
+    def _start(self, begun: Begun[Handle]) -> None:
+        self._begun.append(begun)
+        self._again(begun)
+
+    def _again(self, begun: Begun[Handle]) -> None:
+        handle = self._submit(begun.task)
+        begun.handle = handle
+        self._working[handle] = begun
+
+    def _wait(self) -> None:
+        for handle in self._any_done(list(self._working)):
+            begun = self._working.pop(handle, None)
+            if begun is not None:
+                begun.outcome = self._outcome(begun)
+
+    @abstractmethod
+    def _wanted(self) -> int:
+        """How many tasks to have at work."""
+
+    @abstractmethod
+    def _submit(self, task: Task) -> Handle:
+        """Begins a task."""
+
+    @abstractmethod
+    def _any_done(self, handles: list[Handle]) -> Iterable[Handle]:
+        """Waits until at least one of them is finished; those that are."""
+
+    @abstractmethod
+    def _outcome(self, begun: Begun[Handle]) -> Outcome | None:
+        """What came of a finished one; None where it had to be begun again."""
+
+    @abstractmethod
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Ends what is still at work."""

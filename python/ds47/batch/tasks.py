@@ -1,0 +1,154 @@
+"""What is to be analysed: captures, or series of files read as one, with what tells a changed file.
+
+Lives here: `Task`, and how it is read. Not here: which captures there are in a folder
+(`ds47.cli.paths`), which files are a series (`ds47.capture.rings`).
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ds47.analysis import AnalysisOptions, OnTransaction, analyze
+from ds47.capture import CaptureError, Series, open_bytes, open_capture
+from ds47.capture.remote import facts, is_url
+from ds47.capture.series import Part
+from ds47.model import CaptureResult
+
+if TYPE_CHECKING:
+    from ds47.capture.rings import Ring
+
+STDIN = "-"
+_PIECE = 1 << 20
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One file of a task.
+
+    `name` is how the report names it, `place` what is opened, `size` its bytes. `mark` changes when
+    the file does; None where nobody can tell. `missing` files of its series are not there before it.
+    """
+
+    name: str
+    place: str
+    size: int = 0
+    mark: str | None = None
+    missing: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One capture of the report; `series` says that its sources are read as one."""
+
+    path: str
+    sources: tuple[Source, ...]
+    series: bool = False
+
+    @property
+    def size(self) -> int:
+        """Bytes of all its files."""
+        return sum(source.size for source in self.sources)
+
+
+def plan(names: Sequence[str], series: bool) -> list[Task]:
+    """The tasks that the captures are, in order; a series stands where its first file does."""
+    if not series:
+        return [Task(name, (_source(name),)) for name in names]
+    from ds47.capture.rings import rings
+
+    found = {ring.names[0]: ring for ring in rings(names)}
+    inside = {name for ring in found.values() for name in ring.names}
+    tasks = []
+    for name in names:
+        if name not in inside:
+            tasks.append(Task(name, (_source(name),)))
+        elif name in found:
+            tasks.append(_series(found[name]))
+    return tasks
+
+
+def _series(ring: Ring) -> Task:
+    sources = [
+        _source(name, missing) for name, missing in zip(ring.names, ring.missing, strict=True)
+    ]
+    if ring.cyclic:  # tcpdump -W: which file is the oldest stands only in the frames
+        sources = _from_the_oldest(sources)
+    return Task(sources[0].name, tuple(sources), series=True)
+
+
+def _from_the_oldest(sources: list[Source]) -> list[Source]:
+    times = [_first_time(source.place) for source in sources]
+    known = [at for at, time in enumerate(times) if time is not None]
+    oldest = min(known, key=lambda at: times[at] or 0, default=0)
+    return sources[oldest:] + sources[:oldest]
+
+
+def _first_time(place: str) -> int | None:
+    try:
+        with open_capture(place) as capture:
+            frame = next(iter(capture), None)
+    except CaptureError:
+        return None
+    return frame.time_ns if frame else None
+
+
+def _source(name: str, missing: int = 0) -> Source:
+    if name == STDIN:
+        return Source(name, name)
+    if is_url(name):
+        size, mark = facts(name)
+        return Source(name, name, size, mark, missing)
+    place = os.path.abspath(name)  # noqa: PTH100 (a link stays a link, its name may be all there is)
+    try:
+        about = Path(place).stat()
+    except (OSError, ValueError):  # the analysis will say why
+        return Source(name, place, missing=missing)
+    return Source(name, place, about.st_size, f"{about.st_mtime_ns}", missing)
+
+
+def read(
+    task: Task, options: AnalysisOptions, finished: OnTransaction | None = None
+) -> CaptureResult:
+    """Analyses a task; `finished` as in `ds47.analysis.analyze`.
+
+    Raises:
+        ds47.capture.CaptureError: nothing of it can be read.
+    """
+    if task.series:
+        parts = [Part(each.name, each.place, each.missing) for each in task.sources]
+        with Series(parts) as series:
+            result = analyze(series, options, finished)
+    else:
+        (source,) = task.sources
+        place = sys.stdin.buffer if source.place == STDIN else source.place
+        with open_capture(place, name=source.name) as capture:
+            result = analyze(capture, options, finished)
+    result.path = task.path
+    if options.digest and task.path != STDIN:
+        _digest(task, result)
+    return result
+
+
+def _digest(task: Task, result: CaptureResult) -> None:
+    """The SHA-256 of a capture; of a series that of each file that can be read."""
+    if not task.series:
+        result.sha256 = _sha256(task.sources[0].place)
+        return
+    for source, file in zip(task.sources, result.files, strict=True):
+        if file.readable:
+            file.sha256 = _sha256(source.place)
+
+
+def _sha256(place: str) -> str:
+    import hashlib  # only here: it takes longer to import than a small capture to analyse
+
+    found = hashlib.sha256()
+    with open_bytes(place) as stream:
+        while piece := stream.read(_PIECE):
+            found.update(piece)
+    return found.hexdigest()

@@ -1,0 +1,112 @@
+"""Captures that are no file of this machine: `s3://bucket/x.pcapng` and all else that fsspec opens.
+
+Lives here: what a URL is, opening it, listing below it, what is known of it. fsspec is imported
+only for a URL. Its file systems raise whatever their libraries do: here that becomes OSError or
+CaptureError, as for a file.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, BinaryIO, cast
+
+from .errors import CaptureError
+from .names import is_capture
+
+_MARKS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "Last-Modified", "created")
+"""Names that file systems give to what changes with a file."""
+
+
+def is_url(name: str) -> bool:
+    """Whether a name is that of something behind a protocol."""
+    return "://" in name
+
+
+def open_bytes(place: str | Path) -> BinaryIO:
+    """The bytes of a file or a URL, unbuffered. Raises OSError, ValueError, CaptureError."""
+    if not is_url(str(place)):
+        return cast(BinaryIO, Path(place).open("rb", buffering=0))
+    system, path = _system(str(place))
+    try:
+        return cast(BinaryIO, _Remote(system.open(path, "rb")))
+    except Exception as problem:
+        raise OSError(_reason(problem)) from problem
+
+
+def facts(url: str) -> tuple[int, str | None]:
+    """Bytes of what a URL names, and what changes when it does; None where nobody can tell."""
+    try:
+        system, path = _system(url)
+        about = system.info(path)
+    except Exception:  # noqa: BLE001 (opening it says why)
+        return 0, None
+    marks = [str(about[key]) for key in _MARKS if about.get(key)]
+    return int(about.get("size") or 0), marks[0] if marks else None
+
+
+def below(url: str, accept: Callable[[str], bool] = is_capture) -> list[str]:
+    """The captures that a URL means: itself, or those in the folder that it names, sorted.
+
+    Raises:
+        CaptureError: it cannot be listed.
+    """
+    if accept(url):
+        return [url]
+    system, path = _system(url)
+    try:
+        names = system.find(path)
+        found = sorted(str(system.unstrip_protocol(name)) for name in names if accept(name))
+        if not found and not system.isdir(path):
+            return [url]
+    except Exception as problem:
+        raise CaptureError(f"{url}: cannot be listed: {_reason(problem)}") from problem
+    return found
+
+
+def _system(url: str) -> tuple[Any, str]:
+    """The file system behind a URL and the path in it. Raises CaptureError."""
+    try:
+        from fsspec.core import url_to_fs
+    except ImportError:
+        raise CaptureError(
+            f"{url}: needs the package fsspec: pip install 'ds47[cluster]'"
+        ) from None
+    try:
+        system, path = url_to_fs(url)
+    except Exception as problem:
+        raise CaptureError(f"{url}: {_reason(problem)}") from problem
+    return system, str(path)
+
+
+class _Remote(io.RawIOBase):
+    """A remote file whose failures are OSError, as those of a file."""
+
+    def __init__(self, file: Any) -> None:
+        super().__init__()
+        self._file = file
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, room: Any, /) -> int:
+        """Fill the beginning of `room`; how many bytes, 0 at the end."""
+        try:
+            piece = self._file.read(len(room))
+        except Exception as problem:
+            raise OSError(_reason(problem)) from problem
+        room[: len(piece)] = piece
+        return len(piece)
+
+    def close(self) -> None:
+        if not self.closed:
+            self._file.close()
+        super().close()
+
+
+def _reason(problem: Exception) -> str:
+    if isinstance(problem, FileNotFoundError):
+        return "No such file or directory"
+    text = getattr(problem, "strerror", None) or str(problem) or type(problem).__name__
+    return " ".join(str(text).split())

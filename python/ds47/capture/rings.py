@@ -1,0 +1,160 @@
+"""Which file names are the files of one ring buffer, and in which order. Nothing is opened here.
+
+Known are the names of dumpcap -b, NAME_00001_20240101120000.pcapng (also with the time first), of
+tcpdump -C, NAME.pcap, NAME.pcap1, NAME.pcap2, with -W NAME.pcap00 ..., and of tcpdump -G with the
+time at the end of the name, NAME_20240101120000.pcap.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from .names import ENDINGS, PACKED, SUFFIXES
+
+_ENDING = "(?P<ending>" + "|".join(map(re.escape, sorted(ENDINGS, key=len, reverse=True))) + ")"
+_TIME = r"(?P<time>\d{8}[-_T]?\d{6})"
+_DUMPCAP = (
+    re.compile(rf"(?P<stem>.+)_(?P<number>\d{{5,}})_{_TIME}{_ENDING}", re.IGNORECASE),
+    re.compile(rf"(?P<stem>.+)_{_TIME}_(?P<number>\d{{5,}}){_ENDING}", re.IGNORECASE),
+)
+_SIZED = re.compile(
+    rf"(?P<stem>.+(?:{'|'.join(map(re.escape, SUFFIXES))}))(?P<number>\d+)"
+    rf"(?P<ending>{'|'.join(map(re.escape, PACKED))})",
+    re.IGNORECASE,
+)
+_TIMED = re.compile(rf"(?P<stem>.+?)[-_.]?{_TIME}{_ENDING}", re.IGNORECASE)
+_WRAP = 100_000
+"""dumpcap counts from 1 and goes on with 0 after 99999."""
+_CLOCK = timedelta(hours=1, minutes=5)
+"""By so much may the time of a later file be earlier: it is local time, and summer ends."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ring:
+    """The files of one ring buffer in their order.
+
+    `missing[n]` are the files that are not there before the n-th: before the first those that the
+    ring has written over. `cyclic` says that the first in this order need not be the oldest.
+    """
+
+    names: tuple[str, ...]
+    missing: tuple[int, ...]
+    cyclic: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class _File:
+    name: str
+    kind: str
+    group: tuple[str, str]
+    number: int | None
+    time: datetime | None
+    digits: str = ""
+
+
+def is_part(name: str) -> bool:
+    """Whether a file has a name that only the files of tcpdump -C have: `x.pcap1`."""
+    return _SIZED.fullmatch(name) is not None
+
+
+def rings(names: Sequence[str]) -> list[Ring]:
+    """The ring buffers among the names of files; a name that is of none is in none of them."""
+    groups: dict[tuple[str, tuple[str, str]], list[_File]] = {}
+    for name in names:
+        file = _parsed(name)
+        if file is not None:
+            groups.setdefault((file.kind, file.group), []).append(file)
+    found = []
+    for (kind, (stem, ending)), files in groups.items():
+        if kind == "dumpcap":
+            found += [_ring(chain, 1) for chain in _chains(files)]
+        elif kind == "sized":
+            found.append(_sized(files, stem + ending, names))
+        elif len(files) > 1:
+            found.append(_ring(sorted(files, key=lambda file: (file.time, file.name)), None))
+    return found
+
+
+def _parsed(name: str) -> _File | None:
+    for pattern in _DUMPCAP:
+        match = pattern.fullmatch(name)
+        if match and (time := _time(match["time"])):
+            group = match["stem"], match["ending"]
+            return _File(name, "dumpcap", group, int(match["number"]), time)
+    if match := _SIZED.fullmatch(name):
+        number = match["number"]
+        return _File(name, "sized", (match["stem"], match["ending"]), int(number), None, number)
+    if (match := _TIMED.fullmatch(name)) and (time := _time(match["time"])):
+        return _File(name, "timed", (match["stem"], match["ending"]), None, time)
+    return None
+
+
+def _time(digits: str) -> datetime | None:
+    try:
+        return datetime.strptime(re.sub(r"\D", "", digits), "%Y%m%d%H%M%S")
+    except ValueError:
+        return None
+
+
+def _chains(files: Iterable[_File]) -> list[list[_File]]:
+    """Splits files of one name into runs of dumpcap: in each the numbers rise and time does too."""
+    chains: list[list[_File]] = []
+    for file in sorted(files, key=lambda each: (each.number, each.time)):
+        before = [chain for chain in chains if _follows(chain[-1], file)]
+        strict = [chain for chain in before if chain[-1].time <= file.time]  # type: ignore[operator]
+        if before:
+            max(strict or before, key=lambda chain: chain[-1].time or datetime.min).append(file)
+        else:
+            chains.append([file])
+    return _joined(chains)
+
+
+def _follows(last: _File, file: _File) -> bool:
+    assert last.time is not None
+    assert file.time is not None
+    return last.number != file.number and last.time <= file.time + _CLOCK
+
+
+def _joined(chains: list[list[_File]]) -> list[list[_File]]:
+    """Puts a run together again that has counted beyond 99999."""
+    for chain in chains:
+        if chain[-1].number != _WRAP - 1:
+            continue
+        rest = [
+            each
+            for each in chains
+            if each is not chain and each[0].number == 0 and _follows(chain[-1], each[0])
+        ]
+        if rest:
+            following = min(rest, key=lambda each: each[0].time or datetime.max)
+            chains.remove(following)
+            chain += following
+            return _joined(chains)
+    return chains
+
+
+def _ring(files: Sequence[_File], first: int | None) -> Ring:
+    """`first` is the number that the very first file of such a ring has; None for no numbers."""
+    missing = []
+    expected = first
+    for file in files:
+        if file.number is None or expected is None:
+            missing.append(0)
+            continue
+        missing.append(max(0, (file.number - expected) % _WRAP))
+        expected = file.number + 1
+    return Ring(tuple(file.name for file in files), tuple(missing))
+
+
+def _sized(files: list[_File], base: str, names: Sequence[str]) -> Ring:
+    """Tcpdump -C; with -W too it begins again with the first file, which then has a number."""
+    ordered = sorted(files, key=lambda file: file.number or 0)
+    has_base = base in names
+    cyclic = not has_base and ordered[0].digits.strip("0") == ""
+    ring = _ring(ordered, None if cyclic else 1)
+    if has_base:
+        ring = Ring((base, *ring.names), (0, *ring.missing))
+    return Ring(ring.names, ring.missing, cyclic)

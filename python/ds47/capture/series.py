@@ -1,0 +1,119 @@
+"""Several files read as one capture, one after the other: the files of a ring buffer.
+
+Lives here: `Series`, which is to the analysis what `Capture` is. Frames are numbered through all
+files, as `mergecap -a` would put them into one; `files` says where each began. Which files belong
+together is in rings.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+
+from ds47.model import CaptureFile
+
+from .errors import CaptureError
+from .frame import Frame
+from .reader import Capture, open_capture
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A file of a series: how the report names it, where it is, how many are missing before it."""
+
+    name: str
+    place: str
+    missing: int = 0
+
+
+class Series:
+    """The files as one capture: a context manager, and an iterable of the frames that may matter.
+
+    The attributes are those of `Capture`. A file that is damaged, or cannot be read at all, is named
+    in `problem` and in `files`; reading goes on with the next one.
+    """
+
+    def __init__(self, parts: Sequence[Part]) -> None:
+        self.path = parts[0].name
+        self.files: list[CaptureFile] = []
+        self.dropped: int | None = None
+        self._parts = parts
+        self._capture: Capture | None = None
+        self._before = 0
+        self._frames = self._read()
+
+    def __enter__(self) -> Series:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __iter__(self) -> Iterator[Frame]:
+        return self._frames
+
+    def _read(self) -> Iterator[Frame]:
+        for part in self._parts:
+            file = CaptureFile(part.name, self._before + 1, missing_before=part.missing)
+            self.files.append(file)
+            try:
+                self._capture = open_capture(part.place, name=part.name)
+            except CaptureError as problem:
+                file.problem, file.readable = problem.message, False
+                continue
+            with self._capture:
+                yield from self._numbered(self._capture)
+                self._end(self._capture, file)
+            self._capture = None
+
+    def _numbered(self, capture: Capture) -> Iterator[Frame]:
+        before = self._before
+        for frame in capture:
+            frame.number += before
+            yield frame
+
+    def _end(self, capture: Capture, file: CaptureFile) -> None:
+        file.frames, file.problem = capture.frames, capture.problem
+        self._before += file.frames
+        if capture.dropped is not None:
+            self.dropped = capture.dropped + (self.dropped or 0)
+
+    @property
+    def frames(self) -> int:
+        """Frames passed so far, in all files."""
+        return self._before + (self._capture.frames if self._capture else 0)
+
+    @property
+    def problem(self) -> str | None:
+        """What was wrong with the first file that was not read as a whole, and with how many more."""
+        wrong = [file for file in self.files if file.problem]
+        if not wrong:
+            return None
+        first = wrong[0]
+        text = first.problem or ""
+        if first.path not in text:
+            text = f"{first.path}: {text}"
+        return text if len(wrong) == 1 else f"{text} (and {len(wrong) - 1} more files)"
+
+    @property
+    def complete(self) -> bool:
+        """True when every file was read to its end."""
+        whole = len(self.files) == len(self._parts) and self._capture is None
+        return whole and self.problem is None
+
+    @property
+    def gaps(self) -> bool:
+        """Whether frames lack between two others: dropped ones, a missing or a damaged file."""
+        missing = any(file.missing_before for file in self.files[1:])
+        damaged = any(file.problem for file in self.files[:-1])
+        return missing or damaged or bool(self.dropped)
+
+    def close(self) -> None:
+        """Close the file that is open."""
+        if self._capture is not None:
+            self._capture.close()

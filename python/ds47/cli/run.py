@@ -1,0 +1,200 @@
+"""How a run over captures goes: each analysed in its turn, told to the report, counted for the exit status.
+
+Lives here: `Run`, with the three ways in which a result comes (analysed here and now, from a
+process or worker, from a folder of results). Options and files are `ds47.cli.report`, how captures
+are analysed elsewhere is `ds47.batch`.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from functools import partial
+from typing import TYPE_CHECKING
+
+from ds47.capture import CaptureError
+from ds47.cli.common import counted
+from ds47.cli.paths import about
+from ds47.model import SEVERITIES, CaptureResult, Finding, Transaction
+from ds47.report import Writer, write_one
+
+if TYPE_CHECKING:
+    from ds47.analysis import OnTransaction
+    from ds47.batch.results import Results
+    from ds47.batch.runner import Outcome
+    from ds47.batch.tasks import Task
+    from ds47.cli.progress import Progress
+    from ds47.report.overview import Row
+
+    Analyzer = Callable[[Task, OnTransaction | None], CaptureResult]
+    Runner = AbstractContextManager[Iterable[tuple[Task, Outcome]]]
+
+_OBJECTS = 100_000
+"""How many new ones make it worth to look for garbage."""
+
+
+class Run:
+    """Goes from capture to capture, and remembers what the exit status needs."""
+
+    def __init__(self, writer: Writer, progress: Progress) -> None:
+        self._writer = writer
+        self._progress = progress
+        self._reported = 0
+        self.failed = False
+        self.worst = -1
+
+    def missing(self, text: str) -> None:
+        """Says what could not be read, or not as a whole."""
+        self.failed = True
+        self._progress.warn(text)
+
+    def here(self, tasks: Sequence[Task], analyze: Analyzer) -> None:
+        """Analyses one after the other, in this process."""
+        with self._interruptible(len(tasks)):
+            for task in tasks:
+                self._tell(task, analyze)
+                self._end(task)
+
+    def spooled(self, runner: Runner, tasks: Sequence[Task]) -> None:
+        """Takes what processes or workers have spooled."""
+        with self._interruptible(len(tasks)), runner as outcomes:
+            for task, outcome in outcomes:
+                self._tell(task, partial(_taken, outcome))
+                self._end(task)
+
+    def _end(self, task: Task) -> None:
+        self._reported += 1
+        self._progress.done(task.size)
+
+    def _tell(self, task: Task, analyze: Analyzer) -> None:
+        """Analyses a capture and hands what it says to the writer."""
+        writer = self._writer
+
+        def finished(transaction: Transaction, findings: Sequence[Finding]) -> None:
+            self._note(findings)
+            writer.transaction(task.path, transaction, findings)
+
+        _collect()
+        try:
+            result = analyze(task, finished if writer.streams else None)
+        except CaptureError as problem:
+            self._unreadable(task, problem)
+            return
+        result.path = task.path
+        self._note(result.findings)
+        self._whole(task.path, result.complete, result.problem)
+        self._gaps(result)
+        writer.capture(result)
+
+    def stored(
+        self,
+        results: Results,
+        tasks: Sequence[Task],
+        todo: Sequence[Task],
+        runner: Runner,
+        rows: list[Row] | None,
+    ) -> list[Row]:
+        """Stores a result of each task in `todo`, and reports over all.
+
+        Args:
+            results: where they are stored.
+            tasks: all captures of the report.
+            todo: those of them that are not done already.
+            runner: analyses what is in `todo`, in that order.
+            rows: of a writer that wants nothing but rows; else None, and it gets all results.
+        """
+        waiting = {task.path for task in todo}
+        kept: list[Row] = [] if rows is None else rows
+        try:
+            with runner as outcomes:
+                coming = iter(outcomes)
+                for task in tasks:
+                    _collect()
+                    if task.path in waiting:
+                        _, outcome = next(coming)
+                        self._progress.done(task.size)
+                    else:
+                        outcome = results.place(task)
+                    kept.append(self._store(results, task, outcome, whole=rows is None))
+        except KeyboardInterrupt:
+            done = sum(results.undone(task) is None for task in tasks)
+            self._progress.warn(
+                f"interrupted: {done} of {counted(len(tasks), 'result')} are in {results.folder}; "
+                "to go on: the same command with --resume"
+            )
+            raise
+        return kept
+
+    def _store(self, results: Results, task: Task, outcome: Outcome, *, whole: bool) -> Row:
+        from ds47.report.overview import Row
+
+        if isinstance(outcome, CaptureError):
+            results.forget(task)
+            problem = self._unreadable(task, outcome, told=whole)
+            return Row.unreadable(task.path, problem)
+        row = results.row(task)
+        self.worst = max(self.worst, row.worst)
+        self._whole(task.path, row.complete, row.problem)
+        if whole:
+            result = results.load(task)
+            self._gaps(result)
+            write_one(self._writer, result)
+        return row
+
+    def _unreadable(self, task: Task, problem: CaptureError, *, told: bool = True) -> str:
+        text = str(problem)
+        self.missing(about(task.path, text))
+        if told:
+            self._writer.unreadable(task.path, text)
+        return text
+
+    def _whole(self, path: str, complete: bool, problem: str | None) -> None:
+        if not complete:
+            self.missing(about(path, problem or "only partly read"))
+
+    def _gaps(self, result: CaptureResult) -> None:
+        """A file of a series that is missing is no damage, but nobody should overlook it."""
+        lost = sum(each.missing_before for each in result.files[1:])
+        if lost:
+            self._progress.warn(f"{result.path}: {counted(lost, 'file')} of this series missing")
+
+    def _note(self, findings: Sequence[Finding]) -> None:
+        for finding in findings:
+            self.worst = max(self.worst, SEVERITIES.index(finding.severity))
+
+    @contextmanager
+    def _interruptible(self, total: int) -> Iterator[None]:
+        """Says how far a run of many captures came."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            if total > 1:
+                self._progress.warn(
+                    f"interrupted: {self._reported} of {counted(total, 'capture')} were reported; "
+                    "a run with --results FOLDER can be gone on with"
+                )
+            raise
+
+
+def _taken(outcome: Outcome, _task: Task, finished: OnTransaction | None) -> CaptureResult:
+    """What was spooled for a capture; the spool is gone then."""
+    from ds47.batch.products import replay
+
+    if isinstance(outcome, CaptureError):
+        raise outcome
+    result = replay(outcome, finished)
+    outcome.unlink()
+    return result
+
+
+def collect_rarely() -> None:
+    """What an analysis keeps has no cycles: looking for them again and again only costs time."""
+    gc.freeze()
+    gc.disable()
+
+
+def _collect() -> None:
+    """Between two captures: what belonged to the last one, as a whole, has cycles."""
+    if gc.get_count()[0] > _OBJECTS:
+        gc.collect()

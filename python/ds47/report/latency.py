@@ -1,0 +1,57 @@
+"""Latencies of any number of transactions in bounded room: how often each was, as it is shown."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+from ds47.report.words import count, duration
+
+
+def percentile(ordered: Sequence[int], percent: int) -> int:
+    """The nearest-rank percentile of sorted numbers: always one that was measured."""
+    return ordered[max(0, -(-percent * len(ordered) // 100) - 1)]
+
+
+class Latency:
+    """Counts durations by their text, which rises with them: so percentiles are as exact as it is."""
+
+    def __init__(self, durations_ns: Iterable[int] = ()) -> None:
+        self._times: Counter[str] = Counter()
+        self._nanoseconds: dict[str, int] = {}
+        self._negative = 0
+        for each in durations_ns:
+            self.add(each)
+
+    def add(self, nanoseconds: int) -> None:
+        """Counts one; a clock set back leaves negative ones, which cannot be true."""
+        if nanoseconds < 0:
+            self._negative += 1
+            return
+        shown = duration(nanoseconds)
+        self._times[shown] += 1
+        self._nanoseconds.setdefault(shown, nanoseconds)
+
+    def update(self, other: Latency) -> None:
+        """Counts all that another one has."""
+        self._times.update(other._times)
+        self._nanoseconds = other._nanoseconds | self._nanoseconds
+        self._negative += other._negative
+
+    def text(self) -> str:
+        """Percentiles and the longest; empty where there is no duration."""
+        note = f" ({count(self._negative, 'negative time')} left out)" if self._negative else ""
+        if not self._times:
+            return f"latency unknown{note}" if note else ""
+        ordered = sorted(self._times, key=self._nanoseconds.__getitem__)
+        values = ((name, self._percentile(ordered, at)) for name, at in (("p50", 50), ("p95", 95)))
+        shown = ", ".join(f"{name} {value}" for name, value in values)
+        return f"latency {shown}, max {ordered[-1]}{note}"
+
+    def _percentile(self, ordered: Sequence[str], percent: int) -> str:
+        wanted, seen = max(1, -(-percent * self._times.total() // 100)), 0
+        for shown in ordered:
+            seen += self._times[shown]
+            if seen >= wanted:
+                return shown
+        return ordered[-1]

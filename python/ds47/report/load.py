@@ -1,0 +1,135 @@
+"""A report in JSON back to the model: the reverse of `ds47.report.json`.
+
+What the contract does not hold is not there again: `Transaction.position`, the offset of a finding
+apart from its message. Written once more, in any format, it is the same report.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import date
+from typing import Any
+
+from ds47.model import (
+    CaptureFile,
+    CaptureResult,
+    Device,
+    Diagnosis,
+    Finding,
+    Frames,
+    Parameter,
+    ParameterError,
+    Transaction,
+)
+
+_EPOCH_DAY = date(1970, 1, 1).toordinal()
+_DAYS_IN_400_YEARS = 146_097
+_TIMESTAMP = re.compile(r"(-?\d{4,})-(\d\d)-(\d\d)T(\d\d):(\d\d):(\d\d)\.(\d{9})Z")
+_AT_OFFSET = re.compile(r"offset (\d+): (.*)", re.DOTALL)
+
+
+def capture(item: dict[str, Any]) -> CaptureResult:
+    """A capture of the contract; `problem` and `dropped` are not in it."""
+    return CaptureResult(
+        path=item["path"],
+        sha256=item["sha256"],
+        frames=item["frames"],
+        complete=item["complete"],
+        rpc=item["rpc"],
+        records=item["records"],
+        devices=[Device(**each) for each in item["devices"]],
+        transactions=[transaction(each) for each in item["transactions"]],
+        findings=[finding(each) for each in item["findings"]],
+        diagnoses=[diagnosis(each) for each in item["diagnoses"]],
+        summary=item["summary"],
+        files=[CaptureFile(**each) for each in item.get("files", ())],
+    )
+
+
+def transaction(item: dict[str, Any]) -> Transaction:
+    """A transaction of the contract."""
+    return Transaction(
+        operation=item["operation"],
+        state=item["state"],
+        controller=item["controller"],
+        device=item["device"],
+        ar=item["ar"],
+        api=item["api"],
+        slot=item["slot"],
+        subslot=item["subslot"],
+        index=item["index"],
+        request_reference=item["request_reference"],
+        axis=item["axis"],
+        frames=_frames(item["frames"]),
+        start_ns=nanoseconds(item["start"]),
+        duration_ns=_duration(item["duration_ms"]),
+        request=_bytes(item["bytes"]["request"]),
+        response=_bytes(item["bytes"]["response"]),
+        write_status=_status(item["status"]["write"]),
+        read_status=_status(item["status"]["read"]),
+        parameters=[_parameter(each) for each in item["parameters"]],
+        findings=item["findings"],
+        id=item["id"],
+    )
+
+
+def finding(item: dict[str, Any]) -> Finding:
+    """A finding of the contract; the offset in front of its message is taken off again."""
+    text, offset = item["message"], None
+    if match := _AT_OFFSET.fullmatch(text):
+        offset, text = int(match[1]), match[2]
+    return Finding(item["rule"], item["severity"], text, item["frame"], item["transaction"], offset)
+
+
+def diagnosis(item: dict[str, Any]) -> Diagnosis:
+    """A diagnosis of the contract."""
+    corrected = item["corrected"]
+    return Diagnosis(
+        rule=item["rule"],
+        severity=item["severity"],
+        message=item["message"],
+        device=item["device"],
+        count=item["count"],
+        frames=item["frames"],
+        transactions=item["transactions"],
+        corrected=None if corrected is None else bytes.fromhex(corrected["request"]),
+    )
+
+
+def nanoseconds(timestamp: str) -> int:
+    """ISO 8601 in UTC with nine digits as nanoseconds since 1970; any year."""
+    match = _TIMESTAMP.fullmatch(timestamp)
+    if match is None:
+        raise ValueError(f"{timestamp!r} is no timestamp of a report")
+    year, month, day, hour, minute, second, ns = map(int, match.groups())
+    # `date` knows the years 1 to 9999; the calendar repeats every 400
+    cycles, year = divmod(year - 1970, 400)
+    days = date(1970 + year, month, day).toordinal() - _EPOCH_DAY + cycles * _DAYS_IN_400_YEARS
+    return (days * 86_400 + hour * 3600 + minute * 60 + second) * 1_000_000_000 + ns
+
+
+def _frames(item: dict[str, Any]) -> Frames:
+    def pairs(key: str) -> list[tuple[int | None, int | None]]:
+        return [(each["request"], each["response"]) for each in item[key]]
+
+    return Frames(
+        item["write_request"], item["write_response"], item["read_request"],
+        item["read_response"], pairs("polls"), pairs("rereads"),
+    )  # fmt: skip
+
+
+def _parameter(item: dict[str, Any]) -> Parameter:
+    error = item["error"]
+    return Parameter(**{**item, "error": None if error is None else ParameterError(**error)})
+
+
+def _duration(milliseconds: float | None) -> int | None:
+    return None if milliseconds is None else round(milliseconds * 1_000_000)
+
+
+def _bytes(digits: str | None) -> bytes | None:
+    return None if digits is None else bytes.fromhex(digits)
+
+
+def _status(digits: str | None) -> int | None:
+    return None if digits is None else int(digits, 16)

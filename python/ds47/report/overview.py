@@ -1,0 +1,284 @@
+"""Many captures in one view: a line for each, the worst first, then the sums over all of them.
+
+Lives here: `Row`, what is kept of a capture (some hundred bytes, whatever its length), the text,
+and the document `ds47.overview/1`. What is in one capture is told by the other formats.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any, TextIO
+
+from ds47 import __version__
+from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Report
+from ds47.report import Options, write_all
+from ds47.report import Writer as _Writer
+from ds47.report.words import count, duration, escape
+
+SCHEMA = "ds47.overview/1"
+
+
+@dataclass(slots=True)
+class Row:
+    """One capture; the names are those of the report.
+
+    `readable` is False where nothing of it could be read, and `problem` says why. `findings` counts
+    by severity, `rules` by rule; `slowest_ns` is the longest duration.
+    """
+
+    path: str
+    readable: bool = True
+    complete: bool = True
+    problem: str | None = None
+    dropped: int | None = None
+    frames: int = 0
+    files: int = 1
+    missing_files: int = 0
+    operations: dict[str, int] = field(default_factory=dict)
+    states: dict[str, int] = field(default_factory=dict)
+    findings: dict[str, int] = field(default_factory=dict)
+    rules: dict[str, int] = field(default_factory=dict)
+    slowest_ns: int | None = None
+
+    @classmethod
+    def of(cls, result: CaptureResult) -> Row:
+        """What a whole result (its transactions and findings included) comes to."""
+        transactions, findings = result.transactions, result.findings
+        times = [each.duration_ns for each in transactions if each.duration_ns is not None]
+        return cls(
+            result.path,
+            complete=result.complete,
+            problem=result.problem,
+            dropped=result.dropped,
+            frames=result.frames,
+            files=len(result.files) or 1,
+            missing_files=sum(each.missing_before for each in result.files),
+            operations=_counted(OPERATIONS, (each.operation for each in transactions)),
+            states=_counted(STATES, (each.state for each in transactions)),
+            findings=_counted(SEVERITIES[::-1], (each.severity for each in findings)),
+            rules=dict(sorted(Counter(each.rule for each in findings).items())),
+            slowest_ns=max((each for each in times if each >= 0), default=None),
+        )
+
+    @classmethod
+    def unreadable(cls, path: str, problem: str) -> Row:
+        """A capture of which nothing could be read."""
+        return cls(path, readable=False, complete=False, problem=problem)
+
+    @classmethod
+    def loaded(cls, plain: dict[str, Any]) -> Row:
+        """A row that `plain` has written; ten thousand of them share their words."""
+        for key in ("operations", "states", "findings", "rules"):
+            plain[key] = {sys.intern(word): number for word, number in plain[key].items()}
+        return cls(**plain)
+
+    def plain(self) -> dict[str, Any]:
+        """As an object of `ds47.overview/1`."""
+        return asdict(self)
+
+    @property
+    def transactions(self) -> int:
+        """How many."""
+        return sum(self.states.values())
+
+    @property
+    def worst(self) -> int:
+        """Index of the most serious severity, -1 where nothing was found."""
+        return max((SEVERITIES.index(name) for name in self.findings), default=-1)
+
+    def badness(self) -> tuple[bool | int | str, ...]:
+        """Sorts the worst first: not readable, errors, warnings, cut off, not ok; then the path."""
+        found = self.findings
+        return (
+            self.readable,
+            -found.get("error", 0),
+            -found.get("warning", 0),
+            self.complete,
+            self.states.get("ok", 0) - self.transactions,
+            -found.get("note", 0),
+            self.path,
+        )
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nobody need look at it: read as a whole, no error, no warning."""
+        return self.complete and not ({"error", "warning"} & self.findings.keys())
+
+
+def total(rows: Iterable[Row]) -> dict[str, Any]:
+    """The sums over captures, as an object of `ds47.overview/1`."""
+    sums: dict[str, Counter[str]] = {
+        key: Counter() for key in ("operations", "states", "findings", "rules", "rule_captures")
+    }
+    counts = Counter[str]()
+    slowest: Row | None = None
+    for row in rows:
+        counts["captures"] += 1
+        counts["frames"] += row.frames
+        counts["unreadable"] += not row.readable
+        counts["incomplete"] += row.readable and not row.complete
+        counts["quiet"] += row.quiet
+        for key in ("operations", "states", "findings", "rules"):
+            sums[key].update(getattr(row, key))
+        sums["rule_captures"].update(row.rules.keys())
+        if row.slowest_ns is not None and row.slowest_ns > (
+            slowest.slowest_ns or -1 if slowest else -1
+        ):
+            slowest = row
+    names = ("captures", "unreadable", "incomplete", "quiet", "frames")
+    return {
+        **{name: counts[name] for name in names},
+        "operations": _in_order(OPERATIONS, sums["operations"]),
+        "states": _in_order(STATES, sums["states"]),
+        "findings": _in_order(SEVERITIES[::-1], sums["findings"]),
+        "rules": {
+            rule: {"findings": number, "captures": sums["rule_captures"][rule]}
+            for rule, number in sorted(sums["rules"].items())
+        },
+        "slowest": None if slowest is None else {"path": slowest.path, "ns": slowest.slowest_ns},
+    }
+
+
+def document(rows: Iterable[Row]) -> dict[str, Any]:
+    """The overview as plain dictionaries, the worst capture first."""
+    ordered = sorted(rows, key=Row.badness)
+    return {
+        "schema": SCHEMA,
+        "tool": {"name": "ds47", "version": __version__},
+        "total": total(ordered),
+        "captures": [row.plain() for row in ordered],
+    }
+
+
+def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
+    """Writes the overview of a complete report."""
+    write_all(Writer(stream, options), report)
+
+
+class Writer(_Writer):
+    """Keeps a row of each capture, and prints at the end."""
+
+    def __init__(self, stream: TextIO, options: Options | None = None) -> None:
+        super().__init__(stream, options)
+        self.rows: list[Row] = []
+
+    def capture(self, result: CaptureResult) -> None:
+        self.rows.append(Row.of(result))
+
+    def unreadable(self, path: str, problem: str) -> None:
+        self.rows.append(Row.unreadable(path, problem))
+
+    def close(self) -> None:
+        for line in lines(self.rows, self.options):
+            self.stream.write(line + "\n")
+
+
+def lines(rows: Sequence[Row], options: Options) -> list[str]:
+    """The overview as text: who needs a look, what was found, sums."""
+    summed = total(rows)
+    return [
+        *_spaced(table(rows)),
+        *_spaced(_rules(summed, options)),
+        *_sums(summed),
+    ]
+
+
+def _spaced(block: list[str]) -> list[str]:
+    return [*block, ""] if block else []
+
+
+_HEADINGS = ("errors", "warnings", "notes", "not ok", "of", "capture")
+
+
+def table(rows: Iterable[Row], most: int | None = None) -> list[str]:
+    """A line for each capture that needs a look, the worst first; of more than `most` those."""
+    ordered = sorted((row for row in rows if not row.quiet), key=Row.badness)
+    if not ordered:
+        return []
+    cells = [_HEADINGS, *map(_cells, ordered[:most])]
+    widths = [max(len(line[at]) for line in cells) for at in range(len(_HEADINGS) - 1)]
+    shown = ["Captures, the worst first"]
+    for line in cells:
+        numbers = (cell.rjust(width) for cell, width in zip(line[:-1], widths, strict=True))
+        shown.append(f"  {'  '.join(numbers)}  {line[-1]}")
+    if most is not None and len(ordered) > most:
+        shown.append(f"  and {count(len(ordered) - most, 'capture')} more (-f overview)")
+    return shown
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    name = escape(row.path)
+    if not row.readable:
+        return ("-",) * (len(_HEADINGS) - 1) + (f"{name}  not readable: {_about(row)}",)
+    if row.files > 1:
+        name += f" ({count(row.files, 'file')})"
+    if row.missing_files:
+        name += f"  {count(row.missing_files, 'file')} of the series missing"
+    if not row.complete:
+        name += f"  only partly read: {_about(row)}"
+    if row.dropped:
+        name += f"  {count(row.dropped, 'frame')} dropped"
+    found = row.findings
+    numbers = (found.get("error", 0), found.get("warning", 0), found.get("note", 0))
+    not_ok = row.transactions - row.states.get("ok", 0)
+    return (*(f"{number:,}" for number in (*numbers, not_ok, row.transactions)), name)
+
+
+def _about(row: Row) -> str:
+    """The problem without the name that stands before it."""
+    problem = " ".join((row.problem or "the file ends early").split())
+    return escape(problem.removeprefix(f"{row.path}: "))
+
+
+def _rules(summed: dict[str, Any], options: Options) -> list[str]:
+    if not summed["rules"]:
+        return []
+    shown = ["Findings"]
+    order = sorted(summed["rules"].items(), key=lambda item: (-item[1]["captures"], item[0]))
+    for rule, numbers in order:
+        about = options.rules.get(rule)
+        name = f" {about.name}" if about else ""
+        where = (
+            f"{count(numbers['findings'], 'finding')} in {count(numbers['captures'], 'capture')}"
+        )
+        shown.append(f"  {rule}{name}: {where}")
+    return shown
+
+
+def _sums(summed: dict[str, Any]) -> list[str]:
+    odd = [f"{summed[key]:,} {word}" for key, word in _ODD if summed[key]]
+    shown = [f"All {count(summed['captures'], 'capture')}: {', '.join(odd)}"]
+    transactions = sum(summed["states"].values())
+    split = f": {_words(summed['states'])}; {_words(summed['operations'])}" if transactions else ""
+    found = _words(summed["findings"])
+    number = sum(summed["findings"].values())
+    shown.append(
+        f"  {count(summed['frames'], 'frame')}, {count(transactions, 'transaction')}{split}"
+    )
+    shown.append(f"  {count(number, 'finding')}" + (f": {found}" if found else ""))
+    if summed["slowest"]:
+        slowest = summed["slowest"]
+        shown.append(f"  slowest {duration(slowest['ns'])}, in {escape(slowest['path'])}")
+    return shown
+
+
+_ODD = (
+    ("quiet", "without error or warning"),
+    ("unreadable", "not readable"),
+    ("incomplete", "only partly read"),
+)
+
+
+def _words(counts: dict[str, int]) -> str:
+    return ", ".join(f"{number:,} {word}" for word, number in counts.items())
+
+
+def _counted(order: Sequence[str], words: Iterable[str]) -> dict[str, int]:
+    return _in_order(order, Counter(words))
+
+
+def _in_order(order: Sequence[str], counts: Counter[str]) -> dict[str, int]:
+    return {word: counts[word] for word in order if counts[word]}

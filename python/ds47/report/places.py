@@ -1,0 +1,50 @@
+"""Where a frame is: in a capture that is a series of files, in which of them, and its number there.
+
+Frames of a series are numbered through all its files (`ds47.model.CaptureFile`); who looks one up in
+Wireshark opens one file.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Sequence
+from pathlib import PurePath
+
+from ds47.model import CaptureFile
+
+
+class Places:
+    """Frame numbers of a capture as numbers of its files; without files they stay as they are."""
+
+    def __init__(self, files: Sequence[CaptureFile]) -> None:
+        self._files = [file for file in files if file.frames]
+        self._starts = [file.first_frame for file in self._files]
+
+    def place(self, frame: int) -> tuple[CaptureFile, int] | None:
+        """The file that has a frame, and the number of the frame in it; None where there is none."""
+        at = bisect_right(self._starts, frame) - 1
+        if at < 0:
+            return None
+        file = self._files[at]
+        return file, frame - file.first_frame + 1
+
+    def words(self, frame: int) -> str:
+        """`frame 812`, of a series `frame 812 (12 of ring_00003_20240101120000.pcapng)`."""
+        found = self.place(frame)
+        if found is None:
+            return f"frame {frame}"
+        return f"frame {frame} ({found[1]} of {name(found[0])})"
+
+    def by_file(self, frames: Iterable[int]) -> list[tuple[str, list[int]]]:
+        """The frames by file, each with its number there; one nameless file where there is no series."""
+        groups: dict[str, list[int]] = {}
+        for frame in sorted(set(frames)):
+            found = self.place(frame)
+            file, number = (name(found[0]), found[1]) if found else ("", frame)
+            groups.setdefault(file, []).append(number)
+        return list(groups.items())
+
+
+def name(file: CaptureFile) -> str:
+    """The name of a file without its folder, which is that of the series."""
+    return PurePath(file.path).name

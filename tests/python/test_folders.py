@@ -1,0 +1,464 @@
+"""A run over a folder: stored results, going on, Ctrl-C, processes that die, memory, progress.
+
+The runs that are interrupted or killed are processes of their own, with real signals.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from batch_products import Names
+
+from ds47 import __version__, report
+from ds47.analysis import analyze
+from ds47.batch.local import Local, useful_jobs
+from ds47.batch.runner import Here
+from ds47.batch.tasks import Source, Task, plan
+from ds47.capture import CaptureError
+from ds47.cli import main
+from ds47.model import CaptureResult, Report
+from ds47.report import json as contract
+from ds47.report import load
+from ds47.report.overview import Row
+
+DS47 = [sys.executable, "-m", "ds47"]
+PATIENCE = 60
+
+
+@pytest.fixture
+def folder(tmp_path: Path, captures: Path) -> Path:
+    """A tree of captures, some of them broken."""
+    root = tmp_path / "plant"
+    (root / "line 1" / "empty").mkdir(parents=True)
+    for name in ("format-change", "tour-machine", "conversation-late-read"):
+        shutil.copy(captures / f"{name}.pcapng", root / "line 1")
+    data = (captures / "tour-machine.pcapng").read_bytes()
+    (root / "cut.pcapng").write_bytes(data[: len(data) // 2])
+    (root / "packed.pcapng.gz").write_bytes(gzip.compress(data))
+    (root / "no.pcap").write_text("not a capture")
+    return root
+
+
+def run(capsys: Any, *arguments: str | Path) -> tuple[int, str, list[str]]:
+    status = main(["report", *map(str, arguments)])
+    shown = capsys.readouterr()
+    return status, shown.out, shown.err.splitlines()
+
+
+def stored(results: Path) -> dict[str, Any]:
+    return {
+        str(path.relative_to(results)): json.loads(path.read_bytes())
+        for path in sorted(results.rglob("*"))
+        if path.is_file()
+    }
+
+
+def stamps(results: Path) -> dict[str, int]:
+    return {path.name: path.stat().st_mtime_ns for path in results.rglob("*.json")}
+
+
+def test_each_capture_has_its_result_and_all_have_an_overview(
+    capsys: Any, folder: Path, tmp_path: Path
+) -> None:
+    results = tmp_path / "results"
+    status, text, problems = run(capsys, folder, "--results", results)
+    assert status == 3
+    assert len(problems) == 2, problems
+    found = stored(results)
+    assert list(found) == [
+        "cut.pcapng.json",
+        "line 1/conversation-late-read.pcapng.json",
+        "line 1/format-change.pcapng.json",
+        "line 1/tour-machine.pcapng.json",
+        "overview.json",
+        "packed.pcapng.gz.json",
+    ]
+    overview = found.pop("overview.json")
+    jsonschema.Draft202012Validator(report.schema("overview-1")).validate(overview)
+    check = jsonschema.Draft202012Validator(report.schema())
+    for document in found.values():
+        check.validate(document)
+    assert [Path(row["path"]).name for row in overview["captures"][:1]] == ["no.pcap"]
+    errors = [row["findings"].get("error", 0) for row in overview["captures"][1:]]
+    assert errors == sorted(errors, reverse=True)
+    assert overview["total"]["captures"] == 6
+    assert overview["total"]["unreadable"] == overview["total"]["incomplete"] == 1
+    transactions = sum(len(each["captures"][0]["transactions"]) for each in found.values())
+    assert sum(overview["total"]["states"].values()) == transactions > 20
+    assert "no.pcap  not readable: " in text
+    assert "All 6 captures: " in text
+
+
+def test_a_result_is_the_report_of_its_capture(capsys: Any, folder: Path, tmp_path: Path) -> None:
+    run(capsys, folder, "--results", tmp_path / "r")
+    for name in ("cut.pcapng", "line 1/tour-machine.pcapng"):
+        _, alone, _ = run(capsys, folder / name, "-f", "json")
+        document = json.loads((tmp_path / "r" / f"{name}.json").read_bytes())
+        del document["run"]
+        assert document == json.loads(alone)
+
+
+@pytest.mark.parametrize(
+    "format_name", ["text", "overview", "json", "ndjson", "csv", "html", "junit", "sarif"]
+)
+def test_the_report_of_stored_results_is_the_report(
+    capsys: Any, folder: Path, tmp_path: Path, format_name: str
+) -> None:
+    run(capsys, folder, "--results", tmp_path / "r")
+    said = run(capsys, folder, "--results", tmp_path / "r", "--resume", "-f", format_name)
+    if format_name in ("text", "overview", "json", "html"):
+        assert said == run(capsys, folder, "-f", format_name)
+        return
+    # what is written while it is analysed comes in another order: that of the ids here
+    stream = io.StringIO()
+    options = report.Options(fail_on="error", rules=_rules())
+    writer = report.open_writer(format_name, stream, options)
+    for task in plan([*map(str, sorted(folder.rglob("*.p*cap*")))], series=False):
+        try:
+            result = analyze(task.path)
+        except CaptureError as problem:
+            writer.unreadable(task.path, str(problem))
+        else:
+            report.write_one(writer, result)
+    writer.close()
+    assert _without_times(said[1]) == _without_times(stream.getvalue())
+
+
+def _rules() -> Any:
+    from ds47 import spec
+
+    return spec.rules()
+
+
+def _without_times(text: str) -> str:
+    import re
+
+    return re.sub(r' time="[^"]*"', "", text)
+
+
+def test_every_stored_capture_survives_the_way_through_json(captures: Path) -> None:
+    for path in sorted(captures.glob("*.pcap*")):
+        result = analyze(path)
+        document = json.loads(json.dumps(contract.capture(result)))
+        again = load.capture(document)
+        again.problem, again.dropped = result.problem, result.dropped
+        for transaction in result.transactions:
+            transaction.position = 0
+        assert again == result, path.name
+
+
+@pytest.mark.parametrize("ns", [0, 1, -1, 10**18, -(10**19), 1 << 64, -62_135_596_800 * 10**9 - 1])
+def test_a_timestamp_is_read_back_in_any_year(ns: int) -> None:
+    assert load.nanoseconds(contract.timestamp(ns)) == ns
+
+
+def test_resume_does_again_what_changed_and_nothing_else(
+    capsys: Any, folder: Path, tmp_path: Path
+) -> None:
+    results = tmp_path / "r"
+    arguments = (folder, "--results", results, "--resume")
+    first = run(capsys, *arguments)
+    before = stamps(results)
+    again = run(capsys, *arguments)
+    assert again[:2] == first[:2]
+    after = stamps(results)
+    assert before.pop("overview.json") != after.pop("overview.json")
+    assert after == before
+    changed = folder / "line 1" / "tour-machine.pcapng"
+    os.utime(changed, ns=(1, 1))
+    (results / "cut.pcapng.json").write_text("{")
+    (results / "line 1" / "format-change.pcapng.json").unlink()
+    _, text, problems = run(capsys, *arguments)
+    assert text == first[1]
+    assert problems[:2] == [
+        "ds47: 1 capture done again: changed",
+        "ds47: 1 capture done again: no whole result",
+    ]
+    assert {name for name, stamp in stamps(results).items() if before.get(name) != stamp} == {
+        "overview.json", "tour-machine.pcapng.json", "cut.pcapng.json", "format-change.pcapng.json",
+    }  # fmt: skip
+
+
+def test_resume_does_again_what_other_options_or_another_version_made(
+    capsys: Any, folder: Path, tmp_path: Path
+) -> None:
+    arguments = (folder / "line 1", "--results", tmp_path / "r", "--resume")
+    _, english, _ = run(capsys, *arguments)
+    _, _, problems = run(capsys, *arguments, "--ignore", "DS4", "--index", "0x30")
+    assert problems == ["ds47: 3 captures done again: other options"]
+    _, _, problems = run(capsys, *arguments, "--ignore", "DS4", "--index", "48")
+    assert problems == []
+    _, text, _ = run(capsys, *arguments)
+    assert text == english
+    for path in (tmp_path / "r").glob("t*.json"):
+        path.write_text(path.read_text("utf-8").replace(f'"{__version__}"', '"0.0.1"', 1), "utf-8")
+    _, _, problems = run(capsys, *arguments)
+    assert problems == ["ds47: 1 capture done again: another version of ds47"]
+
+
+def test_a_capture_that_cannot_be_read_any_more_has_no_result(
+    capsys: Any, folder: Path, tmp_path: Path
+) -> None:
+    run(capsys, folder, "--results", tmp_path / "r")
+    (folder / "packed.pcapng.gz").write_bytes(b"")
+    status, text, _ = run(capsys, folder, "--results", tmp_path / "r", "--resume")
+    assert status == 3
+    assert "packed.pcapng.gz  not readable: the file is empty" in text
+    assert not (tmp_path / "r" / "packed.pcapng.gz.json").exists()
+
+
+def test_folders_do_not_mix(capsys: Any, folder: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    shutil.copytree(folder / "line 1", other)
+    run(capsys, folder / "line 1", other, "--results", tmp_path / "r")
+    assert {path.parent.name for path in (tmp_path / "r").glob("*/*.json")} == {"line 1", "other"}
+    same = str(folder / "line 1" / "tour-machine.pcapng"), str(other / "tour-machine.pcapng")
+    status, _, problems = run(capsys, *same, "--results", tmp_path / "s")
+    assert status == 2
+    assert "would have the same result tour-machine.pcapng.json" in problems[-1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["x", "--resume"], "--results"),
+        (["-", "--results", "r"], "stdin"),
+        (["x", "--results", "r", "--engine", "both"], "--engine native"),
+        (["x", "--scheduler", "tcp://localhost:1", "-j", "2"], "--jobs"),
+    ],
+)
+def test_what_does_not_go_together(capsys: Any, arguments: list[str], words: str) -> None:
+    status, _, problems = run(capsys, *arguments)
+    assert status == 2
+    assert words in problems[-1]
+
+
+def test_fail_on_counts_what_was_done_before(capsys: Any, folder: Path, tmp_path: Path) -> None:
+    arguments = (folder / "line 1", "--results", tmp_path / "r", "--resume", "--fail-on", "error")
+    assert run(capsys, *arguments)[0] == run(capsys, *arguments)[0] == 1
+
+
+def test_as_many_processes_as_pay() -> None:
+    small = [Task("x", (Source("x", "x", 1000),))] * 50
+    large = [Task("x", (Source("x", "x", 1 << 30),))] * 50
+    assert useful_jobs([]) == useful_jobs(small) == 1
+    assert useful_jobs(large) == useful_jobs(large * 2) >= 1
+    assert useful_jobs(large[:1]) == 1
+
+
+# -- processes ------------------------------------------------------------------------------------
+
+
+def tasks(*names: str) -> list[Task]:
+    return [Task(name, (Source(name, name),)) for name in names]
+
+
+def outcomes(runner: Any) -> list[str]:
+    found = []
+    with runner as coming:
+        for task, outcome in coming:
+            if isinstance(outcome, CaptureError):
+                found.append(f"{task.path}! {outcome}")
+            else:
+                found.append(outcome.read_text())
+    return found
+
+
+def test_a_process_that_dies_costs_its_task_a_second_try(tmp_path: Path) -> None:
+    names = ["a", "dies-once", "b", "broken", "deadly", *(f"c{number}" for number in range(12))]
+    make, out = Names(tmp_path), tmp_path / "out"
+    found = outcomes(Local(tasks(*names), make, lambda task: out / task.path, 2))
+    assert found[:4] == ["a", "dies-once", "b", "broken! broken: is broken"]
+    assert found[4].startswith("deadly! the process that analysed it was killed, twice")
+    assert found[5:] == names[5:]
+    assert sorted(path.name for path in out.iterdir()) == sorted(
+        name for name in names if name not in ("broken", "deadly")
+    )
+    safe = ["a", "broken", "b"]
+    here = outcomes(Here(tasks(*safe), make, lambda task: out / task.path))
+    assert here == ["a", "broken! broken: is broken", "b"]
+
+
+@pytest.fixture
+def many(tmp_path: Path, captures: Path) -> Path:
+    """Captures that keep two processes busy for some seconds; links, so that they cost no room."""
+    folder = tmp_path / "many"
+    folder.mkdir()
+    data = (captures / "tour-machine.pcapng").read_bytes()
+    one = tmp_path / "one.pcapng"
+    one.write_bytes(data * 60)  # a capture of 60 sections
+    for number in range(200):
+        os.link(one, folder / f"{number:04}.pcapng")
+    return folder
+
+
+@pytest.fixture
+def started(many: Path, tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    """A run over `many` in a process group of its own, as a shell starts it, that has some results."""
+    results = tmp_path / "r"
+    command = [*DS47, "report", str(many), "--results", str(results), "-j", "2"]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    try:
+        wait_until(lambda: len(list(results.glob("*.pcapng.json"))) > 5)
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+def wait_until(condition: Any) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.01)
+
+
+def children(process: subprocess.Popen[str]) -> list[Any]:
+    import psutil
+
+    return psutil.Process(process.pid).children(recursive=True)
+
+
+def alive(processes: list[Any]) -> list[Any]:
+    import psutil
+
+    return [
+        each for each in processes if each.is_running() and each.status() != psutil.STATUS_ZOMBIE
+    ]
+
+
+needs_posix = pytest.mark.skipif(sys.platform == "win32", reason="signals of a terminal")
+
+
+@needs_posix
+def test_ctrl_c_leaves_whole_results_and_no_process(
+    started: subprocess.Popen[str], many: Path, tmp_path: Path, capsys: Any
+) -> None:
+    workers = children(started)
+    assert len(workers) >= 2
+    os.killpg(started.pid, signal.SIGINT)  # to all of them, as a terminal does
+    output, errors = started.communicate(timeout=PATIENCE)
+    assert started.returncode == 130, errors
+    assert "Traceback" not in errors
+    assert output == ""
+    wait_until(lambda: not alive(workers))
+    files = list((tmp_path / "r").iterdir())
+    assert {path.suffix for path in files} == {".json"}, "a draft is left"
+    assert 5 < len(files) < 200
+    assert f"interrupted: {len(files)} of 200 results are in" in errors
+    assert "--resume" in errors
+    for path in files:
+        assert len(json.loads(path.read_bytes())["captures"]) == 1
+    before = stamps(tmp_path / "r")
+    status, text, problems = run(capsys, many, "--results", tmp_path / "r", "--resume")
+    assert (status, problems) == (0, [])
+    assert "All 200 captures" in text
+    assert before.items() <= stamps(tmp_path / "r").items()
+
+
+@needs_posix
+def test_a_killed_process_costs_nothing_but_time(
+    started: subprocess.Popen[str], tmp_path: Path
+) -> None:
+    victims = [each for each in children(started) if "spawn_main" in " ".join(each.cmdline())]
+    victims[0].kill()
+    output, errors = started.communicate(timeout=PATIENCE)
+    assert (started.returncode, errors) == (0, "")
+    assert "All 200 captures: 0" not in output
+    names = {path.name for path in (tmp_path / "r").iterdir()}
+    assert names == {f"{number:04}.pcapng.json" for number in range(200)} | {"overview.json"}
+
+
+@needs_posix
+def test_without_the_run_its_processes_end(started: subprocess.Popen[str]) -> None:
+    workers = [each for each in children(started) if "spawn_main" in " ".join(each.cmdline())]
+    started.kill()
+    started.communicate()
+    wait_until(lambda: not alive(workers))
+
+
+# -- memory and progress --------------------------------------------------------------------------
+
+PEAK = """
+import resource, sys
+from ds47.cli import main
+status = main(sys.argv[1:])
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, file=sys.stderr)
+sys.exit(status)
+"""
+
+
+@needs_posix
+@pytest.mark.parametrize("format_name", ["overview", "text", "ndjson"])
+def test_memory_does_not_grow_with_the_number_of_captures(
+    captures: Path, tmp_path: Path, format_name: str
+) -> None:
+    def peak(number: int) -> int:
+        folder = tmp_path / f"captures-{number}"
+        folder.mkdir()
+        for each in range(number):
+            os.link(tmp_path / "one.pcapng", folder / f"{each:05}.pcapng")
+        command = [sys.executable, "-c", PEAK, "report", str(folder), "-f", format_name]
+        command += ["--results", str(tmp_path / "r"), "-o", os.devnull, "-j", "1"]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
+        return int(done.stderr)
+
+    shutil.copy(captures / "seed-g120-read.pcapng", tmp_path / "one.pcapng")
+    few, more = peak(100), peak(1600)
+    assert (more - few) / 1500 < 4, "kB for each capture more"
+
+
+@needs_posix
+def test_progress_on_a_terminal(folder: Path, tmp_path: Path) -> None:
+    import pty
+
+    here, there = pty.openpty()
+    command = [*DS47, "report", str(folder), "-o", str(tmp_path / "report.txt"), "-j", "1"]
+    done = subprocess.run(command, stderr=there, stdout=subprocess.DEVNULL, timeout=PATIENCE)
+    os.close(there)
+    shown = os.read(here, 100_000).decode()
+    os.close(here)
+    assert done.returncode == 3
+    assert "6 of 6, " in shown
+    assert "B/s" in shown
+    assert "100%" in shown
+    assert "no.pcap: not a capture" in shown
+
+
+def test_no_progress_where_there_is_no_terminal(folder: Path) -> None:
+    done = subprocess.run(
+        [*DS47, "report", str(folder), "-f", "overview"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert [line[:6] for line in done.stderr.splitlines()] == ["ds47: "] * 2
+
+
+def test_an_overview_of_results_given_as_a_whole() -> None:
+    stream = io.StringIO()
+    writer = report.open_writer("overview", stream)
+    report.write_all(
+        writer, Report([CaptureResult("a"), CaptureResult("b", problem="cut", complete=False)])
+    )
+    lines = stream.getvalue().splitlines()
+    assert lines[0] == "Captures, the worst first"
+    assert lines[2].endswith("b  only partly read: cut")
+    assert lines[-3] == "All 2 captures: 1 without error or warning, 1 only partly read"
+    assert Row.loaded(Row.unreadable("x", "why").plain()) == Row.unreadable("x", "why")
