@@ -86,7 +86,8 @@ class Cluster(Window[Any]):
         )
 
     def _any_done(self, handles: list[Any]) -> Iterable[Any]:
-        return list(self._distributed.wait(handles, return_when="FIRST_COMPLETED").done)
+        with self._client.as_current():
+            return list(self._distributed.wait(handles, return_when="FIRST_COMPLETED").done)
 
     def _outcome(self, begun: Begun[Any]) -> Outcome | None:
         future: Any = begun.handle

@@ -1,0 +1,360 @@
+"""The same run on a Dask cluster: real workers on the loopback interface, one of them killed.
+
+Captures behind URLs too: a web server on loopback, and what fsspec calls memory and file.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ds47.analysis import analyze
+from ds47.capture import CaptureError, open_capture, remote
+from ds47.cli import main
+
+distributed = pytest.importorskip("distributed")
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="real signals")
+
+PATIENCE = 90
+ENVIRONMENT = {
+    **os.environ,
+    "PYTHONUTF8": "1",
+    "DASK_DISTRIBUTED__ADMIN__EVENT_LOOP": "asyncio",
+    "DASK_DISTRIBUTED__WORKER__MEMORY__TERMINATE": "False",
+}
+
+
+def start(program: str, *arguments: str) -> subprocess.Popen[bytes]:
+    """A part of Dask as a process of its own."""
+    command = [sys.executable, "-m", f"distributed.cli.dask_{program}", *arguments]
+    return subprocess.Popen(
+        command, env=ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )  # fmt: skip
+
+
+class Cluster:
+    """A scheduler and worker processes on loopback."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        file = folder / "scheduler.json"
+        self._scheduler = start(
+            "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show",
+            "--scheduler-file", str(file),
+        )  # fmt: skip
+        wait_until(file.exists)
+        import json
+
+        self.address: str = json.loads(file.read_text())["address"]
+        self.workers: list[subprocess.Popen[bytes]] = []
+
+    def add(self, number: int) -> None:
+        """More workers, of one thread each."""
+        before = len(self.workers)
+        for each in range(before, before + number):
+            self.workers.append(
+                start(
+                    "worker", self.address, "--nthreads", "1", "--no-nanny", "--no-dashboard",
+                    "--host", "127.0.0.1", "--name", f"w{each}",
+                    "--local-directory", str(self._folder / f"w{each}"),
+                )
+            )  # fmt: skip
+        with distributed.Client(self.address, set_as_default=False) as client:
+            client.wait_for_workers(before + number, timeout=PATIENCE)
+
+    def end(self) -> None:
+        for process in [*self.workers, self._scheduler]:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """Three workers."""
+    found = Cluster(tmp_path_factory.mktemp("dask"))
+    try:
+        found.add(3)
+        yield found
+    finally:
+        found.end()
+
+
+@pytest.fixture
+def folder(tmp_path: Path, captures: Path) -> Path:
+    root = tmp_path / "plant"
+    root.mkdir()
+    for name in ("format-change", "tour-machine", "conversation-late-read", "transport-copy"):
+        for path in captures.glob(f"{name}*.pcapng"):
+            shutil.copy(path, root)
+    data = (captures / "tour-machine.pcapng").read_bytes()
+    (root / "cut.pcapng").write_bytes(data[: len(data) // 2])
+    (root / "no.pcap").write_text("not a capture")
+    shutil.copy(captures / "seed-g120-read.pcapng", root / "r_00001_20240101000000.pcapng")
+    shutil.copy(captures / "seed-g120-read.pcapng", root / "r_00003_20240101000100.pcapng")
+    return root
+
+
+def wait_until(condition: Any) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.02)
+
+
+def run(capsys: Any, *arguments: str | Path) -> tuple[int, str, list[str]]:
+    status = main(["report", *map(str, arguments)])
+    shown = capsys.readouterr()
+    return status, shown.out, shown.err.splitlines()
+
+
+@pytest.mark.parametrize("format_name", ["text", "json", "ndjson", "csv", "overview"])
+def test_a_cluster_says_what_one_machine_says(
+    capsys: Any, folder: Path, cluster: Cluster, monkeypatch: Any, format_name: str
+) -> None:
+    monkeypatch.chdir(folder.parent)  # the workers have another working directory
+    arguments = ("plant", "-f", format_name, "--series", "--digest")
+    alone = run(capsys, *arguments)
+    assert alone[0] == 3
+    assert run(capsys, *arguments, "--scheduler", cluster.address) == alone
+
+
+def test_stored_results_are_the_same_bytes(
+    capsys: Any, folder: Path, cluster: Cluster, tmp_path: Path
+) -> None:
+    here, there = tmp_path / "here", tmp_path / "there"
+    alone = run(capsys, folder, "--results", here)
+    assert run(capsys, folder, "--results", there, "--scheduler", cluster.address) == alone
+    names = sorted(path.name for path in here.iterdir())
+    assert names == sorted(path.name for path in there.iterdir())
+    assert len(names) > 5
+    for name in names:
+        assert (here / name).read_bytes() == (there / name).read_bytes(), name
+    again = (folder, "--results", there, "--resume", "--scheduler", cluster.address)
+    assert run(capsys, *again) == alone
+
+
+def test_a_lost_worker_costs_its_files_again_and_nothing_else(
+    capsys: Any, captures: Path, tmp_path: Path
+) -> None:
+    many = tmp_path / "many"
+    many.mkdir()
+    one = tmp_path / "one.pcapng"
+    one.write_bytes((captures / "tour-machine.pcapng").read_bytes() * 60)
+    for number in range(120):
+        os.link(one, many / f"{number:04}.pcapng")
+    expected = run(capsys, many, "--results", tmp_path / "alone")
+    cluster = Cluster(tmp_path)
+    results = tmp_path / "r"
+    try:
+        cluster.add(3)
+        command = [sys.executable, "-m", "ds47", "report", str(many)]
+        command += ["--results", str(results), "--scheduler", cluster.address]
+        process = subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        wait_until(lambda: process.poll() or len(list(results.glob("*.pcapng.json"))) > 10)
+        os.kill(cluster.workers[1].pid, signal.SIGKILL)
+        assert len(list(results.glob("*.pcapng.json"))) < 100, "the kill comes in the middle"
+        output, errors = process.communicate(timeout=PATIENCE)
+    finally:
+        cluster.end()
+    assert (process.returncode, output, errors.splitlines()) == expected
+    for path in (tmp_path / "alone").iterdir():
+        assert path.read_bytes() == (results / path.name).read_bytes()
+
+
+def test_ctrl_c_leaves_whole_results(captures: Path, cluster: Cluster, tmp_path: Path) -> None:
+    import json
+
+    many = tmp_path / "many"
+    many.mkdir()
+    one = tmp_path / "one.pcapng"
+    one.write_bytes((captures / "tour-machine.pcapng").read_bytes() * 60)
+    for number in range(150):
+        os.link(one, many / f"{number:04}.pcapng")
+    results = tmp_path / "r"
+    command = [sys.executable, "-m", "ds47", "report", str(many), "--results", str(results)]
+    process = subprocess.Popen(
+        [*command, "--scheduler", cluster.address],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    wait_until(lambda: process.poll() or len(list(results.glob("*.pcapng.json"))) > 5)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 130, errors
+    assert "Traceback" not in errors
+    found = list(results.iterdir())
+    assert f"interrupted: {len(found)} of 150 results" in errors
+    for path in found:
+        json.loads(path.read_bytes())
+
+
+# -- what is wrong with a cluster -----------------------------------------------------------------
+
+
+def test_nobody_answers(capsys: Any, folder: Path, monkeypatch: Any) -> None:
+    monkeypatch.setattr("ds47.batch.cluster._SECONDS_TO_CONNECT", 1)
+    status, _, problems = run(capsys, folder, "--scheduler", "tcp://127.0.0.1:9")
+    assert status == 2
+    assert problems[0].startswith("Error: no Dask scheduler answers at tcp://127.0.0.1:9")
+    assert len(problems) == 1
+
+
+def test_a_scheduler_without_workers(
+    capsys: Any, folder: Path, tmp_path: Path, monkeypatch: Any
+) -> None:
+    monkeypatch.setattr("ds47.batch.cluster._SECONDS_FOR_WORKERS", 1)
+    empty = Cluster(tmp_path)
+    try:
+        status, _, problems = run(capsys, folder, "--scheduler", empty.address)
+    finally:
+        empty.end()
+    assert status == 2
+    assert problems == [f"Error: the Dask scheduler at {empty.address} has no workers"]
+
+
+def test_workers_of_another_version(
+    capsys: Any, folder: Path, cluster: Cluster, monkeypatch: Any
+) -> None:
+    monkeypatch.setattr("ds47.batch.cluster.__version__", "99.0")
+    status, _, problems = run(capsys, folder, "--scheduler", cluster.address)
+    assert status == 2
+    assert len(problems) == 1
+    assert "has ds47 0." in problems[0]
+    assert "this is 99.0: install the same version there" in problems[0]
+
+
+def test_a_worker_that_comes_later_with_another_version(
+    capsys: Any, folder: Path, cluster: Cluster, monkeypatch: Any
+) -> None:
+    monkeypatch.setattr("ds47.batch.cluster.__version__", "99.0")
+    monkeypatch.setattr("ds47.batch.cluster.Cluster._check_workers", lambda *_: None)
+    status, _, problems = run(capsys, folder, "--scheduler", cluster.address)
+    assert status == 2
+    assert problems[-1].startswith("Error: a Dask worker has no ds47 99.0: there is 0.")
+
+
+def test_without_dask(capsys: Any, folder: Path, monkeypatch: Any) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    status, _, problems = run(capsys, folder, "--scheduler", "tcp://127.0.0.1:9")
+    assert status == 2
+    assert problems == ["Error: --scheduler needs Dask: pip install 'ds47[cluster]'"]
+
+
+# -- URLs -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def web(folder: Path) -> Iterator[str]:
+    """A web server on loopback that shows the folder."""
+
+    class Quiet(SimpleHTTPRequestHandler):
+        def log_message(self, *_: Any) -> None:
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(folder)))
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.fixture
+def memory(captures: Path) -> Iterator[str]:
+    """A folder in what fsspec calls memory."""
+    import fsspec
+
+    system = fsspec.filesystem("memory")
+    for name in ("tour-machine", "format-change"):
+        system.pipe(f"/plant/{name}.pcapng", (captures / f"{name}.pcapng").read_bytes())
+    system.pipe("/plant/readme.txt", b"no capture")
+    yield "memory://plant"
+    system.rm("/plant", recursive=True)
+
+
+def test_a_folder_behind_a_url(
+    capsys: Any, folder: Path, web: str, memory: str, captures: Path, tmp_path: Path
+) -> None:
+    local = run(capsys, folder, "--digest", "-f", "json", "--series")
+    for url in (f"{web}/", f"file://{folder}"):
+        status, text, problems = run(capsys, url, "--digest", "-f", "json", "--series")
+        assert status == 3
+        assert text.replace(url.rstrip("/"), str(folder)) == local[1]
+        assert len(problems) == len(local[2])
+    status, text, problems = run(capsys, memory, "-f", "overview", "--results", tmp_path / "r")
+    assert (status, problems) == (0, [])
+    assert "All 2 captures" in text
+    assert {path.name for path in (tmp_path / "r").iterdir()} == {
+        "tour-machine.pcapng.json", "format-change.pcapng.json", "overview.json",
+    }  # fmt: skip
+
+
+def test_a_cluster_opens_urls_itself(capsys: Any, web: str, cluster: Cluster) -> None:
+    alone = run(capsys, f"{web}/", "-f", "json")
+    assert len(alone[1]) > 1000
+    assert run(capsys, f"{web}/", "-f", "json", "--scheduler", cluster.address) == alone
+
+
+def test_resume_knows_whether_a_url_has_changed(
+    capsys: Any, web: str, folder: Path, tmp_path: Path
+) -> None:
+    arguments = (f"{web}/", "--results", tmp_path / "r", "--resume")
+    first = run(capsys, *arguments)
+    assert run(capsys, *arguments) == first
+    os.utime(folder / "cut.pcapng", (1, 1))
+    assert "ds47: 1 capture done again: changed" in run(capsys, *arguments)[2]
+
+
+def test_a_single_url(web: str, captures: Path) -> None:
+    there = analyze(f"{web}/tour-machine.pcapng")
+    here = analyze(captures / "tour-machine.pcapng")
+    assert there.transactions == here.transactions
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("memory://nowhere/x.pcapng", "cannot be opened: No such file"),
+        ("no-such-protocol://x.pcap", "Protocol not known: no-such-protocol"),
+        ("{web}/none.pcap", "cannot be opened: "),
+        ("http://127.0.0.1:9/x.pcap", "cannot be opened: "),
+    ],
+)
+def test_a_url_that_cannot_be_opened(capsys: Any, web: str, url: str, words: str) -> None:
+    name = url.format(web=web)
+    with pytest.raises(CaptureError, match=words):
+        open_capture(name)
+    status, _, problems = run(capsys, name)
+    assert status == 3
+    assert len(problems) == 1
+    assert name in problems[0]
+
+
+def test_a_folder_that_cannot_be_listed(capsys: Any) -> None:
+    status, _, problems = run(capsys, "http://127.0.0.1:9/folder")
+    assert status == 3
+    assert len(problems) == 1
+    assert "http://127.0.0.1:9/folder: " in problems[0]
+
+
+def test_without_fsspec(monkeypatch: Any) -> None:
+    monkeypatch.setitem(sys.modules, "fsspec.core", None)
+    with pytest.raises(
+        CaptureError, match=r"needs the package fsspec: pip install 'ds47\[cluster\]'"
+    ):
+        open_capture("s3://bucket/x.pcap")
+    assert remote.facts("s3://bucket/x.pcap") == (0, None)
