@@ -25,7 +25,7 @@ from batch_products import Names
 from ds47 import __version__, report
 from ds47.analysis import analyze
 from ds47.batch.local import Local, useful_jobs
-from ds47.batch.runner import Here
+from ds47.batch.runner import Failed, Here
 from ds47.batch.tasks import Source, Task, plan
 from ds47.capture import CaptureError
 from ds47.cli import main
@@ -290,6 +290,12 @@ def test_a_process_that_dies_costs_its_task_a_second_try(tmp_path: Path) -> None
     safe = ["a", "broken", "b"]
     here = outcomes(Here(tasks(*safe), make, lambda task: out / task.path))
     assert here == ["a", "broken! broken: is broken", "b"]
+
+
+def test_processes_that_never_live_end_the_run(tmp_path: Path) -> None:
+    names = [f"deadly-{number}" for number in range(8)]
+    with pytest.raises(Failed, match="-j 1"):
+        outcomes(Local(tasks(*names), Names(tmp_path), lambda task: tmp_path / task.path, 2))
 
 
 @pytest.fixture

@@ -7,7 +7,6 @@ interrupted or dies, they end.
 
 from __future__ import annotations
 
-import gc
 import os
 import signal
 import threading
@@ -19,13 +18,16 @@ from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
 from types import TracebackType
 
+from ds47.batch.garbage import collect, collect_rarely
 from ds47.batch.products import Product, draft_of, whole
-from ds47.batch.runner import Begun, Outcome, Place, Window
+from ds47.batch.runner import Begun, Failed, Outcome, Place, Window
 from ds47.batch.tasks import STDIN, Task
 from ds47.capture import CaptureError
 
 _A_PROCESS = 8 << 20
 """Bytes of captures for which another process pays: to start one takes as long as to read these."""
+_DEATHS = 3
+"""So many tasks in a row that kill their process are no longer about the tasks."""
 _A_FILE = 1 << 16
 """What a file costs besides its bytes."""
 
@@ -50,6 +52,7 @@ class Local(Window[Future[str | None]]):
         self._make = make
         self._place = place
         self._jobs = jobs
+        self._deaths = 0
         self._before = set(active_children())
         self._pool = self._new_pool()
 
@@ -102,6 +105,7 @@ class Local(Window[Future[str | None]]):
             problem = begun.handle.result()
         except BrokenProcessPool:
             return self._one_died(begun)
+        self._deaths = 0
         path = self._place(begun.task)
         return path if problem is None else CaptureError(problem)
 
@@ -115,8 +119,12 @@ class Local(Window[Future[str | None]]):
         try:
             problem = self._submit(begun.task).result()
             outcome = self._place(begun.task) if problem is None else CaptureError(problem)
+            self._deaths = 0
         except BrokenProcessPool:
             self._draft(begun.task).unlink(missing_ok=True)
+            self._deaths += 1
+            if self._deaths == _DEATHS:
+                raise Failed("no process of this run stays alive; -j 1 needs none") from None
             outcome = CaptureError(
                 "the process that analysed it was killed, twice; is there enough memory? (-j 1 needs less)"
             )
@@ -130,7 +138,7 @@ class Local(Window[Future[str | None]]):
 def _prepare() -> None:
     """In each process: Ctrl-C is for the one that writes the report, and without that one we end."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    gc.disable()  # what an analysis keeps has no cycles
+    collect_rarely()
     parent = parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
@@ -162,5 +170,5 @@ def _work(make: Product, task: Task, path: Path, draft: Path) -> str | None:
     except CaptureError as problem:
         return problem.message
     finally:
-        gc.collect()
+        collect()
     return None

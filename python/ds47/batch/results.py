@@ -134,9 +134,9 @@ class Results:
     def end(self, rows: Sequence[Row], owner: int) -> None:
         """Writes the overview."""
         path = self.folder / OVERVIEW
-        text = json.dumps(document(rows), ensure_ascii=False, indent=1, allow_nan=False) + "\n"
         with whole(path, draft_of(path, owner)) as stream:
-            stream.write(text.encode("utf-8", errors="backslashreplace"))
+            for piece in document(rows):
+                stream.write(piece.encode("utf-8", errors="backslashreplace"))
 
     def _head(self, task: Task) -> dict[str, Any]:
         with self.place(task).open("rb") as stream:

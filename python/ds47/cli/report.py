@@ -18,11 +18,12 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
+from ds47.batch.garbage import collect_rarely
 from ds47.cli.common import color, counted, output, warn
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import STDIN, captures
 from ds47.cli.progress import Progress
-from ds47.cli.run import Run, collect_rarely
+from ds47.cli.run import Run
 from ds47.model import SEVERITIES, CaptureResult
 from ds47.report import FORMATS, CannotWriteError, Options, RuleText, Writer, open_writer
 

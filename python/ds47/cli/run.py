@@ -7,12 +7,12 @@ are analysed elsewhere is `ds47.batch`.
 
 from __future__ import annotations
 
-import gc
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING
 
+from ds47.batch.garbage import collect
 from ds47.capture import CaptureError
 from ds47.cli.common import counted
 from ds47.cli.paths import about
@@ -29,9 +29,6 @@ if TYPE_CHECKING:
 
     Analyzer = Callable[[Task, OnTransaction | None], CaptureResult]
     Runner = AbstractContextManager[Iterable[tuple[Task, Outcome]]]
-
-_OBJECTS = 100_000
-"""How many new ones make it worth to look for garbage."""
 
 
 class Run:
@@ -75,7 +72,7 @@ class Run:
             self._note(findings)
             writer.transaction(task.path, transaction, findings)
 
-        _collect()
+        collect()
         try:
             result = analyze(task, finished if writer.streams else None)
         except CaptureError as problem:
@@ -110,7 +107,7 @@ class Run:
             with runner as outcomes:
                 coming = iter(outcomes)
                 for task in tasks:
-                    _collect()
+                    collect()
                     if task.path in waiting:
                         _, outcome = next(coming)
                         self._progress.done(task.size)
@@ -186,15 +183,3 @@ def _taken(outcome: Outcome, _task: Task, finished: OnTransaction | None) -> Cap
     result = replay(outcome, finished)
     outcome.unlink()
     return result
-
-
-def collect_rarely() -> None:
-    """What an analysis keeps has no cycles: looking for them again and again only costs time."""
-    gc.freeze()
-    gc.disable()
-
-
-def _collect() -> None:
-    """Between two captures: what belonged to the last one, as a whole, has cycles."""
-    if gc.get_count()[0] > _OBJECTS:
-        gc.collect()

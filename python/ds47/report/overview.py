@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, TextIO
 
 from ds47 import __version__
 from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Report
-from ds47.report import Options, write_all
+from ds47.report import Options, json, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.words import count, duration, escape
 
@@ -142,15 +142,18 @@ def total(rows: Iterable[Row]) -> dict[str, Any]:
     }
 
 
-def document(rows: Iterable[Row]) -> dict[str, Any]:
-    """The overview as plain dictionaries, the worst capture first."""
+def document(rows: Iterable[Row]) -> Iterator[str]:
+    """The overview as pieces of JSON text, the worst capture first, one a line."""
     ordered = sorted(rows, key=Row.badness)
-    return {
+    head = {
         "schema": SCHEMA,
         "tool": {"name": "ds47", "version": __version__},
         "total": total(ordered),
-        "captures": [row.plain() for row in ordered],
     }
+    yield json.text(head)[:-1] + ', "captures": ['
+    for number, row in enumerate(ordered):
+        yield (",\n" if number else "\n") + json.text(row.plain())
+    yield "]}\n"
 
 
 def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
