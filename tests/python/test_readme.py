@@ -1,4 +1,4 @@
-"""The README shows what happens: each of its ``ds47`` commands runs and shows the real output.
+"""The README and docs/folders.md show what happens: each ``ds47`` command runs and shows the real output.
 
 In a ``console`` block a line that starts with ``$ `` is a command, run by a shell's rules but
 without a shell: pipes, ``<`` and ``>`` as a person types them. ``  # exit 1`` at its end says which
@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 README = Path(__file__).resolve().parents[2] / "README.md"
+PAGES = [README, README.parent / "docs" / "folders.md"]
 PLACEHOLDER = "(the report stands here)"
 
 
@@ -97,7 +98,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return copy
 
 
-@pytest.mark.parametrize("command", read_commands(README.read_text("utf-8")), ids=lambda c: c.line)
+@pytest.mark.parametrize(
+    "command",
+    [command for page in PAGES for command in read_commands(page.read_text("utf-8"))],
+    ids=lambda c: c.line,
+)
 def test_command_of_the_readme(command: Command, folder: Path) -> None:
     status, output, errors = run(command, folder)
     assert status == command.status, errors
