@@ -37,6 +37,20 @@ OnTransaction = Callable[[Transaction, list[Finding]], None]
 
 
 @dataclass(frozen=True, slots=True)
+class Early:
+    """Who does not want to wait until nothing more can come (`ds47.watch`).
+
+    Attributes:
+        settled: is told of a transaction when it has its response or its Write was refused, with what
+            was found so far. It comes once more, as to `on_transaction`, when it is over.
+        found: is told of a finding when it is found: one of a transaction that is not over, or of none.
+    """
+
+    settled: OnTransaction
+    found: Callable[[Finding], None]
+
+
+@dataclass(frozen=True, slots=True)
 class AnalysisOptions:
     """What a user may choose.
 
@@ -78,9 +92,9 @@ def analyze(
     """
     options = options or AnalysisOptions()
     if isinstance(source, (Capture, Series)):
-        return _Analysis(options, on_transaction).run(source)
+        return Analysis(options, on_transaction).run(source)
     with open_capture(source) as capture:
-        result = _Analysis(options, on_transaction).run(capture)
+        result = Analysis(options, on_transaction).run(capture)
     if options.digest and isinstance(source, (str, Path)) and str(source) != "-":
         import hashlib  # only here: it takes longer to import than a small capture to analyse
 
@@ -89,19 +103,36 @@ def analyze(
     return result
 
 
-class _Analysis:
-    """One run over one capture."""
+class Analysis:
+    """One run over one capture; most want `analyze`.
 
-    def __init__(self, options: AnalysisOptions, on_transaction: OnTransaction | None) -> None:
+    Args:
+        options: choices of the user.
+        on_transaction: as for `analyze`.
+        early: is told more, and before `on_transaction`, which there has to be then. The result holds no
+            finding.
+    """
+
+    def __init__(
+        self,
+        options: AnalysisOptions,
+        on_transaction: OnTransaction | None,
+        early: Early | None = None,
+    ) -> None:
         self._options = options
         self._on_transaction = on_transaction
+        self._early = early
         bounds = limits()
         slow_ms = options.slow_ms
         slow_ns = bounds.slow_ns if slow_ms is None else int(slow_ms * 1e6)
-        self._findings = Findings(options.lang, options.select, options.ignore)
+        found = early.found if early is not None else None
+        self._findings = Findings(options.lang, options.select, options.ignore, found)
         self._judge = Judge(bounds, slow_ns, options.lang)
         self._diagnoses = Diagnoses(options.lang, options.codec)
-        self._pairing = Pairing(bounds, self._answered, self._closed, self._nothing_to_read)
+        refused = self._refused if early is not None else None
+        self._pairing = Pairing(
+            bounds, self._answered, self._closed, self._nothing_to_read, refused
+        )
         gate = Gate(options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars)
         self._records = RecordCalls(
             gate, self._pairing, options.codec, self._remark, self._diagnoses.foreign
@@ -197,6 +228,8 @@ class _Analysis:
         if self._on_transaction is not None and job is not None:
             if job.phase != "closed":
                 self._transport.setdefault(job, []).append(remark)
+                if self._early is not None and self._findings.wanted(remark.rule):
+                    self._early.found(self._findings.word(remark, job.order))
                 return
             remark.job = None  # handed out already
         self._findings.add(remark)
@@ -206,6 +239,16 @@ class _Analysis:
         if half is not None and half.data:
             job.response = decode_response(half.data, job.message, self._options.codec)
         self._answers[job] = self._judge.answered(job)
+        if self._early is not None:
+            self._settled(job, self._answers[job], self._early)
+
+    def _refused(self, job: Job) -> None:
+        if self._early is not None:
+            self._settled(job, self._judge.closed(job), self._early)
+
+    def _settled(self, job: Job, remarks: list[Remark], early: Early) -> None:
+        remarks = remarks + self._transport.get(job, [])
+        self._hand_out(job, build(job, self._options.lang), remarks, early.settled)
 
     def _closed(self, job: Job) -> None:
         remarks = self._answers.pop(job, None)
@@ -222,10 +265,15 @@ class _Analysis:
             for remark in remarks:
                 self._findings.add(remark)
             return
+        self._hand_out(job, transaction, remarks, self._on_transaction)
+
+    def _hand_out(
+        self, job: Job, transaction: Transaction, remarks: list[Remark], to: OnTransaction
+    ) -> None:
         transaction.id = job.order
         remarks = [remark for remark in remarks if self._findings.wanted(remark.rule)]
         transaction.findings = sorted({remark.rule for remark in remarks})
-        self._on_transaction(transaction, [self._findings.told(r, job.order) for r in remarks])
+        to(transaction, [self._findings.told(remark, job.order) for remark in remarks])
 
     def _nothing_to_read(self, peer: Peer, record: Record) -> None:
         self._diagnoses.nothing_to_read(peer, record)

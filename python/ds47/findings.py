@@ -5,6 +5,7 @@ Nothing is judged here; a `Remark` comes from `ds47.rules` or from `ds47.recordc
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from ds47.diagnosis.grouping import FAMILY, Grouping, cause
@@ -23,9 +24,17 @@ class Findings:
         lang: "en" or "zh".
         select: rule ids or prefixes that are wanted; empty for all.
         ignore: rule ids or prefixes that are not.
+        found: is told of each at once; then none is kept for `result`.
     """
 
-    def __init__(self, lang: str, select: tuple[str, ...], ignore: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        lang: str,
+        select: tuple[str, ...],
+        ignore: tuple[str, ...],
+        found: Callable[[Finding], None] | None = None,
+    ) -> None:
+        self._found = found
         self._lang = lang
         self._select = select
         self._ignore = ignore
@@ -35,8 +44,12 @@ class Findings:
         """Whether the capture says that frames are missing; unanswered and orphan say so then."""
 
     def add(self, remark: Remark) -> None:
-        """Keeps a remark for `result`, if its rule is wanted."""
-        if self.wanted(remark.rule):
+        """Keeps a remark for `result`, or tells of it at once, if its rule is wanted."""
+        if not self.wanted(remark.rule):
+            return
+        if self._found is not None:
+            self._found(self.told(remark))
+        else:
             self._remarks.append(remark)
 
     def wanted(self, rule: str) -> bool:

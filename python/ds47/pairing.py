@@ -164,6 +164,7 @@ class Pairing:
         answered: called once when a job has its response, in the order of the capture.
         closed: called once when nothing more can come.
         nothing_to_read: called for a Read without record on a channel that has no request.
+        refused: called when a Write is refused: what comes after that is seldom of interest.
     """
 
     def __init__(
@@ -172,8 +173,10 @@ class Pairing:
         answered: Callable[[Job], None],
         closed: Callable[[Job], None],
         nothing_to_read: Callable[[Peer, Record], None],
+        refused: Callable[[Job], None] | None = None,
     ) -> None:
         self._limits = limits
+        self._tell_refused = refused
         self._answered = answered
         self._closed = closed
         self._nothing_to_read = nothing_to_read
@@ -211,6 +214,8 @@ class Pairing:
             self._accept(channel, job)
         else:
             self._refuse(channel, job)
+            if self._tell_refused is not None and job.phase == "refused":
+                self._tell_refused(job)
 
     def read_response(self, peer: Peer, record: Record) -> Job | None:
         """The answer to a Read. Returns the job it went to, None where there is none."""

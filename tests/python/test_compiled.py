@@ -42,10 +42,10 @@ def compiled(repository: Path) -> Path:
     return folder
 
 
-def run(package: Path, *arguments: str) -> tuple[int, bytes, bytes]:
+def run(package: Path, *arguments: str, stdin: bytes = b"") -> tuple[int, bytes, bytes]:
     environment = os.environ | {"PYTHONPATH": str(package)}
     done = subprocess.run(
-        [sys.executable, *arguments], env=environment, capture_output=True, check=False
+        [sys.executable, *arguments], env=environment, capture_output=True, input=stdin, check=False
     )
     return done.returncode, done.stdout, done.stderr
 
@@ -81,3 +81,30 @@ def test_reports_are_the_same(
     assert plain[0] in (0, 3), plain[2]
     assert len(plain[1]) > 100_000
     assert run(compiled, *arguments) == plain
+
+
+@pytest.mark.parametrize("format_name", ["ndjson", "text"])
+def test_watching_is_the_same(
+    compiled: Path, repository: Path, captures: Path, format_name: str
+) -> None:
+    arguments = ("-m", "ds47", "watch", "-", "-f", format_name)
+    for name in ("tour-machine", "record-reread", "record-write-refused"):
+        data = (captures / f"{name}.pcapng").read_bytes()
+        plain = run(repository / "python", *arguments, stdin=data)
+        assert plain[0] == 0, plain[2]
+        assert run(compiled, *arguments, stdin=data) == plain
+
+
+def test_a_folder_with_a_series_is_the_same(
+    compiled: Path, repository: Path, captures: Path, tmp_path: Path
+) -> None:
+    for number, name in enumerate(("tour-machine", "format-change"), 1):
+        shutil.copy(
+            captures / f"{name}.pcapng", tmp_path / f"ring_{number:05}_20240101000000.pcapng"
+        )
+    arguments = ("-m", "ds47", "report", "--series", "-f", "json", str(tmp_path), "-j", "2")
+    plain = run(repository / "python", *arguments, "--results", str(tmp_path / "plain"))
+    assert plain[0] == 0, plain[2]
+    assert run(compiled, *arguments, "--results", str(tmp_path / "compiled")) == plain
+    for path in (tmp_path / "plain").iterdir():
+        assert path.read_bytes() == (tmp_path / "compiled" / path.name).read_bytes()

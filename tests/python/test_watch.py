@@ -14,11 +14,13 @@ import subprocess
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import jsonschema
 import pytest
 from test_readme import Command, read_commands, run
 
@@ -30,6 +32,7 @@ from ds47.lab import message
 from ds47.lab.client import BUSY, Client
 from ds47.lab.ether import Host
 from ds47.lab.stage import Stage
+from ds47.report import schema
 from ds47.watch import dumpcap
 from ds47.watch.show import Tally
 
@@ -37,6 +40,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CAPTURES = ROOT / "captures"
 TOUR = CAPTURES / "tour-machine.pcapng"
 PAGE = ROOT / "docs" / "watch.md"
+LINE = jsonschema.Draft202012Validator(schema("transaction-1"))
 SOON = 2.0
 """Seconds within which a line has to be there; on this many cores with others one is not always enough."""
 
@@ -196,11 +200,28 @@ def test_a_transaction_that_is_read_again_comes_again_as_ndjson() -> None:
         check=True,
     )  # fmt: skip
     first, found, second, end = map(json.loads, done.stdout.splitlines())
+    for line in (first, found, second, end):
+        LINE.validate(line)
     assert found["finding"]["rule"] == "DS704"
     assert first["transaction"]["id"] == second["transaction"]["id"] == 1
     assert (len(first["transaction"]["frames"]["rereads"]),
             len(second["transaction"]["frames"]["rereads"])) == (0, 2)  # fmt: skip
     assert end["capture"]["summary"]["transactions"] == 1
+
+
+def test_every_line_of_ndjson_is_in_the_schema() -> None:
+    kinds = Counter[str]()
+    for path in sorted(CAPTURES.glob("*.pcapng")):
+        done = subprocess.run(
+            [sys.executable, "-m", "ds47", "watch", "-", "-f", "ndjson"],
+            input=path.read_bytes(), capture_output=True, timeout=60, check=True,
+        )  # fmt: skip
+        for line in map(json.loads, done.stdout.splitlines()):
+            LINE.validate(line)
+            kinds[next(kind for kind in ("transaction", "finding", "capture") if kind in line)] += 1
+        if kinds["finding"] and kinds["transaction"] > 50:
+            return
+    raise AssertionError(f"not every kind of line was there: {kinds}")
 
 
 def test_ndjson_is_flushed_per_line() -> None:
