@@ -19,7 +19,7 @@ import jsonschema
 import pytest
 
 from ds47 import analysis, report
-from ds47.analysis import AnalysisOptions, _Analysis, analyze
+from ds47.analysis import Analysis, AnalysisOptions, analyze
 from ds47.capture import CaptureError, PcapngWriter, open_capture
 from ds47.cli import main
 from ds47.lab import message, wire
@@ -413,7 +413,7 @@ def small(monkeypatch):
 @pytest.mark.parametrize("stream", STREAMS, ids=lambda each: each.__name__)
 @pytest.mark.usefixtures("small")
 def test_an_endless_stream_stays_within_the_limits(stream):
-    run = _Analysis(AnalysisOptions(), lambda transaction, findings: None)
+    run = Analysis(AnalysisOptions(), lambda transaction, findings: None)
     run._fragments = rpc.Fragments(SMALL.fragment_expiry_ns, limit=16, fragments=300)
     wire_ = Wire()
     for number in range(1500):
@@ -431,7 +431,7 @@ def test_an_endless_stream_stays_within_the_limits(stream):
 
 def growth(stream, first, then, options=None):
     """Bytes by which a streaming analysis grows from transaction to transaction."""
-    run = _Analysis(options or AnalysisOptions(), lambda transaction, findings: None)
+    run = Analysis(options or AnalysisOptions(), lambda transaction, findings: None)
     wire_ = Wire()
     tracemalloc.start()
     try:
@@ -499,7 +499,7 @@ def lost_writes(wire_, number):
 
 
 def test_a_transport_finding_holds_no_finished_transaction():
-    run = _Analysis(AnalysisOptions(), lambda transaction, findings: None)
+    run = Analysis(AnalysisOptions(), lambda transaction, findings: None)
     wire_ = Wire()
     for number in range(20):
         for packet in lost_writes(wire_, number):
@@ -597,7 +597,7 @@ def is_linear(work, size):
 )
 def test_a_stream_costs_its_length(stream):
     def work(size):
-        run = _Analysis(AnalysisOptions(), lambda transaction, findings: None)
+        run = Analysis(AnalysisOptions(), lambda transaction, findings: None)
         wire_ = Wire()
         for number in range(size):
             for packet in stream(wire_, number):
@@ -612,7 +612,7 @@ def test_a_stream_costs_its_length(stream):
 @pytest.mark.usefixtures("small")
 def test_a_full_analysis_costs_the_length_of_its_stream():
     def work(size):
-        run = _Analysis(AnalysisOptions(), lambda transaction, findings: None)
+        run = Analysis(AnalysisOptions(), lambda transaction, findings: None)
         wire_ = Wire()
         for number in range(size):
             for stream in (channels, foreign_records, activities, unanswered_writes):
@@ -663,7 +663,7 @@ BIDI = "\u202e\u2066\u200f\u2028\u2029\ud800"
 
 
 def nasty_result(text):
-    run = _Analysis(AnalysisOptions(), None)
+    run = Analysis(AnalysisOptions(), None)
     wire_ = Wire()
     packets = list(wire_.transaction(1, ar(0)))
     value = text.encode("latin-1")
