@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
-from ds47.capture import Capture, Frame, Series, open_capture
+from ds47.capture import Capture, Frame, Series, open_bytes, open_capture
 from ds47.diagnosis import Diagnoses
 from ds47.findings import Findings
 from ds47.gate import Gate
@@ -72,6 +72,12 @@ class AnalysisOptions:
     codec: Options = field(default_factory=Options)
     digest: bool = False
 
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
+        """To another process, compiled too: pickle itself cannot fill in what is frozen."""
+        return type(self), (
+            self.indices, self.lang, self.slow_ms, self.select, self.ignore, self.codec, self.digest,
+        )  # fmt: skip
+
 
 def analyze(
     source: str | Path | BinaryIO | Capture | Series,
@@ -98,7 +104,7 @@ def analyze(
     if options.digest and isinstance(source, (str, Path)) and str(source) != "-":
         import hashlib  # only here: it takes longer to import than a small capture to analyse
 
-        with Path(source).open("rb") as stream:
+        with open_bytes(source) as stream:
             result.sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
     return result
 

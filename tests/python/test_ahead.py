@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import pickle
 import shutil
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ from ds47.analysis import AnalysisOptions
 from ds47.batch.local import Local
 from ds47.batch.products import Spool
 from ds47.cli import main
+from ds47.profidrive import Options
 
 
 @pytest.fixture
@@ -68,3 +70,14 @@ def test_no_captures(tmp_path: Path) -> None:
     make = Spool(AnalysisOptions(), streams=False)
     with Local([], make, lambda task: tmp_path / task.path, 2) as outcomes:
         assert list(outcomes) == []
+
+
+def test_every_option_goes_to_another_process() -> None:
+    """A new option that `__reduce__` forgets would be lost on the way."""
+    given = AnalysisOptions(
+        frozenset({48}), "zh", 2.5, ("DS3",), ("DS301",), Options(True, True, 42), True
+    )
+    assert pickle.loads(pickle.dumps(given)) == given
+    for options, default in ((given, AnalysisOptions()), (given.codec, Options())):
+        for name in options.__dataclass_fields__:
+            assert getattr(options, name) != getattr(default, name), f"{name} is not tested"

@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, BinaryIO, cast
+from typing import Any
 
 from .errors import CaptureError
 from .names import is_capture
@@ -24,13 +24,13 @@ def is_url(name: str) -> bool:
     return "://" in name
 
 
-def open_bytes(place: str | Path) -> BinaryIO:
+def open_bytes(place: str | Path) -> io.RawIOBase:
     """The bytes of a file or a URL, unbuffered. Raises OSError, ValueError, CaptureError."""
     if not is_url(str(place)):
-        return cast(BinaryIO, Path(place).open("rb", buffering=0))
+        return Path(place).open("rb", buffering=0)
     system, path = _system(str(place))
     try:
-        return cast(BinaryIO, _Remote(system.open(path, "rb")))
+        return _Remote(system.open(path, "rb"))
     except Exception as problem:
         raise OSError(_reason(problem)) from problem
 

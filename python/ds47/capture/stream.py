@@ -16,7 +16,7 @@ import sys
 import zlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import BinaryIO, Protocol
+from typing import BinaryIO, Protocol, cast
 
 from .errors import CaptureError
 from .remote import open_bytes
@@ -222,7 +222,7 @@ class Stream:
         if str(source) == "-":
             return sys.stdin.buffer
         try:
-            self._owned = open_bytes(source)
+            self._owned = cast(BinaryIO, open_bytes(source))
         except OSError as error:
             reason = error.strerror or str(error)
             raise CaptureError(f"{self.name}: cannot be opened: {reason}") from error

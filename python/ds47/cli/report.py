@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TextIO
 
 import click
@@ -233,6 +232,8 @@ class _Manner:
                 elif self.scheduler is None and self._jobs(tasks) == 1:
                     run.here(tasks, _analyzer(self.engine, self.analysis, self.tshark))
                 else:
+                    from tempfile import TemporaryDirectory  # only here: it takes long to import
+
                     folder = Path(stack.enter_context(TemporaryDirectory(prefix="ds47-")))
                     self._spooled(run, tasks, folder, writer)
         except Failed as problem:

@@ -31,6 +31,10 @@ class Options:
     """0x21 to 0x2C are N2, N4, V2 ... as profile V3 numbers them."""
     vendor_id: int | None = None
 
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
+        """To another process, compiled too: pickle itself cannot fill in what is frozen."""
+        return type(self), (self.legacy_g120_formats, self.profile_v3_types, self.vendor_id)
+
 
 @dataclass(slots=True, init=False)
 class Flaw:
