@@ -19,8 +19,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from batch_products import Names
 
 from ds47.analysis import analyze
+from ds47.batch.cluster import Cluster as Runner
+from ds47.batch.tasks import Source, Task
 from ds47.capture import CaptureError, open_capture, remote
 from ds47.cli import main
 
@@ -200,6 +203,30 @@ def test_ctrl_c_leaves_whole_results(captures: Path, cluster: Cluster, tmp_path:
     assert f"interrupted: {len(found)} of 150 results" in errors
     for path in found:
         json.loads(path.read_bytes())
+
+
+def test_a_capture_that_kills_every_worker_is_named(tmp_path: Path, monkeypatch: Any) -> None:
+    monkeypatch.setitem(ENVIRONMENT, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "1")
+    monkeypatch.setitem(ENVIRONMENT, "PYTHONPATH", str(Path(__file__).parent))
+    (tmp_path / "dask").mkdir()
+    cluster = Cluster(tmp_path / "dask")
+
+    def outcome(name: str) -> Any:
+        task = Task(name, (Source(name, name),))
+        make, place = Names(tmp_path), tmp_path.joinpath
+        with Runner([task], make, lambda each: place(each.path), cluster.address) as outcomes:
+            ((_, found),) = outcomes
+        return found
+
+    try:
+        cluster.add(3)
+        problem = outcome("deadly")
+        assert isinstance(problem, CaptureError)
+        assert "every worker that analysed it was lost" in problem.message
+        assert outcome("a").read_text() == "a"
+        assert [process.poll() for process in cluster.workers].count(9) == 2
+    finally:
+        cluster.end()
 
 
 # -- what is wrong with a cluster -----------------------------------------------------------------
