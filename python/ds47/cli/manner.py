@@ -1,0 +1,172 @@
+"""In which manner the captures of a report are analysed: here, in processes, on a cluster; stored or not.
+
+Lives here: `Manner`, what the options of `ds47 report` come to. What runs is `ds47.batch` and
+`ds47.cli.run`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ds47.cli.common import counted, warn
+from ds47.cli.paths import STDIN
+from ds47.cli.run import Run
+from ds47.model import CaptureResult
+from ds47.report import Writer
+
+if TYPE_CHECKING:
+    from ds47.analysis import AnalysisOptions, OnTransaction
+    from ds47.batch.products import Product
+    from ds47.batch.results import Results
+    from ds47.batch.runner import Place
+    from ds47.batch.tasks import Task
+    from ds47.cli.run import Analyzer, Runner
+
+
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How the captures are analysed, and where: what the options say."""
+
+    analysis: AnalysisOptions
+    engine: str
+    tshark: str | None
+    jobs: int | None
+    folder: str | None
+    resume: bool
+    scheduler: str | None
+
+    def check(self, paths: Sequence[str], series: bool) -> None:
+        """Raises click.UsageError where options do not go together."""
+        if self.resume and not self.folder:
+            raise click.UsageError("--resume goes with --results FOLDER")
+        if self.engine != "native" and (series or self.folder or self.scheduler):
+            raise click.UsageError("--series, --results and --scheduler go with --engine native")
+        if STDIN in paths and (self.folder or self.scheduler):
+            raise click.UsageError("stdin does not go with --results and --scheduler")
+        if self.scheduler and self.jobs is not None:
+            raise click.UsageError("--jobs is for this machine: leave it out with --scheduler")
+
+    def results(
+        self, tasks: Sequence[Task], roots: Sequence[str]
+    ) -> tuple[Results | None, Sequence[Task]]:
+        """The folder of results, and what is not there yet."""
+        if self.folder is None:
+            return None, tasks
+        from ds47.batch.results import Results, SameNameError
+
+        results = Results(Path(self.folder), self.analysis)
+        try:
+            results.name(tasks, roots)
+            results.begin()
+        except SameNameError as problem:
+            raise click.ClickException(f"{problem}; report them one at a time") from problem
+        except OSError as problem:
+            raise click.ClickException(
+                f"cannot write {self.folder}: {problem.strerror}"
+            ) from problem
+        return results, _todo(results, tasks) if self.resume else tasks
+
+    def run(
+        self,
+        run: Run,
+        tasks: Sequence[Task],
+        todo: Sequence[Task],
+        results: Results | None,
+        writer: Writer,
+    ) -> None:
+        """Analyses what is to be done and reports on all."""
+        from ds47.batch.runner import Failed
+
+        try:
+            if results is not None:
+                self._stored(run, tasks, todo, results, writer)
+            elif self.scheduler is None and self._jobs(tasks) == 1:
+                run.here(tasks, _analyzer(self.engine, self.analysis, self.tshark))
+            else:
+                self._spooled(run, tasks, writer)
+        except Failed as problem:
+            raise click.ClickException(str(problem)) from problem
+
+    def _spooled(self, run: Run, tasks: Sequence[Task], writer: Writer) -> None:
+        from tempfile import TemporaryDirectory  # only here: it takes long to import
+
+        from ds47.batch.products import Spool
+
+        numbers = {task.path: str(number) for number, task in enumerate(tasks)}
+        make = Spool(self.analysis, writer.streams)
+        with TemporaryDirectory(prefix="ds47-") as folder:
+            runner = self._runner(tasks, make, lambda task: Path(folder, numbers[task.path]))
+            run.spooled(runner, tasks)
+
+    def _stored(
+        self,
+        run: Run,
+        tasks: Sequence[Task],
+        todo: Sequence[Task],
+        results: Results,
+        writer: Writer,
+    ) -> None:
+        from ds47.batch.results import Result
+        from ds47.report.overview import Writer as Overview
+
+        rows = writer.rows if isinstance(writer, Overview) else None
+        runner = self._runner(todo, Result(self.analysis), results.place)
+        results.end(run.stored(results, tasks, todo, runner, rows), os.getpid())
+
+    def _jobs(self, tasks: Sequence[Task]) -> int:
+        from ds47.batch.local import cores, useful_jobs
+
+        if self.engine != "native":
+            return 1
+        return useful_jobs(tasks) if self.jobs is None else self.jobs or cores()
+
+    def _runner(self, tasks: Sequence[Task], make: Product, place: Place) -> Runner:
+        if self.scheduler is not None and tasks:
+            from ds47.batch.cluster import Cluster
+
+            return Cluster(tasks, make, place, self.scheduler)
+        jobs = self._jobs(tasks)
+        if jobs == 1 or not tasks:
+            from ds47.batch.runner import Here
+
+            return Here(tasks, make, place)
+        from ds47.batch.local import Local
+
+        return Local(tasks, make, place, jobs)
+
+
+def _todo(results: Results, tasks: Sequence[Task]) -> list[Task]:
+    """What is not done; says of what was done why it is done again."""
+    reasons = {task.path: results.undone(task) for task in tasks}
+    again = Counter(reason for reason in reasons.values() if reason not in (None, "no result"))
+    for reason, number in sorted(again.items()):
+        warn(f"{counted(number, 'capture')} done again: {reason}")
+    return [task for task in tasks if reasons[task.path] is not None]
+
+
+def _analyzer(engine: str, options: AnalysisOptions, tshark: str | None) -> Analyzer:
+    """What analyses a capture with these options, in this process."""
+    if engine == "native":
+        from ds47.batch.tasks import read
+
+        return lambda task, finished: read(task, options, finished)
+    from ds47.wireshark.engine import Engine
+    from ds47.wireshark.shark import NotReadyError
+
+    try:
+        other = Engine("both" if engine == "both" else "tshark", options, tshark)
+    except NotReadyError as problem:
+        raise click.ClickException(str(problem)) from problem
+
+    def analyze(task: Task, finished: OnTransaction | None) -> CaptureResult:
+        return other.analyze(sys.stdin.buffer if task.path == STDIN else task.path, finished)
+
+    return analyze
