@@ -5,6 +5,7 @@ Captures behind URLs too: a web server on loopback, and what fsspec calls memory
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -58,9 +59,7 @@ class Cluster:
             "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show",
             "--scheduler-file", str(file),
         )  # fmt: skip
-        wait_until(file.exists)
-        import json
-
+        wait_until(lambda: file.exists() and file.read_text().rstrip().endswith("}"))
         self.address: str = json.loads(file.read_text())["address"]
         self.workers: list[subprocess.Popen[bytes]] = []
 
@@ -180,8 +179,6 @@ def test_a_lost_worker_costs_its_files_again_and_nothing_else(
 
 
 def test_ctrl_c_leaves_whole_results(captures: Path, cluster: Cluster, tmp_path: Path) -> None:
-    import json
-
     many = tmp_path / "many"
     many.mkdir()
     one = tmp_path / "one.pcapng"

@@ -18,7 +18,8 @@ from typing import Any
 import pytest
 
 from ds47 import cli
-from ds47.report import parquet, text
+from ds47.report import parquet
+from ds47.report.latency import percentile
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAGE = (REPOSITORY / "docs" / "data.md").read_text("utf-8")
@@ -165,7 +166,7 @@ def test_latency(examples, transactions):
             times.setdefault((item["device"], item["operation"]), []).append(item["duration_ms"])
     rows = examples.rows["Latency percentiles per device"]
     assert {row[:2]: row[2:] for row in rows} == {
-        place: (len(each), *(text.percentile(sorted(each), at) for at in (50, 95, 100)))
+        place: (len(each), *(percentile(sorted(each), at) for at in (50, 95, 100)))
         for place, each in times.items()
     }
     latency = examples.names["latency"]

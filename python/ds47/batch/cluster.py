@@ -129,7 +129,10 @@ def _distributed() -> Any:
         import distributed
     except ImportError as problem:
         raise Failed("--scheduler needs Dask: pip install 'ds47[cluster]'") from problem
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in [
+        name for name in logging.root.manager.loggerDict if name.startswith("distributed")
+    ]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # Dask sets that of each
     return distributed
 
 
