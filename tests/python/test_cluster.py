@@ -59,9 +59,13 @@ class Cluster:
             "scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--no-show",
             "--scheduler-file", str(file),
         )  # fmt: skip
-        wait_until(lambda: file.exists() and file.read_text().rstrip().endswith("}"))
-        self.address: str = json.loads(file.read_text())["address"]
         self.workers: list[subprocess.Popen[bytes]] = []
+        try:
+            wait_until(lambda: file.exists() and file.read_text().rstrip().endswith("}"))
+        except BaseException:
+            self.end()
+            raise
+        self.address: str = json.loads(file.read_text())["address"]
 
     def add(self, number: int) -> None:
         """More workers, of one thread each."""
