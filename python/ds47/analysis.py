@@ -172,7 +172,7 @@ class Analysis:
                 self._records.incomplete(part, have, "IP")
         self._calls.finish()
         self._pairing.finish()
-        self._diagnose(capture.dropped)
+        self._diagnose(capture)
         counts = self._records.counts
         return CaptureResult(
             path=capture.path,
@@ -221,11 +221,12 @@ class Analysis:
             self._naming.message(whole)
             self._calls.feed(whole)
 
-    def _diagnose(self, dropped: int | None) -> None:
+    def _diagnose(self, capture: Capture | Series) -> None:
         """What only the whole capture can show."""
         calls = self._calls.counts
         answers = calls["responses"] + calls["faults"] + calls["rejects"]
-        for remark in self._diagnoses.finish(dropped, calls["requests"], answers):
+        gaps, dropped = capture.gaps, capture.dropped
+        for remark in self._diagnoses.finish(dropped, gaps, calls["requests"], answers):
             self._findings.add(remark)
 
     def _remark(self, remark: Remark) -> None:

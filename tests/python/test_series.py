@@ -136,7 +136,7 @@ def as_one(paths: Sequence[Path]) -> CaptureResult:
 def said(result: CaptureResult) -> Any:
     return (
         result.frames, result.complete, result.rpc, result.records, result.devices,
-        result.transactions, result.findings, result.summary,
+        result.transactions, result.findings, result.diagnoses, result.summary,
     )  # fmt: skip
 
 
@@ -279,6 +279,36 @@ def test_the_report_names_files_and_frames(capsys: Any, plant: Path) -> None:
     assert "All 2 captures" in text
 
 
+def test_what_to_do_names_files_and_frames(capsys: Any, captures: Path, tmp_path: Path) -> None:
+    """A diagnosis that shows in two files: each has a filter of its own."""
+    frames, whole = whole_of(captures / "real-stacks" / "o1_profinetpy062_be.pcapng", tmp_path)
+    (diagnosis,) = (each for each in whole.diagnoses if each.rule == "DS711")
+    first, second = diagnosis.frames
+    folder = tmp_path / "plant"
+    folder.mkdir()
+    pieces(folder, frames, [first - 1, second - 1])
+    _, text, _ = run(capsys, folder, "--series")
+    lines = text.splitlines()
+    job = diagnosis.transactions[0]
+    at = lines.index(
+        f"    look at frame {first} (1 of {ring(2, NIGHT)}) (#{job}): frame.number == 1"
+    )
+    assert lines[at + 1] == f"      {ring(3, NIGHT)}: frame.number == 1"
+
+
+def test_an_answer_behind_a_gap_may_belong_to_what_was_lost(captures: Path, tmp_path: Path) -> None:
+    """DS706 says that an answer is read at another place; its own request may be in a missing file."""
+    path = captures / "diagnosis-request-here-read-there-answered.pcapng"
+    frames, whole = whole_of(path, tmp_path)
+    assert any(each.rule == "DS706" for each in whole.diagnoses)
+    (first, second) = pieces(tmp_path, frames, [len(frames) - 1])
+    for missing in (0, 1):
+        parts = [Part("a", str(first)), Part("b", str(second), missing)]
+        with Series(parts) as series:
+            result = analyze(series)
+        assert any(each.rule == "DS706" for each in result.diagnoses) is not bool(missing)
+
+
 def test_a_series_in_json_says_where_its_files_begin(capsys: Any, plant: Path) -> None:
     _, text, _ = run(capsys, plant, "--series", "-f", "json", "--digest")
     document = json.loads(text)
@@ -347,3 +377,4 @@ def test_where_a_frame_is() -> None:
     assert places.by_file([12, 3, 11, 3]) == [("a", [3]), ("c", [1, 2])]
     assert Places([]).by_file([2, 1]) == [("", [1, 2])]
     assert Places([]).words(7) == "frame 7"
+    assert (places.number(11), Places([]).number(7)) == ("11 (1 of c)", "7")

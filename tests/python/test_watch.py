@@ -24,16 +24,18 @@ import jsonschema
 import pytest
 from test_readme import Command, read_commands, run
 
-from ds47.analysis import analyze
-from ds47.capture import PcapngWriter
+from ds47.analysis import AnalysisOptions, analyze
+from ds47.capture import PcapngWriter, open_capture
 from ds47.capture.raw import raw_frames
 from ds47.cli import main
 from ds47.lab import message
 from ds47.lab.client import BUSY, Client
 from ds47.lab.ether import Host
 from ds47.lab.stage import Stage
+from ds47.model import Finding, Transaction
 from ds47.report import schema
 from ds47.watch import dumpcap
+from ds47.watch.live import Live
 from ds47.watch.show import Tally
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -207,6 +209,47 @@ def test_a_transaction_that_is_read_again_comes_again_as_ndjson() -> None:
     assert (len(first["transaction"]["frames"]["rereads"]),
             len(second["transaction"]["frames"]["rereads"])) == (0, 2)  # fmt: skip
     assert end["capture"]["summary"]["transactions"] == 1
+
+
+class Told:
+    """A listener that keeps what it hears."""
+
+    def __init__(self) -> None:
+        self.findings: list[tuple[str, int, str]] = []
+
+    def finished(self, _transaction: Transaction, findings: list[Finding]) -> None:
+        for each in findings:
+            self.found(each)
+
+    def changed(self, before: Transaction, after: Transaction, findings: list[Finding]) -> None: ...
+
+    def found(self, finding: Finding) -> None:
+        self.findings.append((finding.rule, finding.frame, finding.message))
+
+
+def test_diagnoses_are_told_as_findings_and_counted_at_the_end() -> None:
+    rules = set[str]()
+    for path in sorted(CAPTURES.glob("diagnosis-*.pcapng")):
+        listener, expected = Told(), list[Finding]()
+
+        def finished(
+            _transaction: Transaction, findings: list[Finding], expected: list[Finding] = expected
+        ) -> None:
+            expected += findings
+
+        report = analyze(path, on_transaction=finished)
+        with open_capture(path) as capture:
+            result = Live(AnalysisOptions(), listener).watch(capture)
+        wanted = [
+            (each.rule, each.frame, each.message)
+            for each in expected + report.findings
+            if each.rule.startswith("DS7")
+        ]
+        told = [each for each in listener.findings if each[0].startswith("DS7")]
+        assert sorted(told) == sorted(wanted), path.name
+        assert result.diagnoses == report.diagnoses, path.name
+        rules |= {each.rule for each in result.diagnoses}
+    assert len(rules) == 25
 
 
 def test_every_line_of_ndjson_is_in_the_schema() -> None:

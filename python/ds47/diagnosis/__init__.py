@@ -73,9 +73,14 @@ class Diagnoses:
         """A frame of ours was cut by the capture."""
         self._whole.cut(frame)
 
-    def finish(self, dropped: int | None, requests: int, responses: int) -> Iterator[Remark]:
-        """The diagnoses of the whole capture; its RPC calls in numbers."""
-        return self._whole.finish(dropped, requests, responses)
+    def finish(
+        self, dropped: int | None, gaps: bool, requests: int, responses: int
+    ) -> Iterator[Remark]:
+        """The diagnoses of the whole capture; its RPC calls in numbers.
+
+        `gaps`: frames are missing inside, dropped ones or a file of a series.
+        """
+        return self._whole.finish(dropped, gaps, requests, responses)
 
     def _cause(self, job: Job) -> Iterator[Remark]:
         """One cause explains a job: a repair all of it, then lengths, then each refusal by its number."""

@@ -196,9 +196,11 @@ class WholeCapture:
         """The capture cut a frame of ours."""
         self._cut.add(frame)
 
-    def finish(self, dropped: int | None, requests: int, responses: int) -> Iterator[Remark]:
+    def finish(
+        self, dropped: int | None, gaps: bool, requests: int, responses: int
+    ) -> Iterator[Remark]:
         """All that can be said now; requests and responses are the RPC calls of the capture."""
-        yield from self._read_there(bool(dropped))
+        yield from self._read_there(gaps)
         yield from self._nothing()
         for _, (tally, args) in self._foreign.items():
             yield Remark("DS707", tally.first, args)

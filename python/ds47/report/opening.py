@@ -13,6 +13,7 @@ from ds47.model import CaptureResult, Device, Diagnosis, Finding
 from ds47.report import Options
 from ds47.report.bilingual import say
 from ds47.report.filters import display_filter
+from ds47.report.places import Places
 from ds47.report.todo import More, by_rule, causes, uncovered
 from ds47.report.verdict import Counts, blind, told, verdict
 from ds47.report.words import escape
@@ -51,7 +52,7 @@ class Opening:
         rest = uncovered(result)
         if result.diagnoses or rest:
             yield from self._title("to_do_head")
-            yield from self._to_do(result, rest)
+            yield from self._to_do(result, rest, Places(result.files))
         if serious or rest or Counts.of(result).level not in ("good", "none"):
             yield from self._blind(result)
 
@@ -94,7 +95,7 @@ class Opening:
 
     # What to do
 
-    def _to_do(self, result: CaptureResult, rest: list[Finding]) -> Iterator[str]:
+    def _to_do(self, result: CaptureResult, rest: list[Finding], places: Places) -> Iterator[str]:
         several = len({each.device for each in result.transactions}) > 1
         advised = ""
         for each in causes(result.diagnoses, OF_ONE_RULE):
@@ -103,13 +104,13 @@ class Opening:
                 continue
             yield from self._diagnosis(each, several)
             yield from self._advice(each.rule, advised)
-            yield from self._look(each.frames, each.transactions)
+            yield from self._look(each.frames, each.transactions, places)
             yield from self._corrected(each)
             advised = each.rule
         if rest and result.diagnoses:
             yield "  " + self._paint("bold", self._say("other_findings_head"))
         for group in by_rule(rest):
-            yield from self._group(group)
+            yield from self._group(group, places)
 
     def _head(self, rule: str, severity: str, text: str, number: int) -> Iterator[str]:
         known = self._options.rules.get(rule)
@@ -133,7 +134,7 @@ class Opening:
             text = self._say("cause_device", device=escape(item.device), message=text)
         yield from self._head(item.rule, item.severity, text, item.count)
 
-    def _group(self, group: Sequence[Finding]) -> Iterator[str]:
+    def _group(self, group: Sequence[Finding], places: Places) -> Iterator[str]:
         first = group[0]
         text = escape(first.message)
         if any(each.message != first.message for each in group):
@@ -141,7 +142,7 @@ class Opening:
         yield from self._head(first.rule, first.severity, text, len(group))
         yield from self._advice(first.rule, "")
         jobs = [] if first.transaction is None else [first.transaction]
-        yield from self._look([first.frame], jobs)
+        yield from self._look([first.frame], jobs, places)
 
     def _more(self, item: More) -> Iterator[str]:
         known = self._options.rules.get(item.rule)
@@ -158,14 +159,17 @@ class Opening:
         for line in wrap("-> " + advice, WIDTH - 4, 3):
             yield "    " + line
 
-    def _look(self, frames: Sequence[int], jobs: Sequence[int]) -> Iterator[str]:
+    def _look(self, frames: Sequence[int], jobs: Sequence[int], places: Places) -> Iterator[str]:
+        """Where it shows; of a series the filter is that of the first file, then that of each other."""
         if not frames:
             return
-        text, _ = display_filter(frames)
-        values = {"frame": str(frames[0]), "filter": text}
+        (_, numbers), *others = places.by_file(frames)
+        values = {"frame": escape(places.number(frames[0])), "filter": display_filter(numbers)[0]}
         if jobs:
             values["job"] = str(jobs[0])
         yield "    " + self._paint("dim", self._say("look_at_job" if jobs else "look_at", **values))
+        for file, numbers in others:
+            yield "      " + self._paint("dim", f"{escape(file)}: {display_filter(numbers)[0]}")
 
     def _corrected(self, item: Diagnosis) -> Iterator[str]:
         """The request as it should have been: of Python only, see docs/report.md."""

@@ -30,10 +30,12 @@ class Places:
 
     def words(self, frame: int) -> str:
         """`frame 812`, of a series `frame 812 (12 of ring_00003_20240101120000.pcapng)`."""
+        return f"frame {self.number(frame)}"
+
+    def number(self, frame: int) -> str:
+        """The same without the word."""
         found = self.place(frame)
-        if found is None:
-            return f"frame {frame}"
-        return f"frame {frame} ({found[1]} of {name(found[0])})"
+        return f"{frame} ({found[1]} of {name(found[0])})" if found else str(frame)
 
     def by_file(self, frames: Iterable[int]) -> list[tuple[str, list[int]]]:
         """The frames by file, each with its number there; one nameless file where there is no series."""
