@@ -150,6 +150,7 @@ def _without_times(text: str) -> str:
 
 
 def test_every_stored_capture_survives_the_way_through_json(captures: Path) -> None:
+    corrected = 0
     for path in sorted(captures.glob("*.pcap*")):
         result = analyze(path)
         document = json.loads(json.dumps(contract.capture(result)))
@@ -158,6 +159,8 @@ def test_every_stored_capture_survives_the_way_through_json(captures: Path) -> N
         for transaction in result.transactions:
             transaction.position = 0
         assert again == result, path.name
+        corrected += sum(each.corrected is not None for each in again.diagnoses)
+    assert corrected > 10
 
 
 @pytest.mark.parametrize("ns", [0, 1, -1, 10**18, -(10**19), 1 << 64, -62_135_596_800 * 10**9 - 1])
@@ -468,3 +471,107 @@ def test_an_overview_of_results_given_as_a_whole() -> None:
     assert lines[2].endswith("b  only partly read: cut")
     assert lines[-3] == "All 2 captures: 1 without error or warning, 1 only partly read"
     assert Row.loaded(Row.unreadable("x", "why").plain()) == Row.unreadable("x", "why")
+
+
+# -- what to do over all captures -----------------------------------------------------------------
+
+
+@pytest.fixture
+def ill(captures: Path, tmp_path: Path) -> Path:
+    """Captures with a diagnosis each, of all severities, and near misses without it."""
+    root = tmp_path / "ill"
+    root.mkdir()
+    for name in ("request-length", "value-in-wrong-type", "read-too-early", "axis-byte-ignored",
+                 "index-and-count"):  # fmt: skip
+        for path in captures.glob(f"diagnosis-{name}*.pcapng"):
+            shutil.copy(path, root)
+    return root
+
+
+def test_what_to_do_over_all_captures(capsys: Any, ill: Path, tmp_path: Path) -> None:
+    _, text, _ = run(capsys, ill, "--results", tmp_path / "r")
+    found = stored(tmp_path / "r")
+    overview = found.pop("overview.json")
+    jsonschema.Draft202012Validator(report.schema("overview-1")).validate(overview)
+    expected: dict[str, dict[str, Any]] = {}
+    for document in found.values():  # by their names: the order of the run
+        jsonschema.Draft202012Validator(report.schema()).validate(document)
+        (capture,) = document["captures"]
+        for rule in {each["rule"] for each in capture["diagnoses"]}:
+            frames = [each["frame"] for each in capture["findings"] if each["rule"] == rule]
+            about = expected.setdefault(rule, {"captures": 0, "findings": 0, "first": {
+                "path": capture["path"], "frame": min(frames), "file": None, "file_frame": None,
+            }})  # fmt: skip
+            about["captures"] += 1
+            about["findings"] += len(frames)
+    to_do = overview["total"]["to_do"]
+    assert len(to_do) == len(expected) >= 5
+    for each in to_do:
+        assert {key: each[key] for key in ("captures", "findings", "first")} == expected[
+            each["rule"]
+        ]
+    ranks = [("error", "warning", "note").index(each["severity"]) for each in to_do]
+    assert ranks == sorted(ranks)
+    assert set(ranks) == {0, 1, 2}
+    errors = [(each["captures"], each["findings"]) for each in to_do if each["severity"] == "error"]
+    assert errors == sorted(errors, reverse=True)
+
+    lines = text.splitlines()
+    heads = [line.split()[0] for line in lines if line.startswith("  DS7")]
+    assert heads == [each["rule"] for each in to_do]
+    first = to_do[0]
+    at = next(at for at, line in enumerate(lines) if line.startswith(f"  {first['rule']} error "))
+    assert lines[at].endswith(f" {first['findings']} times in {first['captures']} captures")
+    assert lines[at + 1].startswith("    -> ")
+    where = first["first"]
+    assert f"    first in frame {where['frame']} of {where['path']}" in lines[at:]
+
+
+def test_the_text_report_ends_with_what_to_do_and_the_verdict_over_all(
+    capsys: Any, ill: Path
+) -> None:
+    _, text, _ = run(capsys, ill)
+    _, overview, _ = run(capsys, ill, "-f", "overview")
+    *_, end = text.split("\nCaptures, the worst first\n")
+    lines = end.splitlines()
+    counted = [line for line in overview.splitlines() if line.startswith(("  DS7", "    first in"))]
+    at = lines.index("What to do") + 1
+    assert lines[at : at + len(counted)] == counted  # without the advice, which each capture has
+    number = len(list(ill.iterdir()))
+    at = lines.index(f"All {number} captures")
+    assert lines[at + 1].startswith("  NOT OK: ")
+    assert (
+        text.count("\nCaptures, the worst first\n") == text.count(f"\nAll {number} captures\n") == 1
+    )
+
+
+@pytest.mark.parametrize("format_name", ["text", "json", "ndjson", "html"])
+def test_diagnoses_come_from_processes_and_results_as_they_were(
+    capsys: Any, ill: Path, tmp_path: Path, format_name: str
+) -> None:
+    here = run(capsys, ill, "-f", format_name, "-j", "1")
+    assert run(capsys, ill, "-f", format_name, "-j", "2") == here
+    run(capsys, ill, "--results", tmp_path / "r")
+    again = run(capsys, ill, "--results", tmp_path / "r", "--resume", "-f", format_name)
+    if format_name != "ndjson":
+        assert again == here
+        return
+    ends = [
+        [
+            each["capture"]["diagnoses"]
+            for each in map(json.loads, text.splitlines())
+            if "capture" in each
+        ]
+        for text in (again[1], contract_lines(ill))
+    ]
+    assert ends[0] == ends[1]
+    assert any(each["corrected"] for end in ends[0] for each in end)
+
+
+def contract_lines(folder: Path) -> str:
+    """NDJSON of results that are already complete."""
+    stream = io.StringIO()
+    writer = report.open_writer("ndjson", stream)
+    for path in sorted(folder.iterdir()):
+        report.write_one(writer, analyze(path))
+    return stream.getvalue()

@@ -294,6 +294,9 @@ def test_what_to_do_names_files_and_frames(capsys: Any, captures: Path, tmp_path
         f"    look at frame {first} (1 of {ring(2, NIGHT)}) (#{job}): frame.number == 1"
     )
     assert lines[at + 1] == f"      {ring(3, NIGHT)}: frame.number == 1"
+    _, text, _ = run(capsys, folder, "--series", "-f", "overview")
+    place = f"{first} (1 of {ring(2, NIGHT)})"
+    assert f"    first in frame {place} of {folder / ring(1, NIGHT)}" in text.splitlines()
 
 
 def test_an_answer_behind_a_gap_may_belong_to_what_was_lost(captures: Path, tmp_path: Path) -> None:

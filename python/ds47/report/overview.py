@@ -1,7 +1,8 @@
 """Many captures in one view: a line for each, the worst first, then the sums over all of them.
 
 Lives here: `Row`, what is kept of a capture (some hundred bytes, whatever its length), the text,
-and the document `ds47.overview/1`. What is in one capture is told by the other formats.
+and the document `ds47.overview/1`. What to do is `ds47.report.causes`; what is in one capture is told by the
+other formats.
 """
 
 from __future__ import annotations
@@ -14,8 +15,9 @@ from typing import Any, TextIO
 
 from ds47 import __version__
 from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Report
-from ds47.report import Options, json, write_all
+from ds47.report import Options, causes, json, write_all
 from ds47.report import Writer as _Writer
+from ds47.report.todo import DIAGNOSIS
 from ds47.report.words import count, duration, escape
 
 SCHEMA = "ds47.overview/1"
@@ -26,7 +28,7 @@ class Row:
     """One capture; the names are those of the report.
 
     `readable` is False where nothing of it could be read, and `problem` says why. `findings` counts
-    by severity, `rules` by rule; `slowest_ns` is the longest duration.
+    by severity, `rules` by rule; `diagnoses` has the causes by rule, `slowest_ns` is the longest duration.
     """
 
     path: str
@@ -41,6 +43,7 @@ class Row:
     states: dict[str, int] = field(default_factory=dict)
     findings: dict[str, int] = field(default_factory=dict)
     rules: dict[str, int] = field(default_factory=dict)
+    diagnoses: dict[str, causes.Told] = field(default_factory=dict)
     slowest_ns: int | None = None
 
     @classmethod
@@ -60,6 +63,7 @@ class Row:
             states=_counted(STATES, (each.state for each in transactions)),
             findings=_counted(SEVERITIES[::-1], (each.severity for each in findings)),
             rules=dict(sorted(Counter(each.rule for each in findings).items())),
+            diagnoses=causes.told(result),
             slowest_ns=max((each for each in times if each >= 0), default=None),
         )
 
@@ -73,6 +77,7 @@ class Row:
         """A row that `plain` has written; ten thousand of them share their words."""
         for key in ("operations", "states", "findings", "rules"):
             plain[key] = {sys.intern(word): number for word, number in plain[key].items()}
+        plain["diagnoses"] = causes.loaded(plain["diagnoses"])
         return cls(**plain)
 
     def plain(self) -> dict[str, Any]:
@@ -108,8 +113,8 @@ class Row:
         return self.complete and not ({"error", "warning"} & self.findings.keys())
 
 
-def total(rows: Iterable[Row]) -> dict[str, Any]:
-    """The sums over captures, as an object of `ds47.overview/1`."""
+def total(rows: Sequence[Row]) -> dict[str, Any]:
+    """The sums over captures, in the order of the run, as an object of `ds47.overview/1`."""
     sums: dict[str, Counter[str]] = {
         key: Counter() for key in ("operations", "states", "findings", "rules", "rule_captures")
     }
@@ -138,20 +143,20 @@ def total(rows: Iterable[Row]) -> dict[str, Any]:
             rule: {"findings": number, "captures": sums["rule_captures"][rule]}
             for rule, number in sorted(sums["rules"].items())
         },
+        "to_do": causes.over_all((row.path, row.diagnoses) for row in rows),
         "slowest": None if slowest is None else {"path": slowest.path, "ns": slowest.slowest_ns},
     }
 
 
-def document(rows: Iterable[Row]) -> Iterator[str]:
+def document(rows: Sequence[Row]) -> Iterator[str]:
     """The overview as pieces of JSON text, the worst capture first, one a line."""
-    ordered = sorted(rows, key=Row.badness)
     head = {
         "schema": SCHEMA,
         "tool": {"name": "ds47", "version": __version__},
-        "total": total(ordered),
+        "total": total(rows),
     }
     yield json.text(head)[:-1] + ', "captures": ['
-    for number, row in enumerate(ordered):
+    for number, row in enumerate(sorted(rows, key=Row.badness)):
         yield (",\n" if number else "\n") + json.text(row.plain())
     yield "]}\n"
 
@@ -180,10 +185,11 @@ class Writer(_Writer):
 
 
 def lines(rows: Sequence[Row], options: Options) -> list[str]:
-    """The overview as text: who needs a look, what was found, sums."""
+    """The overview as text: who needs a look, what to do, what was found, sums."""
     summed = total(rows)
     return [
         *_spaced(table(rows)),
+        *_spaced(list(causes.lines(summed["to_do"], options))),
         *_spaced(_rules(summed, options)),
         *_sums(summed),
     ]
@@ -237,11 +243,12 @@ def _about(row: Row) -> str:
 
 
 def _rules(summed: dict[str, Any], options: Options) -> list[str]:
-    if not summed["rules"]:
+    """The rules but the diagnoses, which stand under what to do."""
+    found = [each for each in summed["rules"].items() if not each[0].startswith(DIAGNOSIS)]
+    if not found:
         return []
     shown = ["Findings"]
-    order = sorted(summed["rules"].items(), key=lambda item: (-item[1]["captures"], item[0]))
-    for rule, numbers in order:
+    for rule, numbers in sorted(found, key=lambda item: (-item[1]["captures"], item[0])):
         about = options.rules.get(rule)
         name = f" {about.name}" if about else ""
         where = (

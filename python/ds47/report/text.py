@@ -19,7 +19,7 @@ from ds47.model import (
     Report,
     Transaction,
 )
-from ds47.report import Options, message, plc, write_all
+from ds47.report import Options, causes, message, plc, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import json as contract
 from ds47.report.bilingual import say
@@ -81,12 +81,14 @@ class Writer(_Writer):
     def close(self) -> None:
         if len(self._rows) < 2:
             return
-        worst = table(self._rows, CAPTURES_LISTED)
-        for line in ["", *worst] if worst else ():
-            self._line(line)
+        sums = total(self._rows)
+        to_do = list(causes.lines(sums["to_do"], self.options, advice=False))
+        for block in (table(self._rows, CAPTURES_LISTED), to_do):
+            for line in ["", *block] if block else ():
+                self._line(line)
         title = f"All {len(self._rows):,} captures"
         verdict = self._opening.verdict(self._counts)
-        self._summary(title, total(self._rows), self._latency, verdict)
+        self._summary(title, sums, self._latency, verdict)
 
     def _line(self, text: str = "") -> None:
         self.stream.write(text + "\n")

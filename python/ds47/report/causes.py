@@ -1,0 +1,122 @@
+"""What to do over many captures: each diagnosis (DS7xx) once, in how many captures, and where it shows first.
+
+Lives here: `Told`, what is kept of a diagnosed capture, the sums over captures, and their lines. What is to be
+done in one capture is `ds47.report.opening`; which causes there are, with their frames, is in its report.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ds47.model import SEVERITIES, CaptureResult
+from ds47.report import Options
+from ds47.report.bilingual import Both, say
+from ds47.report.opening import WIDTH
+from ds47.report.places import Places, name
+from ds47.report.words import escape
+from ds47.report.wrap import wrap
+
+
+@dataclass(slots=True)
+class Told:
+    """What a capture says of one rule DS7xx.
+
+    `frame` is the first one, numbered as in the report; of a series `file` has it, as its `file_frame`.
+    """
+
+    severity: str
+    findings: int
+    frame: int | None = None
+    file: str | None = None
+    file_frame: int | None = None
+
+
+def told(result: CaptureResult) -> dict[str, Told]:
+    """The diagnoses of a capture by rule: as many as there are rules, however many causes it has."""
+    found: dict[str, Told] = {}
+    for each in result.diagnoses:
+        item = found.setdefault(each.rule, Told(each.severity, 0))
+        item.findings += each.count
+        if each.frames and (item.frame is None or each.frames[0] < item.frame):
+            item.frame = each.frames[0]
+    places = Places(result.files)
+    for item in found.values():
+        where = None if item.frame is None else places.place(item.frame)
+        if where is not None:
+            item.file, item.file_frame = name(where[0]), where[1]
+    return dict(sorted(found.items()))
+
+
+def loaded(plain: Mapping[str, dict[str, Any]]) -> dict[str, Told]:
+    """What `told` gave, from a file; ten thousand of them share their words."""
+    items = {sys.intern(rule): Told(**item) for rule, item in plain.items()}
+    for item in items.values():
+        item.severity = sys.intern(item.severity)
+    return items
+
+
+def over_all(captures: Iterable[tuple[str, Mapping[str, Told]]]) -> list[dict[str, Any]]:
+    """The sums as objects of `ds47.overview/1`, worst first, then by the captures that have them.
+
+    Args:
+        captures: paths and what `told` gave, in the order of the run: the first one is named.
+    """
+    sums: dict[str, dict[str, Any]] = {}
+    for path, diagnoses in captures:
+        for rule, item in diagnoses.items():
+            each = sums.get(rule)
+            if each is None:
+                first = {
+                    "path": path,
+                    "frame": item.frame,
+                    "file": item.file,
+                    "file_frame": item.file_frame,
+                }
+                each = {"rule": rule, "severity": item.severity, "captures": 0, "findings": 0}
+                sums[rule] = each | {"first": first}
+                each = sums[rule]
+            each["captures"] += 1
+            each["findings"] += item.findings
+    return sorted(
+        sums.values(),
+        key=lambda e: (-SEVERITIES.index(e["severity"]), -e["captures"], -e["findings"], e["rule"]),
+    )
+
+
+def lines(
+    items: Sequence[dict[str, Any]], options: Options, *, advice: bool = True
+) -> Iterator[str]:
+    """What `over_all` gave, as text; without `advice` where each capture has said what to do."""
+    if not items:
+        return
+    lang = options.lang
+    yield say("to_do_head").text(lang)
+    for each in items:
+        rule = options.rules.get(each["rule"])
+        line = say(
+            "cause_in_captures",
+            rule=each["rule"],
+            severity=say(f"severity_{each['severity']}"),
+            name=rule.name if rule else "",
+            times=say("times", n=each["findings"]),
+            captures=say("captures", n=each["captures"]),
+        )
+        yield f"  {line.text(lang)}"
+        if advice and rule:
+            text = rule.advice_zh if lang == "zh" else rule.advice
+            for part in wrap("-> " + text, WIDTH - 4, 3):
+                yield "    " + part
+        yield f"    {_first(each['first']).text(lang)}"
+
+
+def _first(first: dict[str, Any]) -> Both:
+    path = escape(first["path"])
+    if first["frame"] is None:
+        return say("first_capture", path=path)
+    number = str(first["frame"])
+    if first["file"] is not None:
+        number += f" ({first['file_frame']} of {escape(first['file'])})"
+    return say("first_frame", frame=number, path=path)
