@@ -30,11 +30,13 @@ RECORD_PATH = (
     "model", "findings", "gate", "naming", "pairing", "recordcalls", "rules", "transactions",
     "analysis", "capture/frame", "capture/pcap", "capture/pcapng", "profinet/rpc", "profinet/link",
     "profinet/ip", "profinet/calls", "profinet/records", "profidrive/model",
-    "profidrive/parameter", "profidrive/formats", "report/json",
+    "profidrive/parameter", "profidrive/formats", "report/json", "usual", "report/lines",
+    "diagnosis/__init__", "diagnosis/capture", "diagnosis/grouping", "diagnosis/length",
+    "diagnosis/order", "diagnosis/refusal", "diagnosis/repetition",
 )  # fmt: skip
 READ = (
     "*.py", "capture/*.p*", "profinet/*.py", "profidrive/*.py", "spec/*.py", "report/__init__.py",
-    "report/json.py",
+    "report/json.py", "report/lines.py", "diagnosis/*.py",
 )  # fmt: skip
 """What the compilers read."""
 DIRECTIVES = {

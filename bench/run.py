@@ -16,6 +16,7 @@ import argparse
 import gzip
 import os
 import platform
+import re
 import shutil
 import statistics
 import subprocess
@@ -39,6 +40,9 @@ FILTER = f"{RPC} or (vlan and ({RPC} or (vlan and ({RPC}))))"
 """What of our predicate BPF can say (docs/protocol.md E.2); without the vlan arms tagged frames are lost."""
 FIELDS = ["-Y", "pn_io.index", "-T", "fields", "-e", "frame.number"]
 PLUGIN_FIELDS = ["-Y", "ds47", "-T", "fields", "-e", "frame.number", "-e", "ds47.pnu"]
+
+JSON = ("-f", "json")
+"""What ds47 writes, whatever the capture."""
 
 PYSHARK = """
 import sys, pyshark
@@ -68,14 +72,17 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A program on a capture; `share` of the capture that it gets; `ours` is started by Python."""
+    """A program on a capture; `share` of the capture that it gets; `ours` is started by Python.
+
+    A `slow` one runs once, all others as often as is asked for.
+    """
 
     name: str
     command: list[str]
     share: float = 1.0
     ours: bool = False
     package: Path | None = None
-    input: Path | None = None
+    slow: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,24 +203,25 @@ class Programs:
         """What a Python process costs before it does anything."""
         return Row("python -c pass", [sys.executable, "-c", "pass"])
 
-    def others(self, capture: Path, plugin: bool = True) -> Iterator[Row]:
-        """Rows of tcpdump and tshark, as far as they are installed."""
+    def others(self, capture: Path, plugin: bool = True, slow: bool = False) -> Iterator[Row]:
+        """Rows of tcpdump and tshark, as far as they are installed; `slow`: tshark is, on this one."""
         if self.tcpdump:
             command = [self.tcpdump, "-r", str(capture), "-w", os.devnull, FILTER]
             yield Row("tcpdump, BPF", command)
         if self.tshark:
             base = [self.tshark, "-n", "-r", str(capture)]
-            yield Row("tshark -T fields", [*base, *FIELDS])
+            yield Row("tshark -T fields", [*base, *FIELDS], slow=slow)
             if plugin and PLUGIN.exists():
                 script = ["-X", f"lua_script:{PLUGIN}"]
-                yield Row("tshark with the plugin", [*base, *script, *PLUGIN_FIELDS])
+                yield Row("tshark with the plugin", [*base, *script, *PLUGIN_FIELDS], slow=True)
 
     def slices(self, capture: Path, share: float) -> Iterator[Row]:
         """Rows of pyshark and scapy on the beginning of a capture, as far as they are installed."""
         for name, module, code in (("pyshark", "pyshark", PYSHARK), ("scapy", "scapy", SCAPY)):
             found = subprocess.run([sys.executable, "-c", f"import {module}"], capture_output=True)
             if found.returncode == 0 and (self.tshark or name != "pyshark"):
-                yield Row(f"{name}, a slice", [sys.executable, "-c", code, str(capture)], share)
+                command = [sys.executable, "-c", code, str(capture)]
+                yield Row(f"{name}, a slice", command, share, slow=True)
 
 
 # Sections
@@ -233,35 +241,35 @@ def sections(programs: Programs, small: bool) -> list[Section]:
         Target("ds47, plain", "tshark -T fields", 15),
     ]
     found = [
-        Section(f"{frames:,} frames of noise (pcap)", one,
-                [programs.bare(), *programs.ours(one), *programs.others(one)], noise_targets),
+        Section(f"{frames:,} frames of noise, JSON out (pcap)", one,
+                [programs.bare(), *programs.ours(one, *JSON), *programs.others(one)], noise_targets),
     ]  # fmt: skip
     if not small:
         ten = made("noise-10000000.pcap", "make_noise.py", 10_000_000)
         found.append(
-            Section("10,000,000 frames of noise (pcap)", ten,
-                    [programs.bare(), *programs.ours(ten), *programs.others(ten, plugin=False)],
+            Section("10,000,000 frames of noise, JSON out (pcap)", ten,
+                    [programs.bare(), *programs.ours(ten, *JSON), *programs.others(ten, plugin=False, slow=True)],
                     [Target("ds47, compiled", "tcpdump, BPF", 1), *noise_targets[2:]])
         )  # fmt: skip
         ng = made(f"noise-{frames}.pcapng", "make_noise.py", frames)
         found.append(
-            Section(f"{frames:,} frames of noise (pcapng)", ng,
-                    [programs.bare(), *programs.ours(ng), *programs.others(ng, plugin=False)],
+            Section(f"{frames:,} frames of noise, JSON out (pcapng)", ng,
+                    [programs.bare(), *programs.ours(ng, *JSON), *programs.others(ng, plugin=False)],
                     noise_targets)
         )  # fmt: skip
         plant = made(f"mixed-{frames}.pcap", "make_noise.py", frames, "--mixed")
         found.append(
-            Section(f"{frames:,} frames of many sizes, with other traffic (pcap)", plant,
-                    [programs.bare(), *programs.ours(plant), *programs.others(plant, plugin=False)],
+            Section(f"{frames:,} frames of many sizes, with other traffic, JSON out (pcap)", plant,
+                    [programs.bare(), *programs.ours(plant, *JSON), *programs.others(plant, plugin=False)],
                     [])
         )  # fmt: skip
     rows = [
-        programs.bare(), *programs.ours(dense, "-f", "json"), *programs.others(dense),
+        programs.bare(), *programs.ours(dense, *JSON), *programs.others(dense),
         *programs.slices(part, slice_frames / record_frames),
     ]  # fmt: skip
     for suffix in (".gz", ".zst"):
         path = packed(dense, suffix)
-        rows += programs.ours(path, "-f", "json", name=f"ds47 {suffix}")
+        rows += programs.ours(path, *JSON, name=f"ds47 {suffix}")
     targets = [
         Target("ds47, compiled", "tshark -T fields", 6),
         Target("ds47, compiled", "pyshark, a slice", 100),
@@ -287,7 +295,7 @@ def measure(section: Section, times: int) -> dict[str, Run]:
     runs: dict[str, list[Run]] = {row.name: [] for row in section.rows}
     for number in range(times):
         for row in section.rows:
-            if row.share == 1 or not number:  # the slow ones once
+            if not (row.slow and number):
                 print(f"  {number + 1}/{times} {row.name}        ", end="\r", file=sys.stderr)
                 runs[row.name].append(once(row))
     result = {name: median(each) for name, each in runs.items()}
@@ -339,11 +347,13 @@ def machine(times: int) -> str:
         if shutil.which("tshark")
         else ""
     )
-    version = tshark.splitlines()[0].split("(")[-1].rstrip(".) ") if tshark else "no tshark"
+    number = re.search(r"\d+\.\d+\.\d+", tshark)
+    version = f"tshark {number[0]}" if number else "no tshark"
     load = f", load {os.getloadavg()[0]:.1f} at the end" if hasattr(os, "getloadavg") else ""
     return (
         f"{os.cpu_count()} x {cpu}, Python {platform.python_version()}, {version}; "
-        f"whole processes, warm page cache, median of {times}{load}."
+        f"whole processes, warm page cache, median of {times} (scapy, pyshark, the plugin, and "
+        f"tshark on ten million frames: one run){load}."
     )
 
 

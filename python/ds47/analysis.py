@@ -16,10 +16,10 @@ from ds47.capture import Capture, Frame, Series, open_bytes, open_capture
 from ds47.diagnosis import Diagnoses
 from ds47.findings import Findings
 from ds47.gate import Gate
-from ds47.model import CaptureResult, Finding, Transaction
+from ds47.model import CaptureResult, Finding, Line, Transaction
 from ds47.naming import Naming
-from ds47.pairing import Job, Pairing, Peer
-from ds47.profidrive import Options, decode_response
+from ds47.pairing import Job, Pairing, Peer, UsualJob
+from ds47.profidrive import Options, Request, decode_response
 from ds47.profinet import rpc
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.ip import Reassembler
@@ -30,6 +30,7 @@ from ds47.recordcalls import RecordCalls
 from ds47.rules import Judge, Remark
 from ds47.spec.semantics import limits
 from ds47.transactions import build, summarise
+from ds47.usual import Lines, UsualWay
 
 _RECORD_CALLS = (rpc.READ, rpc.WRITE, rpc.READ_IMPLICIT)
 
@@ -83,6 +84,7 @@ def analyze(
     source: str | Path | BinaryIO | Capture | Series,
     options: AnalysisOptions | None = None,
     on_transaction: OnTransaction | None = None,
+    lines: Lines | None = None,
 ) -> CaptureResult:
     """Analyses one capture.
 
@@ -92,15 +94,17 @@ def analyze(
         on_transaction: called for each finished transaction with its findings. The result then holds
             no transaction and only the findings of none (memory stays bounded), and `id` counts in the
             order in which transactions began.
+        lines: who writes transactions as lines; the result then has `lines` and no `transactions`.
+            Not together with `on_transaction`.
 
     Raises:
         ds47.capture.CaptureError: nothing of the source can be read.
     """
     options = options or AnalysisOptions()
     if isinstance(source, (Capture, Series)):
-        return Analysis(options, on_transaction).run(source)
+        return Analysis(options, on_transaction, lines=lines).run(source)
     with open_capture(source) as capture:
-        result = Analysis(options, on_transaction).run(capture)
+        result = Analysis(options, on_transaction, lines=lines).run(capture)
     if options.digest and isinstance(source, (str, Path)) and str(source) != "-":
         import hashlib  # only here: it takes longer to import than a small capture to analyse
 
@@ -117,6 +121,7 @@ class Analysis:
         on_transaction: as for `analyze`.
         early: is told more, and before `on_transaction`, which there has to be then. The result holds no
             finding.
+        lines: as for `analyze`.
     """
 
     def __init__(
@@ -124,8 +129,10 @@ class Analysis:
         options: AnalysisOptions,
         on_transaction: OnTransaction | None,
         early: Early | None = None,
+        lines: Lines | None = None,
     ) -> None:
         self._options = options
+        self._lines = lines
         self._on_transaction = on_transaction
         self._early = early
         bounds = limits()
@@ -137,8 +144,9 @@ class Analysis:
         self._diagnoses = Diagnoses(options.lang, options.codec)
         refused = self._refused if early is not None else None
         self._pairing = Pairing(
-            bounds, self._answered, self._closed, self._nothing_to_read, refused
-        )
+            bounds, self._answered, self._closed, self._nothing_to_read, refused, self._request,
+            self._recalled,
+        )  # fmt: skip
         gate = Gate(options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars)
         self._records = RecordCalls(
             gate, self._pairing, options.codec, self._remark, self._diagnoses.foreign
@@ -157,7 +165,15 @@ class Analysis:
         self._transport: dict[Job, list[Remark]] = {}
         self._transactions: dict[int, Transaction] = {}
         """By the order of their jobs; the jobs themselves need not be kept."""
+        self._written: dict[int, Line] = {}
+        """Instead of them, where lines are wanted."""
         self._summary: dict[str, int] = {"transactions": 0}
+        self._usual: UsualWay | None = None
+        if early is None:  # who is told everything at once saves nothing
+            self._usual = UsualWay(
+                self._calls, gate, self._records, self._pairing, self._naming, self._judge,
+                self._closed_usual, self._judged, lines,
+            )  # fmt: skip
 
     def run(self, capture: Capture | Series) -> CaptureResult:
         """Reads the capture to its end and sums up."""
@@ -185,17 +201,23 @@ class Analysis:
             records={str(index): counts[index] for index in sorted(counts)},
             devices=self._naming.devices(),
             transactions=self._numbered(),
-            findings=self._findings.result(self._transactions),
+            lines=self._numbered_lines(),
+            findings=self._findings.result(self._transactions or self._written),
             diagnoses=self._findings.diagnoses(),
             summary=self._summary,
         )
 
     def _frames(self, frames: Iterable[Frame], packets: PacketSource) -> None:
         """The usual frame by the short way, all others by the long one."""
+        usual = self._usual
         for frame in frames:
+            if usual is not None and usual.take(frame):
+                continue
             pdu = rpc.from_frame(frame)
             if pdu is not None:
                 self._pdu(pdu)
+                if usual is not None:
+                    usual.learn(frame, pdu)
                 continue
             packet = packets.packet(frame)
             if packet is not None:
@@ -241,10 +263,13 @@ class Analysis:
             remark.job = None  # handed out already
         self._findings.add(remark)
 
-    def _answered(self, job: Job) -> None:
+    def _decode(self, job: Job) -> None:
         half = job.read_response
         if half is not None and half.data:
             job.response = decode_response(half.data, job.message, self._options.codec)
+
+    def _answered(self, job: Job) -> None:
+        self._decode(job)
         self._answers[job] = self._judge.answered(job)
         if self._early is not None:
             self._settled(job, self._answers[job], self._early)
@@ -266,9 +291,12 @@ class Analysis:
         remarks += self._diagnoses.closed(job)
         remarks += self._transport.pop(job, [])
         transaction = build(job, self._options.lang)
-        summarise(self._summary, transaction)
+        summarise(self._summary, transaction.state, transaction.operation)
         if self._on_transaction is None:
-            self._transactions[job.order] = transaction
+            if self._lines is None:
+                self._transactions[job.order] = transaction
+            else:
+                self._written[job.order] = self._lines.line(transaction)
             for remark in remarks:
                 self._findings.add(remark)
             return
@@ -282,6 +310,38 @@ class Analysis:
         transaction.findings = sorted({remark.rule for remark in remarks})
         to(transaction, [self._findings.told(remark, job.order) for remark in remarks])
 
+    def _closed_usual(self, job: UsualJob) -> None:
+        """`_closed` for a job about which there is nothing to say.
+
+        Who counts or looks at jobs when they are closed does so here too: such a job was answered, with
+        no error in it, and no rule found anything. `_careful` makes a `Job` of it, which costs what was saved.
+        """
+        assert self._lines is not None
+        assert job.alike is not None
+        for remark in self._diagnoses.usual(job, job.alike, self._careful):
+            self._findings.add(remark)
+        summarise(self._summary, "ok", job.alike.operation())
+        self._written[job.order] = self._lines.usual(job)
+
+    def _careful(self, usual: UsualJob) -> Job:
+        """The same job with its messages decoded."""
+        job = self._pairing.job(usual)
+        self._decode(job)
+        return job
+
+    def _request(self, data: bytes) -> Request:
+        return self._records.decoded(data)
+
+    def _recalled(self, job: Job) -> None:
+        """A usual job goes the long way from now on: it was judged, and nothing was found."""
+        self._decode(job)
+        self._answers[job] = []
+
+    def _judged(self, usual: UsualJob, job: Job) -> None:
+        """A usual job that was judged with care; the next answer like this one need not be."""
+        if self._lines is not None and not self._answers[job]:
+            self._lines.learn(usual, job, self._options.lang)
+
     def _nothing_to_read(self, peer: Peer, record: Record) -> None:
         self._diagnoses.nothing_to_read(peer, record)
         half = record.response
@@ -294,4 +354,10 @@ class Analysis:
         ordered = sorted(self._transactions.values(), key=lambda t: (t.frames.first(), t.position))
         for number, transaction in enumerate(ordered, 1):
             transaction.id = number
+        return ordered
+
+    def _numbered_lines(self) -> list[Line]:
+        ordered = sorted(self._written.values(), key=lambda line: (line.first, line.position))
+        for number, line in enumerate(ordered, 1):
+            line.id = number
         return ordered

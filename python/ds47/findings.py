@@ -5,11 +5,11 @@ Nothing is judged here; a `Remark` comes from `ds47.rules` or from `ds47.recordc
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from ds47.diagnosis.grouping import FAMILY, Grouping, cause
-from ds47.model import Diagnosis, Finding, Transaction
+from ds47.model import Diagnosis, Finding, Line, Transaction
 from ds47.rules import Remark
 from ds47.spec import rules
 from ds47.spec.semantics import reasons
@@ -85,11 +85,11 @@ class Findings:
         words = reasons(self._lang)
         return words[name] + (f"; {words['dropped']}" if self.frames_dropped else "")
 
-    def result(self, transactions: dict[int, Transaction]) -> list[Finding]:
+    def result(self, transactions: Mapping[int, Transaction] | Mapping[int, Line]) -> list[Finding]:
         """All findings in the order of their frames; their transactions get to know their rules.
 
         Args:
-            transactions: by the order of their jobs.
+            transactions: by the order of their jobs; or the lines that stand for them.
         """
         findings: list[Finding] = []
         for remark in sorted(self._remarks, key=lambda remark: remark.frame):

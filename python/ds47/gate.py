@@ -36,7 +36,8 @@ class Gate:
         self._waiting = waiting
         self._most_events = waiting * waiting_ars
         self._most_open = proven
-        self._open: OrderedDict[ArKey, None] = OrderedDict()
+        self.open: OrderedDict[ArKey, None] = OrderedDict()
+        """The ARs that have proved themselves; the one that spoke last comes last."""
         self._held: OrderedDict[ArKey, deque[Callable[[], None]]] = OrderedDict()
         self._events = 0
 
@@ -44,14 +45,18 @@ class Gate:
         """Whether a record of this index can be ours at all."""
         return index in self._concerned
 
+    def is_shared(self, index: int) -> bool:
+        """Whether records of this index are ours only if their AR has proved itself."""
+        return index not in self._always
+
     def needs_proof(self, ar: ArKey, index: int) -> bool:
         """Whether a message with the right shape would open the gate."""
-        return index not in self._always and ar not in self._open
+        return index not in self._always and ar not in self.open
 
     def passes(self, ar: ArKey, index: int) -> bool:
         """Whether an event may go on now; the AR has spoken then."""
-        if ar in self._open:
-            self._open.move_to_end(ar)
+        if ar in self.open:
+            self.open.move_to_end(ar)
             return True
         return index in self._always
 
@@ -73,9 +78,9 @@ class Gate:
             self._events -= len(self._held.popitem(last=False)[1])
 
     def _prove(self, ar: ArKey) -> None:
-        self._open[ar] = None
-        while len(self._open) > self._most_open:
-            self._open.popitem(last=False)
+        self.open[ar] = None
+        while len(self.open) > self._most_open:
+            self.open.popitem(last=False)
         held = self._held.pop(ar, ())
         self._events -= len(held)
         for event in held:

@@ -209,6 +209,34 @@ class Transaction(_Plain):
 
 
 @dataclass(slots=True, init=False)
+class Line(_Plain):
+    """A transaction that is written already, but for its number and its findings.
+
+    `first` is its first frame, `text` what stands between the two in a report that has lines.
+    """
+
+    first: int
+    position: int
+    text: str
+    findings: list[str]
+    id: int
+
+    def __init__(
+        self,
+        first: int,
+        position: int,
+        text: str,
+        findings: list[str] | None = None,
+        id: int = 0,  # noqa: A002 (a key of the report)
+    ) -> None:
+        self.first = first
+        self.position = position
+        self.text = text
+        self.findings = [] if findings is None else findings
+        self.id = id
+
+
+@dataclass(slots=True, init=False)
 class Finding(_Plain):
     """A rule that applies, where it shows and to which transaction it belongs."""
 
@@ -310,6 +338,8 @@ class CaptureResult(_Plain):
     transactions: list[Transaction] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     diagnoses: list[Diagnosis] = field(default_factory=list)
+    lines: list[Line] = field(default_factory=list)
+    """Instead of `transactions`, for who asked for lines."""
     summary: dict[str, int] = field(default_factory=dict)
     files: list[CaptureFile] = field(default_factory=list)
 

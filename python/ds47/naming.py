@@ -42,6 +42,11 @@ class Naming:
         elif pdu.ptype == 0 and pdu.opnum == rpc.CONNECT:
             self._learn(pdu.destination, None, pdu.object_uuid)
 
+    def knows(self, ip: str) -> bool:
+        """Whether no message of a device can say more of it."""
+        device = self._servers.get(ip)
+        return device is not None and bool(device.mac) and device.vendor_id is not None
+
     def devices(self) -> list[Device]:
         """Every device that answered or was connected to, in the order of first sight."""
         by_ip = {station.ip: station for station in self._stations.values() if station.ip}
@@ -59,9 +64,9 @@ class Naming:
         return list(self._servers.values())
 
     def _learn(self, ip: str, mac: str | None, object_uuid: bytes) -> None:
+        if self.knows(ip):
+            return
         device = self._servers.get(ip)
-        if device is not None and device.mac and device.vendor_id is not None:
-            return  # nothing is left to learn
         if device is None:
             if len(self._servers) >= self._most:
                 return

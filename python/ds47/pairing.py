@@ -12,7 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, NamedTuple, TypeVar
 
-from ds47.profidrive import Request, Response
+from ds47.capture import Frame
+from ds47.profidrive import Request, Response, decode_request
 from ds47.profinet.records import Half, Record
 from ds47.spec.semantics import Limits, phases
 
@@ -127,14 +128,149 @@ class Job:
         return self.message.request_reference if self.message else None
 
 
+@dataclass(slots=True, eq=False, init=False)
+class Place:
+    """Where records go: a channel, and who talks there. What `ds47.usual` knows of it stands here too."""
+
+    peer: Peer
+    ar: bytes
+    api: int
+    slot: int
+    subslot: int
+    index: int
+    always: bool
+    """Whether its records are ours whatever the AR has shown (`ds47.gate`)."""
+    key: ChannelKey
+    ar_key: tuple[str, str, bytes]
+    spot: tuple[str, int, int, int, int]
+    """The same whoever asks."""
+    counts: dict[str, int]
+    """Record requests of the index, by "read" and "write"."""
+    text: str
+    """What the lines of a report say of the place, as soon as somebody has made it."""
+
+    def __init__(
+        self,
+        peer: Peer,
+        ar: bytes,
+        api: int,
+        slot: int,
+        subslot: int,
+        index: int,
+        always: bool,
+        counts: dict[str, int],
+    ) -> None:
+        self.peer = peer
+        self.ar = ar
+        self.api = api
+        self.slot = slot
+        self.subslot = subslot
+        self.index = index
+        self.always = always
+        self.key = (peer.controller, peer.device, ar, api, slot, subslot, index)
+        self.ar_key = (peer.controller, peer.device, ar)
+        self.spot = (peer.device, api, slot, subslot, index)
+        self.counts = counts
+        self.text = ""
+
+    def record(self, request: Half | None, response: Half | None, *, write: bool) -> Record:
+        """A record call that goes there."""
+        return Record(
+            write, False, self.ar, self.api, self.slot, self.subslot, self.index, 0, request, response
+        )  # fmt: skip
+
+
+class Alike:
+    """What usual jobs have in common that differ in nothing but their reference and their values.
+
+    Args:
+        change: whether they write the values; else they read them.
+        pnus: the parameters that they ask for, in their order.
+    """
+
+    __slots__ = ("change", "pnus")
+
+    def __init__(self, change: bool, pnus: tuple[int, ...]) -> None:
+        self.change = change
+        self.pnus = pnus
+
+    def operation(self) -> str:
+        """As that of a request."""
+        return "change" if self.change else "read"
+
+
+@dataclass(slots=True, eq=False, init=False)
+class UsualJob:
+    """A job of which nothing unusual is known (`ds47.usual`): its frames, and no object for each half.
+
+    A Write with status 0, then a Read with status 0 that brings the record. `Pairing.job` makes a
+    `Job` of it where anything else than that is to be done with it.
+    """
+
+    place: Place
+    order: int
+    asked: Frame
+    data: bytes
+    previous_reference: int | None
+    accepted: Frame | None
+    read: Frame | None
+    wanted: int
+    """The length that the Read request states."""
+    answered: Frame | None
+    answer: bytes
+    alike: Alike | None
+    """Once it is answered, as `text`."""
+    text: str
+    """What the lines of a report say of the parameters."""
+    closed: bool
+    job: Job | None
+
+    def __init__(
+        self,
+        place: Place,
+        order: int,
+        asked: Frame,
+        data: bytes,
+        previous_reference: int | None,
+    ) -> None:
+        self.place = place
+        self.order = order
+        self.asked = asked
+        self.data = data
+        self.previous_reference = previous_reference
+        self.accepted = None
+        self.read = None
+        self.wanted = 0
+        self.answered = None
+        self.answer = b""
+        self.alike = None
+        self.text = ""
+        self.closed = False
+        self.job = None
+
+    def phase(self) -> str:
+        """As that of a `Job`."""
+        if self.closed:
+            return "closed"
+        if self.answered is not None:
+            return "answered"
+        return "asked" if self.accepted is None else "open"
+
+
 @dataclass(slots=True, init=False)
-class _Channel:
+class Channel:
+    """The jobs of a channel. Usual ones stand alone: beside `usual` there is no other but the last."""
+
     touched: int
     asked: list[Job]
     open: Job | None
     refused: Job | None
     last: Job | None
     reference: int | None
+    usual: UsualJob | None
+    """Asked or open."""
+    usual_last: UsualJob | None
+    """Answered."""
 
     def __init__(
         self,
@@ -151,8 +287,15 @@ class _Channel:
         self.refused = refused
         self.last = last
         self.reference = reference
+        self.usual = None
+        self.usual_last = None
+
+    def is_free(self) -> bool:
+        """Whether nothing waits for a response or for the end of its grace."""
+        return not (self.usual or self.asked or self.open or self.refused)
 
     def jobs(self) -> list[Job]:
+        """All of them, none of which is a usual one."""
         return [job for job in (self.last, self.refused, self.open) if job] + self.asked
 
 
@@ -165,6 +308,8 @@ class Pairing:
         closed: called once when nothing more can come.
         nothing_to_read: called for a Read without record on a channel that has no request.
         refused: called when a Write is refused: what comes after that is seldom of interest.
+        decode: the request in the data of a usual job, when that becomes a `Job`;
+        recalled: called with it then, if it is answered.
     """
 
     def __init__(
@@ -174,16 +319,25 @@ class Pairing:
         closed: Callable[[Job], None],
         nothing_to_read: Callable[[Peer, Record], None],
         refused: Callable[[Job], None] | None = None,
+        decode: Callable[[bytes], Request] = decode_request,
+        recalled: Callable[[Job], None] | None = None,
     ) -> None:
         self._limits = limits
         self._tell_refused = refused
+        self._decode = decode
+        self._recalled = recalled
         self._answered = answered
         self._closed = closed
         self._nothing_to_read = nothing_to_read
         self._table = phases()
-        self._channels: OrderedDict[ChannelKey, _Channel] = OrderedDict()
+        self.channels: OrderedDict[ChannelKey, Channel] = OrderedDict()
+        self._quiet_until = -1
+        """Up to this time no channel is too old; -1 where that is not known."""
+        self._newest_ns = 0
+        self._ordered = True
+        """Whether the channels were touched in the order of their times."""
         self._of_ar: dict[tuple[str, str, bytes], dict[ChannelKey, None]] = {}
-        self._newest: OrderedDict[tuple[str, int, int, int, int], Job] = OrderedDict()
+        self._newest: OrderedDict[tuple[str, int, int, int, int], Job | UsualJob] = OrderedDict()
         """The newest accepted request of a place, whoever asked."""
         self._connects: OrderedDict[tuple[str, str], int] = OrderedDict()
         """The newest Connect between two stations, by its frame."""
@@ -207,9 +361,10 @@ class Pairing:
         status = response.status if response else None
         if job.phase == "closed" or (status is None and not fault):
             return
-        channel = self._channels.get(_key(job.peer, job.record))
+        channel = self.channels.get(_key(job.peer, job.record))
         if channel is None:
             return
+        self._recall(channel)
         if status == 0 and not fault:
             self._accept(channel, job)
         else:
@@ -242,13 +397,116 @@ class Pairing:
         self._read(channel, job, event, record)
         return job
 
+    # Usual jobs: `ds47.usual` has them, and gives them back as soon as anything is out of the ordinary
+
+    def fresh(self, key: ChannelKey, now: int) -> Channel | None:
+        """The channel, if to touch it now closes no channel that is too old."""
+        channels = self.channels
+        channel = channels.get(key)
+        if channel is None:
+            return None
+        if now <= self._quiet_until:
+            return channel
+        expiry = self._limits.transaction_expiry_ns
+        if now - channel.touched > expiry or len(channels) > self._limits.channels:
+            return None
+        each = iter(channels.values())
+        oldest: Channel = next(each)
+        if self._ordered:
+            self._quiet_until = oldest.touched + expiry
+        if oldest is channel:
+            oldest = next(each, channel)
+        return channel if now - oldest.touched <= expiry else None
+
+    def touch(self, channel: Channel, key: ChannelKey, now: int) -> None:
+        """Something is said on a channel that is `fresh`, or new."""
+        if now < self._newest_ns:
+            self._ordered, self._quiet_until = False, -1
+        self._newest_ns = channel.touched = now
+        self.channels.move_to_end(key)
+
+    def usual_write(self, channel: Channel, place: Place, asked: Frame, data: bytes) -> UsualJob:
+        """`write_request`, on a channel that is free."""
+        self._count += 1
+        job = UsualJob(place, self._count, asked, data, channel.reference)
+        channel.reference = data[0]
+        channel.usual = job
+        return job
+
+    def usual_accept(self, job: UsualJob, accepted: Frame) -> None:
+        """The usual job of a channel is accepted."""
+        job.accepted = accepted
+        self._remember(job.place.spot, job)
+
+    def usual_read(
+        self, channel: Channel, job: UsualJob, close: Callable[[UsualJob], None]
+    ) -> None:
+        """The usual job of a channel has its response: it is the last one now, the one before is closed."""
+        before = channel.usual_last
+        if before is not None and before.job is None:
+            before.closed = True
+            close(before)
+        else:
+            last = channel.last if before is None else before.job
+            if last is not None:
+                self._lose(last, "")
+            channel.last = None
+        channel.usual, channel.usual_last = None, job
+
+    def careful_read(self, channel: Channel, record: Record) -> Job:
+        """The usual job of a channel has its response, and whether that is usual is not known."""
+        self._recall(channel)
+        job = channel.open
+        assert job is not None
+        self._read(channel, job, "read_record", record)
+        return job
+
+    def job(self, usual: UsualJob) -> Job:
+        """A usual job as a `Job`: always the same one, which from then on is the one that counts."""
+        if usual.job is not None:
+            return usual.job
+        place, asked, accepted = usual.place, usual.asked, usual.accepted
+        request = Half(asked.number, asked.time_ns, usual.data, len(usual.data))
+        job = usual.job = Job(
+            place.peer, place.record(request, None, write=True), self._decode(usual.data),
+            phase=usual.phase(), previous_reference=usual.previous_reference, order=usual.order,
+        )  # fmt: skip
+        if accepted is not None:
+            job.accepted = True
+            job.write_response = Half(accepted.number, accepted.time_ns, status=0)
+            job.record.response = job.write_response
+        read, answered = usual.read, usual.answered
+        if read is not None and answered is not None:
+            job.read_request = Half(read.number, read.time_ns, stated=usual.wanted)
+            size = len(usual.answer)
+            job.read_response = Half(answered.number, answered.time_ns, usual.answer, size, 0, 0)
+            if self._recalled is not None and not usual.closed:
+                self._recalled(job)
+        return job
+
+    def _recall(self, channel: Channel) -> None:
+        """Makes a `Job` of each usual job of a channel."""
+        if channel.usual is not None:
+            job = self.job(channel.usual)
+            if job.phase == "asked":
+                channel.asked.append(job)
+            else:
+                channel.open = job
+            channel.usual = None
+        if channel.usual_last is not None:
+            channel.last = self.job(channel.usual_last)
+            channel.usual_last = None
+
     def read_lost(self, peer: Peer, record: Record) -> Job | None:
         """A Read that never got its RPC response."""
-        channel = self._channels.get(_key(peer, record))
-        job = channel and (channel.open or channel.refused)
-        if job and job.read_request is None:
-            job.read_request = record.request
-        return job or None
+        channel = self.channels.get(_key(peer, record))
+        if channel is not None:
+            self._recall(channel)
+            job = channel.open or channel.refused
+            if job is not None and job.read_request is None:
+                job.read_request = record.request
+            return job
+        return None
 
     def release(self, controller: str, device: str, ar: bytes, frame: int | None = None) -> None:
         """The AR is over: what is open on its channels stays unanswered."""
@@ -265,34 +523,34 @@ class Pairing:
 
     def finish(self) -> None:
         """The capture is over."""
-        while self._channels:
-            self._close_channel(next(iter(self._channels)), "end")
+        while self.channels:
+            self._close_channel(next(iter(self.channels)), "end")
 
     def _job(self, peer: Peer, record: Record, message: Request | None) -> Job:
         self._count += 1
         return Job(peer, record, message, order=self._count)
 
-    def _channel(self, peer: Peer, record: Record, now: int) -> _Channel:
+    def _channel(self, peer: Peer, record: Record, now: int) -> Channel:
         key = _key(peer, record)
-        channel = self._channels.get(key)
-        channels, expiry = self._channels, self._limits.transaction_expiry_ns
+        channel = self.channels.get(key)
+        channels, expiry = self.channels, self._limits.transaction_expiry_ns
         if channel is not None and now - channel.touched > expiry:
             self._close_channel(key, "expired")
             channel = None
         if channel is None:
-            channel = channels[key] = _Channel(now)
+            channel = channels[key] = Channel(now)
             self._of_ar.setdefault(key[:3], {})[key] = None
-        channel.touched = now
-        channels.move_to_end(key)
+        self.touch(channel, key, now)
+        self._recall(channel)
         while True:
-            oldest: _Channel = next(iter(channels.values()))
+            oldest: Channel = next(iter(channels.values()))
             if oldest is channel or (
                 now - oldest.touched <= expiry and len(channels) <= self._limits.channels
             ):
                 return channel
             self._close_channel(next(iter(channels)), "expired")
 
-    def _accept(self, channel: _Channel, job: Job) -> None:
+    def _accept(self, channel: Channel, job: Job) -> None:
         """An accepted Write opens; it displaces what was open and ends the grace of a refused one."""
         job.accepted = True
         if job.phase == "asked":
@@ -307,23 +565,30 @@ class Pairing:
                 self._lose(channel.refused, "")
                 channel.refused = None
             channel.open = job
-            self._remember(job)
+            self._remember(_place(job), job)
         self._step(job, "write_accepted")
 
-    def _remember(self, job: Job) -> None:
-        place = _place(job)
-        self._newest[place] = job
-        self._newest.move_to_end(place)
-        if len(self._newest) > self._limits.channels:
-            self._newest.popitem(last=False)
+    def _remember(self, place: tuple[str, int, int, int, int], job: Job | UsualJob) -> None:
+        newest = self._newest
+        newest[place] = job
+        newest.move_to_end(place)
+        if len(newest) > self._limits.channels:
+            newest.popitem(last=False)
 
-    def _refuse(self, channel: _Channel, job: Job) -> None:
+    def _rival(self, job: Job) -> Job | None:
+        """The request that is open at the place of another one."""
+        newest = self._newest.get(_place(job))
+        if isinstance(newest, UsualJob):
+            if newest.job is None and newest.phase() != "open":
+                return None
+            newest = self.job(newest)
+        return newest if newest is not job and newest and newest.phase == "open" else None
+
+    def _refuse(self, channel: Channel, job: Job) -> None:
         before = job.phase
         half = job.write_response
         if half is not None and half.status == STATUS_IN_USE:
-            newest = self._newest.get(_place(job))
-            if newest is not None and newest is not job and newest.phase == "open":
-                job.rival = newest
+            job.rival = self._rival(job)
         self._step(job, "write_refused")
         if before == "answered":
             return
@@ -335,7 +600,7 @@ class Pairing:
             self._lose(channel.refused, "")
         channel.refused = job
 
-    def _addressee(self, channel: _Channel, event: str, data: bytes) -> Job | None:
+    def _addressee(self, channel: Channel, event: str, data: bytes) -> Job | None:
         """The job a Read answers; a Write whose response was not seen counts when the answer fits."""
         reference = data[0] if data else None
         if event == "read_record":
@@ -349,7 +614,7 @@ class Pairing:
             return None if old_answer else channel.asked[-1]
         return channel.refused
 
-    def _read(self, channel: _Channel, job: Job, event: str, record: Record) -> None:
+    def _read(self, channel: Channel, job: Job, event: str, record: Record) -> None:
         half = record.response
         assert half is not None
         if event == "read_record" and job.phase in ("asked", "refused"):
@@ -405,7 +670,9 @@ class Pairing:
         del siblings[key]
         if not siblings:
             del self._of_ar[key[:3]]
-        for job in self._channels.pop(key).jobs():
+        channel = self.channels.pop(key)
+        self._recall(channel)
+        for job in channel.jobs():
             job.ended = frame
             self._lose(job, reason)
 

@@ -6,13 +6,14 @@ the transport of a record call (DS1xx, DS202, DS208). Decodes a message once; co
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, Final
 
 from ds47.gate import ArKey, Gate
-from ds47.pairing import Job, Pairing, Peer
+from ds47.pairing import Job, Pairing, Peer, Place, UsualJob
 from ds47.profidrive import Options, Request, decode_request, decode_response
 from ds47.profinet import rpc
 from ds47.profinet.calls import Call, Handlers
@@ -27,6 +28,7 @@ from ds47.profinet.records import (
 )
 from ds47.rules import Remark
 
+_PLACE: Final = struct.Struct(">16sIHHHH")
 _OPERATIONS: Final = {rpc.READ: "Read", rpc.WRITE: "Write", rpc.READ_IMPLICIT: "ReadImplicit"}
 
 _MOST_SHARED: Final = 4_096
@@ -75,7 +77,7 @@ class RecordCalls:
         self._codec = codec
         self._remark = remark
         self._foreign = foreign
-        self._newest_ns: int | None = None
+        self.newest_ns: int | None = None
         self._requests: dict[bytes, Request] = {}
         self.counts: dict[int, dict[str, int]] = {}
         """Record requests by index: {"read": n, "write": n}."""
@@ -95,6 +97,18 @@ class RecordCalls:
             records = parse_response(pdu)[1] if pdu.ptype == 2 else []
         for record in records[:1]:
             self._about(pdu, record, Remark("DS105", pdu.frame, {"have": have, "kind": kind}))
+
+    def _context(self, call: Call) -> _Context | None:
+        """What the call carries; made now of a call that `ds47.usual` took."""
+        context = call.context
+        if isinstance(context, _Context):
+            return context
+        if call.asked is None:
+            return None
+        job = call.usual
+        jobs = {0: self._pairing.job(job)} if isinstance(job, UsualJob) else None
+        made = call.context = _Context(parse_request(call.request), jobs)
+        return made
 
     # Requests
 
@@ -130,7 +144,7 @@ class RecordCalls:
             else:
                 self._pass(pdu, record, partial(self._clock, pdu))
             return
-        message = self._decoded(half.data)
+        message = self.decoded(half.data)
         if passes:
             self._write(pdu, record, context, message)
         else:
@@ -139,9 +153,9 @@ class RecordCalls:
 
     def _write(self, pdu: rpc.Pdu, record: Record, context: _Context, message: Request) -> None:
         self._clock(pdu)
-        context.jobs[record.position] = self._pairing.write_request(_peer(pdu), record, message)
+        context.jobs[record.position] = self._pairing.write_request(peer(pdu), record, message)
 
-    def _decoded(self, data: bytes) -> Request:
+    def decoded(self, data: bytes) -> Request:
         """The request; the same question is asked again and again, often with a reference that counts.
 
         So the messages that differ in nothing else share their addresses and blocks, which nobody
@@ -156,33 +170,37 @@ class RecordCalls:
                 if len(self._requests) >= _MOST_SHARED:
                     self._requests.clear()
                 self._requests[data[1:]] = known
-        if known.request_reference == data[0]:
-            return known
-        return Request(
-            data[0], known.request_id, known.axis, known.parameter_count, known.addresses,
-            known.blocks, known.flaws, known.rest, known.length,
-        )  # fmt: skip
+        return known.asked_as(data[0])
+
+    def place(self, pdu: rpc.Pdu, block: bytes) -> Place | None:
+        """Where a request goes, `block` from its AR to its index; None where that is new, or none of ours."""
+        ar, api, slot, subslot, _pad, index = _PLACE.unpack(block)
+        counts = self.counts.get(index)
+        if counts is None or index == WRITE_MULTIPLE or not self._gate.concerns(index):
+            return None
+        always = not self._gate.is_shared(index)
+        return Place(peer(pdu), ar, api, slot, subslot, index, always, counts)
 
     def _retransmission(self, call: Call, pdu: rpc.Pdu) -> None:
         args = {"operation": _OPERATIONS.get(pdu.opnum, "?"), "first": call.request.frame}
         self._about_call(call, Remark("DS103", pdu.frame, args))
 
     def _lost(self, call: Call) -> None:
-        context = call.context
-        if not isinstance(context, _Context):
+        context = self._context(call)
+        if context is None:
             return
         operation = _OPERATIONS[call.request.opnum]
         self._about_call(call, Remark("DS101", call.request.frame, {"operation": operation}))
         for record in context.body.records:
             if not record.write and self._gate.concerns(record.index):
-                event = partial(self._pairing.read_lost, _peer(call.request), record)
+                event = partial(self._pairing.read_lost, peer(call.request), record)
                 self._pass(call.request, record, event)
 
     # Responses
 
     def _response(self, call: Call) -> None:
-        pdu, context = call.response, call.context
-        if pdu is None or not isinstance(context, _Context):
+        pdu, context = call.response, self._context(call)
+        if pdu is None or context is None:
             return
         status, answers = parse_response(pdu)
         for number, record in enumerate(context.body.records):
@@ -194,7 +212,7 @@ class RecordCalls:
                 half = Half(pdu.frame, pdu.time_ns, status=status)
             record.response = half
             if not ours:
-                self._foreign(_peer(pdu), record)
+                self._foreign(peer(pdu), record)
                 continue
             if half.status is None:
                 self._about(pdu, record, Remark("DS108", pdu.frame))
@@ -224,7 +242,7 @@ class RecordCalls:
 
     def _read(self, pdu: rpc.Pdu, record: Record) -> None:
         self._clock(pdu)
-        self._pairing.read_response(_peer(pdu), record)
+        self._pairing.read_response(peer(pdu), record)
 
     def _orphan_response(self, pdu: rpc.Pdu) -> None:
         if pdu.opnum not in _OPERATIONS:
@@ -242,8 +260,8 @@ class RecordCalls:
         code = int.from_bytes(pdu.body[:4], "little" if pdu.little else "big")
         args = {"kind": rpc.PTYPES[pdu.ptype], "code": f"0x{code:08X}"}
         self._about_call(call, Remark("DS104", pdu.frame, args))
-        context = call.context
-        if not isinstance(context, _Context):
+        context = self._context(call)
+        if context is None:
             return
         for record in context.body.records:
             if record.write and self._gate.concerns(record.index):
@@ -265,16 +283,16 @@ class RecordCalls:
             self._about(pdu, record, Remark("DS202", half.frame, args))
 
     def _clock(self, pdu: rpc.Pdu) -> None:
-        newest = self._newest_ns
+        newest = self.newest_ns
         if newest is not None and pdu.time_ns < newest:
             back = f"{(newest - pdu.time_ns) / 1e6:.3f}"
             self._remark(Remark("DS107", pdu.frame, {"milliseconds": back}))
-        self._newest_ns = pdu.time_ns
+        self.newest_ns = pdu.time_ns
 
     def _about_call(self, call: Call, remark: Remark) -> None:
         """A finding about an RPC call: once, and with the first job that it carries."""
-        context = call.context
-        if not isinstance(context, _Context):
+        context = self._context(call)
+        if context is None:
             return
         for record in context.body.records:
             if self._gate.concerns(record.index):
@@ -313,5 +331,6 @@ def _who(client: str, server: str, object_uuid: bytes) -> Peer:
     return Peer(client, server, *identity)
 
 
-def _peer(pdu: rpc.Pdu) -> Peer:
+def peer(pdu: rpc.Pdu) -> Peer:
+    """Who talks to whom, by the addresses and the object UUID."""
     return _who(pdu.client, pdu.server, pdu.object_uuid)

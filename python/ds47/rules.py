@@ -10,9 +10,11 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Final
 
-from ds47.pairing import Job
+from ds47.capture import Frame
+from ds47.pairing import Job, UsualJob
 from ds47.profidrive import Address, Block, Flaw, Request, Response
 from ds47.profidrive.model import VALUE, Value
 from ds47.profinet.status import status_hex, status_text
@@ -50,6 +52,7 @@ class Remark:
         self.job = job
 
 
+@lru_cache(maxsize=4096)
 def family_fits(request_id: int, response_id: int) -> bool:
     """Whether a response id belongs to a request id (docs/protocol.md A.3)."""
     known = request_ids().get(request_id)
@@ -117,6 +120,32 @@ class Judge:
         for remark in remarks:
             remark.job = job
         return remarks
+
+    def is_plain(
+        self, job: UsualJob, accepted: Frame, read: Frame, answered: Frame, reads: frozenset[int]
+    ) -> bool:
+        """Whether only its two messages themselves can give a finding about a usual job.
+
+        That is: what `answered` compares with other jobs and with the clock gives none, its frames come
+        in the usual order, and nothing is to be learnt from the values of the parameters that it `reads`.
+        """
+        limit = self._longest.get(job.place.peer.device)
+        if limit and len(job.data) > limit:
+            return False
+        pause = max(0, read.time_ns - accepted.time_ns)
+        return (
+            job.previous_reference != job.data[0]
+            and accepted.number < read.number
+            and answered.time_ns - job.asked.time_ns - pause <= self._slow_ns
+            and self._written_pnus.isdisjoint(reads)
+            and PNU_ACCESS_IDENTIFICATION not in reads
+        )
+
+    def changed(self, job: UsualJob, addresses: list[Address], blocks: list[Block]) -> None:
+        """What `answered` remembers of a usual job that changes parameters, all of them with success."""
+        place = job.place
+        where = (place.peer.device, place.slot, place.subslot, place.index, job.data[2])
+        self._remember(where, addresses, blocks, [])
 
     def unanswered(self, job: Job) -> list[Remark]:
         """What is to be said of a job that is closed without a response."""
@@ -259,7 +288,7 @@ class Judge:
             return
         operation = request.operation
         if operation == "change":
-            self._remember(_place(job), request, response.blocks)
+            self._remember(_place(job), request.addresses, request.blocks, response.blocks)
         if operation != "read":
             return
         for address, block in zip(request.addresses, response.blocks, strict=False):
@@ -275,11 +304,15 @@ class Judge:
                 args = {**where_read, "written": meant, "read": value}
                 remarks.append(Remark("DS417", job.read_response.frame, args, block.offset))
 
-    def _remember(self, where: tuple[Any, ...], request: Request, answers: list[Block]) -> None:
+    def _remember(
+        self,
+        where: tuple[Any, ...],
+        addresses: list[Address],
+        blocks: list[Block],
+        answers: list[Block],
+    ) -> None:
         known = parameters()
-        for number, (address, block) in enumerate(
-            zip(request.addresses, request.blocks, strict=False)
-        ):
+        for number, (address, block) in enumerate(zip(addresses, blocks, strict=False)):
             failed = number < len(answers) and answers[number].error is not None
             pnu = known.get(address.pnu)
             if failed or (pnu and pnu.volatile):

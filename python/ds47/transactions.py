@@ -40,7 +40,7 @@ def build(job: Job, lang: str = "en") -> Transaction:
         _state(job, parameters_, stray),
         peer.controller,
         peer.device,
-        None if record.ar == NIL_UUID else _uuid(record.ar),
+        None if record.ar == NIL_UUID else uuid_text(record.ar),
         record.api,
         record.slot,
         record.subslot,
@@ -182,12 +182,13 @@ def _pairs(reads: list[tuple[Half | None, Half]]) -> list[tuple[int | None, int 
 
 
 @lru_cache(maxsize=4096)
-def _uuid(raw: bytes) -> str:
+def uuid_text(raw: bytes) -> str:
+    """An AR UUID as people write it."""
     text = raw.hex()
     return f"{text[:8]}-{text[8:12]}-{text[12:16]}-{text[16:20]}-{text[20:]}"
 
 
-def summarise(summary: dict[str, int], transaction: Transaction) -> None:
+def summarise(summary: dict[str, int], state: str, operation: str) -> None:
     """Counts a transaction: in all, by state and by operation."""
-    for key in ("transactions", transaction.state, transaction.operation):
+    for key in ("transactions", state, operation):
         summary[key] = summary.get(key, 0) + 1

@@ -380,8 +380,8 @@ STREAMS = (
 
 def kept(run):
     """How many things of each kind a run keeps."""
-    calls = run._calls._activities.values()
-    places = run._pairing._channels.values()
+    calls = run._calls.activities.values()
+    places = run._pairing.channels.values()
     held = run._records._gate._held.values()
     partial = run._fragments._partial.values()
     return {
@@ -392,7 +392,7 @@ def kept(run):
         "asked": max((len(each.asked) for each in places), default=0),
         "answers": len(run._answers),
         "transactions": len(run._transactions),
-        "open": len(run._records._gate._open),
+        "open": len(run._records._gate.open),
         "held ARs": len(held),
         "held": sum(map(len, held)),
         "messages": len(partial),
@@ -637,7 +637,7 @@ def test_a_release_looks_at_its_own_channels():
             pairing.write_request(peer, record, request)
         for number in range(size):
             pairing.release(CONTROLLER, DEVICE, number.to_bytes(16, "big"))
-        assert not pairing._channels
+        assert not pairing.channels
 
     assert is_linear(work, 200)
 

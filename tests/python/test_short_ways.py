@@ -123,8 +123,8 @@ def test_a_shared_request_is_a_fresh_one(requests: list[tuple[int, bytes]]) -> N
     asked = message.read(1, 1, message.address(27))[1:]
     for reference, data in [*requests, (1, asked), (2, asked), (0, asked), (2, asked + b"\0\0\0")]:
         whole = bytes((reference,)) + data
-        assert calls._decoded(whole) == decode_request(whole)
-    assert calls._decoded(b"") == decode_request(b"")
+        assert calls.decoded(whole) == decode_request(whole)
+    assert calls.decoded(b"") == decode_request(b"")
 
 
 numbers = st.one_of(st.none(), st.integers(0, 1 << 40))

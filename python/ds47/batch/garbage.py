@@ -6,6 +6,7 @@ time; what belonged to a capture that is over, as a whole, has some.
 
 from __future__ import annotations
 
+import atexit
 import gc
 
 _OBJECTS = 100_000
@@ -16,6 +17,7 @@ def collect_rarely() -> None:
     """From now on only `collect` looks for garbage."""
     gc.freeze()
     gc.disable()
+    atexit.register(gc.freeze)  # or the interpreter looks through all of it once more when it ends
 
 
 def collect() -> None:

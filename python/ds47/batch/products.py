@@ -39,6 +39,8 @@ class Spool:
 
     options: AnalysisOptions
     streams: bool
+    lines: bool = False
+    """Both as in the report's writer (`ds47.report.Writer`)."""
 
     def __call__(self, task: Task, stream: BinaryIO) -> None:
         """Writes lists of transactions with their findings, and the result last."""
@@ -50,7 +52,8 @@ class Spool:
                 pickle.dump(told, stream, pickle.HIGHEST_PROTOCOL)
                 told.clear()
 
-        result = read(task, self.options, finished if self.streams else None)
+        told_at_once = finished if self.streams else None
+        result = read(task, self.options, told_at_once, lines=self.lines)
         if told:
             pickle.dump(told, stream, pickle.HIGHEST_PROTOCOL)
         pickle.dump(result, stream, pickle.HIGHEST_PROTOCOL)

@@ -125,8 +125,11 @@ class PcapngReader:
             found = scan.scan(window.data, window.end)
             for number, interface, high, low, captured, original, start in found:
                 about = interfaces[interface]
+                units = (high << 32 | low) * about.numerator  # `time_ns`, without the call
+                if about.denominator != 1:
+                    units //= about.denominator
                 self.frames = number
-                self._last_ns = time_ns = about.time_ns(high, low)
+                self._last_ns = time_ns = units + about.offset_ns
                 frame = data[start : start + captured].tobytes()
                 yield Frame(number, time_ns, about.link_type, frame, original)
             more = len(found) == BATCH

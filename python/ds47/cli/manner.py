@@ -89,7 +89,7 @@ class Manner:
             if results is not None:
                 self._stored(run, tasks, todo, results, writer)
             elif self.scheduler is None and self._jobs(tasks) == 1:
-                run.here(tasks, _analyzer(self.engine, self.analysis, self.tshark))
+                run.here(tasks, _analyzer(self.engine, self.analysis, self.tshark, writer.lines))
             else:
                 self._spooled(run, tasks, writer)
         except Failed as problem:
@@ -101,7 +101,7 @@ class Manner:
         from ds47.batch.products import Spool
 
         numbers = {task.path: str(number) for number, task in enumerate(tasks)}
-        make = Spool(self.analysis, writer.streams)
+        make = Spool(self.analysis, writer.streams, writer.lines)
         with TemporaryDirectory(prefix="ds47-") as folder:
             runner = self._runner(tasks, make, lambda task: Path(folder, numbers[task.path]))
             run.spooled(runner, tasks)
@@ -152,12 +152,12 @@ def _todo(results: Results, tasks: Sequence[Task]) -> list[Task]:
     return [task for task in tasks if reasons[task.path] is not None]
 
 
-def _analyzer(engine: str, options: AnalysisOptions, tshark: str | None) -> Analyzer:
-    """What analyses a capture with these options, in this process."""
+def _analyzer(engine: str, options: AnalysisOptions, tshark: str | None, lines: bool) -> Analyzer:
+    """What analyses a capture with these options, in this process; `lines` as in `Writer`."""
     if engine == "native":
         from ds47.batch.tasks import read
 
-        return lambda task, finished: read(task, options, finished)
+        return lambda task, finished: read(task, options, finished, lines=lines)
     from ds47.wireshark.engine import Engine
     from ds47.wireshark.shark import NotReadyError
 

@@ -9,15 +9,15 @@ and `repetition`; `grouping` makes one line of all findings of one cause. Nothin
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache, partial
 from typing import Final, TypeVar
 
-from ds47.diagnosis import length, order, refusal, repair, suggest
+from ds47.diagnosis import length, order, refusal
 from ds47.diagnosis.capture import WholeCapture
-from ds47.pairing import Job, Peer
-from ds47.profidrive import Options
+from ds47.pairing import Alike, Job, Peer, Place, UsualJob
+from ds47.profidrive import Options, Request, Response
 from ds47.profidrive.model import VALUE, Block
 from ds47.profinet.records import Record
 from ds47.rules import PNU_ACCESS_IDENTIFICATION, Remark, is_mismatch
@@ -27,6 +27,7 @@ from ds47.spec.semantics import diagnosis_words, known
 _LEAST_NORMAL: Final = {0x08: 2.0**-126, 0x0F: 2.0**-1022}
 """Float32 and Float64: what is nearer to zero is no number that anybody typed."""
 _MOST: Final = 1e30
+_MOST_KNOWN: Final = 65_536
 
 
 class Diagnoses:
@@ -40,7 +41,9 @@ class Diagnoses:
     def __init__(self, lang: str, codec: Options) -> None:
         self._lang = lang
         self._codec = codec
-        self._whole = WholeCapture(lang)
+        self._known: set[tuple[Place, Alike]] = set()
+        """Usual jobs that showed nothing; one more of them adds nothing, as long as nothing is forgotten."""
+        self._whole = WholeCapture(lang, self._known.clear)
         self._formats: OrderedDict[tuple[str, int], int] = OrderedDict()
         """Format in which a parameter of a device was read last."""
         self._limits: OrderedDict[str, int] = OrderedDict()
@@ -59,6 +62,29 @@ class Diagnoses:
         self._learn(job)
         for remark in remarks:
             remark.job = job
+        return remarks
+
+    def usual(
+        self, job: UsualJob, alike: Alike, careful: Callable[[UsualJob], Job]
+    ) -> list[Remark]:
+        """`closed` of a usual job; `careful` makes a `Job` of it, which most often is not needed.
+
+        What `closed` remembers of a read is who asked whom for which parameters where, with which axis and
+        which formats, each of them once: all that is equal in two jobs that are alike at one place. Of a
+        change it is the frame and the bytes too. So only the first such job goes there, and the next one
+        after anything of that was forgotten (the oldest entry of a full memory) or overwritten (the
+        format of a parameter).
+        """
+        known_job = job.place, alike
+        if known_job in self._known:
+            self._whole.usual(job, alike)
+            return []
+        if len(self._known) >= _MOST_KNOWN:
+            self._known.clear()
+        self._known.add(known_job)
+        remarks = self.closed(careful(job))  # which clears it where something is forgotten
+        if remarks:
+            self._known.discard(known_job)
         return remarks
 
     def nothing_to_read(self, peer: Peer, record: Record) -> None:
@@ -106,6 +132,8 @@ class Diagnoses:
         half, message = job.write_request, job.message
         if half is None or message is None or half.missing:
             return None
+        from ds47.diagnosis import repair  # only here: most captures need no repair
+
         device = job.peer.device
         errors = {each.number: each.code for each in refused}
         found = repair.find(
@@ -123,6 +151,8 @@ class Diagnoses:
         """Where exactly one axis of the device answered, it is the one to ask."""
         axes, half = self._axes.get(job.peer.device, set()), job.write_request
         if len(axes) == 1 and half is not None:
+            from ds47.diagnosis import suggest
+
             remark.args["corrected"] = suggest.with_axis(half.data, next(iter(axes)))
 
     # What was seen before
@@ -131,9 +161,9 @@ class Diagnoses:
         request, response = job.message, job.response
         if request is None or response is None or response.response_id not in (1, 2, 0x81, 0x82):
             return
-        if is_mismatch(job):
-            return
         device, formats_ = job.peer.device, self._formats
+        if not self._is_new(device, request, response) or is_mismatch(job):
+            return
         if request.axis is not None:
             self._learn_axis(device, request.axis, response.blocks)
         if request.operation != "read":
@@ -142,16 +172,36 @@ class Diagnoses:
             if address.attribute != VALUE or block.error is not None:
                 continue
             key = device, address.pnu
-            if formats_.get(key) != block.format:
+            before = formats_.get(key)
+            if before != block.format:
+                if before is not None or len(formats_) >= known().history:
+                    self._known.clear()
                 _put(formats_, key, block.format)
             if address.pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 and block.values:
                 longest = block.values[0]
                 if isinstance(longest, int) and longest > 0:
                     _put(self._limits, device, longest)
 
+    def _is_new(self, device: str, request: Request, response: Response) -> bool:
+        """Whether there is something to learn if the response belongs to the request; most often not."""
+        axes, formats_ = self._axes.get(device), self._formats
+        if axes is None or request.axis not in axes:
+            return True
+        if request.operation == "read":
+            for address, block in zip(request.addresses, response.blocks, strict=False):
+                if address.attribute == VALUE and block.error is None:
+                    pnu = address.pnu
+                    if formats_.get((device, pnu)) != block.format:
+                        return True
+                    if pnu == PNU_ACCESS_IDENTIFICATION:
+                        return True
+        return False
+
     def _learn_axis(self, device: str, axis: int, blocks: list[Block]) -> None:
         axes = self._axes.get(device)
         if axes is None:
+            if len(self._axes) >= known().history:
+                self._known.clear()
             axes = _put(self._axes, device, set())
         if axis in axes:
             return
@@ -184,15 +234,19 @@ def _is_odd(job: Job) -> bool:
         return bool(message and response and len(response.blocks) < len(message.addresses))
     if message.flaws:
         return True
-    for block in message.blocks:
-        least = _LEAST_NORMAL.get(block.format)
-        if least is None:
-            continue
-        for value in block.values:
-            if isinstance(value, str):  # NaN or infinite
-                return True
-            if value and not least <= abs(value) <= _MOST:
-                return True
+    return any(map(is_unlikely, message.blocks))
+
+
+def is_unlikely(block: Block) -> bool:
+    """Whether a value to be written is none that anybody means: not finite, denormal, or huge."""
+    least = _LEAST_NORMAL.get(block.format)
+    if least is None:
+        return False
+    for value in block.values:
+        if isinstance(value, str):  # NaN or infinite
+            return True
+        if value and not least <= abs(value) <= _MOST:
+            return True
     return False
 
 

@@ -7,11 +7,12 @@ cause, on the first frame in which it shows.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from ds47.diagnosis.repetition import Repetition
-from ds47.pairing import STATUS_NOT_READY, Job, Peer
+from ds47.pairing import STATUS_NOT_READY, Alike, Job, Peer, UsualJob
 from ds47.profidrive import decode_request
 from ds47.profinet.records import Record
 from ds47.profinet.status import status_hex
@@ -33,22 +34,26 @@ _V = TypeVar("_V")
 
 
 class _Memory(Generic[_V]):
-    """The newest entries by key; the oldest goes first."""
+    """The newest entries by key; the oldest goes first, and `forgot` is called then."""
 
-    def __init__(self) -> None:
-        self._items: OrderedDict[Any, _V] = OrderedDict()
+    def __init__(self, forgot: Callable[[], None] | None = None) -> None:
+        self.entries: OrderedDict[Any, _V] = OrderedDict()
+        self._forgot = forgot
 
     def put(self, key: object, value: _V) -> _V:
-        self._items[key] = value
-        if len(self._items) > known().history:
-            self._items.popitem(last=False)
+        entries = self.entries
+        entries[key] = value
+        if len(entries) > known().history:
+            entries.popitem(last=False)
+            if self._forgot is not None:
+                self._forgot()
         return value
 
     def get(self, key: object) -> _V | None:
-        return self._items.get(key)
+        return self.entries.get(key)
 
     def items(self) -> list[tuple[Any, _V]]:
-        return list(self._items.items())
+        return list(self.entries.items())
 
 
 class _Open(NamedTuple):
@@ -115,19 +120,20 @@ class WholeCapture:
 
     Args:
         lang: "en" or "zh".
+        forgot: called when something is forgotten that a usual job had told.
     """
 
-    def __init__(self, lang: str) -> None:
+    def __init__(self, lang: str, forgot: Callable[[], None]) -> None:
         self._words = diagnosis_words(lang)
         self._opened: _Memory[list[_Open]] = _Memory()
         self._idle: _Memory[list[_Read]] = _Memory()
         self._orphans: _Memory[list[_Read]] = _Memory()
         self._foreign: _Memory[tuple[_Tally, dict[str, Any]]] = _Memory()
-        self._answering: _Memory[Place] = _Memory()
+        self._answering: _Memory[Place] = _Memory(forgot)
         self._refusing: _Memory[tuple[_Tally, int]] = _Memory()
-        self._axes: _Memory[dict[int, int]] = _Memory()
+        self._axes: _Memory[dict[int, int]] = _Memory(forgot)
         self._unsaved: _Memory[_Unsaved] = _Memory()
-        self._asking: _Memory[bool] = _Memory()
+        self._asking: _Memory[bool] = _Memory(forgot)
         self._repetition = Repetition(self.place_name)
         self._asked = self._all_orphans = 0
         self._first_frame = 0
@@ -151,7 +157,7 @@ class WholeCapture:
             return
         self._asked += 1
         asks = job.peer.controller, device, place
-        if self._asking.get(asks) is None:
+        if asks not in self._asking.entries:
             self._asking.put(asks, True)
         self._slot(device, place, job)
         if job.read_response is None:
@@ -163,6 +169,20 @@ class WholeCapture:
             self._change(job)
         if change or job.polls or self._repetition.storming:
             self._repetition.closed(job, place)
+
+    def usual(self, job: UsualJob, alike: Alike) -> None:
+        """`closed` of a job that is like one before: only what is told of every one of them."""
+        self._asked += 1
+        place, asked = job.place, job.asked
+        if alike.change:
+            self._changed(place.peer.device, asked.number, alike.pnus)
+        elif not self._repetition.storming:
+            return
+        spot = (place.api, place.slot, place.subslot, place.index)
+        channel = (place.peer.controller, place.peer.device, place.ar, spot)
+        if alike.change:
+            self._repetition.change(channel, job.data, asked.number, asked.time_ns)
+        self._repetition.calm(channel)
 
     def nothing_to_read(self, peer: Peer, record: Record) -> None:
         """A Read without record on a channel that has no request."""
@@ -261,11 +281,12 @@ class WholeCapture:
     def _slot(self, device: str, place: Place, job: Job) -> None:
         answer, read = job.write_response, job.read_response
         spot = device, place[1], place[2]
-        if read is not None and read.data and self._answering.get(spot) is None:
+        if read is not None and read.data and spot not in self._answering.entries:
             self._answering.put(spot, place)
-        for half in (answer, read):
-            if half is not None and half.status:
-                self._refusal(device, place, half.status, half.frame)
+        if answer is not None and answer.status:
+            self._refusal(device, place, answer.status, answer.frame)
+        if read is not None and read.status:
+            self._refusal(device, place, read.status, read.frame)
 
     def _refusal(self, device: str, place: Place, status: int, frame: int) -> None:
         if (status >> 8) & 0xFF != _INVALID_SLOT and status & 0xFFFFFF00 != _NO_ACCESS:
@@ -290,9 +311,12 @@ class WholeCapture:
         message, response, read = job.message, job.response, job.read_response
         if message is None or message.axis is None or response is None or read is None:
             return
+        axes = self._axes.get((device, place))
+        if axes is not None and message.axis in axes:
+            return
         if all(b.error is None or b.error.code != known().axis_error for b in response.blocks):
-            axes = self._axes.get((device, place)) or self._axes.put((device, place), {})
-            axes.setdefault(message.axis, read.frame)
+            axes = axes or self._axes.put((device, place), {})
+            axes[message.axis] = read.frame
 
     def _ignored_axes(self) -> Iterator[Remark]:
         for (device, place), axes in self._axes.items():
@@ -316,12 +340,15 @@ class WholeCapture:
             for number, address in enumerate(message.addresses)
             if number >= len(blocks) or blocks[number].error is None
         ]
-        device = job.peer.device
+        self._changed(job.peer.device, asked.frame, tuple(done))
+
+    def _changed(self, device: str, frame: int, pnus: tuple[int, ...]) -> None:
         unsaved = self._unsaved.get(device) or self._unsaved.put(device, _Unsaved())
-        if any(pnu in known().saving for pnu in done):
-            unsaved.save(asked.frame)
-        elif any(not (row and row.volatile) for row in map(parameters().get, done)):
-            unsaved.change(asked.frame)
+        saves, lasts = _effect(pnus)
+        if saves:
+            unsaved.save(frame)
+        elif lasts:
+            unsaved.change(frame)
 
     def _lost(self) -> Iterator[Remark]:
         for device, unsaved in self._unsaved.items():
@@ -349,6 +376,14 @@ class WholeCapture:
 
     def _half(self, what: str, frame: int, count: int) -> Remark:
         return Remark("DS725", frame, {"what": self._words[what], "count": count})
+
+
+@lru_cache(maxsize=4096)
+def _effect(pnus: tuple[int, ...]) -> tuple[bool, bool]:
+    """Of a change: whether it saves all that was changed, and whether it changes what can be saved."""
+    rows = map(parameters().get, pnus)
+    saving = known().saving
+    return any(pnu in saving for pnu in pnus), any(not (row and row.volatile) for row in rows)
 
 
 def _index(index: int) -> str:

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
-from ds47.diagnosis import suggest
 from ds47.pairing import STATUS_NOT_READY, Job
 from ds47.profidrive import Address, Request
 from ds47.profidrive.model import VALUE, Block
@@ -101,6 +100,8 @@ def answer_too_long(job: Job, limit: int | None, size_of: SizeOf) -> Iterator[Re
     args: dict[str, Any] = {"parameters": len(request.addresses), "limit": most, "number": answered}
     write = job.write_request
     if write is not None and len(request.addresses) > 1:
+        from ds47.diagnosis import suggest  # only here: most captures need no correction
+
         args["corrected"] = suggest.first_parameters(request, write.data, max(1, answered))
     yield Remark("DS713", half.frame, args)
 

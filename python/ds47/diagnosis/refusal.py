@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
-from ds47.diagnosis import suggest
 from ds47.pairing import Job
 from ds47.profidrive import Address
 from ds47.profidrive.model import Block
@@ -151,4 +150,6 @@ def _corrected(job: Job, rule: str, refusal: Refusal) -> bytes | None:
         subindex, elements = 0, 1
     else:
         return None
+    from ds47.diagnosis import suggest  # only here: most captures need no correction
+
     return suggest.with_elements(message, write.data, refusal.number, subindex, elements)

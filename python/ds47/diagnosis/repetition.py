@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
-from typing import Any
 
 from ds47.pairing import Job
 from ds47.rules import Remark
 from ds47.spec.semantics import known
 
 _MS = 1_000_000
+Channel = tuple[str, str, bytes, tuple[int, int, int, int]]
+"""Controller, device, AR, and the place: API, slot, subslot and index."""
 _GAPS = 256
 """Periods kept of one run: enough to say whether they are equal."""
 
@@ -59,8 +60,8 @@ class Repetition:
 
     def __init__(self, place_name: Callable[[tuple[int, int, int, int]], str]) -> None:
         self._place_name = place_name
-        self._runs: OrderedDict[Any, _Run] = OrderedDict()
-        self._storms: OrderedDict[Any, _Storm] = OrderedDict()
+        self._runs: OrderedDict[Channel, _Run] = OrderedDict()
+        self._storms: OrderedDict[Channel, _Storm] = OrderedDict()
         self._found: list[Remark] = []
 
     @property
@@ -71,9 +72,12 @@ class Repetition:
     def closed(self, job: Job, place: tuple[int, int, int, int]) -> None:
         """A job that was asked is over."""
         key = (job.peer.controller, job.peer.device, job.record.ar, place)
-        if job.message is not None and job.message.operation == "change":
-            self._change(job, key)
-        if job.polls or key in self._storms:
+        asked = job.write_request
+        if job.message is not None and job.message.operation == "change" and asked is not None:
+            self.change(key, asked.data, asked.frame, asked.time_ns)
+        if len(job.polls) < known().storm_polls:
+            self.calm(key)
+        else:
             self._polled(job, key)
 
     def finish(self) -> Iterator[Remark]:
@@ -84,21 +88,20 @@ class Repetition:
             self._end_storm(key, storm)
         yield from self._found
 
-    def _change(self, job: Job, key: Any) -> None:
-        asked = job.write_request
-        if asked is None:
-            return
+    def change(self, key: Channel, request: bytes, frame: int, time_ns: int) -> None:
+        """A change on a channel, by its Write request."""
         run = self._runs.get(key)
-        if run is not None and run.data == asked.data[1:]:
-            run.add(asked.time_ns)
+        data = request[1:]
+        if run is not None and run.data == data:
+            run.add(time_ns)
             return
         if run is not None:
             self._end_run(key, run)
-        self._runs[key] = _Run(asked.data[1:], asked.frame, asked.time_ns)
+        self._runs[key] = _Run(data, frame, time_ns)
         if len(self._runs) > known().history:
             self._end_run(*self._runs.popitem(last=False))
 
-    def _end_run(self, key: Any, run: _Run) -> None:
+    def _end_run(self, key: Channel, run: _Run) -> None:
         period = run.period_ns() if run.count >= known().held else None
         if period is not None and len(self._found) < known().history:
             args = {
@@ -109,12 +112,14 @@ class Repetition:
             }
             self._found.append(Remark("DS723", run.first, args))
 
-    def _polled(self, job: Job, key: Any) -> None:
+    def calm(self, key: Channel) -> None:
+        """A job on a channel that was not polled many times."""
+        storm = self._storms.pop(key, None)
+        if storm is not None:
+            self._end_storm(key, storm)
+
+    def _polled(self, job: Job, key: Channel) -> None:
         storm = self._storms.get(key)
-        if len(job.polls) < known().storm_polls:
-            if storm is not None:
-                self._end_storm(key, self._storms.pop(key))
-            return
         if storm is None:
             storm = self._storms[key] = _Storm()
             if len(self._storms) > known().history:
@@ -129,7 +134,7 @@ class Repetition:
         storm.taken_ns += max(0, read.time_ns - (asked.time_ns if asked else began))
         storm.total = max(storm.total, len(job.polls))
 
-    def _end_storm(self, key: Any, storm: _Storm) -> None:
+    def _end_storm(self, key: Channel, storm: _Storm) -> None:
         facts = known()
         enough = storm.jobs >= facts.storm_jobs or storm.total >= facts.storm_total
         if enough and len(self._found) < facts.history:

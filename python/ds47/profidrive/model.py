@@ -195,6 +195,15 @@ class Request:
         self.rest = rest
         self.length = length
 
+    def asked_as(self, reference: int) -> Request:
+        """The same request under another reference; it shares the lists, which nobody changes."""
+        if self.request_reference == reference:
+            return self
+        return Request(
+            reference, self.request_id, self.axis, self.parameter_count, self.addresses,
+            self.blocks, self.flaws, self.rest, self.length,
+        )  # fmt: skip
+
     @property
     def operation(self) -> str:
         """One of "read", "change", "vendor", or "unknown" where the request id is in no table."""

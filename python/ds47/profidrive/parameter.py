@@ -212,7 +212,9 @@ def _alternatives(legacy_g120: bool, profile_v3: bool) -> Mapping[int, tuple[int
 
 
 @cache
-def _sound(legacy_g120: bool, profile_v3: bool) -> tuple[tuple[int | None, Codec] | None, ...]:
+def sound_codecs(
+    legacy_g120: bool, profile_v3: bool
+) -> tuple[tuple[int | None, Codec] | None, ...]:
     """For each format byte its meaning and codec, None where it is unknown, ambiguous or the error."""
     unsure = _alternatives(legacy_g120, profile_v3)
     return tuple(
@@ -226,7 +228,7 @@ def _sound_blocks(data: bytes, count: int, options: Options, vendor: bool) -> li
 
     None for every other response: `_Body` takes those, and would give the same for these.
     """
-    table = _sound(options.legacy_g120_formats, options.profile_v3_types)
+    table = sound_codecs(options.legacy_g120_formats, options.profile_v3_types)
     blocks: list[Block] = []
     at, size = _HEADER, len(data)
     for _ in range(count):

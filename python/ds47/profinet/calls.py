@@ -6,46 +6,94 @@ carries is `records`' business; what it means for the parameter channel is `ds47
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from ds47.profinet.rpc import Pdu
+from ds47.capture import Frame
+from ds47.profinet.rpc import Pdu, from_frame
 from ds47.spec.semantics import Limits
 
+DatagramKey = tuple[str, str, int, int, int]
+"""Source, destination, IP id, PDU type and fragment, a hash of activity, sequence number and body."""
 
-@dataclass(slots=True, init=False)
+
 class Call:
-    """One RPC call; `context` is for the layer above."""
+    """One RPC call; `context` is for the layer above.
 
-    request: Pdu
-    response: Pdu | None
-    context: Any
+    It is made of its PDUs, or of the frames that hold them (`ds47.usual`): then the PDUs are made
+    when somebody asks.
+    """
 
-    def __init__(
-        self,
-        request: Pdu,
-        response: Pdu | None = None,
-        context: Any = None,
-    ) -> None:
-        self.request = request
-        self.response = response
-        self.context = context
+    __slots__ = (
+        "_request", "_response", "answer", "answered", "asked", "context", "time_ns", "usual",
+    )  # fmt: skip
+
+    def __init__(self, request: Pdu | None, asked: Frame | None, usual: Any, time_ns: int) -> None:
+        """Either `request` or the frame `asked` is given; `usual` is for whoever gives the frame."""
+        self._request = request
+        self._response: Pdu | None = None
+        self.asked = asked
+        self.answer: Frame | None = None
+        """That of the response, where the call is made of frames."""
+        self.answered = False
+        """Whether there was a response, or a fault."""
+        self.usual = usual
+        self.time_ns = time_ns
+        """Of the request."""
+        self.context: Any = None
+
+    @property
+    def request(self) -> Pdu:
+        """The request."""
+        if self._request is None:
+            assert self.asked is not None
+            self._request = from_frame(self.asked)
+        assert self._request is not None
+        return self._request
+
+    @property
+    def response(self) -> Pdu | None:
+        """The response or the fault, None as long as there is none."""
+        if self._response is None and self.answer is not None:
+            self._response = from_frame(self.answer)
+        return self._response
+
+    @response.setter
+    def response(self, response: Pdu) -> None:
+        self._response = response
+        self.answered = True
 
 
 @dataclass(slots=True, init=False)
-class _Activity:
-    newest: int
-    calls: OrderedDict[int, Call]
+class Activity:
+    """The calls of one RPC activity by their sequence number; the oldest request first."""
 
-    def __init__(
-        self,
-        newest: int,
-        calls: OrderedDict[int, Call] | None = None,
-    ) -> None:
+    newest: int
+    """Number of the newest call."""
+    calls: OrderedDict[int, Call]
+    quiet_until: int
+    """Up to this time no call is old, and `CallTracker.expire` would do nothing while there are no
+    more than `usual_calls`; -1 where that is not known."""
+    newest_ns: int
+    ordered: bool
+    """Whether the requests came in the order of their times."""
+
+    def __init__(self, newest: int) -> None:
         self.newest = newest
-        self.calls = OrderedDict() if calls is None else calls
+        self.calls = OrderedDict()
+        self.quiet_until = -1
+        self.newest_ns = 0
+        self.ordered = True
+
+    def begin(self, seq: int, call: Call) -> None:
+        """One more call, with a number that none has."""
+        self.newest = seq
+        self.calls[seq] = call
+        if call.time_ns < self.newest_ns:
+            self.ordered, self.quiet_until = False, -1
+        self.newest_ns = call.time_ns
 
 
 @dataclass(slots=True, init=False)
@@ -86,9 +134,12 @@ class CallTracker:
     def __init__(self, limits: Limits, handlers: Handlers) -> None:
         self._limits = limits
         self._handlers = handlers
-        self._usual_calls = min(2 * limits.answered_calls, limits.calls)
-        self._activities: OrderedDict[tuple[str, bytes], _Activity] = OrderedDict()
-        self._datagrams: OrderedDict[tuple[str, str, int, int, int], int] = OrderedDict()
+        self.usual_calls = min(2 * limits.answered_calls, limits.calls)
+        self.activities: OrderedDict[tuple[str, bytes], Activity] = OrderedDict()
+        """By client and activity UUID; the one that spoke last comes last."""
+        self._datagrams: dict[DatagramKey, int] = {}
+        self._order: deque[DatagramKey] = deque()
+        """The same, the oldest first; an `OrderedDict` costs twice as much, and here every frame comes by."""
         self.counts = dict.fromkeys(
             ("requests", "responses", "faults", "rejects", "pings", "working", "others",
              "copies", "retransmissions", "unanswered"), 0,
@@ -96,20 +147,26 @@ class CallTracker:
 
     def is_copy(self, pdu: Pdu) -> bool:
         """Whether the same datagram with the same IP id was here within the copy window."""
-        datagrams = self._datagrams
         key = (pdu.source, pdu.destination, pdu.ip_id, pdu.ptype << 16 | pdu.fragment,
                hash((pdu.activity, pdu.seq, pdu.body)))  # fmt: skip
+        return self.seen(key, pdu.time_ns)
+
+    def seen(self, key: DatagramKey, time_ns: int) -> bool:
+        """`is_copy` of what makes a datagram what it is: see there."""
+        datagrams = self._datagrams
         before = datagrams.get(key)
-        datagrams[key] = pdu.time_ns
+        datagrams[key] = time_ns
         if before is None:
+            self._order.append(key)
             if len(datagrams) > self._limits.datagrams:
-                datagrams.popitem(last=False)
-        elif abs(pdu.time_ns - before) <= self._limits.copy_ns:
+                del datagrams[self._order.popleft()]
+        elif abs(time_ns - before) <= self._limits.copy_ns:
             datagrams[key] = before
             self.counts["copies"] += 1
             return True
         else:
-            datagrams.move_to_end(key)
+            self._order.remove(key)
+            self._order.append(key)
         return False
 
     def feed(self, pdu: Pdu) -> None:
@@ -127,75 +184,93 @@ class CallTracker:
 
     def finish(self) -> None:
         """The capture is over: every open call is lost."""
-        while self._activities:
-            self._drop(self._activities.popitem(last=False)[1])
+        while self.activities:
+            self._drop(self.activities.popitem(last=False)[1])
 
     def _request(self, pdu: Pdu) -> None:
         self.counts["requests"] += 1
         key = (pdu.client, pdu.activity)
-        activity = self._activities.get(key)
+        activity = self.activities.get(key)
         if activity is None:
-            activity = self._activities[key] = _Activity(pdu.seq)
+            activity = self.activities[key] = Activity(pdu.seq)
             self._make_room()
-        self._activities.move_to_end(key)
+        self.activities.move_to_end(key)
         calls, seq = activity.calls, pdu.seq
         if calls:
-            self._expire(activity, pdu.time_ns)
+            self.expire(activity, pdu.time_ns)
         call = calls.get(seq)
         if call is not None:
             if self._is_retransmission(activity, call, pdu):
                 self.counts["retransmissions"] += 1
                 self._handlers.retransmission(call, pdu)
                 return
-            if call.response is None:
+            if not call.answered:
                 self._lose(call)
             del calls[seq]  # the new one goes to the end
-        activity.newest = seq
-        call = calls[seq] = Call(pdu)
+        call = Call(pdu, None, None, pdu.time_ns)
+        activity.begin(seq, call)
         self._handlers.request(call)
 
-    def _is_retransmission(self, activity: _Activity, call: Call, pdu: Pdu) -> bool:
+    def _is_retransmission(self, activity: Activity, call: Call, pdu: Pdu) -> bool:
         if call.request.opnum != pdu.opnum or call.request.body != pdu.body:
             return False
-        if call.response is None:
+        response = call.response
+        if response is None:
             return True
-        soon = pdu.time_ns - call.response.time_ns <= self._limits.retransmission_ns
+        soon = pdu.time_ns - response.time_ns <= self._limits.retransmission_ns
         return soon and activity.newest == pdu.seq
 
     def _response(self, pdu: Pdu) -> None:
-        activity = self._activities.get((pdu.client, pdu.activity))
+        activity = self.activities.get((pdu.client, pdu.activity))
         call = None
         if activity is not None:
             if activity.calls:
-                self._expire(activity, pdu.time_ns)
+                self.expire(activity, pdu.time_ns)
             call = activity.calls.get(pdu.seq)
         if call is None:
             self._handlers.orphan_response(pdu)
-        elif call.response is None:
+            return
+        before = call.response
+        if before is None:
             call.response = pdu
             self._handlers.response(call)
-        elif call.response.body != pdu.body:
+        elif before.body != pdu.body:
             self._handlers.orphan_response(pdu)
 
     def _fault(self, pdu: Pdu) -> None:
-        activity = self._activities.get((pdu.client, pdu.activity))
+        activity = self.activities.get((pdu.client, pdu.activity))
         call = activity.calls.get(pdu.seq) if activity else None
-        if call is not None and call.response is None:
+        if call is not None and not call.answered:
             call.response = pdu
             self._handlers.fault(call, pdu)
 
-    def _expire(self, activity: _Activity, now: int) -> None:
+    def is_overdue(self, activity: Activity, now: int) -> bool:
+        """Whether `expire` would give a call up that has no response."""
+        calls, limit = activity.calls, self._limits.call_expiry_ns
+        if len(calls) > self._limits.calls:
+            return True
+        if not calls:
+            return False
+        until = next(iter(calls.values())).time_ns + limit
+        if activity.ordered:  # then no other call is older, now or later
+            activity.quiet_until = until
+        if now <= until:
+            return False
+        return any(not call.answered and now - call.time_ns > limit for call in calls.values())
+
+    def expire(self, activity: Activity, now: int) -> None:
+        """Gives up calls without response that are too old, and forgets old calls."""
         limit = self._limits.call_expiry_ns
         calls = activity.calls
         oldest: Call = next(iter(calls.values()))
-        if len(calls) <= self._usual_calls and now - oldest.request.time_ns <= limit:
+        if len(calls) <= self.usual_calls and now - oldest.time_ns <= limit:
             return  # nothing is old or too much: the usual case, on the way of every call
         answered: list[int] = []
         expired: list[int] = []
         for seq, call in calls.items():
-            if call.response is not None:
+            if call.answered:
                 answered.append(seq)
-            elif now - call.request.time_ns > limit:
+            elif now - call.time_ns > limit:
                 expired.append(seq)
         for seq in expired:
             self._lose(calls.pop(seq))
@@ -203,16 +278,16 @@ class CallTracker:
             del calls[seq]
         while len(calls) > self._limits.calls:
             _seq, call = calls.popitem(last=False)
-            if call.response is None:
+            if not call.answered:
                 self._lose(call)
 
     def _make_room(self) -> None:
-        while len(self._activities) > self._limits.activities:
-            self._drop(self._activities.popitem(last=False)[1])
+        while len(self.activities) > self._limits.activities:
+            self._drop(self.activities.popitem(last=False)[1])
 
-    def _drop(self, activity: _Activity) -> None:
+    def _drop(self, activity: Activity) -> None:
         for call in activity.calls.values():
-            if call.response is None:
+            if not call.answered:
                 self._lose(call)
 
     def _lose(self, call: Call) -> None:

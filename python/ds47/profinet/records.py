@@ -18,9 +18,11 @@ NIL_UUID: Final = bytes(16)
 _BLOCK: Final = struct.Struct(">HHHH16sIHHHHI")
 """Type, length, version, sequence, AR, API, slot, subslot, padding, index, record data length."""
 _STATUS: Final = {True: struct.Struct("<I"), False: struct.Struct(">I")}
-_REQUEST_BLOCKS: Final = {READ: 0x0009, READ_IMPLICIT: 0x0009, WRITE: 0x0008}
-_READ_RESPONSE: Final = 0x8009
-_WRITE_RESPONSE: Final = 0x8008
+READ_REQUEST: Final = 0x0009
+WRITE_REQUEST: Final = 0x0008
+READ_RESPONSE: Final = 0x8009
+WRITE_RESPONSE: Final = 0x8008
+_REQUEST_BLOCKS: Final = {READ: READ_REQUEST, READ_IMPLICIT: READ_REQUEST, WRITE: WRITE_REQUEST}
 _READS: Final = (READ, READ_IMPLICIT)
 _RELEASE_BLOCKS: Final = (0x0114, 0x0117)
 
@@ -184,7 +186,7 @@ def parse_response(pdu: Pdu) -> tuple[int | None, list[Record]]:
     elif pdu.opnum in _READS and len(body) >= 20 + _BLOCK.size:
         (kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index,
          length) = _BLOCK.unpack_from(body, 20)  # fmt: skip
-        if kind == _READ_RESPONSE:
+        if kind == READ_RESPONSE:
             start = 20 + BLOCK_LENGTH
             data = body[start : start + length]
             half = Half(pdu.frame, pdu.time_ns, data, length, length - len(data), ndr_status)
@@ -202,7 +204,7 @@ def _write_response(pdu: Pdu, offset: int, ndr_status: int, position: int) -> Re
         return None
     (kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index,
      _data) = _BLOCK.unpack_from(body, offset)  # fmt: skip
-    if kind != _WRITE_RESPONSE:
+    if kind != WRITE_RESPONSE:
         return None
     status: int | None = ndr_status
     if not ndr_status:

@@ -14,7 +14,7 @@ from functools import lru_cache
 from itertools import islice
 from json import JSONEncoder
 from json.encoder import encode_basestring as _quoted
-from typing import Any, Final, TextIO
+from typing import Any, ClassVar, Final, TextIO
 
 from ds47 import __version__
 from ds47.model import (
@@ -24,6 +24,7 @@ from ds47.model import (
     Diagnosis,
     Finding,
     Frames,
+    Line,
     Parameter,
     Report,
     Transaction,
@@ -147,6 +148,20 @@ def transaction(item: Transaction) -> dict[str, Any]:
 
 def transaction_line(item: Transaction) -> str:
     """What `text(transaction(item))` gives, without the dictionaries: there are many transactions."""
+    return line(item.id, transaction_text(item), item.findings)
+
+
+def line(number: int, about: str, findings: list[str]) -> str:
+    """The line of a transaction of which `about` is the text between its number and its findings."""
+    return f'{{"id": {number}, {about}, "findings": {text(findings) if findings else "[]"}}}'
+
+
+def _line(item: Line) -> str:
+    return line(item.id, item.text, item.findings)
+
+
+def transaction_text(item: Transaction) -> str:
+    """The line of a transaction without what is known only at the end: its number and its findings."""
     frames_ = item.frames
     polls = reads = "[]"
     if frames_.polls or frames_.rereads:
@@ -155,7 +170,7 @@ def transaction_line(item: Transaction) -> str:
     request, response, took = item.request, item.response, item.duration_ns
     write, read = item.write_status, item.read_status
     return (
-        f'{{"id": {item.id}, "operation": {_quoted(item.operation)}, "state": {_quoted(item.state)}, '
+        f'"operation": {_quoted(item.operation)}, "state": {_quoted(item.state)}, '
         f'"controller": {_quoted(item.controller)}, "device": {_quoted(item.device)}, '
         f'"ar": {_NULL if item.ar is None else _quoted(item.ar)}, "api": {item.api}, '
         f'"slot": {item.slot}, "subslot": {item.subslot}, "index": {item.index}, '
@@ -169,8 +184,7 @@ def transaction_line(item: Transaction) -> str:
         f'"bytes": {{"request": {_hex(request)}, "response": {_hex(response)}}}, '
         f'"status": {{"write": {_NULL if write is None else f"""{_QUOTE}{write:08X}{_QUOTE}"""}, '
         f'"read": {_NULL if read is None else f"""{_QUOTE}{read:08X}{_QUOTE}"""}}}, '
-        f'"parameters": [{", ".join([_parameter_text(each) for each in item.parameters])}], '
-        f'"findings": {text(item.findings) if item.findings else "[]"}}}'
+        f'"parameters": [{", ".join([_parameter_text(each) for each in item.parameters])}]'
     )
 
 
@@ -191,12 +205,16 @@ def _parameter_text(item: Parameter) -> str:
     failed = _NULL
     if error is not None:
         failed = text({"code": error.code, "text": error.text, "info": error.info})
-    head = _parameter_head(
+    scaled = _NULL if item.scaled is None else list_text(item.scaled)
+    return f'{parameter_head(item)}, "values": {list_text(item.values)}, "scaled": {scaled}, "error": {failed}}}'
+
+
+def parameter_head(item: Parameter) -> str:
+    """A parameter up to its values."""
+    return _parameter_head(
         item.pnu, item.subindex, item.attribute, item.element_count, item.name, item.unit,
         item.format, item.value_count,
     )  # fmt: skip
-    scaled = _NULL if item.scaled is None else _list(item.scaled)
-    return f'{head}, "values": {_list(item.values)}, "scaled": {scaled}, "error": {failed}}}'
 
 
 @lru_cache(maxsize=4096)
@@ -210,7 +228,6 @@ def _parameter_head(
     format_: str | None,
     value_count: int | None,
 ) -> str:
-    """A parameter up to its values: the same ones are asked for again and again."""
     about = Parameter(pnu, subindex, attribute, element_count, name, unit, format_, value_count)
     head = parameter(about)
     for key in ("values", "scaled", "error"):
@@ -218,8 +235,10 @@ def _parameter_head(
     return text(head)[:-1]
 
 
-def _list(values: list[Value]) -> str:
+def list_text(values: list[Value]) -> str:
     """A list of finite numbers is the same text in Python and in JSON."""
+    if len(values) == 1 and isinstance(values[0], int):
+        return f"[{values[0]}]"
     shown = repr(values)
     if "'" in shown or '"' in shown or "n" in shown:  # a string, nan or inf
         return text(values)
@@ -319,6 +338,8 @@ class Writer(_Writer):
     `about` are further keys of the document, set before the first capture (`ds47.batch.results`).
     """
 
+    lines: ClassVar[bool] = True
+
     def __init__(self, stream: TextIO, options: Options | None = None) -> None:
         super().__init__(stream, options)
         self.about: dict[str, Any] = {}
@@ -336,7 +357,10 @@ class Writer(_Writer):
         write_line = self.stream.write
         write_line("\n" + text(capture_head(result))[:-1])
         self._lines("devices", (text(device(each)) for each in result.devices))
-        self._lines("transactions", map(transaction_line, result.transactions))
+        if result.lines:  # map: mypyc makes a list of a generator expression, here of all lines
+            self._lines("transactions", map(_line, result.lines))
+        else:
+            self._lines("transactions", map(transaction_line, result.transactions))
         self._lines("findings", (text(finding(each)) for each in result.findings))
         self._lines("diagnoses", (text(diagnosis(each)) for each in result.diagnoses))
         write_line(f',\n"summary": {text(result.summary)}}}')

@@ -114,7 +114,7 @@ class Engine:
         for item in answer.fields.transactions:
             transaction = original.transaction(item)
             transaction.findings = list(filter(self._findings.wanted, transaction.findings))
-            summarise(summary, transaction)
+            summarise(summary, transaction.state, transaction.operation)
             result.transactions.append(transaction)
         # Equal results are equal texts: the native one counts in the order in which they end.
         result.summary = {key: summary[key] for key in native.summary if key in summary} | summary

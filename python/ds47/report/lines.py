@@ -1,0 +1,233 @@
+"""Usual transactions as lines of JSON, without decoding what was decoded before.
+
+A program asks the same parameters again and again, and the answers differ in nothing but the values; so do its
+changes. Of the first such pair of messages about which there was nothing to say (decoded and judged with care,
+`ds47.analysis`) the shape is kept: every byte that is no value, and for each value block its codec and its
+text up to the values. A pair that has the same bytes in these places differs in no other way, because
+no rule looks at the values alone, and no diagnosis at other ones than `is_unlikely` says;
+`Judge.is_plain` says when a rule looks at more than the pair.
+
+What a line looks like stands in `ds47.report.json`.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from dataclasses import dataclass
+from json.encoder import encode_basestring as _quoted
+
+from ds47.capture import Frame
+from ds47.diagnosis import is_unlikely
+from ds47.model import Line, Transaction
+from ds47.pairing import Alike, Job, Place, UsualJob
+from ds47.profidrive import Address, Block, Options
+from ds47.profidrive.formats import Codec
+from ds47.profidrive.model import Value
+from ds47.profidrive.parameter import sound_codecs
+from ds47.profinet.records import NIL_UUID
+from ds47.report import json
+from ds47.report.json import list_text, timestamp
+from ds47.rules import Judge
+from ds47.transactions import build, uuid_text
+from ds47.usual import Lines
+
+_MOST_SHAPES = 4_096
+_HEADER = 4
+"""Bytes of a message in front of its addresses or blocks."""
+
+
+@dataclass(slots=True, eq=False, init=False)
+class _Mask:
+    """A message of which some bytes are values and all others are always the same.
+
+    `unpack` takes it apart: the reference left out, then bytes that are no value and values in turn.
+    """
+
+    unpack: Callable[[bytes], tuple[bytes, ...]]
+    fixed: tuple[bytes, ...]
+
+    def __init__(self, data: bytes, blocks: list[Block]) -> None:
+        layout, at = "x", 1
+        for block in blocks:
+            start = block.offset + 2
+            layout += f"{start - at}s{len(block.raw)}s"
+            at = start + len(block.raw)
+        self.unpack = struct.Struct(f"{layout}{len(data) - at}s").unpack
+        self.fixed = self.unpack(data)[::2]
+
+
+@dataclass(slots=True, eq=False, init=False)
+class _Values:
+    """A value block of a shape, and what was last read from it: many values change seldom."""
+
+    head: str
+    """The text up to the values."""
+    format: int
+    count: int
+    codec: Codec
+    raw: bytes
+    values: list[Value]
+    text: str
+
+    def __init__(self, head: str, block: Block, codec: Codec) -> None:
+        self.head = head
+        self.format = block.format
+        self.count = block.value_count
+        self.codec = codec
+        self.raw = b""
+        self.values = []
+        self.text = ""
+
+    def read(self, raw: bytes) -> str:
+        """The text of the parameter with these values."""
+        if raw == self.raw and self.text:
+            return self.text
+        codec = self.codec
+        values = codec.decode(raw, self.count)
+        scaled = "null" if codec.scale is None else list_text(codec.scale(values, raw))
+        self.raw, self.values = raw, values
+        self.text = (
+            f'{self.head}, "values": {list_text(values)}, "scaled": {scaled}, "error": null}}'
+        )
+        return self.text
+
+    def block(self) -> Block:
+        """The block of which `read` was the last."""
+        return Block(self.format, self.count, self.values, None, None, self.raw)
+
+
+@dataclass(slots=True, eq=False, init=False)
+class _Shape:
+    """A usual request with its usual answer, and how to write them.
+
+    `values` is the message that has the values: of a change the request, else the answer.
+    """
+
+    alike: Alike
+    values: _Mask
+    other: bytes
+    """The other message, without its reference."""
+    blocks: list[_Values]
+    addresses: list[Address]
+    reads: frozenset[int]
+
+    def __init__(
+        self,
+        change: bool,
+        values: _Mask,
+        other: bytes,
+        blocks: list[_Values],
+        addresses: list[Address],
+    ) -> None:
+        self.alike = Alike(change, tuple([each.pnu for each in addresses]))
+        self.values = values
+        self.other = other
+        self.blocks = blocks
+        self.addresses = addresses
+        self.reads = frozenset() if change else frozenset(self.alike.pnus)
+
+
+class JsonLines(Lines):
+    """Lines of `ds47.report.json`; `codec` are the dialects of the analysis."""
+
+    def __init__(self, codec: Options) -> None:
+        self._codecs = sound_codecs(codec.legacy_g120_formats, codec.profile_v3_types)
+        self._shapes: dict[tuple[bytes, int, int, int | None], _Shape] = {}
+
+    def answered(
+        self, job: UsualJob, read: Frame, frame: Frame, answer: bytes, judge: Judge
+    ) -> bool:
+        data, accepted = job.data, job.accepted
+        shape = self._shapes.get(_key(job, answer))
+        if shape is None or accepted is None:
+            return False
+        change = shape.alike.change
+        valued, other = (data, answer) if change else (answer, data)
+        parts = shape.values.unpack(valued)
+        if other[1:] != shape.other or parts[::2] != shape.values.fixed:
+            return False
+        if not judge.is_plain(job, accepted, read, frame, shape.reads):
+            return False
+        texts: list[str] = []
+        at = 1
+        for each in shape.blocks:
+            texts.append(each.read(parts[at]))
+            at += 2
+        if change:
+            blocks = [each.block() for each in shape.blocks]
+            if any(map(is_unlikely, blocks)):
+                return False
+            judge.changed(job, shape.addresses, blocks)
+        job.alike = shape.alike
+        job.text = ", ".join(texts)
+        return True
+
+    def learn(self, usual: UsualJob, job: Job, lang: str) -> None:
+        request, response, half = job.message, job.response, job.read_response
+        if request is None or response is None or half is None:
+            return
+        transaction = build(job, lang)
+        change = transaction.operation == "change"
+        found = request.blocks if change else response.blocks
+        usual_kind = transaction.state == "ok" and transaction.operation in ("change", "read")
+        if not usual_kind or not found or (change and len(half.data) != _HEADER):
+            return
+        blocks: list[_Values] = []
+        for block, about in zip(found, transaction.parameters, strict=True):
+            sound = self._codecs[block.format]
+            if sound is None:
+                return
+            blocks.append(_Values(json.parameter_head(about), block, sound[1]))
+        valued, other = (usual.data, half.data) if change else (half.data, usual.data)
+        if len(self._shapes) >= _MOST_SHAPES:
+            self._shapes.clear()
+        self._shapes[_key(usual, half.data)] = _Shape(
+            change, _Mask(valued, found), other[1:], blocks, request.addresses
+        )  # fmt: skip
+
+    def usual(self, job: UsualJob) -> Line:
+        asked, accepted, read, answered = job.asked, job.accepted, job.read, job.answered
+        assert job.alike is not None
+        assert accepted is not None
+        assert read is not None
+        assert answered is not None
+        place = job.place
+        if not place.text:
+            place.text = _place_text(place)
+        return Line(
+            asked.number,
+            0,
+            f'"operation": "{job.alike.operation()}", "state": "ok", {place.text}, '
+            f'"request_reference": {job.data[0]}, "axis": {job.data[2]}, '
+            f'"frames": {{"write_request": {asked.number}, '
+            f'"write_response": {accepted.number}, "read_request": {read.number}, '
+            f'"read_response": {answered.number}, "polls": [], "rereads": []}}, '
+            f'"start": "{timestamp(asked.time_ns)}", '
+            f'"duration_ms": {(answered.time_ns - asked.time_ns) / 1_000_000}, '
+            f'"bytes": {{"request": "{job.data.hex()}", "response": "{job.answer.hex()}"}}, '
+            '"status": {"write": "00000000", "read": "00000000"}, '
+            f'"parameters": [{job.text}]',
+        )
+
+    def line(self, transaction: Transaction) -> Line:
+        first = transaction.frames.first()
+        return Line(first, transaction.position, json.transaction_text(transaction))
+
+
+def _key(job: UsualJob, answer: bytes) -> tuple[bytes, int, int, int | None]:
+    """What tells the shapes apart: the question without values, the lengths, and whose error numbers apply."""
+    data = job.data
+    question = data[1 : _HEADER + 6 * data[3]] if len(data) > _HEADER else data
+    return question, len(data), len(answer), job.place.peer.vendor_id
+
+
+def _place_text(place: Place) -> str:
+    """Controller to index, as a line of a transaction has them."""
+    peer = place.peer
+    ar = "null" if place.ar == NIL_UUID else f'"{uuid_text(place.ar)}"'
+    return (
+        f'"controller": {_quoted(peer.controller)}, "device": {_quoted(peer.device)}, "ar": {ar}, '
+        f'"api": {place.api}, "slot": {place.slot}, "subslot": {place.subslot}, '
+        f'"index": {place.index}'
+    )
