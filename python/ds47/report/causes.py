@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from ds47.model import SEVERITIES, CaptureResult
@@ -50,9 +50,14 @@ def told(result: CaptureResult) -> dict[str, Told]:
     return dict(sorted(found.items()))
 
 
-def loaded(plain: Mapping[str, dict[str, Any]]) -> dict[str, Told]:
-    """What `told` gave, from a file; ten thousand of them share their words."""
-    items = {sys.intern(rule): Told(**item) for rule, item in plain.items()}
+def plain(items: Mapping[str, Told]) -> dict[str, dict[str, Any]]:
+    """What `told` gave, as an object of `ds47.overview/1`."""
+    return {rule: asdict(item) for rule, item in items.items()}
+
+
+def loaded(stored: Mapping[str, dict[str, Any]]) -> dict[str, Told]:
+    """The reverse; ten thousand of them share their words."""
+    items = {sys.intern(rule): Told(**item) for rule, item in stored.items()}
     for item in items.values():
         item.severity = sys.intern(item.severity)
     return items

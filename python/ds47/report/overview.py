@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, TextIO
 
 from ds47 import __version__
@@ -82,7 +82,9 @@ class Row:
 
     def plain(self) -> dict[str, Any]:
         """As an object of `ds47.overview/1`."""
-        return asdict(self)
+        shown = {each.name: getattr(self, each.name) for each in fields(self)}
+        shown["diagnoses"] = causes.plain(self.diagnoses)
+        return shown
 
     @property
     def transactions(self) -> int:
