@@ -14,11 +14,13 @@
 #   make constraints  resolve constraints.txt anew
 #   make clean      remove what the targets above made
 #
-# PYTHON=... chooses the interpreter, ARGS=... goes to pytest, MATRIX=trixie chooses of the matrix.
+# PYTHON=... chooses the interpreter, ARGS=... goes to pytest, which runs in one process with PARALLEL= (empty);
+# MATRIX=trixie chooses of the matrix.
 # LUACHECK=must and MATRIX=--must fail where what they need is missing; otherwise they say so and go on.
 
 PYTHON ?= $(shell tools/find-python.sh)
 ARGS ?=
+PARALLEL ?= -n auto --dist loadfile
 BENCH ?=
 MATRIX ?=
 LUACHECK ?=
@@ -43,7 +45,7 @@ report: $(RUN)
 
 test: system
 	@$(MAKE) --no-print-directory venv
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest $(PARALLEL) $(ARGS)
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
