@@ -108,5 +108,6 @@ def test_names_of_a_vendor_are_for_its_drives() -> None:
 def test_summary() -> None:
     summary = {"transactions": 0}
     for made in (job(READ), job(READ, ANSWER), job(CHANGE)):
-        summarise(summary, build(made))
+        transaction = build(made)
+        summarise(summary, transaction.state, transaction.operation)
     assert summary == {"transactions": 3, "unanswered": 2, "ok": 1, "read": 2, "change": 1}
