@@ -14,8 +14,8 @@ local words = require("ds47.report_words")
 
 local M = {}
 
-local count, duration, escape, integer = words.count, words.duration, words.escape, words.integer
-local say = words.say
+local duration, escape, integer = words.duration, words.escape, words.integer
+local joined, noted, say = words.joined, words.noted, words.say
 local concat, format, sort = table.concat, string.format, table.sort
 
 M.LINE_LENGTH = 120 -- parameters that make a line longer than this stand below it, one a line
@@ -61,15 +61,15 @@ function M.percentile(ordered, percent)
   return ordered[math.max(1, math.ceil(percent * #ordered / 100))]
 end
 
---- `4 ok, 1 error`: the counts that are not zero, in the order given.
-function M.counts(order, counts)
+--- `4 ok, 1 error`: the counts that are not zero, in the order given. `shown` gives the word for a key.
+local function told_counts(lang, order, counts, shown)
   local parts = {}
   for _, key in ipairs(order) do
     if counts[key] and counts[key] > 0 then
-      parts[#parts + 1] = integer(counts[key]) .. " " .. key
+      parts[#parts + 1] = integer(counts[key]) .. " " .. (shown and shown(key) or key)
     end
   end
-  return concat(parts, ", ")
+  return joined(lang, parts)
 end
 
 --- How often each value of a key occurs in a list of tables.
@@ -86,7 +86,7 @@ local function pad(text, width)
 end
 
 --- What a capture without transactions has instead, so that nobody doubts it was read.
-local function traffic(result)
+local function traffic(result, lang)
   local indices, calls, rpc = {}, {}, {}
   for index in pairs(result.records or {}) do
     indices[#indices + 1] = index
@@ -98,7 +98,8 @@ local function traffic(result)
     for _, kind in ipairs({ "read", "write" }) do
       local number = result.records[index][kind]
       if number and number > 0 then
-        calls[#calls + 1] = format("index %d %s %d", tonumber(index), kind, number)
+        local values = { index = index, kind = kind, number = integer(number) }
+        calls[#calls + 1] = say(lang, "record_index", values)
       end
     end
   end
@@ -111,10 +112,15 @@ local function traffic(result)
   if #rpc == 0 then
     return nil
   end
-  local more = #calls > 6 and format(", and %d more", #calls - 6) or ""
-  local shown = concat(calls, ", ", 1, math.min(6, #calls))
-  local records = #calls > 0 and "; record calls: " .. shown .. more or ""
-  return "RPC: " .. concat(rpc, ", ") .. records
+  local shown = {}
+  for i = 1, math.min(6, #calls) do
+    shown[i] = calls[i]
+  end
+  if #calls > 6 then
+    shown[7] = say(lang, "more", { number = integer(#calls - 6) })
+  end
+  local records = #calls > 0 and say(lang, "record_calls", { calls = joined(lang, shown) }) or ""
+  return joined(lang, { "RPC", joined(lang, rpc) }, ": ", "：") .. records
 end
 
 local function header(add, result, counts, options)
@@ -130,7 +136,8 @@ local function header(add, result, counts, options)
     add("  " .. say(lang, "machine_dropped", { n = result.dropped }))
   end
   if #result.transactions == 0 then
-    add("  " .. say(lang, "no_transaction") .. " (" .. (traffic(result) or say(lang, "no_rpc")) .. ")")
+    local there = traffic(result, lang) or say(lang, "no_rpc")
+    add("  " .. say(lang, "no_transaction") .. " (" .. there .. ")")
   end
 end
 
@@ -186,39 +193,40 @@ local function state_mark(item)
   return "[" .. concat(parts, " ") .. "]"
 end
 
-local function timing(item)
-  local text = count(#M.all_frames(item.frames), "frame")
+local function timing(item, lang)
+  local text = say(lang, "frames", { n = #M.all_frames(item.frames) })
   if item.duration_ns then
     text = text .. " " .. duration(item.duration_ns)
   end
-  for _, kind in ipairs({ { "polls", ", polled " }, { "rereads", ", read again " } }) do
+  local parts = { text }
+  for _, kind in ipairs({ { "polls", "polled" }, { "rereads", "read_again" } }) do
     local number = #(item.frames[kind[1]] or {})
     if number > 0 then
-      text = text .. kind[2] .. count(number, "time")
+      parts[#parts + 1] = say(lang, kind[2], { times = say(lang, "times", { n = number }) })
     end
   end
-  return text
+  return joined(lang, parts)
 end
 
-local function transaction_lines(add, item, columns)
+local function transaction_lines(add, item, columns, lang)
   local left = pad("#" .. integer(item.id), columns.number) .. " " .. pad(item.operation, columns.operation)
     .. "  " .. pad(M.route(item, columns), columns.route)
   local parts, length = {}, words.length(left)
   for i, each in ipairs(item.parameters) do
-    parts[i] = words.parameter(each, item.operation == "change")
+    parts[i] = words.parameter(each, item.operation == "change", lang)
     length = length + words.length(parts[i])
   end
   local below = #parts > 1 and length > M.LINE_LENGTH
   local line = { left }
   if below then
-    line[2] = count(#parts, "parameter")
+    line[2] = say(lang, "parameters", { n = #parts })
   elseif #parts > 0 then
     line[2] = concat(parts, "; ")
   end
   if item.state ~= "ok" then
     line[#line + 1] = state_mark(item)
   end
-  line[#line + 1] = timing(item)
+  line[#line + 1] = timing(item, lang)
   add(concat(line, "  "))
   for _, part in ipairs(below and parts or {}) do
     add("      " .. part)
@@ -230,48 +238,56 @@ local function transaction_table(add, transactions, options)
     return
   end
   add("")
-  add("Transactions")
+  add(say(options.lang, "transactions_head"))
   local columns = columns_of(transactions)
   for _, each in ipairs(transactions) do
-    transaction_lines(add, each, columns)
+    transaction_lines(add, each, columns, options.lang)
     if options.plc or each.state ~= "ok" then
       add("      " .. plc.line(each, options.lang))
     end
   end
 end
 
-local function finding_group(add, group, rules)
+local function finding_group(add, group, rules, lang)
   local first, frames = group[1], {}
   local rule = rules[first.rule]
   local name = rule and " " .. rule.name or ""
-  add(format("  %s %s%s: %s", first.rule, first.severity, name, count(#group, "finding")))
+  add("  " .. say(lang, "findings_of_rule", {
+    rule = first.rule,
+    severity = say(lang, "severity_" .. first.severity),
+    name = name,
+    findings = say(lang, "findings", { n = #group }),
+  }))
   for i, each in ipairs(group) do
     frames[i] = each.frame
     if i <= M.FINDINGS_PER_RULE then
-      local of = each.transaction and " #" .. integer(each.transaction) or ""
-      add(format("    frame %d%s: %s", each.frame, of, escape(words.message(each))))
+      add("    " .. say(lang, "finding_line", {
+        frame = say(lang, "frame", { frame = integer(each.frame) }),
+        job = each.transaction and " #" .. integer(each.transaction) or "",
+        message = escape(words.message(each, lang)),
+      }))
     end
   end
   if #group > M.FINDINGS_PER_RULE then
-    add(format("    and %d more", #group - M.FINDINGS_PER_RULE))
+    add("    " .. say(lang, "more", { number = integer(#group - M.FINDINGS_PER_RULE) }))
   end
   local filter, left_out = filters.display_filter(frames)
-  add("    " .. filter .. (left_out > 0 and "  (and " .. count(left_out, "frame") .. " more)" or ""))
+  add("    " .. filter .. (left_out > 0 and "  " .. say(lang, "frames_more", { n = left_out }) or ""))
 end
 
-local function findings(add, list, rules)
+local function findings(add, list, rules, lang)
   if #list == 0 then
     return
   end
   add("")
-  add("Findings")
+  add(say(lang, "findings_head"))
   for _, group in ipairs(todo.by_rule(list)) do
-    finding_group(add, group, rules)
+    finding_group(add, group, rules, lang)
   end
 end
 
 --- Percentiles of the times that can be true: a clock set back leaves negative ones.
-local function latency(transactions)
+local function latency(transactions, lang)
   local ordered, odd = {}, 0
   for _, each in ipairs(transactions) do
     if each.duration_ns and each.duration_ns >= 0 then
@@ -280,29 +296,40 @@ local function latency(transactions)
       odd = odd + 1
     end
   end
-  local note = odd > 0 and " (" .. count(odd, "negative time") .. " left out)" or ""
+  local note = odd > 0 and say(lang, "negative_times", { n = odd }) or nil
   if #ordered == 0 then
-    return odd > 0 and "latency unknown" .. note or nil
+    return note and noted(lang, say(lang, "latency_unknown"), note)
   end
   sort(ordered)
-  local half, most = duration(M.percentile(ordered, 50)), duration(M.percentile(ordered, 95))
-  return format("latency p50 %s, p95 %s, max %s%s", half, most, duration(ordered[#ordered]), note)
+  return noted(lang, say(lang, "latency", {
+    half = duration(M.percentile(ordered, 50)),
+    most = duration(M.percentile(ordered, 95)),
+    longest = duration(ordered[#ordered]),
+  }), note)
 end
 
 --- How many transactions and findings there are, by state, operation and severity: two lines.
-function M.summary(result)
+local function summary(result, lang)
   local list = result.transactions
-  local states = M.counts(M.STATES, M.tally(list, "state"))
-  local operations = M.counts(M.OPERATIONS, M.tally(list, "operation"))
-  local found = M.counts(M.SEVERITIES, M.tally(result.findings, "severity"))
-  return count(#list, "transaction") .. (#list > 0 and ": " .. states .. "; " .. operations or ""),
-    count(#result.findings, "finding") .. (found ~= "" and ": " .. found or "")
+  local transactions = { say(lang, "transactions", { n = #list }) }
+  if #list > 0 then
+    local states = told_counts(lang, M.STATES, M.tally(list, "state"))
+    local operations = told_counts(lang, M.OPERATIONS, M.tally(list, "operation"))
+    transactions[2] = joined(lang, { states, operations }, "; ", "；")
+  end
+  local findings_told = { say(lang, "findings", { n = #result.findings }) }
+  if #result.findings > 0 then
+    findings_told[2] = told_counts(lang, M.SEVERITIES, M.tally(result.findings, "severity"), function(key)
+      return say(lang, "severity_" .. key)
+    end)
+  end
+  return joined(lang, transactions, ": ", "："), joined(lang, findings_told, ": ", "：")
 end
 
 --- The report of one capture.
 -- @param result what Analysis:ended() gives
 -- @param options nil or {path = name of the capture, frames = frames in the file, rules = catalogue,
---   lang = "en" or "zh" for the first lines, plc = true for what the PLC saw of every job}
+--   lang = "en" or "zh", plc = true for what the PLC saw of every job}
 -- @return text, every line ended with LF
 function M.report(result, options)
   options = options or {}
@@ -314,13 +341,13 @@ function M.report(result, options)
   header(add, result, counts, options)
   opening.lines(add, result, counts, { lang = options.lang, rules = rules })
   transaction_table(add, result.transactions, options)
-  findings(add, result.findings, rules)
+  findings(add, result.findings, rules, options.lang)
   add("")
-  add("Summary")
-  local transactions, found = M.summary(result)
+  add(say(options.lang, "summary_head"))
+  local transactions, found = summary(result, options.lang)
   add("  " .. transactions)
   add("  " .. found)
-  local times = latency(result.transactions)
+  local times = latency(result.transactions, options.lang)
   if times then
     add("  " .. times)
   end

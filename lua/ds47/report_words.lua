@@ -110,11 +110,6 @@ function M.grouped(number)
   return digits
 end
 
---- `1 frame`, `4 frames`, `12,000 frames`.
-function M.count(number, noun)
-  return M.grouped(number) .. " " .. noun .. (number == 1 and "" or "s")
-end
-
 --- A text of tables.report_words in "en" or "zh" with its values filled in; `n` also chooses between
 -- `one|several`.
 function M.say(lang, key, values)
@@ -128,6 +123,11 @@ function M.say(lang, key, values)
     local value = values[name]
     return type(value) == "number" and M.grouped(value) or tostring(value)
   end))
+end
+
+--- A text and a note behind it, in Chinese without a blank; the text alone where there is no note.
+function M.noted(lang, text, note)
+  return note and M.joined(lang, { text, note }, " ", "") or text
 end
 
 --- Texts in a row, with the commas of their language where no separators are given.
@@ -208,7 +208,8 @@ function M.value(item, format_name, scaled)
 end
 
 --- A list of values, cut where it grows long: `1, 2, 3, ... (40 values)`.
-function M.values(items, format_name, scaled)
+-- @param lang "zh" for Chinese words, else English
+function M.values(items, format_name, scaled, lang)
   if #items == 1 then
     return M.value(items[1], format_name, scaled)
   end
@@ -217,37 +218,42 @@ function M.values(items, format_name, scaled)
     shown[i] = M.value(items[i], format_name, scaled)
   end
   local text = concat(shown, ", ")
-  return #items > M.VALUES_SHOWN and format("%s, ... (%s)", text, M.count(#items, "value")) or text
+  return #items > M.VALUES_SHOWN and M.say(lang, "values_cut", { values = text, n = #items }) or text
 end
 
---- `error 0x11: request cannot be executed (info 3)`.
-function M.error(item)
-  local code = item.code and format(" 0x%02X", item.code) or ""
-  local text = item.text and item.text ~= "" and ": " .. M.escape(item.text) or ""
-  local info = item.info and item.info ~= 0 and format(" (info %d)", item.info) or ""
-  return "error" .. code .. text .. info
+--- `error 0x11: request cannot be executed (info 3)`; `lang` as in `values`.
+function M.error(item, lang)
+  local text = M.say(lang, "parameter_error") .. (item.code and format(" 0x%02X", item.code) or "")
+  if item.text and item.text ~= "" then
+    text = M.joined(lang, { text, M.escape(item.text) }, ": ", "：")
+  end
+  local info = item.info and item.info ~= 0 and { info = M.integer(item.info) }
+  return M.noted(lang, text, info and M.say(lang, "parameter_error_info", info))
 end
 
 --- A parameter with what is known of it: `p50303[0] = 10.0`, with `:=` if it was written.
-function M.parameter(item, written)
+-- `lang` as in `values`.
+function M.parameter(item, written, lang)
   local text = M.address(item)
   if item.name then
     text = text .. " (" .. M.escape(item.name) .. ")"
   end
   if item.values and #item.values > 0 then
     local unit = item.unit and " " .. M.escape(item.unit) or ""
-    text = text .. (written and " := " or " = ") .. M.values(item.values, item.format)
+    text = text .. (written and " := " or " = ") .. M.values(item.values, item.format, false, lang)
     if item.scaled and #item.scaled > 0 then
-      unit = " (" .. M.values(item.scaled, item.format, true) .. unit .. ")"
+      unit = " (" .. M.values(item.scaled, item.format, true, lang) .. unit .. ")"
     end
     text = text .. unit
   end
-  return item.error and text .. " " .. M.error(item.error) or text
+  return item.error and text .. " " .. M.error(item.error, lang) or text
 end
 
 --- The message of a finding; where it is about a byte of a message, with its offset in front.
-function M.message(finding)
-  return finding.offset and format("offset %d: %s", finding.offset, finding.message) or finding.message
+function M.message(finding, lang)
+  local offset = finding.offset and M.integer(finding.offset)
+  local values = { offset = offset, message = finding.message }
+  return offset and M.say(lang, "finding_offset", values) or finding.message
 end
 
 -- Lines of a terminal

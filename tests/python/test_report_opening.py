@@ -359,6 +359,25 @@ def test_the_option_plc_tells_it_of_every_job(captures: Path, capsys):
     assert capsys.readouterr().out.count("      PLC：WRREC ") == 4
 
 
+def test_the_lines_below_the_opening_are_chinese_too(captures: Path, capsys):
+    assert main(["report", "--lang", "zh", str(captures / "tour-machine.pcapng")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    (place,) = (number for number, line in enumerate(lines) if line == "事务")
+    assert lines[place + 2].endswith(":= 100.0 s  8 帧 27.0 ms，轮询 2 次")
+    assert lines[place + 7].endswith(
+        "p50076[1] := 100.0 错误 0x6B：控制器使能时无修改权限  [error]  4 帧 3.0 ms"
+    )
+    (place,) = (number for number, line in enumerate(lines) if line == "结论")
+    assert lines[place + 4] == "  DS410 错误 drive-error：2 个结论"
+    assert lines[place + 5].startswith("    帧 29 #6：偏移 4：参数 50076[1] 失败")
+    assert lines[-4:] == [
+        "汇总",
+        "  8 个事务：4 ok，1 partial，1 error，1 refused，1 unanswered；4 read，4 change",
+        "  9 个结论：5 错误，2 警告，2 提示",
+        "  耗时 p50 3.0 ms，p95 27.0 ms，最长 27.0 ms",
+    ]
+
+
 @pytest.mark.parametrize("lang", ["en", "zh"])
 @pytest.mark.parametrize(
     "name", ["tour-machine", "record-reread", "record-polls", "transport-fault"]

@@ -279,6 +279,21 @@ def test_the_report_names_files_and_frames(capsys: Any, plant: Path) -> None:
     assert "All 2 captures" in text
 
 
+def test_the_report_names_files_and_frames_in_chinese(capsys: Any, plant: Path) -> None:
+    _, text, _ = run(capsys, plant, "--series", "--lang", "zh")
+    lines = text.splitlines()
+    at = lines.index("  5 个文件作为一个读取，帧号连续编排")
+    assert lines[at + 1 : at + 6] == [
+        "    第一个文件之前缺少 10 个文件：已被覆盖，或不在此处",
+        f"    {ring(11, NIGHT)}: 帧 1 至 3",
+        f"    {ring(12, NIGHT)}: 帧 4 至 7",
+        f"    {ring(13, NIGHT)}: 帧 8 至 12",
+        f"    {ring(15, NIGHT)} 之前缺少 1 个文件",
+    ]
+    assert f"    帧 15（{ring(15, NIGHT)} 的帧 3） #" in text
+    assert "全部 2 个抓包" in lines
+
+
 def test_what_to_do_names_files_and_frames(capsys: Any, captures: Path, tmp_path: Path) -> None:
     """A diagnosis that shows in two files: each has a filter of its own."""
     frames, whole = whole_of(captures / "real-stacks" / "o1_profinetpy062_be.pcapng", tmp_path)
@@ -376,6 +391,7 @@ def test_where_a_frame_is() -> None:
     files = [CaptureFile("d/a", 1, 10), CaptureFile("d/b", 11, 0), CaptureFile("d/c", 11, 5)]
     places = Places(files)
     assert places.words(10) == "frame 10 (10 of a)"
+    assert places.words(10, "zh") == "帧 10（a 的帧 10）"
     assert places.words(11) == "frame 11 (1 of c)"
     assert places.by_file([12, 3, 11, 3]) == [("a", [3]), ("c", [1, 2])]
     assert Places([]).by_file([2, 1]) == [("", [1, 2])]

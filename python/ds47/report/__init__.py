@@ -45,7 +45,7 @@ class Options:
     """How to print. `color`: ANSI colours (text only). `rules`: the catalogue, for rule names.
 
     `fail_on`: the severity from which on a finding is a failure (junit only). `lang`: the language of
-    the words that a report begins with (text), or in which a page starts (html). `plc`: what the PLC saw
+    the words of a report (text), or in which a page starts (html). `plc`: what the PLC saw
     of every job, not only of those that are not ok (text only). `corrected`: requests as they should have
     been (text only; the Lua reports have none).
     """

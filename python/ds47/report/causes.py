@@ -121,7 +121,8 @@ def _first(first: dict[str, Any]) -> Both:
     path = escape(first["path"])
     if first["frame"] is None:
         return say("first_capture", path=path)
-    number = str(first["frame"])
+    number = Both.same(str(first["frame"]))
     if first["file"] is not None:
-        number += f" ({first['file_frame']} of {escape(first['file'])})"
+        values = {"number": str(first["file_frame"]), "file": escape(first["file"])}
+        number = say("frame_in_file", frame=number, **values)
     return say("first_frame", frame=number, path=path)

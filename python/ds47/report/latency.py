@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from ds47.report.words import count, duration
+from ds47.report.bilingual import say
+from ds47.report.words import duration
 
 
 def percentile(ordered: Sequence[int], percent: int) -> int:
@@ -38,15 +39,18 @@ class Latency:
         self._nanoseconds = other._nanoseconds | self._nanoseconds
         self._negative += other._negative
 
-    def text(self) -> str:
+    def text(self, lang: str = "en") -> str:
         """Percentiles and the longest; empty where there is no duration."""
-        note = f" ({count(self._negative, 'negative time')} left out)" if self._negative else ""
-        if not self._times:
-            return f"latency unknown{note}" if note else ""
-        ordered = sorted(self._times, key=self._nanoseconds.__getitem__)
-        values = ((name, self._percentile(ordered, at)) for name, at in (("p50", 50), ("p95", 95)))
-        shown = ", ".join(f"{name} {value}" for name, value in values)
-        return f"latency {shown}, max {ordered[-1]}{note}"
+        if not self._times and not self._negative:
+            return ""
+        told = say("latency_unknown")
+        if self._times:
+            ordered = sorted(self._times, key=self._nanoseconds.__getitem__)
+            half, most = self._percentile(ordered, 50), self._percentile(ordered, 95)
+            told = say("latency", half=half, most=most, longest=ordered[-1])
+        if self._negative:
+            told = told.joined(say("negative_times", n=self._negative))
+        return told.text(lang)
 
     def _percentile(self, ordered: Sequence[str], percent: int) -> str:
         wanted, seen = max(1, -(-percent * self._times.total() // 100)), 0

@@ -164,7 +164,8 @@ class Opening:
         if not frames:
             return
         (_, numbers), *others = places.by_file(frames)
-        values = {"frame": escape(places.number(frames[0])), "filter": display_filter(numbers)[0]}
+        frame = escape(places.number(frames[0], self._lang))
+        values = {"frame": frame, "filter": display_filter(numbers)[0]}
         if jobs:
             values["job"] = str(jobs[0])
         yield "    " + self._paint("dim", self._say("look_at_job" if jobs else "look_at", **values))

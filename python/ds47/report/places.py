@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import PurePath
 
 from ds47.model import CaptureFile
+from ds47.report.bilingual import say
 
 
 class Places:
@@ -28,14 +29,17 @@ class Places:
         file = self._files[at]
         return file, frame - file.first_frame + 1
 
-    def words(self, frame: int) -> str:
+    def words(self, frame: int, lang: str = "en") -> str:
         """`frame 812`, of a series `frame 812 (12 of ring_00003_20240101120000.pcapng)`."""
-        return f"frame {self.number(frame)}"
+        return say("frame", frame=self.number(frame, lang)).text(lang)
 
-    def number(self, frame: int) -> str:
+    def number(self, frame: int, lang: str = "en") -> str:
         """The same without the word."""
         found = self.place(frame)
-        return f"{frame} ({found[1]} of {name(found[0])})" if found else str(frame)
+        if found is None:
+            return str(frame)
+        values = {"frame": str(frame), "number": str(found[1]), "file": name(found[0])}
+        return say("frame_in_file", **values).text(lang)
 
     def by_file(self, frames: Iterable[int]) -> list[tuple[str, list[int]]]:
         """The frames by file, each with its number there; one nameless file where there is no series."""

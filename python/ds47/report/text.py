@@ -1,14 +1,14 @@
 """Report as text, for a person: the verdict and what to do, a line per transaction, findings, a summary.
 
 What stands in a line is decided here, in the first lines in `ds47.report.opening`; how values and addresses are
-written in `ds47.report.words`.
-The layout itself is ASCII, so that any console can show it; texts from the capture are escaped, so
+written in `ds47.report.words`; the words of both languages stand in spec/report.toml.
+The English layout is ASCII, so that any console can show it; texts from the capture are escaped, so
 that none of them can talk to the terminal.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TextIO
 
 from ds47.model import (
@@ -19,17 +19,17 @@ from ds47.model import (
     Report,
     Transaction,
 )
-from ds47.report import Options, causes, message, plc, write_all
+from ds47.report import Options, causes, plc, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import json as contract
-from ds47.report.bilingual import say
+from ds47.report.bilingual import Both, counted, joined, say
 from ds47.report.filters import display_filter
 from ds47.report.latency import Latency
 from ds47.report.opening import Opening
 from ds47.report.overview import Row, table, total
 from ds47.report.places import Places, name
 from ds47.report.verdict import Counts
-from ds47.report.words import count, duration, escape, parameter
+from ds47.report.words import duration, escape, parameter
 
 LINE_LENGTH = 120
 """Parameters that make a line longer than this stand below it, one a line."""
@@ -70,7 +70,7 @@ class Writer(_Writer):
         row = Row.of(result)
         durations = (each.duration_ns for each in result.transactions)
         latency = Latency(each for each in durations if each is not None)
-        self._summary("Summary", total([row]), latency)
+        self._summary(self._say("summary_head"), total([row]), latency)
         self._rows.append(row)
         self._latency.update(latency)
 
@@ -86,7 +86,7 @@ class Writer(_Writer):
         for block in (table(self._rows, CAPTURES_LISTED), to_do):
             for line in ["", *block] if block else ():
                 self._line(line)
-        title = f"All {len(self._rows):,} captures"
+        title = self._say("summary_all", n=len(self._rows))
         verdict = self._opening.verdict(self._counts)
         self._summary(title, sums, self._latency, verdict)
 
@@ -116,40 +116,42 @@ class Writer(_Writer):
             lost = self._say("machine_dropped", n=result.dropped)
             self._line("  " + self._paint("warning", lost))
         if not result.transactions:
-            there = _traffic(result) or self._say("no_rpc")
+            there = _traffic(result).text(self.options.lang) or self._say("no_rpc")
             self._line("  " + self._say("no_transaction") + f" ({there})")
 
     def _files(self, files: Sequence[CaptureFile]) -> None:
         """Of a series: which file has which frames, and which are missing."""
         if not files:
             return
-        self._line(
-            f"  {count(len(files), 'file')} read as one, frames numbered through all of them"
-        )
+        self._line("  " + self._say("files_as_one", n=len(files)))
         if files[0].missing_before:
-            gone = count(files[0].missing_before, "file")
-            self._line(f"    {gone} before the first: written over, or not here")
+            self._line("    " + self._say("files_before", n=files[0].missing_before))
         for file in files[:FILES_LISTED]:
             self._missing(file, files[0])
-            frames = f"frames {file.first_frame} to {file.first_frame + file.frames - 1}"
-            shown = frames if file.frames else "no frame"
+            shown = self._frames(file)
             problem = f"  {escape(file.problem)}" if file.problem else ""
             self._line(f"    {escape(name(file))}: {shown}" + self._paint("error", problem))
         for file in files[FILES_LISTED:]:
             self._missing(file, files[0])
         if len(files) > FILES_LISTED:
-            self._line(f"    and {count(len(files) - FILES_LISTED, 'file')} more")
+            self._line("    " + self._say("files_more", n=len(files) - FILES_LISTED))
+
+    def _frames(self, file: CaptureFile) -> str:
+        if not file.frames:
+            return self._say("frames_none")
+        last = file.first_frame + file.frames - 1
+        return self._say("frames_range", first=str(file.first_frame), last=str(last))
 
     def _missing(self, file: CaptureFile, first: CaptureFile) -> None:
         if file.missing_before and file is not first:
-            text = f"{count(file.missing_before, 'file')} missing before {escape(name(file))}"
+            text = self._say("files_missing", n=file.missing_before, name=escape(name(file)))
             self._line("    " + self._paint("warning", text))
 
     def _table(self, transactions: Sequence[Transaction]) -> None:
         if not transactions:
             return
         self._line()
-        self._title("Transactions")
+        self._title(self._say("transactions_head"))
         columns = _Columns(transactions)
         for each in transactions:
             for line in self._transaction_lines(each, columns):
@@ -161,13 +163,15 @@ class Writer(_Writer):
     def _transaction_lines(self, item: Transaction, columns: _Columns) -> list[str]:
         left = columns.left(item)
         marks = [self._state(item)] if item.state != "ok" else []
-        parts = [parameter(each, item.operation == "change") for each in item.parameters]
+        lang, written = self.options.lang, item.operation == "change"
+        parts = [parameter(each, written, lang) for each in item.parameters]
         below = len(parts) > 1 and sum(map(len, parts)) + len(left) > LINE_LENGTH
         if below:
-            middle, lines = [count(len(parts), "parameter")], [f"      {part}" for part in parts]
+            middle = [self._say("parameters", n=len(parts))]
+            lines = [f"      {part}" for part in parts]
         else:
             middle, lines = (["; ".join(parts)] if parts else []), []
-        return ["  ".join([left, *middle, *marks, _timing(item)]), *lines]
+        return ["  ".join([left, *middle, *marks, _timing(item).text(lang)]), *lines]
 
     def _state(self, item: Transaction) -> str:
         refusals = [
@@ -183,7 +187,7 @@ class Writer(_Writer):
         if not findings:
             return
         self._line()
-        self._title("Findings")
+        self._title(self._say("findings_head"))
         groups: dict[str, list[Finding]] = {}
         for each in findings:
             groups.setdefault(each.rule, []).append(each)
@@ -194,18 +198,27 @@ class Writer(_Writer):
         first = group[0]
         rule = self.options.rules.get(first.rule)
         name = f" {rule.name}" if rule else ""
-        severity = self._paint(first.severity, first.severity)
-        self._line(f"  {first.rule} {severity}{name}: {count(len(group), 'finding')}")
+        severity = self._paint(first.severity, self._say(f"severity_{first.severity}"))
+        number = self._say("findings", n=len(group))
+        values = {"rule": first.rule, "severity": severity, "name": name, "findings": number}
+        self._line("  " + self._say("findings_of_rule", **values))
         for each in group[:FINDINGS_PER_RULE]:
-            of = "" if each.transaction is None else f" #{each.transaction}"
-            self._line(f"    {escape(places.words(each.frame))}{of}: {escape(message(each))}")
+            self._line("    " + self._finding(each, places))
         if len(group) > FINDINGS_PER_RULE:
-            self._line(f"    and {len(group) - FINDINGS_PER_RULE} more")
+            self._line("    " + self._say("more", number=str(len(group) - FINDINGS_PER_RULE)))
         for file, frames in places.by_file(each.frame for each in group):
             text, left_out = display_filter(frames)
-            note = f"  (and {count(left_out, 'frame')} more)" if left_out else ""
+            note = "  " + self._say("frames_more", n=left_out) if left_out else ""
             where = f"{escape(file)}: " if file else ""
             self._line(f"    {where}{self._paint('dim', text)}{note}")
+
+    def _finding(self, item: Finding, places: Places) -> str:
+        text = escape(item.message)
+        if item.offset is not None:
+            text = self._say("finding_offset", offset=str(item.offset), message=text)
+        frame = escape(places.words(item.frame, self.options.lang))
+        job = "" if item.transaction is None else f" #{item.transaction}"
+        return self._say("finding_line", frame=frame, job=job, message=text)
 
     def _summary(
         self, title: str, sums: dict[str, Any], latency: Latency, verdict: str = ""
@@ -215,12 +228,17 @@ class Writer(_Writer):
         if verdict:
             self._line(f"  {verdict}")
         states, operations, findings = sums["states"], sums["operations"], sums["findings"]
-        split = f": {_counts(states)}; {_counts(operations)}" if states else ""
-        self._line(f"  {count(sum(states.values()), 'transaction')}{split}")
-        found = f": {_counts(findings)}" if findings else ""
-        self._line(f"  {count(sum(findings.values()), 'finding')}{found}")
-        if latency.text():
-            self._line(f"  {latency.text()}")
+        jobs = say("transactions", n=sum(states.values()))
+        if states:
+            split = _counts(states).joined(_counts(operations), "; ", "；")
+            jobs = jobs.joined(split, ": ", "：")
+        found = say("findings", n=sum(findings.values()))
+        if findings:
+            found = found.joined(_counts(findings, _severity), ": ", "：")
+        lang = self.options.lang
+        for line in (jobs.text(lang), found.text(lang), latency.text(lang)):
+            if line:
+                self._line(f"  {line}")
 
 
 class _Columns:
@@ -246,25 +264,31 @@ class _Columns:
         return f"{number} {operation}  {self._route(item).ljust(self.route)}"
 
 
-def _timing(item: Transaction) -> str:
-    took = "" if item.duration_ns is None else f" {duration(item.duration_ns)}"
-    polls = f", polled {count(len(item.frames.polls), 'time')}" if item.frames.polls else ""
-    again = f", read again {count(len(item.frames.rereads), 'time')}" if item.frames.rereads else ""
-    return f"{count(len(item.frames.all()), 'frame')}{took}{polls}{again}"
+def _timing(item: Transaction) -> Both:
+    told = counted("frames", len(item.frames.all()))
+    if item.duration_ns is not None:
+        told = told.joined(Both.same(duration(item.duration_ns)), zh=" ")
+    for key, reads in (("polled", item.frames.polls), ("read_again", item.frames.rereads)):
+        if reads:
+            told = told.joined(say(key, times=counted("times", len(reads))), ", ", "，")
+    return told
 
 
-def _traffic(result: CaptureResult) -> str:
+def _traffic(result: CaptureResult) -> Both:
     """What a capture without transactions has instead, so that nobody doubts it was read."""
     calls = [
-        f"index {index} {kind} {number}"
+        say("record_index", index=index, kind=kind, number=str(number))
         for index, kinds in contract.capture_head(result)["records"].items()
         for kind, number in kinds.items()
         if number
     ]
-    rpc = [f"{name} {number}" for name, number in result.rpc.items() if number]
-    more = f", and {len(calls) - 6} more" if len(calls) > 6 else ""
-    records = f"; record calls: {', '.join(calls[:6])}{more}" if calls else ""
-    return f"RPC: {', '.join(rpc)}{records}" if rpc else ""
+    rpc = [Both.same(f"{name} {number}") for name, number in result.rpc.items() if number]
+    if not rpc:
+        return Both.same("")
+    if len(calls) > 6:
+        calls[6:] = [say("more", number=str(len(calls) - 6))]
+    told = Both.same("RPC").joined(joined(rpc), ": ", "：")
+    return told.joined(say("record_calls", calls=joined(calls)), zh="", en="") if calls else told
 
 
 def _serious_first(item: tuple[str, list[Finding]]) -> tuple[int, str]:
@@ -272,5 +296,11 @@ def _serious_first(item: tuple[str, list[Finding]]) -> tuple[int, str]:
     return (-SEVERITIES.index(group[0].severity), rule)
 
 
-def _counts(counts: dict[str, int]) -> str:
-    return ", ".join(f"{number} {word}" for word, number in counts.items())
+def _severity(word: str) -> Both:
+    return say(f"severity_{word}")
+
+
+def _counts(counts: Mapping[str, int], shown: Callable[[str], Both] = Both.same) -> Both:
+    """`4 ok, 1 error`; `shown` gives the words for a key."""
+    told = (Both.same(str(number)).joined(shown(key), zh=" ") for key, number in counts.items())
+    return joined(list(told))

@@ -1,6 +1,7 @@
 """Words of the text report: numbers, values and addresses as a person reads them.
 
-Also used by the text output of `ds47 decode`. Layout lives in `ds47.report.text`.
+Also used by the text output of `ds47 decode`, in English. `lang` is "en" or "zh". Layout lives in
+`ds47.report.text`.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from collections.abc import Sequence
 
 from ds47.model import Parameter, ParameterError, Value
 from ds47.report import is_text
+from ds47.report.bilingual import Both, say
 
 VALUES_SHOWN = 8
 """A longer list of values is cut, and its length stated."""
@@ -60,25 +62,32 @@ def value(item: Value, format_name: str | None) -> str:
     return str(item)
 
 
-def values(items: Sequence[Value], format_name: str | None) -> str:
+def values(items: Sequence[Value], format_name: str | None, lang: str = "en") -> str:
     """A list of values, cut where it grows long: `1, 2, 3, ... (40 values)`."""
     shown = ", ".join(value(each, format_name) for each in items[:VALUES_SHOWN])
-    return f"{shown}, ... ({count(len(items), 'value')})" if len(items) > VALUES_SHOWN else shown
+    if len(items) <= VALUES_SHOWN:
+        return shown
+    return say("values_cut", values=shown, n=len(items)).text(lang)
 
 
-def error(item: ParameterError) -> str:
+def error(item: ParameterError, lang: str = "en") -> str:
     """`error 0x11: request cannot be executed (info 3)`."""
-    code = "" if item.code is None else f" 0x{item.code:02X}"
-    text = f": {escape(item.text)}" if item.text else ""
-    info = f" (info {item.info})" if item.info else ""
-    return f"error{code}{text}{info}"
+    told = say("parameter_error")
+    if item.code is not None:
+        told = told.joined(Both.same(f"0x{item.code:02X}"), zh=" ")
+    if item.text:
+        told = told.joined(Both.same(escape(item.text)), ": ", "：")
+    if item.info:
+        told = told.joined(say("parameter_error_info", info=str(item.info)))
+    return told.text(lang)
 
 
-def parameter(item: Parameter, written: bool) -> str:
+def parameter(item: Parameter, written: bool, lang: str = "en") -> str:
     """A parameter with what is known of it: `p50303[0] = 10.0`, with `:=` if it was written."""
     name = f" ({escape(item.name)})" if item.name else ""
     unit = f" {escape(item.unit)}" if item.unit and item.values else ""
-    given = f" {':=' if written else '='} {values(item.values, item.format)}" if item.values else ""
-    scaled = f" ({values(item.scaled, item.format)}{unit})" if item.scaled else unit
-    failed = f" {error(item.error)}" if item.error else ""
+    sign = ":=" if written else "="
+    given = f" {sign} {values(item.values, item.format, lang)}" if item.values else ""
+    scaled = f" ({values(item.scaled, item.format, lang)}{unit})" if item.scaled else unit
+    failed = f" {error(item.error, lang)}" if item.error else ""
     return f"{address(item)}{name}{given}{scaled if given else ''}{failed}"

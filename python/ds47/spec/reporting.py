@@ -1,4 +1,4 @@
-"""The words that reports begin with, and which findings a diagnosis covers: report.toml as Python objects."""
+"""The words of the text report, and which findings a diagnosis covers: report.toml as Python objects."""
 
 from __future__ import annotations
 
