@@ -7,13 +7,14 @@ local formats = require("ds47.formats")
 local rules = require("ds47.rules")
 local spec = require("ds47.spec")
 local tables = require("ds47.tables")
+local transactions = require("ds47.transactions")
 
 local format = string.format
 local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, rules.NOT_SUPPORTED
 
 local M = {}
 
-local SIEMENS = 0x002A
+local SIEMENS = transactions.SIEMENS
 local WORD_ERRORS = {[0x05] = true, [0x17] = true} -- data type, format: a number where a connector belongs
 local UNSIGNED_32 = "Unsigned32"
 

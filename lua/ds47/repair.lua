@@ -8,6 +8,7 @@ local numbers = require("ds47.numbers")
 local parameter = require("ds47.parameter")
 local reader = require("ds47.reader")
 local tables = require("ds47.tables")
+local transactions = require("ds47.transactions")
 
 local byte, char, format, gsub, rep = string.byte, string.char, string.format, string.gsub, string.rep
 local reverse, sub = string.reverse, string.sub
@@ -20,7 +21,7 @@ local M = {}
 local READ, CHANGE = 0x01, 0x02
 local HEADER = 4
 local WRONG_TYPE = {[0x05] = true, [0x17] = true} -- the type errors that are never about the value
-local SIEMENS = 0x002A
+local SIEMENS = transactions.SIEMENS
 local NORMALISED = 0x65 -- from this code on a whole number stands for something else
 local BOOLEAN = 0x01
 local NUMBERS = {number = true, float = true, time_of_day = true, duration = true}

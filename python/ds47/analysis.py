@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from ds47.capture import Capture, Frame, Series, open_bytes, open_capture
+from ds47.capture import Capture, Frame, Series, open_capture, sha256
 from ds47.diagnosis import Diagnoses
 from ds47.findings import Findings
 from ds47.gate import Gate
@@ -106,10 +106,7 @@ def analyze(
     with open_capture(source) as capture:
         result = Analysis(options, on_transaction, lines=lines).run(capture)
     if options.digest and isinstance(source, (str, Path)) and str(source) != "-":
-        import hashlib  # only here: it takes longer to import than a small capture to analyse
-
-        with open_bytes(source) as stream:
-            result.sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+        result.sha256 = sha256(source)
     return result
 
 

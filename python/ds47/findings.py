@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ds47.diagnosis.grouping import FAMILY, Grouping, cause
-from ds47.model import Diagnosis, Finding, Line, Transaction
+from ds47.diagnosis.grouping import Grouping, cause
+from ds47.model import DIAGNOSIS, Diagnosis, Finding, Line, Transaction
 from ds47.rules import Remark
 from ds47.spec import rules
 from ds47.spec.semantics import reasons
@@ -61,7 +61,7 @@ class Findings:
     def told(self, remark: Remark, transaction: int | None = None) -> Finding:
         """The finding of a remark, counted among the diagnoses if it is one."""
         finding = self.word(remark, transaction)
-        if remark.rule.startswith(FAMILY):
+        if remark.rule.startswith(DIAGNOSIS):
             device = remark.job.peer.device if remark.job else remark.args.get("device")
             group = cause(remark.rule, device, remark.args)
             self._grouping.add(group, finding, remark.args.get("corrected"))

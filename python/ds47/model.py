@@ -16,6 +16,8 @@ OPERATIONS = ("read", "change", "vendor", "unknown")
 STATES = ("ok", "partial", "error", "mismatch", "refused", "unanswered", "superseded", "orphan")
 SEVERITIES = ("note", "warning", "error")
 """From harmless to serious, so that an index compares two of them."""
+DIAGNOSIS = "DS7"
+"""What the id of every diagnosis begins with."""
 
 
 class _Plain:

@@ -23,8 +23,9 @@ from ds47.capture.writer import PcapngWriter
 from ds47.model import CaptureResult, Finding, Transaction
 from ds47.profidrive import Options
 from ds47.report import json as report
+from ds47.report import load
 from ds47.spec.semantics import limits, reasons
-from ds47.wireshark import engine, rebuild, shark
+from ds47.wireshark import engine, shark
 from ds47.wireshark.engine import Engine
 from ds47.wireshark.fields import Fields
 from ds47.wireshark.shark import Answer, NotReadyError
@@ -499,22 +500,22 @@ def test_the_command_without_tshark() -> None:
 def test_rebuilding_is_the_reverse_of_the_report(path: Path) -> None:
     result = analyze(path)
     for transaction in result.transactions:
-        rebuilt = rebuild.transaction(report.transaction(transaction))
+        rebuilt = load.transaction(report.transaction(transaction))
         assert rebuilt == replace(transaction, position=0)
     for finding in result.findings:
-        assert rebuild.finding(report.finding(finding)) == finding
+        assert load.finding(report.finding(finding)) == finding
 
 
 @pytest.mark.parametrize("time_ns", [0, 1, -1, -(10**18), 1_767_254_400_123_456_789, 2**63, 2**80])
 def test_times_are_exact(time_ns: int) -> None:
-    assert rebuild.nanoseconds(report.timestamp(time_ns)) == time_ns
+    assert load.nanoseconds(report.timestamp(time_ns)) == time_ns
 
 
 @pytest.mark.parametrize("ns", [0, 1, -5, 999_999, 12_345_678_901, 10**15 + 1, None])
 def test_durations_are_exact(ns: int | None) -> None:
-    assert rebuild.duration(report.milliseconds(ns)) == ns
+    assert load.duration(report.milliseconds(ns)) == ns
 
 
 def test_what_is_no_time() -> None:
     with pytest.raises(ValueError, match="no time"):
-        rebuild.nanoseconds("yesterday")
+        load.nanoseconds("yesterday")

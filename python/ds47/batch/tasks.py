@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ds47.analysis import AnalysisOptions, OnTransaction, analyze
-from ds47.capture import CaptureError, Series, open_bytes, open_capture
+from ds47.capture import CaptureError, Series, open_capture, sha256
 from ds47.capture.remote import facts, is_url
 from ds47.capture.series import Part
 from ds47.model import CaptureResult
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from ds47.capture.rings import Ring
 
 STDIN = "-"
-_PIECE = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,18 +145,8 @@ def read(
 def _digest(task: Task, result: CaptureResult) -> None:
     """The SHA-256 of a capture; of a series that of each file that can be read."""
     if not task.series:
-        result.sha256 = _sha256(task.sources[0].place)
+        result.sha256 = sha256(task.sources[0].place)
         return
     for source, file in zip(task.sources, result.files, strict=True):
         if file.readable:
-            file.sha256 = _sha256(source.place)
-
-
-def _sha256(place: str) -> str:
-    import hashlib  # only here: it takes longer to import than a small capture to analyse
-
-    found = hashlib.sha256()
-    with open_bytes(place) as stream:
-        while piece := stream.read(_PIECE):
-            found.update(piece)
-    return found.hexdigest()
+            file.sha256 = sha256(source.place)

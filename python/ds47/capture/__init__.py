@@ -8,7 +8,7 @@ of `ds47.profinet`.
 from .errors import CaptureError
 from .frame import Frame
 from .reader import Capture, open_capture
-from .remote import open_bytes
+from .remote import open_bytes, sha256
 from .series import Series
 from .writer import PcapngWriter
 
@@ -20,4 +20,5 @@ __all__ = [
     "Series",
     "open_bytes",
     "open_capture",
+    "sha256",
 ]

@@ -15,6 +15,8 @@ from typing import Any
 from .errors import CaptureError
 from .names import is_capture
 
+_PIECE = 1 << 20
+
 _MARKS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "Last-Modified", "created")
 """Names that file systems give to what changes with a file."""
 
@@ -22,6 +24,17 @@ _MARKS = ("ETag", "etag", "mtime", "LastModified", "last_modified", "Last-Modifi
 def is_url(name: str) -> bool:
     """Whether a name is that of something behind a protocol."""
     return "://" in name
+
+
+def sha256(place: str | Path) -> str:
+    """The SHA-256 of all bytes of a file or URL, in hex."""
+    import hashlib  # only here: it takes longer to import than a small capture to analyse
+
+    found = hashlib.sha256()
+    with open_bytes(place) as stream:
+        while piece := stream.read(_PIECE):
+            found.update(piece)
+    return found.hexdigest()
 
 
 def open_bytes(place: str | Path) -> io.RawIOBase:

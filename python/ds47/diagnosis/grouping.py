@@ -11,8 +11,6 @@ from ds47.model import SEVERITIES, Diagnosis, Finding
 from ds47.spec import rules
 from ds47.spec.semantics import known
 
-FAMILY = "DS7"
-
 
 class Cause(NamedTuple):
     """What is kept of the finding that showed it first."""

@@ -6,11 +6,11 @@ Each function looks at one closed job, with what pairing learnt of its neighbour
 from __future__ import annotations
 
 from collections.abc import Iterator
-from uuid import UUID
 
 from ds47.pairing import STATUS_IN_USE, Job
 from ds47.rules import Remark
 from ds47.spec.semantics import diagnosis_words
+from ds47.transactions import uuid_text
 
 
 def is_usual(job: Job) -> bool:
@@ -90,7 +90,7 @@ def _clash(held: Job | None, came: Job, first: int | None, frame: int, unseen: s
 def _user(job: Job, other: Job) -> str:
     """A controller; two ARs of the same one are told apart by their UUIDs."""
     if job.peer.controller == other.peer.controller and job.record.ar != other.record.ar:
-        return f"{job.peer.controller} (AR {UUID(bytes=job.record.ar)})"
+        return f"{job.peer.controller} (AR {uuid_text(job.record.ar)})"
     return job.peer.controller
 
 

@@ -14,8 +14,8 @@ from ds47.profidrive.model import Block
 from ds47.rules import NOT_SUPPORTED, Remark, is_mismatch
 from ds47.spec import error_text
 from ds47.spec.semantics import known
+from ds47.transactions import SIEMENS
 
-SIEMENS: Final = 0x002A
 WORD_ERRORS: Final = (0x05, 0x17)
 """Data type and format: what a connector written as a number is refused with."""
 UNSIGNED_32: Final = "Unsigned32"

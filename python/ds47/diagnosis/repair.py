@@ -25,12 +25,12 @@ from ds47.profidrive.formats import codec
 from ds47.profidrive.notation import format_request_line
 from ds47.profidrive.parameter import codecs
 from ds47.spec.semantics import known
+from ds47.transactions import SIEMENS
 
 _READ, _CHANGE = 0x01, 0x02
 _HEADER: Final = 4
 _WRONG_TYPE: Final = frozenset((0x05, 0x17))
 """Of the type errors those that are about the format alone, never about the value."""
-_SIEMENS: Final = 0x002A
 _NORMALISED: Final = 0x65
 """From this code on a whole number stands for something else, such as 16384 for 100 %."""
 _BOOLEAN: Final = 0x01
@@ -395,7 +395,7 @@ class _Change:
 
     def _is_connector(self, number: int) -> bool:
         """Whether this is a known BICO input, whose value is no number (DS720 speaks of those)."""
-        siemens = self._options.vendor_id in (None, _SIEMENS)
+        siemens = self._options.vendor_id in (None, SIEMENS)
         return siemens and self._message.addresses[number].pnu in known().connectors
 
     def _connector(self, number: int, digits: int) -> bool:

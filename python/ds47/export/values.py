@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from ds47 import spec
 from ds47.profidrive import Block, Options, Request, decode_request, decode_response
 from ds47.profidrive.model import ERROR
+from ds47.transactions import SIEMENS
 
 from .mapping import Key
 
-_SIEMENS = 0x002A
 _NAMES = frozenset((61000,))
 _NAMES_SIEMENS = frozenset((199, 8806, 8807, 8808, 8809, 8900, 8910, 8920, 8930))
 """Names of drive objects, identification and maintenance, names of station of both Ethernet ports."""
@@ -84,7 +84,7 @@ def identifying(data: bytes, options: Options) -> bool:
 
 def _identity(key: Key, pnu: int | None, vendor: int | None, raw: bytes) -> bytes | None:
     """An address or a name, None where it is neither; one character or number of it alone becomes zeros."""
-    siemens = vendor == _SIEMENS
+    siemens = vendor == SIEMENS
     if pnu in _NAMES or (siemens and pnu in _NAMES_SIEMENS):
         return _text(key, raw)
     if pnu in _ADDRESSES or (siemens and pnu in _ADDRESSES_SIEMENS):

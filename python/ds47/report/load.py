@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from datetime import date
+from fractions import Fraction
 from typing import Any
 
 from ds47.model import (
@@ -24,7 +25,7 @@ from ds47.model import (
 
 _EPOCH_DAY = date(1970, 1, 1).toordinal()
 _DAYS_IN_400_YEARS = 146_097
-_TIMESTAMP = re.compile(r"(-?\d{4,})-(\d\d)-(\d\d)T(\d\d):(\d\d):(\d\d)\.(\d{9})Z")
+_TIMESTAMP = re.compile(r"(-?\d+)-(\d\d)-(\d\d)T(\d\d):(\d\d):(\d\d)\.(\d{9})Z")
 _AT_OFFSET = re.compile(r"offset (\d+): (.*)", re.DOTALL)
 
 
@@ -47,7 +48,7 @@ def capture(item: dict[str, Any]) -> CaptureResult:
 
 
 def transaction(item: dict[str, Any]) -> Transaction:
-    """A transaction of the contract."""
+    """A transaction of the contract. Raises ValueError where `start` is no time."""
     return Transaction(
         operation=item["operation"],
         state=item["state"],
@@ -62,13 +63,13 @@ def transaction(item: dict[str, Any]) -> Transaction:
         axis=item["axis"],
         frames=_frames(item["frames"]),
         start_ns=nanoseconds(item["start"]),
-        duration_ns=_duration(item["duration_ms"]),
+        duration_ns=duration(item["duration_ms"]),
         request=_bytes(item["bytes"]["request"]),
         response=_bytes(item["bytes"]["response"]),
         write_status=_status(item["status"]["write"]),
         read_status=_status(item["status"]["read"]),
         parameters=[_parameter(each) for each in item["parameters"]],
-        findings=item["findings"],
+        findings=list(item["findings"]),
         id=item["id"],
     )
 
@@ -97,15 +98,23 @@ def diagnosis(item: dict[str, Any]) -> Diagnosis:
 
 
 def nanoseconds(timestamp: str) -> int:
-    """ISO 8601 in UTC with nine digits as nanoseconds since 1970; any year."""
+    """Nanoseconds since 1970 of a time as the report writes it, in any year.
+
+    Raises ValueError where it is none.
+    """
     match = _TIMESTAMP.fullmatch(timestamp)
     if match is None:
-        raise ValueError(f"{timestamp!r} is no timestamp of a report")
+        raise ValueError(f"{timestamp!r} is no time of a report")
     year, month, day, hour, minute, second, ns = map(int, match.groups())
-    # `date` knows the years 1 to 9999; the calendar repeats every 400
-    cycles, year = divmod(year - 1970, 400)
-    days = date(1970 + year, month, day).toordinal() - _EPOCH_DAY + cycles * _DAYS_IN_400_YEARS
-    return (days * 86_400 + hour * 3600 + minute * 60 + second) * 1_000_000_000 + ns
+    cycles, year = divmod(year, 400)  # the calendar repeats; `date` knows the years 1 to 9999
+    days = date(year + 400, month, day).toordinal() - _EPOCH_DAY
+    days += (cycles - 1) * _DAYS_IN_400_YEARS
+    return (((days * 24 + hour) * 60 + minute) * 60 + second) * 1_000_000_000 + ns
+
+
+def duration(milliseconds: float | None) -> int | None:
+    """Whole nanoseconds of a duration in ms: those it was rounded from."""
+    return None if milliseconds is None else round(Fraction(milliseconds) * 1_000_000)
 
 
 def _frames(item: dict[str, Any]) -> Frames:
@@ -121,10 +130,6 @@ def _frames(item: dict[str, Any]) -> Frames:
 def _parameter(item: dict[str, Any]) -> Parameter:
     error = item["error"]
     return Parameter(**{**item, "error": None if error is None else ParameterError(**error)})
-
-
-def _duration(milliseconds: float | None) -> int | None:
-    return None if milliseconds is None else round(milliseconds * 1_000_000)
 
 
 def _bytes(digits: str | None) -> bytes | None:

@@ -14,10 +14,9 @@ from dataclasses import dataclass, field, fields
 from typing import Any, TextIO
 
 from ds47 import __version__
-from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Report
+from ds47.model import DIAGNOSIS, OPERATIONS, SEVERITIES, STATES, CaptureResult, Report
 from ds47.report import Options, causes, json, write_all
 from ds47.report import Writer as _Writer
-from ds47.report.todo import DIAGNOSIS
 from ds47.report.words import count, duration, escape
 
 SCHEMA = "ds47.overview/1"

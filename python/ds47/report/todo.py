@@ -10,10 +10,9 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from ds47.model import SEVERITIES, CaptureResult, Diagnosis, Finding
+from ds47.model import DIAGNOSIS, SEVERITIES, CaptureResult, Diagnosis, Finding
 from ds47.spec.reporting import covers
 
-DIAGNOSIS = "DS7"
 _CODE = re.compile(r"(?<![0-9A-Za-z])(?:0x[0-9A-F]{2}|[0-9A-F]{8})(?![0-9A-Za-z])")
 
 

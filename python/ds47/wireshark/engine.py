@@ -8,7 +8,6 @@ Running tshark is in `shark`, reading its answer in `fields`.
 
 from __future__ import annotations
 
-import hashlib
 import re
 import string
 import tempfile
@@ -22,18 +21,18 @@ from typing import Any, BinaryIO, Literal
 from ds47 import spec
 from ds47.analysis import AnalysisOptions, OnTransaction
 from ds47.analysis import analyze as analyze_natively
-from ds47.capture import Capture, CaptureError, Frame
+from ds47.capture import Capture, CaptureError, Frame, sha256
 from ds47.capture.stream import Stream
 from ds47.capture.writer import PcapngWriter
-from ds47.diagnosis.grouping import FAMILY
 from ds47.findings import Findings
-from ds47.model import CaptureResult, Finding, Transaction
+from ds47.model import DIAGNOSIS, CaptureResult, Finding, Transaction
 from ds47.regression.compare import Change, compare
 from ds47.regression.config import Config
 from ds47.report import json as report
+from ds47.report import load
 from ds47.spec.semantics import limits, reasons
 from ds47.transactions import summarise
-from ds47.wireshark import rebuild, shark
+from ds47.wireshark import shark
 
 DIFFERS = "DS601"
 _WITHOUT_REQUEST = "DS403"
@@ -93,8 +92,7 @@ class Engine:
         if result is None or (errors and not self._both):
             raise CaptureError(f"{native.path}: the plugin failed: {errors[0]}")
         if self._options.digest and isinstance(source, (str, Path)) and str(source) != "-":
-            with Path(source).open("rb") as stream:
-                result.sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+            result.sha256 = sha256(source)
         return result if on_transaction is None else _handed_out(result, on_transaction)
 
     def _ask(
@@ -147,7 +145,7 @@ def _of_the_whole(native: CaptureResult) -> list[Finding]:
     return [
         each
         for each in native.findings
-        if each.rule.startswith(FAMILY) and spec.rules()[each.rule].scope == "capture"
+        if each.rule.startswith(DIAGNOSIS) and spec.rules()[each.rule].scope == "capture"
     ]
 
 
@@ -238,7 +236,7 @@ class _Original:
 
     def transaction(self, item: Json) -> Transaction:
         """The transaction, with the frame numbers of the capture."""
-        transaction = rebuild.transaction(item)
+        transaction = load.transaction(item)
         frames = transaction.frames
         for name in ("write_request", "write_response", "read_request", "read_response"):
             setattr(frames, name, self._number(getattr(frames, name)))
@@ -248,7 +246,7 @@ class _Original:
 
     def finding(self, item: Json) -> Finding:
         """The finding, with the frame numbers of the capture, also in its message."""
-        finding = rebuild.finding(item)
+        finding = load.finding(item)
         finding.frame = self._numbers[finding.frame - 1]
         template = _template(finding.rule, self._lang)
         match = template and template.fullmatch(finding.message)

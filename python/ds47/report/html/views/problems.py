@@ -10,11 +10,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from ds47.model import SEVERITIES, CaptureResult, Diagnosis, Finding, Transaction
+from ds47.model import DIAGNOSIS, SEVERITIES, CaptureResult, Diagnosis, Finding, Transaction
 from ds47.report.filters import display_filter
 from ds47.report.html import messages
 from ds47.report.html.texts import Both, joined, say
-from ds47.report.todo import DIAGNOSIS, uncovered
+from ds47.report.todo import uncovered
 from ds47.report.words import address
 
 if TYPE_CHECKING:
