@@ -148,6 +148,10 @@ local function diagnosis(add, context, item, advised)
   if advised ~= item.rule then
     advice(add, context, item.rule)
   end
+  local axes = todo.answering(context.transactions, item)
+  if axes then
+    add("    " .. say(context.lang, "answering", { list = axes }))
+  end
   look(add, context.lang, item.frames, item.transactions[1])
 end
 
@@ -236,7 +240,7 @@ function M.lines(add, result, counts, context)
   drives(add, result, context.lang)
   local diagnoses = result.diagnoses or {}
   local rest = todo.uncovered(result, diagnoses)
-  context.several = several_drives(result.transactions)
+  context.several, context.transactions = several_drives(result.transactions), result.transactions
   if #diagnoses > 0 or #rest > 0 then
     to_do(add, context, diagnoses, rest)
   end

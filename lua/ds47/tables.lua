@@ -704,6 +704,7 @@ M.report_words = {
   first_capture = {en = "first in {path}", zh = "首次出现：{path}"},
   look_at = {en = "look at frame {frame}: {filter}", zh = "查看帧 {frame}：{filter}"},
   look_at_job = {en = "look at frame {frame} (#{job}): {filter}", zh = "查看帧 {frame}（#{job}）：{filter}"},
+  answering = {en = "these answer here: DO {list}", zh = "此处有应答：DO {list}"},
   instead = {en = "send instead: {hex}", zh = "应改为发送：{hex}"},
   severity_error = {en = "error", zh = "错误"},
   severity_warning = {en = "warning", zh = "警告"},

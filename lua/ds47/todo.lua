@@ -9,6 +9,26 @@ local M = {}
 local SERIOUS = { error = 1, warning = 2, note = 3 }
 local CODES = { "%f[%w]0x[0-9A-F][0-9A-F]%f[%W]", "%f[%w]" .. ("[0-9A-F]"):rep(8) .. "%f[%W]" }
 
+local WRONG_DRIVE_OBJECT = "DS709"
+local ANSWERED = { ok = true, partial = true }
+
+--- The drive objects of its device that answer, for a request to one that does not exist; else nil.
+function M.answering(all, item)
+  if item.rule ~= WRONG_DRIVE_OBJECT then
+    return nil
+  end
+  local seen, axes = {}, {}
+  for _, each in ipairs(all) do
+    local axis = each.axis
+    if each.device == item.device and ANSWERED[each.state] and axis and not seen[axis] then
+      seen[axis] = true
+      axes[#axes + 1] = axis
+    end
+  end
+  table.sort(axes)
+  return #axes > 0 and table.concat(axes, ", ") or nil
+end
+
 -- Whether a diagnosis of this rule names the rule of a finding: how is "job", "word" or "whole".
 local function names(how, rule, finding)
   for _, start in ipairs(tables.covers[how][rule] or {}) do

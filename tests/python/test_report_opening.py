@@ -451,3 +451,17 @@ def test_every_word_is_there_in_both_languages_and_used():
         assert set(texts) == {"en", "zh"}, key
         assert all(texts.values()), key
         assert key.startswith(made) or f'"{key}"' in sources, key
+
+
+def test_a_wrong_drive_object_is_told_with_those_that_answer():
+    jobs = [
+        handmade.transaction(id=1, axis=2),
+        handmade.transaction(id=2, axis=1),
+        handmade.transaction(id=3, axis=7, state="error"),
+        handmade.transaction(id=4, axis=5, device="192.168.133.40"),
+    ]
+    lines = opening(capture(*jobs, diagnoses=[diagnosis("DS709")]))
+    assert "    these answer here: DO 1, 2" in lines
+    assert not any(
+        "answer here" in line for line in opening(capture(*jobs, diagnoses=[diagnosis()]))
+    )

@@ -14,7 +14,7 @@ from ds47.report import Options
 from ds47.report.bilingual import say
 from ds47.report.filters import display_filter
 from ds47.report.places import Places
-from ds47.report.todo import More, by_rule, causes, uncovered
+from ds47.report.todo import More, answering, by_rule, causes, uncovered
 from ds47.report.verdict import Counts, blind, told, verdict
 from ds47.report.words import escape
 from ds47.report.wrap import wrap
@@ -104,6 +104,8 @@ class Opening:
                 continue
             yield from self._diagnosis(each, several)
             yield from self._advice(each.rule, advised)
+            if axes := answering(result, each):
+                yield "    " + self._say("answering", list=axes)
             yield from self._look(each.frames, each.transactions, places)
             yield from self._corrected(each)
             advised = each.rule

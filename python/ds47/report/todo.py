@@ -13,6 +13,8 @@ from typing import NamedTuple
 from ds47.model import DIAGNOSIS, SEVERITIES, CaptureResult, Diagnosis, Finding
 from ds47.spec.reporting import covers
 
+_WRONG_DRIVE_OBJECT = "DS709"
+_ANSWERED = ("ok", "partial")
 _CODE = re.compile(r"(?<![0-9A-Za-z])(?:0x[0-9A-F]{2}|[0-9A-F]{8})(?![0-9A-Za-z])")
 
 
@@ -70,6 +72,18 @@ def _same_code(diagnosis: Diagnosis | Finding, finding: Finding) -> bool:
     return _names("word", diagnosis.rule, finding) and not set(
         _CODE.findall(diagnosis.message)
     ).isdisjoint(_CODE.findall(finding.message))
+
+
+def answering(result: CaptureResult, item: Diagnosis) -> str:
+    """The drive objects of its device that answer, for a request to one that does not exist; else empty."""
+    if item.rule != _WRONG_DRIVE_OBJECT:
+        return ""
+    axes = {
+        each.axis
+        for each in result.transactions
+        if each.device == item.device and each.state in _ANSWERED and each.axis is not None
+    }
+    return ", ".join(map(str, sorted(axes)))
 
 
 class More(NamedTuple):

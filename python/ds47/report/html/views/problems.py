@@ -14,7 +14,7 @@ from ds47.model import DIAGNOSIS, SEVERITIES, CaptureResult, Diagnosis, Finding,
 from ds47.report.filters import display_filter
 from ds47.report.html import messages
 from ds47.report.html.texts import Both, joined, say
-from ds47.report.todo import uncovered
+from ds47.report.todo import answering, uncovered
 from ds47.report.words import address
 
 if TYPE_CHECKING:
@@ -79,7 +79,12 @@ class Problem:
 
 def problems(result: CaptureResult, lang: str, vendors: Mapping[str, int | None]) -> list[Problem]:
     """The problems of a capture; findings that are notes are none."""
-    told = [_diagnosed(each, lang, vendors) for each in result.diagnoses]
+    told = []
+    for each in result.diagnoses:
+        problem = _diagnosed(each, lang, vendors)
+        if axes := answering(result, each):
+            problem.what = problem.what.joined(say("answering", list=axes), "; ", "；")
+        told.append(problem)
     return sorted([*told, *_others(result, lang, vendors)], key=_serious_first)
 
 
