@@ -11,13 +11,15 @@ local words = require("ds47.report_words")
 local M = {}
 
 local NONE = {}
-local PARAMETERS_SHOWN = 6 -- more make the line long: they are counted
+M.PROTOCOL = "DS47 " -- how the text of the Info column begins
+M.PARAMETERS_SHOWN = 6 -- more make the line long: they are counted
+
+local PARAMETERS_SHOWN = M.PARAMETERS_SHOWN
 
 -- `ref 3, DO 2`; a message may be too short to have them. Both are bytes, so there are only so many texts.
 local heads, references = {}, {}
 
-local function reference(item)
-  local number = item.request_reference
+local function reference(number)
   if number == nil then
     return "ref ?"
   end
@@ -29,18 +31,22 @@ local function reference(item)
   return text
 end
 
-local function head(item)
-  local number, axis = item.request_reference, item.axis
+--- `ref 3, DO 2`, of a request reference and an axis; either may be nil.
+function M.head(number, axis)
   if axis == nil then
-    return reference(item)
+    return reference(number)
   end
   local key = (number or 256) * 256 + axis
   local text = heads[key]
   if text == nil then
-    text = string.format("%s, DO %d", reference(item), axis)
+    text = string.format("%s, DO %d", reference(number), axis)
     heads[key] = text
   end
   return text
+end
+
+local function head(item)
+  return M.head(item.request_reference, item.axis)
 end
 
 local function drive_object(item)
@@ -59,8 +65,8 @@ function M.error(failed)
   return text
 end
 
--- The address of a parameter, remembered with what parameters of one address have in common.
-local function address(item)
+--- The address of a parameter, remembered with what parameters of one address have in common.
+function M.address(item)
   local class = item.class
   if class == nil then
     return words.address(item)
@@ -75,7 +81,7 @@ end
 
 --- One parameter: `p50303[0] = 10.0`, `:=` where the value was written, `: 0x02 ...` where it failed.
 function M.parameter(item, written)
-  local text = address(item)
+  local text = M.address(item)
   if item.error then
     return text .. ": " .. M.error(item.error)
   elseif #item.values == 0 then
@@ -91,19 +97,29 @@ end
 
 local parts = {}
 
-local function parameters_of(view)
-  local parameters = view.parameters
-  local written, count = view.item.operation == "change", #parameters
+--- What a sentence says of so many parameters.
+-- @param texts of the first PARAMETERS_SHOWN of them
+function M.list(texts, count)
   if count == 0 then
     return ""
+  elseif count <= PARAMETERS_SHOWN then
+    return ": " .. table.concat(texts, ", ", 1, count)
   end
-  local shown = math.min(count, PARAMETERS_SHOWN)
-  for number = 1, shown do
+  local more = string.format(", ... and %d more", count - PARAMETERS_SHOWN)
+  return ": " .. table.concat(texts, ", ", 1, PARAMETERS_SHOWN) .. more
+end
+
+--- The same of parameters of a transaction; `written` as in `M.parameter`.
+function M.list_of(parameters, written)
+  local count = #parameters
+  for number = 1, math.min(count, PARAMETERS_SHOWN) do
     parts[number] = M.parameter(parameters[number], written)
   end
-  local more = count - shown
-  return ": " .. table.concat(parts, ", ", 1, shown)
-    .. (more > 0 and string.format(", ... and %d more", more) or "")
+  return M.list(parts, count)
+end
+
+local function parameters_of(view)
+  return M.list_of(view.parameters, view.item.operation == "change")
 end
 
 --- Whether the sentence of a request is known but for its reference: then nobody needs its parameters.
@@ -134,6 +150,16 @@ local function asked(view)
   return id and string.format("%s 0x%02X", item.operation, id) or item.operation
 end
 
+--- The sentence of a Write response with status 0.
+function M.accepted(number)
+  return "write accepted " .. reference(number)
+end
+
+--- The sentence of a Read request.
+function M.fetched(number, axis)
+  return "fetch response " .. M.head(number, axis)
+end
+
 local sentences = {}
 
 function sentences.write_request(view)
@@ -144,19 +170,19 @@ function sentences.write_response(view)
   local item = view.item
   local word = item.write_status
   if word == nil then
-    return "write failed " .. reference(item)
+    return "write failed " .. reference(item.request_reference)
   elseif word == 0 then
-    return "write accepted " .. reference(item)
+    return M.accepted(item.request_reference)
   end
-  return "write refused " .. reference(item) .. ": " .. refusal(word)
+  return "write refused " .. reference(item.request_reference) .. ": " .. refusal(word)
 end
 
 function sentences.read_request(view)
-  return "fetch response " .. head(view.item)
+  return M.fetched(view.item.request_reference, view.item.axis)
 end
 
 function sentences.poll(view)
-  return "read poll " .. reference(view.item) .. ": not ready"
+  return "read poll " .. reference(view.item.request_reference) .. ": not ready"
 end
 
 -- How a record of the drive is called: refused where no parameter of it was done.
@@ -179,7 +205,7 @@ end
 function sentences.read_response(view)
   local item = view.item
   if item.read_status and item.read_status ~= 0 then
-    return "read refused " .. reference(item) .. ": " .. refusal(item.read_status)
+    return "read refused " .. reference(item.request_reference) .. ": " .. refusal(item.read_status)
   end
   return outcome(view) .. list(view)
 end
@@ -195,7 +221,7 @@ end
 
 --- The Info column of a frame: the sentences of all its views.
 function M.text(views)
-  local text = "DS47 " .. M.sentence(views[1])
+  local text = M.PROTOCOL .. M.sentence(views[1])
   for number = 2, #views do
     text = text .. "; " .. M.sentence(views[number])
   end

@@ -196,11 +196,14 @@ end
 local make = {}
 
 function make.number(row)
-  return {decode = decode[row.pack], scale = row.divide and ratio, scaled_float = row.divide ~= nil}
+  return {
+    decode = decode[row.pack], scale = row.divide and ratio, scaled_float = row.divide ~= nil,
+    pack = not row.divide and row.pack or nil,
+  }
 end
 
 function make.float(row)
-  return {decode = decode[row.pack], float = true}
+  return {decode = decode[row.pack], float = true, pack = row.pack}
 end
 
 function make.text(row)
@@ -235,7 +238,8 @@ end
 -- @param code a code of tables.formats, dialects already resolved
 -- @param size bytes per value where the format has two sizes; its own otherwise
 -- @return {size, decode, scale (nil: the format has none), whole, float (values are floats), scaled_float,
---   multiply, divide}; decode(raw, count, size) and scale(values, raw, codec) give arrays
+--   pack (of plain numbers: a letter of string.unpack), multiply, divide}; decode(raw, count, size) and
+--   scale(values, raw, codec) give arrays
 function M.codec(code, size)
   local row = tables.formats[code]
   if not (row and row.size and make[row.kind]) then return nil end

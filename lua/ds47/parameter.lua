@@ -6,7 +6,8 @@
 --   Flaw     {rule, offset, args}
 --   Address  {attribute, element_count, pnu, subindex, offset, attribute_name}
 --   Block    {format, value_count, values, scaled, error, raw, offset, pad, meaning, format_name,
---             float, scaled_float}   the last two say whether the numbers in `values`, `scaled` are floats
+--             float, scaled_float, sound_codec}   whether the numbers in `values` and `scaled` are floats;
+--             the codec where the format byte alone tells it
 --   error    {code, info, words}
 --   Request  {request_reference, request_id, axis, parameter_count, addresses, blocks, flaws, rest, length,
 --             operation, shaped}
@@ -73,7 +74,11 @@ local function new_dialect(legacy_g120, v3_types)
       or legacy_g120 and tables.dialects.legacy_g120_formats[code] or nil
     usual[code] = choice(code, meaning)
   end
-  return {usual = usual, other = alternatives(usual, v3_types)}
+  local other = alternatives(usual, v3_types)
+  for code, found in pairs(usual) do
+    found.class.sound_codec = not other[code] and found.codec or nil
+  end
+  return {usual = usual, other = other}
 end
 
 local dialects = {} -- by the sum of the flags below; made when first asked for

@@ -1,0 +1,393 @@
+-- The usual frame at a glance: its sentence, before anybody has analysed it.
+--
+-- While a file is read most frames need nothing but the text of their Info column, and nearly all belong to
+-- transactions of four frames that are built alike. A glance knows such a frame by its bytes, follows the
+-- transaction, and says what the analysis would say of the frame now. The frame itself waits (waiting.lua): it
+-- is analysed when somebody asks for more, or when a frame comes that is not usual (`catch_up`). So nothing
+-- here has to be complete: what is in doubt is no usual frame. It must only never be wrong.
+--
+-- What the glance knows it learns from frames that were analysed: how the frames of a conversation are built
+-- (forms), and which channels are free. Sentences of messages are in gist.lua.
+
+local gist = require("ds47_ws.gist")
+local info = require("ds47_ws.info")
+local records = require("ds47.records")
+local recordcalls = require("ds47.recordcalls")
+local rpc = require("ds47.rpc")
+local waiting = require("ds47_ws.waiting")
+
+local byte, find, floor, sub = string.byte, string.find, math.floor, string.sub
+
+local M = {}
+
+-- 1-based places in a frame, as distances from the 0-based beginning of its IP header of 20 bytes. Between
+-- the parts that are compared stand those that count or are sums: IP identification and checksum, UDP
+-- checksum, the sequence numbers of call and record.
+local IP_END, IP_ID, FRAGMENT, FRAGMENT_END, ADDRESSES, ADDRESSES_END = 4, 5, 7, 10, 13, 26
+local RPC, RPC_END, SEQUENCE, CALL, CALL_END = 29, 92, 93, 97, 134
+local RECORD_SEQUENCE, RECORD, RECORD_END, DATA = 135, 137, 192, 193
+local HEADERS = 192 -- bytes of such a frame in front of the data of its record
+local RPC_HEADER, BLOCK = 80, 84 -- bytes of a call header; of the NDR header and the record block behind it
+
+local MOST_FORMS, MOST_ALIKE = 4096, 8
+local SUBINDICES = 131072 -- elements of a PNU in `Judge.places`
+local FREE, ASKED, ACCEPTED, FETCHED, UNKNOWN = 1, 2, 3, 4, 5
+local NONE = {}
+
+local Glance = {}
+Glance.__index = Glance
+
+--- Knows nothing yet of the capture that an analysis reads (ds47.analysis).
+function M.new(analysis)
+  local limits = analysis.judge.limits
+  local self = setmetatable({
+    analysis = analysis, judge = analysis.judge, gist = gist.new(analysis),
+    -- Nothing that is older can be part of a usual transaction; far from where the analysis gives up.
+    patience_ns = floor(limits.call_expiry_ns / 2), copy_ns = limits.copy_ns,
+    most_activities = floor(limits.activities / 2),
+    waiting = waiting.new(),
+  }, Glance)
+  self:reset()
+  return self
+end
+
+--- Forgets everything, as after a frame that the glance was not shown.
+function Glance:reset()
+  if self.written == nil and self.forms then
+    return -- nothing learnt since the last time
+  end
+  self.forms, self.count = {}, 0 -- bytes up to the length of the IP packet -> form
+  self.channels, self.activities = {}, {}
+  self.newest_ns, self.resume_ns = -math.huge, -math.huge
+  self.written = nil -- PNUs that a change may have written
+  self.changes = (self.changes or 0) + 1 -- how often that grew or began anew
+end
+
+-- PNUs that were written before the glance began.
+local function written_of(judge)
+  local written = {}
+  for _, place in pairs(judge.places) do
+    for element in pairs(place) do
+      written[floor(element / SUBINDICES)] = true
+    end
+  end
+  return written
+end
+
+-- Looking
+
+local function sequence(frame, at, little)
+  local a, b, c, d = byte(frame, at, at + 3)
+  if little then
+    return ((d * 256 + c) * 256 + b) * 256 + a
+  end
+  return ((a * 256 + b) * 256 + c) * 256 + d
+end
+
+-- The form of a frame whose IP header begins at `offset`, nil for an unknown one. Looks for each part in its
+-- place: cutting it out would leave a string behind for every frame.
+local function form_of(forms, frame, offset)
+  local form = forms[sub(frame, 1, offset + IP_END)]
+  while form do
+    if find(frame, form.record, offset + RECORD, true) == offset + RECORD
+      and find(frame, form.identity, offset + RPC, true) == offset + RPC
+      and find(frame, form.call, offset + CALL, true) == offset + CALL
+      and find(frame, form.addresses, offset + ADDRESSES, true) == offset + ADDRESSES
+      and find(frame, form.fragment, offset + FRAGMENT, true) == offset + FRAGMENT
+      and #frame >= form.stop then
+      return form
+    end
+    form = form.next
+  end
+  return nil
+end
+
+-- Texts that depend on reference and axis only.
+local accepted, fetched = {}, {}
+
+local function accepted_text(reference)
+  local text = accepted[reference]
+  if text == nil then
+    text = info.PROTOCOL .. info.accepted(reference)
+    accepted[reference] = text
+  end
+  return text
+end
+
+local function fetched_text(reference, axis)
+  local key = reference * 256 + axis
+  local text = fetched[key]
+  if text == nil then
+    text = info.PROTOCOL .. info.fetched(reference, axis)
+    fetched[key] = text
+  end
+  return text
+end
+
+local steps = {}
+
+--- What a frame says, or nil where that has to be found out with care; then `learn` from it.
+-- @param number, frame  its number and its bytes
+-- @param offset where its IP header begins, from 0, if it has one
+-- @param clock  a function that gives its time: seconds since 1970 and nanoseconds
+-- @return the text of its Info column; an array of findings
+function Glance:look(number, frame, offset, clock)
+  local form = form_of(self.forms, frame, offset)
+  if not form then
+    return nil
+  end
+  local time_ns = self.analysis:time_ns(clock())
+  if time_ns < self.newest_ns or time_ns < self.resume_ns then
+    return nil
+  end
+  local activity, channel = self.activities[form.conversation], form.channel
+  if not activity or time_ns - channel.time_ns > self.patience_ns then
+    return nil
+  end
+  local seq = sequence(frame, offset + SEQUENCE, form.little)
+  local answers = form.answers
+  if answers then
+    local asked = activity.form
+    if seq ~= activity.seq or not asked or asked.role ~= answers or asked.channel ~= channel then
+      return nil
+    end
+  elseif activity.seq or seq ~= activity.top + 1 then
+    return nil
+  end
+  local data = form.data > 0 and sub(frame, offset + DATA, form.stop) or nil
+  local text, found = form.step(self, channel, form, number, time_ns, data)
+  if text then
+    if answers then
+      activity.seq, activity.form = nil, nil
+    else
+      activity.top, activity.seq, activity.form = seq, seq, form
+    end
+    self.newest_ns, channel.time_ns = time_ns, time_ns
+    local i1, i2 = byte(frame, offset + IP_ID, offset + IP_ID + 1)
+    local r1, r2 = byte(frame, offset + RECORD_SEQUENCE, offset + RECORD_SEQUENCE + 1)
+    self.waiting:add(form, number, time_ns, seq, ((i1 * 256 + i2) * 256 + r1) * 256 + r2, data)
+  end
+  return text, found
+end
+
+--- Gives the frames that wait to the analysis. Whether there were any.
+function Glance:catch_up()
+  local list = self.waiting
+  if list.count == 0 then
+    return false
+  end
+  self.waiting = waiting.new()
+  list:hand_over(self.analysis)
+  return true
+end
+
+-- Whether values that somebody wrote may come back with the answer: they are compared then.
+local function may_read_back(self, question)
+  if question.change then
+    for _, pnu in ipairs(question.pnus) do
+      if not self.written[pnu] then
+        self.written[pnu], self.changes = true, self.changes + 1
+      end
+    end
+    return false
+  elseif question.checked ~= self.changes then
+    question.checked, question.reads_back = self.changes, false
+    for _, pnu in ipairs(question.pnus) do
+      question.reads_back = question.reads_back or self.written[pnu] or false
+    end
+  end
+  return question.reads_back
+end
+
+function steps.write_request(self, channel, form, number, time_ns, data)
+  local reference = byte(data, 1)
+  local limit = self.judge.longest[form.peer.device]
+  if channel.state ~= FREE or reference == 0 or reference == channel.reference or limit and #data > limit then
+    return nil
+  end
+  local question, list = self.gist:request(data, form.peer)
+  if not question or may_read_back(self, question) then
+    return nil
+  end
+  channel.state, channel.reference, channel.question, channel.list = ASKED, reference, question, list
+  channel.data, channel.frame, channel.asked_ns = data, number, time_ns
+  return question.before .. info.head(reference, question.axis) .. list, NONE
+end
+
+function steps.write_response(_, channel, _, _, time_ns)
+  if channel.state ~= ASKED then
+    return nil
+  end
+  channel.state, channel.accepted_ns = ACCEPTED, time_ns
+  return accepted_text(channel.reference), NONE
+end
+
+function steps.read_request(_, channel, _, _, time_ns)
+  if channel.state ~= ACCEPTED then
+    return nil
+  end
+  channel.state, channel.fetched_ns = FETCHED, time_ns
+  return fetched_text(channel.reference, channel.question.axis), NONE
+end
+
+function steps.read_response(self, channel, _, number, time_ns, data)
+  if channel.state ~= FETCHED or byte(data, 1) ~= channel.reference then
+    return nil
+  end
+  local drive_ns = time_ns - channel.fetched_ns + channel.accepted_ns - channel.asked_ns
+  channel.state = FREE
+  return self.gist:answer(channel, number, data, time_ns, drive_ns > self.judge.slow_ns)
+end
+
+-- Learning
+
+--- Takes note of a frame that was analysed just now.
+-- @param frame, time_ns its bytes and its time
+-- @param offset where its IP header begins; nil where the message was put together from fragments
+function Glance:learn(frame, offset, time_ns)
+  local live = self.analysis
+  local pdu = live.last_pdu
+  self.newest_ns = math.max(self.newest_ns, time_ns)
+  self.written = self.written or written_of(self.judge)
+  if pdu == nil then
+    return
+  elseif pdu.opnum == rpc.CONNECT or pdu.opnum == rpc.RELEASE then
+    self:reset()
+    return
+  elseif live.last_call == nil then -- a response before its request: its copy is no answer
+    self.resume_ns = time_ns + self.copy_ns + 1
+  end
+  local touched, count = live:touched()
+  for each = 1, count do
+    self:_settle(touched[each].job, time_ns)
+  end
+  local form = count == 1 and offset and self:_form(pdu, touched[1], frame, offset) or nil
+  self:_follow(pdu, form)
+end
+
+-- Of a job that was touched: whether its channel is free now, and what it may have written.
+function Glance:_settle(job, time_ns)
+  local message = job.message
+  if message and message.operation == "change" then
+    may_read_back(self, { change = true, pnus = gist.pnus(message) })
+  end
+  local key = records.channel_key(job.peer, job.record)
+  local channel, live = self.channels[key], self.analysis.pairing.channels:get(key)
+  if channel == nil then
+    channel = { state = UNKNOWN }
+    self.channels[key] = channel
+  end
+  local free = live and live.last and not live.open and not live.refused and #live.asked == 0
+  channel.state, channel.reference = free and FREE or UNKNOWN, live and live.reference
+  channel.time_ns = time_ns
+end
+
+-- Where a conversation stands after this frame.
+function Glance:_follow(pdu, form)
+  local activities = self.analysis.calls.activities
+  local key = pdu.conversation
+  local known = activities:get(key)
+  self.activities[key] = nil
+  if known == nil or activities.length > self.most_activities then
+    return
+  end
+  local activity = { top = -1, seq = nil, form = nil }
+  for seq, call in known.calls:iterate() do
+    activity.top = math.max(activity.top, seq)
+    if call.response == nil then
+      if activity.seq or call.request ~= pdu then
+        return
+      end
+      activity.seq, activity.form = seq, form
+    end
+  end
+  self.activities[key] = activity
+end
+
+-- Roles of usual frames -> begin of the record block, whether the record has data, what they answer.
+local ROLES = {
+  write_request = { block = "\0\8", data = true, opnum = rpc.WRITE },
+  write_response = { block = "\128\8", answers = "write_request", opnum = rpc.WRITE },
+  read_request = { block = "\0\9", opnum = rpc.READ },
+  read_response = { block = "\128\9", data = true, answers = "read_request", opnum = rpc.READ },
+}
+
+-- The one record of a call whose frame is built as usual; nil for all others.
+local function usual_record(live, pdu, role)
+  local call = live.last_call
+  local list = call and call.context and call.context.records or NONE
+  local record, body = list[1], pdu.body
+  if #list ~= 1 or record.position ~= 0 or pdu.opnum ~= role.opnum or pdu.missing ~= 0 or pdu.fragmented
+    or sub(body, 21, 22) ~= role.block then
+    return nil
+  end
+  local half = role.answers and record.response or record.request
+  if half.missing ~= 0 or role.answers and (half.status ~= 0 or sub(body, 1, 4) ~= "\0\0\0\0") then
+    return nil
+  elseif role.data then
+    return #half.data > 0 and #half.data == #body - BLOCK and record or nil
+  end
+  return #body == BLOCK and record or nil
+end
+
+-- Where the IP packet of a frame ends (0-based, exclusive), if the RPC message fills it as usual.
+local function end_of(pdu, frame, offset)
+  local first, _, t1, t2 = byte(frame, offset + 1, offset + 4)
+  local u1, u2 = byte(frame, offset + 25, offset + 26)
+  local total, length = t1 * 256 + t2, RPC_HEADER + #pdu.body + 8
+  if first ~= 0x45 or total ~= length + 20 or u1 * 256 + u2 ~= length or #frame < offset + total
+    or total < HEADERS then
+    return nil
+  end
+  return offset + total
+end
+
+-- Takes the form of a frame that touched one job; nil where it is not built as usual.
+function Glance:_form(pdu, touched, frame, offset)
+  local role, job = ROLES[touched.role], touched.job
+  local stop = role and usual_record(self.analysis, pdu, role) and end_of(pdu, frame, offset)
+  if not stop then
+    return nil
+  end
+  local form = {
+    role = touched.role, answers = role.answers, step = steps[touched.role], stop = stop,
+    source = pdu.source, destination = pdu.destination, source_mac = pdu.source_mac, little = pdu.little,
+    conversation = pdu.conversation, peer = recordcalls.peer(self.analysis.last_call.request),
+    channel = self.channels[records.channel_key(job.peer, job.record)],
+    fragment = sub(frame, offset + FRAGMENT, offset + FRAGMENT_END),
+    addresses = sub(frame, offset + ADDRESSES, offset + ADDRESSES_END),
+    identity = sub(frame, offset + RPC, offset + RPC_END),
+    call = sub(frame, offset + CALL, offset + CALL_END),
+    record = sub(frame, offset + RECORD, offset + RECORD_END),
+    data = stop - offset - HEADERS, -- bytes behind the record block
+  }
+  self:_keep(form, sub(frame, 1, offset + IP_END))
+  return form
+end
+
+-- Whether two forms that begin alike are the same.
+local function same(one, other)
+  return one.record == other.record and one.identity == other.identity and one.call == other.call
+    and one.addresses == other.addresses and one.fragment == other.fragment
+end
+
+-- Forms that begin alike stand in a chain; the newest comes first.
+function Glance:_keep(form, front)
+  if self.count >= MOST_FORMS then
+    self.forms, self.count = {}, 0
+  end
+  local last, count = form, 1
+  form.next = self.forms[front]
+  while last.next do
+    local after = last.next
+    if count >= MOST_ALIKE or same(form, after) then
+      last.next = after.next
+    else
+      last, count = after, count + 1
+    end
+  end
+  self.forms[front] = form
+  self.count = self.count + 1
+end
+
+return M

@@ -1,0 +1,120 @@
+"""The plugin's short way of usual frames (ds47_ws/glance.lua): it says what the analysis says.
+
+Every frame is given to two trackers in plain Lua: one that takes what it can at a glance, and one that analyses
+each frame. Texts, findings and the result in the end are compared. Captures as they are; a plant of usual
+transactions; and both broken by chance (seeded).
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import subprocess
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lua_program import LUAS, lua_program
+from test_usual import frames_of, plant
+
+from ds47.capture.scan import ETHERNET, IPV4, network_layer
+
+ROOT = Path(__file__).resolve().parents[2]
+DRIVER = ROOT / "tests/lua/glance.lua"
+SHARED = ROOT.parent / "shared" / "captures"
+BROKEN = 80
+"""Broken captures for each Lua version, other ones for each."""
+CLICKS = 0.02
+"""How many frames somebody clicks on while the file is read."""
+
+Shots = list[tuple[int, bytes]]
+
+
+def stored() -> Iterator[tuple[str, Shots]]:
+    for folder in (ROOT / "captures", SHARED):
+        for path in sorted(folder.rglob("*.pcap*")):
+            yield path.name, [(frame.time_ns, frame.data) for frame in frames_of(path)]
+
+
+def lines(name: str, shots: Shots, chance: random.Random, **options: Any) -> Iterator[str]:
+    """A capture as the Lua program takes it: its IPv4 frames."""
+    yield json.dumps({"kind": "begin", "name": name, "options": options})
+    for time_ns, data in shots:
+        kind, offset = network_layer(data, 0, len(data), ETHERNET)
+        if kind == IPV4:
+            seconds, nanoseconds = divmod(time_ns, 10**9)
+            frame = {"seconds": seconds, "nanoseconds": nanoseconds, "offset": offset}
+            look = chance.random() < CLICKS
+            yield json.dumps({"kind": "frame", **frame, "data": data.hex(), "look": look})
+    yield json.dumps({"kind": "end"})
+
+
+def run(lua: str, said: Iterable[str], folder: Path) -> list[dict[str, Any]]:
+    """What the Lua program says of each capture; there are no differences."""
+    path = folder / "frames.jsonl"
+    path.write_text("\n".join(said) + "\n", encoding="utf-8")
+    done = subprocess.run(
+        [lua_program(lua), DRIVER, path], capture_output=True, text=True, timeout=600, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    told = [json.loads(line) for line in done.stdout.splitlines()]
+    wrong = {each["name"]: each["differences"][:3] for each in told if each["differences"]}
+    assert not wrong, json.dumps(wrong, indent=1)[:8000]
+    return told
+
+
+def broken(shots: Shots, chance: random.Random) -> Shots:
+    """Some frames lost, doubled, swapped, cut, changed or delayed; few of them, or many."""
+    made: Shots = []
+    mercy = chance.choice((1, 4, 20))
+    for time_ns, data in shots:
+        fate = chance.random() * mercy
+        if fate < 0.03:
+            continue
+        if fate < 0.06:
+            made.append((time_ns, data))
+        elif fate < 0.09 and made:
+            (time_ns, data), made[-1] = made[-1], (made[-1][0], data)
+        elif fate < 0.11:
+            data = data[: chance.randrange(20, len(data))]
+        elif fate < 0.16:
+            place = chance.randrange(14, len(data))
+            data = data[:place] + bytes([chance.randrange(256)]) + data[place + 1 :]
+        elif fate < 0.18:
+            time_ns += chance.randrange(-(10**9), 10**11)
+        made.append((time_ns, data))
+    return made
+
+
+@pytest.mark.parametrize("lua", LUAS)
+def test_stored_captures(lua: str, tmp_path: Path) -> None:
+    chance = random.Random(47)
+    said = [line for name, shots in stored() for line in lines(name, shots, chance)]
+    together = sorted(shot for _, shots in stored() for shot in shots)
+    told = run(lua, [*said, *lines("all at once", together, chance)], tmp_path)
+    assert len(told) > 50
+
+
+@pytest.mark.parametrize("lua", LUAS)
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"lang": "zh", "slow_ms": 0.5}, {"ignore": ["DS4"], "codec": {"profile_v3_types": True}}],
+)
+def test_a_plant(lua: str, options: dict[str, Any], tmp_path: Path) -> None:
+    told = run(lua, lines("plant", plant(120), random.Random(1), **options), tmp_path)
+    assert told[0]["glanced"] > 0.6 * told[0]["frames"], "or nothing is tested here"
+
+
+@pytest.mark.parametrize("lua", LUAS)
+def test_broken_captures(lua: str, tmp_path: Path) -> None:
+    chance = random.Random(lua)
+    captures = [shots for _, shots in stored() if len(shots) > 3]
+    said: list[str] = []
+    for number in range(BROKEN):
+        shots = plant(40, devices=chance.randrange(1, 4), seed=chance.randrange(99))
+        if number % 3 == 0:
+            shots = sorted([*shots, *chance.choice(captures)])
+        said += lines(f"broken {number}", broken(shots, chance), chance)
+    told = run(lua, said, tmp_path)
+    assert sum(each["glanced"] for each in told) > 2000, "or nothing is tested here"
