@@ -1,10 +1,10 @@
 -- What the usual messages say, in one sentence, without decoding again what was decoded before.
 --
 -- Programs ask the same again and again, and the answers differ in nothing but the values. Of a message
--- about which there was nothing to say its *mask* is kept: the bytes that are no values, and the codec of each
--- value block. A message with the same bytes in these places differs in no other way, because no rule looks at
--- the values alone. Everything else is decoded and judged as the analysis does it, but for what compares it
--- with other transactions: whoever calls (glance.lua) makes sure that there is nothing of that.
+-- about which there was nothing to say its *mask* is kept: the bytes that are no values, and the codec of
+-- each value block. A message with the same bytes in these places differs in no other way, because no rule
+-- looks at the values alone. Everything else is decoded and judged as the analysis does it, but for what
+-- compares it with other transactions: glance.lua makes sure that there is nothing of that.
 -- Not here: frames, and to which request an answer belongs.
 
 local findings = require("ds47.findings")

@@ -1,10 +1,10 @@
 -- The usual frame at a glance: its sentence, before anybody has analysed it.
 --
--- While a file is read most frames need nothing but the text of their Info column, and nearly all belong to
--- transactions of four frames that are built alike. A glance knows such a frame by its bytes, follows the
--- transaction, and says what the analysis would say of the frame now. The frame itself waits (waiting.lua): it
--- is analysed when somebody asks for more, or when a frame comes that is not usual (`catch_up`). So nothing
--- here has to be complete: what is in doubt is no usual frame. It must only never be wrong.
+-- While a file is read most frames need nothing but the text of their Info column, and nearly all belong
+-- to transactions of four frames that are built alike. A glance knows such a frame by its bytes, follows the
+-- transaction, and says what the analysis would say of the frame now. The frame itself waits (waiting.lua):
+-- it is analysed when somebody asks for more, or when a frame comes that is not usual (`catch_up`). So
+-- nothing here has to be complete: what is in doubt is no usual frame. It must only never be wrong.
 --
 -- What the glance knows it learns from frames that were analysed: how the frames of a conversation are built
 -- (forms), and which channels are free. Sentences of messages are in gist.lua.
