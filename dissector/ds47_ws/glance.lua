@@ -29,7 +29,10 @@ local RECORD_SEQUENCE, RECORD, RECORD_END, DATA = 135, 137, 192, 193
 local HEADERS = 192 -- bytes of such a frame in front of the data of its record
 local RPC_HEADER, BLOCK = 80, 84 -- bytes of a call header; of the NDR header and the record block behind it
 
-local MOST_FORMS, MOST_ALIKE = 4096, 8
+--- Forms, channels and conversations that are known together; then all are learnt again.
+M.MOST = 8192
+
+local MOST_ALIKE = 8 -- forms of one beginning
 local SUBINDICES = 131072 -- elements of a PNU in `Judge.places`
 local FREE, ASKED, ACCEPTED, FETCHED, UNKNOWN = 1, 2, 3, 4, 5
 local NONE = {}
@@ -56,9 +59,9 @@ function Glance:reset()
   if self.written == nil and self.forms then
     return -- nothing learnt since the last time
   end
-  self.forms, self.count = {}, 0 -- bytes up to the length of the IP packet -> form
-  self.channels, self.activities = {}, {}
-  self.newest_ns, self.resume_ns = -math.huge, -math.huge
+  self.forms, self.channels, self.activities = {}, {}, {} -- forms by their bytes up to the IP length
+  self.known = 0 -- of all three together
+  self.newest_ns = -math.huge -- nothing that is older is usual
   self.written = nil -- PNUs that a change may have written
   self.changes = (self.changes or 0) + 1 -- how often that grew or began anew
 end
@@ -75,14 +78,6 @@ local function written_of(judge)
 end
 
 -- Looking
-
-local function sequence(frame, at, little)
-  local a, b, c, d = byte(frame, at, at + 3)
-  if little then
-    return ((d * 256 + c) * 256 + b) * 256 + a
-  end
-  return ((a * 256 + b) * 256 + c) * 256 + d
-end
 
 -- The form of a frame whose IP header begins at `offset`, nil for an unknown one. Looks for each part in its
 -- place: cutting it out would leave a string behind for every frame.
@@ -136,36 +131,32 @@ function Glance:look(number, frame, offset, clock)
   if not form then
     return nil
   end
+  local activity, channel, answers = form.activity, form.channel, form.answers
+  local a, b, c, d = byte(frame, offset + SEQUENCE, offset + SEQUENCE + 3)
+  if form.little then
+    a, b, c, d = d, c, b, a
+  end
+  local seq = ((a * 256 + b) * 256 + c) * 256 + d
+  if answers and (activity.seq ~= seq or activity.asked ~= answers or activity.channel ~= channel)
+    or not answers and activity.next ~= seq then
+    return nil
+  end
   local time_ns = self.analysis:time_ns(clock())
-  if time_ns < self.newest_ns or time_ns < self.resume_ns then
-    return nil
-  end
-  local activity, channel = self.activities[form.conversation], form.channel
-  if not activity or time_ns - channel.time_ns > self.patience_ns then
-    return nil
-  end
-  local seq = sequence(frame, offset + SEQUENCE, form.little)
-  local answers = form.answers
-  if answers then
-    local asked = activity.form
-    if seq ~= activity.seq or not asked or asked.role ~= answers or asked.channel ~= channel then
-      return nil
-    end
-  elseif activity.seq or seq ~= activity.top + 1 then
+  if time_ns < self.newest_ns or time_ns - channel.time_ns > self.patience_ns then
     return nil
   end
   local data = form.data > 0 and sub(frame, offset + DATA, form.stop) or nil
   local text, found = form.step(self, channel, form, number, time_ns, data)
   if text then
     if answers then
-      activity.seq, activity.form = nil, nil
+      activity.next, activity.seq = seq + 1, nil
     else
-      activity.top, activity.seq, activity.form = seq, seq, form
+      activity.next, activity.seq, activity.asked, activity.channel = nil, seq, form.role, channel
     end
     self.newest_ns, channel.time_ns = time_ns, time_ns
-    local i1, i2 = byte(frame, offset + IP_ID, offset + IP_ID + 1)
-    local r1, r2 = byte(frame, offset + RECORD_SEQUENCE, offset + RECORD_SEQUENCE + 1)
-    self.waiting:add(form, number, time_ns, seq, ((i1 * 256 + i2) * 256 + r1) * 256 + r2, data)
+    a, b = byte(frame, offset + IP_ID, offset + IP_ID + 1)
+    c, d = byte(frame, offset + RECORD_SEQUENCE, offset + RECORD_SEQUENCE + 1)
+    self.waiting:add(form, number, time_ns, seq, ((a * 256 + b) * 256 + c) * 256 + d, data)
   end
   return text, found
 end
@@ -247,6 +238,9 @@ end
 function Glance:learn(frame, offset, time_ns)
   local live = self.analysis
   local pdu = live.last_pdu
+  if self.known > M.MOST then
+    self:reset()
+  end
   self.newest_ns = math.max(self.newest_ns, time_ns)
   self.written = self.written or written_of(self.judge)
   if pdu == nil then
@@ -255,7 +249,7 @@ function Glance:learn(frame, offset, time_ns)
     self:reset()
     return
   elseif live.last_call == nil then -- a response before its request: its copy is no answer
-    self.resume_ns = time_ns + self.copy_ns + 1
+    self.newest_ns = math.max(self.newest_ns, time_ns + self.copy_ns + 1)
   end
   local touched, count = live:touched()
   for each = 1, count do
@@ -275,33 +269,46 @@ function Glance:_settle(job, time_ns)
   local channel, live = self.channels[key], self.analysis.pairing.channels:get(key)
   if channel == nil then
     channel = { state = UNKNOWN }
-    self.channels[key] = channel
+    self.channels[key], self.known = channel, self.known + 1
   end
   local free = live and live.last and not live.open and not live.refused and #live.asked == 0
   channel.state, channel.reference = free and FREE or UNKNOWN, live and live.reference
   channel.time_ns = time_ns
 end
 
--- Where a conversation stands after this frame.
-function Glance:_follow(pdu, form)
-  local activities = self.analysis.calls.activities
-  local key = pdu.conversation
-  local known = activities:get(key)
-  self.activities[key] = nil
-  if known == nil or activities.length > self.most_activities then
-    return
-  end
-  local activity = { top = -1, seq = nil, form = nil }
-  for seq, call in known.calls:iterate() do
-    activity.top = math.max(activity.top, seq)
+-- Where the conversation of a frame stands after it: {next = sequence number of the next request} or
+-- {seq, asked, channel = number, role and channel of the request that is open}; empty where it is not usual.
+local function stands(calls, pdu, form)
+  local top, open = -1, nil
+  for seq, call in calls:iterate() do
+    top = math.max(top, seq)
     if call.response == nil then
-      if activity.seq or call.request ~= pdu then
-        return
+      if open or call.request ~= pdu then
+        return nil, nil
       end
-      activity.seq, activity.form = seq, form
+      open = seq
     end
   end
-  self.activities[key] = activity
+  return not open and top + 1 or nil, form and open
+end
+
+function Glance:_activity(conversation)
+  local activity = self.activities[conversation]
+  if activity == nil then
+    activity = { next = nil, seq = nil, asked = nil, channel = nil }
+    self.activities[conversation], self.known = activity, self.known + 1
+  end
+  return activity
+end
+
+function Glance:_follow(pdu, form)
+  local activities = self.analysis.calls.activities
+  local known, activity = activities:get(pdu.conversation), self:_activity(pdu.conversation)
+  activity.next, activity.seq = nil, nil
+  if known and activities.length <= self.most_activities then
+    activity.next, activity.seq = stands(known.calls, pdu, form)
+    activity.asked, activity.channel = form and form.role, form and form.channel
+  end
 end
 
 -- Roles of usual frames -> begin of the record block, whether the record has data, what they answer.
@@ -352,7 +359,7 @@ function Glance:_form(pdu, touched, frame, offset)
   local form = {
     role = touched.role, answers = role.answers, step = steps[touched.role], stop = stop,
     source = pdu.source, destination = pdu.destination, source_mac = pdu.source_mac, little = pdu.little,
-    conversation = pdu.conversation, peer = recordcalls.peer(self.analysis.last_call.request),
+    activity = self:_activity(pdu.conversation), peer = recordcalls.peer(self.analysis.last_call.request),
     channel = self.channels[records.channel_key(job.peer, job.record)],
     fragment = sub(frame, offset + FRAGMENT, offset + FRAGMENT_END),
     addresses = sub(frame, offset + ADDRESSES, offset + ADDRESSES_END),
@@ -373,9 +380,6 @@ end
 
 -- Forms that begin alike stand in a chain; the newest comes first.
 function Glance:_keep(form, front)
-  if self.count >= MOST_FORMS then
-    self.forms, self.count = {}, 0
-  end
   local last, count = form, 1
   form.next = self.forms[front]
   while last.next do
@@ -387,7 +391,7 @@ function Glance:_keep(form, front)
     end
   end
   self.forms[front] = form
-  self.count = self.count + 1
+  self.known = self.known + 1
 end
 
 return M

@@ -5,20 +5,19 @@
 -- length, so many of them stand in one string without anything between.
 
 local char, concat, floor, sub = string.char, table.concat, math.floor, string.sub
+local unpack = table.unpack or unpack -- luacheck: ignore
 
 local M = {}
 
 local TOGETHER = 256 -- frames whose data stand in one string
+local NUMBERS = 5 -- of each frame: form, number, time, sequence number of the call, the other numbers
 
 local Waiting = {}
 Waiting.__index = Waiting
 
 --- An empty list.
 function M.new()
-  return setmetatable({
-    count = 0, forms = {}, numbers = {}, times = {}, calls = {}, others = {},
-    data = {}, pieces = {}, piece = 0,
-  }, Waiting)
+  return setmetatable({ count = 0, all = {}, last = 0, data = {}, pieces = {}, piece = 0 }, Waiting)
 end
 
 --- Adds a frame.
@@ -28,10 +27,10 @@ end
 -- @param others  IP identification * 65536 + sequence number of the record
 -- @param data    of the record; nil where the form has none
 function Waiting:add(form, number, time_ns, seq, others, data)
-  local count = self.count + 1
-  self.count = count
-  self.forms[count], self.numbers[count], self.times[count] = form, number, time_ns
-  self.calls[count], self.others[count] = seq, others
+  local count, all, last = self.count + 1, self.all, self.last
+  all[last + 1], all[last + 2], all[last + 3] = form, number, time_ns
+  all[last + 4], all[last + 5] = seq, others
+  self.count, self.last = count, last + NUMBERS
   if data then
     local piece = self.piece + 1
     self.pieces[piece], self.piece = data, piece
@@ -54,28 +53,26 @@ end
 local packet = {}
 
 -- The packet of a frame, as `Analysis:packet` takes it.
-local function restored(self, place, data)
-  local form, others = self.forms[place], self.others[place]
+local function restored(form, number, time_ns, seq, others, data)
   local record = others % 65536
-  packet.payload = form.identity .. sequence(self.calls[place], form.little) .. form.call
+  packet.payload = form.identity .. sequence(seq, form.little) .. form.call
     .. char(floor(record / 256), record % 256) .. form.record .. data
-  packet.frame, packet.time_ns = self.numbers[place], self.times[place]
-  packet.ip_id = floor(others / 65536)
+  packet.frame, packet.time_ns, packet.ip_id = number, time_ns, floor(others / 65536)
   packet.src_ip, packet.dst_ip, packet.src_mac = form.source, form.destination, form.source_mac
   return packet
 end
 
 --- Gives the frames to an analysis in their order; the list is to be thrown away then.
 function Waiting:hand_over(analysis)
-  local data, at = nil, 1
-  for place = 1, self.count do
-    if (place - 1) % TOGETHER == 0 then
-      local together = self.data[floor((place - 1) / TOGETHER) + 1]
-      data, at = together or concat(self.pieces, "", 1, self.piece), 1
+  local all, data, at = self.all, nil, 1
+  for place = 0, self.count - 1 do
+    if place % TOGETHER == 0 then
+      data, at = self.data[place / TOGETHER + 1] or concat(self.pieces, "", 1, self.piece), 1
     end
-    local length = self.forms[place].data
-    analysis:packet(restored(self, place, sub(data, at, at + length - 1)))
-    at = at + length
+    local first = place * NUMBERS + 1
+    local form, number, time_ns, seq, others = unpack(all, first, first + NUMBERS - 1)
+    analysis:packet(restored(form, number, time_ns, seq, others, sub(data, at, at + form.data - 1)))
+    at = at + form.data
   end
 end
 

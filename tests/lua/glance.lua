@@ -1,7 +1,8 @@
 -- Frames at a glance against frames that are analysed one by one: the same sentences and findings on every
 -- frame, and the same result in the end.
 -- Usage: lua glance.lua INPUT. Input is a JSON object a line, its `kind` says what it is:
---   begin  {name, options}: a new capture; options as ds47.analysis takes them
+--   begin  {name, options, most}: a new capture; options as ds47.analysis takes them; `most`: what the glance
+--          may know
 --   frame  {seconds, nanoseconds, offset (of the IP header), data (hex), look}; `look`: somebody clicks on
 --          this frame then, which must not matter
 --   end    prints {name, frames, glanced, differences (array of texts)} as one line of JSON
@@ -9,10 +10,11 @@
 local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
 package.path = root .. "../../dissector/?.lua;" .. root .. "../../lua/?.lua;" .. package.path
 
+local glance = require("ds47_ws.glance")
 local info = require("ds47_ws.info")
 local json = require("ds47.json")
 
-local options = {}
+local options, usually = {}, glance.MOST
 
 -- A tracker of its own: the module has the state of one open file.
 local function tracker()
@@ -76,6 +78,7 @@ local take = {}
 
 function take.begin(line)
   options = line.options
+  glance.MOST = line.most or usually
   quick.reset()
   careful.reset()
   run = { name = line.name, frames = 0, glanced = 0, differences = json.array({}) }

@@ -37,9 +37,11 @@ def stored() -> Iterator[tuple[str, Shots]]:
             yield path.name, [(frame.time_ns, frame.data) for frame in frames_of(path)]
 
 
-def lines(name: str, shots: Shots, chance: random.Random, **options: Any) -> Iterator[str]:
+def lines(
+    name: str, shots: Shots, chance: random.Random, most: int = 8192, **options: Any
+) -> Iterator[str]:
     """A capture as the Lua program takes it: its IPv4 frames."""
-    yield json.dumps({"kind": "begin", "name": name, "options": options})
+    yield json.dumps({"kind": "begin", "name": name, "options": options, "most": most})
     for time_ns, data in shots:
         kind, offset = network_layer(data, 0, len(data), ETHERNET)
         if kind == IPV4:
@@ -104,6 +106,15 @@ def test_stored_captures(lua: str, tmp_path: Path) -> None:
 def test_a_plant(lua: str, options: dict[str, Any], tmp_path: Path) -> None:
     told = run(lua, lines("plant", plant(120), random.Random(1), **options), tmp_path)
     assert told[0]["glanced"] > 0.6 * told[0]["frames"], "or nothing is tested here"
+
+
+def test_little_memory(tmp_path: Path) -> None:
+    """What is forgotten is learnt again."""
+    shots = plant(60, devices=4)
+    told = run("lua5.4", lines("plant", shots, random.Random(1), most=40), tmp_path)
+    assert 0 < told[0]["glanced"] < told[0]["frames"] / 2
+    told = run("lua5.4", lines("plant", shots, random.Random(1), most=0), tmp_path)
+    assert told[0]["glanced"] == 0
 
 
 @pytest.mark.parametrize("lua", LUAS)
