@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +32,7 @@ EXPLAINING = ("note", "confirmed", "zh_from")
 
 def fields(where: str, row: Any) -> Flat:
     """An object's fields; what is absent or empty has no line."""
-    for name, value in asdict(row).items():
+    for name, value in row._asdict().items():
         if name not in KEYS and value is not None and value != "":
             yield from leaves(f"{where}.{name}", value)
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, fields
 from pathlib import Path
 
 from ds47 import __version__, spec
@@ -166,7 +165,7 @@ def _status() -> Iterator[str]:
 
 
 def _rules() -> Iterator[str]:
-    names = tuple(field.name for field in fields(spec.Rule) if field.name != "group")
+    names = tuple(name for name in spec.Rule._fields if name != "group")
     yield "M.rules = {"
     for number, row in spec.rules().items():
         yield f"  {number} = {entry(row, names)},"
@@ -181,7 +180,7 @@ def _rules() -> Iterator[str]:
 
 def _semantics() -> Iterator[str]:
     yield "M.limits = {"
-    for name, number in asdict(semantics.limits()).items():
+    for name, number in semantics.limits()._asdict().items():
         yield f"  {name} = {number},"
     yield "}"
     yield ""
@@ -201,7 +200,7 @@ def _semantics() -> Iterator[str]:
 def _diagnoses() -> Iterator[str]:
     known = semantics.known()
     yield "M.known = {"
-    for name, value in asdict(known).items():
+    for name, value in known._asdict().items():
         if isinstance(value, frozenset):
             shown = ", ".join(f"[{number}] = true" for number in sorted(value))
             yield f"  {name} = {{{shown}}},"

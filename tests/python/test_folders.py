@@ -24,7 +24,8 @@ from batch_products import Names
 
 from ds47 import __version__, report
 from ds47.analysis import analyze
-from ds47.batch.local import Local, useful_jobs
+from ds47.batch.jobs import useful_jobs
+from ds47.batch.local import Local
 from ds47.batch.runner import Failed, Here
 from ds47.batch.tasks import Source, Task, plan
 from ds47.capture import CaptureError

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from uuid import UUID
 
 import pytest
@@ -233,7 +233,7 @@ def test_the_reason_of_a_job_without_response(end: str) -> None:
 
 
 def test_pending_writes_and_channels_are_bounded() -> None:
-    channel = Channel(replace(LIMITS, pending_writes=2, channels=2))
+    channel = Channel(LIMITS._replace(pending_writes=2, channels=2))
     first, *rest = [channel.ask(n) for n in (1, 2, 3)]
     assert channel.closed == [first]
     channel.open(4, slot=2)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -24,24 +24,8 @@ from ds47.batch.runner import Begun, Failed, Outcome, Place, Window
 from ds47.batch.tasks import STDIN, Task
 from ds47.capture import CaptureError
 
-_A_PROCESS = 8 << 20
-"""Bytes of captures for which another process pays: to start one takes as long as to read these."""
 _DEATHS = 3
 """So many tasks in a row that kill their process are no longer about the tasks."""
-_A_FILE = 1 << 16
-"""What a file costs besides its bytes."""
-
-
-def useful_jobs(tasks: Iterable[Task]) -> int:
-    """How many processes these tasks keep busy, at most as many as there are cores for us."""
-    sizes = [task.size + _A_FILE for task in tasks]
-    return max(1, min(cores(), len(sizes), sum(sizes) // _A_PROCESS))
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    affinity: Callable[[int], set[int]] | None = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 class Local(Window[Future[str | None]]):

@@ -9,9 +9,8 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from ds47.analysis import AnalysisOptions, OnTransaction, analyze
 from ds47.capture import CaptureError, Series, open_capture, sha256
@@ -25,8 +24,7 @@ if TYPE_CHECKING:
 STDIN = "-"
 
 
-@dataclass(frozen=True, slots=True)
-class Source:
+class Source(NamedTuple):
     """One file of a task.
 
     `name` is how the report names it, `place` what is opened, `size` its bytes. `mark` changes when
@@ -40,8 +38,7 @@ class Source:
     missing: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Task:
+class Task(NamedTuple):
     """One capture of the report; `series` says that its sources are read as one."""
 
     path: str

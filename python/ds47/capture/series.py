@@ -8,8 +8,8 @@ together is in rings.py.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from types import TracebackType
+from typing import NamedTuple
 
 from ds47.model import CaptureFile
 
@@ -18,8 +18,7 @@ from .frame import Frame
 from .reader import Capture, open_capture
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
+class Part(NamedTuple):
     """A file of a series: how the report names it, where it is, how many are missing before it."""
 
     name: str

@@ -10,9 +10,8 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
@@ -31,8 +30,7 @@ if TYPE_CHECKING:
     from ds47.cli.run import Analyzer, Runner
 
 
-@dataclass(frozen=True, slots=True)
-class Manner:
+class Manner(NamedTuple):
     """How the captures are analysed, and where: what the options say."""
 
     analysis: AnalysisOptions
@@ -83,13 +81,14 @@ class Manner:
         writer: Writer,
     ) -> None:
         """Analyses what is to be done and reports on all."""
+        if results is None and self.scheduler is None and self._jobs(tasks) == 1:
+            run.here(tasks, _analyzer(self.engine, self.analysis, self.tshark, writer.lines))
+            return
         from ds47.batch.runner import Failed
 
         try:
             if results is not None:
                 self._stored(run, tasks, todo, results, writer)
-            elif self.scheduler is None and self._jobs(tasks) == 1:
-                run.here(tasks, _analyzer(self.engine, self.analysis, self.tshark, writer.lines))
             else:
                 self._spooled(run, tasks, writer)
         except Failed as problem:
@@ -122,7 +121,7 @@ class Manner:
         results.end(run.stored(results, tasks, todo, runner, rows), os.getpid())
 
     def _jobs(self, tasks: Sequence[Task]) -> int:
-        from ds47.batch.local import cores, useful_jobs
+        from ds47.batch.jobs import cores, useful_jobs
 
         if self.engine != "native":
             return 1

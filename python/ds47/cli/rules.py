@@ -6,7 +6,6 @@ The texts themselves are in spec/rules.toml.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from textwrap import fill
 
 import click
@@ -25,7 +24,7 @@ def command(names: Sequence[str], lang: str, format_name: str) -> None:
     if format_name == "json":
         from ds47.report.json import text
 
-        lines = ",\n".join(text(asdict(rule)) for rule in chosen)
+        lines = ",\n".join(text(rule._asdict()) for rule in chosen)
         stream.write(f"[\n{lines}\n]\n")
     elif names:
         stream.write("\n".join(map(_explained, chosen)))

@@ -7,16 +7,14 @@ state table of pairing are in `ds47.spec.semantics`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache, lru_cache
 from json import loads
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 
-@dataclass(frozen=True, slots=True)
-class Format:
+class Format(NamedTuple):
     """One format code of a value block (docs/protocol.md A.6; formats.toml has the kinds)."""
 
     code: int
@@ -35,8 +33,7 @@ class Format:
     note: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Attribute:
+class Attribute(NamedTuple):
     """One attribute of a parameter address (docs/protocol.md A.4)."""
 
     code: int
@@ -44,8 +41,7 @@ class Attribute:
     zh: str
 
 
-@dataclass(frozen=True, slots=True)
-class RequestId:
+class RequestId(NamedTuple):
     """One request id with its response ids (docs/protocol.md A.3)."""
 
     code: int
@@ -57,8 +53,7 @@ class RequestId:
     vendor: bool
 
 
-@dataclass(frozen=True, slots=True)
-class ResponseId:
+class ResponseId(NamedTuple):
     """One response id (docs/protocol.md A.3); `negative` is None where the id does not say."""
 
     code: int
@@ -68,8 +63,7 @@ class ResponseId:
     negative: bool | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ErrorNumber:
+class ErrorNumber(NamedTuple):
     """One error number, or a range of them up to `last` (docs/protocol.md B).
 
     `info` says what error value 2 means: "none", "subindex" or "unknown".
@@ -83,8 +77,7 @@ class ErrorNumber:
     zh_from: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Vendor:
+class Vendor(NamedTuple):
     """The error numbers of a vendor; `id` is its PROFINET vendor id, None where not known."""
 
     name: str
@@ -92,8 +85,7 @@ class Vendor:
     errors: Mapping[int, ErrorNumber]
 
 
-@dataclass(frozen=True, slots=True)
-class Status:
+class Status(NamedTuple):
     """The words of a PNIOStatus (docs/protocol.md E.5), per language."""
 
     code: Mapping[int, str]
@@ -105,8 +97,7 @@ class Status:
     words: Mapping[str, str]
 
 
-@dataclass(frozen=True, slots=True)
-class Pnu:
+class Pnu(NamedTuple):
     """A well-known parameter (docs/protocol.md D).
 
     `volatile`: the drive itself changes the value, so that reading back another one than was
@@ -123,8 +114,7 @@ class Pnu:
     family: str
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
+class Rule(NamedTuple):
     """One rule of the catalogue (spec/rules.toml says what each field means)."""
 
     id: str

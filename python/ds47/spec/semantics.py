@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from ds47.spec import _load
 
 _MS = 1_000_000
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
+class Limits(NamedTuple):
     """limits.toml; times in nanoseconds of capture time."""
 
     copy_ns: int
@@ -65,8 +63,7 @@ def reasons(lang: str) -> dict[str, str]:
     return {name: words[lang] for name, words in _load("pairing.toml")["reason"].items()}
 
 
-@dataclass(frozen=True, slots=True)
-class Known:
+class Known(NamedTuple):
     """What the diagnoses know of drives and programs (diagnoses.toml): limits and numbers by their names there."""
 
     held: int
