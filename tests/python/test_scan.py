@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import io
-import os
 import struct
-import subprocess
-import sys
 from collections.abc import Callable
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -20,7 +15,6 @@ from hypothesis import strategies as st
 
 from ds47.capture import open_capture, scan
 
-SOURCE = Path(scan.__file__).with_name("scan.py")
 CALL = make.call()
 BIG = make.ethernet(0x0800, make.ipv4(make.udp(make.rpc(make.UUID_LITTLE))), (0x88A8, 0x8100))
 FRAGMENT = make.ethernet(0x0800, make.ipv4(bytes(48), offset=1480, more=True))
@@ -33,50 +27,6 @@ SHAPES = (
     make.RT, make.RT_TAGGED, make.DNS, make.DCP, make.LLDP, CALL, BIG, FRAGMENT, OTHER_PORT, TCP,
     ALARM, TAGGED_DCP, SLL_CALL, make.RT[:15], make.RT_TAGGED[:19], make.RT[:14], b"", CALL[:70],
 )  # fmt: skip
-
-
-@pytest.fixture(scope="session")
-def plain() -> ModuleType:
-    """scan.py as it stands, whatever `ds47.capture.scan` is."""
-    return _load("plain_scan", SOURCE)
-
-
-@pytest.fixture(scope="session")
-def compiled(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> ModuleType:
-    """scan.py compiled: as it is installed, or made here where there is a compiler."""
-    if scan.COMPILED:
-        return scan
-    folder = tmp_path_factory.mktemp("compiled")
-    (folder / "ds47" / "capture").mkdir(parents=True)
-    for part in ("__init__.py", "capture/scan.py", "capture/scan.pxd"):
-        content = (
-            b""
-            if part.endswith("__init__.py")
-            else SOURCE.parent.parent.joinpath(part).read_bytes()
-        )
-        (folder / "ds47" / part).write_bytes(content)
-    (folder / "ds47" / "capture" / "__init__.py").touch()
-    command = [sys.executable, str(repository / "hatch_build.py"), str(folder), "scan"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    made = [
-        each for each in (folder / "ds47" / "capture").iterdir() if each.suffix in (".so", ".pyd")
-    ]
-    if not made:
-        if os.environ.get("DS47_CI") == "1":
-            pytest.fail(f"scan.py does not compile: {done.stderr[-2000:]}", pytrace=False)
-        pytest.skip("no Cython or no C compiler")
-    module = _load("ds47.capture.scan", made[0])
-    assert module.COMPILED
-    return module
-
-
-def _load(name: str, path: Path) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def mutated(frame: bytes, at: int, value: int) -> bytes:
@@ -154,34 +104,34 @@ def enhanced(frames: list[bytes], order: str, snap: int, interfaces: int) -> byt
 @settings(max_examples=300, deadline=None)
 @given(traffic, orders, kinds, links, cuts, st.lists(st.integers(24, 3000), max_size=3), st.data())
 def test_pcap_loops_agree(
-    plain: ModuleType, compiled: ModuleType, frames: list[bytes], order: str, magic: int,
+    plain_scan: ModuleType, compiled_scan: ModuleType, frames: list[bytes], order: str, magic: int,
     link: int, snap: int, pieces: list[int], more: st.DataObject,
 ) -> None:  # fmt: skip
     data = bytearray(make.pcap(frames, order=order, magic=magic, link_type=link, snap=snap))
     for _ in range(more.draw(st.integers(0, 2))):  # also lengths that lie
         if len(data) > 24:
             data[more.draw(st.integers(24, len(data) - 1))] = more.draw(st.integers(0, 255))
-    both(pcap_scanner(order, magic, link), bytes(data), pieces, plain, compiled)
+    both(pcap_scanner(order, magic, link), bytes(data), pieces, plain_scan, compiled_scan)
 
 
 @settings(max_examples=300, deadline=None)
 @given(traffic, orders, cuts, st.lists(links, min_size=1, max_size=3), st.lists(st.integers(0, 3000), max_size=3),
        st.data())  # fmt: skip
 def test_pcapng_loops_agree(
-    plain: ModuleType, compiled: ModuleType, frames: list[bytes], order: str, snap: int,
+    plain_scan: ModuleType, compiled_scan: ModuleType, frames: list[bytes], order: str, snap: int,
     interfaces: list[int], pieces: list[int], more: st.DataObject,
 ) -> None:  # fmt: skip
     data = bytearray(enhanced(frames, order, snap, len(interfaces)))
     for _ in range(more.draw(st.integers(0, 2))):
         if data:
             data[more.draw(st.integers(0, len(data) - 1))] = more.draw(st.integers(0, 255))
-    both(pcapng_scanner(order, interfaces), bytes(data), pieces, plain, compiled)
+    both(pcapng_scanner(order, interfaces), bytes(data), pieces, plain_scan, compiled_scan)
 
 
 @pytest.mark.parametrize("order", "<>")
 @pytest.mark.parametrize("ng", [False, True])
 def test_long_runs_are_counted_frame_by_frame(
-    plain: ModuleType, compiled: ModuleType, order: str, ng: bool
+    plain_scan: ModuleType, compiled_scan: ModuleType, order: str, ng: bool
 ) -> None:
     """Cyclic frames of some lengths, many more than it takes to learn them, with others in between."""
     lengths = [make.RT, make.RT_TAGGED, make.RT + bytes(7), make.RT_TAGGED + bytes(90)]
@@ -189,10 +139,16 @@ def test_long_runs_are_counted_frame_by_frame(
     for place, other in enumerate(SHAPES):
         frames[5_000 + 501 * place : 5_000 + 501 * place] = [other] * (place + 1)
     if ng:
-        both(pcapng_scanner(order, [1]), enhanced(frames, order, 0, 1), [9_000], plain, compiled)
+        both(
+            pcapng_scanner(order, [1]),
+            enhanced(frames, order, 0, 1),
+            [9_000],
+            plain_scan,
+            compiled_scan,
+        )
         return
     data = make.pcap(frames, order=order)
-    both(pcap_scanner(order, 0xA1B2C3D4, 1), data, [9_000, 400_000], plain, compiled)
+    both(pcap_scanner(order, 0xA1B2C3D4, 1), data, [9_000, 400_000], plain_scan, compiled_scan)
     with open_capture(io.BytesIO(data)) as capture:
         found = list(capture)
     assert capture.frames == len(frames)

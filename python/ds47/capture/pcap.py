@@ -10,9 +10,10 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 
+from .ahead import Batches
 from .errors import CaptureError
 from .frame import Frame
-from .scan import BATCH, MAX_FRAME, ByteOrder, PcapScan
+from .scan import MAX_FRAME, ByteOrder, PcapScan
 from .stream import Window
 
 _FILE_HEADER = 24
@@ -61,23 +62,26 @@ class PcapReader:
         self._window = window
         self._scan = PcapScan(order, self._header, self.link_type)
         self._scan.position = _FILE_HEADER
+        self._batches = Batches(self._scan, window)
         self.frames = 0
         self.problem: str | None = None
 
     def read(self) -> Iterator[Frame]:
         """Yield the frames that may matter; sets `problem` when it must stop early."""
-        window, scan, link_type, unit = self._window, self._scan, self.link_type, self._unit
+        link_type, unit = self.link_type, self._unit
         while True:
-            data = window.view
-            found = scan.scan(window.data, window.end)
-            for number, seconds, fraction, captured, original, start in found:
-                self.frames = number
-                time_ns = seconds * 1_000_000_000 + fraction * unit
-                frame = data[start : start + captured].tobytes()
-                yield Frame(number, time_ns, link_type, frame, original)
-            self.frames = scan.frames
-            if len(found) < BATCH and not self._continue():
+            for found in self._batches:
+                for number, _, seconds, fraction, original, data in found:
+                    self.frames = number
+                    time_ns = seconds * 1_000_000_000 + fraction * unit
+                    yield Frame(number, time_ns, link_type, data, original)
+            self.frames = self._scan.frames
+            if not self._continue():
                 return
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._batches.close()
 
     def _continue(self) -> bool:
         """Get what the record in front of the scan needs; False at the end or at damage."""

@@ -12,9 +12,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
+from .ahead import Batches
 from .errors import CaptureError
 from .frame import Frame
-from .scan import BATCH, ENHANCED_PACKET, MAX_FRAME, ByteOrder, PcapngScan, relevant
+from .scan import ENHANCED_PACKET, MAX_FRAME, ByteOrder, PcapngScan, relevant
 from .stream import Window
 
 SECTION = 0x0A0D0D0A
@@ -76,6 +77,7 @@ class PcapngReader:
     def __init__(self, window: Window) -> None:
         self._window = window
         self._scan = PcapngScan()
+        self._batches = Batches(self._scan, window)
         self._interfaces: list[_Interface] = []
         self._last_ns = 0
         self._lost_before: int | None = None
@@ -118,22 +120,21 @@ class PcapngReader:
 
     def _enhanced(self) -> Iterator[Frame]:
         """Yield from the run of Enhanced Packet Blocks in front of the scan, by the fast loop."""
-        scan, interfaces = self._scan, self._interfaces
-        window, more = self._window, True
-        data = window.view
-        while more:
-            found = scan.scan(window.data, window.end)
-            for number, interface, high, low, captured, original, start in found:
+        interfaces = self._interfaces
+        for found in self._batches:
+            for number, interface, high, low, original, data in found:
                 about = interfaces[interface]
                 units = (high << 32 | low) * about.numerator  # `time_ns`, without the call
                 if about.denominator != 1:
                     units //= about.denominator
                 self.frames = number
                 self._last_ns = time_ns = units + about.offset_ns
-                frame = data[start : start + captured].tobytes()
-                yield Frame(number, time_ns, about.link_type, frame, original)
-            more = len(found) == BATCH
-        self.frames = scan.frames
+                yield Frame(number, time_ns, about.link_type, data, original)
+        self.frames = self._scan.frames
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._batches.close()
 
     def _set_order(self, order: ByteOrder) -> None:
         self._order: ByteOrder = order

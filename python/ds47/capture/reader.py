@@ -89,6 +89,7 @@ class Capture:
 
     def close(self) -> None:
         """Close the file, if `open_capture` opened it."""
+        self._reader.close()
         self._stream.close()
 
 

@@ -5,7 +5,7 @@ cdef const unsigned char* _UUIDS
 cdef unsigned int _BIG_1, _BIG_2, _LITTLE_1, _LITTLE_2, _TAIL_1, _TAIL_2
 cdef unsigned int _IPV4, _PROFINET, _LLDP, _UDP, _PNIO_PORT, _ENHANCED
 cdef long _ETHERNET, _RAW, _RAW_IPV4, _SLL, _SLL2
-cdef Py_ssize_t _MAX_FRAME, _BATCH
+cdef Py_ssize_t _MAX_FRAME, _BATCH, _ENTRY, _AHEAD, _KEPT, _FAR
 
 cdef unsigned int _u16(const unsigned char* data, Py_ssize_t at) noexcept nogil
 
@@ -36,27 +36,98 @@ cdef bint _relevant(
     const unsigned char* data, Py_ssize_t start, Py_ssize_t end, long link_type, Py_ssize_t original
 ) noexcept nogil
 
-cdef class PcapScan:
-    cdef public Py_ssize_t position, frames
+ctypedef unsigned long long number_t
+
+cdef extern from *:
+    """
+    #ifdef _WIN32
+    #include <io.h>
+    #define ds47_read(descriptor, data, most) _read((descriptor), (data), (unsigned)(most))
+    #else
+    #include <unistd.h>
+    #define ds47_read(descriptor, data, most) read((descriptor), (data), (size_t)(most))
+    #endif
+    """
+    Py_ssize_t ds47_read(int descriptor, void* data, Py_ssize_t most) nogil
+
+cdef inline Py_ssize_t _read(int descriptor, unsigned char* data, Py_ssize_t at, Py_ssize_t most) noexcept nogil:
+    return ds47_read(descriptor, data + at, most)
+
+@cython.locals(byte=Py_ssize_t)
+cdef void _put(unsigned char* entries, Py_ssize_t at, number_t value) noexcept nogil
+
+@cython.locals(byte=Py_ssize_t, value=number_t)
+cdef number_t _get(const unsigned char* entries, Py_ssize_t at) noexcept nogil
+
+@cython.locals(at=Py_ssize_t)
+cdef Py_ssize_t _note(
+    unsigned char* entries, Py_ssize_t count, number_t number, number_t interface, number_t high, number_t low,
+    number_t original, number_t captured, number_t start
+) noexcept nogil
+
+@cython.locals(found=list, numbers="const unsigned char*", view="const unsigned char*", at=Py_ssize_t,
+               start=Py_ssize_t, after=Py_ssize_t)
+cdef list _told(entries, Py_ssize_t count, data)
+
+@cython.locals(entry=Py_ssize_t, at=Py_ssize_t, start=Py_ssize_t, captured=Py_ssize_t, byte=Py_ssize_t)
+cdef Py_ssize_t _keep(
+    const unsigned char* data, unsigned char* kept, Py_ssize_t used, unsigned char* entries, Py_ssize_t first,
+    Py_ssize_t count
+) noexcept nogil
+
+@cython.locals(byte=Py_ssize_t)
+cdef Py_ssize_t _to_front(unsigned char* data, Py_ssize_t start, Py_ssize_t end) noexcept nogil
+
+cdef class Scan:
+    cdef public Py_ssize_t position, frames, end, passed
+    cdef public bint stopped, more
+    cdef public list links
+    cdef Py_ssize_t _known
     cdef bint _big
+
+    cdef bytes _links(self)
+
+    @cython.locals(count=Py_ssize_t)
+    cdef list _compiled(self, data, Py_ssize_t end)
+
+    cdef Py_ssize_t _walk(
+        self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
+        unsigned char* entries, Py_ssize_t count, Py_ssize_t most
+    ) noexcept nogil
+
+    @cython.locals(used=Py_ssize_t, passed=Py_ssize_t, more=bint, before=Py_ssize_t, advanced=Py_ssize_t,
+                   got=Py_ssize_t)
+    cdef Py_ssize_t _ahead(
+        self, int descriptor, unsigned char* data, Py_ssize_t end, Py_ssize_t size, const unsigned char* links,
+        unsigned char* entries, unsigned char* kept, Py_ssize_t room
+    ) noexcept nogil
+
+cdef inline Py_ssize_t _unlocked(
+    Scan scan, int descriptor, unsigned char* data, Py_ssize_t end, Py_ssize_t size, const unsigned char* links,
+    unsigned char* entries, unsigned char* kept, Py_ssize_t room
+):
+    with nogil:
+        return scan._ahead(descriptor, data, end, size, links, entries, kept, room)
+
+cdef class PcapScan(Scan):
     cdef Py_ssize_t _header
-    cdef long _link_type
     cdef object _swapped, _layout, _record, _runs
 
-    @cython.locals(view="const unsigned char*", found=list, big=bint, header=Py_ssize_t, link_type=long,
-                   position=Py_ssize_t, number=Py_ssize_t, last=Py_ssize_t, start=Py_ssize_t,
-                   captured=Py_ssize_t, original=Py_ssize_t, seconds="unsigned int",
-                   fraction="unsigned int")
-    cdef list _compiled(self, data, Py_ssize_t end)
+    @cython.locals(big=bint, header=Py_ssize_t, link_type=long, position=Py_ssize_t, number=Py_ssize_t,
+                   last=Py_ssize_t, start=Py_ssize_t, captured=Py_ssize_t, original=Py_ssize_t,
+                   seconds="unsigned int", fraction="unsigned int")
+    cdef Py_ssize_t _walk(
+        self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
+        unsigned char* entries, Py_ssize_t count, Py_ssize_t most
+    ) noexcept nogil
 
-cdef class PcapngScan:
-    cdef public Py_ssize_t position, frames
-    cdef public list links
-    cdef bint _big
+cdef class PcapngScan(Scan):
     cdef object _swapped, _block, _layout, _word, _runs
 
-    @cython.locals(view="const unsigned char*", found=list, big=bint, links=list, known=Py_ssize_t,
-                   position=Py_ssize_t, number=Py_ssize_t, last=Py_ssize_t, total=Py_ssize_t,
+    @cython.locals(big=bint, position=Py_ssize_t, number=Py_ssize_t, last=Py_ssize_t, total=Py_ssize_t,
                    interface=Py_ssize_t, captured=Py_ssize_t, original=Py_ssize_t, start=Py_ssize_t,
-                   link_of=Py_ssize_t, link_type=long, high="unsigned int", low="unsigned int")
-    cdef list _compiled(self, data, Py_ssize_t end)
+                   link_type=long, high="unsigned int", low="unsigned int")
+    cdef Py_ssize_t _walk(
+        self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
+        unsigned char* entries, Py_ssize_t count, Py_ssize_t most
+    ) noexcept nogil

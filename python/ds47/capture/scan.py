@@ -8,7 +8,8 @@ This is the only file where speed may cost beauty. It is plain Python, and with 
 scan.pxd beside it also what Cython compiles. The two differ in one thing, how the fields of a record
 are fetched: compiled from the bytes; else by one `unpack` in the byte order of the file, so that the
 constants to compare with are swapped instead of the fields, and long runs of cyclic frames by
-a regular expression (`Runs`). A test holds both to the same answer.
+a regular expression (`Runs`). A test holds both to the same answer. Compiled, a scan can also read
+the file itself, without the interpreter (`Scan.ahead`), for a thread (ahead.py).
 
 A frame matters when, after VLAN tags or a cooked header, it is
 * IPv4 UDP with RPC version 4 and the PNIO interface UUID (docs/protocol.md E.2), on any port;
@@ -56,6 +57,13 @@ _BIG_1, _BIG_2 = 0xDEA00001, 0x6C9711D1  # words of the first UUID in network or
 _LITTLE_1, _LITTLE_2 = 0x0100A0DE, 0x976CD111  # of a little-endian sender
 _TAIL_1, _TAIL_2 = 0x827100A0, 0x2442DF7D
 
+_AHEAD = (
+    4 * BATCH
+)  # the same of `ahead`: fewer, and its thread has to wait for the interpreter too often
+_KEPT = 1 << 20  # bytes of such frames
+_FAR = (
+    1 << 25
+)  # bytes after which it tells what it has: who reads a slow disk wants to see something
 _LEARN_FROM = 4096  # frames after which it pays to learn the shapes of cyclic traffic
 
 
@@ -259,67 +267,216 @@ def _is_rt(data: Bytes, start: int, captured: int) -> bool:
 # Behind the record header: two MAC addresses, then type, frame id or tag, inner type, inner id.
 _TYPES = "12xHHHH"
 
-PcapFrame = tuple[int, int, int, int, int, int]
-"""Number, seconds, fraction, captured and original length, offset of the first byte."""
-PcapngFrame = tuple[int, int, int, int, int, int, int]
-"""Number, interface, high and low half of the time, captured and original length, offset."""
+Found = tuple[int, int, int, int, int, bytes]
+"""A frame: number, interface (0 in a pcap file), two parts of its time, original length, captured bytes.
+
+The parts are seconds and fraction in a pcap file, high and low half in a pcapng file."""
+
+# Where the loops over bytes keep what they have found: seven numbers of eight bytes a frame, those of
+# `Found` with the captured length and the offset of the first byte for the bytes.
+_ENTRY = 56
 
 
-class PcapScan:
-    """The walk over the records of a pcap file.
+def _put(entries: bytearray, at: int, value: int) -> None:
+    for byte in range(8):
+        entries[at + byte] = value >> 8 * byte & 0xFF
 
-    `position` is the offset in the buffer of the next record, `frames` counts what was passed.
+
+def _get(entries: Bytes, at: int) -> int:
+    value = 0
+    for byte in range(7, -1, -1):
+        value = value << 8 | entries[at + byte]
+    return value
+
+
+def _note(
+    entries: bytearray, count: int, number: int, interface: int, high: int, low: int,
+    original: int, captured: int, start: int,
+) -> int:  # fmt: skip
+    """Keep one more entry behind the `count` that are there; how many there are now."""
+    at = count * _ENTRY
+    _put(entries, at, number)
+    _put(entries, at + 8, interface)
+    _put(entries, at + 16, high)
+    _put(entries, at + 24, low)
+    _put(entries, at + 32, original)
+    _put(entries, at + 40, captured)
+    _put(entries, at + 48, start)
+    return count + 1
+
+
+def _told(entries: Bytes, count: int, data: Bytes) -> list[Found]:
+    """The first `count` entries, their bytes taken out of `data`."""
+    found: list[Found] = []
+    numbers, view = entries, data
+    for at in range(0, count * _ENTRY, _ENTRY):
+        start = _get(numbers, at + 48)
+        after = start + _get(numbers, at + 40)
+        found.append((
+            _get(numbers, at), _get(numbers, at + 8), _get(numbers, at + 16),
+            _get(numbers, at + 24), _get(numbers, at + 32), bytes(view[start:after]),
+        ))  # fmt: skip
+    return found
+
+
+# Only there where this is compiled: scan.pxd has them.
+_read: Callable[[int, bytearray, int, int], int]
+"""Read from a file descriptor to an offset, so many bytes at the most; how many, 0 or less at the end."""
+_unlocked: Callable[..., int]
+"""`Scan._ahead` while other threads of Python run."""
+
+
+class Scan:
+    """What the two walks have in common.
+
+    `position` is the offset in the buffer of the next record, `frames` counts what was passed,
+    `links` are the LINKTYPE_ numbers of the interfaces. `stopped` ends `ahead` soon.
     """
 
-    def __init__(self, order: ByteOrder, header: int, link_type: int) -> None:
-        """`header` is the length of a record header, `link_type` a LINKTYPE_ number."""
+    def __init__(self, order: ByteOrder) -> None:
         self.position = 0
         self.frames = 0
+        self.links: list[int] = []
+        self.stopped = False
+        self.end = 0
+        self.passed = 0
+        self.more = False
+        self._known = 0
         self._big = order == "big"
-        self._header = header
-        self._link_type = link_type
-        self._swapped = _Swapped(order)
-        sign = "<>"[self._big]
-        self._layout = struct.Struct(f"{sign}8xI{header - 12}x{_TYPES}").unpack_from
-        self._record = struct.Struct(f"{sign}4I").unpack_from
-        self._runs = Runs(b".{8}")
 
-    def scan(self, data: Bytes, end: int) -> list[PcapFrame]:
+    def scan(self, data: bytearray, end: int) -> list[Found]:
         """The next frames that matter in data[:end], at most BATCH; PADDING bytes must be behind `end`.
 
-        With fewer than BATCH it stands in front of a record that is not wholly there or is longer
-        than MAX_FRAME.
+        With fewer than BATCH it stands in front of something that it cannot pass: a record that is
+        not wholly there, that is longer than MAX_FRAME or, in a pcapng file, that is not a sound
+        Enhanced Packet Block of a known interface.
         """
         if len(data) < end + PADDING:
             raise ValueError("no room behind the buffer")
         return self._compiled(data, end) if COMPILED else self._plain(data, end)
 
-    def _compiled(self, data: Bytes, end: int) -> list[PcapFrame]:
+    def ahead(self, descriptor: int, data: bytearray, end: int) -> list[Found]:
+        """The next frames that matter in data[:end] and in the file behind it. Only where this is compiled.
+
+        Reads by itself, into `data`, and lets other threads run meanwhile. Afterwards data[:self.end] is
+        what is left, and `passed` bytes before that are gone. `more` says that this was enough for
+        once; otherwise it stands at the end of the file or in front of something that it cannot
+        pass, as `scan` does.
+        """
+        links, size = self._links(), len(data) - PADDING
+        entries, kept = bytearray(_AHEAD * _ENTRY), bytearray(max(_KEPT, size))
+        room = len(kept)
+        count = _unlocked(self, descriptor, data, end, size, links, entries, kept, room)  # noqa: F821
+        return _told(entries, count, kept)
+
+    def _links(self) -> bytes:
+        """The link types as the loop over bytes wants them."""
+        self._known = len(self.links)
+        return struct.pack(f">{len(self.links)}I", *self.links)
+
+    def _compiled(self, data: bytearray, end: int) -> list[Found]:
         """The loop over bytes. Runs uncompiled too, slowly."""
-        found: list[PcapFrame] = []
-        view = data
-        big, header, link_type = self._big, self._header, self._link_type
+        entries = bytearray(_BATCH * _ENTRY)
+        links = self._links()
+        count = self._walk(data, end, links, entries, 0, _BATCH)
+        return _told(entries, count, data)
+
+    def _plain(self, data: bytearray, end: int) -> list[Found]:
+        """The loop over unpacked fields."""
+        raise NotImplementedError
+
+    def _walk(
+        self, data: Bytes, end: int, links: Bytes, entries: bytearray, count: int, most: int
+    ) -> int:
+        """Pass what can be passed of data[:end], until there are `most` entries; how many there are now."""
+        raise NotImplementedError
+
+    def _ahead(
+        self, descriptor: int, data: bytearray, end: int, size: int, links: Bytes,
+        entries: bytearray, kept: bytearray, room: int,
+    ) -> int:  # fmt: skip
+        """`ahead` without an object: how many entries there are now, their bytes in `kept`."""
+        count, used, passed, more = 0, 0, 0, False
+        while not self.stopped:
+            before = count
+            count = self._walk(data, end, links, entries, count, _AHEAD)
+            used = _keep(data, kept, used, entries, before, count)
+            more = count == _AHEAD or used + size > room or passed >= _FAR
+            if more:
+                break
+            passed += self.position
+            end = _to_front(data, self.position, end)
+            advanced, self.position = self.position, 0
+            got = _read(descriptor, data, end, size - end) if advanced else 0  # noqa: F821
+            if got <= 0:
+                break
+            end += got
+        self.end, self.passed, self.more = end, passed, more
+        return count
+
+
+def _keep(
+    data: Bytes, kept: bytearray, used: int, entries: bytearray, first: int, count: int
+) -> int:
+    """Copy the bytes of the entries from `first` on, behind those that are kept; how many there are now."""
+    for entry in range(first, count):
+        at = entry * _ENTRY
+        start, captured = _get(entries, at + 48), _get(entries, at + 40)
+        for byte in range(captured):
+            kept[used + byte] = data[start + byte]
+        _put(entries, at + 48, used)
+        used += captured
+    return used
+
+
+def _to_front(data: bytearray, start: int, end: int) -> int:
+    """Move data[start:end] to the front; its length."""
+    for byte in range(end - start):
+        data[byte] = data[start + byte]
+    return end - start
+
+
+class PcapScan(Scan):
+    """The walk over the records of a pcap file."""
+
+    def __init__(self, order: ByteOrder, header: int, link_type: int) -> None:
+        """`header` is the length of a record header, `link_type` a LINKTYPE_ number."""
+        super().__init__(order)
+        self.links.append(link_type)
+        self._header = header
+        self._swapped = _Swapped(order)
+        sign = "<>"[order == "big"]
+        self._layout = struct.Struct(f"{sign}8xI{header - 12}x{_TYPES}").unpack_from
+        self._record = struct.Struct(f"{sign}4I").unpack_from
+        self._runs = Runs(b".{8}")
+
+    def _walk(
+        self, data: Bytes, end: int, links: Bytes, entries: bytearray, count: int, most: int
+    ) -> int:
+        big, header, link_type = self._big, self._header, _u32(links, 0, True)
         position, number, last = self.position, self.frames, end - header
-        while position <= last and len(found) < _BATCH:
-            captured = _u32(view, position + 8, big)
+        while position <= last and count < most:
+            captured = _u32(data, position + 8, big)
             start = position + header
             if captured > _MAX_FRAME or start + captured > end:
                 break
             number += 1
-            if link_type != _ETHERNET or not _is_rt(view, start, captured):
-                original = _u32(view, position + 12, big)
-                if _relevant(view, start, start + captured, link_type, original):
-                    seconds, fraction = _u32(view, position, big), _u32(view, position + 4, big)
-                    found.append((number, seconds, fraction, captured, original, start))
+            if link_type != _ETHERNET or not _is_rt(data, start, captured):
+                original = _u32(data, position + 12, big)
+                if _relevant(data, start, start + captured, link_type, original):
+                    seconds, fraction = _u32(data, position, big), _u32(data, position + 4, big)
+                    count = _note(
+                        entries, count, number, 0, seconds, fraction, original, captured, start
+                    )
             position = start + captured
         self.position, self.frames = position, number
-        return found
+        return count
 
-    def _plain(self, data: Bytes, end: int) -> list[PcapFrame]:
-        """The loop over unpacked fields."""
-        found: list[PcapFrame] = []
+    def _plain(self, data: bytearray, end: int) -> list[Found]:
+        found: list[Found] = []
+        view = memoryview(data)
         layout, record, runs = self._layout, self._record, self._runs
-        swapped, header, link_type = self._swapped, self._header, self._link_type
+        swapped, header, (link_type,) = self._swapped, self._header, self.links
         profinet, ipv4, kept = swapped.profinet, swapped.ipv4, swapped.kept
         dcp, tags, ethernet = swapped.dcp, swapped.tags, link_type == ETHERNET
         position, number, last = self.position, self.frames, end - header
@@ -353,78 +510,64 @@ class PcapScan:
             if (kind == ipv4 and ethernet and _usual(data, start, captured)) or _relevant(
                 data, start, after, link_type, original
             ):
-                found.append((number, seconds, fraction, captured, original, start))
+                frame = view[start:after].tobytes()
+                found.append((number, 0, seconds, fraction, original, frame))
                 if len(found) == BATCH:
                     break
         self.position, self.frames = position, number
         return found
 
 
-class PcapngScan:
-    """The walk over the Enhanced Packet Blocks of a pcapng file; `links` are those of the interfaces.
-
-    `position` is the offset in the buffer of the next block, `frames` counts what was passed.
-    """
+class PcapngScan(Scan):
+    """The walk over the Enhanced Packet Blocks of a pcapng file."""
 
     def __init__(self) -> None:
-        self.position = 0
-        self.frames = 0
+        super().__init__("little")
         self.section("little")
 
     def section(self, order: ByteOrder) -> None:
         """A section of that byte order begins, without interfaces yet."""
-        self.links: list[int] = []
+        self.links = []
         self._big = order == "big"
         self._swapped = _Swapped(order)
-        sign = "<>"[self._big]
+        sign = "<>"[order == "big"]
         self._block = re.escape(struct.pack(f"{sign}I", ENHANCED_PACKET))
         self._layout = struct.Struct(f"{sign}7I{_TYPES}").unpack_from
         self._word = struct.Struct(f"{sign}I").unpack_from
         self._runs = Runs(self._block)
 
-    def scan(self, data: Bytes, end: int) -> list[PcapngFrame]:
-        """The next frames that matter in data[:end], at most BATCH; PADDING bytes must be behind `end`.
-
-        With fewer than BATCH it stands in front of something that is not a sound Enhanced Packet
-        Block, wholly there, of a known interface.
-        """
-        if len(data) < end + PADDING:
-            raise ValueError("no room behind the buffer")
-        return self._compiled(data, end) if COMPILED else self._plain(data, end)
-
-    def _compiled(self, data: Bytes, end: int) -> list[PcapngFrame]:
-        """The loop over bytes. Runs uncompiled too, slowly."""
-        found: list[PcapngFrame] = []
-        view = data
-        big, links, known = self._big, self.links, len(self.links)
+    def _walk(
+        self, data: Bytes, end: int, links: Bytes, entries: bytearray, count: int, most: int
+    ) -> int:
+        big = self._big
         position, number, last = self.position, self.frames, end - 32
-        link_of, link_type = -1, -1
-        while position <= last and len(found) < _BATCH:
-            total = _u32(view, position + 4, big)
-            interface = _u32(view, position + 8, big)
-            captured = _u32(view, position + 20, big)
-            if _u32(view, position, big) != _ENHANCED or total & 3 or position + total > end:
+        while position <= last and count < most:
+            total = _u32(data, position + 4, big)
+            interface = _u32(data, position + 8, big)
+            captured = _u32(data, position + 20, big)
+            if _u32(data, position, big) != _ENHANCED or total & 3 or position + total > end:
                 break
-            if captured + 32 > total or captured > _MAX_FRAME or interface >= known:
+            if captured + 32 > total or captured > _MAX_FRAME or interface >= self._known:
                 break
-            if _u32(view, position + total - 4, big) != total:
+            if _u32(data, position + total - 4, big) != total:
                 break
-            if interface != link_of:
-                link_of, link_type = interface, links[interface]
             start = position + 28
             number += 1
-            if link_type != _ETHERNET or not _is_rt(view, start, captured):
-                original = _u32(view, position + 24, big)
-                if _relevant(view, start, start + captured, link_type, original):
-                    high, low = _u32(view, position + 12, big), _u32(view, position + 16, big)
-                    found.append((number, interface, high, low, captured, original, start))
+            link_type = _u32(links, 4 * interface, True)
+            if link_type != _ETHERNET or not _is_rt(data, start, captured):
+                original = _u32(data, position + 24, big)
+                if _relevant(data, start, start + captured, link_type, original):
+                    high, low = _u32(data, position + 12, big), _u32(data, position + 16, big)
+                    count = _note(
+                        entries, count, number, interface, high, low, original, captured, start
+                    )
             position += total
         self.position, self.frames = position, number
-        return found
+        return count
 
-    def _plain(self, data: Bytes, end: int) -> list[PcapngFrame]:
-        """The loop over unpacked fields."""
-        found: list[PcapngFrame] = []
+    def _plain(self, data: bytearray, end: int) -> list[Found]:
+        found: list[Found] = []
+        view = memoryview(data)
         layout, word, runs, links = self._layout, self._word, self._runs, self.links
         swapped, known = self._swapped, len(links)
         profinet, ipv4, kept = swapped.profinet, swapped.ipv4, swapped.kept
@@ -461,7 +604,8 @@ class PcapngScan:
             if (kind == ipv4 and ethernet and _usual(data, start, captured)) or _relevant(
                 data, start, start + captured, links[interface], original
             ):
-                found.append((number, interface, high, low, captured, original, start))
+                frame = view[start : start + captured].tobytes()
+                found.append((number, interface, high, low, original, frame))
                 if len(found) == BATCH:
                     break
         self.position, self.frames = position, number

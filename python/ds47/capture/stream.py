@@ -1,7 +1,8 @@
 """Bytes in order: opening a source, taking off compression, a sliding window over the rest.
 
 Lives here: plain files, stdin and file objects; gzip and zstd, recognised by content; `Window`, the
-buffer that the scan walks over. Not here: what the bytes mean (pcap.py, pcapng.py).
+buffer that the scan walks over. Not here: what the bytes mean (pcap.py, pcapng.py), the thread that
+reads large plain files (ahead.py).
 
 Files are read, not mapped: a mapped file that somebody truncates kills the process, mapped pages
 count as memory of the process, and reading into the same buffer again and again is as fast.
@@ -12,6 +13,7 @@ from __future__ import annotations
 import importlib
 import io
 import os
+import stat
 import sys
 import zlib
 from collections.abc import Callable
@@ -84,6 +86,18 @@ class _Raw:
             return self._into(room) or 0
         except (OSError, ValueError) as error:
             raise DamagedError(f"reading failed: {error}") from error
+
+    def large_file(self, least: int) -> int | None:
+        """As `Stream.large_file`."""
+        if self._left or not isinstance(self._file, io.FileIO):
+            return None
+        try:
+            descriptor = self._file.fileno()
+            about = os.fstat(descriptor)
+            left = about.st_size - self._file.tell()
+        except (OSError, ValueError):  # reading it will say why
+            return None
+        return descriptor if stat.S_ISREG(about.st_mode) and left >= least else None
 
     def _take(self, size: int) -> bytes:
         try:
@@ -204,7 +218,7 @@ class Stream:
         self.name = name or self._name_of(source)
         file = self._open(source)
         try:
-            raw = _Raw(file)
+            self._raw = raw = _Raw(file)
             self._reader: Reader = raw
             for magic in (_GZIP, _ZSTD):
                 if raw.head.startswith(magic):
@@ -242,6 +256,13 @@ class Stream:
         """Fill the beginning of `room`; how many bytes, 0 at the end. Raises DamagedError."""
         return self._reader.readinto(room)
 
+    def large_file(self, least: int) -> int | None:
+        """The descriptor where this is a plain file of which at least so many bytes are left.
+
+        Who reads from it goes on where this stands, and this where that one ends.
+        """
+        return self._raw.large_file(least) if self._reader is self._raw else None
+
     def close(self) -> None:
         """Close the file if this object opened it."""
         if self._owned is not None:
@@ -262,6 +283,16 @@ class Window:
         self.end = 0
         self.base = 0
         self.broken: str | None = None
+
+    def large_file(self, least: int) -> int | None:
+        """As `Stream.large_file`."""
+        stream = self._stream
+        return stream.large_file(least) if isinstance(stream, Stream) else None
+
+    def take_over(self, end: int, passed: int) -> None:
+        """Somebody else has read into `data`: it ends there now, and began so many bytes before."""
+        self.end = end
+        self.base += passed
 
     def more(self, start: int, need: int) -> bool:
         """Drop what lies before `start`; have at least `need` bytes after it, if the stream does.

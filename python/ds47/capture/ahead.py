@@ -1,0 +1,122 @@
+"""What a scan finds in a stream, batch by batch; in a thread of its own where that pays.
+
+Lives here: when there is a thread, how far it may be ahead, how it ends. Not here: the walk over the
+frames (scan.py), the buffer (stream.py), what stands where the walk cannot go on (pcap.py, pcapng.py).
+
+A compiled scan of a large plain file reads it too, without the interpreter, while the main thread makes
+transactions of what was found before. It only does the usual: at the end of the file, at damage or at a
+block that is no frame it stops, the thread ends, and all is as if there had been none. So there is one place
+that says what is wrong with a file. Uncompiled, the scan needs the interpreter, and a thread gains nothing.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from queue import SimpleQueue
+
+from .scan import BATCH, COMPILED, Found, Scan
+from .stream import Window
+
+FROM = 1 << 24
+"""Bytes of a file for which a thread pays."""
+_BATCHES = 4
+"""How many batches it may be ahead."""
+
+
+class Batches:
+    """The frames that `scan` finds in `window`, up to what it cannot pass; iterate again behind that.
+
+    Whoever does not take all of them calls `close`.
+    """
+
+    def __init__(self, scan: Scan, window: Window) -> None:
+        self._scan = scan
+        self._window = window
+        self._thread: _Thread | None = None
+        self._next = 0  # from where on in the capture there may be a thread
+
+    def __iter__(self) -> Iterator[list[Found]]:
+        if COMPILED and self._window.base >= self._next:
+            yield from self._ahead()
+        scan, window = self._scan, self._window
+        more = True
+        while more:
+            found = scan.scan(window.data, window.end)
+            yield found
+            more = len(found) == BATCH
+
+    def _ahead(self) -> Iterator[list[Found]]:
+        descriptor = self._window.large_file(FROM)
+        if descriptor is None:
+            return
+        begin = self._window.base
+        self._thread = _Thread(self._scan, self._window, descriptor)
+        try:
+            yield from self._thread.batches()
+        finally:
+            self.close()
+        if (
+            self._window.base < begin + FROM
+        ):  # something else stands between the frames, and again soon
+            self._next = self._window.base + FROM
+
+    def close(self) -> None:
+        """Ends the thread, if there is one."""
+        if self._thread is not None:
+            self._thread.stop()
+            self._thread = None
+
+
+class _Thread:
+    """One run of a scan through a file. While it lasts, scan, window and file are its own."""
+
+    def __init__(self, scan: Scan, window: Window, descriptor: int) -> None:
+        self._scan = scan
+        self._found: SimpleQueue[list[Found] | BaseException | None] = SimpleQueue()
+        self._room: SimpleQueue[None] = SimpleQueue()
+        for _ in range(_BATCHES):
+            self._room.put(None)
+        scan.stopped = False
+        # a daemon: who leaves the interpreter without `stop` shall not have to wait
+        self._thread = threading.Thread(
+            target=_run, args=(scan, window, descriptor, self._found, self._room), daemon=True
+        )
+        self._thread.start()
+
+    def batches(self) -> Iterator[list[Found]]:
+        """What it finds. Raises what went wrong in the thread."""
+        while (found := self._found.get()) is not None:
+            if isinstance(found, BaseException):
+                raise found
+            yield found
+            self._room.put(None)
+
+    def stop(self) -> None:
+        """End it; scan and window stand where it stood."""
+        self._scan.stopped = True
+        self._room.put(None)
+        if (
+            self._thread is not threading.current_thread()
+        ):  # there the garbage may be collected, too
+            self._thread.join()
+
+
+def _run(
+    scan: Scan,
+    window: Window,
+    descriptor: int,
+    found: SimpleQueue[list[Found] | BaseException | None],
+    room: SimpleQueue[None],
+) -> None:
+    """The thread; a function, so that it keeps nothing alive of who iterates."""
+    try:
+        more = True
+        while more:
+            room.get()
+            found.put(scan.ahead(descriptor, window.data, window.end))
+            window.take_over(scan.end, scan.passed)
+            more = scan.more
+    except BaseException as problem:  # noqa: BLE001 (raised again where the frames are taken)
+        found.put(problem)
+    found.put(None)
