@@ -6,8 +6,8 @@ Two compilers, each optional, each fed with the plain Python files themselves:
 * mypyc takes the record path (RECORD_PATH), whose annotations the type checker has proved.
 
 Where one of them, or the C compiler, is missing or fails, its part stays plain Python: same answers,
-slower. The wheel always gets the tables of `ds47/spec` as one JSON file too, because TOML takes
-longer to parse than a small capture to analyse. DS47_COMPILE=0 switches the compilers off.
+slower. The wheel always gets the tables of `ds47/spec` as JSON too, because TOML takes longer to
+parse than a small capture to analyse. DS47_COMPILE=0 switches the compilers off.
 
 `python hatch_build.py FOLDER` compiles the copy of `ds47` in FOLDER in place.
 """
@@ -47,14 +47,20 @@ DIRECTIVES = {
     "initializedcheck": False,
 }
 MOST_SECONDS = 1800
-_FLAGS = [] if sys.platform == "win32" else ["-O2", "-g0"]
+_FLAGS = [] if sys.platform == "win32" else ["-O3", "-g0"]
 
 
 def tables(spec: Path) -> str:
-    """The tables of `ds47/spec`, file name to content."""
-    files = sorted(spec.glob("*.toml"))
-    content = {file.name: tomllib.loads(file.read_text("utf-8")) for file in files}
-    return json.dumps(content, ensure_ascii=False, separators=(",", ":"))
+    """The tables of `ds47/spec`, a line for each file: `{"NAME": CONTENT}`. Nobody needs all of them."""
+    lines = [
+        json.dumps(
+            {file.name: tomllib.loads(file.read_text("utf-8"))},
+            ensure_ascii=False,
+            separators=(",", ":"),
+        )
+        for file in sorted(spec.glob("*.toml"))
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def digest(sources: Path) -> str:
@@ -132,7 +138,7 @@ except ImportError:  # run as a program, by an interpreter without hatchling
 
 
 class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
-    """Adds extension modules and tables.json to a wheel; an editable install stays plain."""
+    """Adds extension modules and tables.ndjson to a wheel; an editable install stays plain."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Called by hatchling before a wheel is put together."""
@@ -149,9 +155,9 @@ class CustomBuildHook(BuildHookInterface):  # type: ignore[type-arg]
                 included[str(file)] = file.relative_to(folder).as_posix()
                 build_data["pure_python"] = False
                 build_data["infer_tag"] = True
-        target = work.with_name("tables.json")
+        target = work.with_name("tables.ndjson")
         target.write_text(tables(sources / "spec"), encoding="utf-8")
-        included[str(target)] = "ds47/spec/tables.json"
+        included[str(target)] = "ds47/spec/tables.ndjson"
 
 
 if __name__ == "__main__":

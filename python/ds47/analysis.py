@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 from ds47.capture import Capture, Frame, Series, open_capture, sha256
 from ds47.diagnosis import Diagnoses
@@ -37,8 +37,7 @@ _RECORD_CALLS = (rpc.READ, rpc.WRITE, rpc.READ_IMPLICIT)
 OnTransaction = Callable[[Transaction, list[Finding]], None]
 
 
-@dataclass(frozen=True, slots=True)
-class Early:
+class Early(NamedTuple):
     """Who does not want to wait until nothing more can come (`ds47.watch`).
 
     Attributes:

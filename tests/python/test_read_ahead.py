@@ -45,6 +45,7 @@ def threads(
     if request.param == "plain":
         monkeypatch.setattr(scan, "_read", _read, raising=False)
         monkeypatch.setattr(scan, "_unlocked", lambda it, *rest: it._ahead(*rest), raising=False)
+        monkeypatch.setattr(scan, "_FIRST_AHEAD", 2)
         monkeypatch.setattr(scan, "_AHEAD", 5)
         monkeypatch.setattr(scan, "_FAR", 2000)
     monkeypatch.setattr(pcap, "PcapScan", scan.PcapScan)

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
+from pathlib import Path
+
+import pytest
+
 from ds47 import spec
 from ds47.profinet.status import status_hex, status_text
 
@@ -62,3 +67,26 @@ def test_parameters() -> None:
 def test_rules() -> None:
     assert list(spec.rules()) == sorted(spec.rules())
     assert spec.rules()["DS315"].severity == "error"
+
+
+def test_the_tables_of_a_wheel_are_the_toml_files(
+    repository: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    about = importlib.util.spec_from_file_location("hatch_build", repository / "hatch_build.py")
+    assert about is not None
+    assert about.loader is not None
+    hook = importlib.util.module_from_spec(about)
+    about.loader.exec_module(hook)
+    folder = repository / "python/ds47/spec"
+    ready = hook.tables(folder).encode()
+    content = spec._content
+    monkeypatch.setattr(spec, "_content", lambda name: ready if name == "tables.ndjson" else content(name))  # fmt: skip
+    for cached in (spec._ready, spec._load):
+        cached.cache_clear()
+    names = [file.name for file in folder.glob("*.toml")]
+    try:
+        assert sorted(spec._ready()) == sorted(names)
+        assert all(spec._load(name) == spec._parsed(name) for name in names)
+    finally:
+        for cached in (spec._ready, spec._load):
+            cached.cache_clear()

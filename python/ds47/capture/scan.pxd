@@ -5,7 +5,7 @@ cdef const unsigned char* _UUIDS
 cdef unsigned int _BIG_1, _BIG_2, _LITTLE_1, _LITTLE_2, _TAIL_1, _TAIL_2
 cdef unsigned int _IPV4, _PROFINET, _LLDP, _UDP, _PNIO_PORT, _ENHANCED
 cdef long _ETHERNET, _RAW, _RAW_IPV4, _SLL, _SLL2
-cdef Py_ssize_t _MAX_FRAME, _BATCH, _ENTRY, _AHEAD, _KEPT, _FAR
+cdef Py_ssize_t _MAX_FRAME, _BATCH, _ENTRY, _FIRST_AHEAD, _AHEAD, _KEPT, _FAR
 
 cdef unsigned int _u16(const unsigned char* data, Py_ssize_t at) noexcept nogil
 
@@ -82,7 +82,8 @@ cdef class Scan:
     cdef public Py_ssize_t position, frames, end, passed
     cdef public bint stopped, more
     cdef public list links
-    cdef Py_ssize_t _known
+    cdef Py_ssize_t _known, _most
+    cdef object _entries, _kept
     cdef bint _big
 
     cdef bytes _links(self)

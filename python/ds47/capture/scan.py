@@ -57,14 +57,14 @@ _BIG_1, _BIG_2 = 0xDEA00001, 0x6C9711D1  # words of the first UUID in network or
 _LITTLE_1, _LITTLE_2 = 0x0100A0DE, 0x976CD111  # of a little-endian sender
 _TAIL_1, _TAIL_2 = 0x827100A0, 0x2442DF7D
 
-_AHEAD = (
-    4 * BATCH
-)  # the same of `ahead`: fewer, and its thread has to wait for the interpreter too often
-_KEPT = 1 << 20  # bytes of such frames
-_FAR = (
-    1 << 25
-)  # bytes after which it tells what it has: who reads a slow disk wants to see something
 _LEARN_FROM = 4096  # frames after which it pays to learn the shapes of cyclic traffic
+
+# What `ahead` gives at once. Few frames at first, because somebody waits for them, then twice as many each
+# time: behind each its thread has to wait for the interpreter, up to 5 ms.
+_FIRST_AHEAD = 256
+_AHEAD = 4 * BATCH
+_KEPT = 1 << 20  # bytes of frames
+_FAR = 1 << 25  # bytes of the file: who reads a slow disk wants to see something
 
 
 def _u16(data: Bytes, at: int) -> int:
@@ -342,6 +342,9 @@ class Scan:
         self.passed = 0
         self.more = False
         self._known = 0
+        self._most = _FIRST_AHEAD // 2
+        self._entries = bytearray(_BATCH * _ENTRY)
+        self._kept = bytearray()
         self._big = order == "big"
 
     def scan(self, data: bytearray, end: int) -> list[Found]:
@@ -364,8 +367,10 @@ class Scan:
         pass, as `scan` does.
         """
         links, size = self._links(), len(data) - PADDING
-        entries, kept = bytearray(_AHEAD * _ENTRY), bytearray(max(_KEPT, size))
-        room = len(kept)
+        if len(self._kept) < max(_KEPT, size):
+            self._entries, self._kept = bytearray(_AHEAD * _ENTRY), bytearray(max(_KEPT, size))
+        self._most = min(2 * self._most, _AHEAD)
+        entries, kept, room = self._entries, self._kept, len(self._kept)
         count = _unlocked(self, descriptor, data, end, size, links, entries, kept, room)  # noqa: F821
         return _told(entries, count, kept)
 
@@ -376,8 +381,7 @@ class Scan:
 
     def _compiled(self, data: bytearray, end: int) -> list[Found]:
         """The loop over bytes. Runs uncompiled too, slowly."""
-        entries = bytearray(_BATCH * _ENTRY)
-        links = self._links()
+        links, entries = self._links(), self._entries
         count = self._walk(data, end, links, entries, 0, _BATCH)
         return _told(entries, count, data)
 
@@ -399,9 +403,9 @@ class Scan:
         count, used, passed, more = 0, 0, 0, False
         while not self.stopped:
             before = count
-            count = self._walk(data, end, links, entries, count, _AHEAD)
+            count = self._walk(data, end, links, entries, count, self._most)
             used = _keep(data, kept, used, entries, before, count)
-            more = count == _AHEAD or used + size > room or passed >= _FAR
+            more = count == self._most or used + size > room or passed >= _FAR
             if more:
                 break
             passed += self.position

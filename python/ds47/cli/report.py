@@ -124,6 +124,7 @@ def command(
     PATH is a pcap or pcapng file (also .gz and .zst), a folder, which is searched for captures
     with all that is below it, a URL of either (s3://...), or - for stdin.
     """
+    collect_rarely()
     manner = Manner(
         options_from(**options), engine, tshark, jobs, results_name, resume, scheduler
     )  # fmt: skip
@@ -131,7 +132,6 @@ def command(
     lacking: list[str] = []
     tasks = _tasks(paths, series, lacking.append)
     name = format_name or ("overview" if results_name else "text")
-    collect_rarely()
     with output(output_name) as stream:
         writer = _writer(name, stream, fail_on, manner.analysis.lang, plc)
         results, todo = manner.results(tasks, paths)

@@ -12,9 +12,9 @@ as it is finished, and then holds no more than one.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any, ClassVar, Protocol, TextIO, cast
+from types import MappingProxyType
+from typing import Any, ClassVar, NamedTuple, Protocol, TextIO, cast
 
 from ds47.model import CaptureResult, Finding, Report, Transaction
 
@@ -40,8 +40,7 @@ class RuleText(Protocol):
     def advice_zh(self) -> str: ...
 
 
-@dataclass(frozen=True, slots=True)
-class Options:
+class Options(NamedTuple):
     """How to print. `color`: ANSI colours (text only). `rules`: the catalogue, for rule names.
 
     `fail_on`: the severity from which on a finding is a failure (junit only). `lang`: the language of
@@ -51,7 +50,7 @@ class Options:
     """
 
     color: bool = False
-    rules: Mapping[str, RuleText] = field(default_factory=dict)
+    rules: Mapping[str, RuleText] = MappingProxyType({})
     fail_on: str = "error"
     lang: str = "en"
     plc: bool = False
