@@ -21,9 +21,26 @@ DIAGNOSIS = "DS7"
 
 
 class _Plain:
-    """What all classes here have: they can be copied and sent to another process, compiled too."""
+    """What all classes here have: they can be compared, shown, copied and sent to another process.
+
+    One method for all instead of one that `dataclass` writes for each: writing them takes longer than a
+    small capture, and nobody compares two transactions in a hurry.
+    """
 
     __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        return all(
+            getattr(self, name) == getattr(other, name) for name in self.__dataclass_fields__
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        values = [f"{name}={getattr(self, name)!r}" for name in self.__dataclass_fields__]
+        return f"{type(self).__name__}({', '.join(values)})"
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         return type(self), tuple(getattr(self, name) for name in self.__dataclass_fields__)
@@ -31,7 +48,7 @@ class _Plain:
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
 
-@dataclass(slots=True, init=False)
+@dataclass(slots=True, init=False, repr=False, eq=False)
 class ParameterError(_Plain):
     """What the drive answered instead of a value (docs/protocol.md A.7, B)."""
 
@@ -50,7 +67,7 @@ class ParameterError(_Plain):
         self.info = info
 
 
-@dataclass(slots=True, init=False)
+@dataclass(slots=True, init=False, repr=False, eq=False)
 class Parameter(_Plain):
     """One parameter of a transaction; `pnu` and its address are None where no request names them."""
 
@@ -93,7 +110,7 @@ class Parameter(_Plain):
         self.error = error
 
 
-@dataclass(slots=True, init=False)
+@dataclass(slots=True, init=False, repr=False, eq=False)
 class Frames(_Plain):
     """Frame numbers of a transaction, as Wireshark shows them for the same file."""
 
@@ -131,7 +148,7 @@ class Frames(_Plain):
         return sorted({frame for frame in single + pairs if frame is not None})
 
 
-@dataclass(slots=True, init=False)
+@dataclass(slots=True, init=False, repr=False, eq=False)
 class Transaction(_Plain):
     """One parameter request with all that came of it (docs/pairing.md)."""
 
@@ -210,7 +227,7 @@ class Transaction(_Plain):
         self.id = id
 
 
-@dataclass(slots=True, init=False)
+@dataclass(slots=True, init=False, repr=False, eq=False)
 class Line(_Plain):
     """A transaction that is written already, but for its number and its findings.
 
@@ -238,7 +255,7 @@ class Line(_Plain):
         self.id = id
 
 
-@dataclass(slots=True, init=False)
+@dataclass(slots=True, init=False, repr=False, eq=False)
 class Finding(_Plain):
     """A rule that applies, where it shows and to which transaction it belongs."""
 
@@ -272,7 +289,7 @@ class Finding(_Plain):
         return f"frame.number == {self.frame}"
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, repr=False, eq=False)
 class Diagnosis(_Plain):
     """One cause (DS7xx) with all that it explains (docs/diagnoses.md)."""
 
@@ -295,7 +312,7 @@ class Diagnosis(_Plain):
         return " or ".join(f"frame.number == {frame}" for frame in self.frames)
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, repr=False, eq=False)
 class Device(_Plain):
     """A device as the capture names it (RPC object UUID, Connect, DCP, LLDP)."""
 
@@ -306,7 +323,7 @@ class Device(_Plain):
     device_id: int | None = None
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, repr=False, eq=False)
 class CaptureFile(_Plain):
     """A file of a series that was read as one capture; frames are numbered through all of them.
 
@@ -324,7 +341,7 @@ class CaptureFile(_Plain):
     """False where nothing of it could be read."""
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, repr=False, eq=False)
 class CaptureResult(_Plain):
     """All that one capture says. `files` only for a series."""
 
@@ -346,7 +363,7 @@ class CaptureResult(_Plain):
     files: list[CaptureFile] = field(default_factory=list)
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, repr=False, eq=False)
 class Report(_Plain):
     """The results of one run."""
 

@@ -80,7 +80,9 @@ def test_the_tables_of_a_wheel_are_the_toml_files(
     folder = repository / "python/ds47/spec"
     ready = hook.tables(folder).encode()
     content = spec._content
-    monkeypatch.setattr(spec, "_content", lambda name: ready if name == "tables.ndjson" else content(name))  # fmt: skip
+    monkeypatch.setattr(
+        spec, "_content", lambda name: ready if name == "tables.ndjson" else content(name)
+    )
     for cached in (spec._ready, spec._load):
         cached.cache_clear()
     names = [file.name for file in folder.glob("*.toml")]
