@@ -32,7 +32,7 @@ EXPLAINING = ("note", "confirmed", "zh_from")
 
 def fields(where: str, row: Any) -> Flat:
     """An object's fields; what is absent or empty has no line."""
-    for name, value in row._asdict().items():
+    for name, value in row.columns().items():
         if name not in KEYS and value is not None and value != "":
             yield from leaves(f"{where}.{name}", value)
 

@@ -165,7 +165,7 @@ def _status() -> Iterator[str]:
 
 
 def _rules() -> Iterator[str]:
-    names = tuple(name for name in spec.Rule._fields if name != "group")
+    names = tuple(name for name in spec.Rule.__annotations__ if name != "group")
     yield "M.rules = {"
     for number, row in spec.rules().items():
         yield f"  {number} = {entry(row, names)},"
@@ -180,7 +180,7 @@ def _rules() -> Iterator[str]:
 
 def _semantics() -> Iterator[str]:
     yield "M.limits = {"
-    for name, number in semantics.limits()._asdict().items():
+    for name, number in semantics.limits().columns().items():
         yield f"  {name} = {number},"
     yield "}"
     yield ""
@@ -200,7 +200,7 @@ def _semantics() -> Iterator[str]:
 def _diagnoses() -> Iterator[str]:
     known = semantics.known()
     yield "M.known = {"
-    for name, value in known._asdict().items():
+    for name, value in known.columns().items():
         if isinstance(value, frozenset):
             shown = ", ".join(f"[{number}] = true" for number in sorted(value))
             yield f"  {name} = {{{shown}}},"

@@ -197,7 +197,7 @@ def test_finish_loses_every_open_call_once() -> None:
 
 def test_open_calls_of_an_activity_are_bounded() -> None:
     requests = calls(5)[::2]
-    heard = Heard(LIMITS._replace(calls=2)).feed(*requests)
+    heard = Heard(LIMITS.but(calls=2)).feed(*requests)
     heard.tracker.finish()
     assert [seq for event, seq, _ in heard.events if event == "lost"] == [0, 1, 2, 3, 4]
     assert len(heard.events) == 10
@@ -206,7 +206,7 @@ def test_open_calls_of_an_activity_are_bounded() -> None:
 def test_activities_are_bounded_and_the_one_that_spoke_last_stays() -> None:
     request = calls()[0]
     one, two, three = (replace(request, activity=bytes([n]) * 16, seq=n) for n in (1, 2, 3))
-    heard = Heard(LIMITS._replace(activities=2)).feed(one, two, later(one, 1), three)
+    heard = Heard(LIMITS.but(activities=2)).feed(one, two, later(one, 1), three)
     assert heard.names == ["request", "request", "retransmission", "lost", "request"]
     assert heard.events[3][1] == 2
 

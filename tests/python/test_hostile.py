@@ -239,7 +239,7 @@ START = 1_767_225_600 * SECOND
 CONTROLLER, DEVICE = "192.168.0.1", "192.168.0.2"
 AR = UUID(int=1)
 NODE = wire.object_uuid(7, 42)
-SMALL = limits()._replace(
+SMALL = limits().but(
     activities=32,
     calls=8,
     channels=32,

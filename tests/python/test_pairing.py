@@ -233,7 +233,7 @@ def test_the_reason_of_a_job_without_response(end: str) -> None:
 
 
 def test_pending_writes_and_channels_are_bounded() -> None:
-    channel = Channel(LIMITS._replace(pending_writes=2, channels=2))
+    channel = Channel(LIMITS.but(pending_writes=2, channels=2))
     first, *rest = [channel.ask(n) for n in (1, 2, 3)]
     assert channel.closed == [first]
     channel.open(4, slot=2)

@@ -167,7 +167,7 @@ def test_what_was_not_written_here_is_not_remembered(made: Job) -> None:
 
 
 def test_the_memory_of_written_values_is_bounded() -> None:
-    court = Judge(LIMITS._replace(written_values=1), LIMITS.slow_ns)
+    court = Judge(LIMITS.but(written_values=1), LIMITS.slow_ns)
     court.answered(change(where=RAMP))
     court.answered(change(where=SPEED))
     assert court.answered(back(where=RAMP)) == []

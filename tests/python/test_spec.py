@@ -9,6 +9,7 @@ import pytest
 
 from ds47 import spec
 from ds47.profinet.status import status_hex, status_text
+from ds47.spec.semantics import known, limits
 
 
 def test_response_ids_of_requests_are_known() -> None:
@@ -92,3 +93,23 @@ def test_the_tables_of_a_wheel_are_the_toml_files(
     finally:
         for cached in (spec._ready, spec._load):
             cached.cache_clear()
+
+
+def test_a_row_stays_as_it_is_and_has_no_other_columns() -> None:
+    row = spec.formats()[0x04]
+    with pytest.raises(AttributeError, match="name of a Format"):
+        row.name = "other"
+    with pytest.raises(TypeError, match="Format has no column colour"):
+        row.but(colour="red")
+    other = row.but(unit="m")
+    assert (other.code, other.unit, row.unit) == (row.code, "m", None)
+    assert repr(other).startswith(f"Format(code={row.code}, name={row.name!r}")
+
+
+def test_every_row_has_all_of_its_columns() -> None:
+    tables = (
+        spec.formats(), spec.attributes(), spec.request_ids(), spec.response_ids(), spec.errors(),
+        spec.parameters(), spec.rules(),
+    )  # fmt: skip
+    rows = [row for table in tables for row in table.values()]
+    assert all(row.columns() for row in (*rows, *spec.vendors(), spec.status(), limits(), known()))

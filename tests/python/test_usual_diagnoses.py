@@ -244,7 +244,7 @@ def memories(path: Path, lines: bool, every: int) -> list[Any]:
 
 def small(entries: int) -> Any:
     """The memories of the diagnoses hold so many entries."""
-    few = known()._replace(history=entries)
+    few = known().but(history=entries)
     return [
         patch.object(module, "known", lambda: few) for module in (diagnosis, capture, repetition)
     ]

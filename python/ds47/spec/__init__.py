@@ -11,10 +11,12 @@ from functools import cache, lru_cache
 from json import loads
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
+
+from ds47.spec.rows import Row
 
 
-class Format(NamedTuple):
+class Format(Row):
     """One format code of a value block (docs/protocol.md A.6; formats.toml has the kinds)."""
 
     code: int
@@ -33,7 +35,7 @@ class Format(NamedTuple):
     note: str | None = None
 
 
-class Attribute(NamedTuple):
+class Attribute(Row):
     """One attribute of a parameter address (docs/protocol.md A.4)."""
 
     code: int
@@ -41,7 +43,7 @@ class Attribute(NamedTuple):
     zh: str
 
 
-class RequestId(NamedTuple):
+class RequestId(Row):
     """One request id with its response ids (docs/protocol.md A.3)."""
 
     code: int
@@ -53,7 +55,7 @@ class RequestId(NamedTuple):
     vendor: bool
 
 
-class ResponseId(NamedTuple):
+class ResponseId(Row):
     """One response id (docs/protocol.md A.3); `negative` is None where the id does not say."""
 
     code: int
@@ -63,7 +65,7 @@ class ResponseId(NamedTuple):
     negative: bool | None = None
 
 
-class ErrorNumber(NamedTuple):
+class ErrorNumber(Row):
     """One error number, or a range of them up to `last` (docs/protocol.md B).
 
     `info` says what error value 2 means: "none", "subindex" or "unknown".
@@ -77,7 +79,7 @@ class ErrorNumber(NamedTuple):
     zh_from: str | None = None
 
 
-class Vendor(NamedTuple):
+class Vendor(Row):
     """The error numbers of a vendor; `id` is its PROFINET vendor id, None where not known."""
 
     name: str
@@ -85,7 +87,7 @@ class Vendor(NamedTuple):
     errors: Mapping[int, ErrorNumber]
 
 
-class Status(NamedTuple):
+class Status(Row):
     """The words of a PNIOStatus (docs/protocol.md E.5), per language."""
 
     code: Mapping[int, str]
@@ -97,7 +99,7 @@ class Status(NamedTuple):
     words: Mapping[str, str]
 
 
-class Pnu(NamedTuple):
+class Pnu(Row):
     """A well-known parameter (docs/protocol.md D).
 
     `volatile`: the drive itself changes the value, so that reading back another one than was
@@ -114,7 +116,7 @@ class Pnu(NamedTuple):
     family: str
 
 
-class Rule(NamedTuple):
+class Rule(Row):
     """One rule of the catalogue (spec/rules.toml says what each field means)."""
 
     id: str
@@ -223,7 +225,9 @@ def errors() -> Mapping[int, ErrorNumber]:
 def vendors() -> tuple[Vendor, ...]:
     """The vendors whose own error numbers are known."""
     rows = _load("errors.toml")["vendor"]
-    return tuple(Vendor(row["name"], row.get("id"), _error_rows(row["error"])) for row in rows)
+    return tuple(
+        Vendor(name=row["name"], id=row.get("id"), errors=_error_rows(row["error"])) for row in rows
+    )
 
 
 @cache
@@ -252,7 +256,7 @@ def error_text(code: int, lang: str = "en", vendor_id: int | None = None) -> str
         return _words(vendor.errors[code], code, lang)
     if code in errors():
         return _words(errors()[code], code, lang)
-    text = _words(ErrorNumber(code, **_load("errors.toml")["fallback"]), code, lang)
+    text = _words(ErrorNumber(code=code, **_load("errors.toml")["fallback"]), code, lang)
     hint = vendors()[0].errors.get(code) if vendor_id is None else None
     return f"{text} ({vendors()[0].name}: {_words(hint, code, lang)})" if hint else text
 
@@ -278,11 +282,11 @@ def status(lang: str = "en") -> Status:
         return MappingProxyType(words)
 
     return Status(
-        column("error_code"),
-        column("error_decode"),
-        column("access"),
-        column("protocol"),
-        MappingProxyType(table["words"][key]),
+        code=column("error_code"),
+        decode=column("error_decode"),
+        access=column("access"),
+        protocol=column("protocol"),
+        words=MappingProxyType(table["words"][key]),
     )
 
 

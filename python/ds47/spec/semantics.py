@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 from ds47.spec import _load
+from ds47.spec.rows import Row
 
 _MS = 1_000_000
 
 
-class Limits(NamedTuple):
+class Limits(Row):
     """limits.toml; times in nanoseconds of capture time."""
 
     copy_ns: int
@@ -63,7 +64,7 @@ def reasons(lang: str) -> dict[str, str]:
     return {name: words[lang] for name, words in _load("pairing.toml")["reason"].items()}
 
 
-class Known(NamedTuple):
+class Known(Row):
     """What the diagnoses know of drives and programs (diagnoses.toml): limits and numbers by their names there."""
 
     held: int
