@@ -56,9 +56,8 @@ class Batches:
             yield from self._thread.batches()
         finally:
             self.close()
-        if (
-            self._window.base < begin + FROM
-        ):  # something else stands between the frames, and again soon
+        if self._window.base < begin + FROM:
+            # something else stands between the frames, and there will be more of it: threads are not for that
             self._next = self._window.base + FROM
 
     def close(self) -> None:

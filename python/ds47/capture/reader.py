@@ -59,6 +59,8 @@ class Capture:
         return self._frames
 
     def _read(self) -> Iterator[Frame]:
+        # not compiled, on purpose: here the interpreter looks up, at every frame, for Ctrl-C and for the
+        # thread that reads ahead; what is compiled on both sides of this does not
         yield from self._reader.read()
         self._ended = True
 
