@@ -175,6 +175,8 @@ class Analysis:
         """Reads the capture to its end and sums up."""
         packets = PacketSource(capture, self._datagrams)
         self._frames(capture, packets)
+        if self._usual is not None:
+            self._usual.settle()
         self._findings.frames_dropped = capture.gaps
         for pdu, have in self._fragments.unfinished():
             self._records.incomplete(pdu, have, "RPC")
@@ -230,6 +232,8 @@ class Analysis:
             self._diagnoses.cut(packet.frame)
 
     def _pdu(self, pdu: rpc.Pdu) -> None:
+        if self._usual is not None:
+            self._usual.settle()
         if self._calls.is_copy(pdu):
             return
         if pdu.missing and pdu.opnum in _RECORD_CALLS:

@@ -148,6 +148,18 @@ class Place:
     """Record requests of the index, by "read" and "write"."""
     text: str
     """What the lines of a report say of the place, as soon as somebody has made it."""
+    channel: Channel | None
+    """The one of `key`, while `ds47.usual` is in a stretch in which the place was used."""
+    proven: bool
+    """Whether the AR has proved itself; that and the rest belong to the stretch too."""
+    spoke: int
+    """When anything was said there last, in frames of the short way; 0: not in this stretch."""
+    touched: int
+    """The same, of the channel,"""
+    accepted: int
+    """and of the last request that was accepted:"""
+    newest: UsualJob | None
+    """that one."""
 
     def __init__(
         self,
@@ -172,6 +184,14 @@ class Place:
         self.spot = (peer.device, api, slot, subslot, index)
         self.counts = counts
         self.text = ""
+        self.leave()
+
+    def leave(self) -> None:
+        """The stretch is over: what was noted in it stands where it belongs."""
+        self.channel = None
+        self.proven = False
+        self.spoke = self.touched = self.accepted = 0
+        self.newest = None
 
     def record(self, request: Half | None, response: Half | None, *, write: bool) -> Record:
         """A record call that goes there."""
@@ -331,7 +351,7 @@ class Pairing:
         self._nothing_to_read = nothing_to_read
         self._table = phases()
         self.channels: OrderedDict[ChannelKey, Channel] = OrderedDict()
-        self._quiet_until = -1
+        self.quiet_until = -1
         """Up to this time no channel is too old; -1 where that is not known."""
         self._newest_ns = 0
         self._ordered = True
@@ -399,31 +419,28 @@ class Pairing:
 
     # Usual jobs: `ds47.usual` has them, and gives them back as soon as anything is out of the ordinary
 
-    def fresh(self, key: ChannelKey, now: int) -> Channel | None:
-        """The channel, if to touch it now closes no channel that is too old."""
-        channels = self.channels
-        channel = channels.get(key)
-        if channel is None:
-            return None
-        if now <= self._quiet_until:
-            return channel
-        expiry = self._limits.transaction_expiry_ns
+    def fresh(self, channel: Channel, now: int) -> bool:
+        """Whether to touch the channel now closes no channel that is too old.
+
+        Up to `quiet_until` it does not, and nobody needs to ask. The channels must stand in the order in
+        which they were touched.
+        """
+        channels, expiry = self.channels, self._limits.transaction_expiry_ns
         if now - channel.touched > expiry or len(channels) > self._limits.channels:
-            return None
+            return False
         each = iter(channels.values())
         oldest: Channel = next(each)
         if self._ordered:
-            self._quiet_until = oldest.touched + expiry
+            self.quiet_until = oldest.touched + expiry
         if oldest is channel:
             oldest = next(each, channel)
-        return channel if now - oldest.touched <= expiry else None
+        return now - oldest.touched <= expiry
 
-    def touch(self, channel: Channel, key: ChannelKey, now: int) -> None:
-        """Something is said on a channel that is `fresh`, or new."""
+    def touch(self, channel: Channel, now: int) -> None:
+        """Something is said on a channel that is `fresh`, or new. It still has to be moved to the end."""
         if now < self._newest_ns:
-            self._ordered, self._quiet_until = False, -1
+            self._ordered, self.quiet_until = False, -1
         self._newest_ns = channel.touched = now
-        self.channels.move_to_end(key)
 
     def usual_write(self, channel: Channel, place: Place, asked: Frame, data: bytes) -> UsualJob:
         """`write_request`, on a channel that is free."""
@@ -432,11 +449,6 @@ class Pairing:
         channel.reference = data[0]
         channel.usual = job
         return job
-
-    def usual_accept(self, job: UsualJob, accepted: Frame) -> None:
-        """The usual job of a channel is accepted."""
-        job.accepted = accepted
-        self._remember(job.place.spot, job)
 
     def usual_read(
         self, channel: Channel, job: UsualJob, close: Callable[[UsualJob], None]
@@ -540,7 +552,8 @@ class Pairing:
         if channel is None:
             channel = channels[key] = Channel(now)
             self._of_ar.setdefault(key[:3], {})[key] = None
-        self.touch(channel, key, now)
+        self.touch(channel, now)
+        channels.move_to_end(key)
         self._recall(channel)
         while True:
             oldest: Channel = next(iter(channels.values()))
@@ -565,10 +578,11 @@ class Pairing:
                 self._lose(channel.refused, "")
                 channel.refused = None
             channel.open = job
-            self._remember(_place(job), job)
+            self.remember(_place(job), job)
         self._step(job, "write_accepted")
 
-    def _remember(self, place: tuple[str, int, int, int, int], job: Job | UsualJob) -> None:
+    def remember(self, place: tuple[str, int, int, int, int], job: Job | UsualJob) -> None:
+        """The newest accepted request of a place."""
         newest = self._newest
         newest[place] = job
         newest.move_to_end(place)

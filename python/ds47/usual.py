@@ -8,6 +8,10 @@ that is certain; so whatever is not goes the long way, as if this file were not 
 calls and the channels becomes the objects of the long way as soon as that asks for them
 (`Call.request`, `RecordCalls._context`, `Pairing.job`).
 
+As long as one usual frame follows the other (a stretch) it is known who takes part: calls, channels and places are
+looked up once, and who spoke last is noted as a number. `settle` ends the stretch, before any frame goes the long
+way: it puts everything into the order in which the long way would have left it.
+
 Not here: what a usual job says (`Lines`; `ds47.report.lines`), and when that is nothing special (`ds47.rules`).
 """
 
@@ -16,6 +20,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Final
 
 from ds47.capture import Frame
@@ -23,9 +28,16 @@ from ds47.capture.scan import ETHERNET, UDP
 from ds47.gate import Gate
 from ds47.model import Line, Transaction
 from ds47.naming import Naming
-from ds47.pairing import Job, Pairing, Peer, Place, UsualJob
+from ds47.pairing import Channel, Job, Pairing, Peer, Place, UsualJob
 from ds47.profinet import rpc
-from ds47.profinet.calls import Activity, Call, CallTracker, DatagramKey
+from ds47.profinet.calls import (
+    Activity,
+    Call,
+    CallTracker,
+    DatagramKey,
+    conversation_key,
+    datagram_key,
+)
 from ds47.profinet.records import (
     READ_REQUEST,
     READ_RESPONSE,
@@ -58,6 +70,9 @@ _OK: Final = bytes(4)
 _MULTIPLE: Final = WRITE_MULTIPLE.to_bytes(2, "big")
 _MOST_KNOWN: Final = 65_536
 """Sides and places together."""
+_SPOKE: Final = attrgetter("spoke")
+_TOUCHED: Final = attrgetter("touched")
+_ACCEPTED: Final = attrgetter("accepted")
 
 
 class Lines:
@@ -93,25 +108,28 @@ class _Side:
     hosts: bytes
     request: bool
     inner: struct.Struct
+    conversation_key: int
     activity_key: tuple[str, bytes]
-    source: str
-    destination: str
-    activity: bytes
-    kind: int
     peer: Peer
     places: dict[bytes, Place]
+    activity: Activity | None
+    """The one of `activity_key`, in a stretch in which this side spoke."""
+    spoke: int
+    """When it asked last, in frames of the short way; 0: not in this stretch."""
 
     def __init__(self, front: bytes, hosts: bytes, pdu: rpc.Pdu) -> None:
         self.front = front
         self.hosts = hosts
         self.request = pdu.ptype == 0
         self.inner = _INNER[pdu.little]
+        self.conversation_key = conversation_key(
+            pdu.source, pdu.destination, pdu.activity, pdu.ptype
+        )
         self.activity_key = (pdu.client, pdu.activity)
-        self.source, self.destination = pdu.source, pdu.destination
-        self.activity = pdu.activity
-        self.kind = pdu.ptype << 16
         self.peer = peer(pdu)
         self.places = {}
+        self.activity = None
+        self.spoke = 0
 
 
 class UsualWay:
@@ -146,6 +164,16 @@ class UsualWay:
         self._lines = lines
         self._sides: dict[bytes, _Side] = {}
         self._known = 0
+        self._most_calls = calls.usual_calls
+        self._running = False
+        """Whether this is a stretch; of it are:"""
+        self._spoken: list[_Side] = []
+        self._places: list[Place] = []
+        self._newest_ns = 0
+        """The time of its last frame."""
+        self._requests = self._responses = 0
+        self._taken = 0
+        """Frames by which something was changed: a clock for who spoke last."""
 
     def learn(self, frame: Frame, pdu: rpc.Pdu) -> None:
         """Takes a PDU that went the long way (`rpc.from_frame`): the next one of its kind may be usual."""
@@ -190,100 +218,167 @@ class UsualWay:
         size = _UDP_START + stated_udp
         end = _BODY_START + length
         if (
-            fragment & 0x3FFF or protocol != UDP or total != stated_udp + 20
+            fragment & 0x3FFF or part or protocol != UDP or total != stated_udp + 20
             or end > size or size > len(data) or length < _BLOCK_END
         ):  # fmt: skip
             return False
-        activity = self._activity(side, frame.time_ns)
-        if activity is None:
+        now = frame.time_ns
+        activity = self._activity(side) if side.activity is None else side.activity
+        if activity is None or now < self._newest_ns:
             return False
-        key = (
-            side.source, side.destination, ip_id, side.kind | part,
-            hash((side.activity, seq, data[_BODY_START:end])),
-        )  # fmt: skip
+        old = now > activity.quiet_until or len(activity.calls) > self._most_calls
+        if old and self._calls.is_overdue(activity, now):
+            return False
+        key = datagram_key(side.conversation_key, ip_id, part, seq, data[_BODY_START:end])
         whole = _DATA_START + stated <= end
         if side.request:
             if opnum == rpc.READ and kind == READ_REQUEST:
-                return self._read(side, activity, frame, seq, key, block)
+                return self._read(side, activity, old, frame, seq, key, block)
             if opnum == rpc.WRITE and kind == WRITE_REQUEST and whole:
-                return self._write(side, activity, frame, seq, key, block, stated)
+                return self._write(side, activity, old, frame, seq, key, block, stated)
         elif status == 0:
             if opnum == rpc.READ and kind == READ_RESPONSE and whole:
-                return self._read_response(side, activity, frame, seq, key, stated)
+                return self._read_response(side, activity, old, frame, seq, key, stated)
             if opnum == rpc.WRITE and kind == WRITE_RESPONSE and length < _SECOND_BLOCK:
-                return self._write_response(side, activity, frame, seq, key, block)
+                return self._write_response(side, activity, old, frame, seq, key, block)
         return False
 
-    def _activity(self, side: _Side, now: int) -> Activity | None:
-        """That of a conversation; None where time steps backwards, or a call is over without a response."""
-        activity = self._calls.activities.get(side.activity_key)
-        newest = self._records.newest_ns
-        if activity is None or newest is None or now < newest:
-            return None
-        if (
-            now > activity.quiet_until or len(activity.calls) > self._calls.usual_calls
-        ) and self._calls.is_overdue(activity, now):
-            return None
+    # The stretch: who takes part in it, and its end
+
+    def _activity(self, side: _Side) -> Activity | None:
+        """That of a conversation, which takes part from now on; None where there is none."""
+        if not self._running:
+            newest = self._records.newest_ns
+            if newest is None:
+                return None
+            self._newest_ns = newest
+            self._running = True
+        activity = side.activity = self._calls.activities.get(side.activity_key)
+        if activity is not None:
+            self._spoken.append(side)
         return activity
+
+    def _channel(self, place: Place) -> Channel | None:
+        """That of a place, which takes part from now on; None where there is none, or it is not ours."""
+        proven = place.ar_key in self._open
+        if not proven and not place.always:
+            return None
+        channel = place.channel = self._pairing.channels.get(place.key)
+        if channel is not None:
+            place.proven = proven
+            self._places.append(place)
+        return channel
+
+    def settle(self) -> None:
+        """Ends the stretch; what was only noted in it stands where the long way looks for it."""
+        if not self._running:
+            return
+        self._running = False
+        self._put_in_order()
+        self._records.newest_ns = self._newest_ns
+        counts = self._calls.counts
+        counts["requests"] += self._requests
+        counts["responses"] += self._responses
+        self._requests = self._responses = 0
+        for side in self._spoken:
+            side.activity = None
+        for place in self._places:
+            place.leave()
+        self._spoken.clear()
+        self._places.clear()
+
+    def _put_in_order(self) -> None:
+        """Who spoke last comes last, everywhere where the oldest is forgotten first."""
+        activities, channels = self._calls.activities, self._pairing.channels
+        for side in sorted(self._spoken, key=_SPOKE):
+            if side.spoke:
+                activities.move_to_end(side.activity_key)
+                side.spoke = 0
+        places = self._places
+        for place in sorted(places, key=_TOUCHED):
+            if place.touched:
+                channels.move_to_end(place.key)
+                place.touched = 0
+        for place in sorted(places, key=_SPOKE):
+            if place.spoke and place.proven:  # as `Gate.passes`
+                self._open.move_to_end(place.ar_key)
+            place.spoke = 0
+        for place in sorted(places, key=_ACCEPTED):
+            if place.newest is not None:
+                self._pairing.remember(place.spot, place.newest)
+                place.newest = None
+
+    def _is_fresh(self, channel: Channel, now: int) -> bool:
+        """`Pairing.fresh`, which looks at the channels in their order."""
+        self._put_in_order()
+        return self._pairing.fresh(channel, now)
 
     # The four frames of a transaction: first what may make them unusual, then what they do
 
     def _write(
-        self, side: _Side, activity: Activity, frame: Frame, seq: int, key: DatagramKey,
+        self, side: _Side, activity: Activity, old: bool, frame: Frame, seq: int, key: DatagramKey,
         block: bytes, stated: int,
     ) -> bool:  # fmt: skip
         place = side.places.get(block)
-        if place is None or not self._is_ours(place) or seq in activity.calls:
+        if place is None or seq in activity.calls:
             return False
-        pairing = self._pairing
-        channel = pairing.fresh(place.key, frame.time_ns)
+        channel = self._channel(place) if place.channel is None else place.channel
+        if channel is None or not channel.is_free():
+            return False
+        now, pairing = frame.time_ns, self._pairing
+        if now > pairing.quiet_until and not self._is_fresh(channel, now):
+            return False
         data = frame.data[_DATA_START : _DATA_START + stated]
-        if channel is None or not channel.is_free() or not data or not data[0]:
+        if not data or not data[0]:
             return False
-        if self._calls.seen(key, frame.time_ns):
+        if self._calls.seen(key, now):
             return True
         job = pairing.usual_write(channel, place, frame, data)
-        self._asked(side, activity, seq, Call(None, frame, job, frame.time_ns), place)
+        self._asked(side, activity, old, seq, Call(None, frame, job, now), place)
         place.counts["write"] += 1
-        pairing.touch(channel, place.key, frame.time_ns)
+        pairing.touch(channel, now)
+        place.touched = self._taken
         return True
 
     def _write_response(
-        self, side: _Side, activity: Activity, frame: Frame, seq: int, key: DatagramKey,
+        self, side: _Side, activity: Activity, old: bool, frame: Frame, seq: int, key: DatagramKey,
         block: bytes,
     ) -> bool:  # fmt: skip
-        own_status = frame.data[_OWN_STATUS : _OWN_STATUS + 4]
         call = activity.calls.get(seq)
-        if call is None or call.answered or own_status != _OK or block[26:] == _MULTIPLE:
+        if call is None or call.answered or block.endswith(_MULTIPLE):
             return False
         job = call.usual
         if not isinstance(job, UsualJob) or job.job is not None or job.accepted is not None:
             return False
+        if frame.data[_OWN_STATUS : _OWN_STATUS + 4] != _OK:
+            return False
         place = job.place
-        channel = self._pairing.channels.get(place.key)
+        channel = self._channel(place) if place.channel is None else place.channel
         if channel is None or channel.usual is not job or place.peer != side.peer:
             return False
-        if not self._is_ours(place):
-            return False
         if not self._calls.seen(key, frame.time_ns):
-            self._answer(activity, frame, call, place)
-            self._pairing.usual_accept(job, frame)
+            self._answer(activity, old, frame, call, place)
+            job.accepted = frame
+            place.newest, place.accepted = job, self._taken
         return True
 
     def _read(
-        self, side: _Side, activity: Activity, frame: Frame, seq: int, key: DatagramKey,
+        self, side: _Side, activity: Activity, old: bool, frame: Frame, seq: int, key: DatagramKey,
         block: bytes,
     ) -> bool:  # fmt: skip
         place = side.places.get(block)
-        if place is None or not self._is_ours(place) or seq in activity.calls:
+        if place is None or seq in activity.calls:
             return False
-        if not self._calls.seen(key, frame.time_ns):
-            self._asked(side, activity, seq, Call(None, frame, place, frame.time_ns), place)
+        if place.channel is None and self._channel(place) is None:
+            return False
+        now = frame.time_ns
+        if not self._calls.seen(key, now):
+            self._asked(side, activity, old, seq, Call(None, frame, place, now), place)
             place.counts["read"] += 1
         return True
 
     def _read_response(
-        self, side: _Side, activity: Activity, frame: Frame, seq: int, key: DatagramKey,
+        self, side: _Side, activity: Activity, old: bool, frame: Frame, seq: int, key: DatagramKey,
         stated: int,
     ) -> bool:  # fmt: skip
         call = activity.calls.get(seq)
@@ -292,18 +387,22 @@ class UsualWay:
         place, asked, now = call.usual, call.asked, frame.time_ns
         if not isinstance(place, Place) or asked is None or place.peer != side.peer:
             return False
-        pairing = self._pairing
-        channel = pairing.fresh(place.key, now)
-        job = None if channel is None else channel.usual
-        if channel is None or job is None or job.job is not None or job.accepted is None:
+        channel = self._channel(place) if place.channel is None else place.channel
+        if channel is None:
+            return False
+        job, pairing = channel.usual, self._pairing
+        if job is None or job.job is not None or job.accepted is None:
+            return False
+        if now > pairing.quiet_until and not self._is_fresh(channel, now):
             return False
         answer = frame.data[_DATA_START : _DATA_START + stated]
-        if job.data[0] != answer[0] or not self._is_ours(place):
+        if job.data[0] != answer[0]:
             return False
         if self._calls.seen(key, now):
             return True
-        self._answer(activity, frame, call, place)
-        pairing.touch(channel, place.key, now)
+        self._answer(activity, old, frame, call, place)
+        pairing.touch(channel, now)
+        place.touched = self._taken
         wanted = int.from_bytes(asked.data[_STATED : _STATED + 4], "big")
         lines = self._lines
         if lines is not None and lines.answered(job, asked, frame, answer, self._judge):
@@ -318,27 +417,24 @@ class UsualWay:
 
     # What all of them do
 
-    def _is_ours(self, place: Place) -> bool:
-        return place.always or place.ar_key in self._open
-
-    def _asked(self, side: _Side, activity: Activity, seq: int, call: Call, place: Place) -> None:
-        calls = self._calls
-        calls.counts["requests"] += 1
-        calls.activities.move_to_end(side.activity_key)
-        many = len(activity.calls) > calls.usual_calls
-        if many or (call.time_ns > activity.quiet_until and activity.calls):
-            calls.expire(activity, call.time_ns)
+    def _asked(
+        self, side: _Side, activity: Activity, old: bool, seq: int, call: Call, place: Place
+    ) -> None:
+        self._requests += 1
+        self._taken += 1
+        side.spoke = place.spoke = self._taken
+        if old and activity.calls:
+            self._calls.expire(activity, call.time_ns)
         activity.begin(seq, call)
-        if place.ar_key in self._open:  # as `Gate.passes`: the AR has spoken
-            self._open.move_to_end(place.ar_key)
-        self._records.newest_ns = call.time_ns
+        self._newest_ns = call.time_ns
 
-    def _answer(self, activity: Activity, frame: Frame, call: Call, place: Place) -> None:
-        calls = self._calls
-        calls.counts["responses"] += 1
-        if frame.time_ns > activity.quiet_until or len(activity.calls) > calls.usual_calls:
-            calls.expire(activity, frame.time_ns)
+    def _answer(
+        self, activity: Activity, old: bool, frame: Frame, call: Call, place: Place
+    ) -> None:
+        self._responses += 1
+        self._taken += 1
+        place.spoke = self._taken
+        if old:
+            self._calls.expire(activity, frame.time_ns)
         call.answer, call.answered = frame, True
-        if place.ar_key in self._open:  # as `Gate.passes`: the AR has spoken
-            self._open.move_to_end(place.ar_key)
-        self._records.newest_ns = frame.time_ns
+        self._newest_ns = frame.time_ns

@@ -223,7 +223,9 @@ def memories(path: Path, lines: bool, every: int) -> list[Any]:
     found: list[Any] = []
 
     def look() -> None:
-        found.append((state(analysis._diagnoses), state(analysis._pairing._newest)))
+        assert analysis._usual is not None
+        analysis._usual.settle()
+        found.append((state(analysis._diagnoses), order(analysis)))
 
     take = UsualWay.take
     with open_capture(path) as frames:
@@ -240,6 +242,21 @@ def memories(path: Path, lines: bool, every: int) -> list[Any]:
             analysis.run(frames)
     look()
     return found
+
+
+def order(analysis: Analysis) -> Any:
+    """What is forgotten in the order in which it was used last, and what else both ways keep up to date."""
+    calls, pairing, records = analysis._calls, analysis._pairing, analysis._records
+    activities = [
+        (key, each.newest, each.newest_ns, each.ordered, list(each.calls))
+        for key, each in calls.activities.items()
+    ]
+    channels = [(key, each.touched, each.reference) for key, each in pairing.channels.items()]
+    return (
+        activities, channels, list(records._gate.open), state(pairing._newest), pairing._ordered,
+        pairing._newest_ns, records.newest_ns, dict(calls.counts), list(calls._order),
+        state(records.counts),
+    )  # fmt: skip
 
 
 def small(entries: int) -> Any:

@@ -15,8 +15,20 @@ from ds47.capture import Frame
 from ds47.profinet.rpc import Pdu, from_frame
 from ds47.spec.semantics import Limits
 
-DatagramKey = tuple[str, str, int, int, int]
-"""Source, destination, IP id, PDU type and fragment, a hash of activity, sequence number and body."""
+DatagramKey = int
+"""A hash of all that two copies of a datagram have in common (`datagram_key`)."""
+
+
+def conversation_key(source: str, destination: str, activity: bytes, ptype: int) -> int:
+    """The part of a `DatagramKey` that the PDUs of one side of a conversation share."""
+    return hash((source, destination, activity, ptype))
+
+
+def datagram_key(
+    conversation: int, ip_id: int, fragment: int, seq: int, body: bytes
+) -> DatagramKey:
+    """What tells a datagram from the others of the last milliseconds; `conversation_key` goes before."""
+    return hash((conversation, ip_id, fragment, seq, body))
 
 
 class Call:
@@ -72,7 +84,7 @@ class Activity:
 
     newest: int
     """Number of the newest call."""
-    calls: OrderedDict[int, Call]
+    calls: dict[int, Call]
     quiet_until: int
     """Up to this time no call is old, and `CallTracker.expire` would do nothing while there are no
     more than `usual_calls`; -1 where that is not known."""
@@ -82,7 +94,7 @@ class Activity:
 
     def __init__(self, newest: int) -> None:
         self.newest = newest
-        self.calls = OrderedDict()
+        self.calls = {}
         self.quiet_until = -1
         self.newest_ns = 0
         self.ordered = True
@@ -137,6 +149,7 @@ class CallTracker:
         self.usual_calls = min(2 * limits.answered_calls, limits.calls)
         self.activities: OrderedDict[tuple[str, bytes], Activity] = OrderedDict()
         """By client and activity UUID; the one that spoke last comes last."""
+        self._most_datagrams = limits.datagrams
         self._datagrams: dict[DatagramKey, int] = {}
         self._order: deque[DatagramKey] = deque()
         """The same, the oldest first; an `OrderedDict` costs twice as much, and here every frame comes by."""
@@ -147,26 +160,28 @@ class CallTracker:
 
     def is_copy(self, pdu: Pdu) -> bool:
         """Whether the same datagram with the same IP id was here within the copy window."""
-        key = (pdu.source, pdu.destination, pdu.ip_id, pdu.ptype << 16 | pdu.fragment,
-               hash((pdu.activity, pdu.seq, pdu.body)))  # fmt: skip
+        conversation = conversation_key(pdu.source, pdu.destination, pdu.activity, pdu.ptype)
+        key = datagram_key(conversation, pdu.ip_id, pdu.fragment, pdu.seq, pdu.body)
         return self.seen(key, pdu.time_ns)
 
     def seen(self, key: DatagramKey, time_ns: int) -> bool:
         """`is_copy` of what makes a datagram what it is: see there."""
         datagrams = self._datagrams
-        before = datagrams.get(key)
+        if key in datagrams:
+            return self._seen_again(key, time_ns)
         datagrams[key] = time_ns
-        if before is None:
-            self._order.append(key)
-            if len(datagrams) > self._limits.datagrams:
-                del datagrams[self._order.popleft()]
-        elif abs(time_ns - before) <= self._limits.copy_ns:
-            datagrams[key] = before
+        self._order.append(key)
+        if len(datagrams) > self._most_datagrams:
+            del datagrams[self._order.popleft()]
+        return False
+
+    def _seen_again(self, key: DatagramKey, time_ns: int) -> bool:
+        if abs(time_ns - self._datagrams[key]) <= self._limits.copy_ns:
             self.counts["copies"] += 1
             return True
-        else:
-            self._order.remove(key)
-            self._order.append(key)
+        self._datagrams[key] = time_ns
+        self._order.remove(key)
+        self._order.append(key)
         return False
 
     def feed(self, pdu: Pdu) -> None:
@@ -277,7 +292,7 @@ class CallTracker:
         for seq in answered[: -self._limits.answered_calls]:
             del calls[seq]
         while len(calls) > self._limits.calls:
-            _seq, call = calls.popitem(last=False)
+            call = calls.pop(next(iter(calls)))
             if not call.answered:
                 self._lose(call)
 
