@@ -2,7 +2,8 @@
 
 Two compilers, each optional, each fed with the plain Python files themselves:
 
-* Cython takes `ds47/capture/scan.py` with the types in `scan.pxd` beside it;
+* Cython takes the files that look at the bytes of frames (BYTES), each with the types in the `.pxd`
+  beside it;
 * mypyc takes the record path (RECORD_PATH), whose annotations the type checker has proved.
 
 Where one of them, or the C compiler, is missing or fails, its part stays plain Python: same answers,
@@ -25,7 +26,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-SCAN = "capture/scan"
+BYTES = {"scan": "capture/scan", "headers": "profinet/headers"}
 RECORD_PATH = (
     "model", "findings", "gate", "naming", "pairing", "recordcalls", "rules", "transactions",
     "analysis", "capture/frame", "capture/pcap", "capture/pcapng", "profinet/rpc", "profinet/link",
@@ -35,13 +36,13 @@ RECORD_PATH = (
     "diagnosis/order", "diagnosis/refusal", "diagnosis/repetition",
 )  # fmt: skip
 READ = (
-    "*.py", "capture/*.p*", "profinet/*.py", "profidrive/*.py", "spec/*.py", "report/__init__.py",
+    "*.py", "capture/*.p*", "profinet/*.p*", "profidrive/*.py", "spec/*.py", "report/__init__.py",
     "report/json.py", "report/lines.py", "diagnosis/*.py",
 )  # fmt: skip
 """What the compilers read."""
 DIRECTIVES = {
     "language_level": 3,
-    "annotation_typing": False,  # scan.pxd has the types, in C
+    "annotation_typing": False,  # the .pxd files have the types, in C
     "boundscheck": False,
     "wraparound": False,
     "initializedcheck": False,
@@ -83,7 +84,7 @@ def compiled(sources: Path, work: Path) -> Path:
         draft = work / f"draft-{os.getpid()}"
         shutil.copytree(sources, draft / "ds47", ignore=shutil.ignore_patterns("*.so", "*.pyd"))
         whole = True
-        for part in ("scan", "record-path"):
+        for part in (*BYTES, "record-path"):
             command = [sys.executable, __file__, str(draft), part]
             done = subprocess.run(command, capture_output=True, text=True, timeout=MOST_SECONDS)
             if done.returncode:
@@ -110,10 +111,12 @@ def compile_part(folder: Path, part: str) -> None:
     os.chdir(folder)
     from setuptools import Extension, setup
 
-    if part == "scan":
+    if part in BYTES:
         from Cython.Build import cythonize
 
-        extension = Extension("ds47.capture.scan", [f"ds47/{SCAN}.py"], extra_compile_args=_FLAGS)
+        path = f"ds47/{BYTES[part]}.py"
+        module = f"ds47.{BYTES[part].replace('/', '.')}"
+        extension = Extension(module, [path], extra_compile_args=_FLAGS)
         extensions = cythonize([extension], compiler_directives=DIRECTIVES, quiet=True)
     else:
         from mypyc.build import mypycify

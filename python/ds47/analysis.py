@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -164,6 +165,8 @@ class Analysis:
         self._written: dict[int, Line] = {}
         """Instead of them, where lines are wanted."""
         self._summary: dict[str, int] = {"transactions": 0}
+        self._usual_jobs: dict[str, int] = {}
+        """Closed usual jobs by operation that are not in the summary yet."""
         self._usual: UsualWay | None = None
         if early is None:  # who is told everything at once saves nothing
             self._usual = UsualWay(
@@ -187,6 +190,9 @@ class Analysis:
         self._calls.finish()
         self._pairing.finish()
         self._diagnose(capture)
+        for operation, number in self._usual_jobs.items():
+            for key in ("transactions", "ok", operation):
+                self._summary[key] += number
         counts = self._records.counts
         return CaptureResult(
             path=capture.path,
@@ -320,7 +326,11 @@ class Analysis:
         assert job.alike is not None
         for remark in self._diagnoses.usual(job, job.alike, self._careful):
             self._findings.add(remark)
-        summarise(self._summary, "ok", job.alike.operation())
+        if job.alike.operation in self._usual_jobs:
+            self._usual_jobs[job.alike.operation] += 1
+        else:  # the first one: its keys stand where the long way would have put them
+            self._usual_jobs[job.alike.operation] = 0
+            summarise(self._summary, "ok", job.alike.operation)
         self._written[job.order] = self._lines.usual(job)
 
     def _careful(self, usual: UsualJob) -> Job:
@@ -357,7 +367,7 @@ class Analysis:
         return ordered
 
     def _numbered_lines(self) -> list[Line]:
-        ordered = sorted(self._written.values(), key=lambda line: (line.first, line.position))
+        ordered = sorted(self._written.values(), key=attrgetter("first", "position"))
         for number, line in enumerate(ordered, 1):
             line.id = number
         return ordered

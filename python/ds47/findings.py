@@ -92,13 +92,15 @@ class Findings:
             transactions: by the order of their jobs; or the lines that stand for them.
         """
         findings: list[Finding] = []
+        owners: dict[int, Transaction | Line] = {}
         for remark in sorted(self._remarks, key=lambda remark: remark.frame):
             owner = transactions.get(remark.job.order) if remark.job else None
             findings.append(self.told(remark, owner.id if owner else None))
             if owner and remark.rule not in owner.findings:
                 owner.findings.append(remark.rule)
-        for transaction in transactions.values():
-            transaction.findings.sort()
+                owners[owner.id] = owner
+        for owner in owners.values():
+            owner.findings.sort()
         findings.sort(key=lambda f: (f.frame, f.rule, f.transaction or 0, f.offset or 0))
         return findings
 

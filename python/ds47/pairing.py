@@ -208,15 +208,13 @@ class Alike:
         pnus: the parameters that they ask for, in their order.
     """
 
-    __slots__ = ("change", "pnus")
+    __slots__ = ("change", "operation", "pnus")
 
     def __init__(self, change: bool, pnus: tuple[int, ...]) -> None:
         self.change = change
-        self.pnus = pnus
-
-    def operation(self) -> str:
+        self.operation = "change" if change else "read"
         """As that of a request."""
-        return "change" if self.change else "read"
+        self.pnus = pnus
 
 
 @dataclass(slots=True, eq=False, init=False)

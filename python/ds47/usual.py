@@ -17,14 +17,13 @@ Not here: what a usual job says (`Lines`; `ds47.report.lines`), and when that is
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Final
 
 from ds47.capture import Frame
-from ds47.capture.scan import ETHERNET, UDP
+from ds47.capture.scan import ETHERNET
 from ds47.gate import Gate
 from ds47.model import Line, Transaction
 from ds47.naming import Naming
@@ -38,34 +37,28 @@ from ds47.profinet.calls import (
     conversation_key,
     datagram_key,
 )
+from ds47.profinet.headers import (
+    AR_START,
+    BODY_START,
+    DATA_START,
+    IDENTITY_END,
+    RPC_START,
+    STATED,
+    Fields,
+    Headers,
+)
 from ds47.profinet.records import (
     READ_REQUEST,
     READ_RESPONSE,
     WRITE_MULTIPLE,
     WRITE_REQUEST,
-    WRITE_RESPONSE,
     Half,
 )
 from ds47.recordcalls import RecordCalls, peer
 from ds47.rules import Judge
 
-_OUTER: Final = struct.Struct(">6x10sHHHxB2x8s4xH2x64s36xH6x28sI")
-"""Source MAC to type of service; total length, id, fragment; protocol, addresses; UDP length; RPC header up to
-the interface version; of the record block its type, AR to index, and data length."""
-_INNER: Final = (struct.Struct(">IH4xHH2xI"), struct.Struct("<IH4xHH2xI"))
-"""Sequence number, opnum, length of the body, fragment; the first word of the NDR header: a status."""
-_INNER_START: Final = 106
-_UDP_START: Final = 34
-_BODY_START: Final = 122
-_STATED: Final = 178
-"""Where the data length of a record block stands."""
 _OWN_STATUS: Final = 186
 """Of a Write response block."""
-_DATA_START: Final = 206
-_BLOCK_END: Final = 84
-"""Bytes of a body that ends with its record block,"""
-_SECOND_BLOCK: Final = 124
-"""and from which on there can be a second one."""
 _OK: Final = bytes(4)
 _MULTIPLE: Final = WRITE_MULTIPLE.to_bytes(2, "big")
 _MOST_KNOWN: Final = 65_536
@@ -105,9 +98,8 @@ class _Side:
     """One direction of a conversation: what its frames have in common, and what that means."""
 
     front: bytes
-    hosts: bytes
     request: bool
-    inner: struct.Struct
+    headers: Headers
     conversation_key: int
     activity_key: tuple[str, bytes]
     peer: Peer
@@ -117,11 +109,10 @@ class _Side:
     spoke: int
     """When it asked last, in frames of the short way; 0: not in this stretch."""
 
-    def __init__(self, front: bytes, hosts: bytes, pdu: rpc.Pdu) -> None:
-        self.front = front
-        self.hosts = hosts
+    def __init__(self, data: bytes, pdu: rpc.Pdu) -> None:
+        self.front = _front(data)
         self.request = pdu.ptype == 0
-        self.inner = _INNER[pdu.little]
+        self.headers = Headers(data, self.request, pdu.little)
         self.conversation_key = conversation_key(
             pdu.source, pdu.destination, pdu.activity, pdu.ptype
         )
@@ -130,6 +121,11 @@ class _Side:
         self.places = {}
         self.activity = None
         self.spoke = 0
+
+
+def _front(data: bytes) -> bytes:
+    """What `Headers` compares: from the source MAC to the type of service, and the addresses."""
+    return data[6:16] + data[26:34]
 
 
 class UsualWay:
@@ -165,6 +161,7 @@ class UsualWay:
         self._sides: dict[bytes, _Side] = {}
         self._known = 0
         self._most_calls = calls.usual_calls
+        self._datagrams = calls.datagrams
         self._running = False
         """Whether this is a stretch; of it are:"""
         self._spoken: list[_Side] = []
@@ -180,15 +177,13 @@ class UsualWay:
         if pdu.fragmented or pdu.ptype not in (0, 2) or pdu.opnum not in (rpc.READ, rpc.WRITE):
             return
         data = frame.data
-        if len(data) < _OUTER.size or (pdu.ptype == 2 and not self._naming.knows(pdu.source)):
+        if len(data) < DATA_START or (pdu.ptype == 2 and not self._naming.knows(pdu.source)):
             return
-        fields = _OUTER.unpack_from(data)
-        front, hosts, identity = fields[0], fields[5], fields[7]
+        identity, block = data[RPC_START:IDENTITY_END], data[AR_START:STATED]
         side = self._sides.get(identity)
-        if side is None or side.front != front or side.hosts != hosts:
+        if side is None or side.front != _front(data):
             self._make_room()
-            side = self._sides[identity] = _Side(front, hosts, pdu)
-        block = fields[9]
+            side = self._sides[identity] = _Side(data, pdu)
         if side.request and block not in side.places:
             place = self._records.place(pdu, block)
             if place is not None:
@@ -207,21 +202,13 @@ class UsualWay:
     def take(self, frame: Frame) -> bool:
         """Whether the frame was a usual one, or a copy of one; then nothing is left to do with it."""
         data = frame.data
-        if len(data) < _DATA_START or frame.link_type != ETHERNET:
+        side = self._sides.get(data[RPC_START:IDENTITY_END])
+        if side is None or frame.link_type != ETHERNET:
             return False
-        (front, total, ip_id, fragment, protocol, hosts, stated_udp, identity, kind, block, stated
-         ) = _OUTER.unpack_from(data)  # fmt: skip
-        side = self._sides.get(identity)
-        if side is None or side.hosts != hosts or side.front != front:
+        fields: Fields | None = side.headers.read(data)
+        if fields is None:
             return False
-        seq, opnum, length, part, status = side.inner.unpack_from(data, _INNER_START)
-        size = _UDP_START + stated_udp
-        end = _BODY_START + length
-        if (
-            fragment & 0x3FFF or part or protocol != UDP or total != stated_udp + 20
-            or end > size or size > len(data) or length < _BLOCK_END
-        ):  # fmt: skip
-            return False
+        kind, ip_id, seq, end, stated = fields
         now = frame.time_ns
         activity = self._activity(side) if side.activity is None else side.activity
         if activity is None or now < self._newest_ns:
@@ -229,19 +216,16 @@ class UsualWay:
         old = now > activity.quiet_until or len(activity.calls) > self._most_calls
         if old and self._calls.is_overdue(activity, now):
             return False
-        key = datagram_key(side.conversation_key, ip_id, part, seq, data[_BODY_START:end])
-        whole = _DATA_START + stated <= end
-        if side.request:
-            if opnum == rpc.READ and kind == READ_REQUEST:
-                return self._read(side, activity, old, frame, seq, key, block)
-            if opnum == rpc.WRITE and kind == WRITE_REQUEST and whole:
-                return self._write(side, activity, old, frame, seq, key, block, stated)
-        elif status == 0:
-            if opnum == rpc.READ and kind == READ_RESPONSE and whole:
-                return self._read_response(side, activity, old, frame, seq, key, stated)
-            if opnum == rpc.WRITE and kind == WRITE_RESPONSE and length < _SECOND_BLOCK:
-                return self._write_response(side, activity, old, frame, seq, key, block)
-        return False
+        key = datagram_key(side.conversation_key, ip_id, 0, seq, data[BODY_START:end])
+        if key in self._datagrams:
+            return self._calls.is_known_copy(key, now)
+        if kind == READ_REQUEST:
+            return self._read(side, activity, old, frame, seq, key)
+        if kind == READ_RESPONSE:
+            return self._read_response(side, activity, old, frame, seq, key, stated)
+        if kind == WRITE_REQUEST:
+            return self._write(side, activity, old, frame, seq, key, stated)
+        return self._write_response(side, activity, old, frame, seq, key)
 
     # The stretch: who takes part in it, and its end
 
@@ -317,9 +301,9 @@ class UsualWay:
 
     def _write(
         self, side: _Side, activity: Activity, old: bool, frame: Frame, seq: int, key: DatagramKey,
-        block: bytes, stated: int,
+        stated: int,
     ) -> bool:  # fmt: skip
-        place = side.places.get(block)
+        place = side.places.get(frame.data[AR_START:STATED])
         if place is None or seq in activity.calls:
             return False
         channel = self._channel(place) if place.channel is None else place.channel
@@ -328,53 +312,47 @@ class UsualWay:
         now, pairing = frame.time_ns, self._pairing
         if now > pairing.quiet_until and not self._is_fresh(channel, now):
             return False
-        data = frame.data[_DATA_START : _DATA_START + stated]
+        data = frame.data[DATA_START : DATA_START + stated]
         if not data or not data[0]:
             return False
-        if self._calls.seen(key, now):
-            return True
         job = pairing.usual_write(channel, place, frame, data)
-        self._asked(side, activity, old, seq, Call(None, frame, job, now), place)
+        self._asked(side, activity, old, seq, key, Call(None, frame, job, now), place)
         place.counts["write"] += 1
         pairing.touch(channel, now)
         place.touched = self._taken
         return True
 
     def _write_response(
-        self, side: _Side, activity: Activity, old: bool, frame: Frame, seq: int, key: DatagramKey,
-        block: bytes,
-    ) -> bool:  # fmt: skip
+        self, side: _Side, activity: Activity, old: bool, frame: Frame, seq: int, key: DatagramKey
+    ) -> bool:
         call = activity.calls.get(seq)
-        if call is None or call.answered or block.endswith(_MULTIPLE):
+        if call is None or call.answered:
             return False
         job = call.usual
         if not isinstance(job, UsualJob) or job.job is not None or job.accepted is not None:
             return False
-        if frame.data[_OWN_STATUS : _OWN_STATUS + 4] != _OK:
+        data = frame.data
+        if data[_OWN_STATUS : _OWN_STATUS + 4] != _OK or data[STATED - 2 : STATED] == _MULTIPLE:
             return False
         place = job.place
         channel = self._channel(place) if place.channel is None else place.channel
         if channel is None or channel.usual is not job or place.peer != side.peer:
             return False
-        if not self._calls.seen(key, frame.time_ns):
-            self._answer(activity, old, frame, call, place)
-            job.accepted = frame
-            place.newest, place.accepted = job, self._taken
+        self._answer(activity, old, frame, key, call, place)
+        job.accepted = frame
+        place.newest, place.accepted = job, self._taken
         return True
 
     def _read(
-        self, side: _Side, activity: Activity, old: bool, frame: Frame, seq: int, key: DatagramKey,
-        block: bytes,
-    ) -> bool:  # fmt: skip
-        place = side.places.get(block)
+        self, side: _Side, activity: Activity, old: bool, frame: Frame, seq: int, key: DatagramKey
+    ) -> bool:
+        place = side.places.get(frame.data[AR_START:STATED])
         if place is None or seq in activity.calls:
             return False
         if place.channel is None and self._channel(place) is None:
             return False
-        now = frame.time_ns
-        if not self._calls.seen(key, now):
-            self._asked(side, activity, old, seq, Call(None, frame, place, now), place)
-            place.counts["read"] += 1
+        self._asked(side, activity, old, seq, key, Call(None, frame, place, frame.time_ns), place)
+        place.counts["read"] += 1
         return True
 
     def _read_response(
@@ -395,15 +373,13 @@ class UsualWay:
             return False
         if now > pairing.quiet_until and not self._is_fresh(channel, now):
             return False
-        answer = frame.data[_DATA_START : _DATA_START + stated]
+        answer = frame.data[DATA_START : DATA_START + stated]
         if job.data[0] != answer[0]:
             return False
-        if self._calls.seen(key, now):
-            return True
-        self._answer(activity, old, frame, call, place)
+        self._answer(activity, old, frame, key, call, place)
         pairing.touch(channel, now)
         place.touched = self._taken
-        wanted = int.from_bytes(asked.data[_STATED : _STATED + 4], "big")
+        wanted = int.from_bytes(asked.data[STATED : STATED + 4], "big")
         lines = self._lines
         if lines is not None and lines.answered(job, asked, frame, answer, self._judge):
             job.read, job.wanted, job.answered, job.answer = asked, wanted, frame, answer
@@ -418,8 +394,10 @@ class UsualWay:
     # What all of them do
 
     def _asked(
-        self, side: _Side, activity: Activity, old: bool, seq: int, call: Call, place: Place
-    ) -> None:
+        self, side: _Side, activity: Activity, old: bool, seq: int, key: DatagramKey, call: Call,
+        place: Place,
+    ) -> None:  # fmt: skip
+        self._calls.remember(key, call.time_ns)
         self._requests += 1
         self._taken += 1
         side.spoke = place.spoke = self._taken
@@ -429,8 +407,15 @@ class UsualWay:
         self._newest_ns = call.time_ns
 
     def _answer(
-        self, activity: Activity, old: bool, frame: Frame, call: Call, place: Place
+        self,
+        activity: Activity,
+        old: bool,
+        frame: Frame,
+        key: DatagramKey,
+        call: Call,
+        place: Place,
     ) -> None:
+        self._calls.remember(key, frame.time_ns)
         self._responses += 1
         self._taken += 1
         place.spoke = self._taken

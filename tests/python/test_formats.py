@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+import random
 import struct
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ds47 import spec
 from ds47.profidrive import decode_response, encode_block
-from ds47.profidrive.formats import codec, float32_value
+from ds47.profidrive.formats import codec, float32_text, float32_value
 
 VECTORS = json.loads(
     (Path(__file__).resolve().parents[1] / "vectors/messages.json").read_text(encoding="utf-8")
@@ -54,3 +55,31 @@ def test_float32_round_trips_in_its_width(number: float) -> None:
 
 def test_not_finite_floats_are_words() -> None:
     assert encode_block(0x08, ["NaN", "Infinity"]).hex() == "08027fc000007f800000"
+
+
+WIRES = st.one_of(
+    st.binary(min_size=4, max_size=4),
+    st.floats(-5000, 5000).map(lambda number: struct.pack(">f", round(number, 1))),
+    st.floats(-1, 1).map(lambda number: struct.pack(">f", number)),
+    st.integers(-(10**9), 10**9).map(lambda number: struct.pack(">f", number / 1000)),
+    st.integers(-40, 40).map(lambda power: struct.pack(">f", 10.0 ** max(-37, min(38, power)))),
+)
+
+
+@settings(max_examples=2000)
+@given(WIRES)
+def test_the_text_of_a_float32_is_that_of_its_value(wire: bytes) -> None:
+    (number,) = struct.unpack(">f", wire)
+    assert float32_text(wire) == repr(float32_value(number))
+
+
+@pytest.mark.parametrize("code", range(1, 256))
+def test_the_short_way_to_a_text_is_that_of_the_values(code: int) -> None:
+    found, chance = codec(code), random.Random(code)
+    if found is None or found.text is None:
+        return
+    for count in (1, 2, 7):
+        write = found.text(count)
+        for _ in range(40):
+            raw = chance.randbytes(found.size * count)
+            assert f"[{write(raw)}]" == repr(found.decode(raw, count))

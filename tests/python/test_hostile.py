@@ -386,7 +386,7 @@ def kept(run):
     return {
         "activities": len(calls),
         "calls": max((len(each.calls) for each in calls), default=0),
-        "datagrams": len(run._calls._datagrams),
+        "datagrams": len(run._calls.datagrams),
         "channels": len(places),
         "asked": max((len(each.asked) for each in places), default=0),
         "answers": len(run._answers),

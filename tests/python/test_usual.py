@@ -29,6 +29,7 @@ from ds47.lab.stage import Stage
 from ds47.lab.wire import Channel
 from ds47.model import Report
 from ds47.profinet import rpc
+from ds47.profinet.headers import Headers
 from ds47.report import json, lines, ndjson
 from ds47.report.lines import JsonLines
 from ds47.usual import UsualWay
@@ -299,3 +300,24 @@ def test_an_answer_to_a_change_that_is_not_the_usual_one(place: int, tmp_path: P
         client.exchange(request, bytes(answer))
     path = written([(shot.time_ns, shot.data) for shot in stage.shots], tmp_path)
     assert_same(lambda: str(path))
+
+
+@pytest.mark.parametrize("little", [False, True])
+@given(data=st.data())
+def test_both_ways_to_fetch_the_fields(little: bool, data: st.DataObject) -> None:
+    """`Headers` by `unpack` and byte by byte, which is what is compiled."""
+    number = data.draw(AT)
+    frame = Frame(1, 0, 1, PLANT[number][1], 0)
+    pdu = rpc.from_frame(frame)
+    assert pdu is not None
+    headers = Headers(frame.data, pdu.ptype == 0, little)
+    draws = st.tuples(st.sampled_from(TELLING), st.one_of(st.integers(0, 5), st.integers(0, 255)))
+    changed = bytearray(frame.data)
+    for at, value in data.draw(st.lists(draws, max_size=3)):
+        changed[at % len(changed)] = value
+    seen = bytes(changed)[: data.draw(st.sampled_from((len(changed), 205, 206, 230)))]
+    assert headers.read(seen) == headers._compiled(seen)
+    if seen == frame.data and little == pdu.little:
+        fields = headers.read(seen)
+        assert fields is not None
+        assert fields[1:4] == (pdu.ip_id, pdu.seq, 122 + len(pdu.body))

@@ -9,7 +9,7 @@ and `repetition`; `grouping` makes one line of all findings of one cause. Nothin
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from typing import Final, TypeVar
@@ -28,6 +28,7 @@ _LEAST_NORMAL: Final = {0x08: 2.0**-126, 0x0F: 2.0**-1022}
 """Float32 and Float64: what is nearer to zero is no number that anybody typed."""
 _MOST: Final = 1e30
 _MOST_KNOWN: Final = 65_536
+_NOTHING: Final[tuple[Remark, ...]] = ()
 
 
 class Diagnoses:
@@ -66,7 +67,7 @@ class Diagnoses:
 
     def usual(
         self, job: UsualJob, alike: Alike, careful: Callable[[UsualJob], Job]
-    ) -> list[Remark]:
+    ) -> Sequence[Remark]:
         """`closed` of a usual job; `careful` makes a `Job` of it, which most often is not needed.
 
         What `closed` remembers of a read is who asked whom for which parameters where, with which axis and
@@ -78,7 +79,7 @@ class Diagnoses:
         known_job = job.place, alike
         if known_job in self._known:
             self._whole.usual(job, alike)
-            return []
+            return _NOTHING
         if len(self._known) >= _MOST_KNOWN:
             self._known.clear()
         self._known.add(known_job)

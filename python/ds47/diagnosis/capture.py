@@ -167,7 +167,7 @@ class WholeCapture:
         change = message.operation == "change"
         if change:
             self._change(job)
-        if change or job.polls or self._repetition.storming:
+        if change or job.polls or self._repetition.storms:
             self._repetition.closed(job, place)
 
     def usual(self, job: UsualJob, alike: Alike) -> None:
@@ -176,7 +176,7 @@ class WholeCapture:
         place, asked = job.place, job.asked
         if alike.change:
             self._changed(place.peer.device, asked.number, alike.pnus)
-        elif not self._repetition.storming:
+        elif not self._repetition.storms:
             return
         spot = (place.api, place.slot, place.subslot, place.index)
         channel = (place.peer.controller, place.peer.device, place.ar, spot)

@@ -61,13 +61,9 @@ class Repetition:
     def __init__(self, place_name: Callable[[tuple[int, int, int, int]], str]) -> None:
         self._place_name = place_name
         self._runs: OrderedDict[Channel, _Run] = OrderedDict()
-        self._storms: OrderedDict[Channel, _Storm] = OrderedDict()
+        self.storms: OrderedDict[Channel, _Storm] = OrderedDict()
+        """Those that the next job of a channel may end."""
         self._found: list[Remark] = []
-
-    @property
-    def storming(self) -> bool:
-        """Whether the next job of a channel may end a storm."""
-        return bool(self._storms)
 
     def closed(self, job: Job, place: tuple[int, int, int, int]) -> None:
         """A job that was asked is over."""
@@ -84,7 +80,7 @@ class Repetition:
         """What was found, and what goes on to the end of the capture."""
         for key, run in self._runs.items():
             self._end_run(key, run)
-        for key, storm in self._storms.items():
+        for key, storm in self.storms.items():
             self._end_storm(key, storm)
         yield from self._found
 
@@ -114,16 +110,16 @@ class Repetition:
 
     def calm(self, key: Channel) -> None:
         """A job on a channel that was not polled many times."""
-        storm = self._storms.pop(key, None)
+        storm = self.storms.pop(key, None)
         if storm is not None:
             self._end_storm(key, storm)
 
     def _polled(self, job: Job, key: Channel) -> None:
-        storm = self._storms.get(key)
+        storm = self.storms.get(key)
         if storm is None:
-            storm = self._storms[key] = _Storm()
-            if len(self._storms) > known().history:
-                self._end_storm(*self._storms.popitem(last=False))
+            storm = self.storms[key] = _Storm()
+            if len(self.storms) > known().history:
+                self._end_storm(*self.storms.popitem(last=False))
         first, last = job.polls[0], job.polls[-1]
         began = (first[0] or first[1]).time_ns
         asked, read = job.write_request, job.read_response or last[1]

@@ -150,7 +150,8 @@ class CallTracker:
         self.activities: OrderedDict[tuple[str, bytes], Activity] = OrderedDict()
         """By client and activity UUID; the one that spoke last comes last."""
         self._most_datagrams = limits.datagrams
-        self._datagrams: dict[DatagramKey, int] = {}
+        self.datagrams: dict[DatagramKey, int] = {}
+        """The latest, and when they came."""
         self._order: deque[DatagramKey] = deque()
         """The same, the oldest first; an `OrderedDict` costs twice as much, and here every frame comes by."""
         self.counts = dict.fromkeys(
@@ -166,23 +167,30 @@ class CallTracker:
 
     def seen(self, key: DatagramKey, time_ns: int) -> bool:
         """`is_copy` of what makes a datagram what it is: see there."""
-        datagrams = self._datagrams
-        if key in datagrams:
-            return self._seen_again(key, time_ns)
-        datagrams[key] = time_ns
-        self._order.append(key)
-        if len(datagrams) > self._most_datagrams:
-            del datagrams[self._order.popleft()]
-        return False
-
-    def _seen_again(self, key: DatagramKey, time_ns: int) -> bool:
-        if abs(time_ns - self._datagrams[key]) <= self._limits.copy_ns:
-            self.counts["copies"] += 1
+        datagrams = self.datagrams
+        if key not in datagrams:
+            self.remember(key, time_ns)
+            return False
+        if self.is_known_copy(key, time_ns):
             return True
-        self._datagrams[key] = time_ns
+        datagrams[key] = time_ns
         self._order.remove(key)
         self._order.append(key)
         return False
+
+    def is_known_copy(self, key: DatagramKey, time_ns: int) -> bool:
+        """`seen`, where the key is one of `datagrams`; if it is no copy, that is not remembered."""
+        copy = abs(time_ns - self.datagrams[key]) <= self._limits.copy_ns
+        self.counts["copies"] += copy
+        return copy
+
+    def remember(self, key: DatagramKey, time_ns: int) -> None:
+        """`seen`, where the key is none of `datagrams`."""
+        datagrams, order = self.datagrams, self._order
+        datagrams[key] = time_ns
+        order.append(key)
+        if len(datagrams) > self._most_datagrams:
+            del datagrams[order.popleft()]
 
     def feed(self, pdu: Pdu) -> None:
         """Takes one whole message (not a copy, see `is_copy`)."""
@@ -280,15 +288,13 @@ class CallTracker:
         oldest: Call = next(iter(calls.values()))
         if len(calls) <= self.usual_calls and now - oldest.time_ns <= limit:
             return  # nothing is old or too much: the usual case, on the way of every call
-        answered: list[int] = []
-        expired: list[int] = []
-        for seq, call in calls.items():
-            if call.answered:
-                answered.append(seq)
-            elif now - call.time_ns > limit:
-                expired.append(seq)
-        for seq in expired:
-            self._lose(calls.pop(seq))
+        if now > activity.quiet_until:
+            for seq in [
+                seq for seq, call in calls.items()
+                if not call.answered and now - call.time_ns > limit
+            ]:  # fmt: skip
+                self._lose(calls.pop(seq))
+        answered = [seq for seq, call in calls.items() if call.answered]
         for seq in answered[: -self._limits.answered_calls]:
             del calls[seq]
         while len(calls) > self._limits.calls:

@@ -38,6 +38,7 @@ _LINES_AT_ONCE = 256
 _EPOCH_DAY = date(1970, 1, 1).toordinal()
 _DAYS_IN_400_YEARS = 146_097
 _SECONDS_IN_DAY = 86_400
+_SECOND_NS = 1_000_000_000
 
 
 def timestamp(time_ns: int) -> str:
@@ -46,8 +47,9 @@ def timestamp(time_ns: int) -> str:
     `datetime` ends with the year 9999; the calendar repeats every 400 years, so only the years
     inside one cycle are asked of it.
     """
-    seconds, ns = divmod(time_ns, 1_000_000_000)
-    return f"{_second(seconds)}.{ns:09}Z"
+    seconds = time_ns // _SECOND_NS
+    digits = str(time_ns - seconds * _SECOND_NS + _SECOND_NS)  # a 1, and then all nine of them
+    return f"{_second(seconds)}.{digits[1:]}Z"
 
 
 @lru_cache(maxsize=64)

@@ -23,7 +23,6 @@ from ds47.model import Line, Transaction
 from ds47.pairing import Alike, Job, Place, UsualJob
 from ds47.profidrive import Address, Block, Options
 from ds47.profidrive.formats import Codec
-from ds47.profidrive.model import Value
 from ds47.profidrive.parameter import sound_codecs
 from ds47.profinet.records import NIL_UUID
 from ds47.report import json
@@ -66,35 +65,40 @@ class _Values:
     format: int
     count: int
     codec: Codec
+    write: Callable[[bytes], str] | None
+    """The short way to the text of the values."""
     raw: bytes
-    values: list[Value]
     text: str
 
     def __init__(self, head: str, block: Block, codec: Codec) -> None:
-        self.head = head
+        self.head = f'{head}, "values": ['
         self.format = block.format
         self.count = block.value_count
         self.codec = codec
+        self.write = codec.text(self.count) if codec.text is not None and self.count else None
         self.raw = b""
-        self.values = []
         self.text = ""
 
     def read(self, raw: bytes) -> str:
         """The text of the parameter with these values."""
         if raw == self.raw and self.text:
             return self.text
-        codec = self.codec
-        values = codec.decode(raw, self.count)
-        scaled = "null" if codec.scale is None else list_text(codec.scale(values, raw))
-        self.raw, self.values = raw, values
-        self.text = (
-            f'{self.head}, "values": {list_text(values)}, "scaled": {scaled}, "error": null}}'
-        )
-        return self.text
+        write, scaled = self.write, "null"
+        shown = write(raw) if write is not None else "'"
+        if "'" in shown:  # no short way, or words: a value that is not finite
+            codec = self.codec
+            values = codec.decode(raw, self.count)
+            shown = list_text(values)[1:-1]
+            if codec.scale is not None:
+                scaled = list_text(codec.scale(values, raw))
+        self.raw = raw
+        self.text = text = f'{self.head}{shown}], "scaled": {scaled}, "error": null}}'
+        return text
 
     def block(self) -> Block:
         """The block of which `read` was the last."""
-        return Block(self.format, self.count, self.values, None, None, self.raw)
+        raw = self.raw
+        return Block(self.format, self.count, self.codec.decode(raw, self.count), None, None, raw)
 
 
 @dataclass(slots=True, eq=False, init=False)
@@ -198,7 +202,7 @@ class JsonLines(Lines):
         return Line(
             asked.number,
             0,
-            f'"operation": "{job.alike.operation()}", "state": "ok", {place.text}, '
+            f'"operation": "{job.alike.operation}", "state": "ok", {place.text}, '
             f'"request_reference": {job.data[0]}, "axis": {job.data[2]}, '
             f'"frames": {{"write_request": {asked.number}, '
             f'"write_response": {accepted.number}, "read_request": {read.number}, '
