@@ -452,6 +452,24 @@ class Pairing:
         self, channel: Channel, job: UsualJob, close: Callable[[UsualJob], None]
     ) -> None:
         """The usual job of a channel has its response: it is the last one now, the one before is closed."""
+        self._close_last(channel, close)
+        channel.usual, channel.usual_last = None, job
+
+    def careful_read(
+        self, channel: Channel, usual: UsualJob, record: Record, close: Callable[[UsualJob], None]
+    ) -> Job:
+        """The usual job of a channel has its response, and whether that is usual is not known."""
+        job = self.job(usual)
+        channel.usual = None
+        self._step(job, "read_record")
+        job.read_request, job.read_response = record.request, record.response
+        self._answered(job)
+        self._close_last(channel, close)
+        channel.last = job
+        return job
+
+    def _close_last(self, channel: Channel, close: Callable[[UsualJob], None]) -> None:
+        """The last job of a channel is not the last one any more."""
         before = channel.usual_last
         if before is not None and before.job is None:
             before.closed = True
@@ -461,15 +479,7 @@ class Pairing:
             if last is not None:
                 self._lose(last, "")
             channel.last = None
-        channel.usual, channel.usual_last = None, job
-
-    def careful_read(self, channel: Channel, record: Record) -> Job:
-        """The usual job of a channel has its response, and whether that is usual is not known."""
-        self._recall(channel)
-        job = channel.open
-        assert job is not None
-        self._read(channel, job, "read_record", record)
-        return job
+        channel.usual_last = None
 
     def job(self, usual: UsualJob) -> Job:
         """A usual job as a `Job`: always the same one, which from then on is the one that counts."""

@@ -16,6 +16,7 @@ from typing import Any, Final
 from ds47.capture import Frame
 from ds47.pairing import Job, UsualJob
 from ds47.profidrive import Address, Block, Flaw, Request, Response
+from ds47.profidrive.formats import Codec
 from ds47.profidrive.model import VALUE, Value
 from ds47.profinet.status import status_hex, status_text
 from ds47.spec import error_text, parameters, request_ids
@@ -88,6 +89,30 @@ def drive_time_ns(job: Job) -> int | None:
     return read.time_ns - write.time_ns - pause
 
 
+class Change:
+    """What is to be remembered of changes that are alike: of some addresses and of the blocks with their values.
+
+    `elements` are the number of a block among the parts of the message (1, 3, 5: each stands behind something
+    else), where in it an element begins and ends, PNU, subindex and codec.
+    """
+
+    __slots__ = ("elements", "pnus")
+
+    def __init__(self, addresses: list[Address], blocks: list[Block], codecs: list[Codec]) -> None:
+        self.pnus: set[int] = set()
+        self.elements: list[tuple[int, int, int, int, int, Codec]] = []
+        for number, (address, block) in enumerate(zip(addresses, blocks, strict=True)):
+            if _is_volatile(address):
+                continue
+            self.pnus.add(address.pnu)
+            start = 0
+            for element, raw, _value in _elements(address, block):
+                end = start + len(raw)
+                row = (2 * number + 1, start, end, address.pnu, element, codecs[number])
+                self.elements.append(row)
+                start = end
+
+
 class Judge:
     """Judges jobs; keeps the little history that some rules need.
 
@@ -101,7 +126,8 @@ class Judge:
         self._limits = limits
         self._slow_ns = slow_ns
         self._lang = lang
-        self._written: OrderedDict[tuple[Any, ...], tuple[bytes, Value]] = OrderedDict()
+        self._written: OrderedDict[tuple[Any, ...], tuple[bytes, Value | Codec]] = OrderedDict()
+        """The bytes of an element, and its value or who decodes it when somebody asks."""
         self._written_pnus: set[int] = set()
         """Every PNU that was ever in `_written`: most reads ask for others."""
         self._longest: OrderedDict[str, int] = OrderedDict()
@@ -141,11 +167,19 @@ class Judge:
             and PNU_ACCESS_IDENTIFICATION not in reads
         )
 
-    def changed(self, job: UsualJob, addresses: list[Address], blocks: list[Block]) -> None:
-        """What `answered` remembers of a usual job that changes parameters, all of them with success."""
-        place = job.place
-        where = (place.peer.device, place.slot, place.subslot, place.index, job.data[2])
-        self._remember(where, addresses, blocks, [])
+    def changed(self, job: UsualJob, change: Change, parts: tuple[bytes, ...]) -> None:
+        """What `answered` remembers of a usual job that changes parameters, all of them with success.
+
+        `parts` are the bytes of its blocks, each behind something else (`Change`).
+        """
+        place, axis, written = job.place, job.data[2], self._written
+        device = place.peer.device
+        self._written_pnus |= change.pnus
+        for part, start, end, pnu, element, codec in change.elements:
+            key = (device, place.slot, place.subslot, place.index, axis, pnu, element)
+            written[key] = parts[part][start:end], codec
+            written.move_to_end(key)
+        self._forget_oldest()
 
     def unanswered(self, job: Job) -> list[Remark]:
         """What is to be said of a job that is closed without a response."""
@@ -301,6 +335,8 @@ class Judge:
                     continue
                 del self._written[(*where, address.pnu, element)]
                 where_read = {"pnu": address.pnu, "subindex": element}
+                if isinstance(meant, Codec):
+                    meant = meant.decode(written, 1)[0]
                 args = {**where_read, "written": meant, "read": value}
                 remarks.append(Remark("DS417", job.read_response.frame, args, block.offset))
 
@@ -311,17 +347,18 @@ class Judge:
         blocks: list[Block],
         answers: list[Block],
     ) -> None:
-        known = parameters()
         for number, (address, block) in enumerate(zip(addresses, blocks, strict=False)):
             failed = number < len(answers) and answers[number].error is not None
-            pnu = known.get(address.pnu)
-            if failed or (pnu and pnu.volatile):
+            if failed or _is_volatile(address):
                 continue
             self._written_pnus.add(address.pnu)
             for element, raw, value in _elements(address, block):
                 key = (*where, address.pnu, element)
                 self._written[key] = raw, value
                 self._written.move_to_end(key)
+        self._forget_oldest()
+
+    def _forget_oldest(self) -> None:
         while len(self._written) > self._limits.written_values:
             self._written.popitem(last=False)
 
@@ -357,6 +394,12 @@ def _place(job: Job) -> tuple[Any, ...]:
     """Where a parameter lives: a channel of a device and the axis, whoever asks."""
     record, axis = job.record, job.message.axis if job.message else None
     return (job.peer.device, record.slot, record.subslot, record.index, axis)
+
+
+def _is_volatile(address: Address) -> bool:
+    """Whether the drive changes the parameter itself."""
+    row = parameters().get(address.pnu)
+    return bool(row and row.volatile)
 
 
 def _is_change(job: Job) -> bool:

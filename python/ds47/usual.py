@@ -388,7 +388,7 @@ class UsualWay:
         request = Half(asked.number, asked.time_ns, stated=wanted)
         response = Half(frame.number, now, answer, stated, 0, 0)
         record = place.record(request, response, write=False)
-        self._answered(job, pairing.careful_read(channel, record))
+        self._answered(job, pairing.careful_read(channel, job, record, self._closed))
         return True
 
     # What all of them do

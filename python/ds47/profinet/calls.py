@@ -15,8 +15,9 @@ from ds47.capture import Frame
 from ds47.profinet.rpc import Pdu, from_frame
 from ds47.spec.semantics import Limits
 
-DatagramKey = int
-"""A hash of all that two copies of a datagram have in common (`datagram_key`)."""
+DatagramKey = object
+"""A hash of all that two copies of a datagram have in common (`datagram_key`). Not called an `int`: nobody counts
+with it, and compiled it would be unpacked and packed for each use."""
 
 
 def conversation_key(source: str, destination: str, activity: bytes, ptype: int) -> int:

@@ -18,16 +18,16 @@ from dataclasses import dataclass
 from json.encoder import encode_basestring as _quoted
 
 from ds47.capture import Frame
-from ds47.diagnosis import is_unlikely
+from ds47.diagnosis import is_likely, is_unlikely
 from ds47.model import Line, Transaction
 from ds47.pairing import Alike, Job, Place, UsualJob
-from ds47.profidrive import Address, Block, Options
+from ds47.profidrive import Block, Options
 from ds47.profidrive.formats import Codec
 from ds47.profidrive.parameter import sound_codecs
 from ds47.profinet.records import NIL_UUID
 from ds47.report import json
 from ds47.report.json import list_text, timestamp
-from ds47.rules import Judge
+from ds47.rules import Change, Judge
 from ds47.transactions import build, uuid_text
 from ds47.usual import Lines
 
@@ -95,10 +95,14 @@ class _Values:
         self.text = text = f'{self.head}{shown}], "scaled": {scaled}, "error": null}}'
         return text
 
-    def block(self) -> Block:
-        """The block of which `read` was the last."""
-        raw = self.raw
-        return Block(self.format, self.count, self.codec.decode(raw, self.count), None, None, raw)
+    def is_unlikely(self) -> bool:
+        """`ds47.diagnosis.is_unlikely` of the block of which `read` was the last."""
+        raw, count = self.raw, self.count
+        if is_likely(self.format, raw):
+            return False
+        return is_unlikely(
+            Block(self.format, count, self.codec.decode(raw, count), None, None, raw)
+        )
 
 
 @dataclass(slots=True, eq=False, init=False)
@@ -113,7 +117,8 @@ class _Shape:
     other: bytes
     """The other message, without its reference."""
     blocks: list[_Values]
-    addresses: list[Address]
+    remembered: Change | None
+    """What is to be remembered of a change."""
     reads: frozenset[int]
 
     def __init__(
@@ -122,13 +127,13 @@ class _Shape:
         values: _Mask,
         other: bytes,
         blocks: list[_Values],
-        addresses: list[Address],
+        pnus: tuple[int, ...],
     ) -> None:
-        self.alike = Alike(change, tuple([each.pnu for each in addresses]))
+        self.alike = Alike(change, pnus)
         self.values = values
         self.other = other
         self.blocks = blocks
-        self.addresses = addresses
+        self.remembered = None
         self.reads = frozenset() if change else frozenset(self.alike.pnus)
 
 
@@ -158,11 +163,11 @@ class JsonLines(Lines):
         for each in shape.blocks:
             texts.append(each.read(parts[at]))
             at += 2
-        if change:
-            blocks = [each.block() for each in shape.blocks]
-            if any(map(is_unlikely, blocks)):
-                return False
-            judge.changed(job, shape.addresses, blocks)
+        if shape.remembered is not None:
+            for each in shape.blocks:
+                if each.is_unlikely():
+                    return False
+            judge.changed(job, shape.remembered, parts)
         job.alike = shape.alike
         job.text = ", ".join(texts)
         return True
@@ -186,9 +191,11 @@ class JsonLines(Lines):
         valued, other = (usual.data, half.data) if change else (half.data, usual.data)
         if len(self._shapes) >= _MOST_SHAPES:
             self._shapes.clear()
-        self._shapes[_key(usual, half.data)] = _Shape(
-            change, _Mask(valued, found), other[1:], blocks, request.addresses
-        )  # fmt: skip
+        pnus = tuple([each.pnu for each in request.addresses])
+        shape = _Shape(change, _Mask(valued, found), other[1:], blocks, pnus)
+        if change:
+            shape.remembered = Change(request.addresses, found, [each.codec for each in blocks])
+        self._shapes[_key(usual, half.data)] = shape
 
     def usual(self, job: UsualJob) -> Line:
         asked, accepted, read, answered = job.asked, job.accepted, job.read, job.answered
