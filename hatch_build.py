@@ -33,7 +33,7 @@ RECORD_PATH = (
     "profinet/ip", "profinet/calls", "profinet/records", "profidrive/model",
     "profidrive/parameter", "profidrive/formats", "report/json", "usual", "report/lines",
     "diagnosis/__init__", "diagnosis/capture", "diagnosis/grouping", "diagnosis/length",
-    "diagnosis/order", "diagnosis/refusal", "diagnosis/repetition",
+    "diagnosis/order", "diagnosis/refusal", "diagnosis/repair", "diagnosis/repetition",
 )  # fmt: skip
 READ = (
     "*.py", "capture/*.p*", "profinet/*.p*", "profidrive/*.py", "spec/*.py", "report/__init__.py",

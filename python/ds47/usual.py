@@ -33,19 +33,17 @@ from ds47.profinet.calls import (
     Activity,
     Call,
     CallTracker,
-    DatagramKey,
-    conversation_key,
-    datagram_key,
 )
 from ds47.profinet.headers import (
     AR_START,
-    BODY_START,
     DATA_START,
     IDENTITY_END,
     RPC_START,
     STATED,
+    DatagramKey,
     Fields,
     Headers,
+    conversation_key,
 )
 from ds47.profinet.records import (
     READ_REQUEST,
@@ -100,7 +98,6 @@ class _Side:
     front: bytes
     request: bool
     headers: Headers
-    conversation_key: int
     activity_key: tuple[str, bytes]
     peer: Peer
     places: dict[bytes, Place]
@@ -112,10 +109,8 @@ class _Side:
     def __init__(self, data: bytes, pdu: rpc.Pdu) -> None:
         self.front = _front(data)
         self.request = pdu.ptype == 0
-        self.headers = Headers(data, self.request, pdu.little)
-        self.conversation_key = conversation_key(
-            pdu.source, pdu.destination, pdu.activity, pdu.ptype
-        )
+        conversation = conversation_key(pdu.source, pdu.destination, pdu.activity, pdu.ptype)
+        self.headers = Headers(data, conversation, self.request, pdu.little)
         self.activity_key = (pdu.client, pdu.activity)
         self.peer = peer(pdu)
         self.places = {}
@@ -208,7 +203,7 @@ class UsualWay:
         fields: Fields | None = side.headers.read(data)
         if fields is None:
             return False
-        kind, ip_id, seq, end, stated = fields
+        kind, seq, stated, key = fields
         now = frame.time_ns
         activity = self._activity(side) if side.activity is None else side.activity
         if activity is None or now < self._newest_ns:
@@ -216,7 +211,6 @@ class UsualWay:
         old = now > activity.quiet_until or len(activity.calls) > self._most_calls
         if old and self._calls.is_overdue(activity, now):
             return False
-        key = datagram_key(side.conversation_key, ip_id, 0, seq, data[BODY_START:end])
         if key in self._datagrams:
             return self._calls.is_known_copy(key, now)
         if kind == READ_REQUEST:

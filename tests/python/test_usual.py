@@ -29,7 +29,7 @@ from ds47.lab.stage import Stage
 from ds47.lab.wire import Channel
 from ds47.model import Report
 from ds47.profinet import rpc
-from ds47.profinet.headers import Headers
+from ds47.profinet.headers import Headers, conversation_key, datagram_key
 from ds47.report import json, lines, ndjson
 from ds47.report.lines import JsonLines
 from ds47.usual import UsualWay
@@ -310,7 +310,8 @@ def test_both_ways_to_fetch_the_fields(little: bool, data: st.DataObject) -> Non
     frame = Frame(1, 0, 1, PLANT[number][1], 0)
     pdu = rpc.from_frame(frame)
     assert pdu is not None
-    headers = Headers(frame.data, pdu.ptype == 0, little)
+    conversation = conversation_key(pdu.source, pdu.destination, pdu.activity, pdu.ptype)
+    headers = Headers(frame.data, conversation, pdu.ptype == 0, little)
     draws = st.tuples(st.sampled_from(TELLING), st.one_of(st.integers(0, 5), st.integers(0, 255)))
     changed = bytearray(frame.data)
     for at, value in data.draw(st.lists(draws, max_size=3)):
@@ -320,4 +321,5 @@ def test_both_ways_to_fetch_the_fields(little: bool, data: st.DataObject) -> Non
     if seen == frame.data and little == pdu.little:
         fields = headers.read(seen)
         assert fields is not None
-        assert fields[1:4] == (pdu.ip_id, pdu.seq, 122 + len(pdu.body))
+        key = datagram_key(conversation, pdu.ip_id, pdu.fragment, pdu.seq, pdu.body)
+        assert (fields[1], fields[3]) == (pdu.seq, key)

@@ -12,24 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from ds47.capture import Frame
+from ds47.profinet.headers import DatagramKey, conversation_key, datagram_key
 from ds47.profinet.rpc import Pdu, from_frame
 from ds47.spec.semantics import Limits
-
-DatagramKey = object
-"""A hash of all that two copies of a datagram have in common (`datagram_key`). Not called an `int`: nobody counts
-with it, and compiled it would be unpacked and packed for each use."""
-
-
-def conversation_key(source: str, destination: str, activity: bytes, ptype: int) -> int:
-    """The part of a `DatagramKey` that the PDUs of one side of a conversation share."""
-    return hash((source, destination, activity, ptype))
-
-
-def datagram_key(
-    conversation: int, ip_id: int, fragment: int, seq: int, body: bytes
-) -> DatagramKey:
-    """What tells a datagram from the others of the last milliseconds; `conversation_key` goes before."""
-    return hash((conversation, ip_id, fragment, seq, body))
 
 
 class Call:

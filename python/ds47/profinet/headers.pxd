@@ -10,7 +10,10 @@ cdef unsigned int _u16(const unsigned char* data, Py_ssize_t at) noexcept nogil
 
 cdef unsigned int _word(const unsigned char* data, Py_ssize_t at, bint little) noexcept nogil
 
+cpdef object datagram_key(object conversation, unsigned int ip_id, unsigned int fragment, unsigned int seq, bytes body)
+
 cdef class Headers:
+    cdef object _conversation
     cdef bytes _front, _hosts
     cdef unsigned int _read_kind, _write_kind
     cdef bint _request, _little

@@ -16,8 +16,11 @@ from typing import Final
 from ds47.profinet import rpc
 from ds47.profinet.records import READ_REQUEST, READ_RESPONSE, WRITE_REQUEST, WRITE_RESPONSE
 
-Fields = tuple[int, int, int, int, int]
-"""Type of the record block, IP id, sequence number, end of the body, and the data length of the block."""
+DatagramKey = object
+"""A hash of all that two copies of a datagram have in common (`datagram_key`). Not called an `int`: nobody counts
+with it, and compiled it would be unpacked and packed for each use."""
+Fields = tuple[int, int, int, DatagramKey]
+"""Type of the record block, sequence number, the data length of the block, and the key of the datagram."""
 
 RPC_START: Final = 42
 IDENTITY_END: Final = 106
@@ -51,12 +54,34 @@ _BLOCK_END = 84  # bytes of a body that ends with its record block,
 _SECOND_BLOCK = 124  # and from which on there can be a second one
 
 
+def conversation_key(source: str, destination: str, activity: bytes, ptype: int) -> int:
+    """The part of a `DatagramKey` that the PDUs of one side of a conversation share."""
+    return hash((source, destination, activity, ptype))
+
+
+def datagram_key(
+    conversation: int, ip_id: int, fragment: int, seq: int, body: bytes
+) -> DatagramKey:
+    """What tells a datagram from the others of the last milliseconds; `conversation_key` goes before."""
+    return hash((conversation, ip_id, fragment, seq, body))
+
+
 class Headers:
     """Those of one direction of a conversation, learnt from a frame that `rpc.from_frame` takes."""
 
-    __slots__ = ("_front", "_hosts", "_little", "_read_kind", "_request", "_write_kind")
+    __slots__ = (
+        "_conversation",
+        "_front",
+        "_hosts",
+        "_little",
+        "_read_kind",
+        "_request",
+        "_write_kind",
+    )
 
-    def __init__(self, data: bytes, request: bool, little: bool) -> None:
+    def __init__(self, data: bytes, conversation: int, request: bool, little: bool) -> None:
+        """`conversation` is its `conversation_key`."""
+        self._conversation = conversation
         self._front = data[6:16]
         self._hosts = data[26:34]
         self._read_kind = _READ_REQUEST if request else _READ_RESPONSE
@@ -89,7 +114,14 @@ class Headers:
             fits = kind == self._write_kind and opnum == _WRITE and (
                 DATA_START + stated <= end if self._request else length < _SECOND_BLOCK
             )  # fmt: skip
-        return (kind, ip_id, seq, end, stated) if fits else None
+        if not fits:
+            return None
+        return (
+            kind,
+            seq,
+            stated,
+            datagram_key(self._conversation, ip_id, 0, seq, data[BODY_START:end]),
+        )
 
     def _compiled(self, data: bytes) -> Fields | None:
         """The same over bytes. Runs uncompiled too, slowly."""
@@ -129,7 +161,8 @@ class Headers:
             seq = _word(view, 108, True) << 16 | _word(view, 106, True)
         else:
             seq = _u16(view, 106) << 16 | _u16(view, 108)
-        return kind, _u16(view, 18), seq, end, stated
+        key = datagram_key(self._conversation, _u16(view, 18), 0, seq, data[_BODY:end])
+        return kind, seq, stated, key
 
 
 def _u16(data: bytes, at: int) -> int:

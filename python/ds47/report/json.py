@@ -38,7 +38,7 @@ _LINES_AT_ONCE = 256
 _EPOCH_DAY = date(1970, 1, 1).toordinal()
 _DAYS_IN_400_YEARS = 146_097
 _SECONDS_IN_DAY = 86_400
-_SECOND_NS = 1_000_000_000
+SECOND_NS = 1_000_000_000
 
 
 def timestamp(time_ns: int) -> str:
@@ -47,8 +47,8 @@ def timestamp(time_ns: int) -> str:
     `datetime` ends with the year 9999; the calendar repeats every 400 years, so only the years
     inside one cycle are asked of it.
     """
-    seconds = time_ns // _SECOND_NS
-    digits = str(time_ns - seconds * _SECOND_NS + _SECOND_NS)  # a 1, and then all nine of them
+    seconds = time_ns // SECOND_NS
+    digits = str(time_ns - seconds * SECOND_NS + SECOND_NS)  # a 1, and then all nine of them
     return f"{_second(seconds)}.{digits[1:]}Z"
 
 
@@ -369,11 +369,12 @@ class Writer(_Writer):
 
     def _lines(self, key: str, lines: Iterator[str]) -> None:
         self.stream.write(f',\n"{key}": [')
-        separator = "\n"
+        separator, write = "\n", self.stream.write
         while piece := list(islice(lines, _LINES_AT_ONCE)):
-            self.stream.write(separator + ",\n".join(piece))
+            write(separator)
+            write(",\n".join(piece))
             separator = ",\n"
-        self.stream.write("]")
+        write("]")
 
     def close(self) -> None:
         if not self._begun:

@@ -26,12 +26,13 @@ from ds47.profidrive.formats import Codec
 from ds47.profidrive.parameter import sound_codecs
 from ds47.profinet.records import NIL_UUID
 from ds47.report import json
-from ds47.report.json import list_text, timestamp
+from ds47.report.json import SECOND_NS, list_text, timestamp
 from ds47.rules import Change, Judge
 from ds47.transactions import build, uuid_text
 from ds47.usual import Lines
 
 _MOST_SHAPES = 4_096
+_FRACTION = len("000000000Z")
 _HEADER = 4
 """Bytes of a message in front of its addresses or blocks."""
 
@@ -143,6 +144,9 @@ class JsonLines(Lines):
     def __init__(self, codec: Options) -> None:
         self._codecs = sound_codecs(codec.legacy_g120_formats, codec.profile_v3_types)
         self._shapes: dict[tuple[bytes, int, int, int | None], _Shape] = {}
+        self._second_ns = 0
+        self._second = ""
+        """The second of the last line, in text up to the decimal point."""
 
     def answered(
         self, job: UsualJob, read: Frame, frame: Frame, answer: bytes, judge: Judge
@@ -214,12 +218,21 @@ class JsonLines(Lines):
             f'"frames": {{"write_request": {asked.number}, '
             f'"write_response": {accepted.number}, "read_request": {read.number}, '
             f'"read_response": {answered.number}, "polls": [], "rereads": []}}, '
-            f'"start": "{timestamp(asked.time_ns)}", '
+            f'"start": "{self._start(asked.time_ns)}", '
             f'"duration_ms": {(answered.time_ns - asked.time_ns) / 1_000_000}, '
             f'"bytes": {{"request": "{job.data.hex()}", "response": "{job.answer.hex()}"}}, '
             '"status": {"write": "00000000", "read": "00000000"}, '
             f'"parameters": [{job.text}]',
         )
+
+    def _start(self, time_ns: int) -> str:
+        """`timestamp`, most often in the same second as the last time."""
+        since = time_ns - self._second_ns
+        if not 0 <= since < SECOND_NS or not self._second:
+            since = time_ns % SECOND_NS
+            self._second_ns = time_ns - since
+            self._second = timestamp(time_ns)[:-_FRACTION]
+        return f"{self._second}{str(since + SECOND_NS)[1:]}Z"
 
     def line(self, transaction: Transaction) -> Line:
         first = transaction.frames.first()
