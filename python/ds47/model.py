@@ -231,12 +231,16 @@ class Transaction(_Plain):
 class Line(_Plain):
     """A transaction that is written already, but for its number and its findings.
 
-    `first` is its first frame, `text` what stands between the two in a report that has lines.
+    `first` is its first frame; `head`, `text` and `tail`, one behind the other, are what stands between the two
+    in a report that has lines. Only `text` is its own: the others are pieces that many lines share, so that
+    a capture of many transactions needs half of the memory.
     """
 
     first: int
     position: int
+    head: str
     text: str
+    tail: list[str]
     findings: list[str]
     id: int
 
@@ -244,13 +248,17 @@ class Line(_Plain):
         self,
         first: int,
         position: int,
+        head: str,
         text: str,
+        tail: list[str],
         findings: list[str] | None = None,
         id: int = 0,  # noqa: A002 (a key of the report)
     ) -> None:
         self.first = first
         self.position = position
+        self.head = head
         self.text = text
+        self.tail = tail
         self.findings = [] if findings is None else findings
         self.id = id
 

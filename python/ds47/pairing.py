@@ -24,6 +24,8 @@ STATUS_IN_USE: Final = 0xDF80B500
 
 
 _T = TypeVar("_T")
+_NO_TEXTS: Final[list[str]] = []
+"""Of all jobs that have none yet; nobody adds to it."""
 
 
 class Peer(NamedTuple):
@@ -146,8 +148,8 @@ class Place:
     """The same whoever asks."""
     counts: dict[str, int]
     """Record requests of the index, by "read" and "write"."""
-    text: str
-    """What the lines of a report say of the place, as soon as somebody has made it."""
+    heads: dict[str, str]
+    """What the lines of a report say of the place, by operation, as soon as somebody has made it."""
     channel: Channel | None
     """The one of `key`, while `ds47.usual` is in a stretch in which the place was used."""
     proven: bool
@@ -183,7 +185,7 @@ class Place:
         self.ar_key = (peer.controller, peer.device, ar)
         self.spot = (peer.device, api, slot, subslot, index)
         self.counts = counts
-        self.text = ""
+        self.heads = {}
         self.leave()
 
     def leave(self) -> None:
@@ -237,8 +239,8 @@ class UsualJob:
     answered: Frame | None
     answer: bytes
     alike: Alike | None
-    """Once it is answered, as `text`."""
-    text: str
+    """Once it is answered, as `texts`."""
+    texts: list[str]
     """What the lines of a report say of the parameters."""
     closed: bool
     job: Job | None
@@ -262,7 +264,7 @@ class UsualJob:
         self.answered = None
         self.answer = b""
         self.alike = None
-        self.text = ""
+        self.texts = _NO_TEXTS
         self.closed = False
         self.job = None
 

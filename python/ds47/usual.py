@@ -83,7 +83,7 @@ class Lines:
         raise NotImplementedError
 
     def usual(self, job: UsualJob) -> Line:
-        """The line of a usual job that is closed; `text` and `alike` are what `answered` gave."""
+        """The line of a usual job that is closed; `texts` and `alike` are what `answered` gave."""
         raise NotImplementedError
 
     def line(self, transaction: Transaction) -> Line:

@@ -155,11 +155,11 @@ def transaction_line(item: Transaction) -> str:
 
 def line(number: int, about: str, findings: list[str]) -> str:
     """The line of a transaction of which `about` is the text between its number and its findings."""
-    return f'{{"id": {number}, {about}, "findings": {text(findings) if findings else "[]"}}}'
+    return f'{{"id": {number}, {about}{_findings(findings)}'
 
 
-def _line(item: Line) -> str:
-    return line(item.id, item.text, item.findings)
+def _findings(findings: list[str]) -> str:
+    return f', "findings": {text(findings)}}}' if findings else _NO_FINDINGS
 
 
 def transaction_text(item: Transaction) -> str:
@@ -190,6 +190,7 @@ def transaction_text(item: Transaction) -> str:
     )
 
 
+_NO_FINDINGS: Final = ', "findings": []}'
 _NULL: Final = "null"
 _QUOTE: Final = '"'
 
@@ -359,9 +360,9 @@ class Writer(_Writer):
         write_line = self.stream.write
         write_line("\n" + text(capture_head(result))[:-1])
         self._lines("devices", (text(device(each)) for each in result.devices))
-        if result.lines:  # map: mypyc makes a list of a generator expression, here of all lines
-            self._lines("transactions", map(_line, result.lines))
-        else:
+        if result.lines:
+            self._written(result.lines)
+        else:  # map: mypyc makes a list of a generator expression, here of all lines
             self._lines("transactions", map(transaction_line, result.transactions))
         self._lines("findings", (text(finding(each)) for each in result.findings))
         self._lines("diagnoses", (text(diagnosis(each)) for each in result.diagnoses))
@@ -374,6 +375,22 @@ class Writer(_Writer):
             write(separator)
             write(",\n".join(piece))
             separator = ",\n"
+        write("]")
+
+    def _written(self, lines: list[Line]) -> None:
+        """`_lines` of transactions that are there in pieces."""
+        write = self.stream.write
+        write(',\n"transactions": [')
+        before = "\n"
+        for start in range(0, len(lines), _LINES_AT_ONCE):
+            pieces: list[str] = []
+            for each in lines[start : start + _LINES_AT_ONCE]:
+                pieces.append(f'{before}{{"id": {each.id}, {each.head}')
+                pieces.append(each.text)
+                pieces.extend(each.tail)
+                pieces.append(_findings(each.findings))
+                before = ",\n"
+            write("".join(pieces))
         write("]")
 
     def close(self) -> None:

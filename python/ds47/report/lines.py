@@ -62,7 +62,9 @@ class _Values:
     """A value block of a shape, and what was last read from it: many values change seldom."""
 
     head: str
-    """The text up to the values."""
+    """The text up to the values, from those of the block before."""
+    after: str
+    """What always stands behind them."""
     format: int
     count: int
     codec: Codec
@@ -73,6 +75,9 @@ class _Values:
 
     def __init__(self, head: str, block: Block, codec: Codec) -> None:
         self.head = f'{head}, "values": ['
+        self.after = '], "scaled": null, "error": null}'
+        if codec.scale is not None:
+            self.after = ', "error": null}'
         self.format = block.format
         self.count = block.value_count
         self.codec = codec
@@ -81,20 +86,19 @@ class _Values:
         self.text = ""
 
     def read(self, raw: bytes) -> str:
-        """The text of the parameter with these values."""
+        """The text of these values, and of what they are scaled."""
         if raw == self.raw and self.text:
             return self.text
-        write, scaled = self.write, "null"
+        write = self.write
         shown = write(raw) if write is not None else "'"
         if "'" in shown:  # no short way, or words: a value that is not finite
             codec = self.codec
             values = codec.decode(raw, self.count)
             shown = list_text(values)[1:-1]
             if codec.scale is not None:
-                scaled = list_text(codec.scale(values, raw))
-        self.raw = raw
-        self.text = text = f'{self.head}{shown}], "scaled": {scaled}, "error": null}}'
-        return text
+                shown = f'{shown}], "scaled": {list_text(codec.scale(values, raw))}'
+        self.raw, self.text = raw, shown
+        return shown
 
     def is_unlikely(self) -> bool:
         """`ds47.diagnosis.is_unlikely` of the block of which `read` was the last."""
@@ -118,6 +122,8 @@ class _Shape:
     other: bytes
     """The other message, without its reference."""
     blocks: list[_Values]
+    end: str
+    """Of the text, behind the last values."""
     remembered: Change | None
     """What is to be remembered of a change."""
     reads: frozenset[int]
@@ -134,6 +140,7 @@ class _Shape:
         self.values = values
         self.other = other
         self.blocks = blocks
+        self.end = f"{blocks[-1].after}]"
         self.remembered = None
         self.reads = frozenset() if change else frozenset(self.alike.pnus)
 
@@ -165,6 +172,7 @@ class JsonLines(Lines):
         texts: list[str] = []
         at = 1
         for each in shape.blocks:
+            texts.append(each.head)
             texts.append(each.read(parts[at]))
             at += 2
         if shape.remembered is not None:
@@ -172,8 +180,9 @@ class JsonLines(Lines):
                 if each.is_unlikely():
                     return False
             judge.changed(job, shape.remembered, parts)
+        texts.append(shape.end)
         job.alike = shape.alike
-        job.text = ", ".join(texts)
+        job.texts = texts
         return True
 
     def learn(self, usual: UsualJob, job: Job, lang: str) -> None:
@@ -191,7 +200,8 @@ class JsonLines(Lines):
             sound = self._codecs[block.format]
             if sound is None:
                 return
-            blocks.append(_Values(json.parameter_head(about), block, sound[1]))
+            before = f"{blocks[-1].after}, " if blocks else ""
+            blocks.append(_Values(before + json.parameter_head(about), block, sound[1]))
         valued, other = (usual.data, half.data) if change else (half.data, usual.data)
         if len(self._shapes) >= _MOST_SHAPES:
             self._shapes.clear()
@@ -208,13 +218,14 @@ class JsonLines(Lines):
         assert read is not None
         assert answered is not None
         place = job.place
-        if not place.text:
-            place.text = _place_text(place)
+        head = place.heads.get(job.alike.operation)
+        if head is None:
+            head = place.heads[job.alike.operation] = _head(place, job.alike.operation)
         return Line(
             asked.number,
             0,
-            f'"operation": "{job.alike.operation}", "state": "ok", {place.text}, '
-            f'"request_reference": {job.data[0]}, "axis": {job.data[2]}, '
+            head,
+            f'{job.data[0]}, "axis": {job.data[2]}, '
             f'"frames": {{"write_request": {asked.number}, '
             f'"write_response": {accepted.number}, "read_request": {read.number}, '
             f'"read_response": {answered.number}, "polls": [], "rereads": []}}, '
@@ -222,7 +233,8 @@ class JsonLines(Lines):
             f'"duration_ms": {(answered.time_ns - asked.time_ns) / 1_000_000}, '
             f'"bytes": {{"request": "{job.data.hex()}", "response": "{job.answer.hex()}"}}, '
             '"status": {"write": "00000000", "read": "00000000"}, '
-            f'"parameters": [{job.text}]',
+            '"parameters": [',
+            job.texts,
         )
 
     def _start(self, time_ns: int) -> str:
@@ -236,7 +248,7 @@ class JsonLines(Lines):
 
     def line(self, transaction: Transaction) -> Line:
         first = transaction.frames.first()
-        return Line(first, transaction.position, json.transaction_text(transaction))
+        return Line(first, transaction.position, "", json.transaction_text(transaction), [])
 
 
 def _key(job: UsualJob, answer: bytes) -> tuple[bytes, int, int, int | None]:
@@ -246,12 +258,13 @@ def _key(job: UsualJob, answer: bytes) -> tuple[bytes, int, int, int | None]:
     return question, len(data), len(answer), job.place.peer.vendor_id
 
 
-def _place_text(place: Place) -> str:
-    """Controller to index, as a line of a transaction has them."""
+def _head(place: Place, operation: str) -> str:
+    """What a line says up to the request reference."""
     peer = place.peer
     ar = "null" if place.ar == NIL_UUID else f'"{uuid_text(place.ar)}"'
     return (
+        f'"operation": "{operation}", "state": "ok", '
         f'"controller": {_quoted(peer.controller)}, "device": {_quoted(peer.device)}, "ar": {ar}, '
         f'"api": {place.api}, "slot": {place.slot}, "subslot": {place.subslot}, '
-        f'"index": {place.index}'
+        f'"index": {place.index}, "request_reference": '
     )
