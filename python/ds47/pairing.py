@@ -162,6 +162,9 @@ class Place:
     """and of the last request that was accepted:"""
     newest: UsualJob | None
     """that one."""
+    reads: int
+    """Requests that are not among `counts` yet."""
+    writes: int
 
     def __init__(
         self,
@@ -186,10 +189,14 @@ class Place:
         self.spot = (peer.device, api, slot, subslot, index)
         self.counts = counts
         self.heads = {}
+        self.reads = self.writes = 0
         self.leave()
 
     def leave(self) -> None:
         """The stretch is over: what was noted in it stands where it belongs."""
+        self.counts["read"] += self.reads
+        self.counts["write"] += self.writes
+        self.reads = self.writes = 0
         self.channel = None
         self.proven = False
         self.spoke = self.touched = self.accepted = 0

@@ -311,7 +311,7 @@ class UsualWay:
             return False
         job = pairing.usual_write(channel, place, frame, data)
         self._asked(side, activity, old, seq, key, Call(None, frame, job, now), place)
-        place.counts["write"] += 1
+        place.writes += 1
         pairing.touch(channel, now)
         place.touched = self._taken
         return True
@@ -346,7 +346,7 @@ class UsualWay:
         if place.channel is None and self._channel(place) is None:
             return False
         self._asked(side, activity, old, seq, key, Call(None, frame, place, frame.time_ns), place)
-        place.counts["read"] += 1
+        place.reads += 1
         return True
 
     def _read_response(

@@ -161,7 +161,7 @@ class Headers:
             seq = _word(view, 108, True) << 16 | _word(view, 106, True)
         else:
             seq = _u16(view, 106) << 16 | _u16(view, 108)
-        key = datagram_key(self._conversation, _u16(view, 18), 0, seq, data[_BODY:end])
+        key = datagram_key(self._conversation, _u16(view, 18), 0, seq, view[_BODY:end])
         return kind, seq, stated, key
 
 
