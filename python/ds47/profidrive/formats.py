@@ -86,10 +86,6 @@ def float32_value(number: float) -> Value:
 def float32_text(wire: bytes) -> str:
     """`repr` of `float32_value`: what was printed to compare it is most often the text itself."""
     number: float = _FLOAT32.unpack(wire)[0]
-    if _COMPILED:
-        text = _six_digits(number, wire)
-        if text:
-            return text
     for layout in _SHORT:
         text = layout % number
         if "." not in text or "e" in text:  # `repr` writes whole numbers and exponents another way
@@ -97,34 +93,6 @@ def float32_text(wire: bytes) -> str:
         if _FLOAT32.pack(float(text)) == wire:
             return text
     return repr(float32_value(number))
-
-
-def _six_digits(number: float, wire: bytes) -> str:
-    """What `%.6g` shows of a Float32, by arithmetic, which is quicker where it is compiled.
-
-    It is empty where that has no point, has an exponent, or is another Float32. No two numbers of six digits
-    are the same Float32, so what was rounded here and gives the same one is what `%.6g` would give.
-    """
-    size = number if number >= 0.0 else -number
-    if not 0.001 <= size < 1e6:
-        return ""
-    decimals, scale = 5, 1e5
-    while size * scale >= 1e6:
-        decimals, scale = decimals - 1, scale / 10.0
-    while size * scale < 1e5:
-        decimals, scale = decimals + 1, scale * 10.0
-    shown = int(size * scale + 0.5)
-    short = shown / scale
-    if _FLOAT32.pack(short if number >= 0.0 else -short) != wire:
-        return ""
-    while shown % 10 == 0:
-        shown, decimals = shown // 10, decimals - 1
-    if decimals <= 0:
-        return ""
-    digits = str(shown).rjust(decimals + 1, "0")
-    point = len(digits) - decimals
-    sign = "" if number >= 0.0 else "-"
-    return f"{sign}{digits[:point]}.{digits[point:]}"
 
 
 def _float32_texts(count: int) -> Callable[[bytes], str]:
@@ -298,6 +266,3 @@ _MAKERS: dict[str, Callable[[spec.Format, int], Codec]] = {
     "duration": _raw_integer(_show_duration),
     "zero": _zero,
 }
-
-_COMPILED: Final = type(float32_value).__name__ != "function"
-"""Whether this file runs compiled."""
