@@ -69,12 +69,16 @@ class PcapReader:
     def read(self) -> Iterator[Frame]:
         """Yield the frames that may matter; sets `problem` when it must stop early."""
         link_type, unit = self.link_type, self._unit
+        second, second_ns = 0, 0
         while True:
             for found in self._batches:
                 for number, _, seconds, fraction, original, data in found:
                     self.frames = number
-                    time_ns = seconds * 1_000_000_000 + fraction * unit
-                    yield Frame(number, time_ns, link_type, data, original)
+                    if (
+                        seconds != second
+                    ):  # products of large numbers are slow where this is compiled
+                        second, second_ns = seconds, seconds * 1_000_000_000
+                    yield Frame(number, second_ns + fraction * unit, link_type, data, original)
             self.frames = self._scan.frames
             if not self._continue():
                 return

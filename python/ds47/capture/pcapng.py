@@ -25,6 +25,9 @@ BYTE_ORDER_MAGIC = 0x1A2B3C4D
 
 MAX_BLOCK = 1 << 24  # Wireshark's limit, in bytes
 
+_STRETCH = 20  # bits of a timestamp that change often
+_IN_STRETCH = (1 << _STRETCH) - 1
+
 # Blocks that carry no packet and yet are lines of Wireshark's packet list
 _COUNTED = frozenset((CUSTOM, CUSTOM_NO_COPY, JOURNAL, 0x204, 0x208, 0x210, 0x215, 0x216, 0x221))
 
@@ -121,10 +124,16 @@ class PcapngReader:
     def _enhanced(self) -> Iterator[Frame]:
         """Yield from the run of Enhanced Packet Blocks in front of the scan, by the fast loop."""
         interfaces = self._interfaces
+        stretch, of, units_before = -1, -1, 0
         for found in self._batches:
             for number, interface, high, low, original, data in found:
                 about = interfaces[interface]
-                units = (high << 32 | low) * about.numerator  # `time_ns`, without the call
+                # `time_ns` in two parts: where this is compiled products of large numbers are slow
+                ticks = high << 32 | low
+                if ticks >> _STRETCH != stretch or interface != of:
+                    stretch, of = ticks >> _STRETCH, interface
+                    units_before = (stretch << _STRETCH) * about.numerator
+                units = units_before + (ticks & _IN_STRETCH) * about.numerator
                 if about.denominator != 1:
                     units //= about.denominator
                 self.frames = number

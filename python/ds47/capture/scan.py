@@ -24,7 +24,7 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Callable, Iterable
-from typing import Literal
+from typing import Any, Literal
 
 ByteOrder = Literal["little", "big"]
 Bytes = bytes | bytearray
@@ -308,14 +308,20 @@ def _note(
 def _told(entries: Bytes, count: int, data: Bytes) -> list[Found]:
     """The first `count` entries, their bytes taken out of `data`."""
     found: list[Found] = []
-    numbers, view = entries, data
-    for at in range(0, count * _ENTRY, _ENTRY):
+    numbers = entries
+    view: Any = data
+    at, end = 0, count * _ENTRY
+    while at < end:
         start = _get(numbers, at + 48)
         after = start + _get(numbers, at + 40)
+        frame = view[start:after]  # compiled it is `bytes` already
+        if not COMPILED:
+            frame = bytes(frame)
         found.append((
             _get(numbers, at), _get(numbers, at + 8), _get(numbers, at + 16),
-            _get(numbers, at + 24), _get(numbers, at + 32), bytes(view[start:after]),
+            _get(numbers, at + 24), _get(numbers, at + 32), frame,
         ))  # fmt: skip
+        at += _ENTRY
     return found
 
 
