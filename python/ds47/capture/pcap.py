@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from .ahead import Batches
 from .errors import CaptureError
 from .frame import Frame
-from .scan import MAX_FRAME, ByteOrder, PcapScan
+from .scan import MAX_FRAME, ByteOrder, Found, PcapScan
 from .stream import Window
 
 _FILE_HEADER = 24
@@ -66,22 +66,26 @@ class PcapReader:
         self.frames = 0
         self.problem: str | None = None
 
-    def read(self) -> Iterator[Frame]:
-        """Yield the frames that may matter; sets `problem` when it must stop early."""
-        link_type, unit = self.link_type, self._unit
-        second, second_ns = 0, 0
+    def read(self) -> Iterator[list[Frame]]:
+        """Yield the frames that may matter, some at once; sets `problem` when it must stop early."""
         while True:
             for found in self._batches:
-                for number, _, seconds, fraction, original, data in found:
-                    self.frames = number
-                    if (
-                        seconds != second
-                    ):  # products of large numbers are slow where this is compiled
-                        second, second_ns = seconds, seconds * 1_000_000_000
-                    yield Frame(number, second_ns + fraction * unit, link_type, data, original)
+                yield self._records(found)
             self.frames = self._scan.frames
             if not self._continue():
                 return
+
+    def _records(self, found: list[Found]) -> list[Frame]:
+        """Records, as the scan found them, as frames."""
+        link_type, unit, frames = self.link_type, self._unit, []
+        second, second_ns = 0, 0
+        for number, _, seconds, fraction, original, data in found:
+            if seconds != second:  # products of large numbers are slow where this is compiled
+                second, second_ns = seconds, seconds * 1_000_000_000
+            frames.append(Frame(number, second_ns + fraction * unit, link_type, data, original))
+        if frames:
+            self.frames = frames[-1].number
+        return frames
 
     def close(self) -> None:
         """Let go of the file."""

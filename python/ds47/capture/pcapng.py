@@ -15,7 +15,7 @@ from typing import Literal
 from .ahead import Batches
 from .errors import CaptureError
 from .frame import Frame
-from .scan import ENHANCED_PACKET, MAX_FRAME, ByteOrder, PcapngScan, relevant
+from .scan import ENHANCED_PACKET, MAX_FRAME, ByteOrder, Found, PcapngScan, relevant
 from .stream import Window
 
 SECTION = 0x0A0D0D0A
@@ -102,44 +102,46 @@ class PcapngReader:
         lost = sum(sum(counters.values()) for counters in self._lost.values())
         return lost + (self._lost_before or 0)
 
-    def read(self) -> Iterator[Frame]:
-        """Yield the frames that may matter; sets `problem` when it must stop early."""
+    def read(self) -> Iterator[list[Frame]]:
+        """Yield the frames that may matter, some at once; sets `problem` when it must stop early."""
         scan, window = self._scan, self._window
         try:
             while True:
-                yield from self._enhanced()
+                for found in self._batches:
+                    yield self._enhanced(found)
+                self.frames = scan.frames
                 frame = self._block()
                 self.frames = scan.frames
                 if frame is None:
                     return
                 if frame is not True:
                     self._last_ns = frame.time_ns
-                    yield frame
+                    yield [frame]
         except _BrokenBlockError as error:
             self.problem = window.broken or f"damaged at byte {window.base + scan.position}: "
             if not window.broken:
                 self.problem += str(error)
             self.problem += "; only the frames before it are reported"
 
-    def _enhanced(self) -> Iterator[Frame]:
-        """Yield from the run of Enhanced Packet Blocks in front of the scan, by the fast loop."""
-        interfaces = self._interfaces
+    def _enhanced(self, found: list[Found]) -> list[Frame]:
+        """Enhanced Packet Blocks, as the scan found them, as frames."""
+        interfaces, frames = self._interfaces, []
         stretch, of, units_before = -1, -1, 0
-        for found in self._batches:
-            for number, interface, high, low, original, data in found:
-                about = interfaces[interface]
-                # `time_ns` in two parts: where this is compiled products of large numbers are slow
-                ticks = high << 32 | low
-                if ticks >> _STRETCH != stretch or interface != of:
-                    stretch, of = ticks >> _STRETCH, interface
-                    units_before = (stretch << _STRETCH) * about.numerator
-                units = units_before + (ticks & _IN_STRETCH) * about.numerator
-                if about.denominator != 1:
-                    units //= about.denominator
-                self.frames = number
-                self._last_ns = time_ns = units + about.offset_ns
-                yield Frame(number, time_ns, about.link_type, data, original)
-        self.frames = self._scan.frames
+        for number, interface, high, low, original, data in found:
+            about = interfaces[interface]
+            # `time_ns` in two parts: where this is compiled products of large numbers are slow
+            ticks = high << 32 | low
+            if ticks >> _STRETCH != stretch or interface != of:
+                stretch, of = ticks >> _STRETCH, interface
+                units_before = (stretch << _STRETCH) * about.numerator
+            units = units_before + (ticks & _IN_STRETCH) * about.numerator
+            if about.denominator != 1:
+                units //= about.denominator
+            time_ns = units + about.offset_ns
+            frames.append(Frame(number, time_ns, about.link_type, data, original))
+        if frames:
+            self.frames, self._last_ns = frames[-1].number, frames[-1].time_ns
+        return frames
 
     def close(self) -> None:
         """Let go of the file."""

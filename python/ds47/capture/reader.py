@@ -61,12 +61,13 @@ class Capture:
     def _read(self) -> Iterator[Frame]:
         # not compiled, on purpose: here the interpreter looks up, at every frame, for Ctrl-C and for the
         # thread that reads ahead; what is compiled on both sides of this does not
-        yield from self._reader.read()
+        for frames in self._reader.read():
+            yield from frames
         self._ended = True
 
     @property
     def frames(self) -> int:
-        """Frames passed so far."""
+        """Frames passed so far, some hundred at once."""
         return self._reader.frames
 
     @property
