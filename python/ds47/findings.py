@@ -97,7 +97,10 @@ class Findings:
             owner = transactions.get(remark.job.order) if remark.job else None
             findings.append(self.told(remark, owner.id if owner else None))
             if owner and remark.rule not in owner.findings:
-                owner.findings.append(remark.rule)
+                owner.findings = [
+                    *owner.findings,
+                    remark.rule,
+                ]  # the list may be that of many lines
                 owners[owner.id] = owner
         for owner in owners.values():
             owner.findings.sort()

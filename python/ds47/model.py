@@ -227,6 +227,10 @@ class Transaction(_Plain):
         self.id = id
 
 
+_NOTHING: list[str] = []
+"""What most lines have found: one list for all of them, to which nobody adds."""
+
+
 @dataclass(slots=True, init=False, repr=False, eq=False)
 class Line(_Plain):
     """A transaction that is written already, but for its number and its findings.
@@ -259,7 +263,7 @@ class Line(_Plain):
         self.head = head
         self.text = text
         self.tail = tail
-        self.findings = [] if findings is None else findings
+        self.findings = _NOTHING if findings is None else findings
         self.id = id
 
 
