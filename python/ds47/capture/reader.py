@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO
 
 from . import pcap, pcapng
+from .closing import Closing
 from .errors import CaptureError
 from .frame import Frame
 from .stream import Stream, Window
 
 
-class Capture:
+class Capture(Closing):
     """An opened capture: a context manager, and an iterable of the frames that may matter.
 
     * `path`: as given, or "-" for stdin.
@@ -43,17 +43,6 @@ class Capture:
         else:
             raise CaptureError(_not_a_capture(head, window.broken))
         self._frames = self._read()
-
-    def __enter__(self) -> Capture:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def __iter__(self) -> Iterator[Frame]:
         return self._frames

@@ -8,11 +8,11 @@ together is in rings.py.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from types import TracebackType
 from typing import NamedTuple
 
 from ds47.model import CaptureFile
 
+from .closing import Closing
 from .errors import CaptureError
 from .frame import Frame
 from .reader import Capture, open_capture
@@ -26,7 +26,7 @@ class Part(NamedTuple):
     missing: int = 0
 
 
-class Series:
+class Series(Closing):
     """The files as one capture: a context manager, and an iterable of the frames that may matter.
 
     The attributes are those of `Capture`. A file that is damaged, or cannot be read at all, is named
@@ -41,17 +41,6 @@ class Series:
         self._capture: Capture | None = None
         self._before = 0
         self._frames = self._read()
-
-    def __enter__(self) -> Series:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def __iter__(self) -> Iterator[Frame]:
         return self._frames

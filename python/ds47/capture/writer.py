@@ -9,9 +9,9 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO
 
+from .closing import Closing
 from .pcapng import BYTE_ORDER_MAGIC, INTERFACE, SECTION
 from .scan import ENHANCED_PACKET, ETHERNET
 
@@ -20,7 +20,7 @@ _LONGEST = 0xFFFC
 """Bytes of an option: its length is a 16-bit number, and it is padded to four."""
 
 
-class PcapngWriter:
+class PcapngWriter(Closing):
     """Write a little-endian pcapng file; a context manager.
 
     `target` is a path (created or replaced; OSError when that fails) or a binary file object,
@@ -102,17 +102,6 @@ class PcapngWriter:
             self._file.close()
         else:
             self._file.flush()
-
-    def __enter__(self) -> PcapngWriter:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def _padded(data: bytes) -> bytes:
