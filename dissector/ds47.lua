@@ -115,12 +115,16 @@ local function finder(tvb, frame, offset)
   end
 end
 
+local function set_columns(pinfo, text)
+  local columns = pinfo.cols
+  columns.protocol = "DS47"
+  columns.info = text
+end
+
 -- Adds to the tree and sets the columns. `whole`: somebody wants our fields.
 local function show(views, findings, tvb, pinfo, tree, offset, whole)
   if #views > 0 then
-    local columns = pinfo.cols
-    columns.protocol = "DS47"
-    columns.info = info.text(views)
+    set_columns(pinfo, info.text(views))
   end
   if whole and #views + #findings > 0 then
     local context = { base_seconds = track.base_seconds(), lang = track.lang }
@@ -136,9 +140,7 @@ local function glanced(number, frame, offset, pinfo, tree)
   if not text then
     return false
   end
-  local columns = pinfo.cols
-  columns.protocol = "DS47"
-  columns.info = text
+  set_columns(pinfo, text)
   if #findings > 0 then
     tree_of.add_experts(tree, findings)
   end

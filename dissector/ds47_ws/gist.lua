@@ -24,7 +24,7 @@ local M = {}
 local HEADER, ADDRESS = 4, 6 -- bytes of a message in front of its addresses, and of each of them
 local MOST_QUESTIONS = 1024
 local NONE = {}
-local CHANGED, READ_BACK = "change", "read"
+local CHANGE, READ = "change", "read"
 
 -- Numbers as report_words.lua writes them, straight from their bytes
 
@@ -75,7 +75,7 @@ end
 -- Masks
 
 -- A block of a mask: `fixed` are the bytes from `from` on, up to its values.
-local function part_of(data, from, block, parameter_of_block)
+local function part_of(data, from, block, shown, written)
   local codec, first, count = block.sound_codec, block.offset + 3, block.value_count
   local write = writers[codec.pack]
   if write and count > 1 then
@@ -85,7 +85,7 @@ local function part_of(data, from, block, parameter_of_block)
     from = from, to = first - 1, fixed = sub(data, from, first - 1),
     first = first, last = first + #block.raw - 1,
     codec = codec, count = count, format = block.format_name,
-    class = getmetatable(parameter_of_block), head = nil,
+    class = getmetatable(shown), head = info.address(shown) .. (written and " := " or " = "),
     write = count > 0 and write or nil,
     raw = nil, text = nil, -- what was read last
   }
@@ -101,10 +101,8 @@ local function mask_of(data, blocks, parameters, written)
     if block.sound_codec == nil or block.error then
       return nil
     end
-    local part = part_of(data, at, block, parameters[number])
-    part.head = info.address(parameters[number]) .. (written and " := " or " = ")
-    parts[number] = part
-    at = part.last + 1
+    parts[number] = part_of(data, at, block, parameters[number], written)
+    at = parts[number].last + 1
   end
   return { parts = parts, from = at, fixed = sub(data, at), written = written }
 end
@@ -191,9 +189,9 @@ end
 
 -- A new question; false for a request of which more is to be said than its sentence.
 local function new_question(self, data, message, peer)
-  local change = message.operation == CHANGED
+  local change = message.operation == CHANGE
   local pnus = M.pnus(message)
-  if not (change or message.operation == READ_BACK) or #message.flaws > 0
+  if not (change or message.operation == READ) or #message.flaws > 0
     or not change and has(pnus, rules.PNU_ACCESS_IDENTIFICATION) then
     return false
   end

@@ -27,13 +27,12 @@ local IP_END, IP_ID, FRAGMENT, FRAGMENT_END, ADDRESSES, ADDRESSES_END = 4, 5, 7,
 local RPC, RPC_END, SEQUENCE, CALL, CALL_END = 29, 92, 93, 97, 134
 local RECORD_SEQUENCE, RECORD, RECORD_END, DATA = 135, 137, 192, 193
 local HEADERS = 192 -- bytes of such a frame in front of the data of its record
-local RPC_HEADER, BLOCK = 80, 84 -- bytes of a call header; of the NDR header and the record block behind it
+local BLOCK = 20 + records.BLOCK_LENGTH -- bytes of the NDR header and the record block behind the call header
 
 --- Forms, channels and conversations that are known together; then all are learnt again.
 M.MOST = 8192
 
 local MOST_ALIKE = 8 -- forms of one beginning
-local SUBINDICES = 131072 -- elements of a PNU in `Judge.places`
 local FREE, ASKED, ACCEPTED, FETCHED, UNKNOWN = 1, 2, 3, 4, 5
 local NONE = {}
 
@@ -64,17 +63,6 @@ function Glance:reset()
   self.newest_ns = -math.huge -- nothing that is older is usual
   self.written = nil -- PNUs that a change may have written
   self.changes = (self.changes or 0) + 1 -- how often that grew or began anew
-end
-
--- PNUs that were written before the glance began.
-local function written_of(judge)
-  local written = {}
-  for _, place in pairs(judge.places) do
-    for element in pairs(place) do
-      written[floor(element / SUBINDICES)] = true
-    end
-  end
-  return written
 end
 
 -- Looking
@@ -172,16 +160,18 @@ function Glance:catch_up()
   return true
 end
 
+-- Notes that these PNUs may be written now.
+local function note_written(self, pnus)
+  for _, pnu in ipairs(pnus) do
+    if not self.written[pnu] then
+      self.written[pnu], self.changes = true, self.changes + 1
+    end
+  end
+end
+
 -- Whether values that somebody wrote may come back with the answer: they are compared then.
 local function may_read_back(self, question)
-  if question.change then
-    for _, pnu in ipairs(question.pnus) do
-      if not self.written[pnu] then
-        self.written[pnu], self.changes = true, self.changes + 1
-      end
-    end
-    return false
-  elseif question.checked ~= self.changes then
+  if question.checked ~= self.changes then
     question.checked, question.reads_back = self.changes, false
     for _, pnu in ipairs(question.pnus) do
       question.reads_back = question.reads_back or self.written[pnu] or false
@@ -197,8 +187,10 @@ function steps.write_request(self, channel, form, number, time_ns, data)
     return nil
   end
   local question, list = self.gist:request(data, form.peer)
-  if not question or may_read_back(self, question) then
+  if not question or not question.change and may_read_back(self, question) then
     return nil
+  elseif question.change then
+    note_written(self, question.pnus)
   end
   channel.state, channel.reference, channel.question, channel.list = ASKED, reference, question, list
   channel.data, channel.frame, channel.asked_ns = data, number, time_ns
@@ -242,7 +234,7 @@ function Glance:learn(frame, offset, time_ns)
     self:reset()
   end
   self.newest_ns = math.max(self.newest_ns, time_ns)
-  self.written = self.written or written_of(self.judge)
+  self.written = self.written or self.judge:written_pnus()
   if pdu == nil then
     return
   elseif pdu.opnum == rpc.CONNECT or pdu.opnum == rpc.RELEASE then
@@ -263,7 +255,7 @@ end
 function Glance:_settle(job, time_ns)
   local message = job.message
   if message and message.operation == "change" then
-    may_read_back(self, { change = true, pnus = gist.pnus(message) })
+    note_written(self, gist.pnus(message))
   end
   local key = records.channel_key(job.peer, job.record)
   local channel, live = self.channels[key], self.analysis.pairing.channels:get(key)
@@ -341,7 +333,7 @@ end
 local function end_of(pdu, frame, offset)
   local first, _, t1, t2 = byte(frame, offset + 1, offset + 4)
   local u1, u2 = byte(frame, offset + 25, offset + 26)
-  local total, length = t1 * 256 + t2, RPC_HEADER + #pdu.body + 8
+  local total, length = t1 * 256 + t2, rpc.HEADER_LENGTH + #pdu.body + 8
   if first ~= 0x45 or total ~= length + 20 or u1 * 256 + u2 ~= length or #frame < offset + total
     or total < HEADERS then
     return nil

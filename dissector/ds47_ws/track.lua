@@ -11,6 +11,7 @@ local analysis = require("ds47.analysis")
 local glances = require("ds47_ws.glance")
 local info = require("ds47_ws.info")
 local parameter = require("ds47.parameter")
+local rpc = require("ds47.rpc")
 local transactions = require("ds47.transactions")
 
 local byte, find, format, sub = string.byte, string.find, string.format, string.sub
@@ -18,7 +19,7 @@ local byte, find, format, sub = string.byte, string.find, string.format, string.
 local M = {}
 
 local UDP = 17
-local RPC_HEADER = 80
+local RPC_HEADER = rpc.HEADER_LENGTH
 -- The end of the interface UUIDs of PROFINET (docs/protocol.md E.2), bytes 32 to 39 of the RPC header.
 local UUID_TAIL = "\x82\x71\x00\xa0\x24\x42\xdf\x7d"
 local MOST_WAITING = 4096 -- frames that name stations and are not given to the analysis yet

@@ -426,6 +426,17 @@ function Judge:_keep(where, address, block)
   end
 end
 
+--- The PNUs of which something is remembered that was written: a set.
+function Judge:written_pnus()
+  local pnus = {}
+  for _, place in pairs(self.places) do
+    for element in pairs(place) do
+      pnus[floor(element / SUBINDICES)] = true
+    end
+  end
+  return pnus
+end
+
 function Judge:_drop(entry)
   local place = self.places[entry.place]
   place[entry.element] = nil

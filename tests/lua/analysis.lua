@@ -13,11 +13,8 @@ package.path = root .. "../../lua/?.lua;" .. package.path
 local analysis = require("ds47.analysis")
 local formats = require("ds47.formats")
 local json = require("ds47.json")
+local unhex = require("ds47.reader").unhex
 local status = require("ds47.status")
-
-local function unhex(text)
-  return (text:gsub("%x%x", function(digits) return string.char(tonumber(digits, 16)) end))
-end
 
 local function hex(bytes)
   return bytes and (bytes:gsub(".", function(byte) return ("%02x"):format(byte:byte()) end))

@@ -8,6 +8,7 @@ package.path = root .. "../../lua/?.lua;" .. package.path
 
 local analysis = require("ds47.analysis")
 local json = require("ds47.json")
+local unhex = require("ds47.reader").unhex
 local status = require("ds47.status")
 local tables = require("ds47.tables")
 
@@ -15,10 +16,6 @@ local failures = {}
 
 local function fail(id, ...)
   failures[#failures + 1] = id .. ": " .. string.format(...)
-end
-
-local function unhex(text)
-  return (text:gsub("%x%x", function(digits) return string.char(tonumber(digits, 16)) end))
 end
 
 -- A value as one text, the same for the same thing: keys in order, nothing left out.

@@ -13,6 +13,7 @@ package.path = root .. "../../dissector/?.lua;" .. root .. "../../lua/?.lua;" ..
 local glance = require("ds47_ws.glance")
 local info = require("ds47_ws.info")
 local json = require("ds47.json")
+local unhex = require("ds47.reader").unhex
 
 local options, usually = {}, glance.MOST
 
@@ -25,10 +26,6 @@ local function tracker()
 end
 
 local quick, careful = tracker(), tracker()
-
-local function unhex(text)
-  return (text:gsub("%x%x", function(digits) return string.char(tonumber(digits, 16)) end))
-end
 
 -- A web of tables as text, keys in order; what is met twice on one way is named only.
 local function text_of(value, above)
