@@ -2,14 +2,15 @@
 --
 -- Of a frame whose form is known (glance.lua) only what the form leaves open is kept: IP identification, the
 -- sequence numbers of call and record, and the data of the record. Frames of one form have data of one
--- length, so many of them stand in one string without anything between.
+-- length, so many of them stand in one string without anything between, and their numbers in one array. These
+-- are never touched again until they are handed over: a collector need not look through them anew.
 
 local char, concat, floor, sub = string.char, table.concat, math.floor, string.sub
 local unpack = table.unpack or unpack -- luacheck: ignore
 
 local M = {}
 
-local TOGETHER = 256 -- frames whose data stand in one string
+local TOGETHER = 128 -- frames that are put away together
 local NUMBERS = 5 -- of each frame: form, number, time, sequence number of the call, the other numbers
 
 local Waiting = {}
@@ -17,7 +18,20 @@ Waiting.__index = Waiting
 
 --- An empty list.
 function M.new()
-  return setmetatable({ count = 0, all = {}, last = 0, data = {}, pieces = {}, piece = 0 }, Waiting)
+  return setmetatable({
+    count = 0,
+    numbers = {}, data = {}, -- of the frames that were put away: arrays of numbers, strings
+    last = {}, filled = 0, -- the numbers of the frames behind them
+    pieces = {}, piece = 0, -- and their data
+  }, Waiting)
+end
+
+-- Puts the last frames away; the arrays in which they were collected are used again.
+function Waiting:_put_away()
+  local place = self.count / TOGETHER
+  self.numbers[place] = { unpack(self.last, 1, self.filled) }
+  self.data[place] = concat(self.pieces, "", 1, self.piece)
+  self.filled, self.piece = 0, 0
 end
 
 --- Adds a frame.
@@ -27,17 +41,16 @@ end
 -- @param others  IP identification * 65536 + sequence number of the record
 -- @param data    of the record; nil where the form has none
 function Waiting:add(form, number, time_ns, seq, others, data)
-  local count, all, last = self.count + 1, self.all, self.last
-  all[last + 1], all[last + 2], all[last + 3] = form, number, time_ns
-  all[last + 4], all[last + 5] = seq, others
-  self.count, self.last = count, last + NUMBERS
+  local last, filled = self.last, self.filled
+  last[filled + 1], last[filled + 2], last[filled + 3] = form, number, time_ns
+  last[filled + 4], last[filled + 5] = seq, others
+  self.count, self.filled = self.count + 1, filled + NUMBERS
   if data then
     local piece = self.piece + 1
     self.pieces[piece], self.piece = data, piece
   end
-  if count % TOGETHER == 0 then
-    self.data[count / TOGETHER] = concat(self.pieces, "", 1, self.piece)
-    self.piece = 0
+  if self.count % TOGETHER == 0 then
+    self:_put_away()
   end
 end
 
@@ -62,18 +75,21 @@ local function restored(form, number, time_ns, seq, others, data)
   return packet
 end
 
---- Gives the frames to an analysis in their order; the list is to be thrown away then.
-function Waiting:hand_over(analysis)
-  local all, data, at = self.all, nil, 1
-  for place = 0, self.count - 1 do
-    if place % TOGETHER == 0 then
-      data, at = self.data[place / TOGETHER + 1] or concat(self.pieces, "", 1, self.piece), 1
-    end
-    local first = place * NUMBERS + 1
-    local form, number, time_ns, seq, others = unpack(all, first, first + NUMBERS - 1)
+local function hand_over(analysis, numbers, filled, data)
+  local at = 1
+  for first = 1, filled, NUMBERS do
+    local form, number, time_ns, seq, others = unpack(numbers, first, first + NUMBERS - 1)
     analysis:packet(restored(form, number, time_ns, seq, others, sub(data, at, at + form.data - 1)))
     at = at + form.data
   end
+end
+
+--- Gives the frames to an analysis in their order; the list is to be thrown away then.
+function Waiting:hand_over(analysis)
+  for place, numbers in ipairs(self.numbers) do
+    hand_over(analysis, numbers, #numbers, self.data[place])
+  end
+  hand_over(analysis, self.last, self.filled, concat(self.pieces, "", 1, self.piece))
 end
 
 return M
