@@ -22,6 +22,7 @@ package.path = table.concat({
   folder .. "/?.lua", folder .. "/../lua/?.lua", package.path,
 }, ";")
 
+local clock = require("ds47_ws.clock")
 local collector = require("ds47_ws.collector")
 local ds47_fields = require("ds47_ws.fields")
 local info = require("ds47_ws.info")
@@ -45,44 +46,10 @@ end)
 
 -- A frame of cyclic data costs one of these: it has no IP.
 local ip_field = Field.new("ip")
-local time_field = Field.new("frame.time_epoch")
 local index_field = Field.new("pn_io.index")
+clock.configure(Field.new("frame.time_epoch"))
 
 local this_dissector -- to ask whether anybody wants fields of ours
-
--- The time of a frame. Asking for the field makes two objects, so the time since the first frame is taken
--- instead, and added to that of a frame whose field was asked for. It is a double; its nanoseconds are exact
--- up to EXACT_SECONDS; where somebody sets another frame as the reference, a gap shows.
-local EXACT_SECONDS, SAME_SECONDS = 1e6, 1e-6
-
-local here -- what Wireshark knows of this frame
-local seconds, nanoseconds = 0, 0 -- a frame without a time has that of the frame before it
-local origin = nil -- seconds since 1970 to which relative times are added, not exact
-local origin_seconds, origin_nanoseconds -- the same, exact
-
-local function exact_clock(absolute, relative)
-  local found = time_field()
-  if found then
-    local time = found.value
-    seconds, nanoseconds = math.floor(time.secs), math.floor(time.nsecs)
-    local since = math.floor(relative * 1e9 + 0.5)
-    origin, origin_seconds, origin_nanoseconds = absolute - relative, seconds, nanoseconds - since
-  end
-  return seconds, nanoseconds
-end
-
-local function clock()
-  local absolute, relative = here.abs_ts, here.rel_ts
-  local gap = origin and absolute - relative - origin
-  if not gap or gap > SAME_SECONDS or gap < -SAME_SECONDS
-    or relative > EXACT_SECONDS or relative < -EXACT_SECONDS then
-    return exact_clock(absolute, relative)
-  end
-  local whole = origin_nanoseconds + math.floor(relative * 1e9 + 0.5)
-  local more = math.floor(whole / 1000000000)
-  seconds, nanoseconds = origin_seconds + more, whole - more * 1000000000
-  return seconds, nanoseconds
-end
 
 local RECORD_HEADER, INDEX_IN_HEADER = 64, 34 -- bytes of a record block (docs/protocol.md E.4)
 
@@ -131,7 +98,7 @@ end
 
 -- A frame that is new, and of which nothing but its columns is wanted, at a glance. Whether that was enough.
 local function glanced(number, frame, offset, pinfo, tree)
-  local text, findings = track.glance(number, frame, offset, clock)
+  local text, findings = track.glance(number, frame, offset, clock.now)
   if not text then
     return false
   end
@@ -148,7 +115,7 @@ function ds47.dissector(tvb, pinfo, tree)
   if ip == nil then
     return
   end
-  here = pinfo
+  clock.set(pinfo)
   local number, offset, frame = pinfo.number, ip.offset, tvb:raw()
   local whole = tree:referenced(this_dissector) -- a tree that is visible counts as well
   if not track.is_new(number, pinfo) then
@@ -158,21 +125,23 @@ function ds47.dissector(tvb, pinfo, tree)
     end
   elseif not whole and glanced(number, frame, offset, pinfo, tree) then
     return
-  elseif track.feed(number, frame, offset, clock, not whole) then
+  elseif track.feed(number, frame, offset, clock.now, not whole) then
     local views, findings = track.live_views(whole)
     show(views, findings, tvb, pinfo, tree, offset, whole)
   end
 end
 
-function ds47.init()
-  origin = nil
-  this_dissector = this_dissector or Dissector.get("ds47")
+local function begin_anew()
+  clock.reset()
   track.reset()
 end
 
-function ds47.prefs_changed()
-  track.reset()
+function ds47.init()
+  this_dissector = this_dissector or Dissector.get("ds47")
+  begin_anew()
 end
+
+ds47.prefs_changed = begin_anew
 
 register_postdissector(ds47)
 

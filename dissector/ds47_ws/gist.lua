@@ -17,7 +17,8 @@ local tables = require("ds47.tables")
 local transactions = require("ds47.transactions")
 local words = require("ds47.report_words")
 
-local byte, char, concat, format, sub = string.byte, string.char, table.concat, string.format, string.sub
+local byte, char, find, format, sub = string.byte, string.char, string.find, string.format, string.sub
+local concat = table.concat
 
 local M = {}
 
@@ -25,6 +26,7 @@ local HEADER, ADDRESS = 4, 6 -- bytes of a message in front of its addresses, an
 local MOST_QUESTIONS = 1024
 local NONE = {}
 local CHANGE, READ = "change", "read"
+local PARAMETERS_SHOWN = info.PARAMETERS_SHOWN
 
 -- Numbers as report_words.lua writes them, straight from their bytes
 
@@ -42,12 +44,13 @@ local function decimal(number)
   return text
 end
 
-local writers = {} -- letter of a codec -> a function of the bytes of one value
+-- Letter of a codec -> a function of where a value stands (`first` and `last`, from 1) and the message.
+local writers = {}
 
 local function writer(bits, signed)
   local half, range = 2 ^ (bits - 1), signed and 2 ^ bits or 0
-  return function(raw)
-    local a, b, c, d = byte(raw, 1, 4)
+  return function(place, data)
+    local a, b, c, d = byte(data, place.first, place.last)
     local number = d and ((a * 256 + b) * 256 + c) * 256 + d or b and a * 256 + b or a
     return decimal(number >= half and number - range or number)
   end
@@ -56,17 +59,23 @@ end
 writers.B, writers.H, writers.I = writer(8, false), writer(16, false), writer(32, false)
 writers.b, writers.h, writers.i = writer(8, true), writer(16, true), writer(32, true)
 
-function writers.f(raw)
-  return numbers.float32_text(raw, 0)
+function writers.f(place, data)
+  local a, b, c, d = byte(data, place.first, place.last)
+  local bits = ((a * 256 + b) * 256 + c) * 256 + d
+  if bits ~= place.bits then -- drives are asked for what hardly changes
+    place.bits, place.text = bits, numbers.float32_text(data, place.first - 1)
+  end
+  return place.text
 end
-
-local some = {}
 
 -- The same for a list of values.
 local function list_writer(write, size, count)
-  return function(raw)
+  local some, place = {}, {}
+  return function(part, data)
     for number = 1, count do
-      some[number] = write(sub(raw, (number - 1) * size + 1, number * size))
+      place.first = part.first + (number - 1) * size
+      place.last = place.first + size - 1
+      some[number] = write(place, data)
     end
     return concat(some, ", ", 1, count)
   end
@@ -74,21 +83,37 @@ end
 
 -- Masks
 
--- A block of a mask: `fixed` are the bytes from `from` on, up to its values.
-local function part_of(data, from, block, shown, written)
-  local codec, first, count = block.sound_codec, block.offset + 3, block.value_count
-  local write = writers[codec.pack]
-  if write and count > 1 then
-    write = count <= words.VALUES_SHOWN and list_writer(write, codec.size, count) or nil
+local item = {} -- the parameter whose text is made
+
+-- The text of a parameter, its address in front, with the values that stand in the message now.
+local function spelled(part, data)
+  local raw = sub(data, part.first, part.last)
+  if raw ~= part.raw then
+    local codec = part.codec
+    local values = codec.decode(raw, part.count, codec.size)
+    item.format, item.values = part.format, values
+    item.scaled = codec.scale and codec.scale(values, raw, codec) or nil
+    part.raw, part.text = raw, info.parameter(setmetatable(item, part.class), part.written)
   end
-  return {
-    from = from, to = first - 1, fixed = sub(data, from, first - 1),
-    first = first, last = first + #block.raw - 1,
-    codec = codec, count = count, format = block.format_name,
-    class = getmetatable(shown), head = info.address(shown) .. (written and " := " or " = "),
-    write = count > 0 and write or nil,
-    raw = nil, text = nil, -- what was read last
+  return part.text
+end
+
+-- A block of a mask: `fixed` are the bytes from `from` on, up to its values. `lead` and what `write` says of
+-- the message are its text.
+local function part_of(data, from, block, number, shown, written)
+  local codec, first, count = block.sound_codec, block.offset + 3, block.value_count
+  local lead = number == 1 and ": " or ", "
+  local part = {
+    from = from, fixed = sub(data, from, first - 1), first = first, last = first + #block.raw - 1,
+    codec = codec, count = count, format = block.format_name, class = getmetatable(shown), written = written,
+    lead = lead, write = spelled,
   }
+  local write = writers[codec.pack]
+  if write and count >= 1 and count <= words.VALUES_SHOWN then
+    part.lead = lead .. info.address(shown) .. (written and " := " or " = ")
+    part.write = count == 1 and write or list_writer(write, codec.size, count)
+  end
+  return part
 end
 
 -- The mask of a message with the reference left out; nil where a block is anything but sound values.
@@ -101,49 +126,33 @@ local function mask_of(data, blocks, parameters, written)
     if block.sound_codec == nil or block.error then
       return nil
     end
-    parts[number] = part_of(data, at, block, parameters[number], written)
+    parts[number] = part_of(data, at, block, number, parameters[number], written)
     at = parts[number].last + 1
   end
-  return { parts = parts, from = at, fixed = sub(data, at), written = written }
+  return { parts = parts, count = #parts, from = at, fixed = sub(data, at), more = info.more(#parts) }
 end
 
-local item = {} -- the parameter whose text is made
-
--- The text of the parameter with these values.
-local function text_of(part, raw, written)
-  if part.write then
-    return part.head .. part.write(raw)
-  end
-  local codec = part.codec
-  local values = codec.decode(raw, part.count, codec.size)
-  item.format, item.values = part.format, values
-  item.scaled = codec.scale and codec.scale(values, raw, codec) or nil
-  return info.parameter(setmetatable(item, part.class), written)
-end
-
-local texts = {}
-
--- The parameters of a message that fits the mask, as a sentence has them; nil where it does not fit.
-local function listed(mask, data)
+-- Writes what a message of the length of its mask says of its parameters behind `filled` pieces of a
+-- sentence, and tells how many there are then; nil where it does not fit. Looks for bytes in their place,
+-- because cutting them out would make strings.
+local function listed(mask, data, pieces, filled)
   local parts = mask.parts
-  local count = #parts
-  for number = 1, count do
+  for number = 1, mask.count do
     local part = parts[number]
-    if sub(data, part.from, part.to) ~= part.fixed then
+    local from = part.from
+    if find(data, part.fixed, from, true) ~= from then
       return nil
     end
-    if number <= info.PARAMETERS_SHOWN then
-      local raw = sub(data, part.first, part.last)
-      if raw ~= part.raw then
-        part.raw, part.text = raw, text_of(part, raw, mask.written)
-      end
-      texts[number] = part.text
+    if number <= PARAMETERS_SHOWN then
+      pieces[filled + 1], pieces[filled + 2] = part.lead, part.write(part, data)
+      filled = filled + 2
     end
   end
-  if sub(data, mask.from) ~= mask.fixed then
+  if find(data, mask.fixed, mask.from, true) ~= mask.from then
     return nil
   end
-  return info.list(texts, count)
+  pieces[filled + 1] = mask.more
+  return filled + 1
 end
 
 -- Questions: requests without their reference and the values that they write
@@ -202,6 +211,7 @@ local function new_question(self, data, message, peer)
     answered = info.PROTOCOL .. message.operation .. " response ",
     mask = change and mask_of(data, message.blocks, parameters, true) or nil,
     list = not change and info.list_of(parameters, false) or nil, -- of a change its values come from the mask
+    texts = {}, -- of a read: reference -> what the request says
     answers = {}, -- length of an answer -> its mask
     -- Of a change that was done the answer says nothing else.
     done = change and char(tables.request_ids[message.request_id].positive, message.axis,
@@ -223,26 +233,56 @@ function Gist:_question(data, peer)
   return question
 end
 
---- What a request asks: a question, and the text of its parameters. Nil for an unusual one.
--- A question has: `change`, `pnus` (those that are asked for), `before` and `answered` (how the sentences of
--- the request and of its answer begin), `axis`.
-function Gist:request(data, peer)
-  local vendor_id = peer.vendor_id or 0
-  local reads, behind = self.reads[vendor_id], sub(data, 2)
-  local question = reads and reads[behind]
-  if question then
-    return question, question.list
+-- Reads that ask the same are known by their bytes behind the reference.
+function Gist:_read(data, peer, last)
+  if last and #data == last.length and find(data, last.asks, 2, true) == 2 then
+    return last -- most programs ask the same again
   end
-  question = self:_question(data, peer)
+  local reads = self.reads[peer.vendor_id or 0]
+  return reads and reads[sub(data, 2)]
+end
+
+function Gist:_remember_read(question, data, peer)
+  local vendor_id = peer.vendor_id or 0
+  local reads = self.reads[vendor_id] or {}
+  question.asks, question.length = sub(data, 2), #data
+  self.reads[vendor_id], reads[question.asks] = reads, question
+end
+
+local pieces = {} -- of a sentence
+
+local function read_text(question, reference)
+  local text = question.texts[reference]
+  if text == nil then
+    text = question.before .. info.head(reference, question.axis) .. question.list
+    question.texts[reference] = text
+  end
+  return text
+end
+
+local function change_text(question, data)
+  local last = listed(question.mask, data, pieces, 2)
+  if last then
+    pieces[1], pieces[2] = question.before, info.head(byte(data, 1), question.axis)
+    return concat(pieces, "", 1, last)
+  end
+  return nil
+end
+
+--- What a request asks: a question, and the text of its Info column. Nil for an unusual one.
+-- A question has: `change`, `pnus` (those that are asked for), `axis`.
+-- @param last  the question that was asked last in this place, if any
+function Gist:request(data, peer, last)
+  local question = self:_read(data, peer, last) or self:_question(data, peer)
   if not question then
     return nil
   elseif question.change then
-    local list = listed(question.mask, data)
-    return list and question, list
+    local text = change_text(question, data)
+    return text and question, text
+  elseif not question.asks then
+    self:_remember_read(question, data, peer)
   end
-  reads = self.reads[vendor_id] or {}
-  self.reads[vendor_id], reads[behind] = reads, question
-  return question, question.list
+  return question, read_text(question, byte(data, 1))
 end
 
 -- Answers
@@ -279,24 +319,32 @@ local function sentence(job, parameters)
   }})
 end
 
+-- The Info column of an answer that differs from earlier ones in nothing but its values; nil for all others.
+local function usual_answer(asked, data)
+  local question = asked.question
+  local mask, last = question.answers[#data], nil
+  if mask then
+    last = listed(mask, data, pieces, 2)
+  elseif question.done and #data == #question.done + 1 and find(data, question.done, 2, true) then
+    last = listed(question.mask, asked.data, pieces, 2)
+  end
+  if last == nil then
+    return nil
+  end
+  pieces[1], pieces[2] = question.answered, info.head(byte(data, 1), question.axis)
+  return concat(pieces, "", 1, last)
+end
+
 --- The Info column of an answer, and what is to be said of it: an array of findings.
--- @param asked  the request: {question, list, data, frame, asked_ns, accepted_ns, fetched_ns}
+-- @param asked  the request: {question, data, frame, asked_ns, accepted_ns, fetched_ns}
 -- @param frame, data, time_ns  of the answer, whose reference is that of the request
 -- @param slow   whether the drive took long: then it is judged with care
 function Gist:answer(asked, frame, data, time_ns, slow)
-  local question = asked.question
-  if not slow then
-    local mask, list = question.answers[#data], nil
-    if mask then
-      list = listed(mask, data)
-    elseif sub(data, 2) == question.done then
-      list = asked.list
-    end
-    if list then
-      return question.answered .. info.head(byte(data, 1), question.axis) .. list, NONE
-    end
+  local text = not slow and usual_answer(asked, data)
+  if text then
+    return text, NONE
   end
-  local job = job_of(self, asked, frame, data, time_ns)
+  local question, job = asked.question, job_of(self, asked, frame, data, time_ns)
   local found, remarkable = judged(self, job, frame)
   local parameters = transactions.parameters(job, self.lang)
   if not remarkable and not question.change then

@@ -17,24 +17,30 @@ local rpc = require("ds47.rpc")
 local waiting = require("ds47_ws.waiting")
 
 local byte, find, floor, sub = string.byte, string.find, math.floor, string.sub
+local unpack = table.unpack or unpack -- luacheck: ignore
 
 local M = {}
 
 -- 1-based places in a frame, as distances from the 0-based beginning of its IP header of 20 bytes. Between
 -- the parts that are compared stand those that count or are sums: IP identification and checksum, UDP
 -- checksum, the sequence numbers of call and record.
-local IP_END, IP_ID, FRAGMENT, FRAGMENT_END, ADDRESSES, ADDRESSES_END = 4, 5, 7, 10, 13, 26
+local IP_END, FRAGMENT, FRAGMENT_END, ADDRESSES, ADDRESSES_END = 4, 7, 10, 13, 26
 local RPC, RPC_END, SEQUENCE, CALL, CALL_END = 29, 92, 93, 97, 134
-local RECORD_SEQUENCE, RECORD, RECORD_END, DATA = 135, 137, 192, 193
+local RECORD, RECORD_END, DATA = 137, 192, 193
 local HEADERS = 192 -- bytes of such a frame in front of the data of its record
 local BLOCK = 20 + records.BLOCK_LENGTH -- bytes of the NDR header and the record block behind the call header
 
 --- Forms, channels and conversations that are known together; then all are learnt again.
 M.MOST = 8192
 
-local MOST_ALIKE = 8 -- forms of one beginning
+-- A form is two tables: what is to be known of a frame that has it, and its shape. A shape is an array, so
+-- that all of it comes at once: parts of the frame, each with its place; the next shape that begins alike, or
+-- false; the form.
+local SHAPE, AFTER = 12, 11
+local MOST_ALIKE = 8 -- shapes of one beginning
 local FREE, ASKED, ACCEPTED, FETCHED, UNKNOWN = 1, 2, 3, 4, 5
 local NONE = {}
+local NOTHING = false -- asked for: the next frame is to be a request
 
 local Glance = {}
 Glance.__index = Glance
@@ -58,7 +64,7 @@ function Glance:reset()
   if self.written == nil and self.forms then
     return -- nothing learnt since the last time
   end
-  self.forms, self.channels, self.activities = {}, {}, {} -- forms by their bytes up to the IP length
+  self.forms, self.channels, self.activities = {}, {}, {} -- shapes by their bytes up to the IP length
   self.known = 0 -- of all three together
   self.newest_ns = -math.huge -- nothing that is older is usual
   self.written = nil -- PNUs that a change may have written
@@ -66,24 +72,6 @@ function Glance:reset()
 end
 
 -- Looking
-
--- The form of a frame whose IP header begins at `offset`, nil for an unknown one. Looks for each part in its
--- place: cutting it out would leave a string behind for every frame.
-local function form_of(forms, frame, offset)
-  local form = forms[sub(frame, 1, offset + IP_END)]
-  while form do
-    if find(frame, form.record, offset + RECORD, true) == offset + RECORD
-      and find(frame, form.identity, offset + RPC, true) == offset + RPC
-      and find(frame, form.call, offset + CALL, true) == offset + CALL
-      and find(frame, form.addresses, offset + ADDRESSES, true) == offset + ADDRESSES
-      and find(frame, form.fragment, offset + FRAGMENT, true) == offset + FRAGMENT
-      and #frame >= form.stop then
-      return form
-    end
-    form = form.next
-  end
-  return nil
-end
 
 -- Texts that depend on reference and axis only.
 local accepted, fetched = {}, {}
@@ -109,50 +97,67 @@ end
 
 local steps = {}
 
---- What a frame says, or nil where that has to be found out with care; then `learn` from it.
--- @param number, frame  its number and its bytes
--- @param offset where its IP header begins, from 0, if it has one
--- @param clock  a function that gives its time: seconds since 1970 and nanoseconds
--- @return the text of its Info column; an array of findings
-function Glance:look(number, frame, offset, clock)
-  local form = form_of(self.forms, frame, offset)
-  if not form then
-    return nil
-  end
-  local activity, channel, answers = form.activity, form.channel, form.answers
-  local a, b, c, d = byte(frame, offset + SEQUENCE, offset + SEQUENCE + 3)
-  if form.little then
+-- The sequence number of a call.
+local function sequence(frame, at, little)
+  local a, b, c, d = byte(frame, at, at + 3)
+  if little then
     a, b, c, d = d, c, b, a
   end
-  local seq = ((a * 256 + b) * 256 + c) * 256 + d
-  if answers and (activity.seq ~= seq or activity.asked ~= answers or activity.channel ~= channel)
-    or not answers and activity.next ~= seq then
+  return ((a * 256 + b) * 256 + c) * 256 + d
+end
+
+-- What a frame of this form says; nil where it does not come as usual.
+function Glance:_usual(form, number, frame, offset, clock)
+  local activity, channel, answers = form.activity, form.channel, form.answers
+  local seq = sequence(frame, offset + SEQUENCE, form.little)
+  if activity.seq ~= seq or activity.asked ~= answers then
     return nil
   end
-  local time_ns = self.analysis:time_ns(clock())
+  local time_ns = clock(self.analysis)
   if time_ns < self.newest_ns or time_ns - channel.time_ns > self.patience_ns then
     return nil
   end
   local data = form.data > 0 and sub(frame, offset + DATA, form.stop) or nil
   local text, found = form.step(self, channel, form, number, time_ns, data)
   if text then
+    activity.asked = form.asks
     if answers then
-      activity.next, activity.seq = seq + 1, nil
-    else
-      activity.next, activity.seq, activity.asked, activity.channel = nil, seq, form.role, channel
+      activity.seq = seq + 1
     end
     self.newest_ns, channel.time_ns = time_ns, time_ns
-    a, b = byte(frame, offset + IP_ID, offset + IP_ID + 1)
-    c, d = byte(frame, offset + RECORD_SEQUENCE, offset + RECORD_SEQUENCE + 1)
-    self.waiting:add(form, number, time_ns, seq, ((a * 256 + b) * 256 + c) * 256 + d, data)
+    self.waiting:add(form, number, time_ns, seq, data, frame, offset)
   end
   return text, found
+end
+
+--- What a frame says, or nil where that has to be found out with care; then `learn` from it.
+-- @param number, frame  its number and its bytes
+-- @param offset where its IP header begins, from 0, if it has one
+-- @param clock  a function of the analysis that gives its time
+-- @return the text of its Info column; an array of findings
+function Glance:look(number, frame, offset, clock)
+  local shape = self.forms[sub(frame, 1, offset + IP_END)]
+  while shape do
+    -- Looks for each part in its place: cutting it out would leave a string behind for every frame.
+    local record, record_at, identity, identity_at, call, call_at, addresses, addresses_at, fragment,
+      fragment_at, after, form = unpack(shape, 1, SHAPE)
+    if find(frame, record, record_at, true) == record_at
+      and find(frame, identity, identity_at, true) == identity_at
+      and find(frame, call, call_at, true) == call_at
+      and find(frame, addresses, addresses_at, true) == addresses_at
+      and find(frame, fragment, fragment_at, true) == fragment_at
+      and #frame >= form.stop then
+      return self:_usual(form, number, frame, offset, clock)
+    end
+    shape = after
+  end
+  return nil
 end
 
 --- Gives the frames that wait to the analysis. Whether there were any.
 function Glance:catch_up()
   local list = self.waiting
-  if list.count == 0 then
+  if list:is_empty() then
     return false
   end
   self.waiting = waiting.new()
@@ -186,15 +191,15 @@ function steps.write_request(self, channel, form, number, time_ns, data)
   if channel.state ~= FREE or reference == 0 or reference == channel.reference or limit and #data > limit then
     return nil
   end
-  local question, list = self.gist:request(data, form.peer)
+  local question, text = self.gist:request(data, form.peer, channel.question)
   if not question or not question.change and may_read_back(self, question) then
     return nil
   elseif question.change then
     note_written(self, question.pnus)
   end
-  channel.state, channel.reference, channel.question, channel.list = ASKED, reference, question, list
+  channel.state, channel.reference, channel.question = ASKED, reference, question
   channel.data, channel.frame, channel.asked_ns = data, number, time_ns
-  return question.before .. info.head(reference, question.axis) .. list, NONE
+  return text, NONE
 end
 
 function steps.write_response(_, channel, _, _, time_ns)
@@ -260,7 +265,7 @@ function Glance:_settle(job, time_ns)
   local key = records.channel_key(job.peer, job.record)
   local channel, live = self.channels[key], self.analysis.pairing.channels:get(key)
   if channel == nil then
-    channel = { state = UNKNOWN }
+    channel = { state = UNKNOWN, read = {}, write = {} } -- the calls are known by a table of their own
     self.channels[key], self.known = channel, self.known + 1
   end
   local free = live and live.last and not live.open and not live.refused and #live.asked == 0
@@ -268,26 +273,29 @@ function Glance:_settle(job, time_ns)
   channel.time_ns = time_ns
 end
 
--- Where the conversation of a frame stands after it: {next = sequence number of the next request} or
--- {seq, asked, channel = number, role and channel of the request that is open}; empty where it is not usual.
+-- Where the conversation of a frame stands after it: the sequence number of the next request and NOTHING, or
+-- of the request that is open and what its form asks; nil where it is not usual.
 local function stands(calls, pdu, form)
   local top, open = -1, nil
   for seq, call in calls:iterate() do
     top = math.max(top, seq)
     if call.response == nil then
       if open or call.request ~= pdu then
-        return nil, nil
+        return nil, NOTHING
       end
       open = seq
     end
   end
-  return not open and top + 1 or nil, form and open
+  if open then
+    return form and open, form and form.asks
+  end
+  return top + 1, NOTHING
 end
 
 function Glance:_activity(conversation)
   local activity = self.activities[conversation]
   if activity == nil then
-    activity = { next = nil, seq = nil, asked = nil, channel = nil }
+    activity = { seq = nil, asked = NOTHING }
     self.activities[conversation], self.known = activity, self.known + 1
   end
   return activity
@@ -296,19 +304,19 @@ end
 function Glance:_follow(pdu, form)
   local activities = self.analysis.calls.activities
   local known, activity = activities:get(pdu.conversation), self:_activity(pdu.conversation)
-  activity.next, activity.seq = nil, nil
+  activity.seq, activity.asked = nil, NOTHING
   if known and activities.length <= self.most_activities then
-    activity.next, activity.seq = stands(known.calls, pdu, form)
-    activity.asked, activity.channel = form and form.role, form and form.channel
+    activity.seq, activity.asked = stands(known.calls, pdu, form)
   end
 end
 
--- Roles of usual frames -> begin of the record block, whether the record has data, what they answer.
+-- Roles of usual frames -> begin of the record block, whether the record has data, which call they ask or
+-- answer.
 local ROLES = {
-  write_request = { block = "\0\8", data = true, opnum = rpc.WRITE },
-  write_response = { block = "\128\8", answers = "write_request", opnum = rpc.WRITE },
-  read_request = { block = "\0\9", opnum = rpc.READ },
-  read_response = { block = "\128\9", data = true, answers = "read_request", opnum = rpc.READ },
+  write_request = { block = "\0\8", data = true, asks = "write", answers = "", opnum = rpc.WRITE },
+  write_response = { block = "\128\8", asks = "", answers = "write", opnum = rpc.WRITE },
+  read_request = { block = "\0\9", asks = "read", answers = "", opnum = rpc.READ },
+  read_response = { block = "\128\9", data = true, asks = "", answers = "read", opnum = rpc.READ },
 }
 
 -- The one record of a call whose frame is built as usual; nil for all others.
@@ -320,8 +328,8 @@ local function usual_record(live, pdu, role)
     or sub(body, 21, 22) ~= role.block then
     return nil
   end
-  local half = role.answers and record.response or record.request
-  if half.missing ~= 0 or role.answers and (half.status ~= 0 or sub(body, 1, 4) ~= "\0\0\0\0") then
+  local half = role.answers ~= "" and record.response or record.request
+  if half.missing ~= 0 or role.answers ~= "" and (half.status ~= 0 or sub(body, 1, 4) ~= "\0\0\0\0") then
     return nil
   elseif role.data then
     return #half.data > 0 and #half.data == #body - BLOCK and record or nil
@@ -348,41 +356,50 @@ function Glance:_form(pdu, touched, frame, offset)
   if not stop then
     return nil
   end
+  local channel = self.channels[records.channel_key(job.peer, job.record)]
   local form = {
-    role = touched.role, answers = role.answers, step = steps[touched.role], stop = stop,
-    source = pdu.source, destination = pdu.destination, source_mac = pdu.source_mac, little = pdu.little,
+    step = steps[touched.role], stop = stop, little = pdu.little,
+    source = pdu.source, destination = pdu.destination, source_mac = pdu.source_mac,
     activity = self:_activity(pdu.conversation), peer = recordcalls.peer(self.analysis.last_call.request),
-    channel = self.channels[records.channel_key(job.peer, job.record)],
-    fragment = sub(frame, offset + FRAGMENT, offset + FRAGMENT_END),
-    addresses = sub(frame, offset + ADDRESSES, offset + ADDRESSES_END),
+    channel = channel,
+    asks = channel[role.asks] or NOTHING, answers = channel[role.answers] or NOTHING,
     identity = sub(frame, offset + RPC, offset + RPC_END),
     call = sub(frame, offset + CALL, offset + CALL_END),
     record = sub(frame, offset + RECORD, offset + RECORD_END),
     data = stop - offset - HEADERS, -- bytes behind the record block
   }
-  self:_keep(form, sub(frame, 1, offset + IP_END))
+  self:_keep(sub(frame, 1, offset + IP_END), {
+    form.record, offset + RECORD, form.identity, offset + RPC, form.call, offset + CALL,
+    sub(frame, offset + ADDRESSES, offset + ADDRESSES_END), offset + ADDRESSES,
+    sub(frame, offset + FRAGMENT, offset + FRAGMENT_END), offset + FRAGMENT,
+    false, form,
+  })
   return form
 end
 
--- Whether two forms that begin alike are the same.
+-- Whether two shapes that begin alike are the same.
 local function same(one, other)
-  return one.record == other.record and one.identity == other.identity and one.call == other.call
-    and one.addresses == other.addresses and one.fragment == other.fragment
+  for part = 1, AFTER - 2, 2 do
+    if one[part] ~= other[part] then
+      return false
+    end
+  end
+  return true
 end
 
--- Forms that begin alike stand in a chain; the newest comes first.
-function Glance:_keep(form, front)
-  local last, count = form, 1
-  form.next = self.forms[front]
-  while last.next do
-    local after = last.next
-    if count >= MOST_ALIKE or same(form, after) then
-      last.next = after.next
+-- Shapes that begin alike stand in a chain; the newest comes first.
+function Glance:_keep(front, shape)
+  local last, count = shape, 1
+  shape[AFTER] = self.forms[front] or false
+  while last[AFTER] do
+    local after = last[AFTER]
+    if count >= MOST_ALIKE or same(shape, after) then
+      last[AFTER] = after[AFTER]
     else
       last, count = after, count + 1
     end
   end
-  self.forms[front] = form
+  self.forms[front] = shape
   self.known = self.known + 1
 end
 

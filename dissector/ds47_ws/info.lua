@@ -95,27 +95,24 @@ function M.parameter(item, written)
   return text
 end
 
-local parts = {}
-
---- What a sentence says of so many parameters.
--- @param texts of the first PARAMETERS_SHOWN of them
-function M.list(texts, count)
-  if count == 0 then
-    return ""
-  elseif count <= PARAMETERS_SHOWN then
-    return ": " .. table.concat(texts, ", ", 1, count)
-  end
-  local more = string.format(", ... and %d more", count - PARAMETERS_SHOWN)
-  return ": " .. table.concat(texts, ", ", 1, PARAMETERS_SHOWN) .. more
+--- How a sentence ends that has so many parameters.
+function M.more(count)
+  return count > PARAMETERS_SHOWN and string.format(", ... and %d more", count - PARAMETERS_SHOWN) or ""
 end
 
---- The same of parameters of a transaction; `written` as in `M.parameter`.
+local parts = {}
+
+--- What a sentence says of the parameters of a transaction; `written` as in `M.parameter`.
 function M.list_of(parameters, written)
   local count = #parameters
-  for number = 1, math.min(count, PARAMETERS_SHOWN) do
+  if count == 0 then
+    return ""
+  end
+  local shown = math.min(count, PARAMETERS_SHOWN)
+  for number = 1, shown do
     parts[number] = M.parameter(parameters[number], written)
   end
-  return M.list(parts, count)
+  return ": " .. table.concat(parts, ", ", 1, shown) .. M.more(count)
 end
 
 local function parameters_of(view)

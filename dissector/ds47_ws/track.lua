@@ -233,7 +233,7 @@ end
 --- Takes a frame that is new, if nothing but its sentence is wanted and it is a usual one.
 -- @param number, frame  its number and its bytes
 -- @param offset where its IP header begins
--- @param clock a function that gives its time: seconds since 1970 and nanoseconds
+-- @param clock a function of the analysis that gives its time (Analysis:time_ns)
 -- @return the text of its Info column and an array of findings; nil for all others, which are to be fed
 function M.glance(number, frame, offset, clock)
   if glance == nil then
@@ -258,7 +258,7 @@ function M.feed(number, frame, offset, clock, alone)
   catch_up()
   complete, last = nil, number
   made.frame = number
-  made.time_ns = live:time_ns(clock())
+  made.time_ns = clock(live)
   if part then
     live:fragment(part)
   else

@@ -5,13 +5,17 @@
 -- length, so many of them stand in one string without anything between, and their numbers in one array. These
 -- are never touched again until they are handed over: a collector need not look through them anew.
 
-local char, concat, floor, sub = string.char, table.concat, math.floor, string.sub
+local byte, char, concat, floor, sub = string.byte, string.char, table.concat, math.floor, string.sub
 local unpack = table.unpack or unpack -- luacheck: ignore
 
 local M = {}
 
-local TOGETHER = 128 -- frames that are put away together
-local NUMBERS = 5 -- of each frame: form, number, time, sequence number of the call, the other numbers
+-- Of each frame: its form, its number, its time, the sequence number of its call, and its IP identification
+-- with the sequence number of its record.
+local NUMBERS = 5
+local FULL = 128 * NUMBERS -- when they are put away together
+-- Places of the last two, from 1, as distances from the beginning of the IP header, from 0.
+local IP_ID, RECORD_SEQUENCE = 5, 135
 
 local Waiting = {}
 Waiting.__index = Waiting
@@ -19,8 +23,7 @@ Waiting.__index = Waiting
 --- An empty list.
 function M.new()
   return setmetatable({
-    count = 0,
-    numbers = {}, data = {}, -- of the frames that were put away: arrays of numbers, strings
+    numbers = {}, data = {}, put = 0, -- of the frames that were put away: arrays of numbers, strings
     last = {}, filled = 0, -- the numbers of the frames behind them
     pieces = {}, piece = 0, -- and their data
   }, Waiting)
@@ -28,8 +31,8 @@ end
 
 -- Puts the last frames away; the arrays in which they were collected are used again.
 function Waiting:_put_away()
-  local place = self.count / TOGETHER
-  self.numbers[place] = { unpack(self.last, 1, self.filled) }
+  local place = self.put + 1
+  self.put, self.numbers[place] = place, { unpack(self.last, 1, self.filled) }
   self.data[place] = concat(self.pieces, "", 1, self.piece)
   self.filled, self.piece = 0, 0
 end
@@ -38,18 +41,22 @@ end
 -- @param form    {identity, call, record, data (its length), little, source, destination, source_mac}
 -- @param number, time_ns  of the frame
 -- @param seq     sequence number of the call
--- @param others  IP identification * 65536 + sequence number of the record
 -- @param data    of the record; nil where the form has none
-function Waiting:add(form, number, time_ns, seq, others, data)
+-- @param frame   the bytes of the frame
+-- @param offset  where its IP header begins
+function Waiting:add(form, number, time_ns, seq, data, frame, offset)
   local last, filled = self.last, self.filled
+  local a, b = byte(frame, offset + IP_ID, offset + IP_ID + 1)
+  local c, d = byte(frame, offset + RECORD_SEQUENCE, offset + RECORD_SEQUENCE + 1)
   last[filled + 1], last[filled + 2], last[filled + 3] = form, number, time_ns
-  last[filled + 4], last[filled + 5] = seq, others
-  self.count, self.filled = self.count + 1, filled + NUMBERS
+  last[filled + 4], last[filled + 5] = seq, ((a * 256 + b) * 256 + c) * 256 + d
+  filled = filled + NUMBERS
+  self.filled = filled
   if data then
     local piece = self.piece + 1
     self.pieces[piece], self.piece = data, piece
   end
-  if self.count % TOGETHER == 0 then
+  if filled == FULL then
     self:_put_away()
   end
 end
@@ -82,6 +89,11 @@ local function hand_over(analysis, numbers, filled, data)
     analysis:packet(restored(form, number, time_ns, seq, others, sub(data, at, at + form.data - 1)))
     at = at + form.data
   end
+end
+
+--- Whether no frame waits.
+function Waiting:is_empty()
+  return self.put == 0 and self.filled == 0
 end
 
 --- Gives the frames to an analysis in their order; the list is to be thrown away then.

@@ -84,8 +84,8 @@ end
 function take.frame(line)
   run.frames = run.frames + 1
   line.data = unhex(line.data)
-  local function clock()
-    return line.seconds, line.nanoseconds
+  local function clock(analysis)
+    return analysis:time_ns(line.seconds, line.nanoseconds)
   end
   local text, findings = quick.glance(run.frames, line.data, line.offset, clock)
   if text then

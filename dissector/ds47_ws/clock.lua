@@ -1,0 +1,58 @@
+-- The time of the frame that is dissected, exact to the nanosecond.
+--
+-- Wireshark gives a script the time of a frame as a double, which is not exact, or as a field, which is, but
+-- which makes two objects. So the field is asked for once, and the time since the first frame, as a double,
+-- is added to that. Its nanoseconds are exact up to EXACT_SECONDS; where somebody sets another frame as the
+-- reference of times, a gap shows, and the field is asked for again.
+
+local floor = math.floor
+
+local M = {}
+
+local EXACT_SECONDS, SAME_SECONDS = 1e6, 1e-6
+
+local field -- the extractor of frame.time_epoch
+local here -- what Wireshark knows of this frame
+local newest_ns -- a frame without a time has that of the frame before it
+local origin -- seconds since 1970 to which relative times are added, not exact; nil before the first
+local origin_ns -- the same as the analysis counts, exact
+
+--- Tells where the exact time comes from: an extractor of frame.time_epoch.
+function M.configure(extractor)
+  field = extractor
+end
+
+--- Forgets all times: another analysis counts from another second.
+function M.reset()
+  origin, newest_ns = nil, nil
+end
+
+--- Tells which frame is dissected.
+-- @param pinfo what Wireshark knows of it
+function M.set(pinfo)
+  here = pinfo
+end
+
+local function exact(analysis, absolute, relative)
+  local found = field()
+  if found then
+    local time = found.value
+    newest_ns = analysis:time_ns(floor(time.secs), floor(time.nsecs))
+    origin, origin_ns = absolute - relative, newest_ns - floor(relative * 1e9 + 0.5)
+  end
+  return newest_ns or analysis:time_ns(0, 0)
+end
+
+--- The time of the frame as an analysis counts it (Analysis:time_ns).
+function M.now(analysis)
+  local absolute, relative = here.abs_ts, here.rel_ts
+  local gap = origin and absolute - relative - origin
+  if not gap or gap > SAME_SECONDS or gap < -SAME_SECONDS
+    or relative > EXACT_SECONDS or relative < -EXACT_SECONDS then
+    return exact(analysis, absolute, relative)
+  end
+  newest_ns = origin_ns + floor(relative * 1e9 + 0.5)
+  return newest_ns
+end
+
+return M
