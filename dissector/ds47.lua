@@ -26,10 +26,10 @@ local clock = require("ds47_ws.clock")
 local collector = require("ds47_ws.collector")
 local ds47_fields = require("ds47_ws.fields")
 local info = require("ds47_ws.info")
+local later = require("ds47.later").module
 local preferences = require("ds47_ws.preferences")
 local tables = require("ds47.tables")
 local track = require("ds47_ws.track")
-local tree_of = require("ds47_ws.tree")
 
 set_plugin_info({
   version = tables.version,
@@ -39,7 +39,9 @@ set_plugin_info({
 local ds47 = Proto("ds47", "DS47 (PROFIdrive parameter channel)")
 preferences.define(ds47)
 local fields, experts = ds47_fields.define(ds47)
-tree_of.configure(ds47, fields, experts)
+local tree_of = later("ds47_ws.tree", function(module)
+  module.configure(ds47, fields, experts)
+end)
 track.configure(function()
   return preferences.options(ds47)
 end)
@@ -109,8 +111,10 @@ local function glanced(number, frame, offset, pinfo, tree)
   return true
 end
 
+local called = collector.called
+
 function ds47.dissector(tvb, pinfo, tree)
-  collector.called()
+  called()
   local ip = ip_field()
   if ip == nil then
     return

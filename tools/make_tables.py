@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from ds47 import __version__, spec
@@ -34,6 +34,18 @@ local M = {}
 local function spread(codes, first, last, entry)
   for code = first, last do codes[code] = entry end
 end
+
+-- Tables that most captures never need stand here as text, and are made when they are asked for first: name ->
+-- the text that makes it. Lua would look through them again and again otherwise.
+local later = {}
+
+setmetatable(M, { __index = function(_, name)
+  local text = later[name]
+  if text == nil then return nil end
+  later[name] = nil
+  assert(load("local M, spread = ...\\n" .. text, "=ds47.tables." .. name))(M, spread)
+  return rawget(M, name)
+end })
 """
 
 _ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r"}
@@ -128,10 +140,15 @@ def _ids() -> Iterator[str]:
 
 def _errors() -> Iterator[str]:
     yield from rows("M.errors", spec.errors(), ERROR)
+
+
+def _fallback() -> Iterator[str]:
     # The only text that no public function of the loader gives without its number filled in.
     fallback: dict[str, str] = spec._load("errors.toml")["fallback"]
     yield f"M.error_fallback = {bilingual(fallback['en'], fallback['zh'])}"
-    yield ""
+
+
+def _vendors() -> Iterator[str]:
     yield "M.vendors = {"
     for vendor in spec.vendors():
         yield f"  {entry(vendor, ('name', 'id'))},"
@@ -173,8 +190,13 @@ def _rules() -> Iterator[str]:
     for number, row in spec.rules().items():
         if number.startswith("DS7"):
             yield f"M.rules.{number}.group = {_listed(row.group)}"
-    yield "M.rule_ids = {"
-    yield "  " + ", ".join(scalar(number) for number in sorted(spec.rules())) + ","
+
+
+def _experts() -> Iterator[str]:
+    yield "M.experts = {"
+    for number, row in sorted(spec.rules().items()):
+        shown = f"id = {scalar(number)}, name = {scalar(row.name)}"
+        yield f"  {{{shown}, severity = {scalar(row.severity)}}},"
     yield "}"
 
 
@@ -197,7 +219,7 @@ def _semantics() -> Iterator[str]:
     yield "}"
 
 
-def _diagnoses() -> Iterator[str]:
+def _known() -> Iterator[str]:
     known = semantics.known()
     yield "M.known = {"
     for name, value in known.columns().items():
@@ -210,6 +232,9 @@ def _diagnoses() -> Iterator[str]:
         else:
             yield f"  {name} = {value},"
     yield "}"
+
+
+def _diagnosis_words() -> Iterator[str]:
     yield "M.diagnosis_words = {"
     chinese = semantics.diagnosis_words("zh")
     for name, text in semantics.diagnosis_words("en").items():
@@ -217,17 +242,30 @@ def _diagnoses() -> Iterator[str]:
     yield "}"
 
 
-def _report() -> Iterator[str]:
+def _report_words() -> Iterator[str]:
     yield "M.report_words = {"
     for name, words in reporting.report_words().items():
         yield f"  {name} = {bilingual(words['en'], words['zh'])},"
     yield "}"
+
+
+def _covers() -> Iterator[str]:
     yield "M.covers = {"
     for how in reporting.COVERS:
         rows = reporting.covers(how).items()
         shown = ", ".join(f"{rule} = {_listed(covered)}" for rule, covered in rows)
         yield f"  {how} = {{{shown}}},"
     yield "}"
+
+
+def later(name: str, lines: Iterable[str]) -> Iterator[str]:
+    """Lines that make M.name when it is asked for."""
+    text = "\n".join(lines)
+    if f"M.{name} = " not in text or "]=]" in text:
+        raise ValueError(f"M.{name} cannot be made later")
+    yield f"later.{name} = [=["
+    yield text
+    yield "]=]"
 
 
 def generate() -> str:
@@ -238,12 +276,17 @@ def generate() -> str:
         _semantics(),
         _formats(),
         _ids(),
-        _errors(),
-        _status(),
-        _parameters(),
-        _rules(),
-        _diagnoses(),
-        _report(),
+        _fallback(),
+        later("errors", _errors()),
+        later("vendors", _vendors()),
+        later("status", _status()),
+        later("parameters", _parameters()),
+        _experts(),
+        later("rules", _rules()),
+        _known(),
+        later("diagnosis_words", _diagnosis_words()),
+        later("report_words", _report_words()),
+        later("covers", _covers()),
         ["return M"],
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"

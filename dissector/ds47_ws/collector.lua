@@ -13,9 +13,9 @@ local collect = collectgarbage
 local M = {}
 
 local LOOK_EVERY = 64 -- calls
-local PILE = 400 -- kB that may pile up between two collections
+local PILE = 250 -- kB that may pile up between two collections
 -- Looking through everything that is alive takes longer the more there is: then more may pile up.
-local PILE_SHARE = 0.3
+local PILE_SHARE = 0.15
 local YOUNG = _VERSION >= "Lua 5.4" -- knows what was there before, and leaves it alone
 local OWN_PAUSE = 400 -- per cent of what is alive, where Lua collects all: its own pace
 local OWN_YOUNG, OWN_OLD = 100, 100 -- per cent by which that grows, where it collects the young ones

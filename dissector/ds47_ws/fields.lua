@@ -114,11 +114,10 @@ function M.define(proto)
   end
   proto.fields = list
   local experts, all = {}, {}
-  for number, id in ipairs(tables.rule_ids) do
-    local rule = tables.rules[id]
-    local made = ProtoExpert.new("ds47.expert." .. string.lower(id), id .. " " .. rule.name,
+  for number, rule in ipairs(tables.experts) do
+    local made = ProtoExpert.new("ds47.expert." .. string.lower(rule.id), rule.id .. " " .. rule.name,
       expert.group.PROTOCOL, expert.severity[SEVERITIES[rule.severity]])
-    experts[id] = made
+    experts[rule.id] = made
     all[number] = made
   end
   proto.experts = all

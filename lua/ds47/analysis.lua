@@ -9,7 +9,7 @@
 -- (`ended`), and the analysis itself stays as it was.
 
 local calls = require("ds47.calls")
-local copy = require("ds47.copy")
+local copy = require("ds47.later").module("ds47.copy")
 local diagnosis = require("ds47.diagnosis")
 local findings = require("ds47.findings")
 local gate = require("ds47.gate")

@@ -6,11 +6,12 @@
 -- and repair.lua (what the bytes were meant to be). Those that need the whole capture are the analyzer's
 -- alone.
 
-local length = require("ds47.diagnosis_length")
+local later = require("ds47.later").module
+local length = later("ds47.diagnosis_length")
 local memory = require("ds47.diagnosis_memory")
 local order = require("ds47.diagnosis_order")
-local refusal = require("ds47.diagnosis_refusal")
-local repair = require("ds47.repair")
+local refusal = later("ds47.diagnosis_refusal")
+local repair = later("ds47.repair")
 local rules = require("ds47.rules")
 local tables = require("ds47.tables")
 

@@ -1,7 +1,8 @@
 -- Names for the devices of a capture: RPC object UUID, Connect, DCP and LLDP, put together by IP and MAC.
 
-local dcp = require("ds47.dcp")
-local lldp = require("ds47.lldp")
+local later = require("ds47.later").module
+local dcp = later("ds47.dcp")
+local lldp = later("ds47.lldp")
 local ordered = require("ds47.ordered")
 local rpc = require("ds47.rpc")
 local tables = require("ds47.tables")

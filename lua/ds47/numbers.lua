@@ -14,19 +14,18 @@ local M = {}
 local EXACT_HIGH = 2097152 -- upper half of 2^53, beyond which a double no longer holds every whole number
 local SMALLEST_NORMAL = 2.2250738585072014e-308
 
--- POWER[e] is 2^e, by doubling and halving, because pow() need not be exact.
-local POWER = {}
-do
-  local up, down = 1.0, 1.0
-  for exponent = 0, 971 do
-    POWER[exponent] = up
-    up = up * 2
+-- POWER[e] is 2^e, by doubling and halving, because pow() need not be exact. Made when it is asked for.
+local POWER = setmetatable({}, { __index = function(powers, exponent)
+  local value = 1.0
+  for _ = 1, exponent do
+    value = value * 2
   end
-  for exponent = 0, -1074, -1 do
-    POWER[exponent] = down
-    down = down / 2
+  for _ = -1, exponent, -1 do
+    value = value / 2
   end
-end
+  powers[exponent] = value
+  return value
+end })
 
 local function not_finite(fraction, negative)
   if fraction ~= 0 then return "NaN" end

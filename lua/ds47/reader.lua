@@ -5,14 +5,21 @@ local byte, char, find, format, gsub = string.byte, string.char, string.find, st
 
 local M = {}
 
--- Each byte as two hexadecimal digits, and as the UTF-8 of the Latin-1 character it is.
-local HEX, UTF8 = {}, {}
-for code = 0, 255 do
-  HEX[char(code)] = format("%02x", code)
-  if code >= 128 then
-    UTF8[char(code)] = char(code < 192 and 194 or 195, code < 192 and code or code - 64)
-  end
+-- A table whose entries are made when they are asked for.
+local function made_by(make)
+  return setmetatable({}, { __index = function(entries, key)
+    local value = make(key)
+    entries[key] = value
+    return value
+  end })
 end
+
+-- Each byte as two hexadecimal digits, and as the UTF-8 of the Latin-1 character it is.
+local HEX = made_by(function(character) return format("%02x", byte(character)) end)
+local UTF8 = made_by(function(character)
+  local code = byte(character)
+  return char(code < 192 and 194 or 195, code < 192 and code or code - 64)
+end)
 
 --- Unsigned, 16 bits, big-endian.
 -- @param data string

@@ -11,6 +11,18 @@ local function spread(codes, first, last, entry)
   for code = first, last do codes[code] = entry end
 end
 
+-- Tables that most captures never need stand here as text, and are made when they are asked for first: name ->
+-- the text that makes it. Lua would look through them again and again otherwise.
+local later = {}
+
+setmetatable(M, { __index = function(_, name)
+  local text = later[name]
+  if text == nil then return nil end
+  later[name] = nil
+  assert(load("local M, spread = ...\n" .. text, "=ds47.tables." .. name))(M, spread)
+  return rawget(M, name)
+end })
+
 M.version = "0.1.0"
 
 M.limits = {
@@ -184,6 +196,9 @@ M.response_ids = {
   [0xD2] = {code = 210, name = "VLT change, double words, with errors", body = "blocks", vendor = true, negative = true},
 }
 
+M.error_fallback = {en = "Manufacturer-specific error 0x{code:02X}", zh = "制造商特定错误 0x{code:02X}"}
+
+later.errors = [=[
 M.errors = {
   [0x00] = {code = 0, en = "Illegal parameter number: the parameter does not exist", zh = "参数号错误（访问的参数不存在）", info = "none"},
   [0x01] = {code = 1, en = "Parameter value cannot be changed", zh = "参数值无法修改", info = "subindex"},
@@ -218,8 +233,9 @@ M.errors = {
 }
 spread(M.errors, 0x1A, 0x1F, {code = 26, en = "Reserved", zh = "保留", info = "unknown"})
 spread(M.errors, 0x24, 0x64, {code = 36, en = "Reserved", zh = "保留", info = "unknown"})
-M.error_fallback = {en = "Manufacturer-specific error 0x{code:02X}", zh = "制造商特定错误 0x{code:02X}"}
+]=]
 
+later.vendors = [=[
 M.vendors = {
   {name = "SINAMICS", id = 42},
   {name = "ABB", id = 26},
@@ -292,7 +308,9 @@ M.vendors[3].errors = {
 M.vendors[4].errors = {
 }
 spread(M.vendors[4].errors, 0x80, 0xFF, {code = 128, en = "MOVILINK additional code 0x{above:02X}", zh = "MOVILINK 附加代码 0x{above:02X}", info = "unknown"})
+]=]
 
+later.status = [=[
 M.status = {}
 M.status.error_code = {
   [0x81] = {en = "PNIO", zh = "PNIO"},
@@ -435,7 +453,9 @@ M.status.words = {
   en = {ok = "ok", user = "user value 0x{value:02X}", detail = "detail 0x{value:02X}", unknown = "unknown 0x{value:02X}", separator = ": "},
   zh = {ok = "正常", user = "用户值 0x{value:02X}", detail = "细节 0x{value:02X}", unknown = "未知 0x{value:02X}", separator = "："},
 }
+]=]
 
+later.parameters = [=[
 M.parameters = {
   [10] = {name_en = "Commissioning parameter filter", name_zh = "调试参数过滤器", type = "Unsigned16", volatile = true, family = "siemens"},
   [21] = {name_en = "Actual frequency", name_zh = "实际频率", type = "Float32", unit = "Hz", volatile = true, family = "micromaster"},
@@ -508,7 +528,91 @@ spread(M.parameters, 907, 912, {name_en = "PPO read image", name_zh = "PPO 读�
 spread(M.parameters, 953, 957, {name_en = "Warning parameter", name_zh = "报警参数", type = "Unsigned16", volatile = true, family = "profile"})
 spread(M.parameters, 980, 989, {name_en = "Number list of defined parameters", name_zh = "已定义参数的编号列表", type = "Unsigned16[]", volatile = false, family = "profile"})
 spread(M.parameters, 990, 999, {name_en = "Number list of changed parameters", name_zh = "已修改参数的编号列表", type = "Unsigned16[]", volatile = true, family = "profile"})
+]=]
 
+M.experts = {
+  {id = "DS101", name = "request-without-response", severity = "warning"},
+  {id = "DS102", name = "response-without-request", severity = "warning"},
+  {id = "DS103", name = "retransmission", severity = "warning"},
+  {id = "DS104", name = "rpc-fault", severity = "error"},
+  {id = "DS105", name = "incomplete-fragments", severity = "warning"},
+  {id = "DS106", name = "truncated-frame", severity = "warning"},
+  {id = "DS107", name = "time-steps-back", severity = "note"},
+  {id = "DS108", name = "empty-rpc-body", severity = "warning"},
+  {id = "DS201", name = "read-refused", severity = "error"},
+  {id = "DS202", name = "record-length", severity = "warning"},
+  {id = "DS203", name = "write-refused", severity = "error"},
+  {id = "DS204", name = "polled", severity = "note"},
+  {id = "DS205", name = "polled-long", severity = "warning"},
+  {id = "DS206", name = "nothing-to-read", severity = "warning"},
+  {id = "DS207", name = "read-without-data", severity = "warning"},
+  {id = "DS208", name = "nested-write-multiple", severity = "error"},
+  {id = "DS301", name = "reference-zero", severity = "warning"},
+  {id = "DS302", name = "unknown-request-id", severity = "error"},
+  {id = "DS303", name = "parameter-count-zero", severity = "error"},
+  {id = "DS304", name = "parameter-count-high", severity = "warning"},
+  {id = "DS305", name = "unknown-attribute", severity = "warning"},
+  {id = "DS306", name = "pnu-zero", severity = "warning"},
+  {id = "DS307", name = "element-count-high", severity = "warning"},
+  {id = "DS308", name = "subindex-overflow", severity = "warning"},
+  {id = "DS309", name = "unknown-format", severity = "error"},
+  {id = "DS310", name = "value-count", severity = "warning"},
+  {id = "DS311", name = "pad-missing", severity = "note"},
+  {id = "DS312", name = "pad-not-zero", severity = "warning"},
+  {id = "DS313", name = "bytes-left-over", severity = "warning"},
+  {id = "DS314", name = "zeros-left-over", severity = "note"},
+  {id = "DS315", name = "bytes-missing", severity = "error"},
+  {id = "DS316", name = "message-long", severity = "note"},
+  {id = "DS317", name = "size-ambiguous", severity = "note"},
+  {id = "DS318", name = "error-words", severity = "note"},
+  {id = "DS319", name = "unknown-response-id", severity = "error"},
+  {id = "DS401", name = "read-unanswered", severity = "warning"},
+  {id = "DS402", name = "change-response-unread", severity = "note"},
+  {id = "DS403", name = "orphan-response", severity = "warning"},
+  {id = "DS404", name = "reference-not-mirrored", severity = "error"},
+  {id = "DS405", name = "response-id-mismatch", severity = "error"},
+  {id = "DS406", name = "axis-not-mirrored", severity = "error"},
+  {id = "DS407", name = "count-not-mirrored", severity = "warning"},
+  {id = "DS408", name = "fewer-values", severity = "warning"},
+  {id = "DS409", name = "more-values", severity = "note"},
+  {id = "DS410", name = "drive-error", severity = "error"},
+  {id = "DS411", name = "positive-with-error", severity = "warning"},
+  {id = "DS412", name = "negative-without-error", severity = "warning"},
+  {id = "DS413", name = "read-superseded", severity = "warning"},
+  {id = "DS414", name = "change-superseded", severity = "note"},
+  {id = "DS415", name = "reference-constant", severity = "note"},
+  {id = "DS416", name = "slow", severity = "warning"},
+  {id = "DS417", name = "read-back-differs", severity = "warning"},
+  {id = "DS418", name = "request-not-supported", severity = "error"},
+  {id = "DS601", name = "engines-differ", severity = "error"},
+  {id = "DS701", name = "refusal-not-seen", severity = "warning"},
+  {id = "DS702", name = "read-too-early", severity = "warning"},
+  {id = "DS703", name = "nothing-was-asked", severity = "warning"},
+  {id = "DS704", name = "old-answer", severity = "warning"},
+  {id = "DS705", name = "two-users", severity = "error"},
+  {id = "DS706", name = "request-here-read-there", severity = "error"},
+  {id = "DS707", name = "wrong-record-index", severity = "error"},
+  {id = "DS708", name = "wrong-slot", severity = "error"},
+  {id = "DS709", name = "wrong-drive-object", severity = "error"},
+  {id = "DS710", name = "axis-byte-ignored", severity = "note"},
+  {id = "DS711", name = "request-length", severity = "error"},
+  {id = "DS712", name = "read-length", severity = "error"},
+  {id = "DS713", name = "response-too-long", severity = "error"},
+  {id = "DS714", name = "value-in-wrong-type", severity = "error"},
+  {id = "DS715", name = "bytes-swapped", severity = "error"},
+  {id = "DS716", name = "data-block-layout", severity = "error"},
+  {id = "DS717", name = "index-and-count", severity = "error"},
+  {id = "DS718", name = "commissioning-state", severity = "error"},
+  {id = "DS719", name = "drive-running", severity = "error"},
+  {id = "DS720", name = "connector-as-number", severity = "error"},
+  {id = "DS721", name = "lost-at-power-off", severity = "note"},
+  {id = "DS722", name = "connection-lost", severity = "error"},
+  {id = "DS723", name = "request-held", severity = "warning"},
+  {id = "DS724", name = "polling-storm", severity = "warning"},
+  {id = "DS725", name = "half-captured", severity = "warning"},
+}
+
+later.rules = [=[
 M.rules = {
   DS101 = {id = "DS101", name = "request-without-response", severity = "warning", scope = "transport", anchor = "frame", message = "RPC {operation} request has no response in the capture", cause = "The capture ends or loses frames before the response, the device did not answer, or the response takes another path than the mirrored port.", advice = "Capture both directions at the port of the controller or of the device and let the capture run a few seconds longer. If the response is really missing, check that the device is reachable (link, IP address, station name) and look for a connection loss in the diagnostics of the controller.", message_zh = "RPC {operation} 请求在抓包中没有应答", cause_zh = "抓包在应答之前结束或丢帧、设备没有应答，或者应答没有经过镜像端口。", advice_zh = "在控制器或设备端口上同时抓取两个方向，并将抓包延长几秒。如果确实没有应答，检查设备是否可达（链路、IP 地址、设备名称），并在控制器诊断中查看是否有通信中断。"},
   DS102 = {id = "DS102", name = "response-without-request", severity = "warning", scope = "transport", anchor = "frame", message = "RPC {operation} response has no request in the capture", cause = "The capture starts in the middle of the call, or only one direction is mirrored, or the frame with the request was lost by the capture.", advice = "Start the capture before REQ of WRREC/RDREC is set. At the switch, mirror both directions (ingress and egress) of the port, and look for dropped frames in the capture statistics.", message_zh = "RPC {operation} 应答在抓包中没有对应的请求", cause_zh = "抓包从调用中途开始、只镜像了一个方向，或请求所在的帧在抓包时丢失。", advice_zh = "在置位 WRREC/RDREC 的 REQ 之前开始抓包。在交换机上镜像端口的两个方向（入和出），并在抓包统计中检查是否丢帧。"},
@@ -615,9 +719,7 @@ M.rules.DS722.group = {}
 M.rules.DS723.group = {"device", "place"}
 M.rules.DS724.group = {"device"}
 M.rules.DS725.group = {"what"}
-M.rule_ids = {
-  "DS101", "DS102", "DS103", "DS104", "DS105", "DS106", "DS107", "DS108", "DS201", "DS202", "DS203", "DS204", "DS205", "DS206", "DS207", "DS208", "DS301", "DS302", "DS303", "DS304", "DS305", "DS306", "DS307", "DS308", "DS309", "DS310", "DS311", "DS312", "DS313", "DS314", "DS315", "DS316", "DS317", "DS318", "DS319", "DS401", "DS402", "DS403", "DS404", "DS405", "DS406", "DS407", "DS408", "DS409", "DS410", "DS411", "DS412", "DS413", "DS414", "DS415", "DS416", "DS417", "DS418", "DS601", "DS701", "DS702", "DS703", "DS704", "DS705", "DS706", "DS707", "DS708", "DS709", "DS710", "DS711", "DS712", "DS713", "DS714", "DS715", "DS716", "DS717", "DS718", "DS719", "DS720", "DS721", "DS722", "DS723", "DS724", "DS725",
-}
+]=]
 
 M.known = {
   held = 5,
@@ -646,6 +748,8 @@ M.known = {
   connector_error = 131,
   commissioning = {[110] = "p0010 = 3", [111] = "p0010 = 2", [112] = "p0010 = 1", [113] = "p0010 = 0", [114] = "p0010 = 30", [115] = "p0010 = 95", [116] = "p0010 = 5", [117] = "p0010 > 0"},
 }
+
+later.diagnosis_words = [=[
 M.diagnosis_words = {
   place = {en = "slot {slot}.{subslot}, index {index}", zh = "插槽 {slot}.{subslot}，索引 {index}"},
   all_bytes = {en = "every word", zh = "每个字"},
@@ -660,7 +764,9 @@ M.diagnosis_words = {
   dropped = {en = "frames were dropped while capturing", zh = "抓包时丢失了帧"},
   unseen = {en = "a station that this capture does not show", zh = "本抓包未显示的站"},
 }
+]=]
 
+later.report_words = [=[
 M.report_words = {
   verdict_bad = {en = "NOT OK", zh = "不正常"},
   verdict_warn = {en = "LOOK AT IT", zh = "需要检查"},
@@ -762,10 +868,14 @@ M.report_words = {
   latency_unknown = {en = "latency unknown", zh = "耗时未知"},
   negative_times = {en = "({n} negative time left out)|({n} negative times left out)", zh = "（不含 {n} 个负值）"},
 }
+]=]
+
+later.covers = [=[
 M.covers = {
   job = {DS704 = {"DS403", "DS404", "DS405", "DS406", "DS407"}, DS705 = {"DS203", "DS413", "DS414"}, DS709 = {"DS410"}, DS711 = {"DS3", "DS201", "DS203", "DS401", "DS410"}, DS712 = {"DS315", "DS201", "DS202", "DS407", "DS408"}, DS713 = {"DS307", "DS407", "DS408", "DS410"}, DS714 = {"DS3", "DS201", "DS203", "DS410", "DS417"}, DS715 = {"DS3", "DS201", "DS203", "DS410", "DS417"}, DS716 = {"DS3", "DS201", "DS203", "DS410", "DS417"}, DS717 = {"DS307", "DS308", "DS310"}, DS722 = {"DS101", "DS401", "DS402"}},
   word = {DS701 = {"DS410"}, DS708 = {"DS201", "DS203"}, DS717 = {"DS410"}, DS718 = {"DS410"}, DS719 = {"DS410"}, DS720 = {"DS410"}},
   whole = {DS703 = {"DS206"}, DS706 = {"DS206", "DS401", "DS402", "DS403", "DS413", "DS414"}, DS724 = {"DS205"}, DS725 = {"DS101", "DS102", "DS105", "DS106", "DS108", "DS202", "DS315", "DS401", "DS402", "DS403"}},
 }
+]=]
 
 return M

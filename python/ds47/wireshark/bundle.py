@@ -32,7 +32,17 @@ HEADER = """\
 """
 
 # Where another copy runs already, its modules stay the ones that its later require() calls find.
-_OPEN = 'if not package.loaded["ds47.tables"] then\n'
+# Modules stand there as text: what is not used is not compiled, and the collector of Lua sees one string
+# instead of a thousand objects. A message of Lua names the module and its line.
+_OPEN = """\
+if not package.loaded["ds47.tables"] then
+local function module(name, file, text)
+  package.preload[name] = function(...)
+    return assert(load(text, "@" .. file))(...)
+  end
+end
+"""
+_BRACKET = "===="
 
 # Wireshark 4.4 and later load a plugin as a module: its arguments are its name and its path then.
 _START = """\
@@ -99,11 +109,12 @@ def _header(sources: Sources) -> str:
 
 
 def _module(name: str, path: Path) -> Iterator[str]:
-    """A module as a function of its own: a Lua function may have 200 local variables."""
-    dotted = name.removesuffix(".lua").replace("/", ".")
-    yield f'\n-- {name}\npackage.preload["{dotted}"] = function(...)\n'
-    yield _text(path)
-    yield "end\n"
+    """A module as text, to be compiled when it is asked for. Raises ValueError where the text would end early."""
+    dotted, text = name.removesuffix(".lua").replace("/", "."), _text(path)
+    if f"]{_BRACKET}]" in text:
+        raise ValueError(f"{path}: contains ]{_BRACKET}]")
+    # A line feed after the opening bracket is none of the text: lines keep their numbers.
+    yield f'\nmodule("{dotted}", "{name}", [{_BRACKET}[\n{text}]{_BRACKET}])\n'
 
 
 def _text(path: Path) -> str:
