@@ -138,6 +138,7 @@ end
 local function begin_anew()
   clock.reset()
   track.reset()
+  collector.collect_all()
 end
 
 function ds47.init()
