@@ -12,6 +12,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -135,6 +136,23 @@ def test_reports_are_those_of_the_analyzer(
     expected = io.StringIO()
     csv_report.write(Report([result]), expected)
     assert table.read_bytes().decode() == expected.getvalue()
+
+
+def test_usual_frames_wait_in_blocks_and_come_back(
+    shark: Run, plugin: list[str], repository: Path, tmp_path: Path
+) -> None:
+    """More of them than one packed block holds (ds47_ws/waiting.lua), and a block that is not full."""
+    path, table = tmp_path / "dense.pcapng", tmp_path / "report.csv"
+    maker = repository / "bench" / "make_dense.py"
+    subprocess.run([sys.executable, maker, path, "--frames", "2000"], check=True, timeout=60)
+    shark("-q", *plugin, *asked(f"csv={table}", "name=dense"), "-r", path)
+    result = analyze(path, AnalysisOptions(ignore=ANALYZER_ONLY))
+    result.path = "dense"
+    expected = io.StringIO()
+    csv_report.write(Report([result]), expected)
+    lines = table.read_bytes().decode().splitlines()
+    assert len(lines) > 500
+    assert sorted(lines) == sorted(expected.getvalue().splitlines())
 
 
 def test_statistics_are_the_same_however_the_file_is_read(
