@@ -111,10 +111,8 @@ local function glanced(number, frame, offset, pinfo, tree)
   return true
 end
 
-local called = collector.called
-
 function ds47.dissector(tvb, pinfo, tree)
-  called()
+  collector.called()
   local ip = ip_field()
   if ip == nil then
     return

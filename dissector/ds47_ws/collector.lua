@@ -28,24 +28,22 @@ else
   collect("setpause", OWN_PAUSE)
 end
 
-local function collect_now()
-  if YOUNG then
-    -- A step that is larger than what its own pace still allows; then it looks too whether the old ones have
-    -- become too many.
-    collect("step", math.ceil(collect("count")) * 2)
-    enough = collect("count") + PILE
-  else
-    collect()
-    local alive = collect("count")
-    enough = alive + math.max(PILE, alive * PILE_SHARE)
-  end
-end
-
---- Gives back what another file needed: old things are looked through only when they have doubled.
+--- Gives back what another file needed: where the young ones are collected, the old ones are looked through
+-- only when they have doubled.
 function M.collect_all()
   collect()
+  local alive = collect("count")
+  enough = alive + math.max(PILE, alive * PILE_SHARE)
+end
+
+local function collect_young()
+  -- A step that is larger than what its own pace still allows; then it looks too whether the old ones have
+  -- become too many.
+  collect("step", math.ceil(collect("count")) * 2)
   enough = collect("count") + PILE
 end
+
+local collect_now = YOUNG and collect_young or M.collect_all
 
 --- To be called once for every call of a dissector.
 function M.called()

@@ -313,10 +313,10 @@ end
 -- Roles of usual frames -> begin of the record block, whether the record has data, which call they ask or
 -- answer.
 local ROLES = {
-  write_request = { block = "\0\8", data = true, asks = "write", answers = "", opnum = rpc.WRITE },
-  write_response = { block = "\128\8", asks = "", answers = "write", opnum = rpc.WRITE },
-  read_request = { block = "\0\9", asks = "read", answers = "", opnum = rpc.READ },
-  read_response = { block = "\128\9", data = true, asks = "", answers = "read", opnum = rpc.READ },
+  write_request = { block = "\0\8", data = true, asks = "write", opnum = rpc.WRITE },
+  write_response = { block = "\128\8", answers = "write", opnum = rpc.WRITE },
+  read_request = { block = "\0\9", asks = "read", opnum = rpc.READ },
+  read_response = { block = "\128\9", data = true, answers = "read", opnum = rpc.READ },
 }
 
 -- The one record of a call whose frame is built as usual; nil for all others.
@@ -328,8 +328,8 @@ local function usual_record(live, pdu, role)
     or sub(body, 21, 22) ~= role.block then
     return nil
   end
-  local half = role.answers ~= "" and record.response or record.request
-  if half.missing ~= 0 or role.answers ~= "" and (half.status ~= 0 or sub(body, 1, 4) ~= "\0\0\0\0") then
+  local half = role.answers and record.response or record.request
+  if half.missing ~= 0 or role.answers and (half.status ~= 0 or sub(body, 1, 4) ~= "\0\0\0\0") then
     return nil
   elseif role.data then
     return #half.data > 0 and #half.data == #body - BLOCK and record or nil
@@ -362,7 +362,8 @@ function Glance:_form(pdu, touched, frame, offset)
     source = pdu.source, destination = pdu.destination, source_mac = pdu.source_mac,
     activity = self:_activity(pdu.conversation), peer = recordcalls.peer(self.analysis.last_call.request),
     channel = channel,
-    asks = channel[role.asks] or NOTHING, answers = channel[role.answers] or NOTHING,
+    asks = role.asks and channel[role.asks] or NOTHING,
+    answers = role.answers and channel[role.answers] or NOTHING,
     identity = sub(frame, offset + RPC, offset + RPC_END),
     call = sub(frame, offset + CALL, offset + CALL_END),
     record = sub(frame, offset + RECORD, offset + RECORD_END),

@@ -1,4 +1,4 @@
--- Modules that are loaded when they are used first.
+-- What is made, or loaded, when it is used first.
 --
 -- Most captures need no repair, no statistics and no tree. What is not loaded takes no time to load, and a
 -- collector that looks through everything that is alive (Lua 5.2) has less to look through: on cyclic frames
@@ -6,21 +6,28 @@
 
 local M = {}
 
+--- A table whose entries are made when they are asked for.
+-- @param make a function of the key that gives the entry
+function M.entries(make)
+  return setmetatable({}, { __index = function(entries, key)
+    local value = make(key)
+    entries[key] = value
+    return value
+  end })
+end
+
 --- What stands for a module until something of it is used.
 -- @param name    as `require` takes it
 -- @param prepare a function of the module, called once when it has been loaded; may be nil
 function M.module(name, prepare)
-  local function use(self, key)
+  return M.entries(function(key)
     local module = require(name)
     if prepare then
       prepare(module)
       prepare = nil
     end
-    local value = module[key]
-    self[key] = value
-    return value
-  end
-  return setmetatable({}, { __index = use })
+    return module[key]
+  end)
 end
 
 return M

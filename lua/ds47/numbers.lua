@@ -5,6 +5,8 @@
 -- Lua 5.2 knows no integers: whether 10 is shown as 10 or as 10.0 is what the caller knows, who calls
 -- float_text for floats and text for the rest.
 
+local entries = require("ds47.later").entries
+
 local byte, find, format, gsub, match = string.byte, string.find, string.format, string.gsub, string.match
 local rep, sub = string.rep, string.sub
 local floor = math.floor
@@ -15,7 +17,7 @@ local EXACT_HIGH = 2097152 -- upper half of 2^53, beyond which a double no longe
 local SMALLEST_NORMAL = 2.2250738585072014e-308
 
 -- POWER[e] is 2^e, by doubling and halving, because pow() need not be exact. Made when it is asked for.
-local POWER = setmetatable({}, { __index = function(powers, exponent)
+local POWER = entries(function(exponent)
   local value = 1.0
   for _ = 1, exponent do
     value = value * 2
@@ -23,9 +25,8 @@ local POWER = setmetatable({}, { __index = function(powers, exponent)
   for _ = -1, exponent, -1 do
     value = value / 2
   end
-  powers[exponent] = value
   return value
-end })
+end)
 
 local function not_finite(fraction, negative)
   if fraction ~= 0 then return "NaN" end

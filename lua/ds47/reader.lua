@@ -1,22 +1,15 @@
 -- Bytes of a string as whole numbers and as text: what every decoder needs. Offsets count from 0, as on the
 -- wire. Bytes that are not there are the caller's mistake; floats and 64-bit numbers are in numbers.lua.
 
+local entries = require("ds47.later").entries
+
 local byte, char, find, format, gsub = string.byte, string.char, string.find, string.format, string.gsub
 
 local M = {}
 
--- A table whose entries are made when they are asked for.
-local function made_by(make)
-  return setmetatable({}, { __index = function(entries, key)
-    local value = make(key)
-    entries[key] = value
-    return value
-  end })
-end
-
 -- Each byte as two hexadecimal digits, and as the UTF-8 of the Latin-1 character it is.
-local HEX = made_by(function(character) return format("%02x", byte(character)) end)
-local UTF8 = made_by(function(character)
+local HEX = entries(function(character) return format("%02x", byte(character)) end)
+local UTF8 = entries(function(character)
   local code = byte(character)
   return char(code < 192 and 194 or 195, code < 192 and code or code - 64)
 end)

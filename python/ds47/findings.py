@@ -97,10 +97,8 @@ class Findings:
             owner = transactions.get(remark.job.order) if remark.job else None
             findings.append(self.told(remark, owner.id if owner else None))
             if owner and remark.rule not in owner.findings:
-                owner.findings = [
-                    *owner.findings,
-                    remark.rule,
-                ]  # the list may be that of many lines
+                # a new list: the old one may be that of many lines
+                owner.findings = [*owner.findings, remark.rule]
                 owners[owner.id] = owner
         for owner in owners.values():
             owner.findings.sort()

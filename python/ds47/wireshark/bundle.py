@@ -7,7 +7,7 @@ would run before the entry has said where its modules are. Not here: where the f
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -96,7 +96,7 @@ def bundle(sources: Sources) -> str:
     """The whole plugin as the text of one Lua file; equal sources give equal text."""
     modules = sorted(name for name in sources.modules if name != ENTRY)
     parts = [_header(sources), _OPEN]
-    parts += (part for name in modules for part in _module(name, sources.modules[name]))
+    parts += (_module(name, sources.modules[name]) for name in modules)
     parts += ["end\n", "\n-- The entry.\nlocal function start(...)\n"]
     parts += [_text(sources.modules[ENTRY]), "end\n", _START]
     return "".join(parts)
@@ -108,13 +108,13 @@ def _header(sources: Sources) -> str:
     return HEADER.format(version=__version__, licence=licence)
 
 
-def _module(name: str, path: Path) -> Iterator[str]:
-    """A module as text, to be compiled when it is asked for. Raises ValueError where the text would end early."""
+def _module(name: str, path: Path) -> str:
+    """A module as text, to be compiled when asked for. ValueError where the text would end early."""
     dotted, text = name.removesuffix(".lua").replace("/", "."), _text(path)
     if f"]{_BRACKET}]" in text:
         raise ValueError(f"{path}: contains ]{_BRACKET}]")
     # A line feed after the opening bracket is none of the text: lines keep their numbers.
-    yield f'\nmodule("{dotted}", "{name}", [{_BRACKET}[\n{text}]{_BRACKET}])\n'
+    return f'\nmodule("{dotted}", "{name}", [{_BRACKET}[\n{text}]{_BRACKET}])\n'
 
 
 def _text(path: Path) -> str:
