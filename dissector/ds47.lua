@@ -50,6 +50,7 @@ end)
 local ip_field = Field.new("ip")
 local index_field = Field.new("pn_io.index")
 clock.configure(Field.new("frame.time_epoch"))
+collector.configure(track.bytes)
 
 local this_dissector -- to ask whether anybody wants fields of ours
 

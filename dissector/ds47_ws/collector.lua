@@ -13,14 +13,15 @@ local collect = collectgarbage
 local M = {}
 
 local LOOK_EVERY = 64 -- calls
-local PILE = 250 -- kB that may pile up between two collections
+local YOUNG = _VERSION >= "Lua 5.4" -- knows what was there before, and leaves it alone
+local PILE = YOUNG and 80 or 250 -- kB that may pile up between two collections
 -- Looking through everything that is alive takes longer the more there is: then more may pile up.
 local PILE_SHARE = 0.15
-local YOUNG = _VERSION >= "Lua 5.4" -- knows what was there before, and leaves it alone
 local OWN_PAUSE = 400 -- per cent of what is alive, where Lua collects all: its own pace
 local OWN_YOUNG, OWN_OLD = 100, 100 -- per cent by which that grows, where it collects the young ones
 
 local calls, enough = 0, 0
+local packed -- a function: how many bytes stand in strings that are long
 
 if YOUNG then
   collect("generational", OWN_YOUNG, OWN_OLD)
@@ -28,12 +29,19 @@ else
   collect("setpause", OWN_PAUSE)
 end
 
+--- Tells who keeps much in a few long strings, which nobody has to look through.
+-- @param bytes a function that gives their length
+function M.configure(bytes)
+  packed = bytes
+end
+
 --- Gives back what another file needed: where the young ones are collected, the old ones are looked through
 -- only when they have doubled.
 function M.collect_all()
   collect()
   local alive = collect("count")
-  enough = alive + math.max(PILE, alive * PILE_SHARE)
+  local looked_through = alive - (packed and packed() / 1024 or 0)
+  enough = alive + math.max(PILE, looked_through * PILE_SHARE)
 end
 
 local function collect_young()

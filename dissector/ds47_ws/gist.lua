@@ -17,53 +17,42 @@ local tables = require("ds47.tables")
 local transactions = require("ds47.transactions")
 local words = require("ds47.report_words")
 
-local byte, char, find, format, sub = string.byte, string.char, string.find, string.format, string.sub
-local concat = table.concat
+local byte, char, find, sub = string.byte, string.char, string.find, string.sub
+local concat, floor = table.concat, math.floor
 
 local M = {}
 
 local HEADER, ADDRESS = 4, 6 -- bytes of a message in front of its addresses, and of each of them
 local MOST_QUESTIONS = 1024
 local NONE = {}
-local CHANGE, READ = "change", "read"
+local CHANGE, READ, PARAMETER_FAILED = "change", "read", "DS410"
 local PARAMETERS_SHOWN = info.PARAMETERS_SHOWN
 
 -- Numbers as report_words.lua writes them, straight from their bytes
 
--- Most whole numbers are small, and come again.
-local decimals = {}
-
-local function decimal(number)
-  local text = decimals[number]
-  if text == nil then
-    text = format("%.0f", number)
-    if number < 65536 and number >= -32768 then
-      decimals[number] = text
-    end
-  end
-  return text
-end
-
--- Letter of a codec -> a function of where a value stands (`first` and `last`, from 1) and the message.
+-- Letter of a codec -> a function of where a value stands in its message (`first` and `last`, from 1), of a
+-- frame, and of how many bytes stand there in front of the message. A
+-- whole number is its own text: to remember texts of numbers would give the collector much to look through.
 local writers = {}
 
 local function writer(bits, signed)
-  local half, range = 2 ^ (bits - 1), signed and 2 ^ bits or 0
-  return function(place, data)
-    local a, b, c, d = byte(data, place.first, place.last)
+  local half = floor(2 ^ (bits - 1)) -- no float: its text would have a point
+  local range = signed and half * 2 or 0
+  return function(place, frame, front)
+    local a, b, c, d = byte(frame, front + place.first, front + place.last)
     local number = d and ((a * 256 + b) * 256 + c) * 256 + d or b and a * 256 + b or a
-    return decimal(number >= half and number - range or number)
+    return number >= half and number - range or number
   end
 end
 
 writers.B, writers.H, writers.I = writer(8, false), writer(16, false), writer(32, false)
 writers.b, writers.h, writers.i = writer(8, true), writer(16, true), writer(32, true)
 
-function writers.f(place, data)
-  local a, b, c, d = byte(data, place.first, place.last)
+function writers.f(place, frame, front)
+  local a, b, c, d = byte(frame, front + place.first, front + place.last)
   local bits = ((a * 256 + b) * 256 + c) * 256 + d
   if bits ~= place.bits then -- drives are asked for what hardly changes
-    place.bits, place.text = bits, numbers.float32_text(data, place.first - 1)
+    place.bits, place.text = bits, numbers.float32_text(frame, front + place.first - 1)
   end
   return place.text
 end
@@ -71,11 +60,11 @@ end
 -- The same for a list of values.
 local function list_writer(write, size, count)
   local some, place = {}, {}
-  return function(part, data)
+  return function(part, frame, front)
     for number = 1, count do
       place.first = part.first + (number - 1) * size
       place.last = place.first + size - 1
-      some[number] = write(place, data)
+      some[number] = write(place, frame, front)
     end
     return concat(some, ", ", 1, count)
   end
@@ -84,10 +73,11 @@ end
 -- Masks
 
 local item = {} -- the parameter whose text is made
+local pieces = {} -- of a sentence
 
 -- The text of a parameter, its address in front, with the values that stand in the message now.
-local function spelled(part, data)
-  local raw = sub(data, part.first, part.last)
+local function spelled(part, frame, front)
+  local raw = sub(frame, front + part.first, front + part.last)
   if raw ~= part.raw then
     local codec = part.codec
     local values = codec.decode(raw, part.count, codec.size)
@@ -116,17 +106,34 @@ local function part_of(data, from, block, number, shown, written)
   return part
 end
 
--- The mask of a message with the reference left out; nil where a block is anything but sound values.
+local function nothing()
+  return ""
+end
+
+-- The same of a block with an error, all of which is fixed.
+local function failed_part(data, from, block, number, shown)
+  local last = block.offset + 2 + #block.raw
+  return {
+    from = from, fixed = sub(data, from, last), last = last,
+    lead = (number == 1 and ": " or ", ") .. info.parameter(shown), write = nothing,
+  }
+end
+
+-- The mask of a message with the reference left out; nil where a block is anything but sound values or an
+-- error.
 local function mask_of(data, blocks, parameters, written)
   if #blocks ~= #parameters then
     return nil
   end
   local parts, at = {}, 2
   for number, block in ipairs(blocks) do
-    if block.sound_codec == nil or block.error then
+    if block.error and not written then
+      parts[number] = failed_part(data, at, block, number, parameters[number])
+    elseif block.sound_codec and not block.error then
+      parts[number] = part_of(data, at, block, number, parameters[number], written)
+    else
       return nil
     end
-    parts[number] = part_of(data, at, block, number, parameters[number], written)
     at = parts[number].last + 1
   end
   return { parts = parts, count = #parts, from = at, fixed = sub(data, at), more = info.more(#parts) }
@@ -135,20 +142,21 @@ end
 -- Writes what a message of the length of its mask says of its parameters behind `filled` pieces of a
 -- sentence, and tells how many there are then; nil where it does not fit. Looks for bytes in their place,
 -- because cutting them out would make strings.
-local function listed(mask, data, pieces, filled)
+local function listed(mask, frame, front, filled)
   local parts = mask.parts
   for number = 1, mask.count do
     local part = parts[number]
-    local from = part.from
-    if find(data, part.fixed, from, true) ~= from then
+    local from = front + part.from
+    if find(frame, part.fixed, from, true) ~= from then
       return nil
     end
     if number <= PARAMETERS_SHOWN then
-      pieces[filled + 1], pieces[filled + 2] = part.lead, part.write(part, data)
+      pieces[filled + 1], pieces[filled + 2] = part.lead, part.write(part, frame, front)
       filled = filled + 2
     end
   end
-  if find(data, mask.fixed, mask.from, true) ~= mask.from then
+  local from = front + mask.from
+  if find(frame, mask.fixed, from, true) ~= from then
     return nil
   end
   pieces[filled + 1] = mask.more
@@ -211,7 +219,6 @@ local function new_question(self, data, message, peer)
     answered = info.PROTOCOL .. message.operation .. " response ",
     mask = change and mask_of(data, message.blocks, parameters, true) or nil,
     list = not change and info.list_of(parameters, false) or nil, -- of a change its values come from the mask
-    texts = {}, -- of a read: reference -> what the request says
     answers = {}, -- length of an answer -> its mask
     -- Of a change that was done the answer says nothing else.
     done = change and char(tables.request_ids[message.request_id].positive, message.axis,
@@ -234,12 +241,12 @@ function Gist:_question(data, peer)
 end
 
 -- Reads that ask the same are known by their bytes behind the reference.
-function Gist:_read(data, peer, last)
-  if last and #data == last.length and find(data, last.asks, 2, true) == 2 then
+function Gist:_read(frame, front, length, peer, last)
+  if last and length == last.length and find(frame, last.asks, front + 2, true) == front + 2 then
     return last -- most programs ask the same again
   end
   local reads = self.reads[peer.vendor_id or 0]
-  return reads and reads[sub(data, 2)]
+  return reads and reads[sub(frame, front + 2, front + length)]
 end
 
 function Gist:_remember_read(question, data, peer)
@@ -249,21 +256,14 @@ function Gist:_remember_read(question, data, peer)
   self.reads[vendor_id], reads[question.asks] = reads, question
 end
 
-local pieces = {} -- of a sentence
-
 local function read_text(question, reference)
-  local text = question.texts[reference]
-  if text == nil then
-    text = question.before .. info.head(reference, question.axis) .. question.list
-    question.texts[reference] = text
-  end
-  return text
+  return question.before .. info.head(reference, question.axis) .. question.list
 end
 
-local function change_text(question, data)
-  local last = listed(question.mask, data, pieces, 2)
+local function change_text(question, frame, front)
+  local last = listed(question.mask, frame, front, 2)
   if last then
-    pieces[1], pieces[2] = question.before, info.head(byte(data, 1), question.axis)
+    pieces[1], pieces[2] = question.before, info.head(byte(frame, front + 1), question.axis)
     return concat(pieces, "", 1, last)
   end
   return nil
@@ -271,42 +271,62 @@ end
 
 --- What a request asks: a question, and the text of its Info column. Nil for an unusual one.
 -- A question has: `change`, `pnus` (those that are asked for), `axis`.
+-- @param frame, front, length  the bytes of its frame, how many stand in front of it, and how many it has
 -- @param last  the question that was asked last in this place, if any
-function Gist:request(data, peer, last)
-  local question = self:_read(data, peer, last) or self:_question(data, peer)
+function Gist:request(frame, front, length, peer, last)
+  local question = self:_read(frame, front, length, peer, last)
+  if question then
+    return question, read_text(question, byte(frame, front + 1))
+  end
+  local data = sub(frame, front + 1, front + length)
+  question = self:_question(data, peer)
   if not question then
     return nil
   elseif question.change then
-    local text = change_text(question, data)
+    local text = change_text(question, frame, front)
     return text and question, text
-  elseif not question.asks then
-    self:_remember_read(question, data, peer)
   end
+  self:_remember_read(question, data, peer)
   return question, read_text(question, byte(data, 1))
 end
 
 -- Answers
 
 -- A job with nothing but its own messages and times, as `Judge:answered` takes it.
-local function job_of(self, asked, frame, data, time_ns)
-  local message = self.decode(asked.data)
+local function job_of(self, asked, number, data, time_ns)
+  local question = sub(asked.frame, asked.front + 1, asked.front + asked.length)
+  local message = self.decode(question)
   return setmetatable({
     peer = asked.question.peer, message = message, channel_key = nil,
-    record = { request = { frame = asked.frame, time_ns = asked.asked_ns, data = asked.data }, spot = "" },
-    write_response = { frame = asked.frame, time_ns = asked.accepted_ns, status = 0 },
-    read_request = { frame = frame, time_ns = asked.fetched_ns },
-    read_response = { frame = frame, time_ns = time_ns, data = data, status = 0 },
+    record = { request = { frame = asked.number, time_ns = asked.asked_ns, data = question }, spot = "" },
+    write_response = { frame = asked.number, time_ns = asked.accepted_ns, status = 0 },
+    read_request = { frame = number, time_ns = asked.fetched_ns },
+    read_response = { frame = number, time_ns = time_ns, data = data, status = 0 },
     response = parameter.decode_response(data, message, self.codec),
   }, pairing.Job)
 end
 
--- What is to be said of an answer on its own frame: findings as `Analysis:findings_at` gives them, and
--- whether there was anything to be said of the job at all, wanted or not.
+-- What is to be said of an answer on its own frame: findings as `Analysis:findings_at` gives them; and the
+-- remarks about the job, wanted or not.
 local function judged(self, job, frame)
   local judge = rules.new(self.judge.limits, self.judge.slow_ns, self.lang)
   local found, remarks = findings.new(self.lang, self.select, self.ignore), judge:answered(job)
   found:foresee(remarks)
-  return found:at(frame), #remarks > 0
+  return found:at(frame), remarks
+end
+
+-- The same findings, on another frame.
+local function on_frame(found, frame)
+  local list = {}
+  for number, finding in ipairs(found) do
+    local copy = {}
+    for key, value in pairs(finding) do
+      copy[key] = value
+    end
+    copy.frame = frame
+    list[number] = copy
+  end
+  return list
 end
 
 local function sentence(job, parameters)
@@ -319,38 +339,62 @@ local function sentence(job, parameters)
   }})
 end
 
--- The Info column of an answer that differs from earlier ones in nothing but its values; nil for all others.
-local function usual_answer(asked, data)
+-- Remembers an answer, if those that differ in their values alone are told alike: nothing was to be said of
+-- it, or only that parameters failed.
+local function remember_answer(question, data, job, text, parameters, remarks, found)
+  for _, remark in ipairs(remarks) do
+    if remark.rule ~= PARAMETER_FAILED then
+      return
+    end
+  end
+  local mask = mask_of(data, job.response.blocks, parameters, false)
+  if mask and #remarks > 0 then -- its sentence begins with what became of it, without a reference
+    mask.begin, mask.found = sub(text, 1, #text - #info.list_of(parameters, false)), found
+  end
+  question.answers[#data] = mask
+end
+
+-- The Info column of an answer that differs from earlier ones in nothing but its values, and the findings
+-- that are the same; nil for all others.
+local function usual_answer(asked, number, frame, front, length)
   local question = asked.question
-  local mask, last = question.answers[#data], nil
+  local mask, done, last = question.answers[length], question.done, nil
   if mask then
-    last = listed(mask, data, pieces, 2)
-  elseif question.done and #data == #question.done + 1 and find(data, question.done, 2, true) then
-    last = listed(question.mask, asked.data, pieces, 2)
+    last = listed(mask, frame, front, 2)
+  elseif done and length == #done + 1 and find(frame, done, front + 2, true) == front + 2 then
+    last = listed(question.mask, asked.frame, asked.front, 2)
   end
   if last == nil then
     return nil
+  elseif mask and mask.begin then
+    pieces[1], pieces[2] = mask.begin, ""
+    return concat(pieces, "", 1, last), on_frame(mask.found, number)
   end
-  pieces[1], pieces[2] = question.answered, info.head(byte(data, 1), question.axis)
-  return concat(pieces, "", 1, last)
+  pieces[1], pieces[2] = question.answered, info.head(byte(frame, front + 1), question.axis)
+  return concat(pieces, "", 1, last), NONE
 end
 
 --- The Info column of an answer, and what is to be said of it: an array of findings.
--- @param asked  the request: {question, data, frame, asked_ns, accepted_ns, fetched_ns}
--- @param frame, data, time_ns  of the answer, whose reference is that of the request
+-- @param asked  the request: {question, number, frame, front, length, asked_ns, accepted_ns, fetched_ns}
+-- @param number, time_ns  of the answer, whose reference is that of the request
+-- @param frame, front, length  as for `request`
 -- @param slow   whether the drive took long: then it is judged with care
-function Gist:answer(asked, frame, data, time_ns, slow)
-  local text = not slow and usual_answer(asked, data)
-  if text then
-    return text, NONE
+function Gist:answer(asked, number, time_ns, frame, front, length, slow)
+  if not slow then
+    local text, found = usual_answer(asked, number, frame, front, length)
+    if text then
+      return text, found
+    end
   end
-  local question, job = asked.question, job_of(self, asked, frame, data, time_ns)
-  local found, remarkable = judged(self, job, frame)
+  local data = sub(frame, front + 1, front + length)
+  local question, job = asked.question, job_of(self, asked, number, data, time_ns)
+  local found, remarks = judged(self, job, number)
   local parameters = transactions.parameters(job, self.lang)
-  if not remarkable and not question.change then
-    question.answers[#data] = mask_of(data, job.response.blocks, parameters, false)
+  local text = sentence(job, parameters)
+  if not slow and not question.change then
+    remember_answer(question, data, job, text, parameters, remarks, found)
   end
-  return sentence(job, parameters), found
+  return text, found
 end
 
 return M

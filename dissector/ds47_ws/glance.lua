@@ -7,8 +7,9 @@
 -- nothing here has to be complete: what is in doubt is no usual frame. It must only never be wrong.
 --
 -- What the glance knows it learns from frames that were analysed: how the frames of a conversation are built
--- (forms), and which channels are free. Sentences of messages are in gist.lua.
+-- (forms.lua), and which channels are free. Sentences of messages are in gist.lua.
 
+local forms = require("ds47_ws.forms")
 local gist = require("ds47_ws.gist")
 local info = require("ds47_ws.info")
 local records = require("ds47.records")
@@ -16,28 +17,14 @@ local recordcalls = require("ds47.recordcalls")
 local rpc = require("ds47.rpc")
 local waiting = require("ds47_ws.waiting")
 
-local byte, find, floor, sub = string.byte, string.find, math.floor, string.sub
-local unpack = table.unpack or unpack -- luacheck: ignore
+local byte, floor, sub = string.byte, math.floor, string.sub
+local sequence = forms.sequence
 
 local M = {}
-
--- 1-based places in a frame, as distances from the 0-based beginning of its IP header of 20 bytes. Between
--- the parts that are compared stand those that count or are sums: IP identification and checksum, UDP
--- checksum, the sequence numbers of call and record.
-local IP_END, FRAGMENT, FRAGMENT_END, ADDRESSES, ADDRESSES_END = 4, 7, 10, 13, 26
-local RPC, RPC_END, SEQUENCE, CALL, CALL_END = 29, 92, 93, 97, 134
-local RECORD, RECORD_END, DATA = 137, 192, 193
-local HEADERS = 192 -- bytes of such a frame in front of the data of its record
-local BLOCK = 20 + records.BLOCK_LENGTH -- bytes of the NDR header and the record block behind the call header
 
 --- Forms, channels and conversations that are known together; then all are learnt again.
 M.MOST = 8192
 
--- A form is two tables: what is to be known of a frame that has it, and its shape. A shape is an array, so
--- that all of it comes at once: parts of the frame, each with its place; the next shape that begins alike, or
--- false; the form.
-local SHAPE, AFTER = 12, 11
-local MOST_ALIKE = 8 -- shapes of one beginning
 local FREE, ASKED, ACCEPTED, FETCHED, UNKNOWN = 1, 2, 3, 4, 5
 local NONE = {}
 local NOTHING = false -- asked for: the next frame is to be a request
@@ -64,8 +51,9 @@ function Glance:reset()
   if self.written == nil and self.forms then
     return -- nothing learnt since the last time
   end
-  self.forms, self.channels, self.activities = {}, {}, {} -- shapes by their bytes up to the IP length
-  self.known = 0 -- of all three together
+  self.forms = forms.new(M.MOST)
+  self.channels, self.activities = {}, {}
+  self.known = 0 -- of these two together
   self.newest_ns = -math.huge -- nothing that is older is usual
   self.written = nil -- PNUs that a change may have written
   self.changes = (self.changes or 0) + 1 -- how often that grew or began anew
@@ -97,19 +85,10 @@ end
 
 local steps = {}
 
--- The sequence number of a call.
-local function sequence(frame, at, little)
-  local a, b, c, d = byte(frame, at, at + 3)
-  if little then
-    a, b, c, d = d, c, b, a
-  end
-  return ((a * 256 + b) * 256 + c) * 256 + d
-end
-
 -- What a frame of this form says; nil where it does not come as usual.
-function Glance:_usual(form, number, frame, offset, clock)
+function Glance:_usual(form, number, frame, clock)
   local activity, channel, answers = form.activity, form.channel, form.answers
-  local seq = sequence(frame, offset + SEQUENCE, form.little)
+  local seq = sequence(form, frame)
   if activity.seq ~= seq or activity.asked ~= answers then
     return nil
   end
@@ -117,15 +96,14 @@ function Glance:_usual(form, number, frame, offset, clock)
   if time_ns < self.newest_ns or time_ns - channel.time_ns > self.patience_ns then
     return nil
   end
-  local data = form.data > 0 and sub(frame, offset + DATA, form.stop) or nil
-  local text, found = form.step(self, channel, form, number, time_ns, data)
+  local text, found = form.step(self, channel, form, number, time_ns, frame)
   if text then
     activity.asked = form.asks
     if answers then
       activity.seq = seq + 1
     end
     self.newest_ns, channel.time_ns = time_ns, time_ns
-    self.waiting:add(form, number, time_ns, seq, data, frame, offset)
+    self.waiting:add(form, number, time_ns, seq, frame)
   end
   return text, found
 end
@@ -136,22 +114,16 @@ end
 -- @param clock  a function of the analysis that gives its time
 -- @return the text of its Info column; an array of findings
 function Glance:look(number, frame, offset, clock)
-  local shape = self.forms[sub(frame, 1, offset + IP_END)]
-  while shape do
-    -- Looks for each part in its place: cutting it out would leave a string behind for every frame.
-    local record, record_at, identity, identity_at, call, call_at, addresses, addresses_at, fragment,
-      fragment_at, after, form = unpack(shape, 1, SHAPE)
-    if find(frame, record, record_at, true) == record_at
-      and find(frame, identity, identity_at, true) == identity_at
-      and find(frame, call, call_at, true) == call_at
-      and find(frame, addresses, addresses_at, true) == addresses_at
-      and find(frame, fragment, fragment_at, true) == fragment_at
-      and #frame >= form.stop then
-      return self:_usual(form, number, frame, offset, clock)
-    end
-    shape = after
+  local form = self.forms:find(frame, offset)
+  if form then
+    return self:_usual(form, number, frame, clock)
   end
   return nil
+end
+
+--- How many bytes of frames that wait stand in long strings.
+function Glance:bytes()
+  return self.waiting.bytes
 end
 
 --- Gives the frames that wait to the analysis. Whether there were any.
@@ -185,20 +157,23 @@ local function may_read_back(self, question)
   return question.reads_back
 end
 
-function steps.write_request(self, channel, form, number, time_ns, data)
-  local reference = byte(data, 1)
-  local limit = self.judge.longest[form.peer.device]
-  if channel.state ~= FREE or reference == 0 or reference == channel.reference or limit and #data > limit then
+function steps.write_request(self, channel, form, number, time_ns, frame)
+  local front, length, peer = form.front, form.data, form.peer
+  local reference = byte(frame, front + 1)
+  local limit = self.judge.longest[peer.device]
+  if channel.state ~= FREE or reference == 0 or reference == channel.reference
+    or limit and length > limit then
     return nil
   end
-  local question, text = self.gist:request(data, form.peer, channel.question)
+  local question, text = self.gist:request(frame, front, length, peer, channel.question)
   if not question or not question.change and may_read_back(self, question) then
     return nil
   elseif question.change then
     note_written(self, question.pnus)
   end
   channel.state, channel.reference, channel.question = ASKED, reference, question
-  channel.data, channel.frame, channel.asked_ns = data, number, time_ns
+  channel.number, channel.frame, channel.front, channel.length = number, frame, front, length
+  channel.asked_ns = time_ns
   return text, NONE
 end
 
@@ -218,13 +193,14 @@ function steps.read_request(_, channel, _, _, time_ns)
   return fetched_text(channel.reference, channel.question.axis), NONE
 end
 
-function steps.read_response(self, channel, _, number, time_ns, data)
-  if channel.state ~= FETCHED or byte(data, 1) ~= channel.reference then
+function steps.read_response(self, channel, form, number, time_ns, frame)
+  local front = form.front
+  if channel.state ~= FETCHED or byte(frame, front + 1) ~= channel.reference then
     return nil
   end
   local drive_ns = time_ns - channel.fetched_ns + channel.accepted_ns - channel.asked_ns
   channel.state = FREE
-  return self.gist:answer(channel, number, data, time_ns, drive_ns > self.judge.slow_ns)
+  return self.gist:answer(channel, number, time_ns, frame, front, form.data, drive_ns > self.judge.slow_ns)
 end
 
 -- Learning
@@ -235,7 +211,7 @@ end
 function Glance:learn(frame, offset, time_ns)
   local live = self.analysis
   local pdu = live.last_pdu
-  if self.known > M.MOST then
+  if self.known + self.forms.count > M.MOST then
     self:reset()
   end
   self.newest_ns = math.max(self.newest_ns, time_ns)
@@ -332,76 +308,28 @@ local function usual_record(live, pdu, role)
   if half.missing ~= 0 or role.answers and (half.status ~= 0 or sub(body, 1, 4) ~= "\0\0\0\0") then
     return nil
   elseif role.data then
-    return #half.data > 0 and #half.data == #body - BLOCK and record or nil
+    return #half.data > 0 and #half.data == #body - forms.BODY and record or nil
   end
-  return #body == BLOCK and record or nil
-end
-
--- Where the IP packet of a frame ends (0-based, exclusive), if the RPC message fills it as usual.
-local function end_of(pdu, frame, offset)
-  local first, _, t1, t2 = byte(frame, offset + 1, offset + 4)
-  local u1, u2 = byte(frame, offset + 25, offset + 26)
-  local total, length = t1 * 256 + t2, rpc.HEADER_LENGTH + #pdu.body + 8
-  if first ~= 0x45 or total ~= length + 20 or u1 * 256 + u2 ~= length or #frame < offset + total
-    or total < HEADERS then
-    return nil
-  end
-  return offset + total
+  return #body == forms.BODY and record or nil
 end
 
 -- Takes the form of a frame that touched one job; nil where it is not built as usual.
 function Glance:_form(pdu, touched, frame, offset)
   local role, job = ROLES[touched.role], touched.job
-  local stop = role and usual_record(self.analysis, pdu, role) and end_of(pdu, frame, offset)
+  local stop = role and usual_record(self.analysis, pdu, role) and forms.end_of(pdu, frame, offset)
   if not stop then
     return nil
   end
   local channel = self.channels[records.channel_key(job.peer, job.record)]
   local form = {
-    step = steps[touched.role], stop = stop, little = pdu.little,
-    source = pdu.source, destination = pdu.destination, source_mac = pdu.source_mac,
-    activity = self:_activity(pdu.conversation), peer = recordcalls.peer(self.analysis.last_call.request),
-    channel = channel,
+    step = steps[touched.role], channel = channel, activity = self:_activity(pdu.conversation),
     asks = role.asks and channel[role.asks] or NOTHING,
     answers = role.answers and channel[role.answers] or NOTHING,
-    identity = sub(frame, offset + RPC, offset + RPC_END),
-    call = sub(frame, offset + CALL, offset + CALL_END),
-    record = sub(frame, offset + RECORD, offset + RECORD_END),
-    data = stop - offset - HEADERS, -- bytes behind the record block
+    peer = recordcalls.peer(self.analysis.last_call.request), little = pdu.little,
+    source = pdu.source, destination = pdu.destination, source_mac = pdu.source_mac,
   }
-  self:_keep(sub(frame, 1, offset + IP_END), {
-    form.record, offset + RECORD, form.identity, offset + RPC, form.call, offset + CALL,
-    sub(frame, offset + ADDRESSES, offset + ADDRESSES_END), offset + ADDRESSES,
-    sub(frame, offset + FRAGMENT, offset + FRAGMENT_END), offset + FRAGMENT,
-    false, form,
-  })
+  self.forms:add(form, frame, offset, stop)
   return form
-end
-
--- Whether two shapes that begin alike are the same.
-local function same(one, other)
-  for part = 1, AFTER - 2, 2 do
-    if one[part] ~= other[part] then
-      return false
-    end
-  end
-  return true
-end
-
--- Shapes that begin alike stand in a chain; the newest comes first.
-function Glance:_keep(front, shape)
-  local last, count = shape, 1
-  shape[AFTER] = self.forms[front] or false
-  while last[AFTER] do
-    local after = last[AFTER]
-    if count >= MOST_ALIKE or same(shape, after) then
-      last[AFTER] = after[AFTER]
-    else
-      last, count = after, count + 1
-    end
-  end
-  self.forms[front] = shape
-  self.known = self.known + 1
 end
 
 return M

@@ -246,6 +246,11 @@ function M.glance(number, frame, offset, clock)
   return text, findings
 end
 
+--- How many bytes of frames that wait stand in long strings.
+function M.bytes()
+  return glance and glance:bytes() or 0
+end
+
 --- Feeds a frame. True when it carried PROFINET RPC, or a fragment that might.
 -- @param number, frame, offset, clock  as for `glance`
 -- @param alone whether its sentence is all that is wanted: then the next one may be had at a glance

@@ -5,35 +5,37 @@
 -- length, so many of them stand in one string without anything between. So do their numbers, where something
 -- packs them: a collector looks through arrays again and again, but not into strings.
 
-local byte, char, concat, floor, sub = string.byte, string.char, table.concat, math.floor, string.sub
+local byte, char, rep, sub = string.byte, string.char, string.rep, string.sub
+local concat, floor = table.concat, math.floor
 local unpack = table.unpack or unpack -- luacheck: ignore
 local Struct = Struct -- luacheck: ignore (Wireshark's; for Lua 5.2, which packs nothing itself)
 
 local M = {}
 
 -- Of each frame: its form, its number, its time, the sequence number of its call, and its IP identification
--- with the sequence number of its record: whole numbers, 8 bytes each.
-local NUMBERS, SIZE = 5, 8
+-- with the sequence number of its record: whole numbers.
+local NUMBERS = 5
 local TOGETHER = 128 -- frames that are put away together
 local FULL = TOGETHER * NUMBERS
--- Places of the last two, from 1, as distances from the beginning of the IP header, from 0.
+local EACH = 5 -- what is kept of a frame until then
+-- Places in a frame, from 1, as distances from the beginning of its IP header, from 0.
 local IP_ID, RECORD_SEQUENCE = 5, 135
 
--- Functions that make one string of many numbers, and take some from it, and the format of a number: those of
--- Lua 5.3 and later, or of Wireshark; Lua 5.2 alone keeps them in an array.
-local pack, unpacked, format = rawget(string, "pack"), rawget(string, "unpack"), "j"
+-- Functions that make one string of many numbers, and take some from it, the format of a number, and its
+-- length: those of Lua 5.3 and later, or of Wireshark; Lua 5.2 alone keeps them in an array.
+local pack, unpacked, format, size = rawget(string, "pack"), rawget(string, "unpack"), "j", 8
 if pack == nil and Struct then
   pack, unpacked, format = Struct.pack, Struct.unpack, "d"
 elseif pack == nil then
+  size = 1
   function pack(_, ...)
     return { ... }
   end
   function unpacked(_, numbers, at)
-    local before = (at - 1) / SIZE
-    return unpack(numbers, before + 1, before + NUMBERS)
+    return unpack(numbers, at, at + NUMBERS - 1)
   end
 end
-local ONE, ALL = string.rep(format, NUMBERS), string.rep(format, FULL)
+local ONE, ALL = rep(format, NUMBERS), rep(format, FULL)
 
 local Waiting = {}
 Waiting.__index = Waiting
@@ -43,21 +45,13 @@ function M.new()
   return setmetatable({
     forms = {}, known = 0, -- forms by their number
     numbers = {}, data = {}, put = 0, -- of the frames that were put away
-    last = {}, filled = 0, -- the numbers of the frames behind them
-    pieces = {}, piece = 0, -- and their data
+    bytes = 0, -- in these strings
+    last = {}, filled = 0, -- of the frames behind them: form, number, time, sequence number, bytes
   }, Waiting)
 end
 
--- Puts the last frames away; the arrays in which they were collected are used again.
-function Waiting:_put_away()
-  local place = self.put + 1
-  self.put, self.numbers[place] = place, pack(ALL, unpack(self.last, 1, FULL))
-  self.data[place] = concat(self.pieces, "", 1, self.piece)
-  self.filled, self.piece = 0, 0
-end
-
 -- The number of a form in this list.
-function Waiting:_number_of(form)
+local function number_of(self, form)
   if form.list ~= self then
     self.known = self.known + 1
     self.forms[self.known] = form
@@ -66,28 +60,46 @@ function Waiting:_number_of(form)
   return form.place
 end
 
---- Adds a frame.
--- @param form    {identity, call, record, data (its length), little, source, destination, source_mac}; the
---                list notes its own number of it there
--- @param number, time_ns  of the frame
--- @param seq     sequence number of the call
--- @param data    of the record; nil where the form has none
--- @param frame   the bytes of the frame
--- @param offset  where its IP header begins
-function Waiting:add(form, number, time_ns, seq, data, frame, offset)
-  local last, filled = self.last, self.filled
-  local a, b = byte(frame, offset + IP_ID, offset + IP_ID + 1)
-  local c, d = byte(frame, offset + RECORD_SEQUENCE, offset + RECORD_SEQUENCE + 1)
-  last[filled + 1], last[filled + 2], last[filled + 3] = self:_number_of(form), number, time_ns
-  last[filled + 4], last[filled + 5] = seq, ((a * 256 + b) * 256 + c) * 256 + d
-  filled = filled + NUMBERS
-  self.filled = filled
-  if data then
-    local piece = self.piece + 1
-    self.pieces[piece], self.piece = data, piece
+local packed, pieces = {}, {} -- what is put away now; the same arrays each time
+
+-- Puts the last frames away, many at once: what is kept of them becomes two strings.
+local function put_away(self)
+  local last, at, piece = self.last, 0, 0
+  for each = 1, self.filled, EACH do
+    local form, frame = last[each], last[each + 4]
+    local offset = form.offset
+    local a, b = byte(frame, offset + IP_ID, offset + IP_ID + 1)
+    local c, d = byte(frame, offset + RECORD_SEQUENCE, offset + RECORD_SEQUENCE + 1)
+    packed[at + 1], packed[at + 2] = number_of(self, form), last[each + 1]
+    packed[at + 3], packed[at + 4] = last[each + 2], last[each + 3]
+    packed[at + 5] = ((a * 256 + b) * 256 + c) * 256 + d
+    at = at + NUMBERS
+    if form.data > 0 then
+      piece = piece + 1
+      pieces[piece] = sub(frame, form.front + 1, form.stop)
+    end
   end
-  if filled == FULL then
-    self:_put_away()
+  local place, numbers = self.put + 1, pack(at == FULL and ALL or rep(format, at), unpack(packed, 1, at))
+  local data = concat(pieces, "", 1, piece)
+  self.put, self.filled = place, 0
+  self.numbers[place], self.data[place] = numbers, data
+  self.bytes = self.bytes + #numbers + #data
+end
+
+--- Adds a frame.
+-- @param form    as in forms.lua, with {source, destination, source_mac}; the list notes its own number of it
+--                there
+-- @param number, time_ns  of the frame
+-- @param seq     sequence number of its call
+-- @param frame   its bytes
+function Waiting:add(form, number, time_ns, seq, frame)
+  local last, filled = self.last, self.filled
+  last[filled + 1], last[filled + 2], last[filled + 3] = form, number, time_ns
+  last[filled + 4], last[filled + 5] = seq, frame
+  filled = filled + EACH
+  self.filled = filled
+  if filled == EACH * TOGETHER then
+    put_away(self)
   end
 end
 
@@ -117,10 +129,10 @@ local function restored(form, number, time_ns, seq, others, data)
   return packet
 end
 
-function Waiting:_hand_over(analysis, count, numbers, data)
+local function hand_over(self, analysis, numbers, data)
   local at = 1
-  for place = 0, count - 1 do
-    local known, number, time_ns, seq, others = unpacked(ONE, numbers, place * NUMBERS * SIZE + 1)
+  for place = 1, #numbers, NUMBERS * size do
+    local known, number, time_ns, seq, others = unpacked(ONE, numbers, place)
     local form = self.forms[known]
     analysis:packet(restored(form, number, time_ns, seq, others, sub(data, at, at + form.data - 1)))
     at = at + form.data
@@ -129,11 +141,12 @@ end
 
 --- Gives the frames to an analysis in their order; the list is to be thrown away then.
 function Waiting:hand_over(analysis)
-  for place = 1, self.put do
-    self:_hand_over(analysis, TOGETHER, self.numbers[place], self.data[place])
+  if self.filled > 0 then
+    put_away(self)
   end
-  local numbers = pack(string.rep(format, self.filled), unpack(self.last, 1, self.filled))
-  self:_hand_over(analysis, self.filled / NUMBERS, numbers, concat(self.pieces, "", 1, self.piece))
+  for place = 1, self.put do
+    hand_over(self, analysis, self.numbers[place], self.data[place])
+  end
 end
 
 return M

@@ -12,13 +12,18 @@ import random
 import subprocess
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+from uuid import UUID
 
 import pytest
 from lua_program import LUAS, lua_program
 from test_usual import frames_of, plant
 
 from ds47.capture.scan import ETHERNET, IPV4, network_layer
+from ds47.lab import message
+from ds47.lab.client import Client, drive
+from ds47.lab.stage import Stage
+from ds47.lab.wire import Channel
 
 ROOT = Path(__file__).resolve().parents[2]
 DRIVER = ROOT / "tests/lua/glance.lua"
@@ -27,6 +32,14 @@ BROKEN = 80
 """Broken captures for each Lua version, other ones for each."""
 CLICKS = 0.02
 """How many frames somebody clicks on while the file is read."""
+
+RPC = 14 + 20 + 8
+"""Where RPC begins in a frame of the lab."""
+LENGTHS: dict[str, tuple[int, int, Literal["big"] | None]] = {
+    "IP": (16, 2, "big"), "UDP": (38, 2, "big"), "RPC": (RPC + 74, 2, None),
+    "record": (RPC + 80 + 20 + 36, 4, "big"),
+}  # fmt: skip
+"""Where such a frame says how long it is: the place, how many bytes, and their order if it is always the same."""
 
 Shots = list[tuple[int, bytes]]
 
@@ -115,6 +128,62 @@ def test_little_memory(tmp_path: Path) -> None:
     assert 0 < told[0]["glanced"] < told[0]["frames"] / 2
     told = run("lua5.4", lines("plant", shots, random.Random(1), most=0), tmp_path)
     assert told[0]["glanced"] == 0
+
+
+def longer_and_longer(transactions: int) -> Shots:
+    """One conversation: reads of one parameter, of two, of three ... and at last one that fails."""
+    stage = Stage()
+    client = Client(
+        stage, device=drive(1), activity=UUID(int=4711 << 64), channel=Channel(UUID(int=47 << 64), index=47)
+    )  # fmt: skip
+    for count in range(1, transactions + 1):
+        request = message.read(count, 1, *[message.address(2 + number) for number in range(count)])
+        call = client.ask_write(request)
+        client.accept_write(call, request)
+        call = client.ask_read()
+        failed, values = count == transactions, [message.word(number) for number in range(count)]
+        if failed:
+            values[-1] = message.error(0x11)
+        client.accept_read(call, message.answer(count, 0x81 if failed else 1, 1, *values))
+    return [(shot.time_ns, shot.data) for shot in stage.shots]
+
+
+@pytest.mark.parametrize("lua", LUAS)
+def test_frames_of_another_length(lua: str, tmp_path: Path) -> None:
+    """Only the first transaction is analysed: what follows differs from it in lengths."""
+    told = run(lua, lines("lengths", longer_and_longer(30), random.Random(2)), tmp_path)
+    clicks = 4
+    assert told[0]["glanced"] >= told[0]["frames"] - 4 - clicks
+
+
+def wrong_ends(data: bytes) -> Iterator[tuple[str, bytes]]:
+    """A frame with one length that is not its own, cut, with more behind it, or with a status."""
+    little = data[RPC + 4] == 0x10
+    for name, (place, size, order) in LENGTHS.items():
+        byteorder = order or ("little" if little else "big")
+        length = int.from_bytes(data[place : place + size], byteorder)
+        for more in (-64, -1, 1, 8, 256):
+            wrong = ((length + more) % 256**size).to_bytes(size, byteorder)
+            yield f"{name} {more}", data[:place] + wrong + data[place + size :]
+    for cut in (1, 3, 40):
+        yield f"cut {cut}", data[:-cut]
+    yield "padded", data + bytes(7)
+    status = (0xDE80B500).to_bytes(4, "little" if little else "big")
+    yield "status", data[: RPC + 80] + status + data[RPC + 84 :]
+
+
+@pytest.mark.parametrize("lua", LUAS)
+def test_ends_that_do_not_agree(lua: str, tmp_path: Path) -> None:
+    """In each frame of the third transaction, whose lengths are new."""
+    said: list[str] = []
+    shots = longer_and_longer(5)
+    for frame in range(8, 12):
+        time_ns, data = shots[frame]
+        for name, wrong in wrong_ends(data):
+            made = [*shots[:frame], (time_ns, wrong), *shots[frame + 1 :]]
+            said += lines(f"{frame} {name}", made, random.Random(3))
+    told = run(lua, said, tmp_path)
+    assert all(each["glanced"] > 0 for each in told)
 
 
 @pytest.mark.parametrize("lua", LUAS)
