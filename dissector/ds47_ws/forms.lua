@@ -35,7 +35,8 @@ M.BODY = 20 + records.BLOCK_LENGTH
 -- What is looked for stands in an array, the shape of a form, so that all of it comes at once: parts of the
 -- frame, each with its place; the next shape that begins alike, or false; the form.
 local SHAPE, AFTER = 12, 11
-local MOST_ALIKE = 8 -- shapes of one beginning
+-- Shapes of one beginning: Write responses, which are of one length, tell how long their requests were.
+local MOST_ALIKE = 16
 
 local Forms = {}
 Forms.__index = Forms
@@ -180,7 +181,7 @@ function Forms:_keep(form, frame, offset, stop)
   while last[AFTER] do
     local after = last[AFTER]
     if count >= MOST_ALIKE or same(shape, after) then
-      last[AFTER] = after[AFTER]
+      last[AFTER], self.count = after[AFTER], self.count - 1
     else
       last, count = after, count + 1
     end

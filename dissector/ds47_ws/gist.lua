@@ -31,8 +31,8 @@ local PARAMETERS_SHOWN = info.PARAMETERS_SHOWN
 -- Numbers as report_words.lua writes them, straight from their bytes
 
 -- Letter of a codec -> a function of where a value stands in its message (`first` and `last`, from 1), of a
--- frame, and of how many bytes stand there in front of the message. A
--- whole number is its own text: to remember texts of numbers would give the collector much to look through.
+-- frame, and of how many bytes stand there in front of the message. A whole number is its own text: to
+-- remember texts of numbers would give the collector much to look through.
 local writers = {}
 
 local function writer(bits, signed)
@@ -110,7 +110,7 @@ local function nothing()
   return ""
 end
 
--- The same of a block with an error, all of which is fixed.
+-- A block of a mask that is an error, all of which is fixed.
 local function failed_part(data, from, block, number, shown)
   local last = block.offset + 2 + #block.raw
   return {
