@@ -9,10 +9,12 @@
 --   little                  whether the RPC header is little-endian
 -- Not here: what such a frame says, and whether its turn has come (glance.lua).
 
+local reader = require("ds47.reader")
 local records = require("ds47.records")
 local rpc = require("ds47.rpc")
 
 local byte, find, sub = string.byte, string.find, string.sub
+local u16, le16, u32, le32 = reader.u16, reader.le16, reader.u32, reader.le32
 local unpack = table.unpack or unpack -- luacheck: ignore
 
 local M = {}
@@ -52,29 +54,28 @@ function M.new(most)
   }, Forms)
 end
 
-local function u16(frame, at)
-  local high, low = byte(frame, at, at + 1)
-  return high * 256 + low
-end
-
 --- The sequence number of the call in a frame of this form.
 function M.sequence(form, frame)
-  local a, b, c, d = byte(frame, form.offset + SEQUENCE, form.offset + SEQUENCE + 3)
-  if form.little then
-    a, b, c, d = d, c, b, a
+  local read = form.little and le32 or u32
+  return read(frame, form.offset + SEQUENCE - 1)
+end
+
+-- Where the IP packet of a frame ends (0-based, exclusive), if an RPC message with a body of so many bytes
+-- fills it, and a record block is in there; or nil.
+local function end_with(body, frame, offset)
+  local length = UDP_HEADER + rpc.HEADER_LENGTH + body
+  local total = IP_HEADER + length
+  if u16(frame, offset + IP_LENGTH - 1) ~= total or u16(frame, offset + UDP_LENGTH - 1) ~= length
+    or #frame < offset + total or total < HEADERS then
+    return nil
   end
-  return ((a * 256 + b) * 256 + c) * 256 + d
+  return offset + total
 end
 
 --- Where the IP packet of a frame ends (0-based, exclusive), if the RPC message fills it as usual; or nil.
 -- @param offset where its IP header begins, from 0
 function M.end_of(pdu, frame, offset)
-  local total, length = u16(frame, offset + IP_LENGTH), UDP_HEADER + rpc.HEADER_LENGTH + #pdu.body
-  if byte(frame, offset + 1) ~= 0x45 or total ~= IP_HEADER + length
-    or u16(frame, offset + UDP_LENGTH) ~= length or #frame < offset + total or total < HEADERS then
-    return nil
-  end
-  return offset + total
+  return byte(frame, offset + 1) == 0x45 and end_with(#pdu.body, frame, offset) or nil
 end
 
 -- Finding
@@ -93,21 +94,16 @@ local function family_of(frame, offset)
     .. sub(frame, offset + RECORD_LENGTH + 4, offset + RECORD_END)
 end
 
--- Whether a frame is as long as all its headers say; its record has data, or is to have none.
-local function lengths_agree(frame, offset, little, has_data)
-  local total, body = u16(frame, offset + IP_LENGTH), u16(frame, offset + RPC_LENGTH)
-  if little then
-    body = body % 256 * 256 + (body - body % 256) / 256
+-- Where a frame ends that is as long as all its headers say, and whose record has data, or none, as that of
+-- the form; or nil.
+local function end_like(form, frame, offset)
+  local read = form.little and le16 or u16
+  local stop = end_with(read(frame, offset + RPC_LENGTH - 1), frame, offset)
+  local data = stop and stop - offset - HEADERS
+  if form.data > 0 then
+    return stop and data > 0 and u32(frame, offset + RECORD_LENGTH - 1) == data and stop or nil
   end
-  local length = total - IP_HEADER
-  if #frame < offset + total or u16(frame, offset + UDP_LENGTH) ~= length
-    or body ~= length - UDP_HEADER - rpc.HEADER_LENGTH then
-    return false
-  elseif has_data then
-    local stated = u16(frame, offset + RECORD_LENGTH) * 65536 + u16(frame, offset + RECORD_LENGTH + 2)
-    return total > HEADERS and stated == total - HEADERS
-  end
-  return total == HEADERS
+  return data == 0 and stop or nil
 end
 
 -- Frames of one conversation and role differ in their lengths. One of a new length need not be analysed for
@@ -117,15 +113,15 @@ function Forms:_of_another_length(frame, offset)
     return nil
   end
   local known = self.families[family_of(frame, offset)]
-  if known == nil or not lengths_agree(frame, offset, known.little, known.data > 0) then
+  local stop = known and end_like(known, frame, offset)
+  if not stop then
     return nil
   end
   local form = {}
   for key, value in pairs(known) do
     form[key] = value
   end
-  form.list, form.place = nil, nil -- what waiting.lua knows of the other one
-  self:_keep(form, frame, offset, offset + u16(frame, offset + IP_LENGTH))
+  self:_keep(form, frame, offset, stop)
   return form
 end
 

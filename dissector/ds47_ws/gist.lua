@@ -90,9 +90,8 @@ end
 
 -- A block of a mask: `fixed` are the bytes from `from` on, up to its values. `lead` and what `write` says of
 -- the message are its text.
-local function part_of(data, from, block, number, shown, written)
+local function part_of(data, from, block, lead, shown, written)
   local codec, first, count = block.sound_codec, block.offset + 3, block.value_count
-  local lead = number == 1 and ": " or ", "
   local part = {
     from = from, fixed = sub(data, from, first - 1), first = first, last = first + #block.raw - 1,
     codec = codec, count = count, format = block.format_name, class = getmetatable(shown), written = written,
@@ -111,11 +110,11 @@ local function nothing()
 end
 
 -- A block of a mask that is an error, all of which is fixed.
-local function failed_part(data, from, block, number, shown)
+local function failed_part(data, from, block, lead, shown)
   local last = block.offset + 2 + #block.raw
   return {
     from = from, fixed = sub(data, from, last), last = last,
-    lead = (number == 1 and ": " or ", ") .. info.parameter(shown), write = nothing,
+    lead = lead .. info.parameter(shown), write = nothing,
   }
 end
 
@@ -127,10 +126,11 @@ local function mask_of(data, blocks, parameters, written)
   end
   local parts, at = {}, 2
   for number, block in ipairs(blocks) do
+    local lead = number == 1 and ": " or ", "
     if block.error and not written then
-      parts[number] = failed_part(data, at, block, number, parameters[number])
+      parts[number] = failed_part(data, at, block, lead, parameters[number])
     elseif block.sound_codec and not block.error then
-      parts[number] = part_of(data, at, block, number, parameters[number], written)
+      parts[number] = part_of(data, at, block, lead, parameters[number], written)
     else
       return nil
     end
@@ -294,11 +294,11 @@ end
 
 -- A job with nothing but its own messages and times, as `Judge:answered` takes it.
 local function job_of(self, asked, number, data, time_ns)
-  local question = sub(asked.frame, asked.front + 1, asked.front + asked.length)
-  local message = self.decode(question)
+  local request = sub(asked.frame, asked.front + 1, asked.front + asked.length)
+  local message = self.decode(request)
   return setmetatable({
     peer = asked.question.peer, message = message, channel_key = nil,
-    record = { request = { frame = asked.number, time_ns = asked.asked_ns, data = question }, spot = "" },
+    record = { request = { frame = asked.number, time_ns = asked.asked_ns, data = request }, spot = "" },
     write_response = { frame = asked.number, time_ns = asked.accepted_ns, status = 0 },
     read_request = { frame = number, time_ns = asked.fetched_ns },
     read_response = { frame = number, time_ns = time_ns, data = data, status = 0 },

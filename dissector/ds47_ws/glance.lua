@@ -10,6 +10,7 @@
 -- (forms.lua), and which channels are free. Sentences of messages are in gist.lua.
 
 local forms = require("ds47_ws.forms")
+local entries = require("ds47.later").entries
 local gist = require("ds47_ws.gist")
 local info = require("ds47_ws.info")
 local records = require("ds47.records")
@@ -61,27 +62,15 @@ end
 
 -- Looking
 
--- Texts that depend on reference and axis only.
-local accepted, fetched = {}, {}
-
-local function accepted_text(reference)
-  local text = accepted[reference]
-  if text == nil then
-    text = info.PROTOCOL .. info.accepted(reference)
-    accepted[reference] = text
-  end
-  return text
-end
-
-local function fetched_text(reference, axis)
-  local key = reference * 256 + axis
-  local text = fetched[key]
-  if text == nil then
-    text = info.PROTOCOL .. info.fetched(reference, axis)
-    fetched[key] = text
-  end
-  return text
-end
+-- Texts that depend on the reference only, and on axis and reference.
+local accepted = entries(function(reference)
+  return info.PROTOCOL .. info.accepted(reference)
+end)
+local fetched = entries(function(axis)
+  return entries(function(reference)
+    return info.PROTOCOL .. info.fetched(reference, axis)
+  end)
+end)
 
 local steps = {}
 
@@ -182,7 +171,7 @@ function steps.write_response(_, channel, _, _, time_ns)
     return nil
   end
   channel.state, channel.accepted_ns = ACCEPTED, time_ns
-  return accepted_text(channel.reference), NONE
+  return accepted[channel.reference], NONE
 end
 
 function steps.read_request(_, channel, _, _, time_ns)
@@ -190,7 +179,7 @@ function steps.read_request(_, channel, _, _, time_ns)
     return nil
   end
   channel.state, channel.fetched_ns = FETCHED, time_ns
-  return fetched_text(channel.reference, channel.question.axis), NONE
+  return fetched[channel.question.axis][channel.reference], NONE
 end
 
 function steps.read_response(self, channel, form, number, time_ns, frame)

@@ -1,6 +1,6 @@
 -- Frames that wait for their analysis, in little room: a capture may have millions of them.
 --
--- Of a frame whose form is known (glance.lua) only what the form leaves open is kept: IP identification, the
+-- Of a frame whose form is known (forms.lua) only what the form leaves open is kept: IP identification, the
 -- sequence numbers of call and record, and the data of the record. Frames of one form have data of one
 -- length, so many of them stand in one string without anything between. So do their numbers, where something
 -- packs them: a collector looks through arrays again and again, but not into strings.
@@ -43,7 +43,7 @@ Waiting.__index = Waiting
 --- An empty list.
 function M.new()
   return setmetatable({
-    forms = {}, known = 0, -- forms by their number
+    forms = {}, known = {}, -- forms by their number, and their numbers
     numbers = {}, data = {}, put = 0, -- of the frames that were put away
     bytes = 0, -- in these strings
     last = {}, filled = 0, -- of the frames behind them: form, number, time, sequence number, bytes
@@ -52,12 +52,12 @@ end
 
 -- The number of a form in this list.
 local function number_of(self, form)
-  if form.list ~= self then
-    self.known = self.known + 1
-    self.forms[self.known] = form
-    form.list, form.place = self, self.known
+  local number = self.known[form]
+  if number == nil then
+    number = #self.forms + 1
+    self.forms[number], self.known[form] = form, number
   end
-  return form.place
+  return number
 end
 
 local packed, pieces = {}, {} -- what is put away now; the same arrays each time
@@ -87,8 +87,7 @@ local function put_away(self)
 end
 
 --- Adds a frame.
--- @param form    as in forms.lua, with {source, destination, source_mac}; the list notes its own number of it
---                there
+-- @param form    as in forms.lua, with {source, destination, source_mac}
 -- @param number, time_ns  of the frame
 -- @param seq     sequence number of its call
 -- @param frame   its bytes

@@ -2,6 +2,7 @@
 -- templates with their names filled in. The tables themselves are tables.lua; a PNIOStatus in words is
 -- status.lua.
 
+local entries = require("ds47.later").entries
 local numbers = require("ds47.numbers")
 local tables = require("ds47.tables")
 
@@ -34,20 +35,15 @@ local function words(entry, code, lang)
   return M.fill(text, {code = code, above = code - (entry.code or code)})
 end
 
-local by_id
-
-local function vendor_of(id)
-  if by_id == nil then
-    by_id = {}
-    for _, vendor in ipairs(tables.vendors) do
-      if vendor.id and not by_id[vendor.id] then by_id[vendor.id] = vendor end
-    end
+local by_id = entries(function(id)
+  for _, vendor in ipairs(tables.vendors) do
+    if vendor.id == id then return vendor end
   end
-  return by_id[id]
-end
+  return nil
+end)
 
 local function error_words(code, lang, vendor_id)
-  local vendor = vendor_id and vendor_of(vendor_id)
+  local vendor = vendor_id and by_id[vendor_id]
   if vendor and vendor.errors[code] then return words(vendor.errors[code], code, lang) end
   if tables.errors[code] then return words(tables.errors[code], code, lang) end
   local text = words(tables.error_fallback, code, lang)
