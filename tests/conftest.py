@@ -5,6 +5,7 @@ No test data lives here (``vectors/``) and no helper of a single module (its own
 
 import os
 import shutil
+import signal
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -15,6 +16,11 @@ REPOSITORY = Path(__file__).resolve().parent.parent
 
 # Wheels that tests build stay plain Python: compiling takes minutes, and CI does it once.
 os.environ.setdefault("DS47_COMPILE", "0")
+
+# A job that a shell starts in the background ignores Ctrl-C, and so does all that it starts: the tests of
+# Ctrl-C want it as at a terminal.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _missing(what: str) -> None:
