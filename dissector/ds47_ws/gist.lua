@@ -26,7 +26,8 @@ local HEADER, ADDRESS = 4, 6 -- bytes of a message in front of its addresses, an
 local MOST_QUESTIONS = 1024
 local NONE = {}
 local CHANGE, READ, PARAMETER_FAILED = "change", "read", "DS410"
-local PARAMETERS_SHOWN = info.PARAMETERS_SHOWN
+local DIGITS, PARAMETERS_SHOWN = info.DIGITS, info.PARAMETERS_SHOWN
+local BEGIN = 3 -- pieces of a sentence in front of its parameters
 
 -- Numbers as report_words.lua writes them, straight from their bytes
 
@@ -213,18 +214,19 @@ local function new_question(self, data, message, peer)
     return false
   end
   local parameters = transactions.parameters({ message = message, peer = peer }, self.lang)
+  local object = info.drive_object(message.axis)
   local question = {
-    change = change, pnus = pnus, peer = peer, axis = message.axis,
-    before = info.PROTOCOL .. message.operation .. " request ",
-    answered = info.PROTOCOL .. message.operation .. " response ",
-    mask = change and mask_of(data, message.blocks, parameters, true) or nil,
-    list = not change and info.list_of(parameters, false) or nil, -- of a change its values come from the mask
+    change = change, pnus = pnus, peer = peer, object = object,
+    before = info.PROTOCOL .. message.operation .. " request ref ",
+    answered = info.PROTOCOL .. message.operation .. " response ref ",
+    mask = change and mask_of(data, message.blocks, parameters, true) or nil, -- its values
+    behind = not change and object .. info.list_of(parameters, false) or nil,
     answers = {}, -- length of an answer -> its mask
     -- Of a change that was done the answer says nothing else.
     done = change and char(tables.request_ids[message.request_id].positive, message.axis,
       message.parameter_count) or nil,
   }
-  return (question.list or question.mask) and question or false
+  return (question.behind or question.mask) and question or false
 end
 
 function Gist:_question(data, peer)
@@ -257,20 +259,21 @@ function Gist:_remember_read(question, data, peer)
 end
 
 local function read_text(question, reference)
-  return question.before .. info.head(reference, question.axis) .. question.list
+  return question.before .. DIGITS[reference] .. question.behind
 end
 
 local function change_text(question, frame, front)
-  local last = listed(question.mask, frame, front, 2)
+  local last = listed(question.mask, frame, front, BEGIN)
   if last then
-    pieces[1], pieces[2] = question.before, info.head(byte(frame, front + 1), question.axis)
+    pieces[1], pieces[2], pieces[3] = question.before, DIGITS[byte(frame, front + 1)], question.object
     return concat(pieces, "", 1, last)
   end
   return nil
 end
 
 --- What a request asks: a question, and the text of its Info column. Nil for an unusual one.
--- A question has: `change`, `pnus` (those that are asked for), `axis`.
+-- A question has: `change`, `pnus` (those that are asked for), `object`
+-- (its axis, as a sentence says it).
 -- @param frame, front, length  the bytes of its frame, how many stand in front of it, and how many it has
 -- @param last  the question that was asked last in this place, if any
 function Gist:request(frame, front, length, peer, last)
@@ -360,17 +363,17 @@ local function usual_answer(asked, number, frame, front, length)
   local question = asked.question
   local mask, done, last = question.answers[length], question.done, nil
   if mask then
-    last = listed(mask, frame, front, 2)
+    last = listed(mask, frame, front, BEGIN)
   elseif done and length == #done + 1 and find(frame, done, front + 2, true) == front + 2 then
-    last = listed(question.mask, asked.frame, asked.front, 2)
+    last = listed(question.mask, asked.frame, asked.front, BEGIN)
   end
   if last == nil then
     return nil
   elseif mask and mask.begin then
-    pieces[1], pieces[2] = mask.begin, ""
+    pieces[1], pieces[2], pieces[3] = mask.begin, "", ""
     return concat(pieces, "", 1, last), on_frame(mask.found, number)
   end
-  pieces[1], pieces[2] = question.answered, info.head(byte(frame, front + 1), question.axis)
+  pieces[1], pieces[2], pieces[3] = question.answered, DIGITS[byte(frame, front + 1)], question.object
   return concat(pieces, "", 1, last), NONE
 end
 

@@ -10,7 +10,6 @@
 -- (forms.lua), and which channels are free. Sentences of messages are in gist.lua.
 
 local forms = require("ds47_ws.forms")
-local entries = require("ds47.later").entries
 local gist = require("ds47_ws.gist")
 local info = require("ds47_ws.info")
 local records = require("ds47.records")
@@ -19,6 +18,8 @@ local rpc = require("ds47.rpc")
 local waiting = require("ds47_ws.waiting")
 
 local byte, floor, sub = string.byte, math.floor, string.sub
+local DIGITS = info.DIGITS
+local WRITE_ACCEPTED, FETCH_RESPONSE = info.PROTOCOL .. info.ACCEPTED, info.PROTOCOL .. info.FETCHED
 local sequence = forms.sequence
 
 local M = {}
@@ -61,16 +62,6 @@ function Glance:reset()
 end
 
 -- Looking
-
--- Texts that depend on the reference only, and on axis and reference.
-local accepted = entries(function(reference)
-  return info.PROTOCOL .. info.accepted(reference)
-end)
-local fetched = entries(function(axis)
-  return entries(function(reference)
-    return info.PROTOCOL .. info.fetched(reference, axis)
-  end)
-end)
 
 local steps = {}
 
@@ -171,7 +162,7 @@ function steps.write_response(_, channel, _, _, time_ns)
     return nil
   end
   channel.state, channel.accepted_ns = ACCEPTED, time_ns
-  return accepted[channel.reference], NONE
+  return WRITE_ACCEPTED .. DIGITS[channel.reference], NONE
 end
 
 function steps.read_request(_, channel, _, _, time_ns)
@@ -179,7 +170,7 @@ function steps.read_request(_, channel, _, _, time_ns)
     return nil
   end
   channel.state, channel.fetched_ns = FETCHED, time_ns
-  return fetched[channel.question.axis][channel.reference], NONE
+  return FETCH_RESPONSE .. DIGITS[channel.reference] .. channel.question.object, NONE
 end
 
 function steps.read_response(self, channel, form, number, time_ns, frame)

@@ -5,6 +5,7 @@
 -- is wanted has of its transaction only what is read here, and in `shared` (with `vendor_id`) where the text
 -- of its parameters may be remembered. Numbers, values and addresses are written as the text report does.
 
+local entries = require("ds47.later").entries
 local status = require("ds47.status")
 local words = require("ds47.report_words")
 
@@ -16,41 +17,30 @@ M.PARAMETERS_SHOWN = 6 -- more make the line long: they are counted
 
 local PARAMETERS_SHOWN = M.PARAMETERS_SHOWN
 
--- `ref 3, DO 2`; a message may be too short to have them. Both are bytes, so there are only so many texts.
-local heads, references = {}, {}
+--- How the sentences begin of a Write response with status 0, and of a Read request: a reference follows.
+M.ACCEPTED, M.FETCHED = "write accepted ref ", "fetch response ref "
 
-local function reference(number)
-  if number == nil then
-    return "ref ?"
-  end
-  local text = references[number]
-  if text == nil then
-    text = string.format("ref %d", number)
-    references[number] = text
-  end
-  return text
+--- The text of a byte. Whole sentences are not remembered: a collector would look through all of them.
+M.DIGITS = entries(function(number)
+  return string.format("%d", number)
+end)
+
+local DIGITS = M.DIGITS
+
+-- The reference of a transaction; a message may be too short to have one, or an axis.
+local function reference(item)
+  local number = item.request_reference
+  return number and DIGITS[number] or "?"
 end
 
---- `ref 3, DO 2`, of a request reference and an axis; either may be nil.
-function M.head(number, axis)
-  if axis == nil then
-    return reference(number)
-  end
-  local key = (number or 256) * 256 + axis
-  local text = heads[key]
-  if text == nil then
-    text = string.format("%s, DO %d", reference(number), axis)
-    heads[key] = text
-  end
-  return text
+--- `, DO 2`, of an axis; empty without one.
+function M.drive_object(axis)
+  return axis and ", DO " .. DIGITS[axis] or ""
 end
 
+-- `ref 3, DO 2`.
 local function head(item)
-  return M.head(item.request_reference, item.axis)
-end
-
-local function drive_object(item)
-  return item.axis and string.format(", DO %d", item.axis) or ""
+  return "ref " .. reference(item) .. M.drive_object(item.axis)
 end
 
 --- `0x02 value outside limits`; the second word where it says something.
@@ -147,16 +137,6 @@ local function asked(view)
   return id and string.format("%s 0x%02X", item.operation, id) or item.operation
 end
 
---- The sentence of a Write response with status 0.
-function M.accepted(number)
-  return "write accepted " .. reference(number)
-end
-
---- The sentence of a Read request.
-function M.fetched(number, axis)
-  return "fetch response " .. M.head(number, axis)
-end
-
 local sentences = {}
 
 function sentences.write_request(view)
@@ -167,19 +147,19 @@ function sentences.write_response(view)
   local item = view.item
   local word = item.write_status
   if word == nil then
-    return "write failed " .. reference(item.request_reference)
+    return "write failed ref " .. reference(item)
   elseif word == 0 then
-    return M.accepted(item.request_reference)
+    return M.ACCEPTED .. reference(item)
   end
-  return "write refused " .. reference(item.request_reference) .. ": " .. refusal(word)
+  return "write refused ref " .. reference(item) .. ": " .. refusal(word)
 end
 
 function sentences.read_request(view)
-  return M.fetched(view.item.request_reference, view.item.axis)
+  return M.FETCHED .. reference(view.item) .. M.drive_object(view.item.axis)
 end
 
 function sentences.poll(view)
-  return "read poll " .. reference(view.item.request_reference) .. ": not ready"
+  return "read poll ref " .. reference(view.item) .. ": not ready"
 end
 
 -- How a record of the drive is called: refused where no parameter of it was done.
@@ -196,13 +176,13 @@ local function outcome(view)
   if failed == 0 then
     return asked(view) .. " response " .. head(item)
   end
-  return asked(view) .. (done > 0 and " partly refused" or " refused") .. drive_object(item)
+  return asked(view) .. (done > 0 and " partly refused" or " refused") .. M.drive_object(item.axis)
 end
 
 function sentences.read_response(view)
   local item = view.item
   if item.read_status and item.read_status ~= 0 then
-    return "read refused " .. reference(item.request_reference) .. ": " .. refusal(item.read_status)
+    return "read refused ref " .. reference(item) .. ": " .. refusal(item.read_status)
   end
   return outcome(view) .. list(view)
 end

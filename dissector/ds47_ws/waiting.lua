@@ -2,12 +2,14 @@
 --
 -- Of a frame whose form is known (forms.lua) only what the form leaves open is kept: IP identification, the
 -- sequence numbers of call and record, and the data of the record. Frames of one form have data of one
--- length, so many of them stand in one string without anything between. So do their numbers, where something
--- packs them: a collector looks through arrays again and again, but not into strings.
+-- length, so many of them stand in one string without anything between. So do their numbers: a collector
+-- looks through arrays again and again, but not into strings. It visits each string, though: so many of them
+-- become one.
 
-local byte, char, rep, sub = string.byte, string.char, string.rep, string.sub
+local byte, char, format, rep, sub = string.byte, string.char, string.format, string.rep, string.sub
 local concat, floor = table.concat, math.floor
 local unpack = table.unpack or unpack -- luacheck: ignore
+local pack_string, unpack_string = rawget(string, "pack"), rawget(string, "unpack")
 local Struct = Struct -- luacheck: ignore (Wireshark's; for Lua 5.2, which packs nothing itself)
 
 local M = {}
@@ -18,24 +20,27 @@ local NUMBERS = 5
 local TOGETHER = 128 -- frames that are put away together
 local FULL = TOGETHER * NUMBERS
 local EACH = 5 -- what is kept of a frame until then
+local MERGED = 32 -- strings of which one is made
 -- Places in a frame, from 1, as distances from the beginning of its IP header, from 0.
 local IP_ID, RECORD_SEQUENCE = 5, 135
 
--- Functions that make one string of many numbers, and take some from it, the format of a number, and its
--- length: those of Lua 5.3 and later, or of Wireshark; Lua 5.2 alone keeps them in an array.
-local pack, unpacked, format, size = rawget(string, "pack"), rawget(string, "unpack"), "j", 8
-if pack == nil and Struct then
-  pack, unpacked, format = Struct.pack, Struct.unpack, "d"
-elseif pack == nil then
-  size = 1
-  function pack(_, ...)
-    return { ... }
+local function from_digits(_, numbers, at)
+  local found = {}
+  for each = 1, NUMBERS do
+    found[each] = tonumber(sub(numbers, at + (each - 1) * 20, at + each * 20 - 1))
   end
-  function unpacked(_, numbers, at)
-    return unpack(numbers, at, at + NUMBERS - 1)
-  end
+  return unpack(found)
 end
-local ONE, ALL = rep(format, NUMBERS), rep(format, FULL)
+
+-- Functions that make one string of many numbers, and take some from it; the format of a number, and its
+-- length. Lua 5.2 packs nothing; Wireshark does it there, and without Wireshark they are digits.
+local pack, unpacked, number_format, size = format, from_digits, "%20.0f", 20
+if pack_string then
+  pack, unpacked, number_format, size = pack_string, unpack_string, "j", 8
+elseif Struct then
+  pack, unpacked, number_format, size = Struct.pack, Struct.unpack, "d", 8
+end
+local ONE, ALL = rep(number_format, NUMBERS), rep(number_format, FULL)
 
 local Waiting = {}
 Waiting.__index = Waiting
@@ -44,7 +49,7 @@ Waiting.__index = Waiting
 function M.new()
   return setmetatable({
     forms = {}, known = {}, -- forms by their number, and their numbers
-    numbers = {}, data = {}, put = 0, -- of the frames that were put away
+    numbers = {}, data = {}, put = 0, merged = 0, -- of the frames that were put away; how many are merged
     bytes = 0, -- in these strings
     last = {}, filled = 0, -- of the frames behind them: form, number, time, sequence number, bytes
   }, Waiting)
@@ -58,6 +63,25 @@ local function number_of(self, form)
     self.forms[number], self.known[form] = form, number
   end
   return number
+end
+
+local function merge(strings, first, last)
+  strings[first] = concat(strings, "", first, last)
+  for place = first + 1, last do
+    strings[place] = nil
+  end
+end
+
+local function keep(self, numbers, data)
+  local place = self.put + 1
+  self.put, self.numbers[place], self.data[place] = place, numbers, data
+  self.bytes = self.bytes + #numbers + #data
+  if place == self.merged + MERGED then
+    local first = self.merged + 1
+    self.merged, self.put = first, first
+    merge(self.numbers, first, place)
+    merge(self.data, first, place)
+  end
 end
 
 local packed, pieces = {}, {} -- what is put away now; the same arrays each time
@@ -79,11 +103,9 @@ local function put_away(self)
       pieces[piece] = sub(frame, form.front + 1, form.stop)
     end
   end
-  local place, numbers = self.put + 1, pack(at == FULL and ALL or rep(format, at), unpack(packed, 1, at))
-  local data = concat(pieces, "", 1, piece)
-  self.put, self.filled = place, 0
-  self.numbers[place], self.data[place] = numbers, data
-  self.bytes = self.bytes + #numbers + #data
+  local all = at == FULL and ALL or rep(number_format, at)
+  self.filled = 0
+  keep(self, pack(all, unpack(packed, 1, at)), concat(pieces, "", 1, piece))
 end
 
 --- Adds a frame.

@@ -51,7 +51,12 @@ def stored() -> Iterator[tuple[str, Shots]]:
 
 
 def lines(
-    name: str, shots: Shots, chance: random.Random, most: int = 8192, **options: Any
+    name: str,
+    shots: Shots,
+    chance: random.Random,
+    most: int = 8192,
+    clicks: float = CLICKS,
+    **options: Any,
 ) -> Iterator[str]:
     """A capture as the Lua program takes it: its IPv4 frames."""
     yield json.dumps({"kind": "begin", "name": name, "options": options, "most": most})
@@ -60,7 +65,7 @@ def lines(
         if kind == IPV4:
             seconds, nanoseconds = divmod(time_ns, 10**9)
             frame = {"seconds": seconds, "nanoseconds": nanoseconds, "offset": offset}
-            look = chance.random() < CLICKS
+            look = chance.random() < clicks
             yield json.dumps({"kind": "frame", **frame, "data": data.hex(), "look": look})
     yield json.dumps({"kind": "end"})
 
@@ -164,6 +169,15 @@ def test_many_lengths_again_and_again(tmp_path: Path) -> None:
     shots = reads([chance.randrange(1, 31) for _ in range(300)])
     told = run("lua5.4", lines("lengths", shots, chance, most=100), tmp_path)
     assert told[0]["glanced"] == told[0]["frames"] - 4
+
+
+@pytest.mark.parametrize("lua", LUAS)
+def test_many_that_wait(lua: str, tmp_path: Path) -> None:
+    """Nobody clicks before the end: more wait than are put away side by side."""
+    shots = reads([1 + number % 3 for number in range(1300)])
+    assert len(shots) > 128 * 32 + 128
+    told = run(lua, lines("waiting", shots, random.Random(5), clicks=0), tmp_path)
+    assert told[0]["glanced"] > len(shots) - 10
 
 
 def wrong_ends(data: bytes) -> Iterator[tuple[str, bytes]]:
