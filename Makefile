@@ -5,6 +5,7 @@
 #   make test       set up, system packages included where that is possible, then run the tests
 #   make lint       ruff check, ruff format --check, mypy --strict; luacheck where it is installed
 #   make matrix     run the plugin's tests on Wireshark 3.4, 4.0, 4.4, 4.6 and on plain Lua 5.2 to 5.4
+#   make pythons    run the analyzer's tests on Python 3.13 and 3.14
 #   make bench      time the analyzer and the plugin against tshark    (BENCH=--small for a quick one)
 #   make dist       write the plugin as one Lua file, dist/ds47-VERSION.lua
 #   make captures   let the lab write captures/ again
@@ -15,14 +16,15 @@
 #   make clean      remove what the targets above made
 #
 # PYTHON=... chooses the interpreter, ARGS=... goes to pytest, which runs in one process with PARALLEL= (empty);
-# MATRIX=trixie chooses of the matrix.
-# LUACHECK=must and MATRIX=--must fail where what they need is missing; otherwise they say so and go on.
+# MATRIX=trixie chooses of the matrix, PYTHONS=forky of the Pythons.
+# LUACHECK=must, MATRIX=--must and PYTHONS=--must fail where what they need is missing; otherwise they say so and go on.
 
 PYTHON ?= $(shell tools/find-python.sh)
 ARGS ?=
 PARALLEL ?= -n auto --dist loadfile
 BENCH ?=
 MATRIX ?=
+PYTHONS ?=
 LUACHECK ?=
 UV_VERSION := 0.13.9
 
@@ -37,7 +39,7 @@ export PYTHONUTF8 := 1
 .DEFAULT_GOAL := report
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: report test lint format matrix bench dist captures tables screenshot readme constraints clean \
+.PHONY: report test lint format matrix pythons bench dist captures tables screenshot readme constraints clean \
   system venv FORCE
 
 report: $(RUN)
@@ -65,6 +67,9 @@ format: $(STAMP)
 
 matrix: $(STAMP)
 	$(BIN)/python tools/matrix.py $(MATRIX)
+
+pythons:
+	@tools/pythons.sh $(PYTHONS) -- $(PARALLEL) $(ARGS)
 
 bench: $(STAMP)
 	$(BIN)/python bench/run.py $(BENCH)

@@ -1,7 +1,6 @@
 #!/usr/bin/env bash
 # Other versions of tshark, from Debian's packages, each in a folder of its own: build/wireshark/SUITE/root.
-# Nothing is installed: apt gets a state of its own, the packages are only unpacked. Kept until broken.
-# The mirror is the one this machine's apt uses (DEBIAN_MIRROR=URI names another, for example an archive).
+# Nothing is installed (debian-root.sh). Kept until broken.
 #
 #   tools/wireshark-roots.sh            the four versions of the matrix
 #   tools/wireshark-roots.sh trixie     some of them
@@ -12,13 +11,11 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-KEYRING=/usr/share/keyrings/debian-archive-keyring.gpg
+# shellcheck source=tools/debian-root.sh
+. tools/debian-root.sh
+
 FOLDER=$PWD/build/wireshark
 ALL="bullseye bookworm trixie forky"
-# What the tests do not look at, and half of the size.
-LEAVE_OUT="--exclude=./usr/share/doc --exclude=./usr/share/man --exclude=./usr/share/locale --exclude=*/extcap/*"
-
-say() { echo "$*" >&2; }
 
 series_of() {
     case $1 in
@@ -48,70 +45,6 @@ wrapper() {
     mv "$program.part" "$program"
 }
 
-mirror() {
-    local release
-    [ -n "${DEBIAN_MIRROR:-}" ] && { echo "$DEBIAN_MIRROR"; return; }
-    # shellcheck source=/dev/null
-    release=$(. /etc/os-release && echo "${VERSION_CODENAME:-}")
-    # Parses debian.sources as well as sources.list, and knows which of them are switched on.
-    apt-get indextargets --format '$(SITE)' 'Created-By: Packages' 'Component: main' "Release: $release" |
-        head -n 1
-}
-
-# Fetch tshark and all it needs into $1/cache/archives, with an apt that knows nothing of this machine.
-download() {
-    local work=$1 suite=$2
-    mkdir -p "$work"/state/lists/partial "$work"/cache/archives/partial "$work"/etc
-    : >"$work/status"
-    echo "deb [signed-by=$KEYRING] $(mirror) $suite main" >"$work/etc/sources.list"
-    cat >"$work/apt.conf" <<CONF
-Dir::State "$work/state";
-Dir::State::status "$work/status";
-Dir::Cache "$work/cache";
-Dir::Etc::sourcelist "$work/etc/sources.list";
-Dir::Etc::sourceparts "-";
-Dir::Etc::preferencesparts "-";
-APT::Sandbox::User "root";
-Acquire::Retries "3";
-Acquire::Languages "none";
-CONF
-    APT_CONFIG=$work/apt.conf apt-get -qq update || return 1
-    APT_CONFIG=$work/apt.conf apt-get -qq -y --no-install-recommends --download-only install \
-        tshark libc-bin base-files
-}
-
-unpack() {
-    local work=$1 root=$2 part deb link
-    mkdir -p "$root"/usr/{bin,sbin,lib,lib64} "$root"/{tmp,proc,dev}
-    for part in bin sbin lib lib64; do ln -s "usr/$part" "$root/$part"; done
-    for deb in "$work"/cache/archives/*.deb; do
-        # shellcheck disable=SC2086  # a list of options
-        dpkg-deb --fsys-tarfile "$deb" | tar -x -C "$root" --keep-directory-symlink $LEAVE_OUT || return 1
-    done
-    # Nobody changes into the root, so a link to /etc/wireshark/init.lua would lead to this machine's.
-    find "$root" -type l -lname '/*' | while read -r link; do
-        ln -sfnr "$root$(readlink "$link")" "$link"
-    done
-}
-
-# Make the root of a suite; leaves nothing behind when that fails.
-make_root() {
-    local suite=$1 here=$FOLDER/$1 log=$FOLDER/$1.log start=$SECONDS
-    rm -rf "$here"
-    mkdir -p "$here/work"
-    say "tshark $(series_of "$suite"): fetching the packages of $suite (some 60 MB) ..."
-    if ! { download "$here/work" "$suite" && unpack "$here/work" "$here/root"; } >"$log" 2>&1; then
-        tail -n 8 "$log" >&2
-        say "tshark $(series_of "$suite"): $suite cannot be had from $(mirror); the log is $log." \
-            "DEBIAN_MIRROR=URI names another mirror."
-        rm -rf "$here"
-        return 1
-    fi
-    rm -rf "$here/work" "$log"
-    wrapper "$here/root" "$here/tshark"
-    say "tshark $(series_of "$suite"): made in $((SECONDS - start)) s"
-}
-
 # The line of a suite, from this machine's own tshark, the root made before, or a new root.
 provide() {
     local suite=$1 series program found
@@ -123,7 +56,8 @@ provide() {
         program=$FOLDER/$suite/tshark
         found=$(about "$program" 2>/dev/null) || found=
         if [[ $found != $series.*\ * ]]; then
-            make_root "$suite" || return 1
+            make_root "tshark $series" "$FOLDER/$suite" "$suite" tshark libc-bin base-files || return 1
+            wrapper "$FOLDER/$suite/root" "$program"
             found=$(about "$program") || found=
         fi
     fi
@@ -134,8 +68,7 @@ provide() {
     echo "$series $found $program"
 }
 
-if [ "$(id -u)" -ne 0 ] || ! command -v apt-get >/dev/null || ! command -v dpkg-deb >/dev/null ||
-    [ ! -r "$KEYRING" ]; then
+if ! can_make_roots; then
     say "Other versions of tshark are made only as root, on a Debian with apt."
     exit 77
 fi

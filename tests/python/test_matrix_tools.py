@@ -1,6 +1,6 @@
-"""The tools that bring other versions of tshark and run the plugin's tests on them.
+"""The tools that bring other versions of tshark and Python and run the tests on them.
 
-Fetching packages is not tested here: it needs a mirror; `make matrix` does it.
+Fetching packages is not tested here: it needs a mirror; `make matrix` and `make pythons` do it.
 """
 
 import importlib.util
@@ -134,15 +134,26 @@ def test_root_becomes_an_ordinary_user(repository: Path, tmp_path: Path) -> None
 
 
 @posix
-def test_without_root_it_says_so(repository: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("command", "status"),
+    [
+        (["wireshark-roots.sh"], 77),
+        (["python-roots.sh"], 77),
+        (["pythons.sh"], 0),
+        (["pythons.sh", "--must", "forky"], 1),
+    ],
+)
+def test_without_root_it_says_so(
+    repository: Path, tmp_path: Path, command: list[str], status: int
+) -> None:
     environment = {"PATH": f"{script(tmp_path / 'bin' / 'id', 'echo 1000').parent}:/usr/bin:/bin"}
     run = subprocess.run(
-        [repository / "tools" / "wireshark-roots.sh"],
+        [repository / "tools" / command[0], *command[1:]],
         env=environment,
         capture_output=True,
         text=True,
         check=False,
     )
-    assert run.returncode == 77
+    assert run.returncode == status
     assert "only as root" in run.stderr
     assert run.stdout == ""
