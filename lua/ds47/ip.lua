@@ -174,9 +174,7 @@ end
 function Reassembly:feed(part)
   local time_ns, offset, data = part.time_ns, part.offset, part.data
   local length = #data + (part.missing or 0)
-  if not self.now_ns or time_ns > self.now_ns then
-    self.now_ns = time_ns
-  end
+  self.now_ns = time_ns
   local key = part.src_ip .. "\0" .. part.dst_ip .. "\0" .. part.ip_id
   if length == 0 or offset + length > LONGEST or is_copy(self, key, offset, data, length) then
     return nil
@@ -239,11 +237,12 @@ function Reassembly:_close(key)
   return entry
 end
 
---- The order of first fragments is nearly the order of time, so the oldest one decides.
+--- The order of first fragments is nearly the order of time, so the oldest one decides. The clock may have
+-- stepped back: what began far ahead of it is as old as what began long ago.
 function Reassembly:_expire()
   while self.open.length > 0 do
     local key, entry = self.open:first()
-    if self.now_ns - entry.first_ns <= self.expiry_ns then
+    if math.abs(self.now_ns - entry.first_ns) <= self.expiry_ns then
       return
     end
     self:_give_up(key)

@@ -179,16 +179,19 @@ local function add(partial, pdu)
 end
 
 local function join(partial, newest)
-  local parts, bodies, missing = partial.parts, {}, 0
+  local parts, bodies, length, cut = partial.parts, {}, 0, false
   for number = 0, partial.last do
-    bodies[number + 1] = parts[number].body
-    missing = missing + parts[number].missing
+    local part = parts[number]
+    -- What stands behind a hole is at no known place in the record: it counts as missing too.
+    bodies[number + 1] = cut and "" or part.body
+    length, cut = length + #part.body + part.missing, cut or part.missing > 0
   end
   local whole = setmetatable({}, getmetatable(parts[0]))
   for name, value in pairs(parts[0]) do -- the fragment itself is still needed to know its copies
     whole[name] = value
   end
-  whole.body, whole.missing = table.concat(bodies), missing
+  whole.body = table.concat(bodies)
+  whole.missing = length - #whole.body
   whole.frame, whole.time_ns = newest.frame, newest.time_ns
   whole.fragmented = false
   return whole
@@ -201,6 +204,10 @@ function Fragments:feed(pdu)
   end
   local key = pdu.source .. "\0" .. pdu.activity .. pdu.seq .. "\0" .. pdu.ptype
   local partial = self.partial:get(key)
+  if partial and self:_is_old(partial, pdu.time_ns) then
+    self:_give_up(key) -- the sequence number came round: this is another message
+    partial = nil
+  end
   if not partial then
     self:_make_room(pdu.time_ns)
     partial = {first = pdu, parts = {}, count = 0, bytes = 0, last = nil, newest_ns = pdu.time_ns}
@@ -212,7 +219,7 @@ function Fragments:feed(pdu)
   self.bytes = self.bytes + partial.bytes - bytes_before
   if not partial.last or partial.count <= partial.last then
     while self.fragments > self.most_fragments or self.bytes > self.most_bytes do
-      self:_give_up()
+      self:_give_up(self.partial.oldest)
     end
     return nil
   end
@@ -222,14 +229,19 @@ function Fragments:feed(pdu)
   return join(partial, pdu)
 end
 
+--- The clock may have stepped back, so far ahead of it is old too.
+function Fragments:_is_old(partial, now)
+  return math.abs(now - partial.newest_ns) > self.expiry_ns
+end
+
 function Fragments:_make_room(now)
   local partials = self.partial
   while partials.length > 0 do
-    local _, oldest = partials:first()
-    if now - oldest.newest_ns <= self.expiry_ns and partials.length < self.limit then
+    local key, oldest = partials:first()
+    if not self:_is_old(oldest, now) and partials.length < self.limit then
       return
     end
-    self:_give_up()
+    self:_give_up(key)
   end
 end
 
@@ -237,8 +249,8 @@ local function beginning(partial)
   return {pdu = partial.parts[0] or partial.first, have = partial.count}
 end
 
-function Fragments:_give_up()
-  local _, partial = self.partial:pop_first()
+function Fragments:_give_up(key)
+  local partial = self.partial:pop(key)
   self.fragments = self.fragments - partial.count
   self.bytes = self.bytes - partial.bytes
   self.given_up[self.gave_up % self.limit + 1] = beginning(partial)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import troubles
 
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import CaptureError, open_capture
@@ -99,6 +100,33 @@ def test_options_reach_findings_and_judge() -> None:
 def test_an_open_capture_is_read_on() -> None:
     with open_capture(talk()) as opened:
         assert analyze(opened).summary["ok"] == 1
+
+
+def values(source: bytes) -> list[list[Any]]:
+    """What each answer says of the parameter."""
+    return [
+        [value for parameter in each.parameters for value in parameter.values]
+        for each in analyze(io.BytesIO(source)).transactions
+    ]
+
+
+def test_an_answer_of_cut_fragments_has_no_value_in_a_wrong_place() -> None:
+    (found,) = values(troubles.cut_rpc_fragments())
+    assert 20 < len(found) < troubles.COUNT
+    assert found == list(range(len(found)))
+
+
+def test_fragments_of_an_old_message_are_none_of_a_new_one() -> None:
+    first, second = values(troubles.old_rpc_fragments())
+    assert first == []
+    assert second == list(range(5000, 5000 + troubles.COUNT))
+
+
+def test_a_clock_that_is_set_back_spoils_no_fragments() -> None:
+    result = analyze(io.BytesIO(troubles.clock_back_with_ip_fragments()))
+    assert {each.state for each in result.transactions} == {"ok"}
+    assert len(result.transactions) == 23
+    assert {each.rule for each in result.findings} == {"DS107"}
 
 
 def test_no_capture() -> None:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import pytest
+import troubles
 from whole_capture import of_transactions
 
 from ds47.analysis import AnalysisOptions, analyze
@@ -187,8 +188,23 @@ def changed(chance: random.Random, data: bytes) -> bytes:
     return data[:at] + bytes([new]) + data[at + 1 :]
 
 
-def broken(chance: random.Random, frames: list[Frame]) -> Iterator[tuple[int, bytes]]:
-    """Time and bytes of frames to which things happened."""
+STEPS_BACK = (5_000_000, 5 * 10**9, 61 * 10**9, 3600 * 10**9)
+"""Nanoseconds by which a clock that was wrong is put back."""
+
+
+def broken(chance: random.Random, frames: list[Frame]) -> Iterator[tuple[int, bytes, int]]:
+    """Time, captured bytes and length of frames to which things happened."""
+    for time_ns, data in happened(chance, frames):
+        if chance.random() < 0.005:
+            yield time_ns, data[: chance.randint(14, len(data))], len(data)
+        elif chance.random() < 0.002:
+            yield time_ns + chance.choice((-1, 1)) * chance.choice(STEPS_BACK), data, len(data)
+        else:
+            yield time_ns, data, len(data)
+
+
+def happened(chance: random.Random, frames: list[Frame]) -> Iterator[tuple[int, bytes]]:
+    """Time and bytes of frames, but for what happens to a single one."""
     rate, now = chance.choice((0.0, 0.02, 0.1)), START_NS
     for number, frame in enumerate(frames):
         now += chance.choice((1_000, 500_000, 2_000_000))
@@ -199,7 +215,7 @@ def broken(chance: random.Random, frames: list[Frame]) -> Iterator[tuple[int, by
         if fate == "later":
             now += chance.choice((2, 11, 61, 601)) * 10**9
         elif fate == "earlier":
-            now -= 5 * 10**6
+            now -= chance.choice(STEPS_BACK)
         elif fate == "again":
             yield now, chance.choice(frames).data
         elif fate == "swapped" and number + 1 < len(frames):
@@ -212,12 +228,18 @@ def broken(chance: random.Random, frames: list[Frame]) -> Iterator[tuple[int, by
             yield now + 1_000, frame.data
 
 
+@pytest.mark.parametrize("version", VERSIONS)
+def test_rare_troubles_give_the_same_result(version: str, tmp_path: Path) -> None:
+    sources = [Source(each.__name__, each(), False) for each in troubles.ALL]
+    compare(version, "en", sources, tmp_path)
+
+
 def by_chance(seed: int, files: list[list[Frame]]) -> Source:
     chance = random.Random(seed)
     target = io.BytesIO()
     with PcapngWriter(target) as writer:
-        for time_ns, data in broken(chance, mixed(chance, files)):
-            writer.write(time_ns, data)
+        for time_ns, data, length in broken(chance, mixed(chance, files)):
+            writer.write(time_ns, data, length)
     return Source(f"seed {seed}", target.getvalue(), seed % 4 == 0)
 
 

@@ -143,19 +143,20 @@ def test_fragments_of_different_messages_do_not_mix() -> None:
     assert [whole.body for whole in feed(rpc.Fragments(10**9), mixed)] == [BODY, BODY[::-1]]
 
 
-def test_missing_bytes_add_up() -> None:
+def test_what_stands_behind_a_hole_is_missing() -> None:
     pieces = parts()
-    pieces[1] = replace(pieces[1], body=b"", missing=10)
+    pieces[1] = replace(pieces[1], body=pieces[1].body[:4], missing=6)
     pieces[3] = replace(pieces[3], body=pieces[3].body[:7], missing=3)
     (whole,) = feed(rpc.Fragments(10**9), pieces)
-    assert whole.missing == 13
+    assert whole.body == BODY[: len(pieces[0].body) + 4]
+    assert len(whole.body) + whole.missing == len(BODY)
 
 
 def test_an_old_message_is_given_up_and_told() -> None:
     pieces = parts()
-    fragments = rpc.Fragments(expiry_ns=1000)
+    fragments = rpc.Fragments(expiry_ns=10**9)
     assert feed(fragments, [pieces[1], pieces[0]]) == []
-    late = replace(pieces[0], seq=7, time_ns=pieces[0].time_ns + 1001)
+    late = replace(pieces[0], seq=7, time_ns=pieces[0].time_ns + 10**9 + 1)
     assert feed(fragments, [late]) == []
     told = [(pdu.seq, pdu.fragment, have) for pdu, have in fragments.unfinished()]
     assert told == [(0, 0, 2), (7, 0, 1)]

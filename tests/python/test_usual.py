@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from unittest.mock import patch
 from uuid import UUID
 
 import pytest
+import troubles
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -207,8 +208,8 @@ TELLING = (
     *range(206, 220),
 )
 """Bytes that say something: of the IP and RPC headers, the status, the record block and the message."""
-GAPS = (0, 59, 61, 599, 601, 1300)
-"""Seconds: calls are given up after 60, channels after 600."""
+GAPS = (0, 59, 61, 599, 601, 1300, -61, -3600)
+"""Seconds: calls are given up after 60, channels after 600. Where they are negative the clock is set back."""
 AT = st.integers(0, len(PLANT) - 1)
 CHANGES = st.lists(
     st.one_of(
@@ -261,6 +262,11 @@ def test_anything_else_in_between(
 ) -> None:
     path = written(changed(PLANT, changes), tmp_path_factory.mktemp("shots"))
     assert_same(lambda: str(path))
+
+
+@pytest.mark.parametrize("trouble", troubles.ALL)
+def test_rare_troubles(trouble: Callable[[], bytes]) -> None:
+    assert_same(lambda: io.BytesIO(trouble()))
 
 
 def test_what_is_known_is_bounded(tmp_path: Path) -> None:

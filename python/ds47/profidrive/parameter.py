@@ -276,6 +276,7 @@ class _Body:
         "_count",
         "_data",
         "_flags",
+        "_sense",
         "_vendor",
         "blocks",
         "flaws",
@@ -293,6 +294,7 @@ class _Body:
         vendor: bool,
     ) -> None:
         self._data, self.offset, self._count = data, offset, count
+        self._sense = len(data.rstrip(b"\0"))  # nothing but zeros stands behind
         self._flags = (options.legacy_g120_formats, options.profile_v3_types)
         self._codecs = codecs(*self._flags)
         self._chosen: dict[int, tuple[int | None, Codec | None]] = {}
@@ -439,7 +441,7 @@ class _Body:
             if at > len(data):
                 return False
             at = min(len(data), at + size % 2)
-        return at == len(data) or (not exact and not any(data[at:]))
+        return at == len(data) or (not exact and at >= self._sense)
 
 
 def encode_request(request: Request) -> bytes:

@@ -263,8 +263,8 @@ class CallTracker:
         until = next(iter(calls.values())).time_ns + limit
         if activity.ordered:  # then no other call is older, now or later
             activity.quiet_until = until
-        if now <= until:
-            return False
+            if now <= until:
+                return False
         return any(not call.answered and now - call.time_ns > limit for call in calls.values())
 
     def expire(self, activity: Activity, now: int) -> None:

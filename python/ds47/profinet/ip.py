@@ -179,7 +179,7 @@ class Reassembler:
         Where the snap length cut fragments, the payload ends at the first cut and `missing` counts
         everything behind it.
         """
-        self._now_ns = max(self._now_ns, time_ns)
+        self._now_ns = time_ns
         key = (part.source, part.destination, part.identification)
         if part.length == 0 or part.offset + part.length > 65_535 or self._is_copy(key, part):
             return None
@@ -231,10 +231,13 @@ class Reassembler:
         return entry
 
     def _expire(self) -> None:
-        """Insertion order is nearly the order of time, so the oldest one decides."""
+        """Insertion order is nearly the order of time, so the oldest one decides.
+
+        The clock may have stepped back: what began far ahead of it is as old as what began long ago.
+        """
         while self._open:
             key, entry = next(iter(self._open.items()))
-            if self._now_ns - entry.first_ns <= self._expiry_ns:
+            if abs(self._now_ns - entry.first_ns) <= self._expiry_ns:
                 return
             self._give_up(key)
 

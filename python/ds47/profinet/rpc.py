@@ -313,6 +313,9 @@ class Fragments:
             return pdu
         key = (pdu.source, pdu.activity, pdu.seq, pdu.ptype)
         partial = self._partial.get(key)
+        if partial is not None and self._is_old(partial, pdu.time_ns):
+            self._give_up(key)  # the sequence number came round: this is another message
+            partial = None
         if partial is None:
             self._make_room(pdu.time_ns)
             partial = self._partial[key] = _Partial(pdu, {}, None, pdu.time_ns)
@@ -323,23 +326,26 @@ class Fragments:
         self._bytes += partial.bytes - bytes_before
         if partial.last is None or len(partial.parts) <= partial.last:
             while self._fragments > self._most_fragments or self._bytes > self._most_bytes:
-                self._give_up()
+                self._give_up(next(iter(self._partial)))
             return None
         del self._partial[key]
         self._fragments -= len(partial.parts)
         self._bytes -= partial.bytes
         return _join(partial, pdu)
 
+    def _is_old(self, partial: _Partial, now: int) -> bool:
+        """The clock may have stepped back, so far ahead of it is old too."""
+        return abs(now - partial.newest_ns) > self._expiry_ns
+
     def _make_room(self, now: int) -> None:
         while self._partial:
-            oldest = next(iter(self._partial.values()))
-            fresh = now - oldest.newest_ns <= self._expiry_ns
-            if fresh and len(self._partial) < self._limit:
+            key, oldest = next(iter(self._partial.items()))
+            if not self._is_old(oldest, now) and len(self._partial) < self._limit:
                 return
-            self._give_up()
+            self._give_up(key)
 
-    def _give_up(self) -> None:
-        partial = self._partial.popitem(last=False)[1]
+    def _give_up(self, key: tuple[str, bytes, int, int]) -> None:
+        partial = self._partial.pop(key)
         self._fragments -= len(partial.parts)
         self._bytes -= partial.bytes
         self._given_up.append(_beginning(partial))
@@ -356,8 +362,11 @@ def _beginning(partial: _Partial) -> tuple[Pdu, int]:
 def _join(partial: _Partial, newest: Pdu) -> Pdu:
     parts = [partial.parts[number] for number in sorted(partial.parts)]
     whole = parts[0]
-    whole.body = b"".join(part.body for part in parts)
-    whole.missing = sum(part.missing for part in parts)
+    length = sum(len(part.body) + part.missing for part in parts)
+    # What stands behind a hole is at no known place in the record: it counts as missing too.
+    cut = next((number for number, part in enumerate(parts) if part.missing), len(parts))
+    whole.body = b"".join(part.body for part in parts[: cut + 1])
+    whole.missing = length - len(whole.body)
     whole.frame, whole.time_ns = newest.frame, newest.time_ns
     whole.fragmented = False
     return whole
