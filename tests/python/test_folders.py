@@ -30,10 +30,11 @@ from ds47.batch.runner import Failed, Here
 from ds47.batch.tasks import Source, Task, plan
 from ds47.capture import CaptureError
 from ds47.cli import main
-from ds47.model import CaptureResult, Report
+from ds47.model import CaptureResult, Finding, Report
 from ds47.report import json as contract
 from ds47.report import load
-from ds47.report.overview import Row
+from ds47.report.overview import Row, table
+from ds47.report.wrap import columns
 
 DS47 = [sys.executable, "-m", "ds47"]
 PATIENCE = 60
@@ -476,6 +477,22 @@ def test_an_overview_of_results_given_as_a_whole() -> None:
     assert lines[2].endswith("b  only partly read: cut")
     assert lines[-3] == "All 2 captures: 1 without error or warning, 1 only partly read"
     assert Row.loaded(Row.unreadable("x", "why").plain()) == Row.unreadable("x", "why")
+
+
+def test_columns_of_the_overview_line_up_in_chinese() -> None:
+    findings = [Finding("DS410", "error", "x", 1)] * 12345
+    bad = CaptureResult("b", problem="cut", complete=False, dropped=2, findings=findings)
+    rows = [Row.of(CaptureResult("a", complete=False)), Row.of(bad), Row.unreadable("c", "why")]
+    title, *lines, more = table(rows, "zh", 2)
+    assert title == "抓包，问题最严重的在前"
+    head, worst, second = (line.split() for line in lines)
+    assert head == ["错误", "警告", "提示", "非", "ok", "事务", "事务总数", "抓包"]
+    assert worst == ["-"] * 5 + ["c", "无法读取：why"]
+    assert second == ["12,345", "0", "0", "0", "0", "b", "仅部分读取：cut", "丢失", "2", "帧"]
+    starts = [line.index(last) for line, last in zip(lines, ("抓包", "c", "b"), strict=True)]
+    assert len({columns(line[:at]) for line, at in zip(lines, starts, strict=True)}) == 1
+    assert more == "  另有 1 个抓包（-f overview）"
+    assert table(rows[:1], "zh")[-1].endswith("a  仅部分读取：文件提前结束")
 
 
 # -- what to do over all captures -----------------------------------------------------------------

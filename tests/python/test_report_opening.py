@@ -20,7 +20,7 @@ from ds47.report import Options, bilingual, plc, text
 from ds47.report.filters import display_filter
 from ds47.report.todo import More, causes, uncovered
 from ds47.report.wrap import columns, wrap
-from ds47.spec.reporting import COVERS, covers, report_words
+from ds47.spec.reporting import COVERS, command_words, covers, report_words
 
 DRIVE = "192.168.133.33"
 
@@ -451,6 +451,30 @@ def test_every_word_is_there_in_both_languages_and_used():
         assert set(texts) == {"en", "zh"}, key
         assert all(texts.values()), key
         assert key.startswith(made) or f'"{key}"' in sources, key
+
+
+def test_every_word_of_the_commands_too():
+    package = Path(bilingual.__file__).parent.parent
+    sources = "".join(
+        path.read_text("utf-8") for path in package.rglob("*") if path.suffix in (".py", ".j2")
+    )
+    made = (
+        "worst_",
+        "all_",
+        "change_",
+        "change_in_",
+        "change_device_",
+        "diff_",
+        "decode_",
+        "summary_",
+    )
+    for key, texts in command_words().items():
+        assert key not in report_words()
+        assert set(texts) == {"en", "zh"}, key
+        en, zh = (set(re.findall(r"{\w+}", text)) - {"{n}"} for text in texts.values())
+        assert en == zh, key
+        names = [key, *(key.removeprefix(each) for each in made if key.startswith(each))]
+        assert any(f'"{name}"' in sources for name in names), key
 
 
 def test_a_wrong_drive_object_is_told_with_those_that_answer():

@@ -1,4 +1,4 @@
-"""A text in English and Chinese at once, and the words of spec/report.toml with their values filled in.
+"""A text in English and Chinese at once, and words of the tables in spec/ with their values filled in.
 
 The text report shows one of the two languages, the HTML page holds both.
 """
@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from ds47.spec.reporting import report_words
+from ds47.spec.reporting import command_words, report_words
 
 LANGUAGES = ("en", "zh")
 
@@ -35,8 +35,11 @@ class Both(NamedTuple):
 
 
 def say(key: str, **values: Any) -> Both:
-    """A text of spec/report.toml with its values filled in; `n` also chooses between `one|several`."""
-    return filled(report_words()[key], values)
+    """A text of spec/report.toml or commands.toml, filled in; `n` also chooses between `one|several`.
+
+    An integer is written with commas; one that shall not be comes as a string.
+    """
+    return filled(report_words().get(key) or command_words()[key], values)
 
 
 @lru_cache(maxsize=1024)

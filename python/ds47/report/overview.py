@@ -17,7 +17,9 @@ from ds47 import __version__
 from ds47.model import DIAGNOSIS, OPERATIONS, SEVERITIES, STATES, CaptureResult, Report
 from ds47.report import Options, causes, json, write_all
 from ds47.report import Writer as _Writer
-from ds47.report.words import count, duration, escape
+from ds47.report.bilingual import Both, joined, say
+from ds47.report.words import duration, escape
+from ds47.report.wrap import columns
 
 SCHEMA = "ds47.overview/1"
 
@@ -189,10 +191,10 @@ def lines(rows: Sequence[Row], options: Options) -> list[str]:
     """The overview as text: who needs a look, what to do, what was found, sums."""
     summed = total(rows)
     return [
-        *_spaced(table(rows)),
+        *_spaced(table(rows, options.lang)),
         *_spaced(list(causes.lines(summed["to_do"], options))),
         *_spaced(_rules(summed, options)),
-        *_sums(summed),
+        *_sums(summed, options.lang),
     ]
 
 
@@ -200,47 +202,54 @@ def _spaced(block: list[str]) -> list[str]:
     return [*block, ""] if block else []
 
 
-_HEADINGS = ("errors", "warnings", "notes", "not ok", "of", "capture")
+_HEADINGS = ("errors", "warnings", "notes", "not_ok", "of", "capture")
 
 
-def table(rows: Iterable[Row], most: int | None = None) -> list[str]:
+def table(rows: Iterable[Row], lang: str, most: int | None = None) -> list[str]:
     """A line for each capture that needs a look, the worst first; of more than `most` those."""
     ordered = sorted((row for row in rows if not row.quiet), key=Row.badness)
     if not ordered:
         return []
-    cells = [_HEADINGS, *map(_cells, ordered[:most])]
-    widths = [max(len(line[at]) for line in cells) for at in range(len(_HEADINGS) - 1)]
-    shown = ["Captures, the worst first"]
+    headings = tuple(say(f"worst_{each}").text(lang) for each in _HEADINGS)
+    cells = [headings, *(_cells(row, lang) for row in ordered[:most])]
+    widths = [max(columns(line[at]) for line in cells) for at in range(len(_HEADINGS) - 1)]
+    shown = [say("worst_head").text(lang)]
     for line in cells:
-        numbers = (cell.rjust(width) for cell, width in zip(line[:-1], widths, strict=True))
+        pairs = zip(line[:-1], widths, strict=True)
+        numbers = (" " * (width - columns(cell)) + cell for cell, width in pairs)
         shown.append(f"  {'  '.join(numbers)}  {line[-1]}")
     if most is not None and len(ordered) > most:
-        shown.append(f"  and {count(len(ordered) - most, 'capture')} more (-f overview)")
+        shown.append("  " + say("worst_more", n=len(ordered) - most).text(lang))
     return shown
 
 
-def _cells(row: Row) -> tuple[str, ...]:
+def _cells(row: Row, lang: str) -> tuple[str, ...]:
     name = escape(row.path)
     if not row.readable:
-        return ("-",) * (len(_HEADINGS) - 1) + (f"{name}  not readable: {_about(row)}",)
+        problem = say("worst_unreadable", problem=_about(row)).text(lang)
+        return ("-",) * (len(_HEADINGS) - 1) + (f"{name}  {problem}",)
     if row.files > 1:
-        name += f" ({count(row.files, 'file')})"
+        name += " " + say("worst_files", n=row.files).text(lang)
+    notes = []
     if row.missing_files:
-        name += f"  {count(row.missing_files, 'file')} of the series missing"
+        notes.append(say("worst_files_missing", n=row.missing_files))
     if not row.complete:
-        name += f"  only partly read: {_about(row)}"
+        notes.append(say("partly_read", problem=_about(row)))
     if row.dropped:
-        name += f"  {count(row.dropped, 'frame')} dropped"
+        notes.append(say("worst_dropped", n=row.dropped))
     found = row.findings
     numbers = (found.get("error", 0), found.get("warning", 0), found.get("note", 0))
     not_ok = row.transactions - row.states.get("ok", 0)
-    return (*(f"{number:,}" for number in (*numbers, not_ok, row.transactions)), name)
+    shown = (f"{number:,}" for number in (*numbers, not_ok, row.transactions))
+    return (*shown, "  ".join([name, *(each.text(lang) for each in notes)]))
 
 
-def _about(row: Row) -> str:
+def _about(row: Row) -> Both:
     """The problem without the name that stands before it."""
-    problem = " ".join((row.problem or "the file ends early").split())
-    return escape(problem.removeprefix(f"{row.path}: "))
+    if not row.problem:
+        return say("file_ends_early")
+    problem = " ".join(row.problem.split())
+    return Both.same(escape(problem.removeprefix(f"{row.path}: ")))
 
 
 def _rules(summed: dict[str, Any], options: Options) -> list[str]:
@@ -248,43 +257,49 @@ def _rules(summed: dict[str, Any], options: Options) -> list[str]:
     found = [each for each in summed["rules"].items() if not each[0].startswith(DIAGNOSIS)]
     if not found:
         return []
-    shown = ["Findings"]
+    shown = [say("findings_head").text(options.lang)]
     for rule, numbers in sorted(found, key=lambda item: (-item[1]["captures"], item[0])):
         about = options.rules.get(rule)
-        name = f" {about.name}" if about else ""
-        where = (
-            f"{count(numbers['findings'], 'finding')} in {count(numbers['captures'], 'capture')}"
+        line = say(
+            "rule_in_captures",
+            rule=rule,
+            name=f" {about.name}" if about else "",
+            findings=say("findings", n=numbers["findings"]),
+            captures=say("captures", n=numbers["captures"]),
         )
-        shown.append(f"  {rule}{name}: {where}")
+        shown.append(f"  {line.text(options.lang)}")
     return shown
 
 
-def _sums(summed: dict[str, Any]) -> list[str]:
-    odd = [f"{summed[key]:,} {word}" for key, word in _ODD if summed[key]]
-    shown = [f"All {count(summed['captures'], 'capture')}: {', '.join(odd)}"]
-    transactions = sum(summed["states"].values())
-    split = f": {_words(summed['states'])}; {_words(summed['operations'])}" if transactions else ""
-    found = _words(summed["findings"])
-    number = sum(summed["findings"].values())
-    shown.append(
-        f"  {count(summed['frames'], 'frame')}, {count(transactions, 'transaction')}{split}"
-    )
-    shown.append(f"  {count(number, 'finding')}" + (f": {found}" if found else ""))
+def _sums(summed: dict[str, Any], lang: str) -> list[str]:
+    captures = say("all_captures", captures=say("captures", n=summed["captures"]))
+    odd = [say(f"all_{key}", n=summed[key]) for key in _ODD if summed[key]]
+    states, findings = summed["states"], summed["findings"]
+    work = joined([say("frames", n=summed["frames"]), say("transactions", n=sum(states.values()))])
+    if states:
+        split = _words(states).joined(_words(summed["operations"]), "; ", "；")
+        work = work.joined(split, ": ", "：")
+    found = say("findings", n=sum(findings.values()))
+    if findings:
+        found = found.joined(_words(findings, "severity_"), ": ", "：")
+    shown = [work, found]
     if summed["slowest"]:
-        slowest = summed["slowest"]
-        shown.append(f"  slowest {duration(slowest['ns'])}, in {escape(slowest['path'])}")
-    return shown
+        time, path = duration(summed["slowest"]["ns"]), escape(summed["slowest"]["path"])
+        shown.append(say("slowest", time=time, path=path))
+    head = captures.joined(joined(odd), ": ", "：").text(lang)
+    return [head, *(f"  {line.text(lang)}" for line in shown)]
 
 
-_ODD = (
-    ("quiet", "without error or warning"),
-    ("unreadable", "not readable"),
-    ("incomplete", "only partly read"),
-)
+_ODD = ("quiet", "unreadable", "incomplete")
 
 
-def _words(counts: dict[str, int]) -> str:
-    return ", ".join(f"{number:,} {word}" for word, number in counts.items())
+def _words(counts: dict[str, int], words: str = "") -> Both:
+    """`4 ok, 1 error`; `words` begins the keys of words that are translated."""
+    told = [
+        Both.same(f"{number:,}").joined(say(words + key) if words else Both.same(key), zh=" ")
+        for key, number in counts.items()
+    ]
+    return joined(told)
 
 
 def _counted(order: Sequence[str], words: Iterable[str]) -> dict[str, int]:

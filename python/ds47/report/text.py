@@ -29,7 +29,7 @@ from ds47.report.opening import Opening
 from ds47.report.overview import Row, table, total
 from ds47.report.places import Places, name
 from ds47.report.verdict import Counts
-from ds47.report.words import duration, escape, parameter
+from ds47.report.words import duration, escape, message, parameter
 
 LINE_LENGTH = 120
 """Parameters that make a line longer than this stand below it, one a line."""
@@ -83,7 +83,7 @@ class Writer(_Writer):
             return
         sums = total(self._rows)
         to_do = list(causes.lines(sums["to_do"], self.options, advice=False))
-        for block in (table(self._rows, CAPTURES_LISTED), to_do):
+        for block in (table(self._rows, self.options.lang, CAPTURES_LISTED), to_do):
             for line in ["", *block] if block else ():
                 self._line(line)
         title = self._say("summary_all", n=len(self._rows))
@@ -213,9 +213,7 @@ class Writer(_Writer):
             self._line(f"    {where}{self._paint('dim', text)}{note}")
 
     def _finding(self, item: Finding, places: Places) -> str:
-        text = escape(item.message)
-        if item.offset is not None:
-            text = self._say("finding_offset", offset=str(item.offset), message=text)
+        text = message(escape(item.message), item.offset, self.options.lang)
         frame = escape(places.words(item.frame, self.options.lang))
         job = "" if item.transaction is None else f" #{item.transaction}"
         return self._say("finding_line", frame=frame, job=job, message=text)

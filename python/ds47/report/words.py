@@ -1,7 +1,6 @@
 """Words of the text report: numbers, values and addresses as a person reads them.
 
-Also used by the text output of `ds47 decode`, in English. `lang` is "en" or "zh". Layout lives in
-`ds47.report.text`.
+Also used by the text output of `ds47 decode`. `lang` is "en" or "zh". Layout lives in `ds47.report.text`.
 """
 
 from __future__ import annotations
@@ -68,6 +67,13 @@ def values(items: Sequence[Value], format_name: str | None, lang: str = "en") ->
     if len(items) <= VALUES_SHOWN:
         return shown
     return say("values_cut", values=shown, n=len(items)).text(lang)
+
+
+def message(text: str, offset: int | None, lang: str = "en") -> str:
+    """The message of a finding; where it is about a byte of a message, with its offset in front."""
+    if offset is None:
+        return text
+    return say("finding_offset", offset=str(offset), message=text).text(lang)
 
 
 def error(item: ParameterError, lang: str = "en") -> str:

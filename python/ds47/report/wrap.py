@@ -28,6 +28,11 @@ def columns(text: str) -> int:
     return sum(2 if unicodedata.east_asian_width(each) in "WF" else 1 for each in text)
 
 
+def padded(text: str, width: int) -> str:
+    """The text with blanks behind it, so that it takes `width` columns."""
+    return text + " " * (width - columns(text))
+
+
 def _pieces(text: str) -> Iterator[str]:
     """The text in pieces that stay whole: a word with the blanks behind it, or a wide character."""
     piece = ""

@@ -1,4 +1,7 @@
-"""The words of the text report, and which findings a diagnosis covers: report.toml as Python objects."""
+"""Words of the reports and of the commands, and which findings a diagnosis covers, as Python objects.
+
+From report.toml, which Wireshark shares, and commands.toml, which only the analyzer needs.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,15 @@ COVERS = ("job", "word", "whole")
 
 @cache
 def report_words() -> Mapping[str, Mapping[str, str]]:
-    """Every text by its key, then by language ("en", "zh")."""
+    """Every text of report.toml by its key, then by language ("en", "zh")."""
     table: Mapping[str, Mapping[str, str]] = _load("report.toml")["words"]
+    return table
+
+
+@cache
+def command_words() -> Mapping[str, Mapping[str, str]]:
+    """The same of commands.toml; no key stands in both."""
+    table: Mapping[str, Mapping[str, str]] = _load("commands.toml")["words"]
     return table
 
 
