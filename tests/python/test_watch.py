@@ -36,7 +36,7 @@ from ds47.model import Finding, Transaction
 from ds47.report import schema
 from ds47.watch import dumpcap
 from ds47.watch.live import Live
-from ds47.watch.show import Tally
+from ds47.watch.show import NdjsonShow, Tally
 
 ROOT = Path(__file__).resolve().parents[2]
 CAPTURES = ROOT / "captures"
@@ -155,7 +155,6 @@ def test_watch_and_report_say_the_same(source: Path, tmp_path: Path) -> None:
     from ds47.analysis import AnalysisOptions
     from ds47.capture import open_capture
     from ds47.watch.live import Live
-    from ds47.watch.show import NdjsonShow
 
     out = io.StringIO()
     show = NdjsonShow(out, "x", io.StringIO())
@@ -485,6 +484,15 @@ def test_a_controller_that_never_uses_an_activity_twice_takes_little_memory() ->
     assert int(done.stdout) < 100_000, "kB"
 
 
+def test_a_summary_on_demand_is_chinese_where_the_lines_are_for_programs() -> None:
+    lines, aside = io.StringIO(), io.StringIO()
+    show = NdjsonShow(lines, "eth0", aside, "zh")
+    show.found(Finding("DS105", "warning", "文", 1))
+    show.summary(3)
+    assert aside.getvalue() == "3 帧的汇总\n  0 个事务\n  1 个结论：1 警告；DS105 1\n"
+    assert json.loads(lines.getvalue())["finding"]["severity"] == "warning"
+
+
 def test_durations_are_kept_by_number_of_digits() -> None:
     tally = Tally()
     (item,) = analyze(CAPTURES / "record-global.pcapng").transactions
@@ -492,7 +500,8 @@ def test_durations_are_kept_by_number_of_digits() -> None:
         item.duration_ns = 3_000_000 + number * 17
         tally.transaction(item)
     assert len(tally._durations) < 40
-    assert "p50 3.2 ms, p95 3.3 ms, max 3.3 ms" in tally.lines()[-1]
+    assert "p50 3.2 ms, p95 3.3 ms, max 3.3 ms" in tally.lines(0, "en")[-1]
+    assert tally.lines(0, "zh")[-1] == "  耗时 p50 3.2 ms，p95 3.3 ms，最长 3.3 ms"
 
 
 # dumpcap

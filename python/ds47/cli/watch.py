@@ -86,7 +86,7 @@ def command(
 
     analysis = options_from(**options)
     name = source or "+".join(interfaces)
-    show = _show(format_name, name)
+    show = _show(format_name, name, analysis.lang)
     watch = _Watch(name, analysis, show)
     try:
         if source:
@@ -102,15 +102,15 @@ def command(
     return int(fail_on != "never" and show.tally.worst() >= SEVERITIES.index(fail_on))
 
 
-def _show(format_name: str, name: str) -> Show:
+def _show(format_name: str, name: str, lang: str) -> Show:
     from ds47 import spec
     from ds47.report import Options
     from ds47.watch.show import NdjsonShow, TextShow
 
     stream = stdout()
     if format_name == "ndjson":
-        return NdjsonShow(stream, name, sys.stderr)
-    return TextShow(stream, Options(color=color(stream), rules=spec.rules()))
+        return NdjsonShow(stream, name, sys.stderr, lang)
+    return TextShow(stream, Options(color=color(stream), rules=spec.rules(), lang=lang))
 
 
 @contextmanager
@@ -154,6 +154,7 @@ class _Watch:
 
     def run(self, descriptor: int, running: Dumpcap | None = None) -> int:
         """Watches a pipe to its end, or until somebody has seen enough."""
+        from ds47.report.bilingual import say
         from ds47.watch.feed import Feed, keyboard
 
         def end() -> None:
@@ -163,7 +164,8 @@ class _Watch:
         feed = Feed(descriptor, self._summary, end, drain=running is not None)
         keys = keyboard(descriptor)
         if keys is not None:
-            click.echo(f"ds47: watching {self._name}; Enter: summary, Ctrl-C: end", err=True)
+            hint = say("watch_hint", name=self._name).text(self._options.lang)
+            click.echo(f"ds47: {hint}", err=True)
         with feed.listening(keys):
             return self._read(feed, running)
 

@@ -11,9 +11,10 @@ from collections.abc import Sequence
 from typing import TextIO
 
 from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Finding, Transaction
-from ds47.report import Options, json, message, ndjson, text
+from ds47.report import Options, json, ndjson, text
+from ds47.report.bilingual import Both, joined, say
 from ds47.report.opening import about
-from ds47.report.words import count, duration, escape
+from ds47.report.words import duration, escape, message
 
 _DIGITS = 3
 """Digits that are kept of a duration: so there is a bounded number of different ones."""
@@ -52,22 +53,26 @@ class Tally:
         found = [SEVERITIES.index(name) for name, number in self.severities.items() if number]
         return max(found, default=-1)
 
-    def lines(self) -> list[str]:
-        """The summary."""
-        total = self.states.total()
-        split = f": {_counts(STATES, self.states)}; {_counts(OPERATIONS, self.operations)}"
-        lines = [count(total, "transaction") + (split if total else "")]
-        found = _counts(tuple(reversed(SEVERITIES)), self.severities)
-        rules = ", ".join(f"{rule} {number}" for rule, number in sorted(self.rules.items()))
-        number = count(self.severities.total(), "finding")
-        lines.append(f"{number}: {found}; {rules}" if found else number)
+    def lines(self, frames: int, lang: str) -> list[str]:
+        """The summary after so many frames, its heading first."""
+        jobs = say("transactions", n=self.states.total())
+        if self.states.total():
+            split = _counts(STATES, self.states)
+            split = split.joined(_counts(OPERATIONS, self.operations), "; ", "；")
+            jobs = jobs.joined(split, ": ", "：")
+        found = say("findings", n=self.severities.total())
+        if self.severities.total():
+            split = _counts(SEVERITIES[::-1], self.severities, "severity_")
+            rules = [Both.same(f"{rule} {n}") for rule, n in sorted(self.rules.items())]
+            split = split.joined(joined(rules), "; ", "；")
+            found = found.joined(split, ": ", "：")
+        told = [say("watch_summary", n=frames), jobs, found]
         if self._durations:
-            shown = (
-                f"{name} {duration(self._percentile(at))}"
-                for name, at in (("p50", 50), ("p95", 95))
-            )
-            lines.append(f"latency {', '.join(shown)}, max {duration(max(self._durations))}")
-        return lines
+            half, most = (duration(self._percentile(at)) for at in (50, 95))
+            longest = duration(max(self._durations))
+            told.append(say("latency", half=half, most=most, longest=longest))
+        head, *lines = (each.text(lang) for each in told)
+        return [head, *(f"  {line}" for line in lines)]
 
     def _percentile(self, percent: int) -> int:
         wanted = -(-percent * self._durations.total() // 100)
@@ -109,28 +114,33 @@ class TextShow(text.Writer):
         """A finding, at once."""
         self.tally.finding(finding)
         of = "" if finding.transaction is None else f" #{finding.transaction}"
-        rule = self._paint(finding.severity, f"{finding.rule} {finding.severity}")
-        self._line(f"      {rule} frame {finding.frame}{of}: {escape(message(finding))}")
+        severity = self._say(f"severity_{finding.severity}")
+        rule = self._paint(finding.severity, f"{finding.rule} {severity}")
+        text = message(escape(finding.message), finding.offset, self.options.lang)
+        frame = say("frame", frame=str(finding.frame))
+        told = self._say("finding_line", frame=frame, job=of, message=text)
+        self._line(f"      {rule} {told}")
         self.stream.flush()
 
     def summary(self, frames: int) -> None:
         """How things stand."""
-        self._title(f"Summary of {count(frames, 'frame')}")
-        for line in self.tally.lines():
-            self._line(f"  {line}")
+        head, *lines = self.tally.lines(frames, self.options.lang)
+        self._title(head)
+        for line in lines:
+            self._line(line)
         self.stream.flush()
 
     def end(self, result: CaptureResult) -> None:
         """The devices, and how things stood."""
         if result.devices:
             self._line()
-            self._title("Devices")
+            self._title(self._say("watch_devices"))
         width = max((len(escape(each.ip)) for each in result.devices), default=0)
         for each in result.devices:
-            self._line(f"  {escape(each.ip):<{width}}{about(each)}".rstrip())
+            self._line(f"  {escape(each.ip):<{width}}{about(each, self.options.lang)}".rstrip())
         self._line()
         if result.dropped:
-            lost = f"the capturing machine dropped {count(result.dropped, 'frame')}"
+            lost = self._say("machine_dropped", n=result.dropped)
             self._line(self._paint("warning", lost))
         self.summary(result.frames)
 
@@ -144,8 +154,8 @@ class TextShow(text.Writer):
 class NdjsonShow(ndjson.Writer):
     """An object a line; summaries on demand go elsewhere, as text."""
 
-    def __init__(self, stream: TextIO, name: str, aside: TextIO) -> None:
-        super().__init__(stream)
+    def __init__(self, stream: TextIO, name: str, aside: TextIO, lang: str = "en") -> None:
+        super().__init__(stream, Options(lang=lang))
         self.tally = Tally()
         self._name = name
         self._aside = aside
@@ -173,8 +183,7 @@ class NdjsonShow(ndjson.Writer):
 
     def summary(self, frames: int) -> None:
         """How things stand, for a person."""
-        head = f"Summary of {count(frames, 'frame')}"
-        self._aside.write("\n  ".join([head, *self.tally.lines()]) + "\n")
+        self._aside.writelines(f"{line}\n" for line in self.tally.lines(frames, self.options.lang))
         self._aside.flush()
 
     def end(self, result: CaptureResult) -> None:
@@ -214,5 +223,11 @@ class _Growing(text._Columns):
         self.route = max(self.route, len(self._route(item)))
 
 
-def _counts(order: Sequence[str], counts: Counter[str]) -> str:
-    return ", ".join(f"{counts[key]} {key}" for key in order if counts[key])
+def _counts(order: Sequence[str], counts: Counter[str], words: str = "") -> Both:
+    """`4 ok, 1 error`; `words` begins the keys of words that are translated."""
+    told = []
+    for key in order:
+        if counts[key]:
+            shown = say(words + key) if words else Both.same(key)
+            told.append(Both.same(str(counts[key])).joined(shown, zh=" "))
+    return joined(told)
