@@ -25,7 +25,7 @@ lang_option = click.option(
     type=click.Choice(["en", "zh"]),
     default="en",
     show_default=True,
-    help="Language of error texts and rule messages.",
+    help="Language of texts and messages.",
 )
 
 
@@ -131,11 +131,11 @@ def rule_text(rule: Rule, lang: str) -> RuleText:
     )
 
 
-def flaw_text(template: str, offset: int, arguments: Mapping[str, object]) -> str:
-    """The message of a rule about a byte of a message, its offset in front."""
-    from ds47.report import at_offset
+def flaw_text(template: str, offset: int, arguments: Mapping[str, object], lang: str = "en") -> str:
+    """The message of a rule about a byte of a message, its offset in front with a word in `lang`."""
+    from ds47.report.words import message
 
-    return at_offset(offset, template.format_map(_Known(arguments)))
+    return message(template.format_map(_Known(arguments)), offset, lang)
 
 
 class _Known(dict[str, object]):

@@ -25,8 +25,10 @@ from ds47.cli.common import (
 )
 from ds47.model import Parameter, ParameterError
 from ds47.report import words
+from ds47.report.bilingual import say
 
 if TYPE_CHECKING:
+    from ds47.cli.common import RuleText
     from ds47.profidrive import Address, Block, Options, Request, Response
 
 BYTES_PER_LINE = 8
@@ -66,7 +68,8 @@ def command(
     view, guessed = _view(data, kind, question, options, lang)
     if guessed:
         other = "response" if view.kind == "request" else "request"
-        warn(f"taken as a {view.kind}, which is a guess; --as {other} for the other")
+        kind_name = say(f"decode_{view.kind}")
+        warn(say("decode_guess", kind=kind_name, option=other).text(lang))
     stdout().write(_json(view) if format_name == "json" else _text(view))
 
 
@@ -80,8 +83,10 @@ class _View:
     id_name: str
     id: int | None
     own_addresses: bool
+    lang: str
     parameters: list[tuple[Address | None, Block | None, Parameter]] = field(default_factory=list)
-    findings: list[dict[str, Any]] = field(default_factory=list)
+    findings: list[tuple[RuleText, Any]] = field(default_factory=list)
+    """Each rule that was broken, and where (a flaw of the codec)."""
 
     @property
     def writes(self) -> bool:
@@ -113,10 +118,10 @@ def _view(
     if asked is not None or (kind or _guess(request, response)) == "response":
         addresses = asked.addresses if asked else []
         shown: Request | Response = response
-        view = _View("response", data, response, "response_id", response.response_id, False)
+        view = _View("response", data, response, "response_id", response.response_id, False, lang)
     else:
         addresses, shown = request.addresses, request
-        view = _View("request", data, request, "request_id", request.request_id, True)
+        view = _View("request", data, request, "request_id", request.request_id, True, lang)
     for address, block in zip_longest(addresses, shown.blocks):
         item = _parameter(address, block, lang, options.vendor_id)
         view.parameters.append((address, block, item))
@@ -155,19 +160,10 @@ def _error(block: Block, lang: str, vendor_id: int | None) -> ParameterError | N
     return ParameterError(code, text, block.error.info)
 
 
-def _findings(flaws: Sequence[Any], lang: str) -> list[dict[str, Any]]:
+def _findings(flaws: Sequence[Any], lang: str) -> list[tuple[RuleText, Any]]:
     from ds47 import spec
 
-    texts = [(flaw, rule_text(spec.rules()[flaw.rule], lang)) for flaw in flaws]
-    return [
-        {
-            "rule": rule.id,
-            "severity": rule.severity,
-            "message": flaw_text(rule.message, flaw.offset, flaw.args),
-            "offset": flaw.offset,
-        }
-        for flaw, rule in texts
-    ]
+    return [(rule_text(spec.rules()[flaw.rule], lang), flaw) for flaw in flaws]
 
 
 def _json(view: _View) -> str:
@@ -188,19 +184,32 @@ def _json(view: _View) -> str:
         "axis": view.message.axis,
         "parameter_count": view.message.parameter_count,
         "parameters": parameters,
-        "findings": view.findings,
+        "findings": [
+            {
+                "rule": rule.id,
+                "severity": rule.severity,
+                "message": flaw_text(rule.message, flaw.offset, flaw.args),
+                "offset": flaw.offset,
+            }
+            for rule, flaw in view.findings
+        ],
     }
     return json.text(document) + "\n"
 
 
 def _text(view: _View) -> str:
-    lines = [f"{view.kind}, {words.count(len(view.data), 'byte')}"]
+    kind = say(f"decode_{view.kind}")
+    lines = [say("decode_head", kind=kind, n=len(view.data)).text(view.lang)]
     rows = sorted(_rows(view), key=lambda row: row[0])
     ends = [row[0] for row in rows[1:]] + [len(view.data)]
     for (start, meaning), end in zip(rows, ends, strict=True):
         lines += _dump(view.data, start, end, meaning)
-    for item in view.findings:
-        lines.append(f"{item['rule']} {item['severity']}: {words.escape(item['message'])}")
+    for rule, flaw in view.findings:
+        text = words.escape(flaw_text(rule.message, flaw.offset, flaw.args, view.lang))
+        severity = say(f"severity_{rule.severity}")
+        lines.append(
+            say("flaw_line", rule=rule.id, severity=severity, message=text).text(view.lang)
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -209,7 +218,7 @@ def _rows(view: _View) -> Iterator[tuple[int, str]]:
     message = view.message
     header = (
         ("request_reference", message.request_reference, str),
-        (view.id_name, view.id, _id_words(view.kind)),
+        (view.id_name, view.id, _id_words(view.kind, view.lang)),
         ("axis", message.axis, str),
         ("parameter_count", message.parameter_count, str),
     )
@@ -218,34 +227,43 @@ def _rows(view: _View) -> Iterator[tuple[int, str]]:
             yield offset, f"{name} {show(value)}"
     for address, block, item in view.parameters:
         if address is not None and view.own_addresses:
-            yield address.offset, _address_words(item)
+            yield address.offset, _address_words(item, view.lang)
         if block is not None:
-            yield block.offset, _block_words(item, view.writes)
+            yield block.offset, _block_words(item, view.writes, view.lang)
     if message.rest and len(view.data) > len(message.rest):
-        yield len(view.data) - len(message.rest), "not decoded"
+        yield len(view.data) - len(message.rest), say("decode_rest").text(view.lang)
 
 
-def _address_words(item: Parameter) -> str:
+def _address_words(item: Parameter, lang: str) -> str:
     bare = Parameter(item.pnu, item.subindex, item.attribute, item.element_count)
-    return (
-        f"{words.address(bare)} {item.attribute}, {words.count(item.element_count or 0, 'element')}"
+    told = say(
+        "decode_elements",
+        parameter=words.address(bare),
+        attribute=item.attribute,
+        n=item.element_count or 0,
     )
+    return told.text(lang)
 
 
-def _block_words(item: Parameter, written: bool) -> str:
-    what = item.format or "Error"
-    number = words.count(item.value_count or 0, "word" if item.error else "value")
-    return f"{what}, {number}: {words.parameter(item, written)}"
+def _block_words(item: Parameter, written: bool, lang: str) -> str:
+    told = say(
+        "decode_words" if item.error else "decode_values",
+        format=item.format or "Error",
+        n=item.value_count or 0,
+        parameter=words.parameter(item, written, lang),
+    )
+    return told.text(lang)
 
 
-def _id_words(kind: str) -> Any:
+def _id_words(kind: str, lang: str) -> Any:
     from ds47 import spec
 
     table: Any = spec.request_ids() if kind == "request" else spec.response_ids()
+    unknown = say("decode_unknown").text(lang)
 
     def show(code: int) -> str:
         known = table.get(code)
-        return f"0x{code:02X} {known.name if known else 'unknown'}"
+        return f"0x{code:02X} {known.name if known else unknown}"
 
     return show
 

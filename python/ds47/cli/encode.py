@@ -74,7 +74,10 @@ def _warn_of_flaws(data: bytes, lang: str) -> None:
     """Says on stderr what a drive would not like about the request."""
     from ds47 import spec
     from ds47.profidrive import decode_request
+    from ds47.report.bilingual import say
 
     for flaw in decode_request(data).flaws:
         rule = rule_text(spec.rules()[flaw.rule], lang)
-        warn(f"{rule.severity} {rule.id}: {flaw_text(rule.message, flaw.offset, flaw.args)}")
+        text = flaw_text(rule.message, flaw.offset, flaw.args, lang)
+        severity = say(f"severity_{rule.severity}")
+        warn(say("flaw_warning", rule=rule.id, severity=severity, message=text).text(lang))

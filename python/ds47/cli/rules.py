@@ -6,11 +6,15 @@ The texts themselves are in spec/rules.toml.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from textwrap import fill
 
 import click
 
 from ds47.cli.common import RuleText, lang_option, rule_text, stdout
+from ds47.report.bilingual import say
+from ds47.report.wrap import padded, wrap
+
+_WIDTH = 100
+"""Columns of a line of an explanation."""
 
 
 @click.command("rules")
@@ -27,11 +31,12 @@ def command(names: Sequence[str], lang: str, format_name: str) -> None:
         lines = ",\n".join(text(rule._asdict()) for rule in chosen)
         stream.write(f"[\n{lines}\n]\n")
     elif names:
-        stream.write("\n".join(map(_explained, chosen)))
+        stream.write("\n".join(_explained(rule, lang) for rule in chosen))
     else:
         width = max((len(rule.name) for rule in chosen), default=0)
         for rule in chosen:
-            stream.write(f"{rule.id}  {rule.severity:<7}  {rule.name:<{width}}  {rule.message}\n")
+            severity = padded(say(f"severity_{rule.severity}").text(lang), 7)
+            stream.write(f"{rule.id}  {severity}  {rule.name:<{width}}  {rule.message}\n")
 
 
 def _chosen(names: Sequence[str], lang: str) -> list[RuleText]:
@@ -46,12 +51,14 @@ def _chosen(names: Sequence[str], lang: str) -> list[RuleText]:
     return [rule_text(rule, lang) for rule in found]
 
 
-def _explained(rule: RuleText) -> str:
-    parts = (("Message", rule.message), ("Cause", rule.cause), ("Advice", rule.advice))
-    body = "\n".join(
-        fill(
-            f"{title}: {' '.join(text.split())}", 100, initial_indent="  ", subsequent_indent="    "
-        )
-        for title, text in parts
-    )
-    return f"{rule.id} {rule.name} ({rule.severity})\n{body}\n"
+def _explained(rule: RuleText, lang: str) -> str:
+    severity = say(f"severity_{rule.severity}")
+    lines = [say("rules_entry", rule=rule.id, name=rule.name, severity=severity).text(lang)]
+    for key, text in (
+        ("rules_message", rule.message),
+        ("rules_cause", rule.cause),
+        ("rules_advice", rule.advice),
+    ):
+        told = say(key, text=" ".join(text.split())).text(lang)
+        lines += ("  " + line for line in wrap(told, _WIDTH - 2, 2))
+    return "\n".join(lines) + "\n"
