@@ -44,7 +44,7 @@ def command(
     other, other_whole = _side(b, analysis)
     found = difference(one, other, (a, b))
     with output(output_name) as stream:
-        write(found, format_name, stream)
+        write(found, format_name, stream, analysis.lang)
     if not (one_whole and other_whole):
         return 3
     return int(exit_code and bool(found.changed or found.errors))
