@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ds47.cli.common import counted, stdout, warn
+from ds47.cli.common import stdout, warn
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import about, captures
 
@@ -46,26 +46,31 @@ def command(
     Lists what it will change and asks; changes that --where leaves out stay changes.
     """
     from ds47.regression.accept import WhereError, parse_where
+    from ds47.report.bilingual import say
 
+    lang = options["lang"]
     try:
         where = parse_where(conditions)
     except WhereError as problem:
         raise click.UsageError(str(problem)) from problem
     found, status = _find(paths, where, options)
     if not found:
-        click.echo("nothing to take over")
+        click.echo(say("accept_nothing").text(lang))
         return status
-    _list(found, None if show_all else _SHOWN)
+    _list(found, None if show_all else _SHOWN, lang)
     total = sum(len(changes) for _, changes in found)
-    what = f"{counted(total, 'change')} in {counted(len(found), 'capture')}"
-    question = f"take over {what}?"
+    what = {
+        "changes": say("accept_changes", n=total, number=str(total)),
+        "captures": say("accept_captures", n=len(found), number=str(len(found))),
+    }
+    question = say("accept_question", **what)
     if not yes:
         if not sys.stdin.isatty():
-            raise click.UsageError(f"{question} Say --yes; nobody can be asked here")
-        click.confirm(question, abort=True)
+            raise click.UsageError(f"{question.en} Say --yes; nobody can be asked here")
+        click.confirm(question.text(lang), abort=True)
     for outcome, changes in found:
         _take(outcome, changes)
-    click.echo(f"took over {what}")
+    click.echo(say("accept_done", **what).text(lang))
     return status
 
 
@@ -94,7 +99,8 @@ def _find(
     return found, status
 
 
-def _list(found: Sequence[tuple[Outcome, list[Change]]], most: int | None) -> None:
+def _list(found: Sequence[tuple[Outcome, list[Change]]], most: int | None, lang: str) -> None:
+    from ds47.report.bilingual import say
     from ds47.report.words import escape
 
     write = stdout().write
@@ -103,7 +109,8 @@ def _list(found: Sequence[tuple[Outcome, list[Change]]], most: int | None) -> No
         for change in changes[:most]:
             write(f"    {escape(change.text)}\n")
         if most is not None and len(changes) > most:
-            write(f"    ... and {len(changes) - most} more (--all)\n")
+            more = say("changes_more", number=str(len(changes) - most)).text(lang)
+            write(f"    {more}\n")
 
 
 def _take(outcome: Outcome, changes: list[Change]) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ds47.cli.common import counted, warn
+from ds47.cli.common import warn
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import about, captures
 
@@ -25,13 +25,14 @@ def command(paths: Sequence[str], force: bool, **options: Any) -> int:
     from ds47.capture import CaptureError
     from ds47.regression import baseline
     from ds47.regression.run import result_of
+    from ds47.report.bilingual import say
 
     analysis = options_from(**options)
     status = 0
     for path in captures(paths, warn):
         target = baseline.path_of(Path(path))
         if target.exists() and not force:
-            click.echo(f"{target}: is there already; see ds47 check, ds47 accept, or --force")
+            click.echo(say("baseline_there", target=str(target)).text(analysis.lang))
             continue
         try:
             result = result_of(path, analysis)
@@ -40,10 +41,14 @@ def command(paths: Sequence[str], force: bool, **options: Any) -> int:
             status = 3
             continue
         baseline.save(target, baseline.content(result), Path(path).name)
-        click.echo(
-            f"{target}: stored {counted(len(result.transactions), 'transaction')}, "
-            f"{counted(len(result.findings), 'finding')}"
+        jobs, findings = len(result.transactions), len(result.findings)
+        stored = say(
+            "baseline_stored",
+            target=str(target),
+            transactions=say("baseline_transactions", n=jobs, number=str(jobs)),
+            findings=say("baseline_findings", n=findings, number=str(findings)),
         )
+        click.echo(stored.text(analysis.lang))
         if not result.complete:
             warn(about(path, result.problem or "only partly read"))
             status = 3

@@ -11,16 +11,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ds47.cli.common import counted, output, stdout, warn
+from ds47.cli.common import output, stdout, warn
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import about, captures
 from ds47.model import SEVERITIES
 
 if TYPE_CHECKING:
     from ds47.regression.run import Outcome
+    from ds47.report.bilingual import Both
 
 _SHOWN = 20
 """Changes of one capture that are printed; a firmware that changed everything fills no screen."""
+_MARGIN = 8
+"""Columns of the word in front of a capture."""
 
 
 @click.command("check")
@@ -67,7 +70,7 @@ def command(
     if format_name == "json":
         _print_json(outcomes, summary)
     else:
-        _print_text(outcomes, summary, None if show_all else _SHOWN)
+        _print_text(outcomes, summary, None if show_all else _SHOWN, options["lang"])
     if junit:
         _write_junit(outcomes, seconds, junit)
     if sarif:
@@ -100,32 +103,39 @@ def _run(
     return outcomes, seconds, missing
 
 
-def _print_text(outcomes: Sequence[Outcome], summary: bool, most: int | None) -> None:
+def _print_text(outcomes: Sequence[Outcome], summary: bool, most: int | None, lang: str) -> None:
+    from ds47.report.bilingual import say
     from ds47.report.words import escape
+    from ds47.report.wrap import padded
 
     write = stdout().write
+
+    def line(key: str, text: str) -> None:
+        write(f"{padded(say(key).text(lang) if key else '', _MARGIN)} {text}\n")
+
     for outcome in outcomes:
         if outcome.error is not None:
-            write(f"FAILED   {escape(about(outcome.path, outcome.error))}\n")
+            line("check_failed", escape(about(outcome.path, outcome.error)))
             continue
         if not outcome.changes:
             continue
-        word = "CHANGED" if outcome.failures else "noted"
-        write(f"{word:<8} {escape(outcome.path)}\n")
+        line("check_changed" if outcome.failures else "check_noted", escape(outcome.path))
         for change in outcome.changes[:most]:
-            write(f"         {escape(change.text)}\n")
+            line("", escape(change.text))
         if most is not None and len(outcome.changes) > most:
-            write(f"         ... and {len(outcome.changes) - most} more (--all)\n")
+            line("", say("changes_more", number=str(len(outcome.changes) - most)).text(lang))
     if summary:
-        write("\n".join(_summary(outcomes).lines()) + "\n")
-    write(_last_line(outcomes) + "\n")
+        write("\n".join(_summary(outcomes).lines(lang)) + "\n")
+    write(_last_line(outcomes).text(lang) + "\n")
 
 
-def _last_line(outcomes: Sequence[Outcome]) -> str:
-    failed = [outcome for outcome in outcomes if outcome.failed]
-    text = f"{counted(len(outcomes), 'capture')}: {len(outcomes) - len(failed)} as stored, {len(failed)} not"
+def _last_line(outcomes: Sequence[Outcome]) -> Both:
+    from ds47.report.bilingual import say
+
+    total, failed = len(outcomes), sum(outcome.failed for outcome in outcomes)
+    text = say("check_sum", n=total, number=str(total), same=str(total - failed), other=str(failed))
     if any(outcome.changes for outcome in outcomes):
-        text += "; to take changes over: ds47 accept PATH..."
+        text = text.joined(say("check_accept"), "", "")
     return text
 
 

@@ -11,13 +11,17 @@ compared then (docs/regression.md).
 from __future__ import annotations
 
 from collections import Counter, defaultdict, deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from math import isclose
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+from ds47.model import SEVERITIES
 from ds47.regression.config import Config, ParameterTolerance
+from ds47.report import load
+from ds47.report.bilingual import Both, say
+from ds47.report.words import message
 
 KINDS = (
     "value", "error", "state", "timing", "field", "finding_new", "finding_gone",
@@ -72,7 +76,9 @@ class Change:
     rule: str | None = None
 
 
-def compare(stored: Json, now: Json, config: Config, capture: Path) -> list[Change]:
+def compare(
+    stored: Json, now: Json, config: Config, capture: Path, lang: str = "en"
+) -> list[Change]:
     """All changes, in the order of the transactions of the present result.
 
     Args:
@@ -80,8 +86,9 @@ def compare(stored: Json, now: Json, config: Config, capture: Path) -> list[Chan
         now: the present one.
         config: tolerances, masks and known findings.
         capture: the file, for the patterns of the configuration.
+        lang: language of the texts, "en" or "zh".
     """
-    return list(Comparison(stored, now, config, capture).changes())
+    return list(Comparison(stored, now, config, capture, lang).changes())
 
 
 class Comparison:
@@ -92,8 +99,11 @@ class Comparison:
             one that was added or is missing stands alone, and does not disturb the others.
     """
 
-    def __init__(self, stored: Json, now: Json, config: Config, capture: Path) -> None:
+    def __init__(
+        self, stored: Json, now: Json, config: Config, capture: Path, lang: str = "en"
+    ) -> None:
         self._old, self._new = stored, now
+        self._lang = lang
         self._config, self._capture = config, capture
         self._same_file = (
             stored.get("sha256") == now.get("sha256") and now.get("sha256") is not None
@@ -108,12 +118,12 @@ class Comparison:
         if self._same_file:
             for key in _COUNTS:
                 if self._old.get(key) != self._new.get(key):
-                    yield _field("count", "capture", (key,), self._old.get(key), self._new.get(key))
+                    yield self._field("count", _Where("capture"), (key,), self._old, self._new)
         for old, new in self.pairs:
             if old is None and new is not None:
-                yield self._alone("transaction_new", None, new, self._news[new], "is new")
+                yield self._alone("transaction_new", None, new, self._news[new])
             elif new is None and old is not None:
-                yield self._alone("transaction_gone", old, None, self._olds[old], "is gone")
+                yield self._alone("transaction_gone", old, None, self._olds[old])
             elif old is not None and new is not None:
                 yield from self._transaction(old, new)
         yield from self._findings()
@@ -155,25 +165,19 @@ class Comparison:
         yield from self._fields(old, new, self._olds[old], self._news[new])
 
     def _fields(self, stored: int, now: int, old: Json, new: Json) -> Iterator[Change]:
-        where = f"transaction {new['id']}"
+        where = _Where("transaction", {"number": str(new["id"])})
         about = {"stored": stored, "now": now, "device": new["device"]}
         for key in _STATE + _SAID + (_RECORDED if self._same_file else ()):
             if old.get(key) != new.get(key):
                 kind = "state" if key in _STATE else "field"
-                yield _field(kind, where, (key,), old.get(key), new.get(key), **about)
+                yield self._field(kind, where, (key,), old, new, **about)
         if not self._duration_fits(old.get("duration_ms"), new.get("duration_ms")):
-            yield _field(
-                "timing",
-                where,
-                ("duration_ms",),
-                old.get("duration_ms"),
-                new.get("duration_ms"),
-                **about,
-            )
+            yield self._field("timing", where, ("duration_ms",), old, new, **about)
         olds, news = old["parameters"], new["parameters"]
         if len(olds) != len(news):
+            text = self._say("change_parameters", where, was=str(len(olds)), now=str(len(news)))
             yield Change(
-                "field", f"{where}: had {len(olds)} parameters, has {len(news)}",
+                "field", text,
                 path=("parameters",), was=olds, is_now=news, **about,
             )  # fmt: skip
             return
@@ -192,34 +196,35 @@ class Comparison:
         return new - old <= room  # quicker is never a regression
 
     def _parameter(
-        self, where: str, number: int, old: Json, new: Json, about: Json
+        self, where: _Where, number: int, old: Json, new: Json, about: Json
     ) -> Iterator[Change]:
         pnu, first = new.get("pnu"), new.get("subindex") or 0
         about = about | {"pnu": pnu}
         name = "value" if pnu is None else f"p{pnu}"
         for key in (*_ADDRESS, "name", "unit", "format", "value_count"):
             if old.get(key) != new.get(key):
-                text = (
-                    f"{where}: {key} of {name} was {_show(old.get(key))}, is {_show(new.get(key))}"
-                )
+                was, now = _show(old.get(key)), _show(new.get(key))
+                text = self._say("change_field_of", where, field=key, name=name, was=was, now=now)
                 yield Change("field", text, path=("parameters", number, key), was=old.get(key),
                              is_now=new.get(key), subindex=new.get("subindex"), **about)  # fmt: skip
         if old.get("error") != new.get("error"):
-            text = f"{where}: {name}[{first}] {_outcome(old, 'was')}, {_outcome(new, 'is')}"
+            text = self._say("change_outcome", where, name=f"{name}[{first}]",
+                             was=_outcome(old), now=_outcome(new))  # fmt: skip
             yield Change("error", text, path=("parameters", number, "error"), was=old.get("error"),
                          is_now=new.get("error"), subindex=new.get("subindex"), **about)  # fmt: skip
         for key in ("values", "scaled"):
             yield from self._values(where, name, (number, key), old, new, about)
 
     def _values(
-        self, where: str, name: str, place: tuple[int, str], old: Json, new: Json, about: Json
+        self, where: _Where, name: str, place: tuple[int, str], old: Json, new: Json, about: Json
     ) -> Iterator[Change]:
         number, key = place
         olds, news = old.get(key) or [], new.get(key) or []
         first, device = new.get("subindex") or 0, about["device"]
         if len(olds) != len(news):
             if bool(old.get("error")) == bool(new.get("error")):
-                text = f"{where}: {name}[{first}] had {len(olds)} {key}, has {len(news)}"
+                text = self._say("change_values", where, name=f"{name}[{first}]", field=key,
+                                 was=str(len(olds)), now=str(len(news)))  # fmt: skip
                 yield Change("value", text, path=("parameters", number, key), was=old.get(key),
                              is_now=new.get(key), subindex=first, **about)  # fmt: skip
             return
@@ -227,8 +232,11 @@ class Comparison:
             subindex = first + step
             if self._value_fits(new, device, subindex, was, is_now):
                 continue
-            label = "" if key == "values" else " (scaled)"
-            text = f"{where}: {name}[{subindex}]{label} was {_show(was)}, is {_show(is_now)}"
+            element = Both.same(f"{name}[{subindex}]")
+            if key == "scaled":
+                element = say("change_scaled", name=element)
+            text = self._say("change_value", where, name=element,
+                             was=_show(was), now=_show(is_now))  # fmt: skip
             yield Change("value", text, path=("parameters", number, key, step), was=was,
                          is_now=is_now, subindex=subindex, **about)  # fmt: skip
 
@@ -260,11 +268,10 @@ class Comparison:
 
     # What stands beside the transactions
 
-    def _alone(self, kind: str, old: int | None, new: int | None, item: Json, what: str) -> Change:
+    def _alone(self, kind: str, old: int | None, new: int | None, item: Json) -> Change:
         asked = ", ".join(f"p{each['pnu']}[{each['subindex']}]" for each in item["parameters"][:3])
-        text = (
-            f"transaction {item['id']} {what}: {item['operation']} {asked or '-'}, {item['state']}"
-        )
+        text = self._say(f"change_{kind}", number=str(item["id"]), operation=item["operation"],
+                         asked=asked or "-", state=item["state"])  # fmt: skip
         pnu = next((each["pnu"] for each in item["parameters"]), None)
         return Change(kind, text, stored=old, now=new, was=None if old is None else item,
                       is_now=None if new is None else item, pnu=pnu, device=item["device"])  # fmt: skip
@@ -277,19 +284,13 @@ class Comparison:
             if old == new:
                 continue
             if old is None or new is None:
-                text = f"device {ip} is {'new' if old is None else 'gone'}"
+                text = self._say(f"change_device_{'new' if old is None else 'gone'}", ip=ip)
                 yield Change("device", text, path=("devices", ip), was=old, is_now=new, device=ip)
                 continue
             for key in sorted(old.keys() | new.keys()):
                 if old.get(key) != new.get(key):
-                    yield _field(
-                        "device",
-                        f"device {ip}",
-                        ("devices", ip, key),
-                        old.get(key),
-                        new.get(key),
-                        device=ip,
-                    )
+                    where = _Where("device", {"ip": ip})
+                    yield self._field("device", where, ("devices", ip, key), old, new, device=ip)
 
     def _findings(self) -> Iterator[Change]:
         """A finding is known by its rule and its transaction; in the same file by all it says."""
@@ -299,11 +300,11 @@ class Comparison:
             if olds[key] > 0:
                 olds[key] -= 1
                 continue
-            yield self._finding("finding_new", "new finding", finding, self._news)
+            yield self._finding("finding_new", finding, self._news)
         for key, finding in reversed(list(self._keyed(self._old, None))):
             if olds[key] > 0:
                 olds[key] -= 1
-                yield self._finding("finding_gone", "finding gone", finding, self._olds)
+                yield self._finding("finding_gone", finding, self._olds)
 
     def _finding_keys(self, result: Json, place: dict[int, int | None] | None) -> list[Any]:
         return [key for key, _ in self._keyed(result, place)]
@@ -323,16 +324,47 @@ class Comparison:
             said = (finding["message"], finding["frame"]) if self._same_file else ()
             yield (finding["rule"], where, *said), finding
 
-    def _finding(self, kind: str, what: str, finding: Json, transactions: list[Json]) -> Change:
+    def _finding(self, kind: str, finding: Json, transactions: list[Json]) -> Change:
         number = finding.get("transaction")
         item = transactions[number - 1] if number and number <= len(transactions) else None
-        where = f" (transaction {number})" if number else f" (frame {finding['frame']})"
-        text = f"{what}: {finding['rule']} {finding['severity']}: {finding['message']}{where}"
+        where = _Where("transaction", {"number": str(number)})
+        if not number:
+            where = _Where("frame", {"frame": str(finding["frame"])})
+        severity = finding["severity"]
+        text = self._say(
+            f"change_{kind}", where, rule=finding["rule"],
+            severity=say(f"severity_{severity}") if severity in SEVERITIES else severity,
+            message=message(*load.message(finding["message"]), self._lang),
+        )  # fmt: skip
         pnu = next((each["pnu"] for each in item["parameters"]), None) if item else None
         new = kind == "finding_new"
         return Change(kind, text, path=("findings",), was=None if new else finding,
                       is_now=finding if new else None, rule=finding["rule"], pnu=pnu,
                       device=item["device"] if item else None)  # fmt: skip
+
+    # Words
+
+    def _field(
+        self, kind: str, where: _Where, path: tuple[str | int, ...], old: Json, new: Json,
+        **about: Any,
+    ) -> Change:  # fmt: skip
+        """A change of the value at the last key of `path`."""
+        key = str(path[-1])
+        was, now = old.get(key), new.get(key)
+        text = self._say("change_field", where, field=key, was=_show(was), now=_show(now))
+        return Change(kind, text, path=path, was=was, is_now=now, **about)
+
+    def _say(self, key: str, where: _Where | None = None, **values: str | Both) -> str:
+        if where is not None:
+            values["where"] = say(f"change_in_{where.what}", **where.values)
+        return say(key, **values).text(self._lang)
+
+
+class _Where(NamedTuple):
+    """What a change is in. Its words are made where something changed: mostly nothing has."""
+
+    what: str
+    values: Mapping[str, str] = {}
 
 
 def _kind(item: Json) -> tuple[Any, ...]:
@@ -348,27 +380,24 @@ def _order(pair: tuple[int | None, int | None]) -> tuple[int, int]:
     return (new if new is not None else old or 0, 0 if new is None else 1)
 
 
-def _field(
-    kind: str, where: str, path: tuple[str | int, ...], was: Any, is_now: Any, **about: Any
-) -> Change:
-    text = f"{where}: {path[-1]} was {_show(was)}, is {_show(is_now)}"
-    return Change(kind, text, path=path, was=was, is_now=is_now, **about)
-
-
-def _outcome(parameter: Json, verb: str) -> str:
+def _outcome(parameter: Json) -> Both:
     error = parameter.get("error")
     if error is None:
         values = parameter.get("values") or []
-        return f"{verb} {_show(values[0])}" if len(values) == 1 else f"{verb} answered"
+        if len(values) == 1:
+            return say("change_outcome_value", value=_show(values[0]))
+        return say("change_outcome_answered")
     code = "-" if error["code"] is None else f"0x{error['code']:02X}"
-    return f"{verb} refused ({code} {error['text']})"
+    return say("change_outcome_refused", error=f"{code} {error['text']}")
 
 
-def _show(value: Any) -> str:
+def _show(value: Any) -> Both:
+    if value is None:
+        return say("change_nothing")
     if isinstance(value, dict) and "code" in value:
-        return f"0x{value['code']:02X} {value['text']}"
-    text = "nothing" if value is None else str(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+        return Both.same(f"0x{value['code']:02X} {value['text']}")
+    text = str(value)
+    return Both.same(text if len(text) <= 60 else text[:57] + "...")
 
 
 def _number(value: Any) -> bool:

@@ -81,7 +81,8 @@ def check(path: str, options: AnalysisOptions | None = None, fail_on: str | None
 
     Args:
         path: the capture.
-        options: how to analyse it; the same as when the result was stored.
+        options: how to analyse it; the same as when the result was stored. What changed is said in
+            their language.
         fail_on: from which severity on a new finding is a failure; None for what `ds47.toml` says.
 
     Raises:
@@ -103,6 +104,7 @@ def check(path: str, options: AnalysisOptions | None = None, fail_on: str | None
     except baseline.BaselineError as problem:
         outcome.error = f"{problem} {path}" if "make one" in str(problem) else str(problem)
         return outcome
-    comparison = Comparison(outcome.stored, outcome.now, settings, capture)
+    lang = "en" if options is None else options.lang
+    comparison = Comparison(outcome.stored, outcome.now, settings, capture, lang)
     outcome.changes, outcome.pairs = list(comparison.changes()), comparison.pairs
     return outcome

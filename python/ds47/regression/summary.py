@@ -11,6 +11,8 @@ from statistics import median
 from typing import Any
 
 from ds47.regression.compare import Change, Json
+from ds47.report.bilingual import Both, joined, say
+from ds47.report.wrap import columns, padded
 
 _LISTED = 12
 """How many of a kind a line names before it only counts."""
@@ -93,22 +95,19 @@ class Summary:
         for finding in now["findings"]:
             cover["rule"][finding["rule"]] += 1
 
-    def lines(self) -> list[str]:
+    def lines(self, lang: str = "en") -> list[str]:
         """The summary as text."""
-        lines = ["by label:"]
-        width = max((len(name) for name in self.labels), default=0)
+        lines = [say("summary_labels").text(lang)]
+        width = max(map(columns, self.labels), default=0)
         for name, row in sorted(self.labels.items()):
-            what = [f"{row.captures} captures", f"{row.failed} failed", f"{row.changed} changed"]
-            what += [f"{count} {kind}" for kind, count in sorted(row.changes.items())]
-            if row.shifts:
-                what.append(f"duration x{median(row.shifts):.2f} (median)")
-            lines.append(f"  {name:<{width}}  " + ", ".join(what))
-            for word, counter in (("new", row.findings_new), ("gone", row.findings_gone)):
+            lines.append(f"  {padded(name, width)}  {_about(row).text(lang)}")
+            for key, counter in (("new", row.findings_new), ("gone", row.findings_gone)):
                 if counter:
-                    lines.append(f"  {'':<{width}}  findings {word}: {_counted(counter)}")
-        lines.append("the captures exercise:")
+                    told = say(f"summary_{key}", rules=_counted(counter)).text(lang)
+                    lines.append(f"  {'':<{width}}  {told}")
+        lines.append(say("summary_coverage").text(lang))
         lines += [
-            f"  {key:<9} {len(seen):>4}: {_counted(seen)}"
+            f"  {key:<9} {len(seen):>4}: {_counted(seen).text(lang)}"
             for key, seen in self.coverage.items()
             if seen
         ]
@@ -141,7 +140,22 @@ def _natural(item: tuple[str, int]) -> tuple[bool, int, str]:
     return (not name.isdecimal(), int(name) if name.isdecimal() else 0, name)
 
 
-def _counted(counter: Counter[str]) -> str:
+def _about(row: Label) -> Both:
+    """The numbers of a label; kinds of changes are called as in `--where kind=`."""
+    what = [
+        say("summary_captures", number=str(row.captures)),
+        say("summary_failed", number=str(row.failed)),
+        say("summary_changed", number=str(row.changed)),
+    ]
+    what += [Both.same(f"{count} {kind}") for kind, count in sorted(row.changes.items())]
+    if row.shifts:
+        what.append(say("summary_duration", ratio=f"{median(row.shifts):.2f}"))
+    return joined(what)
+
+
+def _counted(counter: Counter[str]) -> Both:
     names = sorted(counter.items(), key=_natural)
     text = " ".join(f"{name}({count})" for name, count in names[:_LISTED])
-    return text + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
+    if len(names) <= _LISTED:
+        return Both.same(text)
+    return say("summary_more", names=text, number=str(len(names) - _LISTED))

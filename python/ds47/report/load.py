@@ -76,10 +76,14 @@ def transaction(item: dict[str, Any]) -> Transaction:
 
 def finding(item: dict[str, Any]) -> Finding:
     """A finding of the contract; the offset in front of its message is taken off again."""
-    text, offset = item["message"], None
-    if match := _AT_OFFSET.fullmatch(text):
-        offset, text = int(match[1]), match[2]
+    text, offset = message(item["message"])
     return Finding(item["rule"], item["severity"], text, item["frame"], item["transaction"], offset)
+
+
+def message(text: str) -> tuple[str, int | None]:
+    """The message of a finding of the contract without the offset in front of it, and that offset."""
+    match = _AT_OFFSET.fullmatch(text)
+    return (match[2], int(match[1])) if match else (text, None)
 
 
 def diagnosis(item: dict[str, Any]) -> Diagnosis:

@@ -129,7 +129,7 @@ class Engine:
         if found is not None:
             findings += [
                 self._difference(change.text, _frame(change, native, found) or first)
-                for change in differences(native, found)
+                for change in differences(native, found, self._options.lang)
             ]
         native.findings = sorted(native.findings + findings, key=_place)
         return native
@@ -153,12 +153,12 @@ def _place(finding: Finding) -> tuple[int, str, int, int]:
     return finding.frame, finding.rule, finding.transaction or 0, finding.offset or 0
 
 
-def differences(native: CaptureResult, found: CaptureResult) -> list[Change]:
-    """What differs between two results of one capture: was native, is tshark."""
+def differences(native: CaptureResult, found: CaptureResult, lang: str = "en") -> list[Change]:
+    """What differs between two results of one capture, in words of `lang`: was native, is tshark."""
     # One file: compare() then compares frames and times too.
     one_file = {"sha256": "the same"}
     stored, now = report.capture(native) | one_file, report.capture(found) | one_file
-    return compare(stored, now, Config(), Path(native.path))
+    return compare(stored, now, Config(), Path(native.path), lang)
 
 
 def preferences(options: AnalysisOptions) -> list[str]:
