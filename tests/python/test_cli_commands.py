@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
+import shutil
 import struct
 import subprocess
 import sys
@@ -11,9 +13,11 @@ import sys
 import jsonschema
 import pytest
 
-from ds47 import __version__
+from ds47 import __version__, spec
 from ds47.cli import COMMANDS, encode, main
+from ds47.model import OPERATIONS, STATES
 from ds47.report import schema
+from ds47.spec.reporting import command_words, report_words
 
 READ = "03 01 02 01 10 01 c4 7f 00 00"
 ANSWER = "03 01 02 01 08 01 41 20 00 00"
@@ -174,8 +178,6 @@ def test_a_console_with_a_code_page_gets_utf_8():
 
 
 def test_rules_lists_and_explains(capsys):
-    from ds47 import spec
-
     status, out, _ = run(capsys, "rules")
     assert status == 0
     assert [line.split()[0] for line in out.splitlines()] == sorted(spec.rules())
@@ -238,6 +240,96 @@ def test_encode(capsys):
     _, out, _ = run(capsys, "encode", line, "--format", "scl")
     assert out.splitlines()[1].startswith("#request[0] := 16#03; #request[1] := 16#01;")
     assert encode.plc_words(bytes(3)) == "16#0000 16#00"
+
+
+def words_of(text):
+    """The words of a text, without the marks around them."""
+    return set(re.findall(r"[^\s，。：；、（）()\[\]{}<>:;,|\"]+", text))
+
+
+def english_layout():
+    """Words of the English layout that have no place in a Chinese one: no state, no name of a field."""
+    tables = [*report_words().values(), *command_words().values()]
+    bare = [{lang: re.sub(r"{\w+}", " ", text) for lang, text in each.items()} for each in tables]
+    english = set().union(*(words_of(each["en"]) for each in bare))
+    chinese = set().union(*(words_of(each["zh"]) for each in bare))
+    fields = {"state", "values", "value", "rule", "operation", "parameter", "name", "device"}
+    names = {rule.name for rule in spec.rules().values()}
+    return english - chinese - fields - names - {*STATES, *OPERATIONS}
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "report {folder} -f overview",
+        "report {folder}",
+        "report {folder} --results {new} --no-progress",
+        "watch {folder}/tour-machine.pcapng",
+        f"decode --as request {READ}",
+        f"decode --as request {READ} 01",
+        f"decode --request {READ.replace(' ', '')} {ANSWER}",
+        "decode --as response 03 01 02 01 44 02 00 11 00 00",
+        "diff {folder}/tour-machine.pcapng {folder}/conversation-error.pcapng",
+        "diff {folder}/tour-machine.pcapng {folder}/tour-machine.pcapng",
+        "diff -f html {folder}/tour-machine.pcapng {folder}/conversation-error.pcapng",
+        "baseline {folder}",
+        "check {folder} --summary",
+        "accept {folder} --yes",
+        "export {folder}/tour-machine.pcapng --anonymise -o {new}",
+        "rules",
+        "rules DS301",
+    ],
+)
+def test_no_english_word_of_the_layout_is_left_in_chinese(command, capsys, tmp_path, captures):
+    folder = tmp_path / "plant"
+    folder.mkdir()
+    for name in ("tour-machine", "conversation-error", "seed-g120-read"):
+        shutil.copy(captures / f"{name}.pcapng", folder)
+    if command.startswith(("check", "accept")):  # every kind of change
+        run(capsys, "baseline", folder, "--lang", "zh")
+        changed(folder / "tour-machine.ds47.json")
+    place = {"folder": str(folder), "new": str(tmp_path / "new")}
+    _, out, err = run(capsys, *command.format_map(place).split(), "--lang", "zh")
+    shown = re.sub(r"<style>.*?</style>|<[^>]*>", " ", out, flags=re.DOTALL)
+    shown = re.sub(r"(or )?frame\.number (== \d+|in )|{[^}]*}", " ", shown)
+    assert re.search("[\u4e00-\u9fff]", shown)
+    assert words_of(shown + err) & english_layout() == set()
+
+
+def changed(path):
+    """Changes a stored result in all that people are told of."""
+    stored = json.loads(path.read_text("utf-8"))
+    result = stored["capture"]
+    first, second, third, *others = result["transactions"]
+    first["parameters"][0]["values"] = [11.5]
+    second["parameters"][0] |= {"unit": None, "values": [1.0, 2.0]}
+    third["parameters"] = []
+    others[-1]["state"] = "ok"
+    others[-2]["parameters"][0]["error"] = {"code": 1, "text": "不", "info": None}
+    result["transactions"] = [first, second, third, *others[1:], {**others[0], "axis": 9}]
+    result["devices"] = [{"ip": "10.0.0.1"}]
+    result["findings"][0]["message"] = "offset 4: 文"
+    path.write_text(json.dumps(stored), "utf-8")
+
+
+def test_the_formats_of_programs_keep_their_words_in_chinese(capsys):
+    for english in (
+        ["rules", "DS3", "-f", "json"],
+        ["decode", "-f", "json", "--request", READ, ANSWER],
+    ):
+        _, en, _ = run(capsys, *english)
+        _, zh, _ = run(capsys, *english, "--lang", "zh")
+        assert re.findall(r'"(\w+)":', en) == re.findall(r'"(\w+)":', zh)
+    assert json.loads(en) == json.loads(zh)
+
+
+def test_flaws_are_told_in_chinese(capsys):
+    _, _, err = run(capsys, "encode", "read ref 0 axis 2 p50303", "--lang", "zh")
+    assert err == "ds47: 警告 DS301：偏移 0：请求参考为 0，该值为保留值\n"
+    _, out, err = run(capsys, "decode", "00" + READ[2:], "--lang", "zh")
+    assert err == "ds47: 按请求解码，这是推测；若不是，请用 --as response\n"
+    assert out.endswith("DS301 警告：偏移 0：请求参考为 0，该值为保留值\n")
+    assert out.startswith("请求，10 个字节\n")
 
 
 def test_lab_without_scapy_is_one_clear_line(capsys, monkeypatch):

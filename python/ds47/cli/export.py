@@ -231,10 +231,11 @@ class _Run:
 
     def _tell(self, path: str, target: str, done: Outcome) -> None:
         from ds47.export import display_filter
-        from ds47.report.words import count, escape
+        from ds47.report.bilingual import say
+        from ds47.report.words import escape
 
-        name = "stdin" if path == STDIN else path
-        say = warn if target == STDIN else _print
+        name, lang = "stdin" if path == STDIN else path, self._options.lang
+        tell = warn if target == STDIN else _print
         if not done.result.complete:
             self.missing(about(path, done.result.problem or "only partly read"))
         self._tell_left_out(name, done)
@@ -242,15 +243,21 @@ class _Run:
             warn(f"{name}: nothing to export")
             return
         self.written += 1
-        frames = f"{len(done.frames):,} of {count(done.result.frames, 'frame')}"
-        say(f"{escape(name)}: {frames}, {count(done.transactions, 'transaction')}")
+        told = say(
+            "export_frames",
+            name=escape(name),
+            part=len(done.frames),
+            frames=say("frames", n=done.result.frames),
+            transactions=say("transactions", n=done.transactions),
+        )
+        tell(told.text(lang))
         if target != STDIN:
-            say(f"  written to {escape(target)}")
+            tell("  " + say("export_written", target=escape(target)).text(lang))
         if self.key_path is not None:
-            say(f"  key to map back: {escape(str(self.key_path))} (not for others)")
+            tell("  " + say("export_key", path=escape(str(self.key_path))).text(lang))
         text, left_out = display_filter(done.frames)
-        more = f"  (and {count(left_out, 'frame')} more)" if left_out else ""
-        say(f"  in the original: {text}{more}")
+        more = "  " + say("frames_more", n=left_out).text(lang) if left_out else ""
+        tell("  " + say("export_filter", filter=text).text(lang) + more)
 
     @staticmethod
     def _tell_left_out(name: str, done: Outcome) -> None:
