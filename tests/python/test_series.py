@@ -5,19 +5,20 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import jsonschema
 import pytest
+from ringbuffer import NIGHT, pieces, ring, write
 
 from ds47 import report
 from ds47.analysis import analyze
 from ds47.batch.tasks import plan
-from ds47.capture import CaptureError, PcapngWriter, Series
+from ds47.capture import CaptureError, Series
 from ds47.capture.raw import RawFrame, raw_frames
-from ds47.capture.rings import Ring, is_part, rings
+from ds47.capture.rings import Ring, is_part, own_name, rings
 from ds47.capture.series import Part
 from ds47.cli import main
 from ds47.model import CaptureFile, CaptureResult
@@ -26,11 +27,7 @@ from ds47.report.places import Places
 # -- names ----------------------------------------------------------------------------------------
 
 
-def ring(number: int, time: str, stem: str = "ring", ending: str = ".pcapng") -> str:
-    return f"{stem}_{number:05}_{time}{ending}"
-
-
-NIGHT, MORNING, NOON = "20240101020000", "20240101060000", "20240101120000"
+MORNING, NOON = "20240101060000", "20240101120000"
 
 
 @pytest.mark.parametrize(
@@ -103,29 +100,25 @@ def test_which_file_of_tcpdump_w_is_the_oldest_stands_in_no_name() -> None:
     assert not is_part("w.pcap")
 
 
+@pytest.mark.parametrize(
+    ("first", "others", "name"),
+    [
+        (ring(1, NIGHT), [ring(2, NIGHT), "other.pcap", ring(1, NOON, "ringer")], "ring"),
+        (ring(1, NIGHT), [ring(2, NIGHT), ring(1, NOON)], None),  # dumpcap was started again
+        (ring(1, NIGHT), ["ring.pcap"], None),
+        (ring(1, NIGHT), [ring(1, NIGHT, ending=".pcapng.gz")], None),
+        ("t.pcap", ["t.pcap1", "t.pcap2"], "t"),
+        ("t.pcap", ["t.pcap1", "t.pcapng"], None),
+        ("w.pcap1", ["w.pcap2", "w.pcap0"], "w"),
+        (f"g-{NIGHT}.pcap", [f"g-{NOON}.pcap"], "g"),
+        ("a.b.pcapng.gz", [], "a.b"),
+    ],
+)
+def test_the_name_of_a_series_is_its_own(first: str, others: list[str], name: str | None) -> None:
+    assert own_name(first, [first, *others]) == name
+
+
 # -- reading --------------------------------------------------------------------------------------
-
-
-def write(path: Path, frames: Iterable[RawFrame]) -> Path:
-    """The frames as a pcapng of their own; each interface once."""
-    with PcapngWriter(path, None) as writer:
-        numbers: dict[int, int] = {}
-        for frame in frames:
-            about = frame.interface
-            if id(about) not in numbers:
-                numbers[id(about)] = writer.add_interface(about.link_type, about.snap_length)
-            interface = numbers[id(about)]
-            writer.write(frame.time_ns, frame.data, frame.original_length, interface=interface)
-    return path
-
-
-def pieces(folder: Path, frames: Sequence[RawFrame], cuts: Sequence[int]) -> list[Path]:
-    """The files of a ring buffer that has gone on to the next file before each of `cuts`."""
-    bounds = [0, *cuts, len(frames)]
-    return [
-        write(folder / ring(number + 1, NIGHT), frames[bounds[number] : bounds[number + 1]])
-        for number in range(len(bounds) - 1)
-    ]
 
 
 def as_one(paths: Sequence[Path]) -> CaptureResult:
@@ -379,6 +372,20 @@ def test_the_files_of_tcpdump_w_begin_with_the_oldest(
         "w.pcap0",
     ]
     assert capture["summary"]["transactions"] == 8
+
+
+def test_one_file_named_alone_is_the_whole_series(capsys: Any, plant: Path, tmp_path: Path) -> None:
+    whole = run(capsys, plant, "--series", "-f", "ndjson")[1]
+    alone = run(capsys, plant / ring(13, NIGHT), "--series", "-f", "ndjson")[1]
+    assert alone
+    assert set(alone.splitlines()) < set(whole.splitlines())
+    twice = (plant / ring(13, NIGHT), f"{plant}/./{ring(13, NIGHT)}")
+    assert run(capsys, *twice, "--series", "-f", "ndjson")[1] == alone
+    _, text, _ = run(capsys, plant / ring(12, NIGHT), plant / ring(13, NIGHT), "--series")
+    assert "2 files read as one" in text
+    status, _, problems = run(capsys, tmp_path / ring(1, NIGHT), "--series")
+    assert status == 3
+    assert "No such file" in problems[-1]
 
 
 def test_other_engines_know_no_series(capsys: Any, plant: Path) -> None:

@@ -1,7 +1,7 @@
 """What is to be analysed: captures, or series of files read as one, with what tells a changed file.
 
-Lives here: `Task`, and how it is read. Not here: which captures there are in a folder
-(`ds47.cli.paths`), which files are a series (`ds47.capture.rings`).
+Lives here: `Task`, how it is read, and the name of what is made of it. Not here: which captures
+there are in a folder (`ds47.cli.paths`), which files are a series (`ds47.capture.rings`).
 """
 
 from __future__ import annotations
@@ -50,6 +50,21 @@ class Task(NamedTuple):
         """Bytes of all its files."""
         return sum(source.size for source in self.sources)
 
+    @property
+    def parts(self) -> list[Part]:
+        """Its files, to read them as one."""
+        return [Part(each.name, each.place, each.missing) for each in self.sources]
+
+    @property
+    def own_name(self) -> str | None:
+        """NAME of a series (`ds47.capture.rings.own_name`); None: it goes by the name of its file."""
+        if not self.series:
+            return None
+        from ds47.capture.rings import own_name
+
+        path = Path(self.path)
+        return own_name(path.name, names_in(path.parent) or [path.name])
+
 
 def plan(names: Sequence[str], series: bool) -> list[Task]:
     """The tasks that the captures are, in order; a series stands where its first file does."""
@@ -66,6 +81,18 @@ def plan(names: Sequence[str], series: bool) -> list[Task]:
         elif name in found:
             tasks.append(_series(found[name]))
     return tasks
+
+
+def names_in(folder: Path) -> list[str]:
+    """Names of the captures in a folder, files of tcpdump -C among them; none where nobody can tell."""
+    from ds47.capture.names import is_capture
+    from ds47.capture.rings import is_part
+
+    try:
+        names = [each.name for each in folder.iterdir()]
+    except OSError:
+        return []
+    return sorted(name for name in names if is_capture(name) or is_part(name))
 
 
 def _series(ring: Ring) -> Task:
@@ -125,8 +152,7 @@ def read(
 
         writer = JsonLines(options.codec)
     if task.series:
-        parts = [Part(each.name, each.place, each.missing) for each in task.sources]
-        with Series(parts) as series:
+        with Series(task.parts) as series:
             result = analyze(series, options, finished, writer)
     else:
         (source,) = task.sources

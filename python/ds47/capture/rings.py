@@ -1,8 +1,8 @@
-"""Which file names are the files of one ring buffer, and in which order. Nothing is opened here.
+"""Which file names are the files of one ring buffer, in which order, and its name.
 
-Known are the names of dumpcap -b, NAME_00001_20240101120000.pcapng (also with the time first), of
-tcpdump -C, NAME.pcap, NAME.pcap1, NAME.pcap2, with -W NAME.pcap00 ..., and of tcpdump -G with the
-time at the end of the name, NAME_20240101120000.pcap.
+Nothing is opened here. Known are the names of dumpcap -b, NAME_00001_20240101120000.pcapng (also
+with the time first), of tcpdump -C, NAME.pcap, NAME.pcap1, NAME.pcap2, with -W NAME.pcap00 ..., and
+of tcpdump -G with the time at the end of the name, NAME_20240101120000.pcap.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from datetime import datetime, timedelta
 
 from .names import ENDINGS, PACKED, SUFFIXES
 
-_ENDING = "(?P<ending>" + "|".join(map(re.escape, sorted(ENDINGS, key=len, reverse=True))) + ")"
+_LONGEST_FIRST = sorted(ENDINGS, key=len, reverse=True)
+_ENDING = "(?P<ending>" + "|".join(map(re.escape, _LONGEST_FIRST)) + ")"
 _TIME = r"(?P<time>\d{8}[-_T]?\d{6})"
 _DUMPCAP = (
     re.compile(rf"(?P<stem>.+)_(?P<number>\d{{5,}})_{_TIME}{_ENDING}", re.IGNORECASE),
@@ -76,6 +77,27 @@ def rings(names: Sequence[str]) -> list[Ring]:
         elif len(files) > 1:
             found.append(_ring(sorted(files, key=lambda file: (file.time, file.name)), None))
     return found
+
+
+def own_name(first: str, names: Sequence[str]) -> str | None:
+    """NAME of the series that begins with the file `first`: `ring` of `ring_00001_20240101120000.pcapng`.
+
+    None where another series or capture among `names`, the files of the folder, has that NAME too.
+    """
+    name = common_name(first)
+    near = [each for each in names if each.startswith(name)]
+    series = rings(near)
+    inside = {each for ring in series for each in ring.names}
+    owners = [ring.names[0] for ring in series] + [each for each in near if each not in inside]
+    return name if sum(common_name(each) == name for each in owners) <= 1 else None
+
+
+def common_name(name: str) -> str:
+    """NAME of the series that a file is of; of any other capture its name without the ending."""
+    file = _parsed(name)
+    stem = name if file is None else file.group[0]
+    ending = next((each for each in _LONGEST_FIRST if stem.lower().endswith(each)), "")
+    return stem[: len(stem) - len(ending)]
 
 
 def _parsed(name: str) -> _File | None:

@@ -7,8 +7,8 @@ are `ds47.batch`, how a run goes `ds47.cli.run`, the formats `ds47.report`.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, TextIO
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, TextIO
 
 import click
 
@@ -16,14 +16,12 @@ from ds47.batch.garbage import collect_rarely
 from ds47.cli.common import color, output
 from ds47.cli.manner import Manner
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import STDIN, captures
+from ds47.cli.paths import STDIN
 from ds47.cli.progress import Progress
 from ds47.cli.run import Run
+from ds47.cli.series import series_option, tasks
 from ds47.model import SEVERITIES
 from ds47.report import FORMATS, CannotWriteError, Options, RuleText, Writer, open_writer
-
-if TYPE_CHECKING:
-    from ds47.batch.tasks import Task
 
 UNREADABLE = 3
 
@@ -81,11 +79,7 @@ UNREADABLE = 3
     help="Captures analysed at once, each in a process; 0: as many as there are cores.  "
     "[default: as many as pay]",
 )
-@click.option(
-    "--series",
-    is_flag=True,
-    help="Take the files of a ring buffer (dumpcap -b, tcpdump -C) as one capture.",
-)
+@series_option
 @click.option(
     "--results",
     "results_name",
@@ -130,36 +124,22 @@ def command(
     )  # fmt: skip
     manner.check(paths, series)
     lacking: list[str] = []
-    tasks = _tasks(paths, series, lacking.append)
+    found = tasks(paths, series, lacking.append)
     name = format_name or ("overview" if results_name else "text")
     with output(output_name) as stream:
         writer = _writer(name, stream, fail_on, manner.analysis.lang, plc)
-        results, todo = manner.results(tasks, paths)
+        results, todo = manner.results(found, paths)
         quiet = name == "overview" or not stream.isatty()
         shown = quiet and not no_progress and len(todo) > 1 and sys.stderr.isatty()
         with Progress(len(todo), sum(task.size for task in todo), shown=shown) as progress:
             run = Run(writer, progress)
             for text in lacking:
                 run.missing(text)
-            manner.run(run, tasks, todo, results, writer)
+            manner.run(run, found, todo, results, writer)
         writer.close()
     if run.failed:
         return UNREADABLE
     return int(fail_on != "never" and run.worst >= SEVERITIES.index(fail_on))
-
-
-def _tasks(paths: Sequence[str], series: bool, missing: Callable[[str], None]) -> list[Task]:
-    from ds47.batch.tasks import plan
-    from ds47.capture.names import is_capture
-
-    accept = is_capture
-    if series:
-        from ds47.capture.rings import is_part
-
-        def accept(name: str) -> bool:
-            return is_capture(name) or is_part(name)
-
-    return plan(list(captures(paths, missing, accept)), series)
 
 
 def _writer(format_name: str, stream: TextIO, fail_on: str, lang: str, plc: bool) -> Writer:

@@ -16,6 +16,7 @@ from ds47.batch.garbage import collect
 from ds47.capture import CaptureError
 from ds47.cli.common import counted
 from ds47.cli.paths import about
+from ds47.cli.series import missing_files
 from ds47.model import SEVERITIES, CaptureResult, Finding, Transaction
 from ds47.report import Writer, write_one
 
@@ -152,9 +153,9 @@ class Run:
 
     def _gaps(self, result: CaptureResult) -> None:
         """A file of a series that is missing is no damage, but nobody should overlook it."""
-        lost = sum(each.missing_before for each in result.files[1:])
-        if lost:
-            self._progress.warn(f"{result.path}: {counted(lost, 'file')} of this series missing")
+        text = missing_files(result.path, [each.missing_before for each in result.files])
+        if text:
+            self._progress.warn(text)
 
     def _note(self, findings: Sequence[Finding]) -> None:
         for finding in findings:

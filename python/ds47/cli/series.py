@@ -1,0 +1,103 @@
+"""`--series`: the files of a ring buffer as one capture, for every command that reads captures.
+
+The option, and from paths to what is analysed. Which files belong together is
+`ds47.capture.rings`, reading them as one `ds47.capture.Series`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ds47.capture.names import is_capture
+from ds47.capture.remote import is_url
+from ds47.cli.common import counted, warn
+from ds47.cli.paths import STDIN, about, captures
+
+if TYPE_CHECKING:
+    from ds47.batch.tasks import Task
+    from ds47.capture.rings import Ring
+
+series_option = click.option(
+    "--series",
+    is_flag=True,
+    help="Take the files of a ring buffer (dumpcap -b, tcpdump -C) as one capture; "
+    "one of them named alone means all.",
+)
+
+
+def tasks(paths: Sequence[str], series: bool, missing: Callable[[str], None]) -> list[Task]:
+    """What the paths of a command mean, in order; with `series` the files of a ring buffer are one.
+
+    Args:
+        paths: as for `ds47.cli.paths.captures`.
+        series: whether the option was given.
+        missing: as for `ds47.cli.paths.captures`.
+    """
+    from ds47.batch.tasks import plan
+
+    accept = is_capture
+    if series:
+        from ds47.capture.rings import is_part
+
+        paths = list(_with_their_series(paths))
+
+        def accept(name: str) -> bool:
+            return is_capture(name) or is_part(name)
+
+    return plan(list(captures(paths, missing, accept)), series)
+
+
+def missing_files(path: str, missing: Sequence[int]) -> str | None:
+    """One line where files of a series are not there; None where all are.
+
+    Args:
+        path: of the series.
+        missing: how many are missing before each of its files. What lacks before the first one is
+            what a ring buffer has written over.
+    """
+    lost = sum(missing[1:])
+    return f"{path}: {counted(lost, 'file')} of this series missing" if lost else None
+
+
+def tell_lacking(path: str, missing: Sequence[int], problem: str | None) -> None:
+    """Says on stderr what of a capture was not there to read: `missing_files`, and what was damaged."""
+    lost = missing_files(path, missing)
+    if lost:
+        warn(lost)
+    if problem:
+        warn(about(path, problem))
+
+
+def _with_their_series(paths: Sequence[str]) -> Iterator[str]:
+    """The paths; the only one that is named of the files of a series brings the others along."""
+    known: dict[Path, dict[str, Ring]] = {}
+    found: dict[str, Ring] = {}
+    for path in paths:
+        if path != STDIN and not is_url(path) and Path(path).is_file():
+            file = Path(path)
+            if file.parent not in known:
+                known[file.parent] = _rings_in(file.parent)
+            if file.name in known[file.parent]:
+                found[path] = known[file.parent][file.name]
+    named = Counter(
+        id(ring) for ring in {Path(path): ring for path, ring in found.items()}.values()
+    )
+    for path in paths:
+        if path in found and named[id(found[path])] == 1:
+            folder = path.removesuffix(Path(path).name)
+            yield from (folder + name for name in found[path].names)
+        else:
+            yield path
+
+
+def _rings_in(folder: Path) -> dict[str, Ring]:
+    """The ring buffers in a folder, by each name of a file."""
+    from ds47.batch.tasks import names_in
+    from ds47.capture.rings import rings
+
+    return {name: ring for ring in rings(names_in(folder)) for name in ring.names}
