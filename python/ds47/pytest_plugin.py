@@ -1,6 +1,7 @@
 """pytest plugin: captures with a stored result as tests, and the analysis of a capture as a fixture.
 
-`pytest --ds47 captures/` makes a test of each capture beside which `NAME.ds47.json` stands. The fixture
+`pytest --ds47 captures/` makes a test of each capture beside which `NAME.ds47.json` stands, with
+`--ds47-series` of each series of files (the file of the test is its first one). The fixture
 `ds47_capture` gives the analysis to a project's own tests. Loaded by pytest wherever ds47 is
 installed, so nothing of ds47 is imported before it is used.
 """
@@ -8,12 +9,14 @@ installed, so nothing of ds47 is imported before it is used.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 if TYPE_CHECKING:
+    from ds47.batch.tasks import Task
     from ds47.model import CaptureResult, Finding, Parameter, Transaction
     from ds47.regression.run import Outcome
 
@@ -22,12 +25,17 @@ _SHOWN = 50
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Adds --ds47 and --ds47-fail-on."""
+    """Adds --ds47, --ds47-series and --ds47-fail-on."""
     group = parser.getgroup("ds47", "DS47 captures")
     group.addoption(
         "--ds47",
         action="store_true",
         help="collect captures that have a stored result (NAME.ds47.json) as tests",
+    )
+    group.addoption(
+        "--ds47-series",
+        action="store_true",
+        help="take the files of a ring buffer (dumpcap -b, tcpdump -C) as one capture",
     )
     group.addoption(
         "--ds47-fail-on",
@@ -41,24 +49,55 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     if not parent.config.getoption("--ds47"):
         return None
     from ds47.capture.names import is_capture
-    from ds47.regression.baseline import path_of
+    from ds47.regression.run import place_of
 
-    if not is_capture(file_path.name) or not path_of(file_path).exists():
+    task = None
+    if parent.config.getoption("--ds47-series"):
+        task = _in_its_folder(file_path)
+    elif is_capture(file_path.name):
+        task = _alone(file_path)
+    if task is None or not place_of(task).exists():
         return None
-    collected: pytest.Collector = CaptureFile.from_parent(parent, path=file_path)
+    collected: CaptureFile = CaptureFile.from_parent(parent, path=file_path)
+    collected.task = task
     return collected
 
 
+def _alone(path: Path) -> Task:
+    from ds47.batch.tasks import plan
+
+    return plan([str(path)], series=False)[0]
+
+
+def _in_its_folder(path: Path) -> Task | None:
+    """The capture or series that begins with a file."""
+    return _tasks_in(path.parent).get(str(path))
+
+
+@cache
+def _tasks_in(folder: Path) -> dict[str, Task]:
+    from ds47.batch.tasks import names_in, plan
+
+    paths = [str(folder / name) for name in names_in(folder)]
+    return {task.path: task for task in plan(paths, series=True)}
+
+
 class CaptureFile(pytest.File):
-    """A capture; holds one test."""
+    """A capture, or the first file of a series; holds one test."""
+
+    task: Task
 
     def collect(self) -> Iterator[pytest.Item]:
         """The comparison with the stored result."""
-        yield CaptureItem.from_parent(self, name="as-stored")
+        item: CaptureItem = CaptureItem.from_parent(self, name="as-stored")
+        item.task = self.task
+        yield item
 
 
 class CaptureItem(pytest.Item):
     """The test that a capture gives the result that is stored."""
+
+    task: Task
 
     def runtest(self) -> None:
         """Analyses and compares.
@@ -68,7 +107,7 @@ class CaptureItem(pytest.Item):
         """
         from ds47.regression.run import check
 
-        outcome = check(str(self.path), fail_on=self.config.getoption("--ds47-fail-on"))
+        outcome = check(self.task, fail_on=self.config.getoption("--ds47-fail-on"))
         if outcome.failed or outcome.unreadable:
             raise Changed(outcome)
 
@@ -97,7 +136,8 @@ class Changed(Exception):
         if len(failures) > _SHOWN:
             lines.append(f"  ... and {len(failures) - _SHOWN} more")
         if failures:
-            lines.append(f"to take this over: ds47 accept {outcome.path}")
+            option = "--series " if outcome.series else ""
+            lines.append(f"to take this over: ds47 accept {option}{outcome.path}")
         super().__init__("\n".join(lines))
 
 

@@ -8,9 +8,12 @@ import shutil
 from xml.etree import ElementTree as ET
 
 import pytest
+from ringbuffer import NIGHT, pieces, recording, ring
 
+from ds47.capture.raw import raw_frames
 from ds47.cli import main
 
+AGAIN = "20240102030000"
 NAMES = ("seed-g120-read.pcapng", "conversation-error.pcapng")
 
 
@@ -168,3 +171,212 @@ def test_diff(captures, capsys, tmp_path):
     page = tmp_path / "d.html"
     assert run(capsys, "diff", a, b, "-f", "html", "-o", page)[0] == 0
     assert "What changed" in page.read_text(encoding="utf-8")
+
+
+def test_a_capture_that_is_cut_is_named_and_compared(stored, capsys):
+    """The exit status alone would not say which of many it was."""
+    path = stored / "seed-g120-read.pcapng"
+    path.write_bytes(path.read_bytes()[:-3])
+    for command in ("check", "accept"):
+        status, out, err = run(capsys, command, path, *(["--yes"] if command == "accept" else []))
+        assert status == 3
+        assert err.startswith(f"ds47: {path}: ")
+        assert "transaction" in out
+
+
+# A series of files
+
+
+@pytest.fixture
+def plant(tmp_path, captures):
+    """The folder of a ring buffer, as `recording` cuts it."""
+    return recording(tmp_path / "fw 5.3", captures)
+
+
+@pytest.fixture
+def kept(plant, capsys):
+    assert run(capsys, "baseline", "--series", plant)[0] == 0
+    return plant
+
+
+def recorded_again(folder, night=AGAIN):
+    """Another recording of the same test: other times in the names, other frames, other cuts."""
+    files = sorted(folder.glob("*.pcapng"))
+    frames = [frame for file in files for frame in raw_frames(file)]
+    for file in files:
+        file.unlink()
+    for frame in frames:
+        frame.time_ns += 86_400 * 10**9
+    for file in pieces(folder, frames, [9, 30]):
+        file.rename(file.with_name(file.name.replace(NIGHT, night)))
+
+
+def test_a_series_has_one_result_and_it_is_that_of_the_whole(kept, captures, tmp_path, capsys):
+    assert [path.name for path in kept.glob("*.json")] == ["ring.ds47.json"]
+    status, out, err = run(capsys, "check", "--series", kept)
+    assert (status, out, err) == (0, "1 capture: 1 as stored, 0 not\n", "")
+    series = json.loads((kept / "ring.ds47.json").read_text("utf-8"))["capture"]
+    assert [file["path"] for file in series["files"]] == [ring(n, NIGHT) for n in (1, 2, 3, 4)]
+    assert all(len(file["sha256"]) == 64 for file in series.pop("files"))
+    shutil.copy(captures / "tour-machine.pcapng", tmp_path)
+    run(capsys, "baseline", tmp_path / "tour-machine.pcapng")
+    whole = json.loads((tmp_path / "tour-machine.ds47.json").read_text("utf-8"))["capture"]
+    assert series | {"sha256": whole["sha256"]} == whole
+
+
+def test_a_result_of_a_series_does_not_depend_on_where_it_was_asked_for(kept, capsys, monkeypatch):
+    before = (kept / "ring.ds47.json").read_bytes()
+    monkeypatch.chdir(kept)
+    assert run(capsys, "check", "--series", ".")[0] == 0
+    assert run(capsys, "baseline", "--series", "--force", ".")[0] == 0
+    assert (kept / "ring.ds47.json").read_bytes() == before
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_a_file_named_alone_is_its_series(kept, capsys, number):
+    """What check prints can be named to accept, and does not mean less there."""
+    edit(kept, "ring.ds47.json", "[60.0]", "[12.0]")
+    status, out, _ = run(capsys, "check", "--series", kept / ring(number, NIGHT))
+    assert status == 1
+    assert out.splitlines()[0] == f"CHANGED  {kept / ring(1, NIGHT)}"
+    assert "transaction 3: p50304[0] was 12.0, is 60.0" in out
+    assert out.endswith("to take changes over: ds47 accept --series PATH...\n")
+    assert run(capsys, "accept", "--series", kept / ring(number, NIGHT), "--yes")[0] == 0
+    assert run(capsys, "check", "--series", kept)[0] == 0
+
+
+def test_several_files_of_a_series_are_these(kept, capsys):
+    status, out, _ = run(capsys, "check", "--series", kept / ring(1, NIGHT), kept / ring(2, NIGHT))
+    assert status == 1
+    assert "transaction 8 is gone" in out
+
+
+def test_where_a_series_is_meant_by_its_first_file(kept, capsys):
+    edit(kept, "ring.ds47.json", "[60.0]", "[12.0]")
+    accept = ("accept", "--series", kept, "--yes", "--where")
+    assert run(capsys, *accept, f"capture={ring(2, NIGHT)}")[1] == "nothing to take over\n"
+    status, out, _ = run(capsys, *accept, "capture=ring_*")
+    assert status == 0
+    assert "took over 1 change in 1 capture" in out
+
+
+def test_another_recording_is_compared_with_the_same_result(kept, capsys):
+    recorded_again(kept)
+    assert run(capsys, "check", "--series", kept)[:2] == (0, "1 capture: 1 as stored, 0 not\n")
+    edit(kept, "ring.ds47.json", "[60.0]", "[12.0]")
+    status, out, _ = run(capsys, "check", "--series", kept)
+    assert status == 1
+    assert out.splitlines()[1].strip() == "transaction 3: p50304[0] was 12.0, is 60.0"
+
+
+def test_the_same_files_have_to_repeat_everything(kept, capsys):
+    edit(kept, "ring.ds47.json", '"duration_ms": 7.0', '"duration_ms": 7.5')
+    status, out, _ = run(capsys, "check", "--series", kept)
+    assert status == 1
+    assert "duration_ms was 7.5, is 7.0" in out
+    edit(kept, "ring.ds47.json", '"sha256": "', '"sha256": "0')
+    assert run(capsys, "check", "--series", kept)[0] == 0
+
+
+def test_two_series_of_one_name_have_results_of_their_own(plant, capsys):
+    for path in sorted(plant.iterdir()):
+        shutil.copy(path, plant / path.name.replace(NIGHT, AGAIN))
+    assert run(capsys, "baseline", "--series", plant)[0] == 0
+    names = sorted(path.name for path in plant.glob("*.json"))
+    assert names == [f"ring_00001_{NIGHT}.ds47.json", f"ring_00001_{AGAIN}.ds47.json"]
+    assert run(capsys, "check", "--series", plant)[1] == "2 captures: 2 as stored, 0 not\n"
+
+
+def test_a_capture_of_the_same_name_keeps_its_result(plant, captures, capsys):
+    shutil.copy(captures / "seed-g120-read.pcapng", plant / "ring.pcapng")
+    assert run(capsys, "baseline", "--series", plant)[0] == 0
+    names = sorted(path.name for path in plant.glob("*.json"))
+    assert names == ["ring.ds47.json", f"ring_00001_{NIGHT}.ds47.json"]
+    assert run(capsys, "check", "--series", plant)[1] == "2 captures: 2 as stored, 0 not\n"
+
+
+def test_the_files_of_tcpdump(plant, capsys):
+    for number, path in enumerate(sorted(plant.iterdir())):
+        path.rename(plant / f"t.pcapng{number or ''}")
+    assert run(capsys, "baseline", "--series", plant)[0] == 0
+    assert [path.name for path in plant.glob("*.json")] == ["t.ds47.json"]
+    assert run(capsys, "check", "--series", plant / "t.pcapng2")[0] == 0
+    status, out, _ = run(capsys, "check", plant / "t.pcapng")
+    assert status == 1
+    assert "t.ds47.json: this is the result of 4 files as one capture; use --series" in out
+
+
+def test_without_the_option_nobody_is_sent_the_wrong_way(kept, capsys):
+    status, out, _ = run(capsys, "check", kept)
+    assert status == 1
+    assert out.count("this is the result of 4 files as one capture; use --series") == 4
+    status, _, err = run(capsys, "accept", kept, "--yes")
+    assert status == 1
+    assert err.count("use --series") == 4
+
+
+def test_a_missing_result_of_a_series_says_how_to_make_it(plant, capsys):
+    status, out, _ = run(capsys, "check", "--series", plant)
+    assert status == 1
+    advice = out.splitlines()[0].split("make one with: ds47 ")[1]
+    assert advice == f"baseline --series {plant / ring(1, NIGHT)}"
+    assert run(capsys, "baseline", "--series", plant / ring(1, NIGHT))[0] == 0
+    assert run(capsys, "check", "--series", plant)[0] == 0
+
+
+def test_a_series_with_a_file_that_cannot_be_read(kept, capsys):
+    (kept / ring(2, NIGHT)).write_bytes(b"no capture")
+    for command in ("check", "baseline"):
+        status, out, err = run(
+            capsys, command, "--series", kept, *["--force"][: command != "check"]
+        )
+        assert status == 3
+        assert err.count("\n") == 1
+        assert err.startswith(
+            f"ds47: {kept / ring(1, NIGHT)}: {kept / ring(2, NIGHT)}: not a capture"
+        )
+        assert ("transaction 4 is gone" if command == "check" else "stored") in out
+    text = (kept / "ring.ds47.json").read_text("utf-8")
+    assert str(kept) not in text
+    assert f'"problem": "{ring(2, NIGHT)}: not a capture' in text
+
+
+def test_nothing_is_stored_where_no_file_of_a_series_can_be_read(plant, capsys):
+    for path in plant.iterdir():
+        path.write_bytes(b"no capture")
+    status, out, err = run(capsys, "baseline", "--series", plant)
+    assert (status, out, err.count("\n")) == (3, "", 1)
+    assert err.endswith("(and 3 more files)\n")
+    assert not list(plant.glob("*.json"))
+    status, out, _ = run(capsys, "check", "--series", plant)
+    assert status == 3
+    assert out.startswith(f"FAILED   {plant / ring(1, NIGHT)}: not a capture")
+
+
+def test_a_missing_file_is_said(kept, capsys):
+    (kept / ring(3, NIGHT)).unlink()
+    status, out, err = run(capsys, "check", "--series", kept)
+    assert status == 1
+    assert err == f"ds47: {kept / ring(1, NIGHT)}: 1 file of this series missing\n"
+    assert "is gone" in out
+
+
+def test_a_finding_of_no_transaction_says_in_which_file_it_is(kept, capsys):
+    edit(kept, "ring.ds47.json", '"rule": "DS721"', '"rule": "DS720"')
+    _, out, _ = run(capsys, "check", "--series", kept, "--all")
+    assert f"(frame 6 (6 of {ring(1, NIGHT)}))" in out
+
+
+def test_diff_takes_a_series_for_a_side(kept, captures, capsys):
+    whole = captures / "tour-machine.pcapng"
+    for side in (kept, kept / ring(2, NIGHT), kept / "ring.ds47.json"):
+        status, out, _ = run(capsys, "diff", "--series", side, whole, "--exit-code")
+        assert status == 0
+        assert "8 of 8 parameter elements are the same in both" in out
+    status, _, err = run(capsys, "diff", "--series", captures, kept)
+    assert status == 2
+    assert "captures and series; diff needs one: name its first file" in err
+    (kept / "empty").mkdir()
+    status, _, err = run(capsys, "diff", "--series", kept / "empty", kept)
+    assert status == 3
+    assert "no capture in this folder" in err

@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from ringbuffer import recording
 
 pytest_plugins = ["pytester"]
 
@@ -82,3 +83,32 @@ def test_the_example_of_the_documentation(pytester, folder):
     result = pytester.runpytest_subprocess()
     assert result.ret == 0, result.stdout.str()
     assert result.parseoutcomes().get("passed", 0) >= 2
+
+
+def test_a_series_with_a_stored_result_is_one_test(pytester, captures):
+    from ds47.cli import main
+
+    folder = recording(pytester.path / "plant", captures)
+    assert main(["baseline", "--series", str(folder)]) == 0
+    pytester.runpytest_subprocess("--ds47", "--ds47-series", "plant").assert_outcomes(passed=1)
+    pytester.runpytest_subprocess("--ds47", "plant").assert_outcomes()
+    stored = folder / "ring.ds47.json"
+    stored.write_text(stored.read_text("utf-8").replace("[60.0]", "[12.0]"), "utf-8")
+    result = pytester.runpytest_subprocess("--ds47", "--ds47-series", "plant")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        ["*p50304?0? was 12.0, is 60.0", "*ds47 accept --series *ring_00001_*.pcapng"]
+    )
+
+
+def test_without_its_option_a_series_of_tcpdump_fails_and_says_so(pytester, captures):
+    from ds47.cli import main
+
+    folder = recording(pytester.path / "plant", captures)
+    for number, path in enumerate(sorted(folder.iterdir())):
+        path.rename(folder / f"t.pcapng{number or ''}")
+    assert main(["baseline", "--series", str(folder)]) == 0
+    result = pytester.runpytest_subprocess("--ds47", "plant")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["*use --series (pytest: --ds47-series)"])
+    pytester.runpytest_subprocess("--ds47", "--ds47-series", "plant").assert_outcomes(passed=1)

@@ -1,4 +1,4 @@
-"""The README and docs/folders.md show what happens: each ``ds47`` command runs and shows the real output.
+"""The README and two pages of docs show what happens: each ``ds47`` command runs and shows the real output.
 
 In a ``console`` block a line that starts with ``$ `` is a command, run by a shell's rules but
 without a shell: pipes, ``<`` and ``>`` as a person types them. ``  # exit 1`` at its end says which
@@ -15,9 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from ringbuffer import recording
 
 README = Path(__file__).resolve().parents[2] / "README.md"
-PAGES = [README, README.parent / "docs" / "folders.md"]
+PAGES = [README, *(README.parent / "docs" / name for name in ("folders.md", "regression.md"))]
 PLACEHOLDER = "(the report stands here)"
 
 
@@ -95,6 +96,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy of the stored captures, so that no command can change the checkout."""
     copy = tmp_path_factory.mktemp("readme")
     shutil.copytree(README.parent / "captures", copy / "captures")
+    recording(copy / "recording", README.parent / "captures")
     return copy
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from ds47.batch.tasks import plan
 from ds47.regression import baseline
 from ds47.regression.run import check
 
@@ -31,7 +32,7 @@ def test_a_capture_is_what_its_manifest_says(path: Path) -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_a_capture_gives_its_stored_result(path: Path) -> None:
-    outcome = check(str(path), fail_on="note")
+    outcome = check(plan([str(path)], series=False)[0], fail_on="note")
     said = "\n".join(change.text for change in outcome.changes)
     assert outcome.error is None, outcome.error
     assert not outcome.changes, f"{path.name}:\n{said}\n(to take it over: ds47 accept {path.name})"
@@ -46,7 +47,7 @@ def test_a_changed_byte_is_named(tmp_path: Path) -> None:
     at = data.rindex(bytes.fromhex("42c80000"))  # 100.0, the last value of the response
     data[at + 1] ^= 1
     path.write_bytes(data)
-    outcome = check(str(path))
+    outcome = check(plan([str(path)], series=False)[0])
     assert outcome.failed
     assert [change.text for change in outcome.changes] == [
         "transaction 1: p2902[5] was 100.0, is 100.5"

@@ -14,7 +14,8 @@ import click
 
 from ds47.cli.common import stdout, warn
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import about, captures
+from ds47.cli.paths import about
+from ds47.cli.series import series_option, tasks, tell_lacking
 
 if TYPE_CHECKING:
     from ds47.regression.compare import Change
@@ -37,9 +38,15 @@ _SHOWN = 20
 @click.option(
     "--all", "show_all", is_flag=True, help=f"List more than {_SHOWN} changes of a capture."
 )
+@series_option
 @analysis_options
 def command(
-    paths: Sequence[str], conditions: Sequence[str], yes: bool, show_all: bool, **options: Any
+    paths: Sequence[str],
+    conditions: Sequence[str],
+    yes: bool,
+    show_all: bool,
+    series: bool,
+    **options: Any,
 ) -> int:
     """Take over what changed into the stored results of captures.
 
@@ -53,7 +60,7 @@ def command(
         where = parse_where(conditions)
     except WhereError as problem:
         raise click.UsageError(str(problem)) from problem
-    found, status = _find(paths, where, options)
+    found, status = _find(paths, series, where, options)
     if not found:
         click.echo(say("accept_nothing").text(lang))
         return status
@@ -75,7 +82,7 @@ def command(
 
 
 def _find(
-    paths: Sequence[str], where: dict[str, str], options: dict[str, Any]
+    paths: Sequence[str], series: bool, where: dict[str, str], options: dict[str, Any]
 ) -> tuple[list[tuple[Outcome, list[Change]]], int]:
     """The captures with changes that were asked for; and the exit status so far."""
     from ds47.regression.accept import chosen
@@ -84,16 +91,19 @@ def _find(
 
     analysis = options_from(**options)
     found, status = [], 0
-    for path in captures(paths, warn):
+    for task in tasks(paths, series, warn):
         try:
-            outcome = check(path, analysis)
+            outcome = check(task, analysis)
         except ConfigError as problem:
             raise click.ClickException(str(problem)) from problem
+        tell_lacking(task.path, outcome.missing_files, outcome.problem)
+        if outcome.unreadable:
+            status = 3
         if outcome.error is not None:
-            warn(about(path, outcome.error))
-            status = max(status, 3 if outcome.unreadable else 1)
+            warn(about(task.path, outcome.error))
+            status = max(status, 1)
             continue
-        changes = [change for change in outcome.changes if chosen(change, where, Path(path))]
+        changes = [change for change in outcome.changes if chosen(change, where, Path(task.path))]
         if changes:
             found.append((outcome, changes))
     return found, status
@@ -123,5 +133,4 @@ def _take(outcome: Outcome, changes: list[Change]) -> None:
     now = outcome.now
     if len(changes) < len(outcome.changes):
         now = merge(outcome.stored, outcome.now, outcome.pairs, changes)
-    capture = Path(outcome.path)
-    baseline.save(baseline.path_of(capture), now, capture.name)
+    baseline.save(outcome.place, now, Path(outcome.path).name)

@@ -10,37 +10,39 @@ import click
 
 from ds47.cli.common import warn
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import about, captures
+from ds47.cli.paths import about
+from ds47.cli.series import series_option, tasks, tell_lacking
 
 
 @click.command("baseline")
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
 @click.option("--force", is_flag=True, help="Write over a result that is there already.")
+@series_option
 @analysis_options
-def command(paths: Sequence[str], force: bool, **options: Any) -> int:
+def command(paths: Sequence[str], force: bool, series: bool, **options: Any) -> int:
     """Store the result of each capture beside it, as NAME.ds47.json.
 
     A result that is there already stays as it is; ds47 accept takes over what changed.
     """
     from ds47.capture import CaptureError
     from ds47.regression import baseline
-    from ds47.regression.run import result_of
+    from ds47.regression.run import place_of, result_of
     from ds47.report.bilingual import say
 
     analysis = options_from(**options)
     status = 0
-    for path in captures(paths, warn):
-        target = baseline.path_of(Path(path))
+    for task in tasks(paths, series, warn):
+        target = place_of(task)
         if target.exists() and not force:
             click.echo(say("baseline_there", target=str(target)).text(analysis.lang))
             continue
         try:
-            result = result_of(path, analysis)
+            result = result_of(task, analysis)
         except CaptureError as problem:
-            warn(about(path, str(problem)))
+            warn(about(task.path, str(problem)))
             status = 3
             continue
-        baseline.save(target, baseline.content(result), Path(path).name)
+        baseline.save(target, baseline.content(result), Path(task.path).name)
         jobs, findings = len(result.transactions), len(result.findings)
         stored = say(
             "baseline_stored",
@@ -49,7 +51,8 @@ def command(paths: Sequence[str], force: bool, **options: Any) -> int:
             findings=say("baseline_findings", n=findings, number=str(findings)),
         )
         click.echo(stored.text(analysis.lang))
-        if not result.complete:
-            warn(about(path, result.problem or "only partly read"))
+        lacking = None if result.complete else result.problem or "only partly read"
+        tell_lacking(task.path, [file.missing_before for file in result.files], lacking)
+        if lacking:
             status = 3
     return status

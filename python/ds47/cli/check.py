@@ -13,7 +13,8 @@ import click
 
 from ds47.cli.common import output, stdout, warn
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import about, captures
+from ds47.cli.paths import about
+from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.model import SEVERITIES
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ _MARGIN = 8
 @click.option(
     "--all", "show_all", is_flag=True, help=f"Print more than {_SHOWN} changes of a capture."
 )
+@series_option
 @analysis_options
 def command(
     paths: Sequence[str],
@@ -59,6 +61,7 @@ def command(
     sarif: str | None,
     summary: bool,
     show_all: bool,
+    series: bool,
     **options: Any,
 ) -> int:
     """Compare captures with their stored results (NAME.ds47.json).
@@ -66,11 +69,12 @@ def command(
     Exit status: 0 all as stored, 1 something changed or no result is stored, 3 a capture cannot be
     read as a whole. Tolerances, masks and known findings stand in ds47.toml.
     """
-    outcomes, seconds, missing = _run(paths, fail_on, options)
+    outcomes, seconds, missing = _run(paths, series, fail_on, options)
     if format_name == "json":
         _print_json(outcomes, summary)
     else:
-        _print_text(outcomes, summary, None if show_all else _SHOWN, options["lang"])
+        shown = None if show_all else _SHOWN
+        _print_text(outcomes, summary, series, shown, options["lang"])
     if junit:
         _write_junit(outcomes, seconds, junit)
     if sarif:
@@ -81,7 +85,7 @@ def command(
 
 
 def _run(
-    paths: Sequence[str], fail_on: str | None, options: dict[str, Any]
+    paths: Sequence[str], series: bool, fail_on: str | None, options: dict[str, Any]
 ) -> tuple[list[Outcome], list[float], list[str]]:
     from ds47.regression.config import ConfigError
     from ds47.regression.run import check
@@ -93,17 +97,21 @@ def _run(
         missing.append(text)
         warn(text)
 
-    for path in captures(paths, lacks):
+    for task in tasks(paths, series, lacks):
         begin = time.perf_counter()
         try:
-            outcomes.append(check(path, analysis, fail_on))
+            outcome = check(task, analysis, fail_on)
         except ConfigError as problem:
             raise click.ClickException(str(problem)) from problem
+        outcomes.append(outcome)
         seconds.append(time.perf_counter() - begin)
+        tell_lacking(outcome.path, outcome.missing_files, outcome.problem)
     return outcomes, seconds, missing
 
 
-def _print_text(outcomes: Sequence[Outcome], summary: bool, most: int | None, lang: str) -> None:
+def _print_text(
+    outcomes: Sequence[Outcome], summary: bool, series: bool, most: int | None, lang: str
+) -> None:
     from ds47.report.bilingual import say
     from ds47.report.words import escape
     from ds47.report.wrap import padded
@@ -126,16 +134,16 @@ def _print_text(outcomes: Sequence[Outcome], summary: bool, most: int | None, la
             line("", say("changes_more", number=str(len(outcome.changes) - most)).text(lang))
     if summary:
         write("\n".join(_summary(outcomes).lines(lang)) + "\n")
-    write(_last_line(outcomes).text(lang) + "\n")
+    write(_last_line(outcomes, series).text(lang) + "\n")
 
 
-def _last_line(outcomes: Sequence[Outcome]) -> Both:
+def _last_line(outcomes: Sequence[Outcome], series: bool) -> Both:
     from ds47.report.bilingual import say
 
     total, failed = len(outcomes), sum(outcome.failed for outcome in outcomes)
     text = say("check_sum", n=total, number=str(total), same=str(total - failed), other=str(failed))
     if any(outcome.changes for outcome in outcomes):
-        text = text.joined(say("check_accept"), "", "")
+        text = text.joined(say("check_accept", option="--series " if series else ""), "", "")
     return text
 
 

@@ -10,9 +10,11 @@ import click
 from ds47.cli.common import output, warn
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import about
+from ds47.cli.series import series_option, tasks, tell_lacking
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
+    from ds47.batch.tasks import Task
 
 
 @click.command("diff")
@@ -28,20 +30,28 @@ if TYPE_CHECKING:
 )
 @click.option("-o", "--output", "output_name", metavar="FILE", default="-", help="Write to a file.")
 @click.option("--exit-code", is_flag=True, help="Exit with 1 if parameters or refusals differ.")
+@series_option
 @analysis_options
 def command(
-    a: str, b: str, format_name: str, output_name: str, exit_code: bool, **options: Any
+    a: str,
+    b: str,
+    format_name: str,
+    output_name: str,
+    exit_code: bool,
+    series: bool,
+    **options: Any,
 ) -> int:
     """Show what changed from A to B: parameters, values, refusals, findings, latency.
 
-    A and B are captures, stored results (NAME.ds47.json), or reports (-f json) of one capture.
+    A and B are captures, stored results (NAME.ds47.json), or reports (-f json) of one capture. With
+    --series also the folder of a ring buffer.
     """
     from ds47.regression.difference import difference
     from ds47.report.difference import write
 
     analysis = options_from(**options)
-    one, one_whole = _side(a, analysis)
-    other, other_whole = _side(b, analysis)
+    one, one_whole = _side(a, series, analysis)
+    other, other_whole = _side(b, series, analysis)
     found = difference(one, other, (a, b))
     with output(output_name) as stream:
         write(found, format_name, stream, analysis.lang)
@@ -50,22 +60,42 @@ def command(
     return int(exit_code and bool(found.changed or found.errors))
 
 
-def _side(path: str, analysis: AnalysisOptions) -> tuple[dict[str, Any], bool]:
+def _side(path: str, series: bool, analysis: AnalysisOptions) -> tuple[dict[str, Any], bool]:
     """One side as a capture object, and whether it was read as a whole."""
-    from ds47.analysis import analyze
     from ds47.capture import CaptureError
     from ds47.regression import baseline
+    from ds47.regression.run import readable
 
     if path.lower().endswith(".json"):
         return _from_json(path), True
+    task = _one(path, series)
     try:
-        result = analyze(path, analysis)
+        result = readable(task, analysis)
     except CaptureError as problem:
         warn(about(path, str(problem)))
-        raise SystemExit(3) from problem
-    if not result.complete:
-        warn(about(path, result.problem or "only partly read"))
+        raise click.exceptions.Exit(3) from problem
+    lacking = None if result.complete else result.problem or "only partly read"
+    tell_lacking(task.path, [file.missing_before for file in result.files], lacking)
     return baseline.content(result), result.complete
+
+
+def _one(path: str, series: bool) -> Task:
+    """The one capture that a side is."""
+    from ds47.batch.tasks import plan
+
+    if not series:
+        return plan([path], series)[0]
+    lacking: list[str] = []
+    found = tasks([path], series, lacking.append)
+    for text in lacking:
+        warn(text)
+    if not found:
+        raise click.exceptions.Exit(3)
+    if len(found) > 1:
+        raise click.ClickException(
+            f"{path}: {len(found)} captures and series; diff needs one: name its first file"
+        )
+    return found[0]
 
 
 def _from_json(path: str) -> dict[str, Any]:

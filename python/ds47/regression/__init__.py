@@ -1,4 +1,4 @@
 """Regression over stored captures: `ds47.toml`, stored results, and what changed against them.
 
-Pure, but for `baseline`, which reads and writes the files. Nothing here analyses a capture.
+Pure, but for `baseline`, which reads and writes the files, and `run`, which analyses captures.
 """

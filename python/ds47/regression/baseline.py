@@ -1,7 +1,8 @@
 """Stored results: where they stand, how they look on disk, reading and writing them.
 
-`NAME.ds47.json` beside the capture `NAME.pcapng`. What differs from one is found in
-`ds47.regression.compare`; who may overwrite one is the business of the commands.
+`NAME.ds47.json` beside the capture `NAME.pcapng`, or beside the files of the series NAME. What
+differs from one is found in `ds47.regression.compare`; who may overwrite one is the business of the
+commands.
 """
 
 from __future__ import annotations
@@ -24,13 +25,17 @@ class BaselineError(Exception):
     """A stored result that cannot be used: one line that says which, and what to do."""
 
 
-def path_of(capture: Path) -> Path:
+def path_of(capture: Path, own_name: str | None = None) -> Path:
     """Where the stored result of a capture stands.
 
     Captures of one folder that differ in nothing but their endings keep the ending in the name.
+
+    Args:
+        capture: the file, of a series the first one.
+        own_name: of a series that has a name of its own (`ds47.batch.tasks.Task.own_name`).
     """
-    stem = _stem(capture.name)
-    if _has_namesake(capture, stem):
+    stem = own_name or _stem(capture.name)
+    if own_name is None and _has_namesake(capture, stem):
         stem = capture.name
     return capture.with_name(stem + SUFFIX)
 
@@ -50,11 +55,18 @@ def _has_namesake(capture: Path, stem: str) -> bool:
 
 
 def content(result: CaptureResult) -> dict[str, Any]:
-    """What is stored of a result: the capture object of `ds47.report/1` without its path."""
+    """What is stored of a result: the capture object of `ds47.report/1` without its path.
+
+    Files of a series go by their names alone: they stand beside it.
+    """
     from ds47.report.json import capture
 
     stored = capture(result)
     del stored["path"]
+    for file in stored.get("files", ()):
+        name = Path(file["path"]).name
+        file["problem"] = file["problem"] and file["problem"].replace(file["path"], name)
+        file["path"] = name
     return stored
 
 
@@ -100,8 +112,10 @@ def save(path: Path, stored: dict[str, Any], capture: str) -> None:
 
 def text(stored: dict[str, Any], capture: str) -> str:
     """The file as text: sorted keys, short things on one line, the way to update it first."""
+    option = " --series" if "files" in stored else ""
     document = {
-        "#": f"stored result of {capture}; look at what changed with: ds47 check, take it over with: ds47 accept",
+        "#": f"stored result of {capture}; look at what changed with: ds47 check{option}, "
+        f"take it over with: ds47 accept{option}",
         "schema": SCHEMA,
         "tool": {"name": "ds47", "version": __version__},
         "capture": stored,

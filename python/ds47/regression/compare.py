@@ -3,9 +3,9 @@
 Pure: two capture objects of `ds47.report/1` and a configuration in, changes out. Nothing is read or
 written, and nothing decides whether a change is good.
 
-The same file (equal SHA-256) must give the same result in every field. Another recording of the same
-test repeats what was asked and answered, but not frames, times, connections and bytes: those are not
-compared then (docs/regression.md).
+The same file (equal SHA-256; of a series those of all files) must give the same result in every field.
+Another recording of the same test repeats what was asked and answered, but not frames, times,
+connections and bytes: those are not compared then (docs/regression.md).
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from math import isclose
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ds47.model import SEVERITIES
+from ds47.model import SEVERITIES, CaptureFile
 from ds47.regression.config import Config, ParameterTolerance
 from ds47.report import load
 from ds47.report.bilingual import Both, say
+from ds47.report.places import Places
 from ds47.report.words import message
 
 KINDS = (
@@ -105,9 +106,8 @@ class Comparison:
         self._old, self._new = stored, now
         self._lang = lang
         self._config, self._capture = config, capture
-        self._same_file = (
-            stored.get("sha256") == now.get("sha256") and now.get("sha256") is not None
-        )
+        self._same_file = _digests(stored) == _digests(now) and None not in _digests(now)
+        self._old_places, self._new_places = _places(stored), _places(now)
         self._olds: list[Json] = stored["transactions"]
         self._news: list[Json] = now["transactions"]
         self.pairs = self._align()
@@ -300,11 +300,11 @@ class Comparison:
             if olds[key] > 0:
                 olds[key] -= 1
                 continue
-            yield self._finding("finding_new", finding, self._news)
+            yield self._finding("finding_new", finding, self._news, self._new_places)
         for key, finding in reversed(list(self._keyed(self._old, None))):
             if olds[key] > 0:
                 olds[key] -= 1
-                yield self._finding("finding_gone", finding, self._olds)
+                yield self._finding("finding_gone", finding, self._olds, self._old_places)
 
     def _finding_keys(self, result: Json, place: dict[int, int | None] | None) -> list[Any]:
         return [key for key, _ in self._keyed(result, place)]
@@ -324,12 +324,14 @@ class Comparison:
             said = (finding["message"], finding["frame"]) if self._same_file else ()
             yield (finding["rule"], where, *said), finding
 
-    def _finding(self, kind: str, finding: Json, transactions: list[Json]) -> Change:
+    def _finding(
+        self, kind: str, finding: Json, transactions: list[Json], places: Places
+    ) -> Change:
         number = finding.get("transaction")
         item = transactions[number - 1] if number and number <= len(transactions) else None
         where = _Where("transaction", {"number": str(number)})
         if not number:
-            where = _Where("frame", {"frame": str(finding["frame"])})
+            where = _Where("frame", {"frame": places.number(finding["frame"], self._lang)})
         severity = finding["severity"]
         text = self._say(
             f"change_{kind}", where, rule=finding["rule"],
@@ -365,6 +367,18 @@ class _Where(NamedTuple):
 
     what: str
     values: Mapping[str, str] = {}
+
+
+def _digests(result: Json) -> list[str | None]:
+    """What tells whether it is the same file; of a series the digest of each."""
+    return [each.get("sha256") for each in result.get("files") or [result]]
+
+
+def _places(result: Json) -> Places:
+    files = result.get("files", ())
+    return Places(
+        [CaptureFile(each["path"], each["first_frame"], each["frames"]) for each in files]
+    )
 
 
 def _kind(item: Json) -> tuple[Any, ...]:

@@ -8,8 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ds47.analysis import AnalysisOptions, analyze
+from ds47.analysis import AnalysisOptions
+from ds47.batch.tasks import Task, read
 from ds47.capture import CaptureError
+from ds47.capture.rings import common_name
 from ds47.model import SEVERITIES, CaptureResult
 from ds47.regression import baseline, config
 from ds47.regression.compare import Change, Comparison, Json
@@ -20,25 +22,39 @@ class Outcome:
     """What came of one capture.
 
     Attributes:
-        path: the capture as it was named.
+        path: the capture as it was named, of a series its first file.
+        place: where its stored result stands.
         now: its present capture object, None where nothing of it can be read.
         stored: the stored one, None where there is none.
         changes: what is not as it was stored.
         pairs: which transaction of the stored result is which of the present one.
-        error: why there is nothing to compare, or why the capture was read only in part.
-        unreadable: whether `error` is about the capture itself.
+        error: why there is nothing to compare.
+        unreadable: whether the capture could not be read, or only in part.
+        problem: why it was read only in part.
         label: the label of the capture.
     """
 
     path: str
+    place: Path
     now: Json | None = None
     stored: Json | None = None
     changes: list[Change] = field(default_factory=list)
     pairs: list[tuple[int | None, int | None]] = field(default_factory=list)
     error: str | None = None
     unreadable: bool = False
+    problem: str | None = None
     label: str = ""
     fail_on: str = "error"
+
+    @property
+    def series(self) -> bool:
+        """Whether it is a series of files."""
+        return "files" in (self.now or {})
+
+    @property
+    def missing_files(self) -> list[int]:
+        """How many files of a series are missing before each that is there."""
+        return [file["missing_before"] for file in (self.now or {}).get("files", ())]
 
     @property
     def failures(self) -> list[Change]:
@@ -67,20 +83,39 @@ def fails(change: Change, fail_on: str) -> bool:
     return SEVERITIES.index(severity) >= SEVERITIES.index(fail_on)
 
 
-def result_of(path: str, options: AnalysisOptions | None = None) -> CaptureResult:
-    """Analyses a capture with its digest.
+def place_of(task: Task) -> Path:
+    """Where the stored result of a capture or series stands."""
+    return baseline.path_of(Path(task.path), task.own_name)
+
+
+def result_of(task: Task, options: AnalysisOptions | None = None) -> CaptureResult:
+    """Analyses a capture or series with its digest.
 
     Raises:
         ds47.capture.CaptureError: nothing of it can be read.
     """
-    return analyze(path, replace(options or AnalysisOptions(), digest=True))
+    return readable(task, replace(options or AnalysisOptions(), digest=True))
 
 
-def check(path: str, options: AnalysisOptions | None = None, fail_on: str | None = None) -> Outcome:
+def readable(task: Task, options: AnalysisOptions) -> CaptureResult:
+    """Analyses a capture, or a series of which at least one file can be read.
+
+    Raises:
+        ds47.capture.CaptureError: nothing of it can be read.
+    """
+    result = read(task, options)
+    if result.files and not any(file.readable for file in result.files):
+        raise CaptureError(result.problem or "nothing can be read")
+    return result
+
+
+def check(
+    task: Task, options: AnalysisOptions | None = None, fail_on: str | None = None
+) -> Outcome:
     """Compares a capture with its stored result. Files that cannot be used are in `error`.
 
     Args:
-        path: the capture.
+        task: the capture or series.
         options: how to analyse it; the same as when the result was stored. What changed is said in
             their language.
         fail_on: from which severity on a new finding is a failure; None for what `ds47.toml` says.
@@ -88,23 +123,63 @@ def check(path: str, options: AnalysisOptions | None = None, fail_on: str | None
     Raises:
         ds47.regression.config.ConfigError: the `ds47.toml` of the capture cannot be used.
     """
-    capture = Path(path)
+    capture = Path(task.path)
     settings = config.find(capture)
-    outcome = Outcome(path, label=settings.label(capture), fail_on=fail_on or settings.fail_on)
+    outcome = Outcome(
+        task.path,
+        place_of(task),
+        label=settings.label(capture),
+        fail_on=fail_on or settings.fail_on,
+    )
     try:
-        result = result_of(path, options)
+        result = result_of(task, options)
     except CaptureError as problem:
         outcome.error, outcome.unreadable = str(problem), True
         return outcome
     outcome.now = baseline.content(result)
     if not result.complete:
-        outcome.unreadable = True
+        outcome.unreadable, outcome.problem = True, result.problem or "only partly read"
     try:
-        outcome.stored = baseline.load(baseline.path_of(capture))
+        outcome.stored = _stored(task, outcome.place)
     except baseline.BaselineError as problem:
-        outcome.error = f"{problem} {path}" if "make one" in str(problem) else str(problem)
+        outcome.error = str(problem)
         return outcome
     lang = "en" if options is None else options.lang
     comparison = Comparison(outcome.stored, outcome.now, settings, capture, lang)
     outcome.changes, outcome.pairs = list(comparison.changes()), comparison.pairs
     return outcome
+
+
+def _stored(task: Task, place: Path) -> Json:
+    """The stored result of a capture or series.
+
+    Raises:
+        ds47.regression.baseline.BaselineError: there is none, or it is not its own.
+    """
+    try:
+        stored = baseline.load(place)
+    except baseline.BaselineError as problem:
+        if "make one" not in str(problem):
+            raise
+        _refuse_a_part(task, baseline.path_of(Path(task.path), common_name(Path(task.path).name)))
+        option = "--series " if task.series else ""
+        raise baseline.BaselineError(f"{problem} {option}{task.path}") from problem
+    _refuse_a_part(task, place, stored)
+    return stored
+
+
+def _refuse_a_part(task: Task, place: Path, stored: Json | None = None) -> None:
+    """Raises BaselineError where `place` has the result of the series that one file alone is of."""
+    if task.series:
+        return
+    if stored is None:
+        try:
+            stored = baseline.load(place)
+        except baseline.BaselineError:
+            return
+    names = [file["path"] for file in stored.get("files", ())]
+    if len(names) > 1 and Path(task.path).name in names:
+        raise baseline.BaselineError(
+            f"{place}: this is the result of {len(names)} files as one capture; "
+            "use --series (pytest: --ds47-series)"
+        )
