@@ -7,18 +7,21 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import frames as make
 import pytest
+from ringbuffer import NIGHT, pieces, recording, ring, write
 from test_readme import Command, read_commands, run
 
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import PcapngWriter, open_capture
 from ds47.capture.raw import RawFrame, raw_frames
+from ds47.capture.series import Part
 from ds47.cli import main
-from ds47.export import Selection, SelectionError, display_filter, export, first_time
+from ds47.export import Key, Selection, SelectionError, display_filter, export, first_time
 
 ROOT = Path(__file__).resolve().parents[2]
 WITHOUT_PROOF = AnalysisOptions(indices=frozenset((47,)))
@@ -345,10 +348,161 @@ def test_status_3_where_not_all_could_be_read(folder: Path) -> None:
     assert main(["export", "nowhere.pcapng"]) == 3
 
 
+# A series of files
+
+
+def as_parts(files: Sequence[Path]) -> list[Part]:
+    return [Part(file.name, str(file)) for file in files]
+
+
+def told(frame: RawFrame) -> tuple[object, ...]:
+    """A frame without the last line of its comment, which says where it was."""
+    lines = [line for text in frame.comments for line in text.splitlines()]
+    about = frame.interface
+    return frame.time_ns, frame.data, frame.original_length, about.link_type, lines[:-1]
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [("tour-machine", {"rules": ("DS410",)}), ("transport-ip-fragments", {"transactions": ((1, 1),)}),
+     ("transport-rpc-fragments", {"transactions": ((1, 1),)}),
+     ("tour-machine", {"devices": ("press-1-drive",), "all_frames": True})],
+    ids=str,
+)  # fmt: skip
+def test_a_series_gives_the_frames_of_the_whole(
+    name: str, wanted: dict[str, Any], tmp_path: Path
+) -> None:
+    """Cut anywhere, between the frames of a transaction and of a message too."""
+    originals = list(raw_frames(CAPTURES / f"{name}.pcapng"))
+    whole = exported(write(tmp_path / "whole.pcapng", originals), tmp_path / "w.pcapng", **wanted)
+    for cut in range(len(originals) + 1):
+        files = pieces(tmp_path, originals, [cut])
+        target = tmp_path / "s.pcapng"
+        outcome = export(as_parts(files), target, Selection(**wanted))
+        copies = list(raw_frames(target))
+        assert outcome.frames == whole[0], cut
+        assert [told(each) for each in copies] == [told(each) for each in whole[1]], cut
+        assert len({id(each.interface) for each in copies}) == 1
+        for number, copy in zip(outcome.frames, copies, strict=True):
+            file, place = (files[0], number) if number <= cut else (files[1], number - cut)
+            line = copy.comments[-1].splitlines()[-1]
+            assert line == f"frame {number} ({place} of {file.name}) of the original"
+            assert next(f for f in raw_frames(file) if f.number == place).data == copy.data
+
+
+def test_interfaces_of_a_series_are_merged_where_they_say_the_same(tmp_path: Path) -> None:
+    mixed(tmp_path / "a.pcapng")
+    mixed(tmp_path / "b.pcapng")
+    files = as_parts([tmp_path / "a.pcapng", tmp_path / "b.pcapng"])
+    outcome = export(files, tmp_path / "out.pcapng", Selection())
+    copies = list(raw_frames(tmp_path / "out.pcapng"))
+    assert outcome.frames == [1, 3, 5, 6, 8, 10]
+    assert [each.interface.link_type for each in copies] == [1, 101, 1] * 2
+    assert len({id(each.interface) for each in copies}) == 3
+    assert copies[3].comments[0] == "look here"
+
+
+def test_a_series_without_names_is_the_whole_without_names(tmp_path: Path) -> None:
+    originals = list(raw_frames(TOUR))
+    files = pieces(tmp_path, originals, [8, 20, 31])
+    key = Key()
+    export(write(tmp_path / "whole.pcapng", originals), tmp_path / "w.pcapng", Selection(), key=key)
+    export(as_parts(files), tmp_path / "s.pcapng", Selection(), key=key)
+    assert (tmp_path / "s.pcapng").read_bytes() == (tmp_path / "w.pcapng").read_bytes()
+    assert b"ring" not in (tmp_path / "s.pcapng").read_bytes()
+
+
+def test_times_of_a_series_count_from_its_first_frame(tmp_path: Path) -> None:
+    originals = list(raw_frames(TOUR))
+    files = as_parts(pieces(tmp_path, originals, [0, 20]))  # the first file has no frame
+    assert first_time(files) == originals[0].time_ns
+    (tmp_path / files[1].name).unlink()
+    assert first_time(files) == originals[20].time_ns
+    assert first_time(files[:2]) is None
+
+
+@pytest.fixture
+def plant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of a ring buffer; its last transactions go over the end of the third file."""
+    monkeypatch.chdir(tmp_path)
+    return recording(tmp_path / "plant", CAPTURES)
+
+
+@pytest.mark.parametrize("named", ["plant", "plant/ring_00003_20240101020000.pcapng"])
+def test_a_series_by_its_folder_or_one_of_its_files(
+    named: str, plant: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["export", "--series", named, "-t", "7"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        f"{Path('plant', ring(1, NIGHT))}: 4 of 35 frames, 1 transaction",
+        "  written to ring.ds47.pcapng",
+        f"  in {ring(3, NIGHT)}: frame.number in {{10..11}}",
+        f"  in {ring(4, NIGHT)}: frame.number in {{1..2}}",
+    ]
+    assert analyze("ring.ds47.pcapng", WITHOUT_PROOF).transactions[0].state == "partial"
+
+
+def test_a_series_with_a_file_that_cannot_be_read_and_one_that_is_missing(
+    plant: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (plant / ring(1, NIGHT)).write_bytes(b"no capture")
+    (plant / ring(2, NIGHT)).unlink()
+    assert main(["export", "--series", "plant", "--rule", "DS410"]) == 3
+    shown = capsys.readouterr()
+    first = Path("plant", ring(1, NIGHT))
+    problems = shown.err.splitlines()
+    assert problems[0] == f"ds47: {first}: 1 file of this series missing"
+    assert problems[1].startswith(f"ds47: {first}: not a capture")
+    assert len(problems) == 2
+    assert f"{first}: 8 of 15 frames, 2 transactions" in shown.out
+    assert len(list(raw_frames("ring.ds47.pcapng"))) == 8
+
+
+def test_a_file_that_ends_early_does_not_move_the_numbers_of_the_next(plant: Path) -> None:
+    """The frame that is cut counts for nobody, and the files behind it begin where report says."""
+    path = plant / ring(2, NIGHT)
+    path.write_bytes(path.read_bytes()[:-3])
+    files = as_parts(sorted(plant.iterdir()))
+    outcome = export(files, plant.parent / "s.pcapng", Selection(rules=("DS410",)))
+    whole = exported(TOUR, plant.parent / "w.pcapng", rules=("DS410",))
+    assert outcome.frames == [number - 1 for number in whole[0]]
+    copies = list(raw_frames(plant.parent / "s.pcapng"))
+    assert [each.data for each in copies] == [each.data for each in whole[1]]
+
+
+def test_two_series_of_one_name_have_files_of_their_own(plant: Path) -> None:
+    for path in sorted(plant.iterdir()):
+        shutil.copy(path, plant / path.name.replace(NIGHT, "20240102020000"))
+    assert main(["export", "--series", "plant", "-t", "7"]) == 0
+    assert sorted(path.name for path in plant.parent.glob("*.pcapng")) == [
+        f"ring_00001_{NIGHT}.ds47.pcapng", "ring_00001_20240102020000.ds47.pcapng",
+    ]  # fmt: skip
+
+
+def test_no_file_of_a_series_is_written_over(
+    plant: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["export", "--series", "plant", "-o", f"plant/{ring(3, NIGHT)}"]) == 2
+    assert "a capture to read" in capsys.readouterr().err
+
+
+def test_a_long_series_prints_so_many_filters(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    originals = list(raw_frames(TOUR))
+    pieces(tmp_path, originals, range(1, len(originals)))
+    assert main(["export", "--series", "."]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[2] == f"  in {ring(1, NIGHT)}: frame.number == 1"
+    assert lines[22:] == ["  in 15 more files: see the comments of the frames"]
+
+
 @pytest.fixture(scope="module")
 def page_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     copy = tmp_path_factory.mktemp("export")
     shutil.copytree(CAPTURES, copy / "captures")
+    recording(copy / "recording", CAPTURES)
     return copy
 
 

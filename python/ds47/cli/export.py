@@ -21,15 +21,20 @@ import click
 from ds47.capture.names import ENDINGS
 from ds47.cli.common import stdout, warn
 from ds47.cli.options import analysis_options, known_rules, options_from
-from ds47.cli.paths import STDIN, about, captures
+from ds47.cli.paths import STDIN, about
+from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.model import STATES
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
+    from ds47.batch.tasks import Task
+    from ds47.capture.series import Part
     from ds47.export import Key, Outcome, Selection
 
 ENDING = ".ds47.pcapng"
 _UNREADABLE, _NOTHING = 3, 1
+_FILES_SHOWN = 20
+"""Files of a series whose filters are printed."""
 
 
 @click.command("export")
@@ -95,6 +100,7 @@ _UNREADABLE, _NOTHING = 3, 1
 @click.option(
     "--key", "key_name", metavar="FILE", help="The key file; one that exists is used and grows."
 )
+@series_option
 @analysis_options
 def command(
     paths: Sequence[str],
@@ -109,6 +115,7 @@ def command(
     anonymise: bool,
     everything: bool | None,
     key_name: str | None,
+    series: bool,
     **options: Any,
 ) -> int:
     """Write the frames of transactions, findings, a device or a time span as pcapng.
@@ -137,12 +144,12 @@ def command(
     )
     span = _Span(_moment("--from", start), _moment("--to", end))
     run = _Run(options_from(**options), selection, span, bool(everything))
-    found = list(captures(paths, run.missing))
+    found = tasks(paths, series, run.missing)
     targets = _targets(found, output_name)
     run.key_path = _key_path(key_name, targets) if anonymise else None
     run.open_key()
-    for path, target in zip(found, targets, strict=True):
-        run.one(path, target)
+    for task, target in zip(found, targets, strict=True):
+        run.one(task, target)
     if run.failed:
         return _UNREADABLE
     return 0 if run.written else _NOTHING
@@ -161,13 +168,13 @@ class _Span:
     start: _Moment | None
     end: _Moment | None
 
-    def applied(self, selection: Selection, path: str) -> Selection:
+    def applied(self, selection: Selection, source: str | Sequence[Part]) -> Selection:
         """The selection with the span in the time of this capture."""
         from ds47.export import first_time
 
         first = 0
         if any(moment is not None and moment.relative for moment in (self.start, self.end)):
-            first = first_time(path) or 0
+            first = first_time(source) or 0
         start, end = (
             None if moment is None else moment.ns + (first if moment.relative else 0)
             for moment in (self.start, self.end)
@@ -206,38 +213,38 @@ class _Run:
         except KeyFileError as problem:
             raise click.ClickException(str(problem)) from problem
 
-    def one(self, path: str, target: str) -> None:
+    def one(self, task: Task, target: str) -> None:
         """Exports one capture."""
         from ds47.capture import CaptureError
         from ds47.export import KeyFileError, SelectionError, export
 
         try:
-            with _file(path) as source:
+            with _source(task) as source:
                 selection = self._span.applied(self._selection, source)
                 sink = sys.stdout.buffer if target == STDIN else target
                 done = export(source, sink, selection, self._options, self._key, self._everything)
                 if self._key is not None and self.key_path is not None and done.frames:
                     self._key.save(self.key_path)
         except CaptureError as problem:
-            self.missing(about(path, str(problem)))
+            self.missing(about(task.path, str(problem)))
             return
         except (SelectionError, KeyFileError) as problem:
-            raise click.ClickException(about(path, str(problem))) from problem
+            raise click.ClickException(about(task.path, str(problem))) from problem
         except OSError as problem:
             if target == STDIN:
                 raise
             raise click.ClickException(f"cannot write {target}: {problem.strerror}") from problem
-        self._tell(path, target, done)
+        self._tell(task.path, target, done)
 
     def _tell(self, path: str, target: str, done: Outcome) -> None:
-        from ds47.export import display_filter
         from ds47.report.bilingual import say
         from ds47.report.words import escape
 
         name, lang = "stdin" if path == STDIN else path, self._options.lang
         tell = warn if target == STDIN else _print
-        if not done.result.complete:
-            self.missing(about(path, done.result.problem or "only partly read"))
+        lacking = None if done.result.complete else done.result.problem or "only partly read"
+        tell_lacking(path, [file.missing_before for file in done.result.files], lacking)
+        self.failed |= lacking is not None
         self._tell_left_out(name, done)
         if not done.frames:
             warn(f"{name}: nothing to export")
@@ -255,9 +262,8 @@ class _Run:
             tell("  " + say("export_written", target=escape(target)).text(lang))
         if self.key_path is not None:
             tell("  " + say("export_key", path=escape(str(self.key_path))).text(lang))
-        text, left_out = display_filter(done.frames)
-        more = "  " + say("frames_more", n=left_out).text(lang) if left_out else ""
-        tell("  " + say("export_filter", filter=text).text(lang) + more)
+        for line in _filters(done, lang):
+            tell("  " + line)
 
     @staticmethod
     def _tell_left_out(name: str, done: Outcome) -> None:
@@ -270,15 +276,32 @@ class _Run:
             warn(f"{name}: frame {frame} left out, {text!r} still stands in it")
 
 
+def _filters(done: Outcome, lang: str) -> Iterator[str]:
+    """Display filters that show the frames in the original: of a series one for each file."""
+    from ds47.export import display_filter
+    from ds47.report.bilingual import say
+    from ds47.report.places import Places
+    from ds47.report.words import escape
+
+    files = Places(done.result.files).by_file(done.frames)
+    for name, frames in files[:_FILES_SHOWN]:
+        text, left_out = display_filter(frames)
+        more = "  " + say("frames_more", n=left_out).text(lang) if left_out else ""
+        key = "export_filter_file" if name else "export_filter"
+        yield say(key, file=escape(name), filter=text).text(lang) + more
+    if len(files) > _FILES_SHOWN:
+        yield say("export_files_more", n=len(files) - _FILES_SHOWN).text(lang)
+
+
 def _print(text: str) -> None:
     stdout().write(text + "\n")
 
 
 @contextmanager
-def _file(path: str) -> Iterator[str]:
-    """A path that can be read several times: stdin becomes a file for the while."""
-    if path != STDIN:
-        yield path
+def _source(task: Task) -> Iterator[str | Sequence[Part]]:
+    """What can be read several times: stdin becomes a file for the while."""
+    if task.path != STDIN:
+        yield task.parts if task.series else task.path
         return
     with tempfile.TemporaryDirectory(prefix="ds47-") as folder:
         copy = Path(folder, "stdin")
@@ -324,18 +347,19 @@ def _fraction(digits: str | None) -> int:
     return int((digits or "0").ljust(9, "0"))
 
 
-def _targets(paths: Sequence[str], name: str | None) -> list[str]:
+def _targets(found: Sequence[Task], name: str | None) -> list[str]:
     """Where each capture goes.
 
     Raises click.UsageError for names that would meet each other or a capture.
     """
     if name is not None and not Path(name).is_dir():
-        if len(paths) > 1:
+        if len(found) > 1:
             raise click.UsageError("-o must be a folder for more than one capture")
-        targets = [name] * len(paths)
+        targets = [name] * len(found)
     else:
         folder = Path(name or ".")
-        targets = [str(folder / (_stem(path) + ENDING)) for path in paths]
+        targets = [str(folder / ((task.own_name or _stem(task.path)) + ENDING)) for task in found]
+    paths = [source.name for task in found for source in task.sources]
     sources = {Path(path).resolve() for path in paths if path != STDIN}
     places = [Path(target).resolve() for target in targets if target != STDIN]
     for place in places:

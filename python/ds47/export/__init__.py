@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -18,19 +18,22 @@ from uuid import UUID
 
 from ds47 import __version__, spec
 from ds47.analysis import AnalysisOptions, analyze
-from ds47.capture import PcapngWriter, open_capture
-from ds47.capture.raw import Interface, RawFrame, raw_frames
+from ds47.capture import PcapngWriter
+from ds47.capture.raw import Interface, RawFrame
 from ds47.capture.scan import ETHERNET, IPV4, network_layer
+from ds47.capture.series import Part
 from ds47.model import CaptureResult
 from ds47.profinet import dcp, lldp, rpc
 from ds47.profinet.link import Packet, mac
 from ds47.profinet.records import NIL_UUID, parse_request, parse_response
 from ds47.report.filters import display_filter
+from ds47.report.places import Places
 
 from . import values
 from .anonymise import Anonymiser, Knowledge
 from .mapping import Key, KeyFileError
 from .messages import Copy, Entry, Message, Tracker
+from .original import Original
 from .selection import Chosen, Selection, SelectionError, choose
 
 __all__ = [
@@ -73,13 +76,13 @@ class Outcome:
     leaks: list[tuple[int, str]] = field(default_factory=list)
 
 
-def first_time(path: str | Path) -> int | None:
-    """Time of the first frame of a capture, nanoseconds since 1970; None where there is none."""
-    return next((frame.time_ns for frame in raw_frames(path)), None)
+def first_time(source: str | Path | Sequence[Part]) -> int | None:
+    """Time of the first frame of a capture or series, nanoseconds since 1970; None: there is none."""
+    return Original(source).first_time()
 
 
 def export(
-    path: str | Path,
+    source: str | Path | Sequence[Part],
     target: str | Path | BinaryIO,
     selection: Selection,
     options: AnalysisOptions | None = None,
@@ -89,7 +92,7 @@ def export(
     """Exports the frames of one capture.
 
     Args:
-        path: of the capture; it is read several times.
+        source: path of the capture, or the files of a series; it is read several times.
         target: a path, where a file appears whole or not at all, and only when there is a frame; or a
             binary stream.
         selection: what is wanted.
@@ -105,20 +108,22 @@ def export(
     if key is not None and selection.all_frames:
         raise ValueError("frames of other protocols cannot be anonymised")
     options = options or AnalysisOptions()
-    result = analyze(path, options)
+    original = Original(source)
+    with original.open() as capture:
+        result = analyze(capture, options)
     names = None if key is None else {rule.id: rule.name for rule in spec.rules().values()}
     chosen = choose(result, selection, names)
     outcome = Outcome(result, transactions=chosen.transactions)
-    wanted = _Survey(selection, chosen).run(path)
+    wanted = _Survey(selection, chosen).run(original)
     if key is None:
-        frames: Iterable[RawFrame] = _plain(path, wanted, selection, chosen)
+        frames: Iterable[RawFrame] = _plain(original, outcome, wanted, selection, chosen)
     else:
         anonymiser = Anonymiser(key, _knowledge(result, options, everything))
         key.learning = True
-        for _ in _Rewriting(anonymiser, Outcome(result)).frames(path, wanted):
+        for _ in _Rewriting(anonymiser, Outcome(result)).frames(original, wanted):
             pass
         key.learning = False
-        frames = _Rewriting(anonymiser, outcome).frames(path, wanted)
+        frames = _Rewriting(anonymiser, outcome).frames(original, wanted)
     _write(frames, target, chosen, outcome, plain=key is None)
     return outcome
 
@@ -134,10 +139,10 @@ class _Survey:
         self._chosen = chosen
         self._wanted: set[int] = set()
 
-    def run(self, path: str | Path) -> set[int]:
+    def run(self, original: Original) -> set[int]:
         """Numbers of the wanted frames."""
         tracker = Tracker()
-        with open_capture(path) as capture:
+        with original.open() as capture:
             for frame in capture:
                 data = bytearray(frame.data)
                 entry = Entry(
@@ -248,13 +253,14 @@ def _knowledge(result: CaptureResult, options: AnalysisOptions, everything: bool
 
 
 def _plain(
-    path: str | Path, wanted: set[int], selection: Selection, chosen: Chosen
+    original: Original, outcome: Outcome, wanted: set[int], selection: Selection, chosen: Chosen
 ) -> Iterator[RawFrame]:
     """The frames as they are."""
+    files = outcome.result.files
     if not (selection.all_frames and selection.by_frame):
-        yield from raw_frames(path, wanted.__contains__)
+        yield from original.frames(files, wanted.__contains__)
         return
-    for frame in raw_frames(path):
+    for frame in original.frames(files):
         if frame.number in wanted or (selection.in_time(frame.time_ns) and _touches(frame, chosen)):
             yield frame
 
@@ -281,10 +287,10 @@ class _Rewriting:
         self._outcome = outcome
         self._waiting: OrderedDict[int, tuple[Entry, RawFrame]] = OrderedDict()
 
-    def frames(self, path: str | Path, wanted: set[int]) -> Iterator[RawFrame]:
+    def frames(self, original: Original, wanted: set[int]) -> Iterator[RawFrame]:
         """Every frame that could be rewritten."""
         tracker = Tracker()
-        for raw in raw_frames(path, wanted.__contains__):
+        for raw in original.frames(self._outcome.result.files, wanted.__contains__):
             link = raw.interface.link_type
             entry = Entry(raw.number, raw.time_ns, link, bytearray(raw.data), raw.original_length)
             self._waiting[raw.number] = entry, raw
@@ -355,6 +361,8 @@ def _write_all(
     frames: Iterable[RawFrame], stream: BinaryIO, chosen: Chosen, outcome: Outcome, plain: bool
 ) -> None:
     interfaces: dict[Interface, int] = {}
+    # names of files say where somebody has measured: not in a copy without names
+    places = Places(outcome.result.files if plain else ())
     with PcapngWriter(stream, link_type=None, application=f"ds47 {__version__}") as writer:
         for frame in frames:
             about = frame.interface
@@ -363,7 +371,10 @@ def _write_all(
                 interfaces[about] = writer.add_interface(
                     about.link_type, about.snap_length, options
                 )
-            lines = [*chosen.notes.get(frame.number, ()), f"frame {frame.number} of the original"]
+            lines = [
+                *chosen.notes.get(frame.number, ()),
+                f"{places.words(frame.number)} of the original",
+            ]
             writer.write(
                 min(max(frame.time_ns, 0), (1 << 64) - 1),
                 frame.data,
