@@ -71,6 +71,8 @@ MORNING, NOON = "20240101060000", "20240101120000"
             [([ring(99998, NIGHT), ring(99999, NIGHT), ring(0, MORNING), ring(1, MORNING)],
               [99997, 0, 0, 0])],
         ),
+        # editcap -c counts from 0
+        ([ring(0, NIGHT), ring(2, NIGHT)], [([ring(0, NIGHT), ring(2, NIGHT)], [0, 1])]),
         # tcpdump -C: the first has no number
         (
             ["t.pcap", "t.pcap2", "t.pcap1", "t.pcap10", "u.pcap"],
@@ -95,6 +97,7 @@ def test_which_file_of_tcpdump_w_is_the_oldest_stands_in_no_name() -> None:
     assert rings(["w.pcap00", "w.pcap02", "w.pcap01"]) == [
         Ring(("w.pcap00", "w.pcap01", "w.pcap02"), (0, 0, 0), cyclic=True)
     ]
+    assert rings(["w.pcap00", "w.pcap02"])[0].missing == (0, 0)
     assert is_part("w.pcap00")
     assert is_part("x.pcap7.gz")
     assert not is_part("w.pcap")

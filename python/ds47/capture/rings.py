@@ -28,7 +28,7 @@ _SIZED = re.compile(
 )
 _TIMED = re.compile(rf"(?P<stem>.+?)[-_.]?{_TIME}{_ENDING}", re.IGNORECASE)
 _WRAP = 100_000
-"""dumpcap counts from 1 and goes on with 0 after 99999."""
+"""dumpcap counts from 1 and goes on with 0 after 99999; editcap counts from 0."""
 _CLOCK = timedelta(hours=1, minutes=5)
 """By so much may the time of a later file be earlier: it is local time, and summer ends."""
 
@@ -162,6 +162,8 @@ def _ring(files: Sequence[_File], first: int | None) -> Ring:
     """`first` is the number that the very first file of such a ring has; None for no numbers."""
     missing = []
     expected = first
+    if first is not None and files[0].number == 0:  # editcap -c and -i
+        expected = 0
     for file in files:
         if file.number is None or expected is None:
             missing.append(0)
