@@ -20,6 +20,8 @@ from .stream import Window
 
 FROM = 1 << 24
 """Bytes of a file for which a thread pays."""
+NAME = "ds47 reading ahead"
+"""Of each thread, where a debugger lists them."""
 _BATCHES = 4
 """How many batches it may be ahead."""
 
@@ -79,7 +81,10 @@ class _Thread:
         scan.stopped = False
         # a daemon: who leaves the interpreter without `stop` shall not have to wait
         self._thread = threading.Thread(
-            target=_run, args=(scan, window, descriptor, self._found, self._room), daemon=True
+            target=_run,
+            args=(scan, window, descriptor, self._found, self._room),
+            name=NAME,
+            daemon=True,
         )
         self._thread.start()
 
