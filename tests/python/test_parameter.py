@@ -236,5 +236,5 @@ def test_encode_block_pads() -> None:
     ],
 )
 def test_wrong_use_raises(code: int, values: list[Any]) -> None:
-    with pytest.raises(ValueError, match=r"format|values"):
+    with pytest.raises(ValueError, match=r"format|values|does not fit|is no"):
         encode_block(code, values)

@@ -45,7 +45,7 @@ def make_block(format_code: int, values: Sequence[Value], options: Options = _DE
         raise ValueError(f"format 0x{format_code:02X} cannot carry values: its size is not known")
     try:
         raw = found.encode(values)
-    except (ValueError, TypeError, OverflowError, struct.error) as problem:
+    except (TypeError, OverflowError) as problem:  # no numbers at all, or infinite ones
         raise ValueError(f"format 0x{format_code:02X}: {problem}") from problem
     count = len(raw) if found.whole else len(values)
     if count > 0xFF:

@@ -23,6 +23,8 @@ _FLOAT32: Final = struct.Struct(">f")
 _SHORT: Final = ("%.6g", "%.7g", "%.8g")
 _NORMAL, _TOO_LARGE = 2.0**-126, 2.0**128 - 2.0**103
 """Below the one a Float32 has fewer digits; from the other on a double is infinite as a Float32."""
+_LARGEST: Final = {4: "3.4028235e+38", 8: "1.7976931348623157e+308"}
+"""The largest finite numbers, by bytes."""
 _DAY_MS = 86_400_000
 _MS_MASK = 0x0FFFFFFF
 """Times of day use 28 of their 32 bits."""
@@ -32,8 +34,8 @@ _MS_MASK = 0x0FFFFFFF
 class Codec:
     """How the values of one format are read, written and scaled.
 
-    decode: (bytes of whole values, how many) -> values.  encode: the reverse, raises ValueError or
-    struct.error.  scale: (values, bytes) -> physical values; None where the format has none.
+    decode: (bytes of whole values, how many) -> values.  encode: the reverse, raises ValueError, with
+    the value that does not fit.  scale: (values, bytes) -> physical values; None where the format has none.
     text: how many values -> bytes -> what `repr` says of the values, without the brackets; None where
     there is no shorter way to that than `decode`.
     """
@@ -103,21 +105,50 @@ def _float32_texts(count: int) -> Callable[[bytes], str]:
 
 
 def _integer(value: Value) -> int:
-    if isinstance(value, float) and not value.is_integer():
-        raise ValueError(f"{value} is not a whole number")
-    return int(value, 0) if isinstance(value, str) else int(value)
+    try:
+        if isinstance(value, float) and not value.is_integer():
+            raise ValueError
+        return int(value, 0) if isinstance(value, str) else int(value)
+    except ValueError:
+        raise ValueError(f"{value} is no whole number") from None
+
+
+def _real(value: Value) -> float:
+    """A number, or a word for one that is not finite.
+
+    Raises:
+        ValueError: it is no number.
+        OverflowError: it is beyond any double; `float` would make it infinite.
+    """
+    try:
+        number = float(value)
+    except ValueError:
+        raise ValueError(f"{value} is no number") from None
+    if isinstance(value, str) and math.isinf(number) and "inf" not in value.lower():
+        raise OverflowError
+    return number
+
+
+def _misfit(value: Value, row: spec.Format, low: Value, high: Value) -> ValueError:
+    return ValueError(f"{value} does not fit {row.name} ({low} to {high})")
 
 
 def _number(row: spec.Format, size: int) -> Codec:
     letter = row.pack
     one = struct.Struct(">" + letter)
+    low = -(1 << 8 * size - 1) if letter.islower() else 0
+    high = low + (1 << 8 * size) - 1
 
     def decode(raw: bytes, count: int) -> list[Value]:
         numbers = one.unpack(raw) if count == 1 else struct.unpack(f">{count}{letter}", raw)
         return [number_value(n) for n in numbers] if size == 8 else list(numbers)
 
     def encode(values: Sequence[Value]) -> bytes:
-        return b"".join(one.pack(_integer(value)) for value in values)
+        numbers = [_integer(value) for value in values]
+        for number in numbers:
+            if not low <= number <= high:
+                raise _misfit(number, row, low, high)
+        return b"".join(one.pack(number) for number in numbers)
 
     def text(count: int) -> Callable[[bytes], str]:
         if count == 1:
@@ -138,17 +169,21 @@ def _number(row: spec.Format, size: int) -> Codec:
 def _float(row: spec.Format, size: int) -> Codec:
     one = struct.Struct(">" + row.pack)
     show = float32_value if size == 4 else number_value
+    largest = _LARGEST[size]
 
     def decode(raw: bytes, count: int) -> list[Value]:
         if count == 1:
             return [show(one.unpack(raw)[0])]
         return [show(number) for number in struct.unpack(f">{count}{row.pack}", raw)]
 
-    def encode(values: Sequence[Value]) -> bytes:
+    def pack(value: Value) -> bytes:
         try:
-            return b"".join(one.pack(float(value)) for value in values)
-        except OverflowError as error:
-            raise ValueError(f"too large for {row.name}") from error
+            return one.pack(_real(value))
+        except OverflowError:
+            raise _misfit(value, row, f"-{largest}", largest) from None
+
+    def encode(values: Sequence[Value]) -> bytes:
+        return b"".join(map(pack, values))
 
     return Codec(size, decode, encode, text=_float32_texts if size == 4 else None)
 
@@ -161,7 +196,11 @@ def _text(row: spec.Format, size: int) -> Codec:
         return [text[i : i + size] for i in range(0, size * count, size)]
 
     def encode(values: Sequence[Value]) -> bytes:
-        parts = [str(value).encode("latin-1") for value in values]
+        try:
+            parts = [str(value).encode("latin-1") for value in values]
+        except UnicodeEncodeError as problem:
+            character = problem.object[problem.start]
+            raise ValueError(f"{row.name} cannot hold {character!r}, it is Latin-1") from None
         if row.whole:
             return b"".join(parts)
         if any(len(part) > size for part in parts):
@@ -171,6 +210,13 @@ def _text(row: spec.Format, size: int) -> Codec:
     return Codec(size, decode, encode, whole=row.whole)
 
 
+def _bytes(value: Value) -> bytes:
+    try:
+        return bytes.fromhex(str(value))
+    except ValueError:
+        raise ValueError(f"{value} is no hexadecimal number of whole bytes, such as 0a1b") from None
+
+
 def _octets(row: spec.Format, size: int) -> Codec:
     def decode(raw: bytes, count: int) -> list[Value]:
         if row.whole:
@@ -178,7 +224,7 @@ def _octets(row: spec.Format, size: int) -> Codec:
         return [raw[i : i + size].hex() for i in range(0, size * count, size)]
 
     def encode(values: Sequence[Value]) -> bytes:
-        parts = [bytes.fromhex(str(value)) for value in values]
+        parts = [_bytes(value) for value in values]
         if not row.whole and any(len(part) != size for part in parts):
             raise ValueError(f"{row.name} is {size} bytes as hexadecimal digits")
         return b"".join(parts)
@@ -200,16 +246,19 @@ def _with_status(row: spec.Format, size: int) -> Codec:
 def _raw_integer(show: Callable[[bytes], Value]) -> Callable[[spec.Format, int], Codec]:
     """Formats whose value is the integer of all their bytes; `show` gives the physical value."""
 
-    def make(_row: spec.Format, size: int) -> Codec:
+    def make(row: spec.Format, size: int) -> Codec:
+        high = (1 << 8 * size) - 1
+
         def decode(raw: bytes, count: int) -> list[Value]:
             parts = (raw[i : i + size] for i in range(0, size * count, size))
             return [number_value(int.from_bytes(part, "big")) for part in parts]
 
         def encode(values: Sequence[Value]) -> bytes:
-            try:
-                return b"".join(_integer(value).to_bytes(size, "big") for value in values)
-            except OverflowError as error:
-                raise ValueError(f"does not fit {size} bytes") from error
+            numbers = [_integer(value) for value in values]
+            for number in numbers:
+                if not 0 <= number <= high:
+                    raise _misfit(number, row, 0, high)
+            return b"".join(number.to_bytes(size, "big") for number in numbers)
 
         def scale(_values: Sequence[Value], raw: bytes) -> list[Value]:
             return [show(raw[i : i + size]) for i in range(0, len(raw) - size + 1, size)]
@@ -251,8 +300,13 @@ def _show_date(raw: bytes) -> Value:
     return f"{century + year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{seconds}"
 
 
-def _zero(_row: spec.Format, size: int) -> Codec:
-    return Codec(size, lambda _raw, _count: [], lambda _values: b"")
+def _zero(row: spec.Format, size: int) -> Codec:
+    def encode(values: Sequence[Value]) -> bytes:
+        if values:
+            raise ValueError(f"{row.name} has no values")
+        return b""
+
+    return Codec(size, lambda _raw, _count: [], encode)
 
 
 _MAKERS: dict[str, Callable[[spec.Format, int], Codec]] = {
