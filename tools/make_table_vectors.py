@@ -26,7 +26,7 @@ ABOUT = (
 Flat = Iterator[tuple[str, Any]]
 KEYS = ("code", "last", "number", "id")
 """Fields that say again what stands in the key."""
-EXPLAINING = ("note", "confirmed", "zh_from")
+EXPLAINING = ("note", "confirmed", "zh_from", "plc", "wireshark")
 """Fields for the reader of a table alone: the Lua tables leave them out."""
 
 

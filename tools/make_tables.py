@@ -5,7 +5,7 @@
 
 Everything is read through `ds47.spec` and its modules, so that both sides see the same
 rows. Nothing is decided here but the layout: one entry a line, as Wireshark parses the file at
-every start. Fields that only explain a row to its reader (`note`, `confirmed`) stay behind.
+every start. Fields that only explain a row to its reader (`note`, `confirmed`, `plc`, `wireshark`) stay behind.
 """
 
 from __future__ import annotations

@@ -14,7 +14,9 @@ local stored = json.decode(file:read("*a")).tables
 file:close()
 
 local SAME_AS_KEY = {code = true, id = true}
-local EXPLAINING = {note = true, confirmed = true, zh_from = true} -- for the reader of a table alone
+local EXPLAINING = { -- for the reader of a table alone
+  note = true, confirmed = true, zh_from = true, plc = true, wireshark = true,
+}
 
 local flat, entries = {}, 0
 

@@ -113,3 +113,11 @@ def test_every_row_has_all_of_its_columns() -> None:
     )  # fmt: skip
     rows = [row for table in tables for row in table.values()]
     assert all(row.columns() for row in (*rows, *spec.vendors(), spec.status(), limits(), known()))
+
+
+def test_every_name_of_a_format_leads_to_it() -> None:
+    for row in spec.formats().values():
+        for name in filter(None, (row.name, row.plc, row.wireshark)):
+            assert spec.format_named(name) is row, name
+            assert spec.format_named(name.upper()) is row, name
+    assert spec.format_named("Float31") is None

@@ -33,6 +33,10 @@ class Format(Row):
     """Unit of the scaled value."""
     confirmed: bool = True
     note: str | None = None
+    plc: str | None = None
+    """The name of the type in a PLC (IEC 61131-3)."""
+    wireshark: str | None = None
+    """The name in Wireshark's own dissector, None where it is `name`."""
 
 
 class Attribute(Row):
@@ -166,6 +170,19 @@ def _content(name: str) -> bytes:
 def formats() -> Mapping[int, Format]:
     """All format codes that have a name."""
     return MappingProxyType({row["code"]: Format(**row) for row in _load("formats.toml")["format"]})
+
+
+@cache
+def _format_names() -> Mapping[str, Format]:
+    """Formats by every name they have, in lower case; our own names come first."""
+    rows = formats().values()
+    named = [(name, row) for row in rows for name in (row.wireshark, row.plc) if name]
+    return {name.lower(): row for name, row in [*named, *((row.name, row) for row in rows)]}
+
+
+def format_named(name: str) -> Format | None:
+    """The format of that name: ours, Wireshark's or a PLC's (REAL), in any case; None where there is none."""
+    return _format_names().get(name.lower())
 
 
 @cache
