@@ -332,6 +332,41 @@ def test_flaws_are_told_in_chinese(capsys):
     assert out.startswith("请求，10 个字节\n")
 
 
+def test_encode_says_what_it_understood(capsys):
+    status, out, err = run(capsys, "encode", "change axis 2 p1120[0..1]=Float32:10,5", "-f", "scl")
+    assert (status, err) == (0, "ds47: p1120[0..1] := 10.0, 5.0\n")
+    assert "#length := 20;" in out
+    _, _, err = run(capsys, "encode", "change p1=Float32:0.1 p2[3]=UINT:1,16#10")
+    assert err == "ds47: p2[3..4] := 1, 16\n"
+
+
+def test_encode_refuses_a_decimal_comma(capsys):
+    for layout in ("hex", "words", "scl"):
+        arguments = ("encode", "-f", layout, "change axis 2 p1120=Float32:10,5")
+        status, out, err = run(capsys, *arguments)
+        assert (status, out) == (2, "")
+        assert "p1120=Float32:10.5 for one, p1120[0..1]=Float32:10,5 for 2" in err.splitlines()[-1]
+
+
+def test_encode_says_that_a_read_of_an_array_asks_for_nothing(capsys):
+    status, out, err = run(capsys, "encode", "read p945 p922 p945[0] p945.description")
+    assert status == 0
+    assert out.startswith("01 01 01 04 10 00 03 b1 00 00 ")
+    assert err == (
+        "ds47: p945 is an array, and 0 elements are asked for;"
+        " p945[0] asks for one, p945[0..7] for eight\n"
+    )
+    assert "p945 是数组" in run(capsys, "encode", "--lang", "zh", "read p945")[2]
+    assert run(capsys, "encode", "change p945=Unsigned16:0")[2] == ""
+
+
+def test_the_help_of_encode_has_an_example_a_line(capsys):
+    _, out, _ = run(capsys, "encode", "--help")
+    assert "\n    read ref 3 axis 2 p50303[0]\n" in out
+    assert "\\b" not in out
+    assert "\b" not in out
+
+
 def test_lab_without_scapy_is_one_clear_line(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "scapy", None)
     status, out, err = run(capsys, "lab", "list")

@@ -6,14 +6,38 @@ The notation is `ds47.profidrive.notation`; here is only how the bytes are writt
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import click
 
 from ds47.cli.common import flaw_text, lang_option, rule_text, stdout, warn
 
+if TYPE_CHECKING:
+    from ds47.profidrive import Request
+    from ds47.report.bilingual import Both
 
-@click.command("encode")
+
+HELP = """Print the bytes of a request.
+
+It is a readable line like these, from stdin without an argument:
+
+\b
+  read ref 3 axis 2 p50303[0]
+  read axis 1 p945[0..7] r2902[2]*4
+  change ref 2 axis 2 p50304=Float32:100.0
+  change axis 2 p2900[0..1]=REAL:10.0,5.0
+
+A read without an index asks for 0 elements, which is right for a parameter that is no array; [0] asks
+for one element, [0..7] and [0]*8 for eight. A change has as many elements as values.
+
+A value has its format in front: Float32, Integer16, Unsigned32, Word, VisibleString and so on, or what
+a PLC calls it: REAL, INT, UDINT, WORD. Whole numbers may be 16#0A, 2#1010 or 0x0A. The decimal sign is
+a point: a comma separates values.
+"""
+
+
+@click.command("encode", help=HELP)
 @click.argument("words", metavar="[LINE]...", nargs=-1)
 @click.option(
     "--format",
@@ -26,24 +50,19 @@ from ds47.cli.common import flaw_text, lang_option, rule_text, stdout, warn
 )
 @lang_option
 def command(words: Sequence[str], format_name: str, lang: str) -> None:
-    r"""Print the bytes of a request.
-
-    It is a readable line like these, from stdin without an argument:
-
-    \b
-      read ref 3 axis 2 p50303[0]
-      change ref 2 axis 2 p50304=Float32:100.0
-      read axis 1 p2900 r2902[2]*4
-    """
+    """Prints the bytes of a request; HELP says how it is written."""
     from ds47.profidrive import encode_request
     from ds47.profidrive.notation import parse_request_line
 
     line = " ".join(words) if words else sys.stdin.read()
     try:
-        data = encode_request(parse_request_line(line.strip()))
+        request = parse_request_line(line.strip())
     except ValueError as problem:
         raise click.UsageError(str(problem)) from problem
+    data = encode_request(request)
     stdout().write(WAYS[format_name](data) + "\n")
+    for remark in _remarks(request):
+        warn(remark.text(lang))
     _warn_of_flaws(data, lang)
 
 
@@ -68,6 +87,32 @@ def scl(data: bytes) -> str:
 
 WAYS: dict[str, Callable[[bytes], str]] = {"hex": hex_bytes, "words": plc_words, "scl": scl}
 """How bytes are written, by the name of the format."""
+
+
+def _remarks(request: Request) -> Iterator[Both]:
+    """What was understood, where someone may have meant something else."""
+    from ds47 import spec
+    from ds47.model import Parameter
+    from ds47.profidrive.model import VALUE
+    from ds47.report import words
+    from ds47.report.bilingual import Both
+
+    for number, at in enumerate(request.addresses):
+        item = Parameter(at.pnu, at.subindex, at.attribute_name, at.element_count)
+        if request.blocks:
+            block = request.blocks[number]
+            item.values, item.format = block.values, block.format_name
+            if len(item.values) > 1:
+                yield Both.same(words.parameter(item, written=True))
+            continue
+        known = spec.parameters().get(at.pnu)
+        if at.element_count == 0 and at.attribute == VALUE and known and known.type.endswith("]"):
+            name = f"p{at.pnu}"
+            yield Both(
+                f"{name} is an array, and 0 elements are asked for;"
+                f" {name}[0] asks for one, {name}[0..7] for eight",
+                f"{name} 是数组，而这里请求的元素个数为 0；{name}[0] 请求一个，{name}[0..7] 请求八个",
+            )
 
 
 def _warn_of_flaws(data: bytes, lang: str) -> None:

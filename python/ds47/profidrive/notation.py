@@ -1,34 +1,46 @@
 """Messages as people write them: hexadecimal text, and one readable line per request.
 
     read ref 3 axis 2 p50303[0]              one element of an array; [0] counts as one
-    read p2900 r2902[2]*4                    without an index: 0 elements; *4: four elements
+    read p2900 r2902[2]*4 p945[0..3]         without an index: 0 elements; *4 and [0..3]: four elements
     read p1082.description[6]                attributes: .description .text .0x80
     change ref 2 axis 2 p50304=Float32:100.0
     change p922=Unsigned16:1,2 p1=VisibleString:"a b"
+    change p50304[0..1] := REAL:10, 5        as many values as the range has elements
     0x51 ref 1 p10                           any other request id
 
-`ref` and `axis` are 1 if not given. Bytes and messages are made in `build` and `parameter`.
+`ref` and `axis` are 1 if not given; the way in which reports write a parameter is understood too:
+`DO 2`, `p922[0] (its name) := `, spaces behind commas. Formats and values are read in `literals`;
+bytes and messages are made in `build` and `parameter`.
 """
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 
 from ds47 import spec
+from ds47.profidrive import literals
 from ds47.profidrive.build import build_request, make_block
-from ds47.profidrive.model import VALUE, Address, Block, Request, Value
+from ds47.profidrive.literals import QUOTED
+from ds47.profidrive.model import VALUE, Address, Block, Request
 
 _PREFIX = re.compile(r"^(?:(DW|D|W|B)?#?16#|0x|\\x|\$)", re.IGNORECASE)
 _WIDTH = {"B": 2, "W": 4, "D": 8, "DW": 8}
-_TOKEN = re.compile(r'(?:"(?:[^"\\]|\\.)*"|[^\s"])+')
+_TOKEN = re.compile(rf'(?:{QUOTED}|[^\s"])+')
+_ADDRESS = r"[pr]?\d+(?:\.\w+)?(?:\[\d+(?:\.\.\d+)?\])?(?:\*\d+)?(?:\.\w+)?"
+_REPORTED = re.compile(
+    rf"(?<!\S)({_ADDRESS})(?:\s+\([^()]*\))?(?:\s*:?=\s*|(?=\s|$))", re.IGNORECASE
+)
+_NEXT = re.compile(r",\s+(?=[pr]\d)", re.IGNORECASE)
+_COMMA = re.compile(r",\s+")
 _PARAMETER = re.compile(
-    r"[pr]?(\d+)(?:\.(\w+))?(?:\[(\d+)\])?(?:\*(\d+))?(?:\.(\w+))?(?:=(\w[\w+]*):(.*))?",
+    r"[pr]?(?P<pnu>\d+)(?:\.(?P<early>\w+))?(?:\[(?P<first>\d+)(?:\.\.(?P<last>\d+))?\])?"
+    r"(?:\*(?P<count>\d+))?(?:\.(?P<late>\w+))?(?P<change>=(?P<value>.*))?",
     re.IGNORECASE | re.DOTALL,
 )
-_VALUES = re.compile(r'"(?:[^"\\]|\\.)*"|[^,"]+')
+_FORMAT = re.compile(r"(\w[\w+]*):(.*)", re.DOTALL)
 _OPERATIONS = {"read": 0x01, "change": 0x02, "write": 0x02}
+_FIELDS = {"ref": "ref", "axis": "axis", "do": "axis"}
 
 
 def parse_hex(text: str) -> bytes:
@@ -68,14 +80,14 @@ def parse_request_line(text: str) -> Request:
         ValueError: the line cannot be understood, or a value does not fit; the message says which
             part.
     """
-    tokens = iter(_TOKEN.findall(text))
+    tokens = iter(_tokens(text))
     request_id = _request_id(next(tokens, ""))
     fields = {"ref": 1, "axis": 1}
     addresses: list[Address] = []
     blocks: list[Block] = []
     for token in tokens:
-        if token.lower() in fields:
-            fields[token.lower()] = _number(next(tokens, ""), token)
+        if token.lower() in _FIELDS:
+            fields[_FIELDS[token.lower()]] = _number(next(tokens, ""), token)
             continue
         address, block = _parameter(token)
         addresses.append(address)
@@ -134,18 +146,100 @@ def _number(word: str, name: str) -> int:
         raise ValueError(f"{name} needs a number, not {word!r}") from None
 
 
+def _tokens(text: str) -> list[str]:
+    """The words of a line; of a parameter as reports print it one word is made."""
+    parts = re.split(f"({QUOTED})", text)
+    for at in range(0, len(parts), 2):  # between the quoted ones
+        separated = _COMMA.sub(",", _NEXT.sub(" ", parts[at]))
+        parts[at] = _REPORTED.sub(_plainly, separated)
+    line = "".join(parts)
+    if '"' in _TOKEN.sub("", line):
+        raise ValueError("a quotation mark is open")
+    return _TOKEN.findall(line)
+
+
+def _plainly(found: re.Match[str]) -> str:
+    return found[1] + ("=" if found[0].rstrip().endswith("=") else "")
+
+
 def _parameter(token: str) -> tuple[Address, Block | None]:
     match = _PARAMETER.fullmatch(token)
     if not match:
-        raise ValueError(f"{token!r} is no parameter such as p922, r2902[2]*4 or p922=Unsigned16:1")
-    pnu, early, index, elements, late, format_name, values = match.groups()
-    if early and late:
+        raise ValueError(
+            f"{token!r} is no parameter such as p922, p945[0..3], r2902[2]*4 or p922=Unsigned16:1;"
+            " values have no unit"
+        )
+    part = match.groupdict()
+    if part["early"] and part["late"]:
         raise ValueError(f"{token!r} has two attributes")
-    attribute = _attribute(early or late) if early or late else VALUE
-    block = None if format_name is None else make_block(_format(format_name), list(_values(values)))
-    count = block.value_count if block else int(index is not None or attribute != VALUE)
-    count = int(elements) if elements else count
-    return Address(attribute, count, int(pnu), int(index or 0)), block
+    attribute = _attribute(part["early"] or part["late"] or "value")
+    block = _block(match) if part["change"] else None
+    stated = _stated(match)
+    if block is not None and part["last"] and stated != block.value_count:
+        raise ValueError(f"{_name(match)} has {stated} elements, but {block.value_count} values")
+    indexed = part["first"] is not None or attribute != VALUE
+    count = block.value_count if block else int(indexed)
+    count = count if stated is None else stated
+    return Address(attribute, count, int(part["pnu"]), int(part["first"] or 0)), block
+
+
+def _name(match: re.Match[str]) -> str:
+    """The parameter without its value."""
+    return match.string[: match.start("change")] if match["change"] else match.string
+
+
+def _stated(match: re.Match[str]) -> int | None:
+    """The number of elements as the line says it with `[a..b]` or `*n`."""
+    if not match["last"]:
+        return int(match["count"]) if match["count"] else None
+    if match["count"]:
+        raise ValueError(f"{_name(match)} says its number of elements twice")
+    count = int(match["last"]) - int(match["first"]) + 1
+    if count < 1:
+        raise ValueError(f"{_name(match)}: the last index is before the first")
+    return count
+
+
+def _block(match: re.Match[str]) -> Block:
+    name, text = _name(match), match["value"]
+    given = _FORMAT.fullmatch(text)
+    if given is None:
+        raise ValueError(_without_format(match))
+    try:
+        code = literals.format_code(given[1])
+        _refuse_comma(match, code, given[2])
+        return make_block(code, literals.values(code, given[2]))
+    except ValueError as problem:
+        raise ValueError(f"{name}: {problem}") from None
+
+
+def _without_format(match: re.Match[str]) -> str:
+    """What is missing in `p1120=10` or `p1120=Float32`, with an example."""
+    name, text = _name(match), match["value"]
+    if not text:
+        return f"{name} has no value, for example {name}=Float32:10.0"
+    if spec.format_named(text):
+        return f"{name}: the value behind the format is missing, for example {name}=Unsigned16:1"
+    known = spec.parameters().get(int(match["pnu"]))
+    row = spec.format_named(known.type.partition("[")[0]) if known else None
+    example = "VisibleString" if text.startswith('"') else row.name if row else "Float32"
+    return f"{name}: the format of the value is missing, for example {name}={example}:{text}"
+
+
+def _refuse_comma(match: re.Match[str], code: int, text: str) -> None:
+    """Raises ValueError where a decimal comma would write several values, and nobody said how many."""
+    meant, count = literals.as_one_number(code, text), text.count(",") + 1
+    if not meant or _stated(match) == count:
+        return
+    bare = re.sub(r"\[[\d.]+\]|\*\d+", "", _name(match))
+    first = int(match["first"] or 0)
+    index = "" if match["first"] is None else f"[{first}]"
+    form = match["value"].partition(":")[0]
+    one = " or ".join(f"{bare}{index}={form}:{number}" for number in meant)
+    several = f"{bare}[{first}..{first + count - 1}]={form}:{text}"
+    raise ValueError(
+        f"{text} may be one value or {count}: write {one} for one, {several} for {count}"
+    )
 
 
 def _attribute(name: str) -> int:
@@ -153,22 +247,9 @@ def _attribute(name: str) -> int:
         if known.name == name.lower():
             return known.code
     if not re.fullmatch(r"0x[0-9a-fA-F]{1,2}", name):
-        raise ValueError(f"unknown attribute {name!r}")
+        names = ", ".join(known.name for known in spec.attributes().values())
+        raise ValueError(f"unknown attribute {name!r}; known ones: {names}, 0x80")
     return int(name, 16)
-
-
-def _format(name: str) -> int:
-    for known in spec.formats().values():
-        if known.name.lower() == name.lower():
-            return known.code
-    if not re.fullmatch(r"0x[0-9a-fA-F]{1,2}|\d{1,3}", name):
-        raise ValueError(f"unknown format {name!r}")
-    return int(name, 0)
-
-
-def _values(text: str) -> Iterator[Value]:
-    for word in _VALUES.findall(text):
-        yield json.loads(word) if word.startswith('"') else word
 
 
 def _show_parameter(address: Address, block: Block | None) -> str:
