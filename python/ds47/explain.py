@@ -19,7 +19,7 @@ from ds47.spec.explanations import Entry
 
 # ------------------------------------------------------------------------------------- the forms
 
-BYTE, WORD, STATUS, RULE = "byte", "word", "status", "rule"
+BYTE, WORD, STATUS, RULE, FORMAT = "byte", "word", "status", "rule", "format"
 
 _PREFIX = re.compile(r"(?:[BWD]{1,2}#)?16#|0X|&H|\$")
 _DECIMAL_PREFIX = re.compile(r"10#")
@@ -35,7 +35,7 @@ class UnknownFormError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One number that a text may stand for: a byte, a word, a status, or a rule's number.
+    """One number that a text may stand for: a byte, a word, a status, the number of a rule or of a named format.
 
     `decimal`: it was read as a decimal number.
     """
@@ -68,6 +68,10 @@ def read(text: str) -> Code:
     if code == "DS47":
         return Code(code, kind or "index", (Reading(BYTE, 47),))
     readings = tuple(dict.fromkeys(_numbers(code)))
+    named = spec.format_named(digits)
+    alone = kind is None and not readings and digits.lower() not in explanations.kinds()
+    if named is not None and (kind == FORMAT or alone):  # C4 alone is a byte
+        return Code(code, FORMAT, (Reading(FORMAT, named.code), *readings))
     if not readings:
         raise UnknownFormError(text)
     return Code(code, kind, readings)
@@ -250,6 +254,8 @@ def _meanings(
     value = reading.value
     if reading.size == RULE:
         yield _rule(value, lang)
+    elif reading.size == FORMAT:
+        yield _number(FORMAT, value, lang)
     elif reading.size == STATUS:
         if kind in (None, "status"):
             yield _status(value, lang)
@@ -477,6 +483,7 @@ def _number(kind: str, value: int, lang: str) -> Meaning:
     alone = code if kind == "error_code" else f"{explanations.kind_word(kind)} {code}"
     return _meaning(
         kind, code, alone, title, known, entry, lang, rank=_rank_of(kind, value),
+        parts=_other_names(value, words) if known and kind == FORMAT else (),
         filter_name=entry.filter or (kind if kind != "error_code" else "service"),
         values={"value": code.lower(), "code": code.lower(), "name": name or code},
     )  # fmt: skip
@@ -505,6 +512,13 @@ def _size(code: int, words: Mapping[str, str]) -> str:
     if size is None:
         return words["size_unknown"]
     return words["size_1" if size == 1 else "size_many"].format(size=size)
+
+
+def _other_names(code: int, words: Mapping[str, str]) -> tuple[Part, ...]:
+    """What a PLC and Wireshark call a format, where they call it something else."""
+    row = spec.formats()[code]
+    names = (("plc_name", row.plc), ("wireshark_name", row.wireshark))
+    return tuple(Part(name, "", words[key]) for key, name in names if name)
 
 
 def _errors(value: int, lang: str, vendor: Maker | None) -> Iterator[Meaning]:

@@ -135,6 +135,41 @@ def test_a_word_in_front_says_the_kind(text: str, kind: str, value: int) -> None
 
 
 @pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("Float32", 0x08),
+        ("float32", 0x08),
+        ("REAL", 0x08),
+        ("DINT", 0x04),
+        ("format Word", 0x42),
+        ("data type LREAL", 0x0F),
+        ("Dword", 0x43),
+        ("Float32+Unsigned8", 0x65),
+        ("N2 Normalized value (16 bit)", 0x71),
+    ],
+)
+def test_a_format_by_its_name(text: str, code: int) -> None:
+    (named,) = explain(text)
+    assert named in explain(f"format 0x{code:02X}")
+    assert named.title.startswith(f"0x{code:02X} = {code}: format: {spec.formats()[code].name}")
+
+
+@pytest.mark.parametrize("name", ["C4", "D2", "E2", "BCD"])
+def test_a_format_whose_name_is_a_number_needs_the_word_in_front(name: str) -> None:
+    named = spec.format_named(name)
+    assert named is not None
+    title = f"0x{named.code:02X} = {named.code}: format: {name}, "
+    assert explain(f"format {name}")[0].title.startswith(title)
+    assert not [each for each in explain(name) if each.title.startswith(title)]
+
+
+def test_the_other_names_of_a_format(capsys: pytest.CaptureFixture[str]) -> None:
+    _, out, _ = run(capsys, "format", "0x43")
+    assert "  Also called DWORD in a PLC · Dword in Wireshark's own dissector\n" in out
+    assert "Also called" not in run(capsys, "format", "0x0A")[1]
+
+
+@pytest.mark.parametrize(
     "text", ["", " ", "xyz", "16#", "0x", "DE80B50011", "4294967296", "-2147483649", "1.5", "error",
              "error 0x2B1", "format DE80B500", "DS4100", "16#6G", "٣"],
 )  # fmt: skip

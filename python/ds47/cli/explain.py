@@ -29,9 +29,10 @@ _WITH_CAUSE = 2
 @lang_option
 @click.option("-f", "--format", "format_name", type=click.Choice(["text", "json"]), default="text")
 def command(code: Sequence[str], vendor: str | None, lang: str, format_name: str) -> None:
-    """Explain a status or code: DE80B500, 16#80B5, 00700200, 0x6B, 107, 16#44, 82, DS410.
+    """Explain a status or code: DE80B500, 16#80B5, 00700200, 0x6B, 107, 16#44, 82, DS410, REAL.
 
     Where a number means several things a word in front picks one: error 82, response 82, format 8.
+    A format may be given by its name, or by that of the type in a PLC: Float32, REAL.
     """
     text = " ".join(code)
     for word in code:
@@ -100,7 +101,8 @@ def _full(meaning: Meaning, words: Mapping[str, str]) -> Iterator[str]:
     yield from _wrapped(meaning.title, 2)
     if meaning.parts:
         parts = (" ".join(filter(None, (p.value, p.name, p.text))) for p in meaning.parts)
-        yield from _labelled(words["parts"], words["part_separator"].join(parts))
+        label = words["names" if meaning.kind == "format" else "parts"]
+        yield from _labelled(label, words["part_separator"].join(parts))
     for label, block in zip([words["plc"], "", ""], meaning.plc, strict=False):
         yield from _labelled(label, _block(block, words), 2)
     numbered = len(meaning.causes) > 1
