@@ -1,4 +1,4 @@
-"""The README and two pages of docs show what happens: each ``ds47`` command runs and shows the real output.
+"""The README and some pages of docs/ show what happens: each ``ds47`` command runs and shows the real output.
 
 In a ``console`` block a line that starts with ``$ `` is a command, run by a shell's rules but
 without a shell: pipes, ``<`` and ``>`` as a person types them. ``  # exit 1`` at its end says which
@@ -18,7 +18,8 @@ import pytest
 from ringbuffer import recording
 
 README = Path(__file__).resolve().parents[2] / "README.md"
-PAGES = [README, *(README.parent / "docs" / name for name in ("folders.md", "regression.md"))]
+SHOWN = ("encode.md", "folders.md", "regression.md")
+PAGES = [README, *(README.parent / "docs" / name for name in SHOWN)]
 PLACEHOLDER = "(the report stands here)"
 
 
