@@ -147,7 +147,7 @@ def test_a_change_without_errors_has_a_header_alone() -> None:
 
 
 def test_values_that_do_not_fit_are_wrong_use() -> None:
-    with pytest.raises(ValueError, match="0x05"):
+    with pytest.raises(ValueError, match="256 does not fit Unsigned8"):
         bytes(DS47Response(blocks=[DS47Block(format=5, values=[256])]))
     with pytest.raises(ValueError, match="error_words"):
         bytes(DS47Response(blocks=[DS47Block(format=0x44)]))
