@@ -9,6 +9,7 @@ import shutil
 import struct
 import subprocess
 import sys
+from pathlib import Path
 
 import jsonschema
 import pytest
@@ -23,6 +24,11 @@ READ = "03 01 02 01 10 01 c4 7f 00 00"
 ANSWER = "03 01 02 01 08 01 41 20 00 00"
 EMPTY_PCAP = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 1)
 CUT_PCAP = EMPTY_PCAP + struct.pack("<IIII", 1, 0, 60, 60) + bytes(10)
+
+
+def frame(data):
+    """The rest of a zstd frame behind its magic: one segment, one raw block (RFC 8878, 3.1.1)."""
+    return bytes([0x20, len(data)]) + (len(data) << 3 | 1).to_bytes(3, "little") + data
 
 
 def run(capsys, *arguments):
@@ -154,6 +160,49 @@ def test_output_that_cannot_be_written_is_2(capsys, folder):
     status, _, err = run(capsys, "report", folder, "-o", folder / "no" / "out.txt")
     assert status == 2
     assert "cannot write" in err
+
+
+@pytest.mark.parametrize(
+    "pack", [bytes, gzip.compress, lambda data: bytes.fromhex("28b52ffd") + frame(data)]
+)
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["report", "b.pcap", "-f", "html", "-o", "evidence"],
+        ["report", "evidence", "-o", "evidence"],
+        ["check", "b.pcap", "--junit", "evidence"],
+        ["check", "b.pcap", "--sarif", "evidence"],
+        ["diff", "b.pcap", "b.pcap", "-o", "evidence"],
+        ["export", "b.pcap", "-o", "evidence"],
+    ],
+)
+def test_no_report_takes_the_place_of_a_capture(capsys, monkeypatch, folder, pack, arguments):
+    monkeypatch.chdir(folder)
+    Path("evidence").write_bytes(pack(EMPTY_PCAP))
+    before = Path("evidence").read_bytes()
+    status, out, err = run(capsys, *arguments)
+    assert (status, out) == (2, "")
+    assert err.startswith("Error: evidence is a capture, which is not written over: choose another")
+    assert len(err.splitlines()) == 1
+    assert Path("evidence").read_bytes() == before
+
+
+def test_any_other_file_is_written_over(capsys, monkeypatch, folder):
+    monkeypatch.chdir(folder)
+    for name in ("old.pcap", "empty.pcap"):
+        Path(name).write_bytes(b"text" if name == "old.pcap" else b"")
+        assert run(capsys, "report", "b.pcap", "-o", name) == (0, "", "")
+        assert Path(name).read_text().startswith("b.pcap: 0 frames")
+
+
+def test_a_file_that_cannot_be_unpacked_is_not_written_over(capsys, monkeypatch, folder):
+    monkeypatch.chdir(folder)
+    monkeypatch.setitem(sys.modules, "compression.zstd", None)
+    monkeypatch.setitem(sys.modules, "backports.zstd", None)
+    Path("a.pcap.zst").write_bytes(bytes.fromhex("28b52ffd") + frame(EMPTY_PCAP))
+    status, _, err = run(capsys, "report", "b.pcap", "-o", "a.pcap.zst")
+    assert status == 2
+    assert err.startswith("Error: cannot write over a.pcap.zst: this capture is zstd-compressed")
 
 
 def test_a_reader_that_leaves_is_silent():

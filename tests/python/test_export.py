@@ -320,6 +320,26 @@ def test_wrong_use(
     assert [path.name for path in folder.iterdir()] == ["captures"]
 
 
+def test_a_capture_that_is_there_stays(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    other = folder / "other.pcapng"
+    shutil.copy(CAPTURES / "record-polls.pcapng", other)
+    arguments = ["export", "captures/tour-machine.pcapng", "-t", "5", "-o", "other.pcapng"]
+    assert main(arguments) == 2
+    assert "other.pcapng is a capture" in (said := capsys.readouterr().err)
+    assert "--force" in said
+    assert other.read_bytes() == (CAPTURES / "record-polls.pcapng").read_bytes()
+    assert main([*arguments, "--force"]) == 0
+    assert len(list(raw_frames(other))) == 2
+    assert main(["export", "other.pcapng", "-o", "other.pcapng", "--force"]) == 2
+
+
+def test_an_earlier_export_is_replaced(folder: Path) -> None:
+    for more in ([], ["-o", "."], ["-o", "tour-machine.ds47.pcapng"]):
+        for chosen, frames in (("5", 2), ("7-8", 6)):
+            assert main(["export", "captures/tour-machine.pcapng", "-t", chosen, *more]) == 0
+            assert len(list(raw_frames("tour-machine.ds47.pcapng"))) == frames
+
+
 def test_several_captures_into_a_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "out").mkdir()
     names = ["captures/tour-machine.pcapng", "captures/record-polls.pcapng"]

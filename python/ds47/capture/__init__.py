@@ -7,7 +7,7 @@ of `ds47.profinet`.
 
 from .errors import CaptureError
 from .frame import Frame
-from .reader import Capture, open_capture
+from .reader import Capture, holds_capture, open_capture
 from .remote import open_bytes, sha256
 from .series import Series
 from .writer import PcapngWriter
@@ -18,6 +18,7 @@ __all__ = [
     "Frame",
     "PcapngWriter",
     "Series",
+    "holds_capture",
     "open_bytes",
     "open_capture",
     "sha256",

@@ -93,6 +93,21 @@ def _not_a_capture(head: bytes, broken: str | None) -> str:
     return f"not a capture: it begins with {head.hex(' ')}, expected is pcap or pcapng (.gz, .zst)"
 
 
+def holds_capture(path: str | Path) -> bool:
+    """Whether a file begins as a capture does, compressed or not; what follows may be damaged.
+
+    Raises CaptureError where the file cannot be opened, or nothing here unpacks it.
+    """
+    stream = Stream(path)
+    try:
+        window = Window(stream)
+        window.more(0, 4)
+        head = bytes(window.view[: min(4, window.end)])
+        return pcap.recognised(head) or pcapng.recognised(head)
+    finally:
+        stream.close()
+
+
 def open_capture(source: str | Path | BinaryIO, *, name: str | None = None) -> Capture:
     """Open a capture: a path, "-" for stdin, or a binary file object (which stays open).
 

@@ -15,6 +15,7 @@ from ds47.cli.common import output, stdout, warn
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import about
 from ds47.cli.series import series_option, tasks, tell_lacking
+from ds47.cli.targets import spare_captures
 from ds47.model import SEVERITIES
 
 if TYPE_CHECKING:
@@ -69,6 +70,7 @@ def command(
     Exit status: 0 all as stored, 1 something changed or no result is stored, 3 a capture cannot be
     read as a whole. Tolerances, masks and known findings stand in ds47.toml.
     """
+    spare_captures(junit, sarif)
     outcomes, seconds, missing = _run(paths, series, fail_on, options)
     if format_name == "json":
         _print_json(outcomes, summary)

@@ -85,11 +85,14 @@ def counted(number: int, noun: str) -> str:
 def output(name: str) -> Iterator[TextIO]:
     """The stream for `-o`: `-` is stdout, a file appears whole or not at all.
 
-    Raises click.ClickException where the file cannot be written.
+    Raises click.ClickException where the file cannot be written, or is a capture.
     """
+    from ds47.cli.targets import spare_captures
+
     if name == "-":
         yield stdout()
         return
+    spare_captures(name)
     target = Path(name).resolve()
     special = target.exists() and not target.is_file()  # /dev/null, a pipe: nothing to replace
     draft = target if special else target.with_name(f".{target.name}.{os.getpid()}.tmp")

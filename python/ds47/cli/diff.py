@@ -11,6 +11,7 @@ from ds47.cli.common import output, warn
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import about
 from ds47.cli.series import series_option, tasks, tell_lacking
+from ds47.cli.targets import spare_captures
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
@@ -50,6 +51,7 @@ def command(
     from ds47.report.difference import write
 
     analysis = options_from(**options)
+    spare_captures(output_name)
     one, one_whole = _side(a, series, analysis)
     other, other_whole = _side(b, series, analysis)
     found = difference(one, other, (a, b))

@@ -23,6 +23,7 @@ from ds47.cli.common import stdout, warn
 from ds47.cli.options import analysis_options, known_rules, options_from
 from ds47.cli.paths import STDIN, about
 from ds47.cli.series import series_option, tasks, tell_lacking
+from ds47.cli.targets import spare_captures
 from ds47.model import STATES
 
 if TYPE_CHECKING:
@@ -88,6 +89,7 @@ _FILES_SHOWN = 20
     metavar="FILE",
     help="File, folder, or - for stdout; else NAME.ds47.pcapng in this folder.",
 )
+@click.option("--force", is_flag=True, help="Let -o write over a capture that is there already.")
 @click.option(
     "--anonymise", is_flag=True, help="Replace addresses and names; a key file maps them back."
 )
@@ -112,6 +114,7 @@ def command(
     end: str | None,
     all_frames: bool,
     output_name: str | None,
+    force: bool,
     anonymise: bool,
     everything: bool | None,
     key_name: str | None,
@@ -146,6 +149,8 @@ def command(
     run = _Run(options_from(**options), selection, span, bool(everything))
     found = tasks(paths, series, run.missing)
     targets = _targets(found, output_name)
+    if not force:
+        _spare_captures(targets)
     run.key_path = _key_path(key_name, targets) if anonymise else None
     run.open_key()
     for task, target in zip(found, targets, strict=True):
@@ -368,6 +373,12 @@ def _targets(found: Sequence[Task], name: str | None) -> list[str]:
     if len(set(places)) < len(places):
         raise click.UsageError("captures of the same name: export them one by one, with -o")
     return targets
+
+
+def _spare_captures(targets: Sequence[str]) -> None:
+    """Raises click.ClickException for a capture; what ENDING says is an earlier export is none."""
+    others = (name for name in targets if not name.lower().endswith(ENDING))
+    spare_captures(*others, hint="choose another -o, or say --force")
 
 
 def _stem(path: str) -> str:
