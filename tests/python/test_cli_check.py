@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import re
 import shutil
@@ -56,6 +57,41 @@ def test_stored_results_check(stored, capsys):
     status, out, _ = run(capsys, "check", stored)
     assert status == 0
     assert out == "2 captures: 2 as stored, 0 not\n"
+
+
+def test_a_stored_result_without_its_capture_fails(stored, capsys, tmp_path):
+    (stored / NAMES[0]).unlink()
+    junit, sarif = tmp_path / "j.xml", tmp_path / "s.sarif"
+    arguments = ["check", stored, tmp_path, "--junit", junit, "--sarif", sarif]
+    status, out, err = run(capsys, *arguments)
+    gone = stored / "seed-g120-read.ds47.json"
+    said = "its capture is gone: restore it, or delete this stored result"
+    assert (status, err) == (1, "")
+    assert out == f"FAILED   {gone}: {said}\n2 captures: 1 as stored, 1 not\n"
+    suite = ET.parse(junit).getroot()[0]
+    assert (suite.get("tests"), suite.get("errors")) == ("2", "1")
+    error = suite.find("testcase/error")
+    assert error is not None
+    assert error.get("message") == said
+    (result,) = json.loads(sarif.read_text(encoding="utf-8"))["runs"][0]["results"]
+    assert said in result["message"]["text"]
+    gone.unlink()
+    assert run(capsys, "check", stored)[0] == 0
+
+
+def test_results_find_their_captures_whatever_their_endings(folder, capsys):
+    plain = folder / NAMES[0]
+    shutil.copy(plain, folder / "Case A.PCAPNG")
+    shutil.copy(plain, folder / "twice.pcap")
+    shutil.copy(plain, folder / "twice.pcapng")
+    (folder / "packed.pcapng.gz").write_bytes(gzip.compress(plain.read_bytes()))
+    assert run(capsys, "baseline", folder)[0] == 0
+    assert run(capsys, "check", folder)[0] == 0
+    (folder / "twice.pcap").unlink()
+    status, out, _ = run(capsys, "check", folder)
+    assert status == 1
+    assert f"{folder / 'twice.pcap.ds47.json'}: its capture is gone" in out
+    assert out.count("is gone") == 1
 
 
 def test_baseline_writes_over_nothing(stored, capsys):

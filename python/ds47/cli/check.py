@@ -5,15 +5,17 @@ Here: options, output and exit status. Comparing is `ds47.regression`.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from ds47.cli.common import output, stdout, warn
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import about
+from ds47.cli.paths import STDIN, about
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
 from ds47.model import SEVERITIES
@@ -67,8 +69,9 @@ def command(
 ) -> int:
     """Compare captures with their stored results (NAME.ds47.json).
 
-    Exit status: 0 all as stored, 1 something changed or no result is stored, 3 a capture cannot be
-    read as a whole. Tolerances, masks and known findings stand in ds47.toml.
+    Exit status: 0 all as stored; 1 something changed, no result is stored, or the capture of a
+    stored one is gone from a folder; 3 a capture cannot be read as a whole. Tolerances, masks and
+    known findings stand in ds47.toml.
     """
     spare_captures(junit, sarif)
     outcomes, seconds, missing = _run(paths, series, fail_on, options)
@@ -108,7 +111,21 @@ def _run(
         outcomes.append(outcome)
         seconds.append(time.perf_counter() - begin)
         tell_lacking(outcome.path, outcome.missing_files, outcome.problem)
-    return outcomes, seconds, missing
+    gone = _gone(paths, fail_on)
+    return outcomes + gone, seconds + [0.0] * len(gone), missing
+
+
+def _gone(paths: Sequence[str], fail_on: str | None) -> list[Outcome]:
+    """The stored results of the folders whose capture is not there any more, each once."""
+    from ds47.regression.config import ConfigError
+    from ds47.regression.run import lonely
+
+    folders = (path for path in paths if path != STDIN and Path(path).is_dir())
+    try:
+        found = [outcome for folder in folders for outcome in lonely(folder, fail_on)]
+    except ConfigError as problem:
+        raise click.ClickException(str(problem)) from problem
+    return list({os.path.normpath(outcome.path): outcome for outcome in found}.values())
 
 
 def _print_text(

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from ds47 import __version__
-from ds47.capture.names import PACKED, SUFFIXES
+from ds47.capture.names import PACKED, SUFFIXES, is_capture
+from ds47.capture.rings import common_name, is_part
 from ds47.model import CaptureResult
 
 SCHEMA = "ds47.baseline/1"
@@ -38,6 +40,22 @@ def path_of(capture: Path, own_name: str | None = None) -> Path:
     if own_name is None and _has_namesake(capture, stem):
         stem = capture.name
     return capture.with_name(stem + SUFFIX)
+
+
+def names_for(capture: str) -> tuple[str, ...]:
+    """The names that the stored result of a capture, or of its series, may have, by its file's name."""
+    return _stem(capture) + SUFFIX, capture + SUFFIX, common_name(capture) + SUFFIX
+
+
+def orphans(folder: Path) -> Iterator[Path]:
+    """The stored results in a folder, with all below it, whose capture is not beside them."""
+    for parent, below, names in os.walk(folder):
+        below.sort()
+        kept = {
+            each for name in names if is_capture(name) or is_part(name) for each in names_for(name)
+        }
+        stored = (name for name in names if name.endswith(SUFFIX) and name not in kept)
+        yield from (Path(parent, name) for name in sorted(stored))
 
 
 def _stem(name: str) -> str:

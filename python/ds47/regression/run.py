@@ -5,6 +5,7 @@ What `ds47 check`, `ds47 accept` and the pytest plugin have in common.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -22,7 +23,8 @@ class Outcome:
     """What came of one capture.
 
     Attributes:
-        path: the capture as it was named, of a series its first file.
+        path: the capture as it was named, of a series its first file; the stored result where its
+            capture is gone.
         place: where its stored result stands.
         now: its present capture object, None where nothing of it can be read.
         stored: the stored one, None where there is none.
@@ -107,6 +109,29 @@ def readable(task: Task, options: AnalysisOptions) -> CaptureResult:
     if result.files and not any(file.readable for file in result.files):
         raise CaptureError(result.problem or "nothing can be read")
     return result
+
+
+def lonely(folder: str, fail_on: str | None = None) -> Iterator[Outcome]:
+    """A failed outcome for each stored result in a folder whose capture is gone.
+
+    A test that lost its recording would pass for ever.
+
+    Args:
+        folder: searched with all below it.
+        fail_on: as in `check`.
+
+    Raises:
+        ds47.regression.config.ConfigError: as in `check`.
+    """
+    for stored in baseline.orphans(Path(folder)):
+        settings = config.find(stored)
+        yield Outcome(
+            str(stored),
+            stored,
+            error="its capture is gone: restore it, or delete this stored result",
+            label=settings.label(stored),
+            fail_on=fail_on or settings.fail_on,
+        )
 
 
 def check(
