@@ -48,13 +48,13 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     """A capture is collected with --ds47, and only where a result of it is stored."""
     if not parent.config.getoption("--ds47"):
         return None
-    from ds47.capture.names import is_capture
+    from ds47.capture.names import is_capture, is_export
     from ds47.regression.run import place_of
 
     task = None
     if parent.config.getoption("--ds47-series"):
         task = _in_its_folder(file_path)
-    elif is_capture(file_path.name):
+    elif is_capture(file_path.name) or is_export(file_path.name):
         task = _alone(file_path)
     if task is None or not place_of(task).exists():
         return None

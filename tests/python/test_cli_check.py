@@ -94,6 +94,16 @@ def test_results_find_their_captures_whatever_their_endings(folder, capsys):
     assert out.count("is gone") == 1
 
 
+def test_the_stored_result_of_an_export_is_not_forgotten(folder, capsys):
+    export = folder / "part.ds47.pcapng"
+    (folder / NAMES[0]).rename(export)
+    assert run(capsys, "baseline", folder, export)[0] == 0
+    status, out, _ = run(capsys, "check", folder)
+    assert status == 1
+    assert "part.ds47.ds47.json: its capture is an export, which folders leave out" in out
+    assert run(capsys, "check", export)[0] == 0
+
+
 def test_baseline_writes_over_nothing(stored, capsys):
     edit(stored, "seed-g120-read.ds47.json", "[0.0]", "[12.0]")
     before = (stored / "seed-g120-read.ds47.json").read_bytes()

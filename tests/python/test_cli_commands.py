@@ -132,6 +132,16 @@ def test_a_folder_without_captures_is_3(capsys, tmp_path):
     assert "no capture in this folder" in err
 
 
+def test_an_export_is_no_capture_of_its_folder(capsys, folder):
+    (folder / "b.ds47.pcapng").write_bytes(EMPTY_PCAP)
+    (folder / "sub" / "C.DS47.PCAPNG.GZ").write_bytes(gzip.compress(EMPTY_PCAP))
+    _, out, _ = run(capsys, "report", folder, "-f", "json")
+    assert len(json.loads(out)["captures"]) == 3
+    status, out, _ = run(capsys, "report", folder / "b.ds47.pcapng")
+    assert status == 0
+    assert "b.ds47.pcapng: 0 frames" in out
+
+
 def test_report_of_stdin():
     shown = subprocess.run(
         [sys.executable, "-m", "ds47", "report", "-"], input=EMPTY_PCAP, capture_output=True

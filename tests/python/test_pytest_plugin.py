@@ -35,6 +35,12 @@ def test_captures_with_a_stored_result_are_tests(pytester, folder):
     result.assert_outcomes()
 
 
+def test_an_export_with_a_stored_result_is_one(pytester, folder):
+    for name in ("record-polls.pcapng", "record-polls.ds47.json"):
+        (folder / name).rename(folder / name.replace(".", ".ds47.", 1))
+    pytester.runpytest_subprocess("--ds47", "captures").assert_outcomes(passed=2)
+
+
 def test_a_failure_says_what_changed(pytester, folder):
     stored = folder / "seed-g120-read.ds47.json"
     stored.write_text(stored.read_text("utf-8").replace("[0.0]", "[12.0]"), "utf-8")

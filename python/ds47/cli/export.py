@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ds47.capture.names import ENDINGS
+from ds47.capture.names import ENDINGS, EXPORTED
 from ds47.cli.common import stdout, warn
 from ds47.cli.options import analysis_options, known_rules, options_from
 from ds47.cli.paths import STDIN, about
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from ds47.capture.series import Part
     from ds47.export import Key, Outcome, Selection
 
-ENDING = ".ds47.pcapng"
 _UNREADABLE, _NOTHING = 3, 1
 _FILES_SHOWN = 20
 """Files of a series whose filters are printed."""
@@ -363,7 +362,7 @@ def _targets(found: Sequence[Task], name: str | None) -> list[str]:
         targets = [name] * len(found)
     else:
         folder = Path(name or ".")
-        targets = [str(folder / ((task.own_name or _stem(task.path)) + ENDING)) for task in found]
+        targets = [str(folder / ((task.own_name or _stem(task.path)) + EXPORTED)) for task in found]
     paths = [source.name for task in found for source in task.sources]
     sources = {Path(path).resolve() for path in paths if path != STDIN}
     places = [Path(target).resolve() for target in targets if target != STDIN]
@@ -376,8 +375,8 @@ def _targets(found: Sequence[Task], name: str | None) -> list[str]:
 
 
 def _spare_captures(targets: Sequence[str]) -> None:
-    """Raises click.ClickException for a capture; what ENDING says is an earlier export is none."""
-    others = (name for name in targets if not name.lower().endswith(ENDING))
+    """Raises click.ClickException for a capture; what EXPORTED says is an earlier export is none."""
+    others = (name for name in targets if not name.lower().endswith(EXPORTED))
     spare_captures(*others, hint="choose another -o, or say --force")
 
 

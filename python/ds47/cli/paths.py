@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from ds47.capture import CaptureError
-from ds47.capture.names import SUFFIXES, is_capture
+from ds47.capture.names import EXPORTED, SUFFIXES, is_capture
 from ds47.capture.remote import below, is_url
 
 STDIN = "-"
@@ -51,7 +51,7 @@ def _meant(
     else:
         return (path,)
     if not found:
-        missing(f"{path}: no capture in this folder ({', '.join(SUFFIXES)})")
+        missing(f"{path}: no capture in this folder ({', '.join(SUFFIXES)}; not {EXPORTED})")
     return found
 
 

@@ -14,13 +14,15 @@ from pathlib import Path
 from typing import Any
 
 from ds47 import __version__
-from ds47.capture.names import PACKED, SUFFIXES, is_capture
+from ds47.capture.names import PACKED, SUFFIXES, is_capture, is_export
 from ds47.capture.rings import common_name, is_part
 from ds47.model import CaptureResult
 
 SCHEMA = "ds47.baseline/1"
 SUFFIX = ".ds47.json"
 _WIDTH = 100
+_GONE = "its capture is gone: restore it, or delete this stored result"
+_EXPORT = "its capture is an export, which folders leave out: name it, or rename both"
 
 
 class BaselineError(Exception):
@@ -47,15 +49,19 @@ def names_for(capture: str) -> tuple[str, ...]:
     return _stem(capture) + SUFFIX, capture + SUFFIX, common_name(capture) + SUFFIX
 
 
-def orphans(folder: Path) -> Iterator[Path]:
-    """The stored results in a folder, with all below it, whose capture is not beside them."""
+def orphans(folder: Path) -> Iterator[tuple[Path, str]]:
+    """The stored results in a folder, with all below it, whose capture is not found there.
+
+    Each with what is the matter, and what to do.
+    """
     for parent, below, names in os.walk(folder):
         below.sort()
-        kept = {
-            each for name in names if is_capture(name) or is_part(name) for each in names_for(name)
-        }
-        stored = (name for name in names if name.endswith(SUFFIX) and name not in kept)
-        yield from (Path(parent, name) for name in sorted(stored))
+        captures = (name for name in names if is_capture(name) or is_part(name))
+        found = {each for name in captures for each in names_for(name)}
+        exports = {each for name in names if is_export(name) for each in names_for(name)}
+        for name in sorted(names):
+            if name.endswith(SUFFIX) and name not in found:
+                yield Path(parent, name), _EXPORT if name in exports else _GONE
 
 
 def _stem(name: str) -> str:

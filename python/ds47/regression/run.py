@@ -112,7 +112,7 @@ def readable(task: Task, options: AnalysisOptions) -> CaptureResult:
 
 
 def lonely(folder: str, fail_on: str | None = None) -> Iterator[Outcome]:
-    """A failed outcome for each stored result in a folder whose capture is gone.
+    """A failed outcome for each stored result in a folder whose capture is not found there.
 
     A test that lost its recording would pass for ever.
 
@@ -123,12 +123,12 @@ def lonely(folder: str, fail_on: str | None = None) -> Iterator[Outcome]:
     Raises:
         ds47.regression.config.ConfigError: as in `check`.
     """
-    for stored in baseline.orphans(Path(folder)):
+    for stored, error in baseline.orphans(Path(folder)):
         settings = config.find(stored)
         yield Outcome(
             str(stored),
             stored,
-            error="its capture is gone: restore it, or delete this stored result",
+            error=error,
             label=settings.label(stored),
             fail_on=fail_on or settings.fail_on,
         )
