@@ -223,7 +223,30 @@ def test_a_reader_that_leaves_is_silent():
     assert process.stdout is not None
     process.stdout.close()
     _, err = process.communicate()
-    assert (process.returncode, err) == (0, b"")
+    assert (process.returncode, err) == (141, b"")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a shell that closes streams")
+@pytest.mark.parametrize(
+    ("words", "status", "said"),
+    [
+        ("report b.pcap >&-", 2, b"ds47: standard output is closed\n"),
+        ("rules >&-", 2, b"ds47: standard output is closed\n"),
+        ("--help >&-", 2, b"ds47: standard output is closed\n"),
+        ("export b.pcap -o - >&-", 2, b"ds47: standard output is closed\n"),
+        ("check b.pcap >&-", 2, b"ds47: standard output is closed\n"),
+        ("report b.pcap -f html -o page.html >&-", 0, b""),
+        ("report - -o page.html <&- >&-", 3, b"ds47: stdin: -: the file is empty\n"),
+        ("report . -o page.html >&- 2>&-", 0, b""),
+        ("report nowhere.pcap -o page.html 2>&-", 3, b""),
+    ],
+)
+def test_closed_streams(folder, words, status, said):
+    line = f"{sys.executable} -m ds47 {words}"
+    done = subprocess.run(line, shell=True, capture_output=True, cwd=folder)
+    assert (done.returncode, done.stderr) == (status, said)
+    if "-o page.html" in words:
+        assert (folder / "page.html").exists()
 
 
 def test_a_console_with_a_code_page_gets_utf_8():

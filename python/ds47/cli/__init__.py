@@ -5,7 +5,7 @@ inside its function, so that `ds47 --version` costs nothing. What the commands s
 `ds47.cli.common`.
 
 Exit status: 0 nothing at or above --fail-on; 1 something; 2 wrong use; 3 input unreadable or only
-partly read. A command returns it as its result.
+partly read. A command returns it as its result. 130 interrupted; 141 who read the output left.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ COMMANDS = (
 """Each is a module of this package with a click command named `command`."""
 
 _INTERRUPTED = 130
+_READER_LEFT = 141
+"""What a shell says of a program that SIGPIPE ended: nobody knows what the rest would have been."""
 
 
 class _Commands(click.Group):
@@ -50,7 +52,7 @@ class _Commands(click.Group):
             if not _reader_left(problem):
                 raise
             _silence_stdout()
-            return 0
+            return _READER_LEFT
         return result
 
 
@@ -62,6 +64,7 @@ def group() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; `arguments` instead of sys.argv[1:]. Returns the exit status."""
+    closed = _stand_in()
     try:
         result = group.main(arguments, prog_name="ds47", standalone_mode=False)
     except click.ClickException as problem:
@@ -70,9 +73,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (click.Abort, KeyboardInterrupt):
         return _INTERRUPTED
     except OSError as problem:
-        click.echo(f"ds47: {problem}", err=True)
+        nowhere = closed and problem.errno == errno.EBADF
+        click.echo(f"ds47: {'standard output is closed' if nowhere else problem}", err=True)
         return 2
+    finally:
+        if closed:
+            _silence_stdout()
     return result if isinstance(result, int) else 0
+
+
+def _stand_in() -> bool:
+    """Opens the standard streams that whoever started this has closed (`>&-`): Python has None for them.
+
+    In their order, so that no other file gets their numbers. Writing to stdout fails then, as it does in
+    every program; whether stdout was closed is the result.
+    """
+    if sys.stdin is None:
+        sys.stdin = open(os.devnull, encoding="utf-8")
+    closed = sys.stdout is None
+    if closed:
+        sys.stdout = open(os.open(os.devnull, os.O_RDONLY), "w", encoding="utf-8")
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")
+    return closed
 
 
 def _reader_left(problem: OSError) -> bool:
