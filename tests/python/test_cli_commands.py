@@ -90,6 +90,24 @@ def test_wrong_use_is_2(capsys, arguments):
     assert "Error" in err
 
 
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [
+        ("reprot", "No such command 'reprot'. Did you mean: ds47 report, ds47 export?"),
+        ("DECODE", "No such command 'DECODE'. Did you mean: ds47 decode, ds47 encode?"),
+        ("a b.PCAP", "No such command 'a b.PCAP'. For a report of it: ds47 report 'a b.PCAP'"),
+        ("sub", "No such command 'sub'. For a report of it: ds47 report sub"),
+        ("-", "No such command '-'. For a report of it: ds47 report -"),
+        ("frobnicate", "No such command 'frobnicate'."),
+    ],
+)
+def test_no_such_command_says_which_was_meant(capsys, monkeypatch, folder, word, said):
+    monkeypatch.chdir(folder)
+    status, out, err = run(capsys, word, "--index", "47")
+    assert (status, out) == (2, "")
+    assert err.splitlines()[-1] == f"Error: {said}"
+
+
 def test_report_of_a_folder_is_sorted_and_recursive(capsys, folder):
     status, out, err = run(capsys, "report", folder, folder / "b.pcap", "-f", "json")
     document = json.loads(out)

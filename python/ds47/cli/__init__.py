@@ -43,6 +43,15 @@ class _Commands(click.Group):
             return None
         return cast(click.Command, import_module(f"ds47.cli.{cmd_name}").command)
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """As click, with what was probably meant where there is no such command."""
+        word = args[0]
+        if word in COMMANDS or ctx.resilient_parsing or (word.startswith("-") and word != "-"):
+            return super().resolve_command(ctx, args)
+        raise click.UsageError(f"No such command {word!r}.{_meant(word)}", ctx)
+
     def invoke(self, ctx: click.Context) -> object:
         """Runs the command; a reader that leaves ends it in silence (click itself would exit 1)."""
         try:
@@ -80,6 +89,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if closed:
             _silence_stdout()
     return result if isinstance(result, int) else 0
+
+
+def _meant(word: str) -> str:
+    """The report of a capture that was named without a command, or the commands of a similar name."""
+    import shlex
+    from difflib import get_close_matches
+    from pathlib import Path
+
+    if word == "-" or Path(word).exists():
+        return f" For a report of it: ds47 report {shlex.quote(word)}"
+    near = get_close_matches(word.lower(), COMMANDS)
+    return f" Did you mean: ds47 {', ds47 '.join(near)}?" if near else ""
 
 
 def _stand_in() -> bool:
