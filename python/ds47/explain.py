@@ -73,7 +73,10 @@ def read(text: str) -> Code:
     if named is not None and (kind == FORMAT or alone):  # C4 alone is a byte
         return Code(code, FORMAT, (Reading(FORMAT, named.code), *readings))
     if not readings:
-        raise UnknownFormError(text)
+        named = spec.rule_prefix(digits)
+        if named is None or named not in spec.rules():
+            raise UnknownFormError(text)
+        return Code(named, kind or "rule", (Reading(RULE, int(named[2:])),))
     return Code(code, kind, readings)
 
 

@@ -153,19 +153,21 @@ class CaptureUnderTest:
         return self.result.transactions
 
     def findings(self, severity: str | None = None, rule: str | None = None) -> list[Finding]:
-        """Findings of at least a severity ("note", "warning", "error"), of a rule ("DS410", "DS4").
+        """Findings of at least a severity ("note", "warning", "error"), of a rule ("DS410", "DS4", "drive-error").
 
         Raises:
             ValueError: there is no such severity.
         """
         from ds47.model import SEVERITIES
+        from ds47.spec import rule_prefix
 
+        prefix = rule and (rule_prefix(rule) or rule)
         least = 0 if severity is None else SEVERITIES.index(severity)
         return [
             finding
             for finding in self.result.findings
             if SEVERITIES.index(finding.severity) >= least
-            and (rule is None or finding.rule.startswith(rule))
+            and (prefix is None or finding.rule.startswith(prefix))
         ]
 
     def parameters(self, pnu: int, subindex: int | None = None) -> list[Parameter]:

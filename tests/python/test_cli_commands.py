@@ -288,6 +288,38 @@ def test_rules_lists_and_explains(capsys):
     assert {rule["id"][:3] for rule in json.loads(out)} == {"DS3"}
 
 
+def test_rules_by_name(capsys):
+    _, out, _ = run(capsys, "rules", "Drive-Error")
+    assert out.startswith("DS410 drive-error (error)\n")
+    _, both, _ = run(capsys, "rules", "drive-error", "DS4")
+    assert both == run(capsys, "rules", "DS4")[1]
+
+
+def test_rules_that_have_a_word(capsys):
+    status, out, _ = run(capsys, "rules", "refusal")
+    assert (status, [line.split()[0] for line in out.splitlines()]) == (0, ["DS701"])
+    _, out, _ = run(capsys, "rules", "PUT A QUEUE")
+    assert out.startswith("DS705 ")
+    _, out, _ = run(capsys, "rules", "轮询", "--lang", "zh")
+    assert out.startswith("DS205 ")
+    for word in ("no-such-word", "", " "):
+        status, out, err = run(capsys, "rules", word)
+        assert (status, out) == (2, "")
+        assert err.splitlines()[-1] == (
+            f"Error: no rule has {word!r} in its name or text; see: ds47 rules"
+        )
+
+
+def test_findings_are_chosen_by_the_name_that_reports_print(capsys, captures):
+    def rules(*arguments):
+        out = run(capsys, "report", captures / "tour-machine.pcapng", "-f", "json", *arguments)[1]
+        return {each["rule"] for each in json.loads(out)["captures"][0]["findings"]}
+
+    assert rules("--select", "drive-error", "--select", "ds70") == {"DS410", "DS701", "DS705"}
+    assert "DS410" not in rules("--ignore", "drive-error")
+    assert rules("--select", "drive-error", "--ignore", "drive-error") == set()
+
+
 @pytest.mark.parametrize(
     "text", [READ, READ.replace(" ", ""), "16#0301 16#0201 16#1001 16#C47F 16#0000"]
 )

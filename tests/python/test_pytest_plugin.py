@@ -76,6 +76,7 @@ def test_the_fixture(pytester, folder):
         def test_error(ds47_capture):
             cap = ds47_capture("captures/conversation-error.pcapng", lang="zh")
             assert [each.rule for each in cap.findings("error")] == ["DS410"]
+            assert cap.findings(rule="drive-error") == cap.findings(rule="DS410")
             assert cap.findings(rule="DS1") == []
         """
     )

@@ -223,6 +223,10 @@ def test_where():
     assert chosen(change, parse_where(["capture=fw/*", "device=10.*"]), CAPTURE)
     for wrong in ("pnu=965", "subindex=0", "kind=error", "rule=DS4", "capture=b*", "device=11.*"):
         assert not chosen(change, parse_where([wrong]), CAPTURE)
+    finding = Change("finding_new", "", rule="DS410")
+    for right in ("rule=DS410", "rule=ds4", "rule=DS*", "rule=drive-error"):
+        assert chosen(finding, parse_where([right]), CAPTURE)
+    assert not chosen(finding, parse_where(["rule=two-users"]), CAPTURE)
 
 
 @pytest.mark.parametrize("text", ["pnu", "pnu=", "pnu=x", "what=1", "kind=colour"])

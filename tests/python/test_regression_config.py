@@ -85,6 +85,12 @@ def test_a_byte_order_mark_and_crlf_do_no_harm(tmp_path):
     assert load(tmp_path / "ds47.toml").fail_on == "note"
 
 
+def test_a_known_finding_may_stand_by_its_name(tmp_path):
+    settings = config(tmp_path, '[[ignore]]\nrule = "drive-error"\nreason = "x"')
+    assert settings.ignored("DS410", tmp_path / "a.pcap", set())
+    assert not settings.ignored("DS411", tmp_path / "a.pcap", set())
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [

@@ -53,7 +53,7 @@ _FILES_SHOWN = 20
     "rules",
     multiple=True,
     metavar="RULE",
-    help="What has this finding: DS410, DS4.",
+    help="What has this finding: DS410, DS4, or its name.",
 )
 @click.option(
     "-d",

@@ -30,10 +30,16 @@ def analysis_options(function: Function) -> Function:
             "--index", "indices", multiple=True, metavar="N", help="Another record index."
         ),
         click.option(
-            "--ignore", multiple=True, metavar="RULE", help="Not these rules (DS204, DS2)."
+            "--ignore",
+            multiple=True,
+            metavar="RULE",
+            help="Not these rules (DS204, DS2, or a name).",
         ),
         click.option(
-            "--select", multiple=True, metavar="RULE", help="Only these rules (DS301, DS3)."
+            "--select",
+            multiple=True,
+            metavar="RULE",
+            help="Only these rules (DS301, DS3, or a name).",
         ),
     ):
         function = option(function)
@@ -68,18 +74,21 @@ def options_from(
 
 
 def known_rules(names: Sequence[str]) -> tuple[str, ...]:
-    """Rules or the start of rules, in capitals; one that means no rule is a typing error.
+    """How the ids of these rules begin; a word that means no rule is a typing error.
 
     Raises:
-        click.UsageError: no rule begins so.
+        click.UsageError: it is no id, no beginning of one, and no name.
     """
+    return tuple(_known_rule(name) for name in names)
+
+
+def _known_rule(name: str) -> str:
     from ds47 import spec
 
-    wanted = tuple(name.strip().upper() for name in names)
-    for name in wanted:
-        if not name or not any(rule.startswith(name) for rule in spec.rules()):
-            raise click.UsageError(f"no rule begins with {name!r}; see: ds47 rules")
-    return wanted
+    found = spec.rule_prefix(name)
+    if found is None:
+        raise click.UsageError(f"no rule begins with {name!r} or is named so; see: ds47 rules")
+    return found
 
 
 def _index(text: str) -> int:

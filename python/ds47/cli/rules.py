@@ -22,15 +22,18 @@ _WIDTH = 100
 @lang_option
 @click.option("-f", "--format", "format_name", type=click.Choice(["text", "json"]), default="text")
 def command(names: Sequence[str], lang: str, format_name: str) -> None:
-    """List the rules, or explain those named (DS301; DS3 for all that begin so)."""
-    chosen = _chosen(names, lang)
+    """List the rules, or explain those named: DS301, DS3 for all that begin so, or drive-error.
+
+    A word that names none lists the rules that have it in their name or their text.
+    """
+    chosen, searched = _chosen(names, lang)
     stream = stdout()
     if format_name == "json":
         from ds47.report.json import text
 
         lines = ",\n".join(text(rule._asdict()) for rule in chosen)
         stream.write(f"[\n{lines}\n]\n")
-    elif names:
+    elif names and not searched:
         stream.write("\n".join(_explained(rule, lang) for rule in chosen))
     else:
         width = max((len(rule.name) for rule in chosen), default=0)
@@ -39,16 +42,30 @@ def command(names: Sequence[str], lang: str, format_name: str) -> None:
             stream.write(f"{rule.id}  {severity}  {rule.name:<{width}}  {rule.message}\n")
 
 
-def _chosen(names: Sequence[str], lang: str) -> list[RuleText]:
+def _chosen(names: Sequence[str], lang: str) -> tuple[list[RuleText], bool]:
+    """The rules that the words mean, in the order of their ids; and whether one had to be searched for."""
     from ds47 import spec
 
-    rules = spec.rules()
-    wanted = tuple(name.strip().upper() for name in names)
-    for name in wanted:
-        if not name or not any(rule.startswith(name) for rule in rules):
-            raise click.UsageError(f"no rule begins with {name!r}; ds47 rules lists them")
-    found = [rule for key, rule in sorted(rules.items()) if not wanted or key.startswith(wanted)]
-    return [rule_text(rule, lang) for rule in found]
+    rules = {key: rule_text(rule, lang) for key, rule in sorted(spec.rules().items())}
+    found: set[str] = set() if names else set(rules)
+    searched = False
+    for name in names:
+        prefix = spec.rule_prefix(name)
+        if prefix is not None:
+            found.update(key for key in rules if key.startswith(prefix))
+            continue
+        searched = True
+        having = {key for key, rule in rules.items() if _has(rule, name)}
+        if not having:
+            raise click.UsageError(f"no rule has {name!r} in its name or text; see: ds47 rules")
+        found |= having
+    return [rule for key, rule in rules.items() if key in found], searched
+
+
+def _has(rule: RuleText, word: str) -> bool:
+    """Whether a word stands in a rule, in whatever case; no word stands in none."""
+    wanted = " ".join(word.casefold().split())
+    return bool(wanted) and any(wanted in " ".join(text.casefold().split()) for text in rule)
 
 
 def _explained(rule: RuleText, lang: str) -> str:

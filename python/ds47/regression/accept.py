@@ -11,6 +11,7 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
+from ds47 import spec
 from ds47.regression.compare import KINDS, Change, Json
 
 FACETS = ("pnu", "subindex", "rule", "kind", "device", "capture")
@@ -37,7 +38,7 @@ def parse_where(conditions: Iterable[str]) -> dict[str, str]:
             raise WhereError(f"--where {condition!r}: {key} is a number")
         if key == "kind" and value not in KINDS:
             raise WhereError(f"--where {condition!r}: a kind is one of {', '.join(KINDS)}")
-        wanted[key] = value
+        wanted[key] = (spec.rule_prefix(value) or value) if key == "rule" else value
     return wanted
 
 

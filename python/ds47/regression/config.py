@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, replace
 from fnmatch import fnmatch
 from functools import cache
 from pathlib import Path
@@ -170,11 +170,8 @@ def _config(folder: Path, table: dict[str, Any]) -> Config:
     if fail_on not in ("never", *SEVERITIES):
         raise ConfigError(f"[check] fail_on: one of never, {', '.join(SEVERITIES)}")
     ignores = tuple(
-        _make(Ignore, row, "[[ignore]]") for row in _rows(table.get("ignore", []), "ignore")
+        _known(_make(Ignore, row, "[[ignore]]")) for row in _rows(table.get("ignore", []), "ignore")
     )
-    for known in ignores:
-        if not any(rule.startswith(known.rule) for rule in spec.rules()):
-            raise ConfigError(f"[[ignore]]: no rule begins with {known.rule!r}; see: ds47 rules")
     return Config(
         folder,
         _make(Tolerance, tolerance, "[tolerance]"),
@@ -184,6 +181,16 @@ def _config(folder: Path, table: dict[str, Any]) -> Config:
         labels,
         fail_on,
     )
+
+
+def _known(ignore: Ignore) -> Ignore:
+    """With the id of a rule, or how ids begin, where the file may have a name."""
+    rule = spec.rule_prefix(ignore.rule)
+    if rule is None:
+        raise ConfigError(
+            f"[[ignore]]: no rule begins with {ignore.rule!r} or is named so; see: ds47 rules"
+        )
+    return replace(ignore, rule=rule)
 
 
 def _section(table: dict[str, Any], name: str) -> dict[str, Any]:

@@ -332,3 +332,21 @@ def rules() -> Mapping[str, Rule]:
     return MappingProxyType(
         {row["id"]: Rule(**{**row, "group": tuple(row.get("group", ()))}) for row in rows}
     )
+
+
+@cache
+def _rules_by_name() -> Mapping[str, str]:
+    return MappingProxyType({rule.name: rule.id for rule in rules().values()})
+
+
+def rule_prefix(word: str) -> str | None:
+    """How the ids of the rules begin that a word means, None where it means none.
+
+    An id (`DS410`), the beginning of ids (`ds4`), or the name of one rule (`drive-error`), in whatever
+    case: everywhere people name rules.
+    """
+    word = word.strip()
+    start = word.upper()
+    if start and any(rule.startswith(start) for rule in rules()):
+        return start
+    return _rules_by_name().get(word.lower())
