@@ -73,10 +73,10 @@ def read(text: str) -> Code:
     if named is not None and (kind == FORMAT or alone):  # C4 alone is a byte
         return Code(code, FORMAT, (Reading(FORMAT, named.code), *readings))
     if not readings:
-        named = spec.rule_prefix(digits)
-        if named is None or named not in spec.rules():
+        rule_id = spec.rule_prefix(digits)
+        if rule_id is None or rule_id not in spec.rules():
             raise UnknownFormError(text)
-        return Code(named, kind or "rule", (Reading(RULE, int(named[2:])),))
+        return Code(rule_id, kind or "rule", (Reading(RULE, int(rule_id[2:])),))
     return Code(code, kind, readings)
 
 

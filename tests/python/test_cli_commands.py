@@ -396,7 +396,7 @@ def english_layout():
         "report {folder} -f overview",
         "report {folder}",
         "report {folder} --results {new} --no-progress",
-        "watch {folder}/tour-machine.pcapng",
+        "watch --no-follow {folder}/tour-machine.pcapng",
         f"decode --as request {READ}",
         f"decode --as request {READ} 01",
         f"decode --request {READ.replace(' ', '')} {ANSWER}",

@@ -307,6 +307,49 @@ def test_a_named_pipe(tmp_path: Path) -> None:
         assert watch.process.wait(20) == 0
 
 
+@posix
+def test_a_file_is_followed_as_it_grows(tmp_path: Path) -> None:
+    parts = blocks(TOUR)
+    path = tmp_path / "growing.pcapng"
+    path.write_bytes(b"".join(parts[:7]) + parts[7][:20])
+    with watching(str(path), stdin=subprocess.DEVNULL) as watch:
+        assert watch.errors.get(timeout=10).startswith(f"ds47: {path} is followed as it grows; ")
+        assert watch.line().startswith("#1 ")
+        time.sleep(0.6)  # it has seen the end of the file, and more than once
+        assert watch.lines.empty()
+        with path.open("ab", buffering=0) as stream:
+            stream.write(parts[7][20:] + b"".join(parts[8:]))
+        assert watch.line(SOON).startswith("#2 ")
+        watch.process.send_signal(signal.SIGINT)
+        assert watch.process.wait(10) == 0
+        assert "Summary of 35 frames" in watch.rest()
+        assert watch.errors.empty()
+
+
+@posix
+def test_a_file_that_is_followed_may_be_empty_yet(tmp_path: Path) -> None:
+    path = tmp_path / "new.pcapng"
+    path.touch()
+    with watching(str(path), stdin=subprocess.DEVNULL) as watch:
+        watch.errors.get(timeout=10)
+        path.write_bytes(TOUR.read_bytes())
+        assert watch.line(SOON).startswith("#1 ")
+
+
+@posix
+def test_a_followed_file_that_is_written_anew_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "again.pcapng"
+    shutil.copy(TOUR, path)
+    with watching(str(path), stdin=subprocess.DEVNULL) as watch:
+        watch.line()
+        path.write_bytes(b"")
+        assert watch.process.wait(10) == 3
+        watch.errors.get(timeout=5)
+        assert watch.errors.get(timeout=5) == (
+            f"ds47: {path}: the file became shorter while it was followed"
+        )
+
+
 # Ending, and looking in between
 
 
@@ -363,11 +406,11 @@ def test_a_stream_that_breaks_off_is_told() -> None:
 
 
 def test_exit_statuses(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    assert main(["watch", str(TOUR)]) == 0
-    assert main(["watch", str(TOUR), "--fail-on", "error"]) == 1
-    assert (
-        main(["watch", str(TOUR), "--fail-on", "error", "--select", "DS1", "--select", "DS3"]) == 0
-    )
+    tour = ["watch", str(TOUR), "--no-follow"]
+    assert main(tour) == 0
+    assert main([*tour, "--fail-on", "error"]) == 1
+    assert main([*tour, "--fail-on", "error", "--select", "DS1", "--select", "DS3"]) == 0
+    assert capsys.readouterr().err == ""
     assert main(["watch"]) == 2
     assert main(["watch", "-", "-i", "lo"]) == 2
     assert main(["watch", "-", "--duration", "3"]) == 2

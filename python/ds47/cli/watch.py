@@ -6,6 +6,7 @@ Here: options, starting and ending the capture, exit status. The work is in `ds4
 from __future__ import annotations
 
 import os
+import stat
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -45,6 +46,11 @@ _UNREADABLE = 3
 @click.option("--duration", type=float, metavar="SECONDS", help="End after this time (with -i).")
 @click.option("--dumpcap", "program", metavar="PROGRAM", help="The dumpcap to use.")
 @click.option(
+    "--no-follow",
+    is_flag=True,
+    help="End where a SOURCE that is a file ends now; else what is written behind it is waited for.",
+)
+@click.option(
     "-f",
     "--format",
     "format_name",
@@ -66,15 +72,16 @@ def command(
     capture_filter: str | None,
     duration: float | None,
     program: str | None,
+    no_follow: bool,
     format_name: str,
     fail_on: str,
     **options: Any,
 ) -> int:
     """Show DS47 transactions as they happen.
 
-    Either -i INTERFACE, or SOURCE: a capture that is still being written, - for stdin (dumpcap -i eth0
-    -w - | ds47 watch -), or a named pipe. Ctrl-C ends with a summary; Enter, or the signal SIGUSR1,
-    shows one in between.
+    Either -i INTERFACE, or SOURCE: a capture file that is still being written, which is followed as by
+    tail -f, - for stdin (dumpcap -i eth0 -w - | ds47 watch -), or a named pipe. Ctrl-C ends with a
+    summary; Enter, or the signal SIGUSR1, shows one in between.
     """
     if bool(source) == bool(interfaces):
         raise click.UsageError("either -i INTERFACE or a SOURCE (- for stdin)")
@@ -91,7 +98,7 @@ def command(
     try:
         if source:
             with _opened(source) as descriptor:
-                status = watch.run(descriptor)
+                status = watch.run(descriptor, follow=not no_follow and _grows(source, descriptor))
         else:
             status = watch.run_dumpcap(program, interfaces, capture_filter, duration)
     except DumpcapError as problem:
@@ -129,6 +136,11 @@ def _opened(source: str) -> Iterator[int]:
         os.close(descriptor)
 
 
+def _grows(source: str, descriptor: int) -> bool:
+    """Whether a source is a file that was named, so that its end need not be the end of the capture."""
+    return source != STDIN and stat.S_ISREG(os.fstat(descriptor).st_mode)
+
+
 class _Watch:
     """One watch, from the first byte to the summary."""
 
@@ -152,8 +164,8 @@ class _Watch:
         with dumpcap.Dumpcap(dumpcap.find(program), words) as running:
             return self.run(running.output.fileno(), running)
 
-    def run(self, descriptor: int, running: Dumpcap | None = None) -> int:
-        """Watches a pipe to its end, or until somebody has seen enough."""
+    def run(self, descriptor: int, running: Dumpcap | None = None, *, follow: bool = False) -> int:
+        """Watches a pipe to its end, or until somebody has seen enough; `follow`: a file that grows."""
         from ds47.report.bilingual import say
         from ds47.watch.feed import Feed, keyboard
 
@@ -161,8 +173,10 @@ class _Watch:
             if running is not None:
                 running.end()
 
-        feed = Feed(descriptor, self._summary, end, drain=running is not None)
+        feed = Feed(descriptor, self._summary, end, drain=running is not None, follow=follow)
         keys = keyboard(descriptor)
+        if follow:
+            warn(say("watch_follows", name=self._name).text(self._options.lang))
         if keys is not None:
             hint = say("watch_hint", name=self._name).text(self._options.lang)
             click.echo(f"ds47: {hint}", err=True)

@@ -37,6 +37,7 @@ class Feed:
         on_summary: called when somebody wants to see how things stand.
         on_stop: called when somebody wants to stop: ends what writes into the pipe.
         drain: whether there will be an end of the pipe then, worth waiting for.
+        follow: whether the end of the file is only the end so far: more may be written behind it.
     """
 
     def __init__(
@@ -45,11 +46,13 @@ class Feed:
         on_summary: Callable[[], None],
         on_stop: Callable[[], None],
         drain: bool = False,
+        follow: bool = False,
     ) -> None:
         self._descriptor = descriptor
         self._on_summary = on_summary
         self._on_stop = on_stop
         self._drain = drain
+        self._follow = follow
         self._events: queue.SimpleQueue[_Event] = queue.SimpleQueue()
         self._room = threading.Semaphore(_CHUNKS_AHEAD)
         self._left = b""
@@ -97,6 +100,7 @@ class Feed:
             self._ended = True
         elif self._deadline is None:
             self._on_stop()
+            self._follow = False
             self._deadline = time.monotonic() + (_LAST_SECONDS if self._drain else _PATIENCE)
         else:  # asked for twice
             self._ended = True
@@ -104,12 +108,24 @@ class Feed:
     def _read_source(self) -> None:
         """The reading thread. `os.read`: a thread that waits in a buffered file hangs the exit."""
         try:
-            while data := os.read(self._descriptor, _CHUNK):
+            for data in self._pieces():
                 self._room.acquire()
                 self._events.put(("data", data))
         except OSError as problem:
             self.problem = problem.strerror or str(problem)
         self._events.put(("end", b""))
+
+    def _pieces(self) -> Iterator[bytes]:
+        while True:
+            if data := os.read(self._descriptor, _CHUNK):
+                yield data
+            elif not self._follow:
+                return
+            elif os.fstat(self._descriptor).st_size < os.lseek(self._descriptor, 0, os.SEEK_CUR):
+                self.problem = "the file became shorter while it was followed"
+                return
+            else:
+                time.sleep(_PATIENCE)
 
     @contextmanager
     def listening(self, keyboard: int | None) -> Iterator[None]:
