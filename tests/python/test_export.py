@@ -121,6 +121,18 @@ def test_a_time_span_is_inclusive(tmp_path: Path) -> None:
     assert frames == [1, 2, 3, 4, 5]
 
 
+def test_transactions_count_of_which_a_frame_was_written(tmp_path: Path) -> None:
+    first, *_, last = analyze(TOUR).transactions
+    for start, end, number in (
+        (None, None, 8), (first.start_ns, first.start_ns, 1), (first.start_ns + 1, last.start_ns, 8),
+        (last.start_ns, None, 1), (0, 1, 0),
+    ):  # fmt: skip
+        assert (
+            export(TOUR, tmp_path / "t.pcapng", Selection(start=start, end=end)).transactions
+            == number
+        )
+
+
 def test_what_there_is_not(tmp_path: Path) -> None:
     with pytest.raises(SelectionError, match="no transaction 9; it has 1 to 8"):
         export(TOUR, tmp_path / "t.pcapng", Selection(transactions=((9, 9),)))

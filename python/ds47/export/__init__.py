@@ -64,7 +64,7 @@ class Outcome:
     Attributes:
         result: of the analysis.
         frames: numbers of the exported frames in the original, sorted.
-        transactions: how many transactions were chosen.
+        transactions: of how many chosen transactions a frame is exported.
         left_out: frames that were wanted, and are not exported because nobody can tell what they hold.
         leaks: frame and text of what was left out because an original still stood in it.
     """
@@ -113,7 +113,7 @@ def export(
         result = analyze(capture, options)
     names = None if key is None else {rule.id: rule.name for rule in spec.rules().values()}
     chosen = choose(result, selection, names)
-    outcome = Outcome(result, transactions=chosen.transactions)
+    outcome = Outcome(result)
     wanted = _Survey(selection, chosen).run(original)
     if key is None:
         frames: Iterable[RawFrame] = _plain(original, outcome, wanted, selection, chosen)
@@ -125,6 +125,10 @@ def export(
         key.learning = False
         frames = _Rewriting(anonymiser, outcome).frames(original, wanted)
     _write(frames, target, chosen, outcome, plain=key is None)
+    written = set(outcome.frames)
+    outcome.transactions = sum(
+        not written.isdisjoint(each.frames.all()) for each in chosen.transactions
+    )
     return outcome
 
 

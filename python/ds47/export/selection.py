@@ -63,14 +63,14 @@ class Chosen:
         notes: what to say about a frame, by its number.
         ips: of the wanted devices; empty for all.
         macs: of the wanted devices, as text.
-        transactions: how many transactions were chosen.
+        transactions: those that were chosen; all where `by_frame`.
     """
 
     frames: set[int] = field(default_factory=set)
     notes: dict[int, list[str]] = field(default_factory=dict)
     ips: set[str] = field(default_factory=set)
     macs: set[str] = field(default_factory=set)
-    transactions: int = 0
+    transactions: list[Transaction] = field(default_factory=list)
 
 
 def choose(
@@ -96,7 +96,7 @@ def choose(
         own = findings.get(transaction.id, [])
         if not selection.by_frame and not _wanted(transaction, own, selection, chosen):
             continue
-        chosen.transactions += 1
+        chosen.transactions.append(transaction)
         _note_transaction(chosen, transaction)
         _note_findings(chosen, own, names)
         if not selection.by_frame:
