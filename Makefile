@@ -7,7 +7,7 @@
 #   make matrix     run the plugin's tests on Wireshark 3.4, 4.0, 4.4, 4.6 and on plain Lua 5.2 to 5.4
 #   make pythons    run the analyzer's tests on Python 3.13 and 3.14
 #   make bench      time the analyzer and the plugin against tshark    (BENCH=--small for a quick one)
-#   make dist       write the plugin as one Lua file, dist/ds47-VERSION.lua
+#   make dist       write the plugin as one Lua file, dist/ds47-0_1_0.lua (the version, with underscores)
 #   make captures   let the lab write captures/ again
 #   make tables     write lua/ds47/tables.lua from python/ds47/spec/*.toml again
 #   make screenshot take the README's picture of Wireshark again
@@ -75,7 +75,7 @@ bench: $(STAMP)
 	$(BIN)/python bench/run.py $(BENCH)
 	$(BIN)/python bench/plugin.py $(BENCH)
 
-dist: $(STAMP)
+dist: $(RUN)
 	$(BIN)/python tools/make_bundle.py
 
 captures: $(STAMP)

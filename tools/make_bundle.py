@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Writes the whole plugin as one Lua file, for people without Python: dist/ds47-VERSION.lua.
+"""Writes the whole plugin as one Lua file, for people without Python: dist/ds47-0_1_0.lua.
 
-VERSION has underscores for dots (ds47.wireshark.bundle.FILE_NAME says why).
+The version has underscores for dots (ds47.wireshark.bundle.FILE_NAME says why).
 
     python tools/make_bundle.py [FOLDER]        (make dist)
 

@@ -7,7 +7,7 @@ local stats = require("ds47_ws.stats")
 local M = {}
 
 local OLDEST = { 3, 4 } -- the oldest Wireshark that the plugin is tested with
-local NAME = "^ds47.*%.lua$" -- a plugin file: ds47.lua or the single file ds47-VERSION.lua
+local NAME = "^ds47.*%.lua$" -- a plugin file: ds47.lua or the single file ds47-0_1_0.lua
 
 local function show(title, text)
   local window = TextWindow.new(title)

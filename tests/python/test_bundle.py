@@ -14,7 +14,7 @@ from fake_tshark import real_tshark
 
 from ds47 import __version__
 from ds47.wireshark.bundle import bundle as joined
-from ds47.wireshark.bundle import plugin_sources
+from ds47.wireshark.bundle import FILE_NAME, plugin_sources
 
 CAPTURE = "format-mixed.pcapng"
 LUAS = ("lua5.2", "lua5.3", "lua5.4")
@@ -27,6 +27,16 @@ def bundle(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     subprocess.run([sys.executable, tool, folder], check=True, capture_output=True)
     (path,) = folder.iterdir()
     return path
+
+
+@pytest.mark.parametrize(
+    "name", ["Makefile", "docs/wireshark.md", "docs/development.md", "tools/make_bundle.py"]
+)
+def test_the_file_has_the_name_that_the_documents_say(
+    bundle: Path, repository: Path, name: str
+) -> None:
+    assert bundle.name == FILE_NAME
+    assert f"dist/{FILE_NAME}" in (repository / name).read_text("utf-8")
 
 
 @pytest.fixture
