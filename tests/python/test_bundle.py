@@ -13,8 +13,8 @@ import pytest
 from fake_tshark import real_tshark
 
 from ds47 import __version__
-from ds47.wireshark.bundle import bundle as joined
 from ds47.wireshark.bundle import FILE_NAME, plugin_sources
+from ds47.wireshark.bundle import bundle as joined
 
 CAPTURE = "format-mixed.pcapng"
 LUAS = ("lua5.2", "lua5.3", "lua5.4")

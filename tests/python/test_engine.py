@@ -399,7 +399,7 @@ def test_without_tshark(tmp_path: Path) -> None:
 def test_without_pyshark(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyshark", None)
     shark._file_capture.cache_clear()
-    with pytest.raises(NotReadyError, match=r"needs pyshark .*pip install 'ds47\[tshark\]'"):
+    with pytest.raises(NotReadyError, match=r"needs pyshark .*pip install pyshark"):
         Engine("tshark", AnalysisOptions())
 
 

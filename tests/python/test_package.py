@@ -7,6 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 
 import ds47
+from ds47.extras import install
 
 
 def test_version_is_the_one_of_the_project(repository: Path) -> None:
@@ -53,6 +54,17 @@ def test_every_dependency_is_in_the_constraints(repository: Path) -> None:
         wanted += extra
     names = {re.split(r"[\[<>=; ]", line)[0].lower().replace(".", "-") for line in wanted}
     assert names - {"ds47"} <= pinned
+
+
+def test_hints_install_what_the_extras_have(repository: Path) -> None:
+    extras = tomllib.loads(_read(repository, "pyproject.toml"))["project"]["optional-dependencies"]
+    name = re.compile(r"[a-z]+")
+    for extra in ("lab", "tshark", "parquet", "cluster"):
+        hint = install(extra).removeprefix("pip install ")
+        assert [name.match(each)[0] for each in hint.split()] == [
+            name.match(each)[0] for each in extras[extra]
+        ]
+        assert not re.search(r"[<>'\"\[]", hint)  # nothing that a shell takes for its own
 
 
 def test_what_the_command_needs_is_pinned_to_the_same_versions(repository: Path) -> None:

@@ -20,6 +20,7 @@ from ds47.batch.products import Product, draft_of, whole
 from ds47.batch.runner import Begun, Failed, Outcome, Place, Window
 from ds47.batch.tasks import Task
 from ds47.capture import CaptureError
+from ds47.extras import install
 
 _SECONDS_TO_CONNECT = 15
 _SECONDS_FOR_WORKERS = 60
@@ -128,7 +129,7 @@ def _distributed() -> Any:
     try:
         import distributed
     except ImportError as problem:
-        raise Failed("--scheduler needs Dask: pip install 'ds47[cluster]'") from problem
+        raise Failed(f"--scheduler needs Dask: {install('cluster')}") from problem
     for name in [
         name for name in logging.root.manager.loggerDict if name.startswith("distributed")
     ]:

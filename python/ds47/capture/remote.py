@@ -12,6 +12,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ds47.extras import install
+
 from .errors import CaptureError
 from .names import is_capture
 
@@ -83,9 +85,7 @@ def _system(url: str) -> tuple[Any, str]:
     try:
         from fsspec.core import url_to_fs
     except ImportError:
-        raise CaptureError(
-            f"{url}: needs the package fsspec: pip install 'ds47[cluster]'"
-        ) from None
+        raise CaptureError(f"{url}: needs the package fsspec: {install('urls')}") from None
     try:
         system, path = url_to_fs(url)
     except Exception as problem:

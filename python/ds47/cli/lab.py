@@ -12,6 +12,7 @@ from types import ModuleType
 import click
 
 from ds47.cli.common import stdout
+from ds47.extras import install
 
 
 @click.group("lab")
@@ -55,5 +56,5 @@ def _lab() -> ModuleType:
     except ModuleNotFoundError as problem:
         if (problem.name or "").partition(".")[0] != "scapy":
             raise
-        raise click.ClickException('the lab needs scapy: pip install "ds47[lab]"') from problem
+        raise click.ClickException(f"the lab needs scapy: {install('lab')}") from problem
     return lab

@@ -4,7 +4,7 @@ Here are the list of scenarios and how one becomes a file. What happens in them 
 `seeds`, `formats`, `transport`, `records`, `messages`, `conversation`, `naming`, `tour` and (causes, DS7xx)
 the `diagnoses`; who talks is `client`, how it is carried `stage`, and its bytes come from `wire`, `message`
 and `ether`.
-Needs scapy, but only when a capture is made: `pip install ds47[lab]`.
+Needs scapy, but only when a capture is made.
 """
 
 from __future__ import annotations

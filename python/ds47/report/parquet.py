@@ -18,6 +18,7 @@ from importlib import import_module
 from typing import Any, BinaryIO, ClassVar, TextIO
 
 from ds47 import __version__, spec
+from ds47.extras import install
 from ds47.model import Finding, Parameter, Report, Transaction, Value
 from ds47.report import CannotWriteError, Options, json, schema, write_all
 from ds47.report import Writer as _Writer
@@ -53,7 +54,7 @@ class Writer(_Writer):
             arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
         except ImportError as problem:
             raise CannotWriteError(
-                f"parquet needs pyarrow ({problem}): pip install 'ds47[parquet]'"
+                f"parquet needs pyarrow ({problem}): {install('parquet')}"
             ) from problem
         stream.flush()
         self._arrow: Any = arrow

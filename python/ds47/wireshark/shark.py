@@ -22,6 +22,7 @@ from typing import Any
 from xml.etree.ElementTree import ParseError
 
 from ds47 import __version__
+from ds47.extras import install
 from ds47.wireshark import bundle, doctor, fields
 from ds47.wireshark.folders import NoWiresharkError, Wireshark, find, run
 
@@ -30,7 +31,6 @@ _HOMES = ("HOME", "XDG_CONFIG_HOME", "WIRESHARK_CONFIG_DIR", "WIRESHARK_APPDATA"
 _LUA_ERROR = re.compile(rb'<field name="(?:_ws\.[a-z.]+)?"[^>]*="[^"]*Lua Error: ([^"]*)"')
 _SHOWN = "ds47 || _ws.lua.error"
 _TREES = "frame ds47 _ws.lua.error"
-_INSTALL = "pip install 'ds47[tshark]'"
 
 
 class NotReadyError(Exception):
@@ -65,7 +65,7 @@ def prepare(program: str | None = None) -> Tshark:
     try:
         _file_capture()
     except ImportError as problem:
-        text = f"the engine tshark needs pyshark ({problem}): {_INSTALL}"
+        text = f"the engine tshark needs pyshark ({problem}): {install('tshark')}"
         raise NotReadyError(text) from problem
     try:
         wireshark = find(program)
@@ -76,7 +76,7 @@ def prepare(program: str | None = None) -> Tshark:
         text = f"{problem}: install tshark, or name it with --tshark or DS47_TSHARK"
         raise NotReadyError(text) from problem
     except FileNotFoundError as problem:
-        raise NotReadyError(f"{problem}: {_INSTALL}") from problem
+        raise NotReadyError(f"{problem}: pip install . in a checkout") from problem
     return Tshark(wireshark.program, sources.modules[bundle.ENTRY])
 
 

@@ -1,0 +1,20 @@
+"""What a plain installation does not have, and how to get it: the extras of pyproject.toml by their packages.
+
+Only the words. No package index has ds47, so a hint names the packages, never `ds47[EXTRA]`.
+"""
+
+from __future__ import annotations
+
+_PACKAGES = {
+    "lab": "scapy",
+    "tshark": "pyshark~=0.6.0",
+    "parquet": "pyarrow",
+    "cluster": "dask distributed fsspec",
+    "urls": "fsspec",
+}
+"""As an index knows them, without a character that some shell takes for its own."""
+
+
+def install(what: str) -> str:
+    """The command that installs what an extra needs, or what `urls` need of the extra `cluster`."""
+    return f"pip install {_PACKAGES[what]}"
