@@ -77,6 +77,7 @@ def test_help(capsys, name):
         ["report"],
         ["report", "x.pcap", "--select", "XX"],
         ["report", "x.pcap", "--index", "70000"],
+        *(["report", "x.pcap", "--slow", limit] for limit in ("-3", "-0.5", "nan", "inf", "x")),
         ["report", "x.pcap", "-f", "docx"],
         ["decode", "xyz"],
         ["decode", "--as", "request", "--request", READ, READ],

@@ -495,6 +495,11 @@ def test_columns_of_the_overview_line_up_in_chinese() -> None:
     assert table(rows[:1], "zh")[-1].endswith("a  仅部分读取：文件提前结束")
 
 
+def test_an_overview_of_one_capture_that_is_ill(capsys: Any, captures: Path) -> None:
+    _, text, _ = run(capsys, captures / "tour-machine.pcapng", "-f", "overview")
+    assert "All 1 capture" in text.splitlines()
+
+
 # -- what to do over all captures -----------------------------------------------------------------
 
 

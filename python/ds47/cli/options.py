@@ -5,6 +5,7 @@ From the words of the command line to `ds47.analysis.AnalysisOptions`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -58,11 +59,13 @@ def options_from(
     """The options of an analysis.
 
     Raises:
-        click.UsageError: a rule or an index that there cannot be.
+        click.UsageError: a rule, an index or a limit that there cannot be.
     """
     from ds47.analysis import AnalysisOptions
 
     if slow is not None:
+        if not 0 <= slow < math.inf:
+            raise click.UsageError(f"--slow {slow:g} is no limit: milliseconds, 0 or more")
         others["slow_ms"] = slow
     return AnalysisOptions(
         select=known_rules(select),

@@ -286,8 +286,8 @@ def _sums(summed: dict[str, Any], lang: str) -> list[str]:
     if summed["slowest"]:
         time, path = duration(summed["slowest"]["ns"]), escape(summed["slowest"]["path"])
         shown.append(say("slowest", time=time, path=path))
-    head = captures.joined(joined(odd), ": ", "：").text(lang)
-    return [head, *(f"  {line.text(lang)}" for line in shown)]
+    head = captures.joined(joined(odd), ": ", "：") if odd else captures
+    return [head.text(lang), *(f"  {line.text(lang)}" for line in shown)]
 
 
 _ODD = ("quiet", "unreadable", "incomplete")
