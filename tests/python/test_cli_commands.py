@@ -234,8 +234,9 @@ def test_a_file_that_cannot_be_unpacked_is_not_written_over(capsys, monkeypatch,
     assert err.startswith("Error: cannot write over a.pcap.zst: this capture is zstd-compressed")
 
 
-def test_a_reader_that_leaves_is_silent():
-    code = "import sys; from ds47.cli import main; sys.exit(main(['rules', 'DS']))"
+@pytest.mark.parametrize("words", [["rules", "DS"], ["--help"], ["rules", "--help"]])
+def test_a_reader_that_leaves_is_silent(words):
+    code = f"import sys; from ds47.cli import main; sys.exit(main({words}))"
     process = subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )

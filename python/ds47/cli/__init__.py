@@ -13,9 +13,10 @@ from __future__ import annotations
 import errno
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
-from typing import cast
+from typing import Any, cast
 
 import click
 
@@ -43,6 +44,17 @@ class _Commands(click.Group):
             return None
         return cast(click.Command, import_module(f"ds47.cli.{cmd_name}").command)
 
+    def make_context(
+        self,
+        info_name: str | None,
+        args: list[str],
+        parent: click.Context | None = None,
+        **extra: Any,
+    ) -> click.Context:
+        """Reads the words in front of the command; the help is printed here."""
+        with _reader_may_leave():
+            return super().make_context(info_name, args, parent, **extra)
+
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
@@ -54,15 +66,10 @@ class _Commands(click.Group):
 
     def invoke(self, ctx: click.Context) -> object:
         """Runs the command; a reader that leaves ends it in silence (click itself would exit 1)."""
-        try:
+        with _reader_may_leave():
             result = super().invoke(ctx)
             sys.stdout.flush()
-        except OSError as problem:
-            if not _reader_left(problem):
-                raise
-            _silence_stdout()
-            return _READER_LEFT
-        return result
+            return result
 
 
 @click.group(cls=_Commands, context_settings={"help_option_names": ["-h", "--help"]})
@@ -117,6 +124,18 @@ def _stand_in() -> bool:
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")
     return closed
+
+
+@contextmanager
+def _reader_may_leave() -> Iterator[None]:
+    """Raises click.exceptions.Exit where who reads stdout went away."""
+    try:
+        yield
+    except OSError as problem:
+        if not _reader_left(problem):
+            raise
+        _silence_stdout()
+        raise click.exceptions.Exit(_READER_LEFT) from problem
 
 
 def _reader_left(problem: OSError) -> bool:
