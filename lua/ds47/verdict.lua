@@ -9,10 +9,21 @@ local M = {}
 
 -- States of a job that did not do what it was meant to do.
 local FAILED = { "refused", "error", "partial", "mismatch" }
+-- States of a job of which nobody knows what became of it.
+local OPEN = { "unanswered", "superseded" }
 local TOLD = { "refused", "error", "partial", "mismatch", "unanswered", "superseded", "orphan" }
 
 local function bump(counts, key)
   counts[key] = (counts[key] or 0) + 1
+end
+
+-- Jobs whose answer nobody has seen.
+local function open(counts)
+  local number = 0
+  for _, state in ipairs(OPEN) do
+    number = number + (counts.states[state] or 0)
+  end
+  return number
 end
 
 --- What a verdict rests on: {unreadable, drives, jobs, states, operations, severities}.
@@ -46,14 +57,15 @@ function M.level(counts)
       return "bad"
     end
   end
-  if counts.severities.warning or counts.unreadable > 0 then
+  if counts.severities.warning or counts.unreadable > 0 or open(counts) > 0 then
     return "warn"
   end
   return counts.jobs > 0 and "good" or "none"
 end
 
---- What became of jobs that did not end well, or that all of them did: array of texts.
-function M.told(states, lang)
+--- What became of jobs that did not end well; where all did, that they are done: array of texts.
+-- Of a capture with findings of severity error (`errors`) no more is said than that they were answered.
+function M.told(states, errors, lang)
   local parts = {}
   for _, state in ipairs(TOLD) do
     if states[state] then
@@ -61,7 +73,7 @@ function M.told(states, lang)
     end
   end
   if #parts == 0 then
-    parts[1] = say(lang, "told_all_answered")
+    parts[1] = say(lang, errors and "told_all_answered" or "told_all_done")
   end
   return parts
 end
@@ -72,7 +84,7 @@ function M.verdict(counts, lang)
   if counts.jobs == 0 then
     parts[1] = say(lang, "verdict_no_jobs")
   else
-    parts = M.told(counts.states, lang)
+    parts = M.told(counts.states, counts.severities.error, lang)
     table.insert(parts, 1, say(lang, "jobs", { n = counts.jobs }))
     table.insert(parts, 1, say(lang, "drives", { n = counts.drives }))
   end
@@ -111,10 +123,12 @@ function M.blind(result, counts, lang)
   for _, each in ipairs(result.devices or {}) do
     nameless = nameless + ((each.station == nil or each.station == "") and 1 or 0)
   end
+  local unseen = open(counts)
   local orphans = counts.states.orphan or 0
   add(counts.operations.change, "blind_effect")
   add(result.dropped == nil, "blind_drops")
   add(nameless > 0, "blind_names", nameless)
+  add(unseen > 0, "blind_open", unseen)
   add(orphans > 0, "blind_before", orphans)
   add(other > 0, "blind_records", other)
   return lines

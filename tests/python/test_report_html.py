@@ -152,7 +152,10 @@ class Elements(HTMLParser):
         (["ok"], ["warning"], "LOOK AT IT: 1 drive, 1 job, all done"),
         (["refused"] * 3 + ["ok"], [], "NOT OK: 1 drive, 4 jobs, 3 refused"),
         (["partial"], ["error"], "NOT OK: 1 drive, 1 job, 1 failed in part"),
-        (["unanswered", "orphan"], [], "OK: 1 drive, 2 jobs, 1 without an answer, 1 answer without its request"),
+        (["unanswered", "orphan"], [],
+         "LOOK AT IT: 1 drive, 2 jobs, 1 without an answer, 1 answer without its request"),
+        (["superseded", "ok"], ["note"], "LOOK AT IT: 1 drive, 2 jobs, 1 overtaken"),
+        (["ok"], ["error"], "NOT OK: 1 drive, 1 job, all answered"),
         ([], ["error"], "NOT OK: no drive parameter job in this capture"),
         ([], [], "NOTHING TO JUDGE: no drive parameter job in this capture"),
     ],
@@ -233,6 +236,7 @@ def test_the_quality_of_a_capture(changes, level, text):
 def test_what_a_capture_cannot_show_depends_on_what_is_in_it():
     plain = [each.en for each in blind(capture(transaction(), dropped=0))]
     assert not any("in force later" in line or "lost frames" in line for line in plain)
+    assert not any("whose answer" in line for line in plain)
     item = transaction(operation="change")
     more = [
         each.en
@@ -242,6 +246,8 @@ def test_what_a_capture_cannot_show_depends_on_what_is_in_it():
     assert any("lost frames" in line for line in more)
     assert any("station name of 1 device" in line for line in more)
     assert any(line.startswith("7 other record calls") for line in more)
+    jobs = [transaction(1, state="unanswered"), transaction(2, state="superseded")]
+    assert any("2 jobs whose answers nobody fetched" in each.en for each in blind(capture(*jobs)))
 
 
 # What went wrong

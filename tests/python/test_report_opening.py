@@ -64,6 +64,19 @@ def test_a_capture_in_which_all_is_well_has_a_verdict_and_drives_and_no_more():
     ]
 
 
+def test_a_change_of_which_nobody_read_the_answer_is_not_ok(captures: Path):
+    lines = opening(analyze(captures / "conversation-change-unread.pcapng"))
+    assert lines[1] == "LOOK AT IT: 1 drive, 1 job, 1 without an answer"
+    shown = lines[lines.index("What this capture cannot show") + 1 :]
+    assert any(line.startswith("  What the drive made of 1 job whose answer") for line in shown)
+
+
+def test_where_there_are_errors_jobs_are_answered_and_not_done(captures: Path):
+    lines = opening(analyze(captures / "diagnosis-read-length.pcapng"))
+    assert lines[1] == "NOT OK: 1 drive, 1 job, all answered"
+    assert lines[4].endswith("1 job, all answered")
+
+
 def test_every_drive_has_its_counts_and_other_devices_stand_below():
     jobs = [
         handmade.transaction(id=1, state="refused", write_status=0xDF80B700),

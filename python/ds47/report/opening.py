@@ -72,12 +72,13 @@ class Opening:
         known = {each.ip: each for each in result.devices}
         drives = [known.get(ip) or Device(ip) for ip in states]
         others = [each for each in result.devices if each.ip not in states]
-        counts = [self._counts(states[each.ip]) for each in drives]
+        errors = any(each.severity == "error" for each in result.findings)
+        counts = [self._counts(states[each.ip], errors) for each in drives]
         yield from self._devices("drives_head", "more_drives", drives, counts)
         yield from self._devices("other_devices_head", "more_devices", others, [""] * len(others))
 
-    def _counts(self, states: Counter[str]) -> str:
-        parts = [say("jobs", n=states.total()), *told(states)]
+    def _counts(self, states: Counter[str], errors: bool) -> str:
+        parts = [say("jobs", n=states.total()), *told(states, errors)]
         return "  " + (", ", "，")[self._lang == "zh"].join(p.text(self._lang) for p in parts)
 
     def _devices(

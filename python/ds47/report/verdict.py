@@ -13,6 +13,8 @@ from ds47.report.bilingual import Both, joined, say
 
 FAILED = ("refused", "error", "partial", "mismatch")
 """States of a job that did not do what it was meant to do."""
+OPEN = ("unanswered", "superseded")
+"""States of a job of which nobody knows what became of it."""
 _TOLD = ("refused", "error", "partial", "mismatch", "unanswered", "superseded", "orphan")
 LEVELS = ("none", "good", "warn", "bad")
 """From nothing to say to serious; names of classes in the style sheet of the page."""
@@ -57,11 +59,16 @@ class Counts:
         self.severities += other.severities
 
     @property
+    def open(self) -> int:
+        """Jobs whose answer nobody has seen."""
+        return sum(self.states[state] for state in OPEN)
+
+    @property
     def level(self) -> str:
         """One of LEVELS."""
         if self.severities["error"] or any(self.states[state] for state in FAILED):
             return "bad"
-        if self.severities["warning"] or self.unreadable:
+        if self.severities["warning"] or self.unreadable or self.open:
             return "warn"
         return "good" if self.jobs else "none"
 
@@ -73,16 +80,19 @@ def verdict(counts: Counts) -> Both:
         tail = say("verdict_no_jobs")
     else:
         parts = [say("drives", n=len(counts.drives)), say("jobs", n=counts.jobs)]
-        tail = joined([*parts, *told(counts.states)])
+        tail = joined([*parts, *told(counts.states, bool(counts.severities["error"]))])
     if counts.unreadable:
         tail = joined([tail, say("told_unreadable", n=counts.unreadable)])
     return head.joined(tail, ": ", "：")
 
 
-def told(states: Counter[str]) -> list[Both]:
-    """What became of jobs that did not end well, or that all of them did."""
+def told(states: Counter[str], errors: bool) -> list[Both]:
+    """What became of jobs that did not end well; where all did, that they are done.
+
+    Of a capture with findings of severity error no more is said than that they were answered.
+    """
     parts = [say(f"told_{state}", n=states[state]) for state in _TOLD if states[state]]
-    return parts or [say("told_all_answered")]
+    return parts or [say("told_all_answered" if errors else "told_all_done")]
 
 
 def blind(result: CaptureResult) -> list[Both]:
@@ -96,6 +106,9 @@ def blind(result: CaptureResult) -> list[Both]:
     nameless = sum(1 for each in result.devices if not each.station)
     if nameless:
         lines.append(say("blind_names", n=nameless))
+    unseen = sum(1 for each in result.transactions if each.state in OPEN)
+    if unseen:
+        lines.append(say("blind_open", n=unseen))
     orphans = sum(1 for each in result.transactions if each.state == "orphan")
     if orphans:
         lines.append(say("blind_before", n=orphans))
