@@ -475,7 +475,7 @@ def test_an_overview_of_results_given_as_a_whole() -> None:
     lines = stream.getvalue().splitlines()
     assert lines[0] == "Captures, the worst first"
     assert lines[2].endswith("b  only partly read: cut")
-    assert lines[-3] == "All 2 captures: 1 without error or warning, 1 only partly read"
+    assert lines[-3] == "All 2 captures: 1 in which all is well, 1 only partly read"
     assert Row.loaded(Row.unreadable("x", "why").plain()) == Row.unreadable("x", "why")
 
 
@@ -498,6 +498,16 @@ def test_columns_of_the_overview_line_up_in_chinese() -> None:
 def test_an_overview_of_one_capture_that_is_ill(capsys: Any, captures: Path) -> None:
     _, text, _ = run(capsys, captures / "tour-machine.pcapng", "-f", "overview")
     assert "All 1 capture" in text.splitlines()
+
+
+def test_jobs_that_failed_are_to_be_looked_at_whatever_is_ignored(
+    captures: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = [arg for rule in ("DS2", "DS4", "DS7") for arg in ("--ignore", rule)]
+    _, text, _ = run(capsys, "-f", "overview", *arguments, captures / "tour-machine.pcapng")
+    lines = text.splitlines()
+    assert lines[2].split()[:5] == ["0", "0", "0", "4", "8"]
+    assert "All 1 capture" in lines
 
 
 # -- what to do over all captures -----------------------------------------------------------------

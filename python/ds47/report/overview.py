@@ -112,8 +112,12 @@ class Row:
 
     @property
     def quiet(self) -> bool:
-        """Whether nobody need look at it: read as a whole, no error, no warning."""
-        return self.complete and not ({"error", "warning"} & self.findings.keys())
+        """Whether nobody need look at it: read as a whole, no error, no warning, every job ok."""
+        return (
+            self.complete
+            and not ({"error", "warning"} & self.findings.keys())
+            and self.states.get("ok", 0) == self.transactions
+        )
 
 
 def total(rows: Sequence[Row]) -> dict[str, Any]:
