@@ -588,7 +588,8 @@ def _rule(number: int, lang: str) -> Meaning:
     title = words["rule"].format(
         code=code, name=rule.name, severity=words[f"{rule.severity}_severity"], text=message
     )
-    entry = explanations.of_number("rule", number) or explanations.of_unknown()
+    kind = "rule" if rule.in_wireshark else "rule_of_capture"
+    entry = explanations.of_number(kind, number) or explanations.of_unknown()
     cause = explanations.Cause(rule.cause, rule.cause_zh, "usual")
     return _meaning(
         "rule", code, code, title, True, entry, lang, rank="index", causes=(cause,),

@@ -244,7 +244,9 @@ def test_every_code_of_the_tables_has_a_complete_answer(lang: str) -> None:
         for text in (meaning.title, meaning.look, *(cause.text for cause in meaning.causes)):
             assert bool(CHINESE.search(text)) == (lang == "zh"), f"{where}: {text}"
         if meaning.known:
-            assert meaning.filter or meaning.plugin_filter, where
+            rule = spec.rules().get(meaning.code)
+            shown = rule is None or rule.in_wireshark
+            assert bool(meaning.filter or meaning.plugin_filter) == shown, where
             assert explain(meaning.name.split(" --")[0], lang), where
 
 
@@ -513,6 +515,12 @@ def test_a_filter_finds_the_frames(code: str, capture: str, plugin: bool, tmp_pa
     wanted = meaning.plugin_filter if plugin else meaning.filter
     assert wanted
     assert _found(tmp_path, capture, wanted, plugin) > 0
+
+
+def test_a_diagnosis_of_the_whole_capture_has_no_filter_and_says_so() -> None:
+    meaning = explain("DS721")[0]
+    assert (meaning.filter, meaning.plugin_filter) == (None, None)
+    assert "Only the report has it" in meaning.look
 
 
 # ------------------------------------------------------------------------------------------ page

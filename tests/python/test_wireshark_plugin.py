@@ -24,6 +24,8 @@ from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.stage import Stage
 from ds47.report import json as report
+from ds47.report.html.views.findings import groups
+from ds47.spec import rules
 from ds47.spec.semantics import reasons
 from ds47.wireshark import fields
 
@@ -228,11 +230,42 @@ def test_a_read_filter_that_drops_frames_keeps_the_pairs(tshark: Tshark) -> None
 # Findings
 
 
+@cache
+def rules_of(path: Path) -> set[str]:
+    """The rules of the findings that the analyzer has in a capture."""
+    return {each.rule for each in analyze(path).findings}
+
+
 def test_a_finding_is_found_by_its_rule(tshark: Tshark) -> None:
     path = CAPTURES["conversation-error.pcapng"]
     names = ("frame.number", "ds47.finding.severity")
     found = tshark("-r", path, "-2", "-Y", 'ds47.finding == "DS410"', *columns(*names))
     assert rows(found) == [["4", "error,warning"]]  # and of DS701
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["tour-machine.pcapng", "record-nothing-to-read.pcapng", "diagnosis-data-block-layout.pcapng"],
+)
+def test_every_filter_that_the_page_offers_finds_frames(name: str, tshark: Tshark) -> None:
+    """That the plugin has all other rules, capture by capture, is compared above."""
+    found = groups(analyze(CAPTURES[name]), "en", {})
+    offered = {each.rule: each.plugin_filter for each in found if each.plugin_filter}
+    wanted = " || ".join(offered.values())
+    output = tshark("-r", CAPTURES[name], "-2", "-Y", wanted, *columns("ds47.finding"))
+    shown = {rule for line in output.splitlines() for rule in line.split(",")}
+    assert shown == offered.keys()
+
+
+@pytest.mark.parametrize("rule", [each.id for each in rules().values() if not each.in_wireshark])
+def test_no_filter_is_offered_for_what_the_plugin_has_not(rule: str) -> None:
+    path = next(
+        each
+        for each in CAPTURES.values()
+        if each.name.startswith("diagnosis-") and rule in rules_of(each)
+    )
+    offered = {each.rule: each.plugin_filter for each in groups(analyze(path), "en", {})}
+    assert offered[rule] is None
 
 
 def test_findings_are_expert_infos(tshark: Tshark) -> None:

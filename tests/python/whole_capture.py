@@ -13,9 +13,5 @@ from ds47.spec import rules
 
 def of_transactions(told: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
     """Findings or diagnoses of a report without those that only the whole capture can show."""
-    whole = {
-        rule.id
-        for rule in rules().values()
-        if rule.id.startswith("DS7") and rule.scope == "capture"
-    }
+    whole = {rule.id for rule in rules().values() if not rule.in_wireshark}
     return [each for each in told if each["rule"] not in whole]

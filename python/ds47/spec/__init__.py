@@ -136,6 +136,11 @@ class Rule(Row):
     advice_zh: str
     group: tuple[str, ...] = ()
 
+    @property
+    def in_wireshark(self) -> bool:
+        """Whether the plugin finds it: a diagnosis of the whole capture it has not while it shows a frame."""
+        return not (self.id.startswith("DS7") and self.scope == "capture")
+
 
 @cache
 def _load(name: str) -> dict[str, Any]:

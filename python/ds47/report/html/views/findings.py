@@ -9,6 +9,7 @@ from ds47.model import SEVERITIES, CaptureResult, Finding
 from ds47.report.filters import display_filter
 from ds47.report.html import messages
 from ds47.report.html.texts import Both
+from ds47.spec import rules
 
 SHOWN = 100
 """Findings listed of one rule; the number of all is always told."""
@@ -44,8 +45,11 @@ class Group:
         return self.count - len(self.shown)
 
     @property
-    def plugin_filter(self) -> str:
-        """The short filter for who has the plugin: all of them, in every capture."""
+    def plugin_filter(self) -> str | None:
+        """The short filter for who has the plugin: all of them, in every capture. None where it has none."""
+        known = rules().get(self.rule)
+        if known is not None and not known.in_wireshark:
+            return None
         return f'ds47.finding == "{self.rule}"'
 
 
