@@ -197,6 +197,7 @@ class Analysis:
         return CaptureResult(
             path=capture.path,
             frames=capture.frames,
+            start_ns=capture.first_ns,
             complete=capture.complete,
             problem=capture.problem,
             dropped=capture.dropped,

@@ -360,6 +360,8 @@ class CaptureResult(_Plain):
     path: str
     sha256: str | None = None
     frames: int = 0
+    start_ns: int | None = None
+    """Time of the first frame, whatever it holds; nanoseconds since 1970. None where there is none."""
     complete: bool = True
     problem: str | None = None
     dropped: int | None = None

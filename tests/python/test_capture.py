@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from ds47.capture import CaptureError, open_capture
 from ds47.capture.scan import ETHERNET, RAW, SLL, SLL2, relevant
+from ds47.export import first_time
 
 PLAIN = make.pcap([make.RT, make.call(), make.DNS, make.call()])
 
@@ -65,6 +66,31 @@ def test_garbage_behind_gzip_data_is_a_problem_and_no_exception() -> None:
     with open_capture(io.BytesIO(gzip.compress(PLAIN) + b"garbage")) as capture:
         assert [frame.number for frame in capture] == [2, 4]
     assert "not gzip" in (capture.problem or "")
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        PLAIN,
+        make.pcap([make.RT, make.call()], order=">", magic=0xA1B23C4D),
+        make.pcap([make.RT, make.call()], magic=0xA1B2CD34),
+        make.section() + make.interface() + make.enhanced(make.RT, stamp=7) + make.enhanced(make.call(), stamp=9),
+        make.section(">") + make.interface(">") + make.enhanced(make.call(), ">", stamp=7),
+        make.section() + make.interface(),
+        make.pcap([]),
+        make.pcap([make.RT])[:-1],
+    ],
+)  # fmt: skip
+def test_the_time_of_the_first_frame_is_known_whatever_it_holds(
+    data: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "x.pcap"
+    path.write_bytes(data)
+    with open_capture(path) as capture:
+        assert capture.first_ns is None
+        list(capture)
+        assert capture.first_ns == (first_time(path) if capture.frames else None)
+        assert (capture.first_ns is None) == (capture.frames == 0)
 
 
 class Dribble(io.RawIOBase):

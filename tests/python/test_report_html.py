@@ -629,6 +629,14 @@ def test_rows_are_short_and_their_tables_hold_what_repeats():
     assert data["rules"] == [["DS410", "drive-error"]]
 
 
+def test_times_count_from_the_first_frame_of_the_capture():
+    item = transaction(1)
+    result = capture(item, start_ns=item.start_ns - 2_500_000_000)
+    data = packed_rows(result, {}, 100)
+    assert data["rows"][0][ROW.index("start")] == 2_500_000
+    assert data["start_ms"] == result.start_ns / 1e6
+
+
 def test_a_long_message_is_cut_and_the_page_knows():
     data = packed_rows(capture(transaction(request=bytes(5000))), {}, 100)
     assert data["rows"][0][ROW.index("request")] == "00" * 2048 + "+2952"

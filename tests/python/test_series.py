@@ -131,7 +131,7 @@ def as_one(paths: Sequence[Path]) -> CaptureResult:
 
 def said(result: CaptureResult) -> Any:
     return (
-        result.frames, result.complete, result.rpc, result.records, result.devices,
+        result.frames, result.start_ns, result.complete, result.rpc, result.records, result.devices,
         result.transactions, result.findings, result.diagnoses, result.summary,
     )  # fmt: skip
 

@@ -497,7 +497,7 @@ from ds47.capture.raw import raw_frames
 from ds47.spec.semantics import limits
 
 class Endless:
-    path, complete, problem, dropped, gaps, frames = "x", True, None, None, False, 0
+    path, complete, problem, dropped, gaps, first_ns, frames = "x", True, None, None, False, None, 0
     def __iter__(self):
         exchange = [bytearray(frame.data) for frame in raw_frames(sys.argv[1])]
         for activity in range(int(1.5 * limits().activities)):

@@ -64,16 +64,28 @@ class PcapReader:
         self._scan.position = _FILE_HEADER
         self._batches = Batches(self._scan, window)
         self.frames = 0
+        self.first_ns: int | None = None
         self.problem: str | None = None
 
     def read(self) -> Iterator[list[Frame]]:
         """Yield the frames that may matter, some at once; sets `problem` when it must stop early."""
+        self._first()
         while True:
             for found in self._batches:
                 yield self._records(found)
             self.frames = self._scan.frames
             if not self._continue():
                 return
+
+    def _first(self) -> None:
+        """The time of the first record, which the scan may leave out."""
+        window, scan = self._window, self._scan
+        whole = window.more(scan.position, self._header)
+        scan.position = 0
+        if whole:
+            sign = "<" if self._order == "little" else ">"
+            seconds, fraction = struct.unpack_from(sign + "2I", window.data)
+            self.first_ns = seconds * 1_000_000_000 + fraction * self._unit
 
     def _records(self, found: list[Found]) -> list[Frame]:
         """Records, as the scan found them, as frames."""

@@ -86,6 +86,7 @@ class PcapngReader:
         self._lost_before: int | None = None
         self._lost: dict[int, dict[int, int]] = {}
         self.frames = 0
+        self.first_ns: int | None = None
         self.problem: str | None = None
         self._set_order("little")
         try:
@@ -107,8 +108,11 @@ class PcapngReader:
         scan, window = self._scan, self._window
         try:
             while True:
-                for found in self._batches:
-                    yield self._enhanced(found)
+                if (
+                    scan.frames
+                ):  # the first one goes the long way, which tells its time whatever it holds
+                    for found in self._batches:
+                        yield self._enhanced(found)
                 self.frames = scan.frames
                 frame = self._block()
                 self.frames = scan.frames
@@ -283,6 +287,8 @@ class PcapngReader:
     def _frame(self, about: _Interface, time_ns: int, data: bytes, original: int) -> Frame | None:
         self._scan.frames += 1
         self.frames = self._scan.frames
+        if self.first_ns is None:
+            self.first_ns = time_ns
         if not relevant(data, 0, len(data), about.link_type, original):
             return None
         return Frame(self.frames, time_ns, about.link_type, data, original)

@@ -37,6 +37,7 @@ class Series(Closing):
         self.path = parts[0].name
         self.files: list[CaptureFile] = []
         self.dropped: int | None = None
+        self.first_ns: int | None = None
         self._parts = parts
         self._capture: Capture | None = None
         self._before = 0
@@ -68,6 +69,8 @@ class Series(Closing):
     def _end(self, capture: Capture, file: CaptureFile) -> None:
         file.frames, file.problem = capture.frames, capture.problem
         self._before += file.frames
+        if self.first_ns is None:
+            self.first_ns = capture.first_ns
         if capture.dropped is not None:
             self.dropped = capture.dropped + (self.dropped or 0)
 

@@ -79,14 +79,14 @@ def _has_namesake(capture: Path, stem: str) -> bool:
 
 
 def content(result: CaptureResult) -> dict[str, Any]:
-    """What is stored of a result: the capture object of `ds47.report/1` without its path.
+    """What is stored of a result: the capture object of `ds47.report/1` without its path and its time.
 
     Files of a series go by their names alone: they stand beside it.
     """
     from ds47.report.json import capture
 
     stored = capture(result)
-    del stored["path"]
+    del stored["path"], stored["start"]
     for file in stored.get("files", ()):
         name = Path(file["path"]).name
         file["problem"] = file["problem"] and file["problem"].replace(file["path"], name)

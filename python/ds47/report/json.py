@@ -293,6 +293,7 @@ def capture_head(result: CaptureResult) -> dict[str, Any]:
         "path": result.path,
         "sha256": result.sha256,
         "frames": result.frames,
+        "start": None if result.start_ns is None else timestamp(result.start_ns),
         "complete": result.complete,
         "rpc": result.rpc,
         "records": dict(sorted(result.records.items(), key=_by_index)),

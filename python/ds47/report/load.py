@@ -35,6 +35,7 @@ def capture(item: dict[str, Any]) -> CaptureResult:
         path=item["path"],
         sha256=item["sha256"],
         frames=item["frames"],
+        start_ns=nanoseconds(item["start"]) if item.get("start") else None,
         complete=item["complete"],
         rpc=item["rpc"],
         records=item["records"],

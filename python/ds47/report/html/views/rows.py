@@ -19,7 +19,7 @@ ROW = (
     "start", "duration", "write_request", "write_response", "read_request", "read_response",
     "polls", "rereads", "write_status", "read_status", "request", "response", "parameters", "findings", "plc",
 )  # fmt: skip
-"""`start` and `duration` are microseconds, `start` from the first one on."""
+"""`start` and `duration` are microseconds, `start` from the first frame of the capture on."""
 MOST_BYTES = 2048
 """Bytes of a message that the page shows."""
 VALUES = 64
@@ -31,7 +31,9 @@ def packed_rows(
 ) -> dict[str, Any]:
     """The rows of a capture with their tables."""
     items = _chosen(result.transactions, most)
-    base = min((each.start_ns for each in items), default=0)
+    base = result.start_ns
+    if base is None:  # a result that was stored before it was kept
+        base = min((each.start_ns for each in items), default=0)
     tables = _Tables(vendors, {each.ip: each.station for each in result.devices})
     rows = [_row(each, base, tables) for each in items]
     return {

@@ -160,23 +160,27 @@ class Plots {
 
   load() {
     const { capture } = this;
-    let end = 1e-3;
-    for (const row of capture.rows) end = Math.max(end, capture.get(row, "start") / 1e6);
-    const width = (end * 1.0001) / BINS;
+    let [begin, end] = [Infinity, -Infinity];
+    for (const row of capture.rows) {
+      const start = capture.get(row, "start") / 1e6;
+      [begin, end] = [Math.min(begin, start), Math.max(end, start)];
+    }
+    const seconds = Math.max(end - begin, 1e-3);
+    const width = (seconds * 1.0001) / BINS;
     const kinds = { good: new Array(BINS).fill(0), open: new Array(BINS).fill(0), bad: new Array(BINS).fill(0) };
     const sums = { good: 0, open: 0, bad: 0 };
     for (const row of capture.rows) {
       const state = capture.state(row);
       const kind = FAILED.includes(state) ? "bad" : state === "ok" ? "good" : "open";
       sums[kind] += 1;
-      kinds[kind][Math.min(BINS - 1, Math.floor(capture.get(row, "start") / 1e6 / width))] += 1;
+      kinds[kind][Math.min(BINS - 1, Math.floor((capture.get(row, "start") / 1e6 - begin) / width))] += 1;
     }
-    const text = say("plot_load_text", { n: grouped(capture.rows.length), seconds: end.toFixed(1), bad: grouped(sums.bad), open: grouped(sums.open) });
+    const text = say("plot_load_text", { n: grouped(capture.rows.length), seconds: seconds.toFixed(1), bad: grouped(sums.bad), open: grouped(sums.open) });
     const [canvas] = this.frame("plot_load", text, { broad: false });
     const figure = this.figure(say("plot_seconds"), say("plot_jobs"));
     let bottom = new Array(BINS).fill(0);
-    const left = bottom.map((_, number) => number * width);
-    const right = bottom.map((_, number) => (number + 1) * width);
+    const left = bottom.map((_, number) => begin + number * width);
+    const right = bottom.map((_, number) => begin + (number + 1) * width);
     for (const [kind, words] of [["good", "plot_good"], ["open", "plot_open"], ["bad", "plot_bad"]]) {
       if (!sums[kind]) continue;
       const top = bottom.map((value, number) => value + kinds[kind][number]);
