@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from ds47.analysis import analyze
 from ds47.model import CaptureResult, Device, Finding, Frames, Parameter, Transaction
 
 JOBS = "[data-part=transactions]"
@@ -207,8 +208,6 @@ def test_a_filter_is_copied(browser, tour):
 
 
 def test_a_corrected_request_is_copied_in_every_form(browser, write, captures):
-    from ds47.analysis import analyze
-
     browser.open(write("corrected", analyze(captures / "diagnosis-index-and-count.pcapng")))
     browser.run(
         "navigator.clipboard.writeText = (text) => { window.copied = text; return Promise.resolve(); }"
@@ -282,6 +281,48 @@ def test_paper_holds_the_findings_unfolded(browser, tour):
     assert 2 <= pdf.count(b"/Type /Page\n") + pdf.count(b"/Type /Page ") <= 8
     assert browser.run("return window.onPaper") == len(browser.all("details.finding"))
     assert browser.run(folded) == before
+
+
+WAITING = "return document.querySelectorAll('.waiting').length"
+
+
+@pytest.mark.parametrize("key", [False, True])
+def test_the_button_and_its_key_print_when_everything_is_there(browser, write, captures, key):
+    from selenium.webdriver import ActionChains, Keys
+
+    names = ("record-polls.pcapng", "tour-machine.pcapng")
+    browser.open(write("printed", *(analyze(captures / name) for name in names)))
+    browser.run(
+        "window.print = () => { window.printed = document.querySelectorAll('.canvas').length }"
+    )
+    assert browser.run(WAITING) == 6
+    if key:
+        ActionChains(browser.driver).key_down(Keys.CONTROL).send_keys("p").perform()
+        ActionChains(browser.driver).key_up(Keys.CONTROL).perform()
+    else:
+        browser.click("[data-print]")
+    assert browser.wait("return window.printed") == 8
+    assert browser.run(WAITING) == 0
+    assert browser.run("return Bokeh.documents.every((each) => each.is_idle)")
+
+
+def test_paper_holds_every_capture_and_says_which_plots_it_lacks(browser, write, captures):
+    names = ("record-polls.pcapng", "tour-machine.pcapng")
+    page = write("paper", *(analyze(captures / name) for name in names))
+    browser.driver.get("about:blank")
+    browser.driver.get(page.as_uri())
+    browser.run("""addEventListener("beforeprint", () => Promise.resolve().then(() => setTimeout(() => {
+        window.onPaper = [document.querySelectorAll("details.capture-fold[open]").length,
+          document.querySelectorAll("[data-part=transactions] tr.row").length,
+          document.querySelector("#plots-2").textContent];
+      })));
+      window.dispatchEvent(new Event("beforeprint"))""")
+    folds, jobs, plots = browser.wait("return window.onPaper")
+    assert (folds, jobs) == (2, 9)
+    assert "not drawn yet when this was printed" in plots
+    browser.wait("return document.querySelectorAll('.canvas').length === 8")
+    browser.run("window.dispatchEvent(new Event('afterprint'))")
+    assert not browser.all("details.capture-fold[open]")
 
 
 @pytest.mark.parametrize("dark", [False, True])
@@ -362,8 +403,6 @@ def test_hostile_text_stays_text(browser, write):
 
 
 def test_several_captures_stand_behind_an_overview(browser, write, captures):
-    from ds47.analysis import analyze
-
     results = [analyze(captures / name) for name in ("record-polls.pcapng", "tour-machine.pcapng")]
     browser.open(write("two", *results))
     assert browser.one("h1").text.startswith("NOT OK: 1 drive, 9 jobs")

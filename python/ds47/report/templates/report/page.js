@@ -1,12 +1,20 @@
 // The page as a whole: language, theme, copying, links into the tables, paper; and the start of everything.
 
-const shown = new Map(); // number of a capture -> {tables, plots}
+const shown = new Map(); // number of a capture -> {tables, plots, ready, drawn, draw()}
 
-async function startCapture(article) {
+/** Fills the tables of a capture, once; its plots are drawn when they are seen, or by `draw`. */
+function startCapture(article) {
   const number = Number(article.dataset.capture);
-  if (shown.has(number) || !article.querySelector("[data-part]")) return;
-  const parts = { tables: {}, plots: null };
-  shown.set(number, parts);
+  if (!article.querySelector("[data-part]")) return Promise.resolve();
+  if (!shown.has(number)) {
+    const parts = { tables: {}, plots: null, drawn: null };
+    shown.set(number, parts);
+    parts.ready = fillCapture(article, number, parts);
+  }
+  return shown.get(number).ready;
+}
+
+async function fillCapture(article, number, parts) {
   try {
     const data = await capture(number);
     const place = (name) => article.querySelector(`[data-part="${name}"]`);
@@ -14,8 +22,10 @@ async function startCapture(article) {
     parts.tables.parameters = parameterTable(place("parameters"), data);
     if (place("plots")) {
       parts.plots = new Plots(place("plots"), data, article.dataset.listed !== article.dataset.jobs);
-      whenSeen(place("plots"), () => { parts.drawn = true; return parts.plots.draw().catch((problem) => failed(article, problem)); });
+      parts.draw = () => (parts.drawn ??= parts.plots.draw().catch((problem) => failed(article, problem)));
+      whenSeen(place("plots"), parts.draw);
     }
+    if (onPaper) drawTables(parts);
     article.dataset.ready = "";
   } catch (problem) {
     failed(article, problem);
@@ -106,18 +116,43 @@ function follow(hash) {
 }
 
 const folded = [];
+let onPaper = false;
+
+function drawTables({ tables }) {
+  for (const table of Object.values(tables)) table.draw(onPaper);
+}
+
+/** Begins all that waits to be opened or seen; settles when it is there. */
+async function everything() {
+  await Promise.all([...document.querySelectorAll("article[data-capture]")].map(startCapture));
+  await Promise.all([...shown.values()].map((parts) => parts.draw && parts.draw()));
+}
+
+/** Prints when everything is there: a browser that prints by itself does not wait for what begins then. */
+async function print(button) {
+  if (button.disabled) return;
+  button.disabled = true;
+  announce(say("preparing"));
+  await everything().catch(() => null); // what failed says so in its place
+  button.disabled = false;
+  window.print();
+}
 
 function beforePaper() {
-  for (const fold of document.querySelectorAll("details.finding:not([open])")) {
+  onPaper = true;
+  for (const fold of document.querySelectorAll("main details:not([open])")) {
     fold.open = true;
     folded.push(fold);
   }
-  for (const { tables } of shown.values()) for (const table of Object.values(tables)) table.draw(true);
+  for (const parts of shown.values()) drawTables(parts);
+  for (const waiting of document.querySelectorAll("[data-part=plots] > .waiting")) waiting.textContent = say("print_again");
+  everything().catch(() => null);
 }
 
 function afterPaper() {
+  onPaper = false;
   for (const fold of folded.splice(0)) fold.open = false;
-  for (const { tables } of shown.values()) for (const table of Object.values(tables)) table.draw();
+  for (const parts of shown.values()) drawTables(parts);
 }
 
 document.addEventListener("click", (event) => {
@@ -129,8 +164,13 @@ document.addEventListener("click", (event) => {
     follow(target.getAttribute("href"));
   } else if (target.dataset.lang) setLanguage(target.dataset.lang);
   else if ("themeButton" in target.dataset) nextTheme();
-  else if ("print" in target.dataset) window.print();
+  else if ("print" in target.dataset) print(target);
   else if ("copy" in target.dataset) copy(target);
+});
+document.addEventListener("keydown", (event) => {
+  if (event.key.toLowerCase() !== "p" || !(event.ctrlKey || event.metaKey) || event.shiftKey || event.altKey) return;
+  event.preventDefault();
+  print(document.querySelector("[data-print]"));
 });
 window.addEventListener("hashchange", () => follow(location.hash));
 window.addEventListener("beforeprint", beforePaper);

@@ -27,6 +27,7 @@ class Plots {
   constructor(place, capture, partly) {
     Object.assign(this, { place, capture, partly });
     this.picked = null;
+    this.views = [];
   }
 
   async draw() {
@@ -34,6 +35,7 @@ class Plots {
     const { capture } = this;
     const timed = capture.rows.filter((row) => (capture.get(row, "duration") ?? -1) >= 0);
     this.place.replaceChildren();
+    this.views = [];
     if (timed.length) {
       this.distribution(timed);
       this.latency(timed);
@@ -42,6 +44,15 @@ class Plots {
     }
     this.load();
     this.value();
+    await this.painted();
+  }
+
+  /** Waits, not for ever, until the library has painted what it was given: it does so in its own time. */
+  async painted() {
+    const documents = (await Promise.all(this.views)).map((view) => view.model.document);
+    for (let patience = 100; patience && documents.some((each) => each && !each.is_idle); patience -= 1) {
+      await new Promise((resolve) => setTimeout(resolve, 50));
+    }
   }
 
   /** An empty plot in its frame: [canvas element, figure maker]. */
@@ -83,7 +94,7 @@ class Plots {
   }
 
   show(figure, canvas) {
-    return this.bokeh.Plotting.show(figure, canvas);
+    this.views.push(this.bokeh.Plotting.show(figure, canvas));
   }
 
   hover(figure, renderers, tooltips) {
