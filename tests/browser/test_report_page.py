@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -410,6 +411,25 @@ def test_several_captures_stand_behind_an_overview(browser, write, captures):
     browser.click("a[href='#capture-2']")
     browser.wait("return !!document.querySelector('#capture-2 tr.row')")
     assert len(browser.all(f"#capture-2 {ROWS}")) == 8
+
+
+def test_the_overview_has_the_worst_first_and_sorts(browser, write, captures):
+    names = ("record-polls.pcapng", "tour-machine.pcapng", "conversation-error.pcapng")
+    browser.open(write("three", *(analyze(captures / name) for name in names)))
+    shown = "table.overview tbody th"
+    worst = browser.texts(shown)
+    assert [Path(each).name for each in worst] == [names[1], names[2], names[0]]
+    assert browser.texts(".problem-list li")[0].startswith("DS705 error two-users: 1 time in 1 cap")
+    head = "table.overview thead th:nth-child(3)"  # jobs
+    browser.click(f"{head} button")
+    assert browser.texts(shown) == [worst[1], worst[2], worst[0]]
+    assert browser.one(head).get_attribute("aria-sort") == "ascending"
+    browser.click(f"{head} button")
+    assert browser.texts(shown)[0] == worst[0]
+    browser.click(f"{head} button")
+    assert browser.texts(shown) == worst
+    browser.click("button[data-lang=zh]")
+    assert browser.texts(f"{head} button") == ["任务"]
 
 
 def test_a_hundred_thousand_jobs_open_quickly(browser, write):

@@ -30,13 +30,14 @@ from ds47.model import (
     Report,
     Transaction,
 )
-from ds47.report import html
+from ds47.report import causes, html
 from ds47.report.html import embed, messages, plots, texts
 from ds47.report.html.verdict import quality
 from ds47.report.html.views import capture_view
 from ds47.report.html.views.elements import elements
 from ds47.report.html.views.problems import first_screen, problems
 from ds47.report.html.views.rows import ROW, packed_rows
+from ds47.report.overview import Row, total
 from ds47.report.verdict import Counts, blind, verdict
 from ds47.spec.reporting import report_words
 from ds47.spec.semantics import diagnosis_words
@@ -590,7 +591,7 @@ def test_every_stored_capture_gives_a_page(captures):
     seen = Elements(page(*results))
     assert len([1 for tag, a in seen.found if tag == "article"]) == html.DETAILED < len(results)
     overview = [a for tag, a in seen.found if a.get("href", "").startswith("#capture-")]
-    assert len(overview) == html.DETAILED
+    assert len({a["href"] for a in overview}) == html.DETAILED
     assert f"{html.DETAILED} captures are shown with all their parts" in "".join(seen.text)
 
 
@@ -607,6 +608,24 @@ def test_of_many_captures_the_worst_are_shown_whole(monkeypatch):
         if a.get("href", "").startswith("#capture-")
     ]
     assert links == ["#capture-2", "#capture-4"]
+
+
+def test_the_overview_is_in_the_order_of_the_text_and_says_what_to_do(captures):
+    results = [analyze(path) for path in sorted(captures.glob("diagnosis-*.pcapng"))[:30]]
+    rows = list(map(Row.of, results))
+    seen = Elements(page(*results))
+    content = "".join(seen.text)
+    place = content.rindex("30 个抓包")  # the head of the table
+    table = content[place:]
+    places = [table.index(row.path) for row in sorted(rows, key=Row.badness)]
+    assert places == sorted(places)
+    heads = [
+        content.index(causes.headline(each, messages.rule_name(each["rule"])).en)
+        for each in total(rows)["to_do"]
+    ]
+    assert len(heads) > 6
+    assert heads == sorted(heads)
+    assert heads[-1] < place
 
 
 def test_rows_are_short_and_their_tables_hold_what_repeats():

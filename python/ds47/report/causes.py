@@ -101,23 +101,28 @@ def lines(
     yield say("to_do_head").text(lang)
     for each in items:
         rule = options.rules.get(each["rule"])
-        line = say(
-            "cause_in_captures",
-            rule=each["rule"],
-            severity=say(f"severity_{each['severity']}"),
-            name=rule.name if rule else "",
-            times=say("times", n=each["findings"]),
-            captures=say("captures", n=each["captures"]),
-        )
-        yield f"  {line.text(lang)}"
+        yield f"  {headline(each, rule.name if rule else '').text(lang)}"
         if advice and rule:
             text = rule.advice_zh if lang == "zh" else rule.advice
             for part in wrap("-> " + text, WIDTH - 4, 3):
                 yield "    " + part
-        yield f"    {_first(each['first']).text(lang)}"
+        yield f"    {first_place(each['first']).text(lang)}"
 
 
-def _first(first: dict[str, Any]) -> Both:
+def headline(item: dict[str, Any], rule_name: str) -> Both:
+    """`DS705 error two-users: 15 times in 15 captures`, of one of what `over_all` gave."""
+    return say(
+        "cause_in_captures",
+        rule=item["rule"],
+        severity=say(f"severity_{item['severity']}"),
+        name=rule_name,
+        times=say("times", n=item["findings"]),
+        captures=say("captures", n=item["captures"]),
+    )
+
+
+def first_place(first: dict[str, Any]) -> Both:
+    """`first in frame 3 of line.pcapng`, of the `first` of one of what `over_all` gave."""
     path = escape(first["path"])
     if first["frame"] is None:
         return say("first_capture", path=path)

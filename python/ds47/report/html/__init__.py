@@ -15,7 +15,9 @@ from ds47.report import Options, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.html import embed, plots
 from ds47.report.html.texts import Words
-from ds47.report.html.views import CaptureView, Overview, capture_view, detail_first
+from ds47.report.html.views import CaptureView, Overview, capture_view, to_do, worst_first
+from ds47.report.html.views.problems import FIRST_SCREEN
+from ds47.report.verdict import LEVELS
 from ds47.report.words import count, duration, escape
 
 ROWS = 100_000
@@ -34,6 +36,7 @@ SCRIPTS = (
     "sequence",
     "transactions",
     "parameters",
+    "overview",
     "plots",
     "page",
 )
@@ -63,7 +66,7 @@ class Writer(_Writer):
         self._overview.append(view.overview)
         self._views.append(view)
         if len(self._views) > DETAILED:
-            self._views.remove(max(self._views, key=detail_first))
+            self._views.remove(max(self._views, key=lambda each: worst_first(each.overview)))
 
     def unreadable(self, path: str, problem: str) -> None:
         self._overview.append(Overview.unreadable(path, len(self._overview) + 1, problem))
@@ -95,10 +98,13 @@ def page(overview: list[Overview], views: list[CaptureView], lang: str) -> str:
         "policy": embed.policy([script, *(library.scripts if library else ())]),
         "library": library,
         "words": embed.as_json(words.for_script()),
-        "overview": overview,
+        "levels": LEVELS,
+        "overview": sorted(overview, key=worst_first),
+        "to_do": to_do(overview),
+        "first_screen": FIRST_SCREEN,
         "total": overview[0] if len(overview) == 1 else Overview.of_all(overview),
         "alone": len(overview) == len(views) == 1,
-        "views": views,
+        "views": sorted(views, key=lambda each: worst_first(each.overview)),
         "most_drives": DRIVES,
     }
     return environment.get_template("report.html.j2").render(known)

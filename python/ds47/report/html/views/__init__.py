@@ -13,6 +13,8 @@ from typing import Any
 from markupsafe import Markup
 
 from ds47.model import CaptureResult
+from ds47.report import causes
+from ds47.report.html import messages
 from ds47.report.html.embed import data_element
 from ds47.report.html.texts import Both, say
 from ds47.report.html.verdict import Remark, quality
@@ -22,6 +24,7 @@ from ds47.report.html.views.findings import Group, groups
 from ds47.report.html.views.problems import Problem, first_screen, problems
 from ds47.report.html.views.rows import packed_rows
 from ds47.report.latency import percentile
+from ds47.report.overview import Row
 from ds47.report.verdict import LEVELS, Counts, blind, verdict
 from ds47.report.words import escape
 
@@ -33,6 +36,8 @@ class Overview:
     path: str
     number: int
     counts: Counts
+    row: Row
+    """What the overview of every other format says of it."""
     quality: str = "good"
     """The worst level of its quality."""
     problem: str | None = None
@@ -53,15 +58,27 @@ class Overview:
     @classmethod
     def unreadable(cls, path: str, number: int, problem: str) -> Overview:
         """A capture of which nothing could be read."""
-        return cls(path, number, Counts(captures=1, unreadable=1), "bad", problem)
+        row = Row.unreadable(path, problem)
+        return cls(path, number, Counts(captures=1, unreadable=1), row, "bad", problem)
 
     @classmethod
     def of_all(cls, parts: Iterable[Overview]) -> Overview:
         """The sum over all captures."""
-        total = cls("", 0, Counts())
+        total = cls("", 0, Counts(), Row(""))
         for part in parts:
             total.counts.add(part.counts)
         return total
+
+
+@dataclass(frozen=True, slots=True)
+class ToDo:
+    """A cause over all captures; `number` is that of the first capture that has it."""
+
+    severity: str
+    headline: Both
+    advice: Both
+    first: Both
+    number: int
 
 
 @dataclass(slots=True)
@@ -106,7 +123,7 @@ def capture_view(result: CaptureResult, number: int, lang: str, most_rows: int) 
         if each.duration_ns is not None and each.duration_ns >= 0
     )
     return CaptureView(
-        overview=Overview(result.path, number, counts, LEVELS[worst]),
+        overview=Overview(result.path, number, counts, Row.of(result), LEVELS[worst]),
         sha256=result.sha256,
         span=span(result),
         quality=remarks,
@@ -137,6 +154,22 @@ def _by_transaction(found: list[Group]) -> dict[int, list[list[Any]]]:
     return messages
 
 
-def detail_first(view: CaptureView) -> tuple[int, int]:
-    """For a choice of captures to show: the worst first, then as they came."""
-    return (-LEVELS.index(view.overview.counts.level), view.overview.number)
+def worst_first(item: Overview) -> tuple[tuple[bool | int | str, ...], int]:
+    """Sorts as every other overview does; what is equal stays as it came."""
+    return item.row.badness(), item.number
+
+
+def to_do(items: Iterable[Overview]) -> list[ToDo]:
+    """What to do over all captures, as every other overview says it."""
+    captures = list(items)
+    numbers = {each.path: each.number for each in reversed(captures)}
+    return [
+        ToDo(
+            each["severity"],
+            causes.headline(each, messages.rule_name(each["rule"])),
+            messages.advice(each["rule"]),
+            causes.first_place(each["first"]),
+            numbers[each["first"]["path"]],
+        )
+        for each in causes.over_all((each.path, each.row.diagnoses) for each in captures)
+    ]
