@@ -384,6 +384,33 @@ def make(number, **changes):
     return replace(item, **changes)
 
 
+@pytest.mark.parametrize(
+    ("query", "found"),
+    [
+        ("p0945", ["#1"]), ("r0945", ["#1"]), ("R945", ["#1"]), ("p945[2]", ["#1"]), ("r0945[02]", ["#1"]),
+        ("p945[4]", []), ("p0010", ["#2"]), ("p10[0]", ["#2"]), ("p010[", ["#2"]), ("r2d2", ["#3"]), ("0945", []),
+    ],
+)  # fmt: skip
+def test_a_parameter_is_found_as_siemens_writes_it(browser, write, query, found):
+    values = [Parameter(945, 0, "value", 4, None, None, "Unsigned16", 4, [1, 2, 3, 4])]
+    jobs = [
+        make(1, parameters=values),
+        make(2, parameters=[Parameter(10, 0, "value", 1, None, None, "Integer16", 1, [7])]),
+        make(3, device="10.0.0.3"),
+    ]
+    devices = [Device("10.0.0.3", station="r2d2")]
+    browser.open(
+        write("siemens", CaptureResult("x", frames=12, transactions=jobs, devices=devices))
+    )
+    browser.one(f"{JOBS} input[type=search]").send_keys(query)
+    number = len(found)
+    browser.until(
+        lambda: browser.texts(f"{JOBS} .count")[0].endswith(f" of {number} (3 in all)"),
+        "the search",
+    )
+    assert [each for each in column(browser, JOBS, 1) if each.startswith("#")] == found
+
+
 def test_hostile_text_stays_text(browser, write):
     evil = "<img src=x onerror=alert(1)><script>alert(1)</script>\"'><b>"
     parameter = Parameter(1, 0, "value", 1, evil, evil, "VisibleString", 1, [evil])

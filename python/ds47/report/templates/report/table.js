@@ -110,9 +110,10 @@ class Table {
   choose() {
     const parts = this.query.toLowerCase().split(/\s+/).filter(Boolean);
     const hay = parts.length ? this.words() : null;
+    const fitting = parts.map(finder);
     const active = this.filters.map((filter, place) => [filter, this.chosen[place]]).filter(([, value]) => value !== "");
     this.found = this.rows.filter((row, number) => active.every(([filter, value]) => filter.fits(row, value))
-      && parts.every((part) => hay[number].includes(part)));
+      && fitting.every((fits) => fits(hay[number])));
     const column = this.order && this.columns.find((each) => each.key === this.order.key);
     if (column) {
       const way = this.order.down ? -1 : 1;
@@ -186,6 +187,19 @@ class Table {
     line.querySelector(".expander").focus({ preventScroll: true });
     return true;
   }
+}
+
+/**
+ * A function that says whether a text has this word of a search. A parameter is also found as Siemens writes it (p0945,
+ * r0945), and as an element of a run: p945[2] in p945[0..3].
+ */
+function finder(part) {
+  const plain = part.replace(/^[pr]0*(?=\d)/, "p");
+  const [, pnu, element] = /^p(\d+)\[0*(\d+)\]$/.exec(plain) || [];
+  if (pnu === undefined) return (text) => text.includes(part) || text.includes(plain);
+  const runs = new RegExp(`\\bp${pnu}\\[(\\d+)(?:\\.\\.(\\d+))?\\]`, "g");
+  const has = ([, from, to = from]) => Number(from) <= Number(element) && Number(element) <= Number(to);
+  return (text) => text.includes(part) || [...text.matchAll(runs)].some(has);
 }
 
 /** Orders numbers as numbers and texts as texts; what is not known comes last either way. */
