@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from ds47.analysis import analyze
+from ds47.cli import main
 from ds47.model import CaptureResult, Device, Finding, Frames, Parameter, Transaction
 
 JOBS = "[data-part=transactions]"
@@ -339,6 +341,34 @@ def test_a_phone_shows_it_without_scrolling_sideways(browser, tour, dark):
         ".map((each) => each.outerHTML.slice(0, 80))"
     )
     assert wide == []
+
+
+def test_a_difference_on_a_phone_breaks_no_number(browser, captures, tmp_path):
+    page = tmp_path / "difference.html"
+    folder = captures / "real-stacks"
+    names = ("o1_profinetpy062_be.pcapng", "o2_pyprofinet_le.pcapng")
+    with page.open("w", encoding="utf-8") as stream, redirect_stdout(stream):
+        main(["diff", "-f", "html", *(str(folder / name) for name in names)])
+    browser.look((400, 844), touch=True)
+    browser.driver.get(page.as_uri())
+    numbers, broken = browser.run("""
+      const found = [], broken = [];
+      const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+      while (texts.nextNode()) {
+        const text = texts.currentNode;
+        if (!text.parentElement.closest("td")) continue;
+        for (const match of text.data.matchAll(/\\d[\\d.]*/g)) {
+          const range = document.createRange();
+          range.setStart(text, match.index);
+          range.setEnd(text, match.index + match[0].length);
+          found.push(match[0]);
+          if (range.getClientRects().length > 1) broken.push(match[0]);
+        }
+      }
+      return [found.length, broken]""")
+    assert numbers > 50
+    assert broken == []
+    assert browser.run("return document.documentElement.scrollWidth") <= 400
 
 
 def test_everything_that_can_be_used_has_a_name(browser, tour):

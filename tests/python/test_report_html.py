@@ -205,6 +205,18 @@ def test_a_capture_that_cannot_be_read_can_be_the_only_one():
     writer.unreadable("broken.pcapng", "no capture file")
     writer.close()
     assert "<title>NOT READ: no capture file" in stream.getvalue()
+    text = "".join(Elements(stream.getvalue()).text)
+    assert "1 captures" not in text
+    assert "with all their parts" not in text
+
+
+def test_captures_that_cannot_be_read_are_none_that_were_left_out():
+    stream = io.StringIO()
+    writer = html.Writer(stream, Options("en"))
+    writer.unreadable("broken.pcapng", "no capture file")
+    writer.capture(capture(transaction()))
+    writer.close()
+    assert "stand in this overview only" not in stream.getvalue()
 
 
 # The quality of the capture
