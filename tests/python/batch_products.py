@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +21,8 @@ class Names:
     def __call__(self, task: Task, stream: BinaryIO) -> None:
         if task.path.startswith("broken"):
             raise CaptureError(f"{task.path}: is broken")
+        if task.path.startswith("full-disk"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         once = self.folder / f"{task.path}.died"
         if task.path.startswith("deadly") or (
             task.path.startswith("dies-once") and not once.exists()

@@ -152,6 +152,20 @@ def test_stored_results_are_the_same_bytes(
     assert run(capsys, *again) == alone
 
 
+@pytest.mark.skipif(os.name == "nt", reason="other lengths there")
+def test_a_name_that_is_too_long_costs_only_its_capture(
+    capsys: Any, folder: Path, cluster: Cluster, tmp_path: Path
+) -> None:
+    long = folder / f"{'a' * 242}.pcapng"
+    shutil.copy(next(folder.rglob("tour-machine.pcapng")), long)
+    alone = run(capsys, folder, "--results", tmp_path / "here")
+    assert f"{long}: no result could be stored: File name too long" in alone[2][-1] + alone[2][0]
+    there = run(
+        capsys, folder, "--results", tmp_path / "there", "--scheduler", cluster.address
+    )  # fmt: skip
+    assert there == alone
+
+
 def test_a_lost_worker_costs_its_files_again_and_nothing_else(
     capsys: Any, captures: Path, tmp_path: Path
 ) -> None:

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +24,10 @@ import pytest
 from batch_products import Names
 
 from ds47 import __version__, report
-from ds47.analysis import analyze
+from ds47.analysis import AnalysisOptions, analyze
 from ds47.batch.jobs import useful_jobs
 from ds47.batch.local import Local
+from ds47.batch.results import Results
 from ds47.batch.runner import Failed, Here
 from ds47.batch.tasks import Source, Task, plan
 from ds47.capture import CaptureError
@@ -234,6 +236,96 @@ def test_folders_do_not_mix(capsys: Any, folder: Path, tmp_path: Path) -> None:
     status, _, problems = run(capsys, *same, "--results", tmp_path / "s")
     assert status == 2
     assert "would have the same result tour-machine.pcapng.json" in problems[-1]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no file can have such a name")
+def test_a_file_name_leads_out_of_no_folder(capsys: Any, captures: Path, tmp_path: Path) -> None:
+    """A backslash is a letter here: what it seems to lead to is neither written nor deleted."""
+    (tmp_path / "in").mkdir()
+    shutil.copy(captures / "tour-machine.pcapng", tmp_path / "in" / "..\\..\\good.pcapng")
+    (tmp_path / "in" / "..\\..\\notes.pcap").write_text("not a capture")
+    own = tmp_path / "notes.pcap.json"
+    own.write_text("the user's")
+    results = tmp_path / "r" / "r"
+    status, _, problems = run(capsys, tmp_path / "in", "--results", results)
+    assert (status, len(problems)) == (3, 1)
+    assert own.read_text() == "the user's"
+    assert {path.name for path in results.rglob("*")} == {
+        "..\\..\\good.pcapng.json", "overview.json",
+    }  # fmt: skip
+    assert [path.name for path in (tmp_path / "r").iterdir()] == ["r"]
+    assert run(capsys, tmp_path / "in", "--results", results, "--resume")[0] == 3
+
+
+@pytest.mark.parametrize(
+    ("sep", "path", "roots", "name"),
+    [
+        ("/", "s3://b/../../evil.pcap", ["s3://b"], "%2E%2E/%2E%2E/evil.pcap"),
+        ("/", "s3://b/a/evil.pcap", ["s3://b"], "a/evil.pcap"),
+        ("/", "zip:///etc/x.pcap", ["zip://"], "x.pcap"),
+        ("/", "../../x.pcap", [".", "../../x.pcap"], "folder/%2E%2E/%2E%2E/x.pcap"),
+        ("/", "../plant/x.pcap", ["../plant"], "x.pcap"),
+        ("/", "plant/a:b\\c.pcap", ["plant"], "a:b\\c.pcap"),
+        ("/", "s3://b/..\\x.pcap", ["s3://b"], "..\\x.pcap"),
+        ("\\", "plant\\a\\x.pcap", ["plant"], "a/x.pcap"),
+        ("\\", "s3://b/..\\..\\x.pcap", ["s3://b"], "%2E%2E/%2E%2E/x.pcap"),
+        ("\\", "s3://b/C:/x.pcap", ["s3://b"], "C%3A/x.pcap"),
+        ("\\", "C:\\x.pcap", ["C:\\", "D:\\"], "C%3A/x.pcap"),
+    ],
+)
+def test_the_name_of_a_result_leads_nowhere_but_down(
+    monkeypatch: Any, sep: str, path: str, roots: list[str], name: str
+) -> None:
+    """`sep` is what separates the parts of a path on this system."""
+    results = Results(Path("r"), AnalysisOptions())
+    task = Task(path, ())
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "sep", sep)
+        results.name([task], roots)
+    assert results.place(task) == Path("r", f"{name}.json")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="other lengths there")
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_name_that_is_too_long_costs_only_its_capture(
+    capsys: Any, folder: Path, tmp_path: Path, jobs: int
+) -> None:
+    long = f"{'a' * 242}.pcapng"
+    shutil.copy(folder / "line 1" / "tour-machine.pcapng", folder / "line 1" / long)
+    results = tmp_path / "r"
+    for again in ([], ["--resume"]):
+        status, text, problems = run(capsys, folder, "--results", results, "-j", jobs, *again)
+        assert status == 3
+        assert f"{long}: no result could be stored: File name too long" in "\n".join(problems)
+        assert len(problems) == 3, problems
+        assert f"{long}  not readable: no result could be stored" in text
+        made = stored(results)
+        assert "line 1/tour-machine.pcapng.json" in made
+        assert len(made["overview.json"]["captures"]) == 7
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_full_disk_ends_the_run(tmp_path: Path, jobs: int) -> None:
+    """What ails every result is said once, not once a capture."""
+    make = Names(tmp_path)
+    tasks = [Task(name, (Source(name, name),)) for name in ("full-disk", "fine")]
+    place = {task.path: tmp_path / task.path for task in tasks}
+    runner = Here if jobs == 1 else partial(Local, jobs=jobs)
+    with pytest.raises(OSError, match="No space left"), runner(
+        tasks, make, lambda task: place[task.path]
+    ) as outcomes:  # fmt: skip
+        list(outcomes)
+
+
+def test_a_folder_that_cannot_be_written_is_said_before_anything_is_analysed(
+    capsys: Any, folder: Path, tmp_path: Path, monkeypatch: Any
+) -> None:
+    def refuse(path: Path, *_: Any, **__: Any) -> None:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "touch", refuse)
+    status, _, problems = run(capsys, folder, "--results", tmp_path / "r")
+    assert (status, problems) == (2, [f"Error: cannot write {tmp_path / 'r'}: Permission denied"])
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Any
 
 from ds47 import __version__
-from ds47.batch.products import Product, draft_of, whole
+from ds47.batch.products import Product, draft_of, kept_from, whole
 from ds47.batch.runner import Begun, Failed, Outcome, Place, Window
 from ds47.batch.tasks import Task
 from ds47.capture import CaptureError
@@ -106,8 +106,11 @@ class Cluster(Window[Any]):
         finally:
             future.release()
         path = self._place(begun.task)
-        with whole(path, draft_of(path, os.getpid())) as stream:
-            stream.write(product)
+        try:
+            with whole(path, draft_of(path, os.getpid())) as stream:
+                stream.write(product)
+        except OSError as problem:
+            return kept_from(problem)
         return path
 
 

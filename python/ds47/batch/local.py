@@ -19,7 +19,7 @@ from pathlib import Path
 from types import TracebackType
 
 from ds47.batch.garbage import collect, collect_rarely
-from ds47.batch.products import Product, draft_of, whole
+from ds47.batch.products import Product, discard, draft_of, kept_from, whole
 from ds47.batch.runner import Begun, Failed, Outcome, Place, Window
 from ds47.batch.tasks import STDIN, Task
 from ds47.capture import CaptureError
@@ -54,7 +54,7 @@ class Local(Window[Future[str | None]]):
                 process.terminate()
         self._pool.shutdown(cancel_futures=True)
         for begun in self._begun:
-            self._draft(begun.task).unlink(missing_ok=True)
+            discard(self._draft(begun.task))
 
     def _new_pool(self, jobs: int | None = None) -> ProcessPoolExecutor:
         context = get_context("spawn")
@@ -105,7 +105,7 @@ class Local(Window[Future[str | None]]):
             outcome = self._place(begun.task) if problem is None else CaptureError(problem)
             self._deaths = 0
         except BrokenProcessPool:
-            self._draft(begun.task).unlink(missing_ok=True)
+            discard(self._draft(begun.task))
             self._deaths += 1
             if self._deaths == _DEATHS:
                 raise Failed("no process of this run stays alive; -j 1 needs none") from None
@@ -153,6 +153,8 @@ def _work(make: Product, task: Task, path: Path, draft: Path) -> str | None:
             make(task, stream)
     except CaptureError as problem:
         return problem.message
+    except OSError as problem:
+        return kept_from(problem).message
     finally:
         collect()
     return None

@@ -7,19 +7,26 @@ stored result is `ds47.batch.results`.
 
 from __future__ import annotations
 
+import errno
 import pickle
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Protocol, cast
 
 from ds47.analysis import AnalysisOptions, OnTransaction
 from ds47.batch.tasks import Task, read
+from ds47.capture import CaptureError
 from ds47.model import CaptureResult, Finding, Transaction
 
 _AT_ONCE = 256
 """Transactions that are written together."""
+_ABOUT_ALL = frozenset(
+    getattr(errno, name, None)
+    for name in ("ENOSPC", "EDQUOT", "EROFS", "EIO", "EMFILE", "ENFILE", "ENOMEM", "ENODEV")
+)
+"""What ails the disk or the machine, and so every product; all else is about one name or one file."""
 
 
 class Product(Protocol):
@@ -80,8 +87,21 @@ def whole(path: Path, draft: Path) -> Iterator[BinaryIO]:
             yield stream
         draft.replace(path)
     except BaseException:
-        draft.unlink(missing_ok=True)
+        discard(draft)
         raise
+
+
+def discard(path: Path) -> None:
+    """Takes away what is there; nothing is under a name that no file can have."""
+    with suppress(OSError):
+        path.unlink()
+
+
+def kept_from(problem: OSError) -> CaptureError:
+    """Why there is no product of one task. Raises `problem` itself where all others would have it too."""
+    if problem.errno in _ABOUT_ALL:
+        raise problem
+    return CaptureError(f"no result could be stored: {problem.strerror or problem}")
 
 
 def draft_of(path: Path, owner: int) -> Path:

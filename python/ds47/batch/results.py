@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
@@ -16,7 +17,7 @@ from typing import Any, BinaryIO
 
 from ds47 import __version__
 from ds47.analysis import AnalysisOptions
-from ds47.batch.products import draft_of, whole
+from ds47.batch.products import discard, draft_of, whole
 from ds47.batch.tasks import Task, read
 from ds47.capture.remote import is_url
 from ds47.model import CaptureResult
@@ -95,7 +96,8 @@ class Results:
         try:
             head = self._head(task)
         except (OSError, ValueError, KeyError, TypeError):
-            return "no result" if not self.place(task).exists() else "no whole result"
+            # os.path: a name that is too long is no error there
+            return "no whole result" if os.path.exists(self.place(task)) else "no result"  # noqa: PTH110
         made = {key: head["run"].get(key) for key in ("sources", "options")}
         now = _made_of(task, self._options)
         if head["tool"].get("version") != __version__:
@@ -120,7 +122,7 @@ class Results:
 
     def forget(self, task: Task) -> None:
         """A capture that cannot be read any more has no result."""
-        self.place(task).unlink(missing_ok=True)
+        discard(self.place(task))
 
     def begin(self) -> None:
         """Makes the folder; an overview of an earlier run is not that of this one.
@@ -130,6 +132,9 @@ class Results:
         """
         self.folder.mkdir(parents=True, exist_ok=True)
         (self.folder / OVERVIEW).unlink(missing_ok=True)
+        probe = draft_of(self.folder / OVERVIEW, os.getpid())
+        probe.touch()  # else every capture would be analysed first
+        probe.unlink()
 
     def end(self, rows: Sequence[Row], owner: int) -> None:
         """Writes the overview."""
@@ -149,13 +154,29 @@ class Results:
 def _below(path: str, roots: Sequence[str]) -> str:
     """The path of a capture below the one of `roots` that it came from, with `/`.
 
-    Of several folders each has its own name in front, so that their results do not mix.
+    Of several folders each has its own name in front, so that their results do not mix. It leads
+    nowhere but down, whatever the files of a folder or the keys of a bucket are called.
     """
-    pure = PurePosixPath(path.replace("\\", "/") if not is_url(path) else path.split("://")[1])
+    pure = _pure(path)
     for root in roots:
-        given = PurePosixPath(root.replace("\\", "/") if not is_url(root) else root.split("://")[1])
+        given = _pure(root)
         if pure != given and given in pure.parents:
             below = pure.relative_to(given)
             folder = given.name if given.name not in ("", "..") else "folder"
-            return str(below) if len(roots) == 1 else f"{folder}/{below}"
-    return pure.name
+            return _harmless(str(below) if len(roots) == 1 else f"{folder}/{below}")
+    return _harmless(pure.name)
+
+
+def _pure(path: str) -> PurePosixPath:
+    """A path with `/`; a backslash is a letter like any other where the system says so, and in a URL."""
+    return PurePosixPath(path.split("://")[1] if is_url(path) else path.replace(os.sep, "/"))
+
+
+def _harmless(name: str) -> str:
+    """The name with what leads out of a folder written as a URL writes it: `..` is `%2E%2E`.
+
+    Windows also leaves a folder by a backslash and by a colon (a drive).
+    """
+    parts = name.replace(os.sep, "/").split("/")
+    parts = [part if part.strip(". ") else part.replace(".", "%2E") for part in parts]
+    return "/".join(parts).replace(":", "%3A" if os.sep == "\\" else ":")

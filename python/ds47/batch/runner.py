@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Generic, TypeVar
 
-from ds47.batch.products import Product, draft_of, whole
+from ds47.batch.products import Product, draft_of, kept_from, whole
 from ds47.batch.tasks import Task
 from ds47.capture import CaptureError
 
@@ -42,6 +42,8 @@ def make_here(make: Product, task: Task, path: Path) -> Outcome:
             make(task, stream)
     except CaptureError as problem:
         return problem
+    except OSError as problem:
+        return kept_from(problem)
     return path
 
 
