@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import gzip
 import json
+import os
 import re
 import shutil
+import sys
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
@@ -13,6 +16,7 @@ from ringbuffer import NIGHT, pieces, recording, ring
 
 from ds47.capture.raw import raw_frames
 from ds47.cli import main
+from ds47.regression.baseline import path_of
 
 AGAIN = "20240102030000"
 NAMES = ("seed-g120-read.pcapng", "conversation-error.pcapng")
@@ -113,6 +117,62 @@ def test_baseline_writes_over_nothing(stored, capsys):
     assert (stored / "seed-g120-read.ds47.json").read_bytes() == before
     run(capsys, "baseline", "--force", stored)
     assert (stored / "seed-g120-read.ds47.json").read_bytes() != before
+
+
+@pytest.mark.parametrize("command", ["baseline", "accept"])
+def test_a_folder_without_captures_is_3(tmp_path, capsys, command):
+    status, _, err = run(capsys, command, tmp_path)
+    assert status == 3
+    assert err == f"ds47: {tmp_path}: no capture in this folder (.pcap, .pcapng, .cap)\n"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="other lengths there")
+def test_a_name_that_is_too_long_costs_only_its_capture(folder, capsys):
+    long = f"{'a' * 242}.pcapng"
+    shutil.copy(folder / NAMES[0], folder / long)
+    status, out, err = run(capsys, "baseline", folder)
+    assert status == 3
+    assert out.count(": stored ") == 2
+    assert err == f"ds47: {folder / long}: no result could be stored: File name too long\n"
+    status, out, _ = run(capsys, "check", folder)
+    assert (status, out.splitlines()[-1].split(";")[0]) == (1, "3 captures: 2 as stored, 1 not")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="such a name is refused there")
+def test_a_name_that_is_not_utf_8_has_its_result(tmp_path, captures, capsys):
+    path = os.fsdecode(os.fsencode(tmp_path) + b"/x\xff.pcapng")
+    shutil.copy(captures / NAMES[0], path)
+    status, out, _ = run(capsys, "baseline", tmp_path)
+    assert status == 0
+    assert "x\\udcff.ds47.json: stored" in out
+    assert run(capsys, "check", tmp_path)[:2] == (0, "1 capture: 1 as stored, 0 not\n")
+
+
+def test_the_name_of_a_result_does_not_depend_on_the_file_system(tmp_path, monkeypatch):
+    """Windows and macOS find a file in whatever case; here their `stat` is played."""
+    capture, packed = tmp_path / "LINE.PCAP", tmp_path / "TWO.pcap.gz"
+    for path in (capture, packed, tmp_path / "two.PCAPNG"):
+        path.write_bytes(b"")
+    assert path_of(capture).name == "LINE.ds47.json"
+    real = os.stat
+
+    def stat(path, *rest, **more):
+        path = Path(path)
+        names = {each.casefold(): each for each in os.listdir(path.parent)}  # noqa: PTH208
+        return real(path.with_name(names.get(path.name.casefold(), path.name)), *rest, **more)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "stat", stat)
+        assert path_of(capture).name == "LINE.ds47.json"
+        assert path_of(packed).name == "TWO.pcap.gz.ds47.json"
+
+
+def test_two_that_differ_only_in_case_have_two_results(tmp_path):
+    for name in ("LINE.PCAP", "LINE.pcap"):
+        (tmp_path / name).write_bytes(b"")
+    if len(list(tmp_path.iterdir())) == 1:
+        pytest.skip("one file here")
+    assert path_of(tmp_path / "LINE.PCAP").name == "LINE.PCAP.ds47.json"
 
 
 def test_a_change_is_said_like_people_say_it(stored, capsys):

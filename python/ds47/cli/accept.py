@@ -91,7 +91,13 @@ def _find(
 
     analysis = options_from(**options)
     found, status = [], 0
-    for task in tasks(paths, series, warn):
+
+    def lacks(text: str) -> None:
+        nonlocal status
+        status = 3
+        warn(text)
+
+    for task in tasks(paths, series, lacks):
         try:
             outcome = check(task, analysis)
         except ConfigError as problem:

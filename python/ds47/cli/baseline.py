@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
-from ds47.cli.common import warn
+from ds47.cli.common import stdout, warn
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import about
 from ds47.cli.series import series_option, tasks, tell_lacking
@@ -24,6 +25,7 @@ def command(paths: Sequence[str], force: bool, series: bool, **options: Any) -> 
 
     A result that is there already stays as it is; ds47 accept takes over what changed.
     """
+    from ds47.batch.products import kept_from
     from ds47.capture import CaptureError
     from ds47.regression import baseline
     from ds47.regression.run import place_of, result_of
@@ -31,18 +33,27 @@ def command(paths: Sequence[str], force: bool, series: bool, **options: Any) -> 
 
     analysis = options_from(**options)
     status = 0
-    for task in tasks(paths, series, warn):
+
+    def failed(text: str) -> None:
+        nonlocal status
+        status = 3
+        warn(text)
+
+    for task in tasks(paths, series, failed):
         target = place_of(task)
-        if target.exists() and not force:
-            click.echo(say("baseline_there", target=str(target)).text(analysis.lang))
+        if os.path.exists(target) and not force:  # noqa: PTH110 (of a name that is too long: False)
+            _say(say("baseline_there", target=str(target)).text(analysis.lang))
             continue
         try:
             result = result_of(task, analysis)
         except CaptureError as problem:
-            warn(about(task.path, str(problem)))
-            status = 3
+            failed(about(task.path, str(problem)))
             continue
-        baseline.save(target, baseline.content(result), Path(task.path).name)
+        try:
+            baseline.save(target, baseline.content(result), Path(task.path).name)
+        except OSError as problem:
+            failed(about(task.path, str(kept_from(problem))))
+            continue
         jobs, findings = len(result.transactions), len(result.findings)
         stored = say(
             "baseline_stored",
@@ -50,9 +61,15 @@ def command(paths: Sequence[str], force: bool, series: bool, **options: Any) -> 
             transactions=say("baseline_transactions", n=jobs, number=str(jobs)),
             findings=say("baseline_findings", n=findings, number=str(findings)),
         )
-        click.echo(stored.text(analysis.lang))
+        _say(stored.text(analysis.lang))
         lacking = None if result.complete else result.problem or "only partly read"
         tell_lacking(task.path, [file.missing_before for file in result.files], lacking)
         if lacking:
             status = 3
     return status
+
+
+def _say(text: str) -> None:
+    from ds47.report.words import escape
+
+    stdout().write(f"{escape(text)}\n")

@@ -75,7 +75,19 @@ def _stem(name: str) -> str:
 
 def _has_namesake(capture: Path, stem: str) -> bool:
     names = (stem + suffix + packed for suffix in SUFFIXES for packed in PACKED)
-    return any(name != capture.name and capture.with_name(name).exists() for name in names)
+    return any(_is_other(capture, capture.with_name(name)) for name in names)
+
+
+def _is_other(capture: Path, path: Path) -> bool:
+    """Whether a second capture has that name: not this one, which has it too where case is nothing."""
+    if path.name == capture.name:
+        return False
+    try:
+        if path.name.casefold() == capture.name.casefold():
+            return not path.samefile(capture)
+        return path.exists()
+    except OSError:  # there is none; or none can be, the name is too long
+        return False
 
 
 def content(result: CaptureResult) -> dict[str, Any]:
@@ -128,7 +140,9 @@ def save(path: Path, stored: dict[str, Any], capture: str) -> None:
     """
     draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        draft.write_text(text(stored, capture), encoding="utf-8", newline="\n")
+        draft.write_text(
+            text(stored, capture), encoding="utf-8", errors="backslashreplace", newline="\n"
+        )
         draft.replace(path)
     finally:
         draft.unlink(missing_ok=True)
