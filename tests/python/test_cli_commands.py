@@ -109,6 +109,26 @@ def test_no_such_command_says_which_was_meant(capsys, monkeypatch, folder, word,
     assert err.splitlines()[-1] == f"Error: {said}"
 
 
+def test_a_fault_of_ours_is_one_line_and_70(capsys, monkeypatch):
+    """1 would say that something was found."""
+
+    def fault(*_):
+        raise KeyError("operation\x1b[2J")
+
+    monkeypatch.setattr("ds47.spec.rules", fault)
+    monkeypatch.delenv("DS47_TRACEBACK", raising=False)
+    status, out, err = run(capsys, "rules", "list")
+    assert (status, out) == (70, "")
+    assert re.fullmatch(
+        r"ds47: internal error: KeyError: 'operation\\x1b\[2J'; please report it .+\n", err
+    )
+    monkeypatch.setenv("DS47_TRACEBACK", "1")
+    status, out, err = run(capsys, "rules", "list")
+    assert (status, out) == (70, "")
+    assert err.startswith("Traceback (most recent call last):\n")
+    assert ", in fault\n" in err
+
+
 def test_report_of_a_folder_is_sorted_and_recursive(capsys, folder):
     status, out, err = run(capsys, "report", folder, folder / "b.pcap", "-f", "json")
     document = json.loads(out)
@@ -179,8 +199,7 @@ def test_output_file_appears_whole_or_not_at_all(capsys, folder, monkeypatch):
         raise RuntimeError
 
     monkeypatch.setattr("ds47.report.json.Writer.close", fail)
-    with pytest.raises(RuntimeError):
-        main(["report", str(folder), "-f", "json", "-o", str(target)])
+    assert run(capsys, "report", folder, "-f", "json", "-o", target)[0] == 70
     assert target.read_bytes() == before
     assert not list(folder.glob(".out*"))
 

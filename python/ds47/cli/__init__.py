@@ -5,7 +5,8 @@ inside its function, so that `ds47 --version` costs nothing. What the commands s
 `ds47.cli.common`.
 
 Exit status: 0 nothing at or above --fail-on; 1 something; 2 wrong use; 3 input unreadable or only
-partly read. A command returns it as its result. 130 interrupted; 141 who read the output left.
+partly read; 70 a fault of ds47 itself. A command returns it as its result. 130 interrupted; 141 who
+read the output left.
 """
 
 from __future__ import annotations
@@ -31,6 +32,11 @@ COMMANDS = (
 _INTERRUPTED = 130
 _READER_LEFT = 141
 """What a shell says of a program that SIGPIPE ended: nobody knows what the rest would have been."""
+_INTERNAL = 70
+"""EX_SOFTWARE of sysexits.h. Python itself would end with 1, which says that something was found."""
+
+_LONGEST = 300
+"""Letters of an internal error that its line shows."""
 
 
 class _Commands(click.Group):
@@ -92,6 +98,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         nowhere = closed and problem.errno == errno.EBADF
         click.echo(f"ds47: {'standard output is closed' if nowhere else problem}", err=True)
         return 2
+    except Exception as problem:  # noqa: BLE001 (a fault of ours, and nobody above us)
+        _explain(problem)
+        return _INTERNAL
     finally:
         if closed:
             _silence_stdout()
@@ -136,6 +145,21 @@ def _reader_may_leave() -> Iterator[None]:
             raise
         _silence_stdout()
         raise click.exceptions.Exit(_READER_LEFT) from problem
+
+
+def _explain(problem: Exception) -> None:
+    """One line about a fault of ours; all that Python knows of it where DS47_TRACEBACK is set."""
+    from ds47.cli.common import warn
+
+    if os.environ.get("DS47_TRACEBACK"):
+        import traceback
+
+        traceback.print_exception(problem)
+    what = " ".join(f"{type(problem).__name__}: {problem}".split()).rstrip(": ")[:_LONGEST]
+    warn(
+        f"internal error: {what}; please report it with the command, ds47 --version and what "
+        "DS47_TRACEBACK=1 shows"
+    )
 
 
 def _reader_left(problem: OSError) -> bool:
