@@ -395,6 +395,53 @@ def test_a_thing_that_is_no_key_file(tmp_path: Path) -> None:
             Key.load(path)
 
 
+@pytest.mark.parametrize(
+    ("kind", "original", "new"),
+    [
+        ("mac", "02:00:00:00:00:01", "zz"),
+        ("mac", "02:00:00:00:00:01", 3),
+        ("mac", "x", "y"),
+        ("ip", "10.0.0.1", "10.0.0"),
+        ("ip", "10.0.0.1", "10.0.0.256"),
+        ("name", "drive", "n"),
+        ("name", "drive", "n\u20ac000"),
+        ("uuid", "d4700000-0000-4000-8000-000000000001", "none"),
+        ("value", "4 00000000", "2 00000000"),
+        ("value", "4 00000000", "4 0000"),
+        ("value", "4", "4"),
+    ],
+)
+def test_a_key_file_that_somebody_changed(
+    tmp_path: Path, kind: str, original: str, new: object
+) -> None:
+    path = tmp_path / "key.json"
+    Key().save(path)
+    document = json.loads(path.read_text())
+    document[kind] = {original: new}
+    path.write_text(json.dumps(document))
+    with pytest.raises(KeyFileError) as problem:
+        Key.load(path)
+    text = f"{path}: {new!r} cannot stand for the {kind} {original!r}: this key file was changed"
+    assert str(problem.value) == text
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        {"networks": {"10.0": ["198.18.0", 1]}},
+        {"networks": {"10.0.0": [3, 1]}},
+        {"counts": {"mac": float("inf")}},
+    ],
+    ids=str,
+)
+def test_a_key_file_whose_counts_somebody_changed(tmp_path: Path, part: dict[str, Any]) -> None:
+    path = tmp_path / "key.json"
+    Key().save(path)
+    path.write_text(json.dumps(json.loads(path.read_text()) | part))
+    with pytest.raises(KeyFileError, match="no key file"):
+        Key.load(path)
+
+
 def test_lldp_and_dcp_option_by_option() -> None:
     from ds47.export.stations import dcp, lldp
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 from struct import pack
 from typing import Any
@@ -24,6 +25,15 @@ _LEAST_NAME = 4
 _REALS = {4: ">f", 8: ">d"}
 _MOST_EXACT = 1 << 24
 """Up to here every whole number is one of a Float32."""
+
+
+_FORMS = {
+    "mac": re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}"),
+    "name": re.compile(r"[\0-\xff]+"),
+    "uuid": re.compile(r"[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}"),
+    "value": re.compile(r"[^ ]+ ([0-9a-f]{2})+"),
+}
+"""How a key file writes each kind, besides IP addresses; names are Latin-1."""
 
 
 class KeyFileError(Exception):
@@ -195,13 +205,40 @@ class Key:
             if document["schema"] != SCHEMA:
                 raise KeyFileError(f"{path}: this is no key file ({SCHEMA})")
             for kind in KINDS:
-                key._maps[kind] = {str(a): str(b) for a, b in document[kind].items()}
+                key._maps[kind] = dict(document[kind])
+                for original, new in key._maps[kind].items():
+                    if not _replaces(kind, original, new):
+                        text = f"{path}: {new!r} cannot stand for the {kind} {original!r}"
+                        raise KeyFileError(f"{text}: this key file was changed")
                 key._taken[kind] = set(key._maps[kind].values())
                 key._met[kind] = dict.fromkeys(key._maps[kind])
-            key._nets = {net: (str(a), int(b)) for net, (a, b) in document["networks"].items()}
+            key._nets = {net: (a, int(b)) for net, (a, b) in document["networks"].items()}
+            if not all(
+                _is_ip(f"{net}.1") and _is_ip(f"{a}.1") for net, (a, _) in key._nets.items()
+            ):
+                raise ValueError("networks")
             key._counts = {str(a): int(b) for a, b in document["counts"].items()}
         except OSError as problem:
             raise KeyFileError(f"cannot read {path}: {problem.strerror}") from problem
-        except (ValueError, KeyError, TypeError, AttributeError) as problem:
+        except (
+            ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError,
+        ) as problem:  # fmt: skip
             raise KeyFileError(f"{path}: this is no key file ({SCHEMA})") from problem
         return key
+
+
+def _replaces(kind: str, original: object, new: object) -> bool:
+    """Whether both are of this kind, and as long: anything else would make another frame."""
+    if not isinstance(original, str) or not isinstance(new, str):
+        return False
+    if kind == "ip":
+        return _is_ip(original) and _is_ip(new)
+    if kind == "value" and original.partition(" ")[0] != new.partition(" ")[0]:
+        return False
+    form = _FORMS[kind]
+    return len(original) == len(new) and bool(form.fullmatch(original) and form.fullmatch(new))
+
+
+def _is_ip(text: object) -> bool:
+    parts = text.split(".") if isinstance(text, str) else ()
+    return len(parts) == 4 and all(part.isdecimal() and int(part) < 256 for part in parts)
