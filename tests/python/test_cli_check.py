@@ -264,6 +264,38 @@ def test_a_capture_that_cannot_be_read(stored, capsys):
     assert "broken.pcapng" in out
 
 
+BROKEN = ({}, {"transactions": 3}, {"transactions": [{}]}, {"devices": None}, {"findings": [{}]})
+
+
+@pytest.mark.parametrize("broken", BROKEN, ids=str)
+def test_a_stored_result_that_is_not_whole_costs_only_its_capture(stored, capsys, broken):
+    edit(stored, "seed-g120-read.ds47.json", "[0.0]", "[12.0]")
+    path = stored / "conversation-error.ds47.json"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    document["capture"] = document["capture"] | broken if broken else {}
+    path.write_text(json.dumps(document), encoding="utf-8")
+    line = f"{path}: the stored result is not whole (see "
+    status, out, _ = run(capsys, "check", stored)
+    assert status == 1
+    assert line in out
+    assert "p2900[0] was 12.0, is 0.0" in out
+    status, out, err = run(capsys, "accept", stored, "--yes")
+    assert (status, out.splitlines()[-1]) == (1, "took over 1 change in 1 capture")
+    assert line in err
+    status, _, err = run(capsys, "diff", path, path)
+    assert (status, err.count("\n")) == (2, 1)
+    assert line in err
+
+
+@pytest.mark.parametrize("captures_of_it", [3, [None], [{"devices": None}]], ids=str)
+def test_diff_of_a_report_that_is_not_whole(tmp_path, capsys, captures_of_it):
+    path = tmp_path / "r.json"
+    path.write_text(json.dumps({"schema": "ds47.report/1", "captures": captures_of_it}))
+    status, _, err = run(capsys, "diff", path, path)
+    assert (status, err.count("\n")) == (2, 1)
+    assert f"{path}: the report is not whole (see " in err
+
+
 def test_diff(captures, capsys, tmp_path):
     a, b = captures / "conversation-error.pcapng", captures / "seed-g120-read.pcapng"
     status, out, _ = run(capsys, "diff", a, b)

@@ -12,7 +12,11 @@ from ds47.regression import baseline
 from ds47.regression.accept import WhereError, chosen, merge, parse_where
 from ds47.regression.compare import Change, Comparison, compare
 from ds47.regression.config import Config, Ignore, Mask, ParameterTolerance, Tolerance
+from ds47.regression.difference import difference
 from ds47.regression.run import fails
+from ds47.regression.shape import flaw
+from ds47.regression.summary import Summary
+from ds47.report.difference import lines
 
 CAPTURE = Path("fw/a.pcapng")
 
@@ -233,6 +237,48 @@ def test_where():
 def test_a_where_that_means_nothing_is_wrong_use(text):
     with pytest.raises(WhereError, match="--where"):
         parse_where([text])
+
+
+def _places(item, path=()):
+    """Every place in an object, as keys that lead there."""
+    for key, value in item.items() if isinstance(item, dict) else enumerate(item):
+        yield (*path, key)
+        if isinstance(value, dict | list):
+            yield from _places(value, (*path, key))
+
+
+_GONE = object()
+
+
+@pytest.mark.parametrize(
+    "other", [_GONE, None, "zz", -7, 1.5, [], {}, [None], {"code": "x"}], ids=str
+)
+def test_a_stored_result_is_refused_or_compared_but_breaks_nothing(captures, other):
+    """Whatever stands anywhere in the file."""
+    now = baseline.content(analyze(captures / "conversation-error.pcapng"))
+    later = deepcopy(now)
+    del later["transactions"][0]
+    later["findings"] = later["diagnoses"] = []
+    refused = 0
+    for path in list(_places(now)):
+        stored = deepcopy(now)
+        place = stored
+        for key in path[:-1]:
+            place = place[key]
+        if other is _GONE:
+            del place[path[-1]]
+        else:
+            place[path[-1]] = other
+        if flaw(stored) is not None:
+            refused += 1
+            continue
+        for present in (now, later):
+            comparison = Comparison(stored, present, Config(), CAPTURE)
+            changes = list(comparison.changes())
+            merge(stored, present, comparison.pairs, changes[::2])
+            list(lines(difference(stored, present, ("a", "b"))))
+            Summary().add("", present, changes, failed=True, stored=stored, pairs=comparison.pairs)
+    assert 0 < refused < len(list(_places(now)))
 
 
 def test_the_file_is_stable_and_says_how_to_update_it(stored, tmp_path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
@@ -101,21 +101,25 @@ def _one(path: str, series: bool) -> Task:
 
 
 def _from_json(path: str) -> dict[str, Any]:
-    import json
-
     from ds47.regression import baseline
+    from ds47.regression.shape import flaw
 
     try:
-        document = json.loads(Path(path).read_text(encoding="utf-8-sig"))
-    except (OSError, ValueError) as problem:
+        document = baseline.parse(Path(path).read_text(encoding="utf-8-sig"))
+    except (OSError, ValueError, RecursionError) as problem:
         raise click.ClickException(f"{path}: {problem}") from problem
     if isinstance(document, dict) and document.get("schema") == "ds47.report/1":
         captures = document.get("captures", [])
-        if len(captures) != 1:
+        if isinstance(captures, list) and len(captures) != 1:
             raise click.ClickException(
                 f"{path}: a report of {len(captures)} captures; diff needs one"
             )
-        return dict(captures[0])
+        capture = captures[0] if isinstance(captures, list) else None
+        if (place := flaw(capture)) is not None:
+            raise click.ClickException(
+                f"{path}: the report is not whole (see {place or 'captures'}); make it again"
+            )
+        return cast(dict[str, Any], capture)
     try:
         return baseline.load(Path(path))
     except baseline.BaselineError as problem:

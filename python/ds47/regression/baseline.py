@@ -11,12 +11,13 @@ import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from ds47 import __version__
 from ds47.capture.names import PACKED, SUFFIXES, is_capture, is_export
 from ds47.capture.rings import common_name, is_part
 from ds47.model import CaptureResult
+from ds47.regression.shape import flaw
 
 SCHEMA = "ds47.baseline/1"
 SUFFIX = ".ds47.json"
@@ -113,7 +114,7 @@ def load(path: Path) -> dict[str, Any]:
         BaselineError: there is none, or it is not one.
     """
     try:
-        document = json.loads(path.read_text(encoding="utf-8-sig"))
+        document = parse(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise BaselineError(
             f"{path}: there is no stored result; make one with: ds47 baseline"
@@ -125,11 +126,25 @@ def load(path: Path) -> dict[str, Any]:
             f"{path}: this is no stored result ({SCHEMA}); make it with: ds47 baseline --force"
         )
     stored = document.get("capture")
-    if not isinstance(stored, dict) or not isinstance(stored.get("transactions"), list):
+    if (place := flaw(stored)) is not None:
         raise BaselineError(
-            f"{path}: the stored result is not whole; make it with: ds47 baseline --force"
+            f"{path}: the stored result is not whole (see {place or 'capture'}); "
+            "make it with: ds47 baseline --force"
         )
-    return stored
+    return cast(dict[str, Any], stored)
+
+
+def parse(text: str) -> Any:
+    """JSON as the contract has it: without NaN and infinity, which Python's would let pass.
+
+    Raises:
+        ValueError, RecursionError: it is none.
+    """
+
+    def refuse(word: str) -> None:
+        raise ValueError(f"{word} is no number in JSON")
+
+    return json.loads(text, parse_constant=refuse)
 
 
 def save(path: Path, stored: dict[str, Any], capture: str) -> None:

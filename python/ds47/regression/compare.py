@@ -328,7 +328,7 @@ class Comparison:
         self, kind: str, finding: Json, transactions: list[Json], places: Places
     ) -> Change:
         number = finding.get("transaction")
-        item = transactions[number - 1] if number and number <= len(transactions) else None
+        item = transactions[number - 1] if number and 0 < number <= len(transactions) else None
         where = _Where("transaction", {"number": str(number)})
         if not number:
             where = _Where("frame", {"frame": places.number(finding["frame"], self._lang)})
@@ -408,8 +408,6 @@ def _outcome(parameter: Json) -> Both:
 def _show(value: Any) -> Both:
     if value is None:
         return say("change_nothing")
-    if isinstance(value, dict) and "code" in value:
-        return Both.same(f"0x{value['code']:02X} {value['text']}")
     text = str(value)
     return Both.same(text if len(text) <= 60 else text[:57] + "...")
 
@@ -420,7 +418,7 @@ def _number(value: Any) -> bool:
 
 def _pnus(result: Json, number: int | None) -> set[int]:
     transactions = result["transactions"]
-    if not number or number > len(transactions):
+    if not number or not 0 < number <= len(transactions):
         return set()
     return {
         each["pnu"] for each in transactions[number - 1]["parameters"] if each["pnu"] is not None

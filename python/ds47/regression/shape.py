@@ -1,0 +1,103 @@
+"""Whether what was read from a file is a capture object that can be compared.
+
+Checked is what the comparisons rely on, and no more: a result that an older version stored may lack the
+rest, and ten thousand of them are read in one run. The whole contract is the JSON Schema
+`ds47/schema/report-1.schema.json`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import NoneType
+from typing import Any, NamedTuple
+
+Shape = Mapping[str, Any]
+"""Key -> the types of its value; or a shape, for an object; or a list of one shape, for a list of such."""
+
+
+class Maybe(NamedTuple):
+    """An object of this shape, or null."""
+
+    shape: Shape
+
+
+_TEXT, _WHOLE, _LIST = (str,), (int,), (list,)
+_MAYBE_TEXT, _MAYBE_WHOLE, _MAYBE_LIST = (str, NoneType), (int, NoneType), (list, NoneType)
+
+_ERROR: Shape = {"code": _MAYBE_WHOLE, "text": _TEXT}
+_PARAMETER: Shape = {
+    "pnu": _MAYBE_WHOLE,
+    "subindex": _MAYBE_WHOLE,
+    "attribute": _MAYBE_TEXT,
+    "element_count": _MAYBE_WHOLE,
+    "name": _MAYBE_TEXT,
+    "unit": _MAYBE_TEXT,
+    "values": _LIST,
+    "scaled": _MAYBE_LIST,
+    "error": Maybe(_ERROR),
+}
+_TRANSACTION: Shape = {
+    "id": _WHOLE,
+    "operation": _TEXT,
+    "state": _TEXT,
+    "device": _TEXT,
+    "slot": _WHOLE,
+    "subslot": _WHOLE,
+    "index": _WHOLE,
+    "axis": _MAYBE_WHOLE,
+    "duration_ms": (int, float, NoneType),
+    "status": {"write": _MAYBE_TEXT, "read": _MAYBE_TEXT},
+    "parameters": [_PARAMETER],
+}
+_FINDING: Shape = {
+    "rule": _TEXT,
+    "severity": _TEXT,
+    "message": _TEXT,
+    "frame": _WHOLE,
+    "transaction": _MAYBE_WHOLE,
+}
+_CAPTURE: Shape = {
+    "devices": [{"ip": _TEXT, "station": _MAYBE_TEXT}],
+    "transactions": [_TRANSACTION],
+    "findings": [_FINDING],
+}
+
+
+def flaw(capture: object) -> str | None:
+    """The first place that is missing or not of its kind, `transactions[0].id`; None where all is well."""
+    place = _flaw(capture, _CAPTURE)
+    if place is None and isinstance(capture, dict) and "diagnoses" in capture:
+        place = _flaw(capture, {"diagnoses": [{"rule": _TEXT}]})
+    return None if place is None else place.lstrip(".")
+
+
+def _flaw(item: object, shape: Shape) -> str | None:
+    """The path from `item` to what is wrong; empty where it is no object at all."""
+    if not isinstance(item, dict):
+        return ""
+    for key, kind in shape.items():
+        if key not in item:
+            return f".{key}"
+        value = item[key]
+        if type(kind) is tuple:
+            if not isinstance(value, kind):
+                return f".{key}"
+        elif (place := _inside(value, kind)) is not None:
+            return f".{key}{place}"
+    return None
+
+
+def _inside(value: object, kind: Any) -> str | None:
+    if isinstance(kind, Maybe):
+        return None if value is None else _flaw(value, kind.shape)
+    return _flaw_of_many(value, kind[0]) if isinstance(kind, list) else _flaw(value, kind)
+
+
+def _flaw_of_many(items: object, shape: Shape) -> str | None:
+    if not isinstance(items, list):
+        return ""
+    for number, item in enumerate(items):
+        place = _flaw(item, shape)
+        if place is not None:
+            return f"[{number}]{place}"
+    return None
