@@ -289,6 +289,40 @@ def test_leftovers_of_a_broken_install_go(shark, capsys) -> None:
     assert [path.name for path in shark.plugins.iterdir()] == ["ds47"]
 
 
+class PowerOff(BaseException):
+    """Nothing runs after it."""
+
+
+@pytest.mark.parametrize("then", ["install", "uninstall"])
+def test_an_install_that_was_cut_off_loses_nothing_of_the_user(
+    shark, capsys, monkeypatch, then
+) -> None:
+    """Between its two renames the old profile has another name, and there is no new one."""
+    run(capsys, "install")
+    profile = shark.settings / "profiles" / "DS47"
+    (profile / "colorfilters").write_text("# my colours")
+    rename = Path.rename
+
+    def stop(self: Path, target: Path) -> Path:
+        if self.name.startswith(".ds47-new-DS47"):
+            raise PowerOff
+        return rename(self, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "rename", stop)
+        patch.setattr("shutil.rmtree", lambda *_, **__: None)
+        with pytest.raises(PowerOff):
+            run(capsys, "install")
+    assert not profile.exists()
+    status, out, _ = run(capsys, then)
+    assert status == 0
+    assert "colorfilters" in out
+    assert (profile / "colorfilters").read_text() == "# my colours"
+    assert tree(profile) == PROFILE
+    if then == "install":
+        assert [path.name for path in profile.parent.iterdir()] == ["DS47"]
+
+
 def test_a_second_copy_is_told(shark, capsys) -> None:
     shark.plugins.mkdir(parents=True)
     (shark.plugins / "ds47-0.0.1 (1).lua").write_text("-- bundle")

@@ -77,6 +77,7 @@ def install_plugin(plugins: Path, sources: Sources, force: bool = False) -> Outc
     `force` replaces it then. Files that are not ours stay.
     """
     folder = plugins / FOLDER
+    _put_back(folder)
     _only_a_folder(folder)
     marker = read_marker(folder)
     if marker is None and folder.exists() and not force:
@@ -93,6 +94,7 @@ def install_profile(folder: Path, sources: Sources, force: bool = False) -> Outc
 
     Raises RefusedError where a profile of this name is there that is not ours (not with `force`).
     """
+    _put_back(folder)
     _only_a_folder(folder)
     marker = read_marker(folder)
     if marker is None and folder.exists() and not force:
@@ -107,6 +109,7 @@ def uninstall(folder: Path, keep_changed: bool) -> Outcome | None:
     With `keep_changed` a folder stays as it is when somebody changed a file of ours in it or put
     one beside. Files that are not ours always stay.
     """
+    _put_back(folder)
     marker = read_marker(folder)
     if marker is None or folder.is_symlink():
         return None
@@ -209,6 +212,19 @@ def _exchange(new: Path, folder: Path) -> None:
         raise
     if there:
         shutil.rmtree(old, ignore_errors=True)
+
+
+def _put_back(folder: Path) -> None:
+    """Undo an installation that was cut off inside `_exchange`: the old folder is there, none in its place.
+
+    What the user changed is nowhere else.
+    """
+    if folder.exists() or folder.is_symlink():
+        return
+    name = re.compile(re.escape(f"{_OLD}{folder.name}-") + r"\d+")
+    olds = [path for path in folder.parent.glob(f"{_OLD}*") if name.fullmatch(path.name)]
+    if olds:
+        max(olds, key=lambda path: path.stat().st_mtime_ns).rename(folder)
 
 
 def _sweep(parent: Path) -> None:
