@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import struct
 import subprocess
 import sys
 from collections.abc import Callable
@@ -231,6 +232,54 @@ def test_link_types_and_times_are_kept(
     assert {frame.link_type for frame in open_capture(path)} == {SLL, SLL2, ETHERNET}
     assert all(t.start_ns % 10**9 for t in native.transactions)
     assert as_json(ready("tshark").analyze(path)) == as_json(native)
+
+
+def at_times(path: Path, times: Callable[[int], int]) -> Path:
+    """A capture with the frames of another and their times in nanoseconds changed."""
+
+    def block(kind: int, body: bytes) -> bytes:
+        size = struct.pack("<I", len(body) + 12)
+        return struct.pack("<I", kind) + size + body + size
+
+    offset = struct.pack("<HHq", 14, 8, -(2**33))  # if_tsoffset: seconds
+    options = struct.pack("<HHB3x", 9, 1, 9) + offset + bytes(4)
+    data = block(0x0A0D0D0A, struct.pack("<IHHq", 0x1A2B3C4D, 1, 0, -1))
+    data += block(1, struct.pack("<HHI", 1, 0, 0) + options)
+    with open_capture(CAPTURES / "tour-machine.pcapng") as capture:
+        for frame in capture:
+            stamp = times(frame.time_ns) + 2**33 * 10**9
+            head = struct.pack("<5I", 0, stamp >> 32, stamp & 0xFFFFFFFF, *[len(frame.data)] * 2)
+            data += block(6, head + bytes(frame.data) + bytes(-len(frame.data) % 4))
+    path.write_bytes(data)
+    return path
+
+
+def test_times_before_1970(ready: Callable[..., Engine], tmp_path: Path) -> None:
+    path = at_times(tmp_path / "1930.pcapng", lambda ns: ns - 3 * 10**18)
+    native = analyze(path)
+    assert native.transactions[0].start_ns < 0
+    for name in ("tshark", "both"):
+        assert as_json(ready(name).analyze(path)) == as_json(native)
+
+
+def test_a_single_time_before_1970(ready: Callable[..., Engine], tmp_path: Path) -> None:
+    """The first frames say 1970 and later; one does not."""
+    first = analyze(CAPTURES / "tour-machine.pcapng").transactions[0].start_ns
+    path = at_times(
+        tmp_path / "odd.pcapng", lambda ns: ns if ns < first + 10**7 else ns - 3 * 10**18
+    )
+    native = analyze(path)
+    result = ready("tshark").analyze(path)
+    assert not result.complete
+    assert result.problem
+    number = int(re.fullmatch(r"the time of frame (\d+) is too far .+", result.problem)[1])
+    with open_capture(path) as capture:
+        assert next(frame.number for frame in capture if frame.time_ns < 0) == number
+    both = ready("both").analyze(path)
+    (said,) = [each for each in both.findings if each.rule == "DS601"]
+    assert f"not compared, the time of frame {number} is too far" in said.message
+    both.findings.remove(said)
+    assert as_json(both) == as_json(native)
 
 
 def test_a_capture_that_lost_frames_says_so(ready: Callable[..., Engine], tmp_path: Path) -> None:

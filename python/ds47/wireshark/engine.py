@@ -41,6 +41,10 @@ _FRAME_ARGUMENTS = frozenset(("by", "first", "frame"))
 _UNSEEN = "?"
 """What stands there for a frame that the capture does not have."""
 _MOST_MS = 2**32 - 1
+_LAST_NS = 2**64 - 1
+"""The last time that a pcapng file of nanoseconds can hold, in 2554; the first is 1970."""
+_HOME_NS = 2**60
+"""Where the first frame goes of a capture whose own times it cannot hold: 2006."""
 
 Json = dict[str, Any]
 
@@ -88,6 +92,12 @@ class Engine:
                 if not self._both:
                     raise CaptureError(f"{native.path}: {problem}") from problem
                 found, errors = None, [str(problem)]
+        if capture.misfit is not None:
+            text = f"the time of frame {capture.misfit} is too far from the others for tshark"
+            if self._both:
+                found, errors = None, [f"not compared, {text}"]
+            elif found is not None:
+                found.complete, found.problem = False, found.problem or text
         result = self._compared(native, found, errors) if self._both else found
         if result is None or (errors and not self._both):
             raise CaptureError(f"{native.path}: the plugin failed: {errors[0]}")
@@ -104,7 +114,7 @@ class Engine:
         if not capture.numbers:
             return result, []
         answer = shark.ask(self._tshark, extract, self._preferences)
-        original = _Original(capture.numbers, self._options.lang, bool(native.dropped))
+        original = _Original(capture, self._options.lang, bool(native.dropped))
         findings = [original.finding(each) for each in answer.fields.findings]
         findings = [each for each in findings if self._findings.wanted(each.rule)]
         result.findings = sorted(findings + whole, key=_place)
@@ -188,7 +198,10 @@ def preferences(options: AnalysisOptions) -> list[str]:
 class _Extract(Capture):
     """A capture that keeps, while it is read, the frames that may matter in a file of their own.
 
-    `numbers[n - 1]` is the number in the capture of frame n of that file.
+    Attributes:
+        numbers: `numbers[n - 1]` is the number in the capture of frame n of that file.
+        shift: nanoseconds by which all times are later in that file: it holds none before 1970.
+        misfit: the first frame whose time it cannot hold even so; None where all times are right.
     """
 
     def __init__(self, source: str | Path | BinaryIO, path: Path) -> None:
@@ -199,6 +212,8 @@ class _Extract(Capture):
             stream.close()
             raise CaptureError(f"{stream.name}: {error.message}") from error
         self.numbers = array("Q")
+        self.shift = 0
+        self.misfit: int | None = None
         self._writer = PcapngWriter(path, link_type=None)
         self._interfaces: dict[int, int] = {}
 
@@ -212,12 +227,13 @@ class _Extract(Capture):
         if interface is None:
             interface = self._writer.add_interface(frame.link_type)
             self._interfaces[frame.link_type] = interface
-        data = bytes(frame.data)
-        try:
-            self._writer.write(frame.time_ns, data, frame.original_length, interface=interface)
-        except ValueError as problem:
-            text = f"{self.path}: frame {frame.number}: the time cannot be given to tshark"
-            raise CaptureError(f"{text}: {problem}") from problem
+        if not self.numbers and not 0 <= frame.time_ns <= _LAST_NS:
+            self.shift = _HOME_NS - frame.time_ns
+        wanted = frame.time_ns + self.shift
+        time = min(max(wanted, 0), _LAST_NS)
+        if time != wanted and self.misfit is None:
+            self.misfit = frame.number
+        self._writer.write(time, bytes(frame.data), frame.original_length, interface=interface)
         self.numbers.append(frame.number)
 
     def close(self) -> None:
@@ -227,16 +243,18 @@ class _Extract(Capture):
 
 
 class _Original:
-    """Puts what the plugin cannot know into what it says: frame numbers, and that frames are lost."""
+    """Puts what the plugin cannot know into what it says: numbers and times, and that frames are lost."""
 
-    def __init__(self, numbers: Sequence[int], lang: str, dropped: bool) -> None:
-        self._numbers = numbers
+    def __init__(self, capture: _Extract, lang: str, dropped: bool) -> None:
+        self._numbers = capture.numbers
+        self._shift = capture.shift
         self._lang = lang
         self._dropped = dropped
 
     def transaction(self, item: Json) -> Transaction:
-        """The transaction, with the frame numbers of the capture."""
+        """The transaction, with the frame numbers and the time of the capture."""
         transaction = load.transaction(item)
+        transaction.start_ns -= self._shift
         frames = transaction.frames
         for name in ("write_request", "write_response", "read_request", "read_response"):
             setattr(frames, name, self._number(getattr(frames, name)))
