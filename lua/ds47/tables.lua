@@ -744,7 +744,6 @@ M.known = {
   connectors = {[840] = true, [844] = true, [845] = true, [848] = true, [849] = true, [852] = true, [854] = true, [1055] = true, [1056] = true, [1070] = true, [1075] = true, [1113] = true, [1140] = true, [1141] = true, [1142] = true, [2051] = true, [2061] = true, [2103] = true, [2104] = true},
   axis_error = 25,
   too_long = 21,
-  unknown_pnu = 0,
   connector_error = 131,
   commissioning = {[110] = "p0010 = 3", [111] = "p0010 = 2", [112] = "p0010 = 1", [113] = "p0010 = 0", [114] = "p0010 = 30", [115] = "p0010 = 95", [116] = "p0010 = 5", [117] = "p0010 > 0"},
 }

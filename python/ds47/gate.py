@@ -49,10 +49,6 @@ class Gate:
         """Whether records of this index are ours only if their AR has proved itself."""
         return index not in self._always
 
-    def needs_proof(self, ar: ArKey, index: int) -> bool:
-        """Whether a message with the right shape would open the gate."""
-        return index not in self._always and ar not in self.open
-
     def passes(self, ar: ArKey, index: int) -> bool:
         """Whether an event may go on now; the AR has spoken then."""
         if ar in self.open:

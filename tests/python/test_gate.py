@@ -31,7 +31,7 @@ class Door(Gate):
 def test_which_indices_are_ours(index: int, concerned: bool, proof: bool) -> None:
     gate = Gate(frozenset({1000}), 4)
     assert gate.concerns(index) == concerned
-    assert gate.needs_proof(AR, index) == proof
+    assert gate.is_shared(index) == proof
 
 
 def test_47_named_by_the_user_needs_no_proof() -> None:
@@ -49,7 +49,7 @@ def test_what_waited_goes_first_and_in_its_order() -> None:
     assert door.through == ["a", "b", "proof"]
     door.send("after")
     assert door.through[3:] == ["after"]
-    assert not door.needs_proof(AR, 47)
+    assert door.passes(AR, 47)
 
 
 def test_each_ar_proves_itself() -> None:
@@ -57,7 +57,7 @@ def test_each_ar_proves_itself() -> None:
     door.send("other", OTHER)
     door.send("proof", shaped=True)
     assert door.through == ["proof"]
-    assert door.needs_proof(OTHER, 47)
+    assert not door.passes(OTHER, 47)
 
 
 @pytest.mark.parametrize("shaped", [True, False])
@@ -66,7 +66,7 @@ def test_another_index_passes_and_proves_nothing(shaped: bool) -> None:
     door.send("47")
     door.send("b02f", index=0xB02F, shaped=shaped)
     assert door.through == ["b02f"]
-    assert door.needs_proof(AR, 47)
+    assert not door.passes(AR, 47)
 
 
 def test_the_oldest_event_of_an_ar_is_forgotten() -> None:

@@ -89,7 +89,6 @@ class Known(Row):
     connectors: frozenset[int]
     axis_error: int
     too_long: int
-    unknown_pnu: int
     connector_error: int
     commissioning: dict[int, str]
 
