@@ -92,8 +92,8 @@ def analyze(
         source: path, "-" for standard input, a binary stream, or an open capture or series.
         options: choices of the user.
         on_transaction: called for each finished transaction with its findings. The result then holds
-            no transaction and only the findings of none (memory stays bounded), and `id` counts in the
-            order in which transactions began.
+            no transaction and only the findings of none (memory grows with these alone), and `id` counts
+            in the order in which transactions began.
         lines: who writes transactions as lines; the result then has `lines` and no `transactions`.
             Not together with `on_transaction`.
 

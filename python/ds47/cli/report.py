@@ -33,7 +33,7 @@ UNREADABLE = 3
     "--format",
     "format_name",
     type=click.Choice(FORMATS),
-    help="Format of the report; ndjson, csv and parquet do not grow in memory.  "
+    help="Format of the report; ndjson, csv and parquet keep no transaction.  "
     "[default: text; overview with --results]",
 )
 @click.option(
