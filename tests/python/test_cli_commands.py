@@ -460,7 +460,7 @@ def changed(path):
     others[-1]["state"] = "ok"
     others[-2]["parameters"][0]["error"] = {"code": 1, "text": "不", "info": None}
     result["transactions"] = [first, second, third, *others[1:], {**others[0], "axis": 9}]
-    result["devices"] = [{"ip": "10.0.0.1"}]
+    result["devices"] = [{"ip": "10.0.0.1", "station": None}]
     result["findings"][0]["message"] = "offset 4: 文"
     path.write_text(json.dumps(stored), "utf-8")
 

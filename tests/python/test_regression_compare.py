@@ -251,7 +251,9 @@ _GONE = object()
 
 
 @pytest.mark.parametrize(
-    "other", [_GONE, None, "zz", -7, 1.5, [], {}, [None], {"code": "x"}], ids=str
+    "other",
+    [_GONE, None, "zz", -7, 1.5, [], {}, [None], {"code": "x"}],
+    ids=lambda other: "gone" if other is _GONE else str(other),
 )
 def test_a_stored_result_is_refused_or_compared_but_breaks_nothing(captures, other):
     """Whatever stands anywhere in the file."""

@@ -61,13 +61,18 @@ _CAPTURE: Shape = {
     "transactions": [_TRANSACTION],
     "findings": [_FINDING],
 }
+_OPTIONAL: Shape = {
+    "diagnoses": [{"rule": _TEXT}],
+    "files": [{"path": _TEXT, "first_frame": _WHOLE, "frames": _WHOLE}],
+}
 
 
 def flaw(capture: object) -> str | None:
     """The first place that is missing or not of its kind, `transactions[0].id`; None where all is well."""
     place = _flaw(capture, _CAPTURE)
-    if place is None and isinstance(capture, dict) and "diagnoses" in capture:
-        place = _flaw(capture, {"diagnoses": [{"rule": _TEXT}]})
+    if place is None and isinstance(capture, dict):
+        extra = {key: shape for key, shape in _OPTIONAL.items() if key in capture}
+        place = _flaw(capture, extra)
     return None if place is None else place.lstrip(".")
 
 
