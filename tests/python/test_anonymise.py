@@ -33,6 +33,10 @@ GOOD = "ip.checksum.status == 1 && udp.checksum.status == 1"
 
 OF_VALUES = ("DS701", "DS714", "DS715", "DS716", "DS717")
 """Diagnoses that go by values: other values may mean something else, and then another rule explains a refusal."""
+UNASKED = frozenset(("DS403", "DS404", "DS405", "DS407"))
+"""The response answers no request that is known, or another one: nobody knows of which parameters."""
+UNREAD = frozenset(("DS302", "DS303", "DS305", "DS309", "DS312", "DS313", "DS315", "DS318"))
+"""Some bytes of the message could not be read: they do not leave the house."""
 
 
 def anonymised(source: Path, target: Path, **more: Any) -> tuple[Outcome, Key]:
@@ -47,18 +51,25 @@ def story(item: Transaction, number: Callable[[int], int], values: bool) -> tupl
     """
     frames = [number(frame) for frame in item.frames.all()]
     values = values and not any(each.pnu in (61000, 61001) for each in item.parameters)
-    parameters = [
-        (each.pnu, each.subindex, each.attribute, each.element_count, each.format)
-        + (each.value_count, each.error and (each.error.code, each.error.info))
-        + ((each.values, each.scaled) if values else (len(each.values),))
-        for each in item.parameters
-    ]
+    values = values and not UNASKED.intersection(item.findings)
+    unread = "DS302" in item.findings and not UNREAD.isdisjoint({*item.findings} - {"DS302"})
+    exact = values and UNREAD.isdisjoint(item.findings)
+    parameters = (
+        [len(item.parameters)]
+        if unread
+        else [
+            (each.pnu, each.subindex, each.attribute, each.element_count, each.format)
+            + (each.value_count, each.error and (each.error.code, each.error.info))
+            + ((each.values, each.scaled) if values else (len(each.values),))
+            for each in item.parameters
+        ]
+    )
     return (
         item.operation, item.state, item.api, item.slot, item.subslot, item.index,
         item.request_reference, item.axis, frames, item.start_ns, item.duration_ns,
         item.write_status, item.read_status, parameters,
-        [rule for rule in item.findings if values or rule not in OF_VALUES],
-        item.request if values else None, item.response if values else None,
+        [rule for rule in item.findings if (values and not unread) or rule not in OF_VALUES],
+        item.request if exact else None, item.response if exact else None,
     )  # fmt: skip
 
 

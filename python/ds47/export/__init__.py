@@ -29,10 +29,10 @@ from ds47.profinet.records import NIL_UUID, parse_request, parse_response
 from ds47.report.filters import display_filter
 from ds47.report.places import Places
 
-from . import values
 from .anonymise import Anonymiser, Knowledge
+from .datagrams import Entry
 from .mapping import Key, KeyFileError
-from .messages import Copy, Entry, Message, Tracker
+from .messages import Copy, Message, Tracker
 from .original import Original
 from .selection import Chosen, Selection, SelectionError, choose
 
@@ -243,9 +243,7 @@ def _knowledge(result: CaptureResult, options: AnalysisOptions, everything: bool
     for each in result.transactions:
         ar = NIL_UUID if each.ar is None else UUID(each.ar).bytes
         about.ours.add((each.controller, each.device, ar, each.index))
-        if each.request is None or not (
-            everything or values.identifying(each.request, options.codec)
-        ):
+        if each.request is None:
             continue
         for _, response in [(None, each.frames.read_response), *each.frames.rereads]:
             if response is not None:
@@ -305,6 +303,8 @@ class _Rewriting:
                 _finish(list(found.datagram.entries()), self._anonymiser.copy(found))
             yield from self._ready(tracker)
         tracker.finish()
+        yield from self._ready(tracker)
+        _finish((entry for entry, _ in self._waiting.values() if not entry.finished), False)
         yield from self._ready(tracker)
 
     def _ready(self, tracker: Tracker) -> Iterator[RawFrame]:

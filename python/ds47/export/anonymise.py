@@ -17,11 +17,14 @@ from ds47.profinet import rpc
 from ds47.profinet.records import NIL_UUID
 
 from . import blocks, stations, values
+from .datagrams import Datagram, Entry
 from .mapping import Key
-from .messages import Copy, Datagram, Entry, Message
+from .messages import Copy, Message
 
 _UUIDS = (8, 40)
 """Object and activity, in the RPC header."""
+_MOST_ASKED = 65_536
+"""Answered calls that are known, for a response that is sent again; the oldest goes first."""
 
 
 @dataclass(slots=True)
@@ -31,7 +34,7 @@ class Knowledge:
     Attributes:
         ours: controller, device, AR and index of the channels on which there is a transaction: index 47
             alone says nothing.
-        asked: frame of a Read response -> the request it answers, where somebody has to know.
+        asked: frame of a Read response -> the request it answers.
         codec: dialects of the messages.
         everything: whether all values are replaced.
     """
@@ -65,21 +68,24 @@ class Anonymiser:
             if not self._link(entry):
                 return False
         if message.kind == "rpc":
-            before = [(each, each.data, _addresses(each)) for each in message.datagrams]
+            before = [(each, _covered(each), _addresses(each)) for each in message.datagrams]
             self._rpc(message)
             for entry in message.entries:
                 self._ip(entry)
-            for datagram, data, addresses in before:
-                _checksum(datagram, data, addresses)
+            for datagram, covered, addresses in before:
+                _checksum(datagram, covered, addresses)
         else:
             entry = message.entries[0]
             data = bytes(entry.data[entry.layer :])
             change = stations.dcp if message.kind == "dcp" else stations.lldp
             entry.data[entry.layer :] = change(self.key, data)
+        message.rewritten = True
         return True
 
     def copy(self, copy: Copy) -> bool:
-        """Rewrites a datagram like the one it copies."""
+        """Rewrites a datagram like the one it copies; False where that one was not."""
+        if not copy.message.rewritten:
+            return False
         entries = list(copy.datagram.entries())
         if not all(self._link(entry) for entry in entries):
             return False
@@ -92,7 +98,7 @@ class Anonymiser:
         """What of an original still stands in a frame; None where nothing does."""
         if self._originals is None:
             every = sorted(self.key.originals(), key=len, reverse=True)
-            self._originals = re.compile(b"|".join(map(re.escape, every)) or b"(?!)")
+            self._originals = re.compile(b"|".join(map(re.escape, every)) or b"(?!)", re.I)
         found = self._originals.search(entry.data)
         return None if found is None else found[0].decode("latin-1")
 
@@ -173,6 +179,8 @@ class Anonymiser:
         asked = about.asked.get(self._frame)
         if asked is not None:
             self._asked[call] = asked
+            if len(self._asked) > _MOST_ASKED:
+                del self._asked[next(iter(self._asked))]
         return self._values.response(content, self._asked.get(call), vendor)
 
 
@@ -192,11 +200,23 @@ def _addresses(datagram: Datagram) -> bytes:
     return bytes(entry.data[entry.layer + 12 : entry.layer + 20])
 
 
+def _covered(datagram: Datagram) -> bytes:
+    """What the UDP checksum covers and the capture has, with zeros for the rest and for the checksum.
+
+    Empty where nothing is missing: then the checksum is made anew.
+    """
+    length = int.from_bytes(datagram.data[4:6], "big")
+    if length <= len(datagram.data):
+        return b""
+    image = datagram.image()[:length]
+    return image[:6] + b"\0\0" + image[8:]
+
+
 def _checksum(datagram: Datagram, before: bytes, addresses: bytes) -> None:
     """Of UDP, over the whole datagram; 0 means that there is none and stays.
 
     Where the capture cut the datagram it is corrected by what changed (RFC 1624), so that what was
-    right stays right.
+    right stays right. `before` is what was covered, `addresses` those of then.
     """
     data = datagram.data
     if len(data) < 8 or data[6:8] == b"\0\0":
@@ -206,14 +226,9 @@ def _checksum(datagram: Datagram, before: bytes, addresses: bytes) -> None:
         pseudo = _addresses(datagram) + struct.pack(">2H", 17, length)
         value = internet_checksum(pseudo + data[:6] + b"\0\0" + data[8:length])
     elif length > len(data):
-        old = addresses + before[:6] + before[8 : len(before) & ~1]
-        new = _addresses(datagram) + data[:6] + data[8 : len(data) & ~1]
-        last = len(data) & 1 and bytes((before[-1], 0, data[-1], 0))
-        sums = (internet_checksum(old), internet_checksum(new))
-        change = (~sums[0] & 0xFFFF, ~sums[1] & 0xFFFF)
-        total = (~int.from_bytes(before[6:8], "big") & 0xFFFF) + (~change[0] & 0xFFFF) + change[1]
-        if last:
-            total += (~int.from_bytes(last[:2], "big") & 0xFFFF) + int.from_bytes(last[2:], "big")
+        old = internet_checksum(addresses + before)
+        new = internet_checksum(_addresses(datagram) + _covered(datagram))
+        total = (~int.from_bytes(data[6:8], "big") & 0xFFFF) + old + (~new & 0xFFFF)
         while total >> 16:
             total = (total & 0xFFFF) + (total >> 16)
         value = ~total & 0xFFFF

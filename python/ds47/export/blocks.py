@@ -67,7 +67,8 @@ def body(key: Key, pdu: rpc.Pdu, record: Record) -> bytes:
 
 def object_uuid(key: Key, data: bytes) -> bytes:
     """An object UUID of PROFINET says vendor and device, nothing else: it stays. Network order."""
-    return data if rpc.device_identity(data) is not None else key.uuid(data)
+    known = len(data) == 16 and rpc.device_identity(data) is not None
+    return data if known else key.uuid(data)
 
 
 def _blocks(key: Key, data: bytes) -> bytes:

@@ -59,22 +59,26 @@ class Key:
         return sum(map(len, self._maps.values()))
 
     def mac(self, data: bytes) -> bytes:
-        """A MAC address; groups (multicast, broadcast) and zeros stay."""
-        if len(data) != 6 or data[0] & 1 or not any(data):
+        """A MAC address; groups (multicast, broadcast) and zeros stay. Zeros for a part of one."""
+        if len(data) != 6:
+            return bytes(len(data))
+        if data[0] & 1 or not any(data):
             return data
         return bytes.fromhex(self._one("mac", data.hex(":"), self._next_mac).replace(":", ""))
 
     def ip(self, data: bytes) -> bytes:
-        """An IPv4 address; 0.*, loopback, multicast and broadcast stay."""
-        if len(data) != 4 or data[0] in (0, 127) or data[0] >= 224:
+        """An IPv4 address; 0.*, loopback, multicast and broadcast stay. Zeros for a part of one."""
+        if len(data) != 4:
+            return bytes(len(data))
+        if data[0] in (0, 127) or data[0] >= 224:
             return data
         text = ".".join(map(str, data))
         return bytes(int(part) for part in self._one("ip", text, self._next_ip).split("."))
 
     def uuid(self, data: bytes) -> bytes:
-        """A UUID in network order; the nil UUID stays."""
+        """A UUID in network order; the nil UUID stays. Zeros for a part of one."""
         if len(data) != 16 or not any(data):
-            return data
+            return bytes(len(data))
         return UUID(self._one("uuid", str(UUID(bytes=data)), self._next_uuid)).bytes
 
     def name(self, data: bytes) -> bytes:

@@ -1,7 +1,8 @@
 """Parameter messages without names: values replaced, everything else as it was.
 
 Some parameters hold what the rest of the capture hides: name and address of the station, texts that a
-machine builder wrote. Their values are always replaced; all values only where that is asked for.
+machine builder wrote. Their values are always replaced; all values only where that is asked for, or
+where nobody can tell of which parameter they are. What cannot be read as a message does not stay.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ds47 import spec
-from ds47.profidrive import Block, Options, Request, decode_request, decode_response
+from ds47.profidrive import Block, Options, Request, Response, decode_request, decode_response
 from ds47.profidrive.model import ERROR
 from ds47.transactions import SIEMENS
 
@@ -22,7 +23,11 @@ _ADDRESSES = frozenset((61001, 61003))
 _ADDRESSES_SIEMENS = frozenset((8901, 8902, 8911, 8912, 8921, 8922, 8931, 8932))
 _MACS = frozenset((61002,))
 _MACS_SIEMENS = frozenset((8915, 8935))
-_EVERY = _NAMES | _NAMES_SIEMENS | _ADDRESSES | _ADDRESSES_SIEMENS | _MACS | _MACS_SIEMENS
+_DOUBTS = frozenset(("DS303", "DS305", "DS309", "DS313", "DS315"))
+"""No parameter, unknown attribute, unknown format, bytes left over, bytes missing."""
+_HEADER = 4
+_ERROR_WORDS = 4
+"""Bytes of an error block that say what is wrong: error number and additional information."""
 _KEPT = frozenset((974,))
 """How long a message may be: it says nothing about the machine, and the analysis goes by it."""
 
@@ -44,12 +49,18 @@ class Rewriter:
     def request(self, data: bytes, vendor: int | None) -> bytes:
         """The data of a Write record to a device of this vendor."""
         message = decode_request(data, self.options)
+        if message.operation == "unknown" and _doubtful(message):
+            return data[:_HEADER] + _unread(data[_HEADER:])
         return self._changed(data, message, message.blocks, message.rest, vendor)
 
     def response(self, data: bytes, asked: bytes | None, vendor: int | None) -> bytes:
         """The data of a Read record; `asked` is the request that it answers, where that is known."""
         question = None if asked is None else decode_request(asked, self.options)
         message = decode_response(data, question, self.options)
+        if message.response_id not in spec.response_ids() and _doubtful(message):
+            return data[:_HEADER] + _unread(data[_HEADER:])
+        if question is not None and not _answers(message, question):
+            question = None
         return self._changed(data, question, message.blocks, message.rest, vendor)
 
     def _changed(
@@ -63,28 +74,47 @@ class Rewriter:
         out = bytearray(data)
         addresses = question.addresses if question else []
         for number, block in enumerate(blocks):
-            if block.format == ERROR or not block.raw:
-                continue
             pnu = addresses[number].pnu if number < len(addresses) else None
-            raw = _identity(self.key, pnu, vendor, block.raw)
-            if raw is None:
-                change = self.everything and pnu not in _KEPT
-                raw = _values(self.key, block) if change else block.raw
+            raw = self._block(block, pnu, vendor) + _unread(block.pad)
             start = block.offset + 2
             out[start : start + len(raw)] = raw
-        if self.everything and rest:
-            out[len(out) - len(rest) :] = bytes(0xA5 if byte else 0 for byte in rest)
+        if rest:
+            out[len(out) - len(rest) :] = _unread(rest)
         return bytes(out)
 
+    def _block(self, block: Block, pnu: int | None, vendor: int | None) -> bytes:
+        """The values of a block; `pnu` is None where nobody knows which parameter they are of."""
+        if block.format == ERROR:
+            return block.raw[:_ERROR_WORDS] + _unread(block.raw[_ERROR_WORDS:])
+        raw = _identity(self.key, pnu, vendor, block.raw)
+        if raw is not None:
+            return raw
+        change = (self.everything or pnu is None) and pnu not in _KEPT
+        return _values(self.key, block) if change else block.raw
 
-def identifying(data: bytes, options: Options) -> bool:
-    """Whether a request names a parameter whose value may always be replaced."""
-    return any(each.pnu in _EVERY for each in decode_request(data, options).addresses)
+
+def _unread(data: bytes) -> bytes:
+    """For bytes that nobody can read: where there was something there still is something."""
+    return bytes(0xA5 if byte else 0 for byte in data)
+
+
+def _doubtful(message: Request | Response) -> bool:
+    """Whether a message of an unknown kind does not read like one of the known kinds either."""
+    return any(flaw.rule in _DOUBTS for flaw in message.flaws)
+
+
+def _answers(response: Response, request: Request) -> bool:
+    """Whether the values are of the parameters that were asked for; a frame between may be lost."""
+    return (
+        response.request_reference == request.request_reference
+        and response.parameter_count == request.parameter_count
+        and (response.response_id or 0) & 0x7F == request.request_id
+    )
 
 
 def _identity(key: Key, pnu: int | None, vendor: int | None, raw: bytes) -> bytes | None:
     """An address or a name, None where it is neither; one character or number of it alone becomes zeros."""
-    siemens = vendor == SIEMENS
+    siemens = vendor in (SIEMENS, None)
     if pnu in _NAMES or (siemens and pnu in _NAMES_SIEMENS):
         return _text(key, raw)
     if pnu in _ADDRESSES or (siemens and pnu in _ADDRESSES_SIEMENS):
