@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+from uuid import UUID
 
 import frames as make
 import pytest
@@ -22,6 +23,11 @@ from ds47.capture.raw import RawFrame, raw_frames
 from ds47.capture.series import Part
 from ds47.cli import main
 from ds47.export import Key, Selection, SelectionError, display_filter, export, first_time
+from ds47.export.datagrams import MOST_COPIES, Datagram, Entry
+from ds47.export.messages import Copy, Message, Tracker
+from ds47.lab import wire
+from ds47.lab.wire import Call
+from ds47.spec.semantics import limits
 
 ROOT = Path(__file__).resolve().parents[2]
 WITHOUT_PROOF = AnalysisOptions(indices=frozenset((47,)))
@@ -547,3 +553,127 @@ def test_command_of_the_page(command: Command, page_folder: Path) -> None:
     for line in command.output:
         if line.strip() not in ("", "..."):
             assert line.rstrip() in (each.rstrip() for each in lines), line
+
+
+# Fragments: what is kept of them, and how much
+
+
+def entries(*frames: bytes, apart_ns: int = 1_000) -> list[Entry]:
+    return [
+        Entry(number, number * apart_ns, 1, bytearray(frame), len(frame))
+        for number, frame in enumerate(frames, 1)
+    ]
+
+
+def fragment(offset: int, size: int = 800, *, ident: int = 7, more: bool = True) -> bytes:
+    return make.ethernet(0x800, make.ipv4(b"x" * size, ident=ident, offset=offset, more=more))
+
+
+def fed(tracker: Tracker, frames: list[Entry]) -> list[Message | Copy]:
+    return [found for entry in frames if (found := tracker.feed(entry)) is not None]
+
+
+def given_up(tracker: Tracker) -> list[int]:
+    return [entry.number for each in tracker.given_up for entry in each]
+
+
+def test_copies_of_a_fragment_wait_up_to_a_number() -> None:
+    tracker = Tracker()
+    frames = entries(*[fragment(800)] * 1_000, fragment(1600, more=False), fragment(0))
+    (whole,) = fed(tracker, frames)
+    assert isinstance(whole, Message)
+    assert [entry.number for entry in whole.entries] == [*range(1, MOST_COPIES + 1), 1_001, 1_002]
+    assert given_up(tracker) == list(range(MOST_COPIES + 1, 1_001))
+
+
+@pytest.mark.parametrize("what", ["ip_datagrams", "ip_fragments", "fragment_bytes"])
+def test_unfinished_datagrams_are_as_many_as_in_the_analysis(what: str) -> None:
+    bounds = limits()
+    size = 60_000 if what == "fragment_bytes" else 8
+    per = {"ip_datagrams": 1, "ip_fragments": 100, "fragment_bytes": 2}[what]
+    count = {"ip_datagrams": bounds.ip_datagrams, "ip_fragments": bounds.ip_fragments // 100,
+             "fragment_bytes": bounds.fragment_bytes // (2 * size)}[what]  # fmt: skip
+    tracker = Tracker()
+    for ident in range(count):
+        fed(tracker, entries(*[fragment(8 * at, size, ident=ident) for at in range(per)]))
+    assert not tracker.given_up
+    fed(tracker, entries(*[fragment(8 * at, size, ident=9_999) for at in range(per)]))
+    assert len(tracker.given_up) == 1  # the oldest
+    assert len(tracker.given_up[0]) == per
+    tracker.finish()
+    assert len(tracker.given_up) == count + 1
+
+
+def rpc_fragments(size: int, count: int, activity: int) -> list[bytes]:
+    call = Call(UUID(int=activity), 0, wire.WRITE, wire.object_uuid(0x0501, 0x2A))
+    parts = wire.pdus(wire.REQUEST, "<", call, bytes(size * count), size)
+    return [make.ethernet(0x800, make.ipv4(make.udp(part))) for part in parts]
+
+
+@pytest.mark.parametrize("what", ["rpc_messages", "rpc_fragments", "fragment_bytes"])
+def test_unfinished_messages_are_as_many_as_in_the_analysis(what: str) -> None:
+    bounds = limits()
+    size, parts = (60_000, 2) if what == "fragment_bytes" else (8, 2)
+    if what == "rpc_fragments":
+        parts = 129
+    held = parts - 1
+    count = {"rpc_messages": bounds.rpc_messages, "rpc_fragments": bounds.rpc_fragments // held,
+             "fragment_bytes": bounds.fragment_bytes // (8 + 80 + size)}[what]  # fmt: skip
+    tracker = Tracker()
+    for activity in range(1, count + 1):
+        fed(tracker, entries(*rpc_fragments(size, parts, activity)[:-1], apart_ns=1))
+    assert not tracker.given_up
+    fed(tracker, entries(*rpc_fragments(size, parts, count + 1)[:-1], apart_ns=1))
+    assert [len(each) for each in tracker.given_up] == [held]
+    tracker.finish()
+    assert len(tracker.given_up) == count + 1
+
+
+def test_a_copy_of_the_first_rpc_fragment_after_the_last() -> None:
+    first, last = rpc_fragments(100, 2, 1)
+    whole, copy = fed(Tracker(), entries(first, last, first))
+    assert isinstance(whole, Message)
+    assert isinstance(copy, Copy)
+    assert copy.message is whole
+    assert [entry.number for entry in copy.datagram.entries()] == [3]
+
+
+def test_rpc_fragments_behind_the_last_are_given_up() -> None:
+    first, second, third = rpc_fragments(100, 3, 1)
+    second = second[:44] + bytes((second[44] | 2,)) + second[45:]  # says that it is the last,
+    third = third[:44] + bytes((third[44] & ~2,)) + third[45:]  # which this one does not
+    tracker = Tracker()
+    (whole,) = fed(tracker, entries(third, second, first))
+    assert isinstance(whole, Message)
+    assert [entry.number for entry in whole.entries] == [2, 3]
+    assert given_up(tracker) == [1]
+
+
+def test_the_body_of_cut_rpc_fragments_ends_at_the_first_hole() -> None:
+    first, second, third = entries(*rpc_fragments(100, 3, 1))
+    del second.data[-40:]
+    (whole,) = fed(Tracker(), [first, second, third])
+    assert isinstance(whole, Message)
+    assert whole.pdu is not None
+    assert (len(whole.pdu.body), whole.pdu.missing) == (160, 140)
+
+
+def test_a_fragment_of_what_was_given_up_is_given_up_too() -> None:
+    """An IP fragment of an RPC fragment whose message expired comes once more."""
+    first = rpc_fragments(100, 2, 1)[0][34:]
+    parts = [make.ethernet(0x800, make.ipv4(first[:80], offset=0, more=True)),
+             make.ethernet(0x800, make.ipv4(first[80:], offset=80))]  # fmt: skip
+    tracker = Tracker()
+    assert not fed(tracker, entries(*parts))
+    tracker.finish()
+    assert not fed(tracker, [Entry(3, 3_000, 1, bytearray(parts[1]), len(parts[1]))])
+    assert given_up(tracker) == [1, 2, 3]
+
+
+def test_writing_leaves_no_byte_as_it_was() -> None:
+    datagram = Datagram("192.168.0.1", "192.168.0.2", 1, 0)
+    for number, (offset, text) in enumerate(((0, b"in front"), (16, b"behind a hole"))):
+        datagram.add(offset, Entry(number, 0, 1, bytearray(text), 40), 0, len(text))
+    assert datagram.image() == b"in front" + bytes(8) + b"behind a hole"
+    datagram.write(b"IN")
+    assert [bytes(entry.data) for entry in datagram.entries()] == [b"IN" + bytes(6), bytes(13)]

@@ -34,16 +34,18 @@ class _Layout:
     """UUIDs that may be PROFINET object UUIDs."""
     name: int | None = None
     """Where the length (two bytes) of a station name stands, which ends the block."""
+    size: int | None = None
+    """Of the whole block, where that is fixed; what stands behind it is not known."""
 
 
-_LIFE = _Layout(uuids=(8,))
+_LIFE = _Layout(uuids=(8,), size=32)
 _BLOCKS: Mapping[int, _Layout] = {
     0x0101: _Layout(macs=(26,), uuids=(8,), objects=(32,), name=56),  # ARBlockReq
-    0x8101: _Layout(macs=(26,), uuids=(8,)),  # ARBlockRes
+    0x8101: _Layout(macs=(26,), uuids=(8,), size=34),  # ARBlockRes
     0x0102: _Layout(macs=(38,)),  # IOCRBlockReq
-    0x8102: _Layout(),  # IOCRBlockRes
-    0x0103: _Layout(),  # AlarmCRBlockReq
-    0x8103: _Layout(),  # AlarmCRBlockRes
+    0x8102: _Layout(size=12),  # IOCRBlockRes
+    0x0103: _Layout(size=26),  # AlarmCRBlockReq
+    0x8103: _Layout(size=12),  # AlarmCRBlockRes
     0x0104: _Layout(),  # ExpectedSubmoduleBlockReq
     0x8104: _Layout(),  # ModuleDiffBlock
     0x0105: _Layout(objects=(6,), name=28),  # PrmServerBlock
@@ -100,6 +102,8 @@ def _block(key: Key, block: bytes, layout: _Layout) -> bytes:
         end = start + int.from_bytes(block[layout.name : start], "big")
         out[start:end] = key.name(block[start:end])
         out[end:] = blank(block[end:])
+    if layout.size is not None:
+        out[layout.size :] = blank(block[layout.size :])
     return bytes(out[: len(block)])
 
 

@@ -120,7 +120,7 @@ class Datagrams:
         """The datagram that just became whole, of which this fragment is a copy."""
         key = (part.source, part.destination, part.identification)
         found, _ = self._whole.get(key, (None, 0))
-        if found is None or time_ns - found.newest_ns > self._limits.copy_ns:
+        if found is None or abs(time_ns - found.newest_ns) > self._limits.copy_ns:
             return None
         return found if found.holds(part.offset, len(part.payload)) else None
 
@@ -148,10 +148,13 @@ class Datagrams:
         return datagram
 
     def expire(self, now_ns: int) -> None:
-        """Gives up what is too old at this time of the capture."""
+        """Gives up what is too old at this time of the capture.
+
+        The clock may have stepped back: what began far ahead of it is as old as what began long ago.
+        """
         while self._open:
             oldest, _ = next(iter(self._open.values()))
-            if now_ns - oldest.first_ns <= self._limits.fragment_expiry_ns:
+            if abs(now_ns - oldest.first_ns) <= self._limits.fragment_expiry_ns:
                 return
             self._drop()
 

@@ -79,7 +79,7 @@ class _Part:
 class _Partial:
     """An RPC message so far: its parts by fragment number."""
 
-    first_ns: int
+    newest_ns: int
     parts: dict[int, _Part] = field(default_factory=dict)
     last: int | None = None
 
@@ -152,7 +152,7 @@ class Tracker:
         """The capture is over: what is open will never be whole."""
         self._datagrams.finish()
         while self._partial:
-            self._drop()
+            self._drop(next(iter(self._partial)))
 
     # IP
 
@@ -206,7 +206,11 @@ class Tracker:
         if copy is not None:
             return copy
         self._expire(entry.time_ns)
+        known = self._partial.get(key)
+        if known is not None and self._is_old(known, entry.time_ns):
+            self._drop(key)  # the sequence number came round: this is another message
         partial = self._partial.setdefault(key, _Partial(entry.time_ns))
+        partial.newest_ns = entry.time_ns
         self._hold([datagram], 1)
         refused = partial.add(pdu, datagram)
         if refused:
@@ -224,7 +228,7 @@ class Tracker:
     def _copy(self, key: _Call, pdu: rpc.Pdu, datagram: Datagram, entry: Entry) -> Copy | None:
         """A fragment of a message that just became whole, once more."""
         when, before = self._done.get(key, (0, None))
-        if before is None or entry.time_ns - when > self._limits.copy_ns:
+        if before is None or abs(entry.time_ns - when) > self._limits.copy_ns:
             return None
         known = before.parts.get(pdu.fragment)
         if known is None or known.body != pdu.body:
@@ -245,10 +249,14 @@ class Tracker:
     def _expire(self, now: int) -> None:
         self._datagrams.expire(now)
         while self._partial:
-            oldest = next(iter(self._partial.values()))
-            if now - oldest.first_ns <= self._limits.fragment_expiry_ns:
+            key, oldest = next(iter(self._partial.items()))
+            if not self._is_old(oldest, now):
                 return
-            self._drop()
+            self._drop(key)
+
+    def _is_old(self, partial: _Partial, now: int) -> bool:
+        """The clock may have stepped back, so far ahead of it is old too."""
+        return abs(now - partial.newest_ns) > self._limits.fragment_expiry_ns
 
     def _make_room(self) -> None:
         bounds = self._limits
@@ -257,10 +265,10 @@ class Tracker:
             or self._fragments > bounds.rpc_fragments
             or self._bytes > bounds.fragment_bytes
         ):
-            self._drop()
+            self._drop(next(iter(self._partial)))
 
-    def _drop(self) -> None:
-        datagrams = self._partial.popitem(last=False)[1].datagrams
+    def _drop(self, key: _Call) -> None:
+        datagrams = self._partial.pop(key).datagrams
         self._hold(datagrams, -1)
         self._datagrams.lose(datagrams)
 

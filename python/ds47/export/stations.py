@@ -15,12 +15,19 @@ _GET, _SET, _IDENTIFY, _HELLO = 3, 4, 5, 6
 _REQUEST = 0
 _DCP_HEADER = 12
 
+_RESERVED = range(7, 128)
+"""No options, but letters and digits."""
+
 _PORT = re.compile(rb"port-\d{3}(-\d{5})?", re.IGNORECASE)
 _END, _CHASSIS, _PORT_ID, _TTL, _CAPABILITIES, _MANAGEMENT, _ORGANISATION = 0, 1, 2, 3, 7, 8, 127
+_NUMBERS = {_TTL: 2, _CAPABILITIES: 4}
+_INTERFACE = 6
+"""Bytes of a management address behind the address: kind and number of interface, length of a name."""
 _LLDP_TEXTS = (4, 5, 6)
 """Port description, system name, system description."""
 _SUBTYPE_MAC, _SUBTYPE_ADDRESS = {_CHASSIS: 4, _PORT_ID: 3}, {_CHASSIS: 5, _PORT_ID: 4}
 _PROFINET, _IEEE_802_3 = b"\x00\x0e\xcf", b"\x00\x12\x0f"
+_LONGEST_802_3 = 16
 
 _Map = Callable[[Key, bytes], bytes]
 
@@ -30,8 +37,15 @@ def blank(data: bytes) -> bytes:
     return bytes(len(data))
 
 
-def _keep(_key: Key, data: bytes) -> bytes:
-    return data
+def _keep(size: int) -> _Map:
+    """So many bytes stay, as many as such an option has; what stands behind them is not known."""
+    return lambda _key, data: data[:size] + blank(data[size:])
+
+
+def _options(_key: Key, data: bytes) -> bytes:
+    """Numbers of options and suboptions; zeros for those that are none."""
+    pairs = (data[at : at + 2] for at in range(0, len(data), 2))
+    return b"".join(blank(each) if each[0] in _RESERVED else each for each in pairs)
 
 
 def _zero(_key: Key, data: bytes) -> bytes:
@@ -72,21 +86,15 @@ _DCP: dict[tuple[int, int], _Map] = {
     (1, 3): _ip_suite,
     (2, 1): _name,  # type of station
     (2, 2): _name,
-    (2, 3): _keep,  # vendor and device id
-    (2, 4): _keep,  # role
-    (2, 5): _keep,  # the options that the device knows
+    (2, 3): _keep(4),  # vendor and device id
+    (2, 4): _keep(2),  # role
+    (2, 5): _options,  # the options that the device knows
     (2, 6): port_name,  # alias
-    (2, 7): _keep,  # instance
-    (2, 8): _keep,  # vendor and device id of the maker
-    (2, 10): _keep,  # kinds of reset
-    (5, 1): _keep,
-    (5, 2): _keep,
-    (5, 3): _keep,
-    (5, 4): _keep,
-    (5, 5): _keep,
-    (5, 6): _keep,
-    (6, 1): _keep,
-    (255, 255): _keep,
+    (2, 7): _keep(2),  # instance
+    (2, 8): _keep(4),  # vendor and device id of the maker
+    (2, 10): _keep(2),  # kinds of reset
+    **{(5, number): _keep(3) for number in range(1, 7)},
+    (6, 1): _keep(2),
 }
 """Option and suboption -> what becomes of its content; zeros for all others."""
 
@@ -99,7 +107,7 @@ def dcp(key: Key, data: bytes) -> bytes:
     request = kind == _REQUEST
     end = min(_DCP_HEADER + int.from_bytes(data[10:12], "big"), len(data))
     if service == _GET and request:
-        return data[:end] + blank(data[end:])  # numbers of options only
+        return data[:_DCP_HEADER] + _options(key, data[_DCP_HEADER:end]) + blank(data[end:])
     info = 0 if service == _IDENTIFY and request else 2  # block information, or a qualifier
     out = data[:_DCP_HEADER]
     while len(out) + 4 <= end:
@@ -141,7 +149,8 @@ def _tlv(key: Key, kind: int, value: bytes) -> bytes:
         return _management(key, value)
     if kind == _ORGANISATION:
         return _organisation(key, value)
-    return value if kind in (_TTL, _CAPABILITIES) else blank(value)
+    known = _NUMBERS.get(kind, 0)
+    return value[:known] + blank(value[known:])
 
 
 def _management(key: Key, value: bytes) -> bytes:
@@ -149,6 +158,7 @@ def _management(key: Key, value: bytes) -> bytes:
     size = value[0] if value else 0
     address = value[2 : 1 + size]
     rest = value[1 + size :]
+    rest = rest[:_INTERFACE] + blank(rest[_INTERFACE:])
     if value[1:2] == b"\1":
         return value[:2] + (key.ip(address) if len(address) == 4 else blank(address)) + rest
     if value[1:2] == b"\6":
@@ -159,19 +169,20 @@ def _management(key: Key, value: bytes) -> bytes:
 def _organisation(key: Key, value: bytes) -> bytes:
     head, content = value[:4], value[4:]
     if value[:3] == _IEEE_802_3:
-        return value
+        return value[:_LONGEST_802_3] + blank(value[_LONGEST_802_3:])
     if value[:3] != _PROFINET or len(value) < 4:
         return head + blank(content)
     subtype = value[3]
     if subtype in (1, 2):  # delays, state of the port
-        return value
+        known = 20 if subtype == 1 else 4
+        return head + content[:known] + blank(content[known:])
     if subtype == 3:
         return head + port_name(key, content)
     if subtype == 4:  # redundancy: domain UUID, state
-        return head + key.uuid(content[:16]) + content[16:]
+        return head + key.uuid(content[:16]) + content[16:20] + blank(content[20:])
     if subtype == 5:
         return head + _mac(key, content)
     if subtype == 6:  # clock: master, subdomain, data
         master, first, second = content[:6], content[6:22], content[22:38]
-        return head + key.mac(master) + key.uuid(first) + key.uuid(second) + content[38:]
+        return head + key.mac(master) + key.uuid(first) + key.uuid(second) + blank(content[38:])
     return head + blank(content)
