@@ -17,7 +17,9 @@ from ds47.analysis import analyze
 from ds47.capture import PcapngWriter, open_capture
 from ds47.capture.raw import raw_frames
 from ds47.export import Key, KeyFileError, Outcome, Selection, export
-from ds47.export.anonymise import internet_checksum
+from ds47.export.anonymise import Anonymiser, Knowledge, internet_checksum
+from ds47.export.datagrams import Datagram, Entry
+from ds47.export.messages import Copy, Message
 from ds47.lab import ether, message, wire
 from ds47.lab.client import OK, Client
 from ds47.lab.naming import DCP, LLDP, dcp_identify, lldp
@@ -33,6 +35,8 @@ GOOD = "ip.checksum.status == 1 && udp.checksum.status == 1"
 
 OF_VALUES = ("DS701", "DS714", "DS715", "DS716", "DS717")
 """Diagnoses that go by values: other values may mean something else, and then another rule explains a refusal."""
+SECRET = b"name-of-customer"
+OCTETS = 0x0A
 UNASKED = frozenset(("DS403", "DS404", "DS405", "DS407"))
 """The response answers no request that is known, or another one: nobody knows of which parameters."""
 UNREAD = frozenset(("DS302", "DS303", "DS305", "DS309", "DS312", "DS313", "DS315", "DS318"))
@@ -509,3 +513,110 @@ def test_broken_bytes_are_never_an_exception(tmp_path: Path) -> None:
                     writer.write(frame.time_ns, bytes(data[:cut]), len(data))
             for everything in (False, True):
                 export(source, target, Selection(), key=Key(), everything=everything)
+
+
+# What was not read does not leave
+
+
+@pytest.mark.parametrize("everything", [False, True])
+@pytest.mark.parametrize(("mtu", "fragment", "snap"), [(800, None, 300), (None, 200, 250)])
+def test_nothing_behind_a_hole_leaves(
+    tmp_path: Path, mtu: int | None, fragment: int | None, snap: int, everything: bool
+) -> None:
+    stage = Stage()
+    client = Client(stage)
+    client.exchange(message.read(1, 1, message.address(21)),
+                    message.answer(1, 1, 1, message.real(1.0)))  # fmt: skip
+    stage.mtu, client.fragment, stage.snap = mtu, fragment, snap
+    texts = [f"filler-{number}-".encode() * 12 for number in range(6)] + [b"name-of-customer"]
+    pairs = [(message.address(8900, 0, len(each)), block(0x41, len(each), each)) for each in texts]
+    client.exchange(message.change(2, 1, *pairs), message.changed(2, 1, len(pairs)))
+    source, target = shoot(stage, tmp_path / "in.pcapng"), tmp_path / "out.pcapng"
+    outcome, _ = anonymised(source, target, everything=everything)
+    data = target.read_bytes()
+    assert b"filler" not in data
+    assert b"customer" not in data
+    assert len(outcome.frames) == len(stage.shots)
+    assert stories(analyze(target), None, False) == stories(outcome.result, outcome, False)
+    frames = zip(raw_frames(source), raw_frames(target), strict=True)
+    assert all(len(before.data) == len(after.data) for before, after in frames)
+
+
+def test_values_of_nobody_knows_what_are_replaced(tmp_path: Path) -> None:
+    """Lost: the Write that asked. Another one asked before, so the second response looks like its."""
+    stage = Stage()
+    client = talk(stage)
+    client.exchange(message.read(1, 1, message.address(21)),
+                    message.answer(1, 1, 1, message.real(1.0)))  # fmt: skip
+    client.write(message.read(2, 1, message.address(21)))
+    client.read(message.answer(3, 1, 1, block(OCTETS, 16, b"name-of-customer")))
+    client.read(message.answer(4, 1, 1, block(OCTETS, 16, b"a-second-secret.")))
+    source, target = shoot(stage, tmp_path / "in.pcapng"), tmp_path / "out.pcapng"
+    anonymised(source, target)
+    data = target.read_bytes()
+    assert b"customer" not in data
+    assert b"second" not in data
+    assert analyze(target).transactions[0].parameters[0].values == [1.0]
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        message.read(2, 1, message.address(21)) + SECRET,  # behind the message
+        message.change(2, 1, (message.address(21), block(0xEE, 16, SECRET))),  # unknown format
+        bytes((2, 0x77, 1, 2)) + SECRET,  # unknown kind
+        bytes((2, 1, 1, 9)) + SECRET,  # fewer addresses than it says: the last one is not whole
+    ],
+)
+def test_bytes_of_a_message_that_are_not_read(record: bytes, tmp_path: Path) -> None:
+    stage = Stage()
+    client = talk(stage)
+    client.exchange(message.read(1, 1, message.address(21)),
+                    message.answer(1, 1, 1, message.real(1.0)))  # fmt: skip
+    client.write(record)
+    client.read(bytes((2, 0x77, 1, 1)) + SECRET)
+    source, target = shoot(stage, tmp_path / "in.pcapng"), tmp_path / "out.pcapng"
+    for everything in (False, True):
+        anonymised(source, target, everything=everything)
+        assert b"customer" not in target.read_bytes()
+
+
+def test_a_part_of_an_address_is_no_address() -> None:
+    key = Key()
+    assert key.mac(b"\0\x1f\xf8") == bytes(3)
+    assert key.ip(b"\xc0\xa8") == bytes(2)
+    assert key.uuid(b"GGGG") == bytes(4)
+
+
+def test_an_option_keeps_no_more_than_it_has() -> None:
+    from ds47.export.stations import dcp, lldp
+
+    def option(number: int, suboption: int, data: bytes) -> bytes:
+        return bytes((number, suboption)) + struct.pack(">H", len(data)) + data
+
+    def frame(service: int, kind: int, blocks: bytes) -> bytes:
+        return struct.pack(">HBBIHH", 0xFEFD, service, kind, 1, 0, len(blocks)) + blocks
+
+    numbers = [(2, 3), (2, 4), (2, 5), (2, 7), (2, 8), (2, 10), (5, 3), (5, 4), (6, 1), (255, 255)]
+    every = b"".join(option(*each, b"\0\0\2\2\2\3" + SECRET) for each in numbers)
+    for data in (frame(5, 1, every), frame(3, 0, SECRET)):
+        out = dcp(Key(), data)
+        assert len(out) == len(data)
+        assert b"cust" not in out
+    assert b"\2\5\0\x16\0\0\2\2\2\3" in dcp(Key(), frame(5, 1, every))
+    values = {
+        3: b"\0\x14", 7: b"\0\x10\0\x10", 8: b"\5\1\xc0\xa8\x85\x21\2\0\0\0\1\0",
+        127: b"\x00\x12\x0f\1" + bytes(12),
+    }  # fmt: skip
+    for kind, value in values.items():
+        data = struct.pack(">H", kind << 9 | len(value + SECRET)) + value + SECRET + b"\0\0"
+        assert b"cust" not in lldp(Key(), data)
+
+
+def test_a_copy_of_what_was_not_rewritten_is_refused() -> None:
+    foreign = Datagram("192.168.0.1", "192.168.0.2", 1, 0, data=SECRET)
+    frame = Entry(2, 0, 1, bytearray(14 + 20) + SECRET, 50, layer=14)
+    copy = Datagram("192.168.0.1", "192.168.0.2", 1, 0)
+    copy.add(0, frame, 34, len(SECRET))
+    story_of = Message("foreign", [], 1, 0, parts=[[foreign]])
+    assert not Anonymiser(Key(), Knowledge()).copy(Copy(story_of, copy, foreign))
