@@ -123,7 +123,10 @@ def test_baseline_writes_over_nothing(stored, capsys):
 def test_a_folder_without_captures_is_3(tmp_path, capsys, command):
     status, _, err = run(capsys, command, tmp_path)
     assert status == 3
-    assert err == f"ds47: {tmp_path}: no capture in this folder (.pcap, .pcapng, .cap; not .ds47.pcapng)\n"
+    assert (
+        err
+        == f"ds47: {tmp_path}: no capture in this folder (.pcap, .pcapng, .cap; not .ds47.pcapng)\n"
+    )
 
 
 @pytest.mark.skipif(os.name == "nt", reason="other lengths there")

@@ -107,15 +107,19 @@ def blocks(path: Path) -> list[bytes]:
     return found
 
 
-def after_each_frame(path: Path) -> list[list[str]]:
+PAUSES = (0.12, 0.6, 2.5)
+"""Seconds in which a line has to come; a busy machine gets more of them before that is an error."""
+
+
+def after_each_frame(path: Path, pause: float) -> list[list[str]]:
     """What is printed after each frame, when nothing comes for a while."""
     first, second, *frames = blocks(path)
     out = []
     with watching("-") as watch:
         watch.write(first + second + frames[0])
-        time.sleep(1.5)  # until it runs
+        time.sleep(12 * pause)  # until it runs
         for frame in [*frames[1:], None]:
-            time.sleep(0.12)
+            time.sleep(pause)
             out.append([watch.lines.get_nowait() for _ in range(watch.lines.qsize())])
             if frame is not None:
                 watch.write(frame)
@@ -124,15 +128,18 @@ def after_each_frame(path: Path) -> list[list[str]]:
 
 
 def test_a_line_comes_with_the_last_frame_of_its_transaction() -> None:
-    said = after_each_frame(TOUR)
-    starts = {line.split()[0]: number for number, lines in enumerate(said, 1)
-              for line in lines if line.startswith("#")}  # fmt: skip
     result = analyze(TOUR)
     last = {f"#{each.id}": max(each.frames.all()) for each in result.transactions}
-    assert {key: last[key] for key in starts if key != "#8"} == {
-        key: number for key, number in starts.items() if key != "#8"
-    }
-    assert starts["#8"] > 35  # nobody read it: only the end tells
+    del last["#8"]  # nobody read it: only the end tells
+    for pause in PAUSES:
+        said = after_each_frame(TOUR, pause)
+        starts = {line.split()[0]: number for number, lines in enumerate(said, 1)
+                  for line in lines if line.startswith("#")}  # fmt: skip
+        end = starts.pop("#8")
+        if starts == last:
+            break
+    assert starts == last
+    assert end > 35
 
 
 def test_lines_are_those_of_the_report(capsys: pytest.CaptureFixture[str]) -> None:
@@ -189,9 +196,12 @@ def test_watch_and_report_say_the_same(source: Path, tmp_path: Path) -> None:
 
 
 def test_a_refused_write_is_told_at_once() -> None:
-    said = after_each_frame(CAPTURES / "record-write-refused.pcapng")
-    assert "[refused DF80B700]" in said[-2][0]
-    assert "DS203" in said[-2][1]
+    for pause in PAUSES:
+        *_, said, _ = after_each_frame(CAPTURES / "record-write-refused.pcapng", pause)
+        if said:
+            break
+    assert "[refused DF80B700]" in said[0]
+    assert "DS203" in said[1]
 
 
 def test_a_transaction_that_is_read_again_comes_again_as_ndjson() -> None:
@@ -607,10 +617,11 @@ def started(watch: Watch, client: Client) -> str:
     for number in range(1, 60):
         say(client, number, float(number))
         end = time.monotonic() + 0.5
-        with suppress(queue.Empty):  # a capture may begin inside of a transaction: findings first
+        with suppress(queue.Empty):  # a capture may begin inside of a transaction: not that one
             while time.monotonic() < end:
                 line = watch.line(0.5)
-                if line.startswith("#") or '"transaction": {' in line:
+                whole = "orphan" not in line
+                if whole and (line.startswith("#") or '"transaction": {' in line):
                     return line
     raise AssertionError([watch.errors.get_nowait() for _ in range(watch.errors.qsize())])
 
