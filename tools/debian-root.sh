@@ -8,9 +8,18 @@ KEYRING=/usr/share/keyrings/debian-archive-keyring.gpg
 
 say() { echo "$*" >&2; }
 
-# Whether this machine can make such a folder at all.
-can_make_roots() {
-    [ "$(id -u)" -eq 0 ] && command -v apt-get >/dev/null && command -v dpkg-deb >/dev/null && [ -r "$KEYRING" ]
+# Call `provide SUITE`, which prints a line, for each suite, and exit: 0 all there; 1 some could not be made;
+# 77 this machine cannot make any: provide_all WHAT SUITE...
+provide_all() {
+    local what=$1 suite status=0
+    shift
+    if [ "$(id -u)" -ne 0 ] || ! command -v apt-get >/dev/null || ! command -v dpkg-deb >/dev/null ||
+        [ ! -r "$KEYRING" ]; then
+        say "Other versions of $what are made only as root, on a Debian with apt."
+        exit 77
+    fi
+    for suite in "$@"; do provide "$suite" || status=1; done
+    exit $status
 }
 
 mirror() {

@@ -48,11 +48,5 @@ provide() {
     echo "$found $program"
 }
 
-if ! can_make_roots; then
-    say "Other versions of Python are made only as root, on a Debian with apt."
-    exit 77
-fi
-status=0
 # shellcheck disable=SC2086  # a list of words
-for suite in ${*:-$ALL}; do provide "$suite" || status=1; done
-exit $status
+provide_all Python ${*:-$ALL}

@@ -376,6 +376,16 @@ class CaptureResult(_Plain):
     summary: dict[str, int] = field(default_factory=dict)
     files: list[CaptureFile] = field(default_factory=list)
 
+    @property
+    def lacking(self) -> str | None:
+        """Why it was not read to its end; None where it was."""
+        return None if self.complete else self.problem or "only partly read"
+
+    @property
+    def missing_files(self) -> list[int]:
+        """How many files of a series are missing before each that is there."""
+        return [file.missing_before for file in self.files]
+
 
 @dataclass(slots=True, repr=False, eq=False)
 class Report(_Plain):

@@ -212,8 +212,8 @@ def ds47_capture(request: pytest.FixtureRequest) -> Callable[..., CaptureUnderTe
         from ds47.analysis import AnalysisOptions, analyze
 
         result = analyze(request.path.parent / path, AnalysisOptions(**options))
-        if not result.complete:
-            pytest.fail(f"{path}: {result.problem or 'only partly read'}", pytrace=False)
+        if result.lacking:
+            pytest.fail(f"{path}: {result.lacking}", pytrace=False)
         return CaptureUnderTest(result)
 
     return analysis

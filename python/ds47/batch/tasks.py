@@ -85,14 +85,13 @@ def plan(names: Sequence[str], series: bool) -> list[Task]:
 
 def names_in(folder: Path) -> list[str]:
     """Names of the captures in a folder, files of tcpdump -C among them; none where nobody can tell."""
-    from ds47.capture.names import is_capture
-    from ds47.capture.rings import is_part
+    from ds47.capture.rings import may_be_part
 
     try:
         names = [each.name for each in folder.iterdir()]
     except OSError:
         return []
-    return sorted(name for name in names if is_capture(name) or is_part(name))
+    return sorted(filter(may_be_part, names))
 
 
 def _series(ring: Ring) -> Task:

@@ -56,7 +56,7 @@ class PcapReader:
         assert order is not None, "only called for recognised files"
         magic = int.from_bytes(window.data[:4], order)
         self._unit, self._header = _MAGICS[magic]
-        self._order: ByteOrder = order
+        self._sign = "<" if order == "little" else ">"
         # the upper bits say how long a frame check sequence is; IP lengths tell that better
         self.link_type = int.from_bytes(window.data[20:24], order) & 0x03FFFFFF
         self._window = window
@@ -83,8 +83,7 @@ class PcapReader:
         whole = window.more(scan.position, self._header)
         scan.position = 0
         if whole:
-            sign = "<" if self._order == "little" else ">"
-            seconds, fraction = struct.unpack_from(sign + "2I", window.data)
+            seconds, fraction = struct.unpack_from(self._sign + "2I", window.data)
             self.first_ns = seconds * 1_000_000_000 + fraction * self._unit
 
     def _records(self, found: list[Found]) -> list[Frame]:
@@ -112,7 +111,7 @@ class PcapReader:
             if window.end or window.broken:
                 self._cut_off(header)
             return False
-        (captured,) = struct.unpack_from("<I" if self._order == "little" else ">I", window.data, 8)
+        (captured,) = struct.unpack_from(self._sign + "I", window.data, 8)
         if captured > MAX_FRAME:
             self.problem = (
                 f"damaged at byte {window.base}: frame {self.frames + 1} claims {captured} "

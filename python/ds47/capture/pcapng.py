@@ -108,9 +108,8 @@ class PcapngReader:
         scan, window = self._scan, self._window
         try:
             while True:
-                if (
-                    scan.frames
-                ):  # the first one goes the long way, which tells its time whatever it holds
+                # the first one goes the long way, which tells its time whatever it holds
+                if scan.frames:
                     for found in self._batches:
                         yield self._enhanced(found)
                 self.frames = scan.frames

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from .names import ENDINGS, PACKED, SUFFIXES
+from .names import ENDINGS, PACKED, SUFFIXES, is_capture
 
 _LONGEST_FIRST = sorted(ENDINGS, key=len, reverse=True)
 _ENDING = "(?P<ending>" + "|".join(map(re.escape, _LONGEST_FIRST)) + ")"
@@ -59,6 +59,11 @@ class _File:
 def is_part(name: str) -> bool:
     """Whether a file has a name that only the files of tcpdump -C have: `x.pcap1`."""
     return _SIZED.fullmatch(name) is not None
+
+
+def may_be_part(name: str) -> bool:
+    """Whether a file is read where series are asked for: it is a capture, or has such a name."""
+    return is_capture(name) or is_part(name)
 
 
 def rings(names: Sequence[str]) -> list[Ring]:

@@ -16,8 +16,15 @@ from .pcapng import BYTE_ORDER_MAGIC, INTERFACE, SECTION
 from .scan import ENHANCED_PACKET, ETHERNET
 
 _COMMENT, _FLAGS, _TIME_RESOLUTION, _APPLICATION = 1, 2, 9, 4
+LAST_NS = (1 << 64) - 1
+"""The last time that a file of nanoseconds can hold, in 2554; the first is 1970."""
 _LONGEST = 0xFFFC
 """Bytes of an option: its length is a 16-bit number, and it is padded to four."""
+
+
+def nearest(time_ns: int) -> int:
+    """The nearest time that a file of nanoseconds can hold."""
+    return min(max(time_ns, 0), LAST_NS)
 
 
 class PcapngWriter(Closing):
@@ -79,7 +86,7 @@ class PcapngWriter(Closing):
         cannot hold, and for an interface that was not described.
         """
         stamp = time_ns // self._unit
-        if not 0 <= stamp < 1 << 64:
+        if not 0 <= stamp <= LAST_NS:
             raise ValueError(f"time_ns {time_ns} does not fit a pcapng timestamp")
         if not 0 <= interface < self._interfaces:
             raise ValueError(f"there is no interface {interface}")

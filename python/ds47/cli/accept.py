@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ds47.cli.common import stdout, warn
+from ds47.cli.common import Misses, stdout, warn
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import about
 from ds47.cli.series import series_option, tasks, tell_lacking
@@ -90,29 +90,22 @@ def _find(
     from ds47.regression.run import check
 
     analysis = options_from(**options)
-    found, status = [], 0
-
-    def lacks(text: str) -> None:
-        nonlocal status
-        status = 3
-        warn(text)
-
-    for task in tasks(paths, series, lacks):
+    found, status, misses = [], 0, Misses()
+    for task in tasks(paths, series, misses):
         try:
             outcome = check(task, analysis)
         except ConfigError as problem:
             raise click.ClickException(str(problem)) from problem
-        tell_lacking(task.path, outcome.missing_files, outcome.problem)
-        if outcome.unreadable:
-            status = 3
+        tell_lacking(task.path, outcome.missing_files, outcome.problem, misses)
         if outcome.error is not None:
-            warn(about(task.path, outcome.error))
-            status = max(status, 1)
+            tell = misses if outcome.unreadable else warn
+            tell(about(task.path, outcome.error))
+            status = 1
             continue
         changes = [change for change in outcome.changes if chosen(change, where, Path(task.path))]
         if changes:
             found.append((outcome, changes))
-    return found, status
+    return found, 3 if misses else status
 
 
 def _list(found: Sequence[tuple[Outcome, list[Change]]], most: int | None, lang: str) -> None:

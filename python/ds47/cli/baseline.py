@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from ds47.cli.common import stdout, warn
+from ds47.cli.common import Misses, stdout
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import about
 from ds47.cli.series import series_option, tasks, tell_lacking
@@ -32,14 +32,8 @@ def command(paths: Sequence[str], force: bool, series: bool, **options: Any) -> 
     from ds47.report.bilingual import say
 
     analysis = options_from(**options)
-    status = 0
-
-    def failed(text: str) -> None:
-        nonlocal status
-        status = 3
-        warn(text)
-
-    for task in tasks(paths, series, failed):
+    misses = Misses()
+    for task in tasks(paths, series, misses):
         target = place_of(task)
         if os.path.exists(target) and not force:  # noqa: PTH110 (of a name that is too long: False)
             _say(say("baseline_there", target=str(target)).text(analysis.lang))
@@ -47,12 +41,12 @@ def command(paths: Sequence[str], force: bool, series: bool, **options: Any) -> 
         try:
             result = result_of(task, analysis)
         except CaptureError as problem:
-            failed(about(task.path, str(problem)))
+            misses(about(task.path, str(problem)))
             continue
         try:
             baseline.save(target, baseline.content(result), Path(task.path).name)
         except OSError as problem:
-            failed(about(task.path, str(kept_from(problem))))
+            misses(about(task.path, str(kept_from(problem))))
             continue
         jobs, findings = len(result.transactions), len(result.findings)
         stored = say(
@@ -62,11 +56,8 @@ def command(paths: Sequence[str], force: bool, series: bool, **options: Any) -> 
             findings=say("baseline_findings", n=findings, number=str(findings)),
         )
         _say(stored.text(analysis.lang))
-        lacking = None if result.complete else result.problem or "only partly read"
-        tell_lacking(task.path, [file.missing_before for file in result.files], lacking)
-        if lacking:
-            status = 3
-    return status
+        tell_lacking(task.path, result.missing_files, result.lacking, misses)
+    return 3 if misses else 0
 
 
 def _say(text: str) -> None:

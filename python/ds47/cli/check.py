@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ds47.cli.common import output, stdout, warn
+from ds47.cli.common import Misses, output, stdout
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import STDIN, about
 from ds47.cli.series import series_option, tasks, tell_lacking
@@ -74,7 +74,7 @@ def command(
     known findings stand in ds47.toml.
     """
     spare_captures(junit, sarif)
-    outcomes, seconds, missing = _run(paths, series, fail_on, options)
+    outcomes, seconds, misses = _run(paths, series, fail_on, options)
     if format_name == "json":
         _print_json(outcomes, summary)
     else:
@@ -84,25 +84,20 @@ def command(
         _write_junit(outcomes, seconds, junit)
     if sarif:
         _write_sarif(outcomes, sarif)
-    if missing or any(outcome.unreadable for outcome in outcomes):
+    if misses or any(outcome.unreadable for outcome in outcomes):
         return 3
     return int(any(outcome.failed for outcome in outcomes))
 
 
 def _run(
     paths: Sequence[str], series: bool, fail_on: str | None, options: dict[str, Any]
-) -> tuple[list[Outcome], list[float], list[str]]:
+) -> tuple[list[Outcome], list[float], Misses]:
     from ds47.regression.config import ConfigError
     from ds47.regression.run import check
 
     analysis = options_from(**options)
-    outcomes, seconds, missing = [], [], []
-
-    def lacks(text: str) -> None:
-        missing.append(text)
-        warn(text)
-
-    for task in tasks(paths, series, lacks):
+    outcomes, seconds, misses = [], [], Misses()
+    for task in tasks(paths, series, misses):
         begin = time.perf_counter()
         try:
             outcome = check(task, analysis, fail_on)
@@ -110,9 +105,9 @@ def _run(
             raise click.ClickException(str(problem)) from problem
         outcomes.append(outcome)
         seconds.append(time.perf_counter() - begin)
-        tell_lacking(outcome.path, outcome.missing_files, outcome.problem)
+        tell_lacking(outcome.path, outcome.missing_files, outcome.problem, misses)
     gone = _gone(paths, fail_on)
-    return outcomes + gone, seconds + [0.0] * len(gone), missing
+    return outcomes + gone, seconds + [0.0] * len(gone), misses
 
 
 def _gone(paths: Sequence[str], fail_on: str | None) -> list[Outcome]:

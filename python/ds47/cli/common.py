@@ -76,6 +76,21 @@ def warn(text: str) -> None:
     click.echo(f"ds47: {escape(text)}", err=True)
 
 
+class Misses:
+    """Says on stderr what could not be read; true once there was something."""
+
+    def __init__(self) -> None:
+        self._any = False
+
+    def __call__(self, text: str) -> None:
+        """Says one line."""
+        self._any = True
+        warn(text)
+
+    def __bool__(self) -> bool:
+        return self._any
+
+
 def counted(number: int, noun: str) -> str:
     """A number and its noun: `1 capture`, `2 captures`."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

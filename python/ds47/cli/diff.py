@@ -76,8 +76,7 @@ def _side(path: str, series: bool, analysis: AnalysisOptions) -> tuple[dict[str,
     except CaptureError as problem:
         warn(about(path, str(problem)))
         raise click.exceptions.Exit(3) from problem
-    lacking = None if result.complete else result.problem or "only partly read"
-    tell_lacking(task.path, [file.missing_before for file in result.files], lacking)
+    tell_lacking(task.path, result.missing_files, result.lacking)
     return baseline.content(result), result.complete
 
 
@@ -87,10 +86,7 @@ def _one(path: str, series: bool) -> Task:
 
     if not series:
         return plan([path], series)[0]
-    lacking: list[str] = []
-    found = tasks([path], series, lacking.append)
-    for text in lacking:
-        warn(text)
+    found = tasks([path], series, warn)
     if not found:
         raise click.exceptions.Exit(3)
     if len(found) > 1:
@@ -110,11 +106,13 @@ def _from_json(path: str) -> dict[str, Any]:
         raise click.ClickException(f"{path}: {problem}") from problem
     if isinstance(document, dict) and document.get("schema") == "ds47.report/1":
         captures = document.get("captures", [])
-        if isinstance(captures, list) and len(captures) != 1:
+        if not isinstance(captures, list):
+            captures = [None]
+        if len(captures) != 1:
             raise click.ClickException(
                 f"{path}: a report of {len(captures)} captures; diff needs one"
             )
-        capture = captures[0] if isinstance(captures, list) else None
+        (capture,) = captures
         if (place := flaw(capture)) is not None:
             raise click.ClickException(
                 f"{path}: the report is not whole (see {place or 'captures'}); make it again"

@@ -95,7 +95,7 @@ def _remarks(request: Request) -> Iterator[Both]:
     from ds47.model import Parameter
     from ds47.profidrive.model import VALUE
     from ds47.report import words
-    from ds47.report.bilingual import Both
+    from ds47.report.bilingual import Both, say
 
     for number, at in enumerate(request.addresses):
         item = Parameter(at.pnu, at.subindex, at.attribute_name, at.element_count)
@@ -107,12 +107,7 @@ def _remarks(request: Request) -> Iterator[Both]:
             continue
         known = spec.parameters().get(at.pnu)
         if at.element_count == 0 and at.attribute == VALUE and known and known.type.endswith("]"):
-            name = f"p{at.pnu}"
-            yield Both(
-                f"{name} is an array, and 0 elements are asked for;"
-                f" {name}[0] asks for one, {name}[0..7] for eight",
-                f"{name} 是数组，而这里请求的元素个数为 0；{name}[0] 请求一个，{name}[0..7] 请求八个",
-            )
+            yield say("encode_no_elements", name=f"p{at.pnu}")
 
 
 def _warn_of_flaws(data: bytes, lang: str) -> None:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.capture.names import ENDINGS, EXPORTED
-from ds47.cli.common import stdout, warn
+from ds47.cli.common import Misses, stdout, warn
 from ds47.cli.options import analysis_options, known_rules, options_from
 from ds47.cli.paths import STDIN, about
 from ds47.cli.series import series_option, tasks, tell_lacking
@@ -146,7 +146,7 @@ def command(
     )
     span = _Span(_moment("--from", start), _moment("--to", end))
     run = _Run(options_from(**options), selection, span, bool(everything))
-    found = tasks(paths, series, run.missing)
+    found = tasks(paths, series, run.misses)
     targets = _targets(found, output_name)
     if not force:
         _spare_captures(targets)
@@ -154,7 +154,7 @@ def command(
     run.open_key()
     for task, target in zip(found, targets, strict=True):
         run.one(task, target)
-    if run.failed:
+    if run.misses:
         return _UNREADABLE
     return 0 if run.written else _NOTHING
 
@@ -198,13 +198,8 @@ class _Run:
         self._everything = everything
         self._key: Key | None = None
         self.key_path: Path | None = None
-        self.failed = False
+        self.misses = Misses()
         self.written = 0
-
-    def missing(self, text: str) -> None:
-        """Says what could not be read, or not as a whole."""
-        self.failed = True
-        warn(text)
 
     def open_key(self) -> None:
         """The key to anonymise with: that of the file, if there is one."""
@@ -230,7 +225,7 @@ class _Run:
                 if self._key is not None and self.key_path is not None and done.frames:
                     self._key.save(self.key_path)
         except CaptureError as problem:
-            self.missing(about(task.path, str(problem)))
+            self.misses(about(task.path, str(problem)))
             return
         except (SelectionError, KeyFileError) as problem:
             raise click.ClickException(about(task.path, str(problem))) from problem
@@ -246,9 +241,8 @@ class _Run:
 
         name, lang = "stdin" if path == STDIN else path, self._options.lang
         tell = warn if target == STDIN else _print
-        lacking = None if done.result.complete else done.result.problem or "only partly read"
-        tell_lacking(path, [file.missing_before for file in done.result.files], lacking)
-        self.failed |= lacking is not None
+        result = done.result
+        tell_lacking(path, result.missing_files, result.lacking, self.misses)
         self._tell_left_out(name, done)
         if not done.frames:
             warn(f"{name}: nothing to export")

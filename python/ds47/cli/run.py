@@ -153,7 +153,7 @@ class Run:
 
     def _gaps(self, result: CaptureResult) -> None:
         """A file of a series that is missing is no damage, but nobody should overlook it."""
-        text = missing_files(result.path, [each.missing_before for each in result.files])
+        text = missing_files(result.path, result.missing_files)
         if text:
             self._progress.warn(text)
 

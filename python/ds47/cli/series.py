@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ds47.capture.names import is_capture
 from ds47.capture.remote import is_url
 from ds47.cli.common import counted, warn
 from ds47.cli.paths import STDIN, about, captures
@@ -40,16 +39,12 @@ def tasks(paths: Sequence[str], series: bool, missing: Callable[[str], None]) ->
     """
     from ds47.batch.tasks import plan
 
-    accept = is_capture
-    if series:
-        from ds47.capture.rings import is_part
+    if not series:
+        return plan(list(captures(paths, missing)), series)
+    from ds47.capture.rings import may_be_part
 
-        paths = list(_with_their_series(paths))
-
-        def accept(name: str) -> bool:
-            return is_capture(name) or is_part(name)
-
-    return plan(list(captures(paths, missing, accept)), series)
+    named = list(_with_their_series(paths))
+    return plan(list(captures(named, missing, may_be_part)), series)
 
 
 def missing_files(path: str, missing: Sequence[int]) -> str | None:
@@ -64,13 +59,21 @@ def missing_files(path: str, missing: Sequence[int]) -> str | None:
     return f"{path}: {counted(lost, 'file')} of this series missing" if lost else None
 
 
-def tell_lacking(path: str, missing: Sequence[int], problem: str | None) -> None:
-    """Says on stderr what of a capture was not there to read: `missing_files`, and what was damaged."""
+def tell_lacking(
+    path: str,
+    missing: Sequence[int],
+    problem: str | None,
+    misses: Callable[[str], None] = warn,
+) -> None:
+    """Says on stderr what of a capture was not there to read: `missing_files`, and what was damaged.
+
+    The second is a reason for another exit status, and is told by `misses`.
+    """
     lost = missing_files(path, missing)
     if lost:
         warn(lost)
     if problem:
-        warn(about(path, problem))
+        misses(about(path, problem))
 
 
 def _with_their_series(paths: Sequence[str]) -> Iterator[str]:

@@ -22,6 +22,7 @@ from ds47.capture import PcapngWriter
 from ds47.capture.raw import Interface, RawFrame
 from ds47.capture.scan import ETHERNET, IPV4, network_layer
 from ds47.capture.series import Part
+from ds47.capture.writer import nearest
 from ds47.model import CaptureResult
 from ds47.profinet import dcp, lldp, rpc
 from ds47.profinet.link import Packet, mac
@@ -380,7 +381,7 @@ def _write_all(
                 f"{places.words(frame.number)} of the original",
             ]
             writer.write(
-                min(max(frame.time_ns, 0), (1 << 64) - 1),
+                nearest(frame.time_ns),
                 frame.data,
                 frame.original_length,
                 interface=interfaces[about],

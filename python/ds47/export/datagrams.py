@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Generic, TypeVar
 
 from ds47.profinet import ip
 from ds47.spec.semantics import limits
@@ -19,8 +19,11 @@ if TYPE_CHECKING:
 
 MOST_COPIES: Final = 16
 """Of one fragment, the first among them; a mirror port makes one or two. More are not exported."""
-REMEMBERED: Final = 64
+_REMEMBERED: Final = 64
 """Finished datagrams, and finished RPC messages, that are kept for their copies."""
+
+_K = TypeVar("_K")
+_V = TypeVar("_V")
 
 
 @dataclass(slots=True, eq=False)
@@ -95,6 +98,28 @@ class Datagram:
         return bytes(out)
 
 
+class Recent(Generic[_K, _V]):
+    """What was finished last, by its key; the oldest goes first, by number and by bytes (`limits`)."""
+
+    def __init__(self) -> None:
+        self._most_bytes = limits().fragment_bytes
+        self._items: OrderedDict[_K, tuple[_V, int]] = OrderedDict()
+        self._bytes = 0
+
+    def get(self, key: _K) -> _V | None:
+        """What has this key, if it is still known."""
+        found = self._items.get(key)
+        return None if found is None else found[0]
+
+    def add(self, key: _K, value: _V, size: int) -> None:
+        """Keeps a value of so many bytes, instead of one that had its key."""
+        _, before = self._items.pop(key, (None, 0))
+        self._items[key] = value, size
+        self._bytes += size - before
+        while len(self._items) > _REMEMBERED or self._bytes > self._most_bytes:
+            self._bytes -= self._items.popitem(last=False)[1][1]
+
+
 _Key = tuple[str, str, int]
 
 
@@ -111,15 +136,14 @@ class Datagrams:
         self._limits = limits()
         self._given_up = given_up
         self._open: OrderedDict[_Key, tuple[Datagram, ip.Reassembler]] = OrderedDict()
-        self._whole: OrderedDict[_Key, tuple[Datagram, int]] = OrderedDict()
+        self._whole: Recent[_Key, Datagram] = Recent()
         self._fragments = 0
         self._bytes = 0
-        self._bytes_whole = 0
 
     def before(self, part: ip.Datagram, time_ns: int) -> Datagram | None:
         """The datagram that just became whole, of which this fragment is a copy."""
         key = (part.source, part.destination, part.identification)
-        found, _ = self._whole.get(key, (None, 0))
+        found = self._whole.get(key)
         if found is None or abs(time_ns - found.newest_ns) > self._limits.copy_ns:
             return None
         return found if found.holds(part.offset, len(part.payload)) else None
@@ -144,7 +168,7 @@ class Datagrams:
             return None
         self._close(key)
         datagram.data, datagram.missing = whole.payload, whole.missing
-        self._remember(key, datagram)
+        self._whole.add(key, datagram, datagram.size)
         return datagram
 
     def expire(self, now_ns: int) -> None:
@@ -187,9 +211,3 @@ class Datagrams:
         self._fragments -= len(datagram.pieces)
         self._bytes -= datagram.size
         return datagram
-
-    def _remember(self, key: _Key, datagram: Datagram) -> None:
-        self._bytes_whole += datagram.size - self._whole.pop(key, (None, 0))[1]
-        self._whole[key] = datagram, datagram.size
-        while len(self._whole) > REMEMBERED or self._bytes_whole > self._limits.fragment_bytes:
-            self._bytes_whole -= self._whole.popitem(last=False)[1][1]

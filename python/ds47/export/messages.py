@@ -28,7 +28,7 @@ from ds47.profinet import ip, rpc
 from ds47.profinet.link import Packet
 from ds47.spec.semantics import limits
 
-from .datagrams import MOST_COPIES, REMEMBERED, Datagram, Datagrams, Entry
+from .datagrams import MOST_COPIES, Datagram, Datagrams, Entry, Recent
 
 Kind = Literal["rpc", "dcp", "lldp", "foreign"]
 
@@ -123,10 +123,9 @@ class Tracker:
         self.given_up: list[list[Entry]] = []
         self._datagrams = Datagrams(self.given_up)
         self._partial: OrderedDict[_Call, _Partial] = OrderedDict()
-        self._done: OrderedDict[_Call, tuple[int, _Partial]] = OrderedDict()
+        self._done: Recent[_Call, tuple[int, _Partial]] = Recent()
         self._fragments = 0
         self._bytes = 0
-        self._bytes_done = 0
 
     def feed(self, entry: Entry) -> Message | Copy | None:
         """The message that this frame completes; None where more has to come."""
@@ -221,15 +220,19 @@ class Tracker:
             return None
         del self._partial[key]
         self._hold(partial.datagrams, -1)
-        self._remember(key, entry.time_ns, partial)
+        size = sum(len(part.body) for part in partial.parts.values())
+        self._done.add(key, (entry.time_ns, partial), size)
         parts = [partial.parts[number] for number in sorted(partial.parts)]
-        return _message("rpc", [part.datagrams for part in parts], entry, _joined(parts))
+        return _message(
+            "rpc", [part.datagrams for part in parts], entry, rpc.join([part.pdu for part in parts])
+        )
 
     def _copy(self, key: _Call, pdu: rpc.Pdu, datagram: Datagram, entry: Entry) -> Copy | None:
         """A fragment of a message that just became whole, once more."""
-        when, before = self._done.get(key, (0, None))
-        if before is None or abs(entry.time_ns - when) > self._limits.copy_ns:
+        done = self._done.get(key)
+        if done is None or abs(entry.time_ns - done[0]) > self._limits.copy_ns:
             return None
+        before = done[1]
         known = before.parts.get(pdu.fragment)
         if known is None or known.body != pdu.body:
             return None
@@ -272,13 +275,6 @@ class Tracker:
         self._hold(datagrams, -1)
         self._datagrams.lose(datagrams)
 
-    def _remember(self, key: _Call, now: int, partial: _Partial) -> None:
-        _, known = self._done.pop(key, (0, None))
-        self._bytes_done += _size(partial) - (_size(known) if known else 0)
-        self._done[key] = now, partial
-        while len(self._done) > REMEMBERED or self._bytes_done > self._limits.fragment_bytes:
-            self._bytes_done -= _size(self._done.popitem(last=False)[1][1])
-
 
 def _message(
     kind: Kind, parts: list[list[Datagram]], entry: Entry, pdu: rpc.Pdu | None = None
@@ -291,24 +287,6 @@ def _message(
             seen[each.number] = each
     message.entries = [seen[number] for number in sorted(seen)]
     return message
-
-
-def _joined(parts: list[_Part]) -> rpc.Pdu:
-    """The first fragment with the body of all: up to the first hole, behind which nothing is in place."""
-    whole = parts[0].pdu
-    total = sum(len(part.body) + part.pdu.missing for part in parts)
-    bodies = []
-    for part in parts:
-        bodies.append(part.body)
-        if part.pdu.missing:
-            break
-    whole.body = b"".join(bodies)
-    whole.missing = total - len(whole.body)
-    return whole
-
-
-def _size(partial: _Partial) -> int:
-    return sum(len(part.body) for part in partial.parts.values())
 
 
 def _udp_payload(datagram: Datagram) -> tuple[bytes, int]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections import OrderedDict, deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
@@ -361,12 +362,20 @@ def _beginning(partial: _Partial) -> tuple[Pdu, int]:
 
 def _join(partial: _Partial, newest: Pdu) -> Pdu:
     parts = [partial.parts[number] for number in sorted(partial.parts)]
+    whole = join(parts)
+    whole.frame, whole.time_ns = newest.frame, newest.time_ns
+    whole.fragmented = False
+    return whole
+
+
+def join(parts: Sequence[Pdu]) -> Pdu:
+    """The first fragment, with the body of all of them up to the first hole.
+
+    What stands behind a hole is at no known place in the record: it counts as missing too.
+    """
     whole = parts[0]
     length = sum(len(part.body) + part.missing for part in parts)
-    # What stands behind a hole is at no known place in the record: it counts as missing too.
     cut = next((number for number, part in enumerate(parts) if part.missing), len(parts))
     whole.body = b"".join(part.body for part in parts[: cut + 1])
     whole.missing = length - len(whole.body)
-    whole.frame, whole.time_ns = newest.frame, newest.time_ns
-    whole.fragmented = False
     return whole

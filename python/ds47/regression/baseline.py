@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, cast
 
 from ds47 import __version__
-from ds47.capture.names import PACKED, SUFFIXES, is_capture, is_export
-from ds47.capture.rings import common_name, is_part
+from ds47.capture.names import PACKED, SUFFIXES, is_export
+from ds47.capture.rings import common_name, may_be_part
 from ds47.model import CaptureResult
 from ds47.regression.shape import flaw
 
@@ -28,6 +28,10 @@ _EXPORT = "its capture is an export, which folders leave out: name it, or rename
 
 class BaselineError(Exception):
     """A stored result that cannot be used: one line that says which, and what to do."""
+
+
+class NoBaselineError(BaselineError):
+    """There is none; the line ends with the command that makes one, without its path."""
 
 
 def path_of(capture: Path, own_name: str | None = None) -> Path:
@@ -57,7 +61,7 @@ def orphans(folder: Path) -> Iterator[tuple[Path, str]]:
     """
     for parent, below, names in os.walk(folder):
         below.sort()
-        captures = (name for name in names if is_capture(name) or is_part(name))
+        captures = (name for name in names if may_be_part(name))
         found = {each for name in captures for each in names_for(name)}
         exports = {each for name in names if is_export(name) for each in names_for(name)}
         for name in sorted(names):
@@ -111,12 +115,13 @@ def load(path: Path) -> dict[str, Any]:
     """Reads a stored result and returns its `content`.
 
     Raises:
-        BaselineError: there is none, or it is not one.
+        NoBaselineError: there is none.
+        BaselineError: it is not one.
     """
     try:
         document = parse(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
-        raise BaselineError(
+        raise NoBaselineError(
             f"{path}: there is no stored result; make one with: ds47 baseline"
         ) from None
     except (OSError, ValueError, RecursionError) as problem:

@@ -162,8 +162,7 @@ def check(
         outcome.error, outcome.unreadable = str(problem), True
         return outcome
     outcome.now = baseline.content(result)
-    if not result.complete:
-        outcome.unreadable, outcome.problem = True, result.problem or "only partly read"
+    outcome.unreadable, outcome.problem = not result.complete, result.lacking
     try:
         outcome.stored = _stored(task, outcome.place)
     except baseline.BaselineError as problem:
@@ -183,9 +182,7 @@ def _stored(task: Task, place: Path) -> Json:
     """
     try:
         stored = baseline.load(place)
-    except baseline.BaselineError as problem:
-        if "make one" not in str(problem):
-            raise
+    except baseline.NoBaselineError as problem:
         _refuse_a_part(task, baseline.path_of(Path(task.path), common_name(Path(task.path).name)))
         option = "--series " if task.series else ""
         raise baseline.BaselineError(f"{problem} {option}{task.path}") from problem

@@ -58,6 +58,15 @@ def joined(parts: Sequence[Both], en: str = ", ", zh: str = "，") -> Both:
     return Both(en.join(part.en for part in parts), zh.join(part.zh for part in parts))
 
 
+def numbered(numbers: Mapping[str, str], words: str = "") -> Both:
+    """`4 ok, 1 error`, of the text of each number; `words` begins the keys of words that are translated."""
+    told = [
+        Both.same(number).joined(say(words + key) if words else Both.same(key), zh=" ")
+        for key, number in numbers.items()
+    ]
+    return joined(told)
+
+
 def _fill(text: str, language: int, values: Mapping[str, Any]) -> str:
     number = values.get("n")
     if "|" in text:

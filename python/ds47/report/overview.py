@@ -17,7 +17,7 @@ from ds47 import __version__
 from ds47.model import DIAGNOSIS, OPERATIONS, SEVERITIES, STATES, CaptureResult, Report
 from ds47.report import Options, causes, json, write_all
 from ds47.report import Writer as _Writer
-from ds47.report.bilingual import Both, joined, say
+from ds47.report.bilingual import Both, joined, numbered, say
 from ds47.report.words import duration, escape
 from ds47.report.wrap import columns
 
@@ -298,12 +298,7 @@ _ODD = ("quiet", "unreadable", "incomplete")
 
 
 def _words(counts: dict[str, int], words: str = "") -> Both:
-    """`4 ok, 1 error`; `words` begins the keys of words that are translated."""
-    told = [
-        Both.same(f"{number:,}").joined(say(words + key) if words else Both.same(key), zh=" ")
-        for key, number in counts.items()
-    ]
-    return joined(told)
+    return numbered({key: f"{number:,}" for key, number in counts.items()}, words)
 
 
 def _counted(order: Sequence[str], words: Iterable[str]) -> dict[str, int]:

@@ -12,7 +12,7 @@ from typing import TextIO
 
 from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Finding, Transaction
 from ds47.report import Options, json, ndjson, text
-from ds47.report.bilingual import Both, joined, say
+from ds47.report.bilingual import Both, joined, numbered, say
 from ds47.report.opening import about
 from ds47.report.words import duration, escape, message
 
@@ -224,10 +224,4 @@ class _Growing(text._Columns):
 
 
 def _counts(order: Sequence[str], counts: Counter[str], words: str = "") -> Both:
-    """`4 ok, 1 error`; `words` begins the keys of words that are translated."""
-    told = []
-    for key in order:
-        if counts[key]:
-            shown = say(words + key) if words else Both.same(key)
-            told.append(Both.same(str(counts[key])).joined(shown, zh=" "))
-    return joined(told)
+    return numbered({key: str(counts[key]) for key in order if counts[key]}, words)

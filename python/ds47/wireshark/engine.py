@@ -23,7 +23,7 @@ from ds47.analysis import AnalysisOptions, OnTransaction
 from ds47.analysis import analyze as analyze_natively
 from ds47.capture import Capture, CaptureError, Frame, sha256
 from ds47.capture.stream import Stream
-from ds47.capture.writer import PcapngWriter
+from ds47.capture.writer import PcapngWriter, nearest
 from ds47.findings import Findings
 from ds47.model import DIAGNOSIS, CaptureResult, Finding, Transaction
 from ds47.regression.compare import Change, compare
@@ -41,8 +41,6 @@ _FRAME_ARGUMENTS = frozenset(("by", "first", "frame"))
 _UNSEEN = "?"
 """What stands there for a frame that the capture does not have."""
 _MOST_MS = 2**32 - 1
-_LAST_NS = 2**64 - 1
-"""The last time that a pcapng file of nanoseconds can hold, in 2554; the first is 1970."""
 _HOME_NS = 2**60
 """Where the first frame goes of a capture whose own times it cannot hold: 2006."""
 
@@ -227,10 +225,10 @@ class _Extract(Capture):
         if interface is None:
             interface = self._writer.add_interface(frame.link_type)
             self._interfaces[frame.link_type] = interface
-        if not self.numbers and not 0 <= frame.time_ns <= _LAST_NS:
+        if not self.numbers and nearest(frame.time_ns) != frame.time_ns:
             self.shift = _HOME_NS - frame.time_ns
         wanted = frame.time_ns + self.shift
-        time = min(max(wanted, 0), _LAST_NS)
+        time = nearest(wanted)
         if time != wanted and self.misfit is None:
             self.misfit = frame.number
         self._writer.write(time, bytes(frame.data), frame.original_length, interface=interface)
