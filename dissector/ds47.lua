@@ -95,7 +95,7 @@ local function show(views, findings, tvb, pinfo, tree, offset, whole)
     local context = { base_seconds = track.base_seconds(), lang = track.lang }
     tree_of.add(tree, views, findings, finder(tvb, tvb:raw(), offset), context)
   elseif #findings > 0 then
-    tree_of.add_experts(tree, findings)
+    tree_of.add_experts(tree, findings, track.lang)
   end
 end
 
@@ -107,7 +107,7 @@ local function glanced(number, frame, offset, pinfo, tree)
   end
   set_columns(pinfo, text)
   if #findings > 0 then
-    tree_of.add_experts(tree, findings)
+    tree_of.add_experts(tree, findings, track.lang)
   end
   return true
 end

@@ -182,7 +182,7 @@ def _status() -> Iterator[str]:
 
 
 def _rules() -> Iterator[str]:
-    names = tuple(name for name in spec.Rule.__annotations__ if name != "group")
+    names = tuple(name for name in spec.Rule.__annotations__ if name not in ("group", "args"))
     yield "M.rules = {"
     for number, row in spec.rules().items():
         yield f"  {number} = {entry(row, names)},"
@@ -190,6 +190,9 @@ def _rules() -> Iterator[str]:
     for number, row in spec.rules().items():
         if number.startswith("DS7"):
             yield f"M.rules.{number}.group = {_listed(row.group)}"
+        if row.args:
+            shown = ", ".join(f"{name} = {scalar(kind)}" for name, kind in row.args.items())
+            yield f"M.rules.{number}.args = {{{shown}}}"
 
 
 def _experts() -> Iterator[str]:

@@ -77,6 +77,8 @@ local FIELDS = {
   { "finding", "Finding", "string" },
   { "finding.severity", "Severity", "string" },
   { "finding.message", "Message", "string" },
+  { "finding.args", "Arguments", "string" },
+  { "finding.frame", "Frame of the finding", "framenum" },
   { "finding.offset", "Offset in the message", "uint32", "DEC" },
   { "finding.transaction", "Transaction of the finding", "uint32", "DEC" },
 }

@@ -312,8 +312,8 @@ end
 -- What is to be said of an answer on its own frame: findings as `Analysis:findings_at` gives them; and the
 -- remarks about the job, wanted or not.
 local function judged(self, job, frame)
-  local judge = rules.new(self.judge.limits, self.judge.slow_ns, self.lang)
-  local found, remarks = findings.new(self.lang, self.select, self.ignore), judge:answered(job)
+  local judge = rules.new(self.judge.limits, self.judge.slow_ns)
+  local found, remarks = findings.new(self.select, self.ignore), judge:answered(job)
   found:foresee(remarks)
   return found:at(frame), remarks
 end
@@ -326,7 +326,7 @@ local function on_frame(found, frame)
     for key, value in pairs(finding) do
       copy[key] = value
     end
-    copy.frame = frame
+    copy.frame, copy.frames = frame, {frame}
     list[number] = copy
   end
   return list

@@ -10,6 +10,8 @@ local reader = require("ds47.reader")
 local tables = require("ds47.tables")
 local words = require("ds47.report_words")
 local csv = require("ds47.report_csv")
+local json = require("ds47.json")
+local sentences = require("ds47.sentences")
 
 local byte, find, format, gsub, sub = string.byte, string.find, string.format, string.gsub, string.sub
 local floor = math.floor
@@ -348,26 +350,33 @@ end
 
 -- Findings
 
-local function finding_text(finding)
-  local text = words.escape(finding.message)
+local function with_offset(finding, text)
   return finding.offset and format("offset %d: %s", finding.offset, text) or text
 end
 
-local function add_finding(parent, finding)
+local function add_finding(parent, finding, lang)
   local shown = derive(parent, "finding", finding.rule)
-  local text = finding_text(finding)
+  local said = words.escape(sentences.sentence(finding, lang))
+  local text = with_offset(finding, said)
   shown:set_text(format("%s %s: %s", finding.rule, finding.severity, text))
   shown:add_proto_expert_info(experts[finding.rule], text)
   derive(shown, "finding.severity", finding.severity)
-  derive(shown, "finding.message", words.escape(finding.message))
+  derive(shown, "finding.message", said)
+  derive(shown, "finding.args", json.encode(finding.args))
+  for _, frame in ipairs(finding.frames) do
+    if frame ~= finding.frame then
+      derive(shown, "finding.frame", frame)
+    end
+  end
   derive(shown, "finding.offset", finding.offset)
   derive(shown, "finding.transaction", finding.transaction or finding.order)
 end
 
 --- Findings as expert infos and nothing else: for a frame of which nobody wants fields.
-function M.add_experts(tree, findings)
+function M.add_experts(tree, findings, lang)
   for _, finding in ipairs(findings) do
-    tree:add_proto_expert_info(experts[finding.rule], finding_text(finding))
+    local text = with_offset(finding, words.escape(sentences.sentence(finding, lang)))
+    tree:add_proto_expert_info(experts[finding.rule], text)
   end
 end
 
@@ -389,7 +398,7 @@ local function add_view(tree, view, findings, taken, record, context)
   for number, finding in ipairs(findings) do
     if not taken[number] and of_view(finding, view) then
       taken[number] = true
-      add_finding(root, finding)
+      add_finding(root, finding, context.lang)
     end
   end
 end
@@ -414,7 +423,7 @@ function M.add(tree, views, findings, find_record, context)
   for number, finding in ipairs(findings) do
     if not taken[number] then
       rest = rest or tree:add(protocol, "DS47")
-      add_finding(rest, finding)
+      add_finding(rest, finding, context.lang)
     end
   end
 end

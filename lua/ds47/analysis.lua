@@ -60,9 +60,9 @@ function M.new(options)
     options = options,
     lang = lang,
     codec = options.codec or {},
-    findings = findings.new(lang, options.select, options.ignore),
-    judge = rules.new(limits, slow_ns, lang),
-    diagnoses = diagnosis.new(lang, options.codec or {}),
+    findings = findings.new(options.select, options.ignore),
+    judge = rules.new(limits, slow_ns),
+    diagnoses = diagnosis.new(options.codec or {}),
     naming = naming.Naming.new(),
     fragments = rpc.Fragments.new(limits.fragment_expiry_ns),
     reassembly = ip.Reassembly.new(limits),
@@ -208,7 +208,7 @@ function Analysis:peek(job)
   local result = {}
   for _, remark in ipairs(remarks) do
     if self.findings:wanted(remark.rule) then
-      result[#result + 1] = self.findings:word(remark)
+      result[#result + 1] = self.findings:finding(remark)
     end
   end
   return result
@@ -338,10 +338,7 @@ function Analysis:closed(job)
   if remarks then
     self.answers[job] = nil
   else
-    if job.reason ~= "" then
-      job.reason = self.findings:reason(job.reason)
-    end
-    remarks = self.judge:unanswered(job)
+    remarks = self.judge:unanswered(job, self.findings.frames_dropped)
     self.findings:foresee(remarks)
   end
   self.findings:keep(remarks)
@@ -365,7 +362,7 @@ end
 function Analysis:nothing_to_read(record)
   local half = record.response
   if half ~= nil then
-    local text = half.status == nil and "-" or status.status_hex(half.status)
+    local text = half.status and status.status_hex(half.status)
     self.findings:add(rules.remark("DS206", half.frame, {status = text}))
   end
 end

@@ -40,11 +40,9 @@ Diagnoses.__index = Diagnoses
 M.Diagnoses = Diagnoses
 
 --- Takes jobs as they are closed.
--- @param lang   "en" or "zh"
 -- @param codec  dialects of the messages
-function M.new(lang, codec)
+function M.new(codec)
   return setmetatable({
-    lang = lang,
     codec = codec,
     formats = memory.new(tables.known.history), -- device, PNU -> format in which it was read last
     limits = memory.new(tables.known.history), -- device, PNU 974 -> bytes of its longest message
@@ -93,7 +91,7 @@ function Diagnoses:closed(job)
   if not (in_order and well) then
     remarks = {}
     if not in_order then
-      order.add(remarks, job, self.lang)
+      order.add(remarks, job)
     end
     if not well then
       self:_cause(remarks, job)
@@ -124,9 +122,9 @@ function Diagnoses:_cause(remarks, job)
   length.request_too_short(remarks, job, refused)
   length.answer_cut(remarks, job, size_of)
   length.answer_too_long(remarks, job, self.limits:get(device, PNU_ACCESS_IDENTIFICATION), size_of)
-  refusal.add(remarks, job, refused, self.lang)
+  refusal.add(remarks, job, refused)
   if #remarks == before then
-    refusal.not_seen(remarks, job, self.lang)
+    refusal.not_seen(remarks, job)
   end
 end
 
@@ -153,8 +151,9 @@ function Diagnoses:_repair(job, refused)
   if found == nil then
     return nil
   end
-  local words = tables.diagnosis_words[found.what]
-  found.args.what = words and words[self.lang == "zh" and "zh" or "en"]
+  if found.what ~= "" then
+    found.args.what = found.what
+  end
   return rules.remark(found.rule, half.frame, found.args)
 end
 

@@ -3,7 +3,6 @@
 -- Looks at one closed job, with what pairing learnt of its neighbours. Nothing is decoded here.
 
 local pairing = require("ds47.pairing")
-local tables = require("ds47.tables")
 local transactions = require("ds47.transactions")
 
 local sub, uuid = string.sub, transactions.uuid
@@ -11,7 +10,6 @@ local sub, uuid = string.sub, transactions.uuid
 local M = {}
 
 local STATUS_IN_USE = pairing.STATUS_IN_USE
-local UNSEEN = tables.diagnosis_words.unseen
 
 local function put(remarks, rule, frame, args)
   remarks[#remarks + 1] = {rule = rule, frame = frame, args = args}
@@ -52,41 +50,44 @@ local function old_answer(remarks, job)
   end
 end
 
--- A controller; two ARs of the same one are told apart by their UUIDs.
-local function user(job, other)
-  local controller, ar = job.peer.controller, job.record.ar
-  if controller == other.peer.controller and ar ~= other.record.ar then
-    return controller .. " (AR " .. uuid(ar) .. ")"
+-- Who the two are, as far as the capture shows it; a key of tables.diagnosis_words.
+local function case_of(held, came)
+  if held == nil then
+    return "unseen_user"
+  elseif held.peer.controller ~= came.peer.controller then
+    return "two_stations"
   end
-  return controller
+  return held.record.ar == came.record.ar and "one_station" or "two_ars"
 end
 
 -- `held` is nil where the request of the other one was not seen, and `first` its frame.
-local function clash(remarks, lang, held, came, first, frame)
-  local controller = user(came, held or came)
-  local other = held and user(held, came) or UNSEEN[lang == "zh" and "zh" or "en"]
-  put(remarks, "DS705", frame, {controller = controller, other = other, first = first, frame = frame})
+local function clash(remarks, held, came, first, frame)
+  put(remarks, "DS705", frame, {
+    case = case_of(held, came),
+    controller = came.peer.controller, ar = uuid(came.record.ar), frame = frame,
+    other = held and held.peer.controller, other_ar = held and uuid(held.record.ar), first = first,
+  })
 end
 
 -- A read that is displaced by another request. A change that is displaced says nothing: many programs never
 -- read what a change is answered. Nor does the same question asked again: that is one user who does not wait.
-local function displaced(remarks, lang, job, asked)
+local function displaced(remarks, job, asked)
   local later = job.superseding
   if later == nil or job.message.operation ~= "read" then
     return
   end
   local other = later:write_request()
   if other and sub(other.data, 2) ~= sub(asked.data, 2) then
-    clash(remarks, lang, job, later, asked.frame, job.superseded_by or other.frame)
+    clash(remarks, job, later, asked.frame, job.superseded_by or other.frame)
   end
 end
 
 -- A Write that is turned away while another request is open.
-local function turned_away(remarks, lang, job, asked)
+local function turned_away(remarks, job, asked)
   local answer = job.write_response
   if answer and answer.status == STATUS_IN_USE then
     local held = job.rival and job.rival:write_request()
-    clash(remarks, lang, job.rival, job, held and held.frame, asked.frame)
+    clash(remarks, job.rival, job, held and held.frame, asked.frame)
   end
 end
 
@@ -108,14 +109,13 @@ function M.is_usual(job)
 end
 
 --- Adds what the order of its frames says of a closed job.
--- @param lang  "en" or "zh"
-function M.add(remarks, job, lang)
+function M.add(remarks, job)
   read_too_early(remarks, job)
   old_answer(remarks, job)
   local asked = job:write_request()
   if asked then
-    displaced(remarks, lang, job, asked)
-    turned_away(remarks, lang, job, asked)
+    displaced(remarks, job, asked)
+    turned_away(remarks, job, asked)
     connection_lost(remarks, job, asked)
   end
 end

@@ -4,12 +4,11 @@
 -- One error block has one cause. What a repair of the whole request explains is not looked at here.
 
 local formats = require("ds47.formats")
+local json = require("ds47.json")
 local rules = require("ds47.rules")
-local spec = require("ds47.spec")
 local tables = require("ds47.tables")
 local transactions = require("ds47.transactions")
 
-local format = string.format
 local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, rules.NOT_SUPPORTED
 
 local M = {}
@@ -77,37 +76,38 @@ local function rule_of(refusal, siemens)
   return nil
 end
 
-local function hex(code)
-  return format("0x%02X", code)
-end
-
 local function value_of(block)
   local value = block and block.values[1]
-  if value == nil then
-    return "-"
+  if value == nil or type(value) == "string" then
+    return value
   end
-  return type(value) == "string" and value or formats.value_text(value, block)
+  return json.raw(formats.value_text(value, block))
 end
 
-local function args_of(job, refusal, lang)
+-- What the rule carries, of all that a refusal shows.
+local function args_of(job, rule, refusal)
   local address, value = refusal.address, refusal.value
-  return {
+  local facts, args = {
     axis = job.message.axis,
     device = job.peer.device,
     pnu = address.pnu,
     subindex = address.subindex,
     elements = address.element_count,
-    format = value and value.format_name or "-",
+    format = value and value.format_name,
     value = value_of(value),
     state = tables.known.commissioning[refusal.code],
-    code = hex(refusal.code),
-    text = spec.error_text(refusal.code, lang, job.peer.vendor_id),
-  }
+    code = refusal.code,
+    vendor_id = job.peer.vendor_id,
+  }, {}
+  for name in pairs(tables.rules[rule].args) do
+    args[name] = facts[name]
+  end
+  return args
 end
 
 --- Adds what the refusals of a job say, each cause once.
 -- @param refused  what `refusals` gave
-function M.add(remarks, job, refused, lang)
+function M.add(remarks, job, refused)
   local half, given = job.read_response, {}
   if half == nil then
     return
@@ -118,7 +118,7 @@ function M.add(remarks, job, refused, lang)
     local cause = rule and rule .. refusal.code
     if rule and not given[cause] then
       given[cause] = true
-      local args = args_of(job, refusal, lang)
+      local args = args_of(job, rule, refusal)
       remarks[#remarks + 1] = rules.remark(rule, half.frame, args, refusal.answer.offset)
     end
   end
@@ -129,7 +129,7 @@ local function positive(half)
 end
 
 --- Adds a refusal that no status tells of, and of which nothing better can be said.
-function M.not_seen(remarks, job, lang)
+function M.not_seen(remarks, job)
   local half, response = job.read_response, job.response
   local id = response and response.response_id
   if half == nil or id == nil or id < 0x80 or id == NOT_SUPPORTED or is_mismatch(job) then
@@ -140,10 +140,8 @@ function M.not_seen(remarks, job, lang)
   end
   for _, block in ipairs(response.blocks) do
     if block.error then
-      local code = block.error.code
       remarks[#remarks + 1] = rules.remark("DS701", half.frame, {
-        id = hex(id), code = code and hex(code),
-        text = code and spec.error_text(code, lang, job.peer.vendor_id),
+        id = id, code = block.error.code, vendor_id = job.peer.vendor_id,
       })
       return
     end

@@ -1,12 +1,11 @@
--- Remarks to findings: which are wanted, what they say in words, which transaction they belong to.
+-- Remarks to findings: which are wanted, which transaction they belong to, which frames they are about.
 --
--- Nothing is judged here; a remark comes from rules.lua or recordcalls.lua. Words are made when somebody asks
--- for them, not on the way of a frame.
+-- Nothing is judged here; a remark comes from rules.lua, diagnosis.lua or recordcalls.lua. Nothing is worded
+-- here either: that is sentences.lua.
 
 local grouping = require("ds47.grouping")
+local sentences = require("ds47.sentences")
 local tables = require("ds47.tables")
-
-local floor, format = math.floor, string.format
 
 local M = {}
 
@@ -17,13 +16,11 @@ local Findings = {}
 Findings.__index = Findings
 M.Findings = Findings
 
---- Collects remarks and words them.
--- @param lang    "en" or "zh"
+--- Collects remarks and makes findings of them.
 -- @param select  array of rule ids or prefixes that are wanted; nil or empty for all
 -- @param ignore  array of rule ids or prefixes that are not
-function M.new(lang, select, ignore)
+function M.new(select, ignore)
   return setmetatable({
-    lang = lang,
     select = select or {},
     ignore = ignore or {},
     decided = {}, -- rule id -> whether it is wanted
@@ -102,84 +99,23 @@ function Findings:keep(remarks)
   end
 end
 
--- Words
-
--- Templates as arrays: text, name of an argument, text, ...
-local templates = {}
-
-local function pieces(template)
-  local found = templates[template]
-  if found == nil then
-    found = {}
-    local at = 1
-    for before, name, after in template:gmatch("([^{]*){([^}]*)}()") do
-      found[#found + 1] = before
-      found[#found + 1] = name
-      at = after
-    end
-    found[#found + 1] = template:sub(at)
-    templates[template] = found
+--- The finding of a remark: {rule, severity, frame, frames, transaction (id or nil), order, offset, args}.
+-- It has no words: sentences.lua has them.
+function Findings:finding(remark, transaction)
+  local args = remark.args
+  if remark.rule == WITHOUT_REQUEST then
+    args = {dropped = self.frames_dropped}
   end
-  return found
-end
-
-local function argument(value)
-  if value == nil then
-    return "?"
-  elseif type(value) == "number" and value == floor(value) then
-    return format("%d", value)
-  end
-  return tostring(value)
-end
-
--- A template with its arguments; a question mark for one that is not known.
-local function fill(template, args)
-  local parts, text = pieces(template), {}
-  for number, part in ipairs(parts) do
-    if number % 2 == 1 then
-      text[number] = part
-    else
-      text[number] = argument(args and args[part])
-    end
-  end
-  return table.concat(text)
-end
-
-local function words_of(self, remark)
-  local message = remark.message
-  if message == nil then
-    local rule = tables.rules[remark.rule]
-    message = fill(self.lang == "zh" and rule.message_zh or rule.message, remark.args)
-    remark.message = message
-  end
-  if self.frames_dropped and remark.rule == WITHOUT_REQUEST then
-    return message .. " (" .. self:_reason("dropped") .. ")"
-  end
-  return message
-end
-
---- The finding of a remark: {rule, severity, message, frame, transaction (id or nil), order, offset}.
-function Findings:word(remark, transaction)
   return {
     rule = remark.rule,
     severity = tables.rules[remark.rule].severity,
-    message = words_of(self, remark),
     frame = remark.frame,
+    frames = sentences.frames(remark.rule, remark.frame, args),
     transaction = transaction,
     order = remark.job and remark.job.order or remark.order,
     offset = remark.offset,
+    args = args or NONE,
   }
-end
-
-function Findings:_reason(name)
-  local words = tables.reasons[name]
-  return self.lang == "zh" and words.zh or words.en
-end
-
---- Why a request stayed without its response, in words.
-function Findings:reason(name)
-  local text = self:_reason(name)
-  return self.frames_dropped and text .. "; " .. self:_reason("dropped") or text
 end
 
 -- Results
@@ -218,7 +154,7 @@ function Findings:at(frame)
   end
   local result = {}
   for number, remark in ipairs(remarks) do
-    result[number] = self:word(remark)
+    result[number] = self:finding(remark)
   end
   return sorted(result, "order")
 end
@@ -226,11 +162,11 @@ end
 local function add_all(self, remarks, store, result, causes)
   for _, remark in ipairs(remarks) do
     local owner = remark.order and store:by_order(remark.order)
-    local finding = self:word(remark, owner and owner.id)
+    local finding = self:finding(remark, owner and owner.id)
     result[#result + 1] = finding
     if grouping.is_diagnosis(remark.rule) then
-      local args = remark.args or {}
-      causes[#causes + 1] = {finding = finding, device = owner and owner.device or args.device, args = args}
+      local device = owner and owner.device or finding.args.device
+      causes[#causes + 1] = {finding = finding, device = device}
     end
     if owner then
       local rules = owner.findings
@@ -245,7 +181,7 @@ local function add_all(self, remarks, store, result, causes)
   end
 end
 
--- The diagnoses of findings with what they are told apart by; the first frame of a cause gives its message.
+-- The diagnoses of findings with what they are told apart by; the first frame of a cause gives its arguments.
 local function grouped(causes)
   for number, each in ipairs(causes) do
     each.told = number
@@ -258,7 +194,7 @@ local function grouped(causes)
   end)
   local groups = grouping.new()
   for _, each in ipairs(causes) do
-    groups:add(each.finding, each.device, each.args)
+    groups:add(each.finding, each.device)
   end
   return groups:result()
 end

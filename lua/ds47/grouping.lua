@@ -1,6 +1,6 @@
 --- Findings DS7xx to diagnoses: one for each cause, with a count and the first frames (docs/diagnoses.md).
--- A cause is a rule, a device and those arguments of the message that the rule names in `group` (Python:
--- ds47.diagnosis.grouping). A diagnosis is {rule, severity, message, device, count, frames, transactions}.
+-- A cause is a rule, a device and those arguments that the rule names in `group` (Python:
+-- ds47.diagnosis.grouping). A diagnosis is {rule, severity, args, device, count, frames, transactions}.
 
 local tables = require("ds47.tables")
 
@@ -54,8 +54,8 @@ local function group_of(self, finding, device, args)
   end
   if group == nil then
     group = {
-      rule = finding.rule, severity = finding.severity, message = finding.message, device = device,
-      count = 0, frames = {}, transactions = {},
+      rule = finding.rule, severity = finding.severity, args = finding.args, device = device,
+      count = 0, frames = {}, transactions = {}, key = key,
     }
     self.groups[key] = group
     self.all[#self.all + 1] = group
@@ -65,9 +65,8 @@ end
 
 --- A finding of a cause, with its transaction where it has one.
 -- @param device address of the device, or nil
--- @param args   what the message of the finding was filled with
-function Grouping:add(finding, device, args)
-  local group = group_of(self, finding, device, args or {})
+function Grouping:add(finding, device)
+  local group = group_of(self, finding, device, finding.args)
   group.count = group.count + 1
   insert(group.frames, finding.frame)
   if finding.transaction then
@@ -96,7 +95,7 @@ local function worse(a, b)
   end
   local first = before(a.frames, b.frames)
   if first == nil then
-    return M.bytes_before(a.message, b.message)
+    return M.bytes_before(a.key, b.key)
   end
   return first
 end

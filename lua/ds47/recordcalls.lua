@@ -7,6 +7,7 @@
 -- record, detail). While the gate is open the method is called at once; a table is made only for an event
 -- that has to wait. The record of a Write knows the job that was made of it (`record.job`).
 
+local json = require("ds47.json")
 local parameter = require("ds47.parameter")
 local records = require("ds47.records")
 local rpc = require("ds47.rpc")
@@ -267,7 +268,7 @@ local function fault_code(pdu)
 end
 
 function RecordCalls:fault(call, pdu)
-  local args = {kind = rpc.PTYPES[pdu.ptype], code = ("0x%08X"):format(fault_code(pdu))}
+  local args = {kind = rpc.PTYPES[pdu.ptype], fault = fault_code(pdu)}
   self:_about_call(call, {rule = "DS104", frame = pdu.frame, args = args})
   local context = call.context
   if not context then
@@ -286,7 +287,7 @@ end
 local function clock(self, pdu)
   local newest, now = self.newest_ns, pdu.time_ns
   if newest and now < newest then
-    local args = {milliseconds = ("%.3f"):format((newest - now) / 1e6)}
+    local args = {milliseconds = json.float((newest - now) / 1e6)}
     self.listener:remark({rule = "DS107", frame = pdu.frame, args = args})
   end
   self.newest_ns = now

@@ -3,6 +3,7 @@
 -- numbers of parameters begin with 1 here.
 
 local formats = require("ds47.formats")
+local json = require("ds47.json")
 local notation = require("ds47.notation")
 local numbers = require("ds47.numbers")
 local parameter = require("ds47.parameter")
@@ -29,8 +30,6 @@ local OTHER = {number = {[4] = 0x08, [8] = 0x0F}, float = {[4] = 0x04, [8] = 0x3
 local LEAST_NORMAL = {f = 1.1754943508222875e-38, d = 2.2250738585072014e-308}
 local ABSURD = 1e30
 local MARGIN = 2 -- significant digits by which one of two readings must be shorter
-local VALUES_SHOWN = 4
-local LINE = 100
 local EXACT = 9007199254740992 -- 2^53
 
 -- Numbers -----------------------------------------------------------------------------------------------
@@ -81,21 +80,16 @@ local function absurd_inside(message)
   return false
 end
 
-local function text_of(value, float)
-  if type(value) == "string" then return value end
-  return float and numbers.float_text(value) or format("%.0f", value)
-end
-
-local function texts(block)
-  local shown = {}
+-- The values of a block as an argument of a finding.
+local function values_of(block)
+  local shown = json.array({})
   for i, value in ipairs(block.values) do
-    if i > VALUES_SHOWN then
-      shown[i] = "..."
-      break
+    if type(value) == "number" then
+      value = json.raw(block.float and numbers.float_text(value) or format("%.0f", value))
     end
-    shown[i] = text_of(value, block.float)
+    shown[i] = value
   end
-  return concat(shown, ", ")
+  return shown
 end
 
 -- Bytes of numbers ----------------------------------------------------------------------------------------
@@ -210,9 +204,7 @@ end
 
 -- The readable line; the bytes where there is none, as with dialects, which it does not know.
 local function line(data, message)
-  local text = notation.request_line(message) or gsub(gsub(reader.hex(data), "..", "%0 "), " $", "")
-  if #text <= LINE then return text end
-  return sub(text, 1, LINE - 3) .. "..."
+  return notation.request_line(message) or (gsub(gsub(reader.hex(data), "..", "%0 "), " $", ""))
 end
 
 local function repair(rule, what, message, data, number)
@@ -488,8 +480,8 @@ local function type_repair(job, number, new, data)
   return {
     rule = "DS714", what = "", request = data, number = number,
     args = {
-      pnu = address.pnu, subindex = address.subindex, format = old.format_name, value = texts(old),
-      better = new.format_name, code = format("0x%02X", new.format), meant = texts(new),
+      pnu = address.pnu, subindex = address.subindex, format = old.format_name, values = values_of(old),
+      better = new.format_name, code = new.format, meant = values_of(new),
     },
   }
 end

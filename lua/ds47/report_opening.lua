@@ -3,6 +3,7 @@
 -- alone has them. The words are those of tables.report_words.
 
 local filters = require("ds47.filters")
+local sentences = require("ds47.sentences")
 local todo = require("ds47.todo")
 local verdict = require("ds47.verdict")
 local words = require("ds47.report_words")
@@ -140,7 +141,7 @@ local function look(add, lang, frames, job)
 end
 
 local function diagnosis(add, context, item, advised)
-  local text = escape(item.message)
+  local text = escape(sentences.sentence(item, context.lang))
   if context.several and item.device and not text:find(item.device, 1, true) then
     text = say(context.lang, "cause_device", { device = escape(item.device), message = text })
   end
@@ -165,9 +166,10 @@ end
 
 local function other_findings(add, context, group)
   local first = group[1]
-  local text = escape(first.message)
+  local said = sentences.sentence(first, context.lang)
+  local text = escape(said)
   for _, each in ipairs(group) do
-    if each.message ~= first.message then
+    if sentences.sentence(each, context.lang) ~= said then
       text = say(context.lang, "first_of", { message = text })
       break
     end

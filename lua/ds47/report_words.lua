@@ -3,6 +3,7 @@
 
 local tables = require("ds47.tables")
 local numbers = require("ds47.numbers")
+local sentences = require("ds47.sentences")
 
 local M = {}
 
@@ -252,8 +253,8 @@ end
 --- The message of a finding; where it is about a byte of a message, with its offset in front.
 function M.message(finding, lang)
   local offset = finding.offset and M.integer(finding.offset)
-  local values = { offset = offset, message = finding.message }
-  return offset and M.say(lang, "finding_offset", values) or finding.message
+  local text = sentences.sentence(finding, lang)
+  return offset and M.say(lang, "finding_offset", { offset = offset, message = text }) or text
 end
 
 -- Lines of a terminal

@@ -4,15 +4,16 @@
 -- is wrong inside one message is found by the codec (flaws) and only passed on; what is wrong with the
 -- transport is reported by recordcalls.lua.
 --
--- A remark is a finding before it has words: {rule, frame, args, offset, job}.
+-- A remark is a finding in the making: {rule, frame, args, offset, job}. The args of each rule are in
+-- spec/rules.toml.
 
 local formats = require("ds47.formats")
+local json = require("ds47.json")
 local ordered = require("ds47.ordered")
-local spec = require("ds47.spec")
 local status = require("ds47.status")
 local tables = require("ds47.tables")
 
-local char, floor, format, max, sub = string.char, math.floor, string.format, math.max, string.sub
+local char, floor, max, sub = string.char, math.floor, math.max, string.sub
 
 local M = {}
 
@@ -83,15 +84,6 @@ function M.drive_time_ns(job)
   return read.time_ns - write.time_ns - pause
 end
 
-local function hex(code)
-  return format("0x%02X", code)
-end
-
--- Milliseconds with one digit behind the point.
-local function ms(nanoseconds)
-  return format("%.1f", nanoseconds / 1e6)
-end
-
 local function put_flaws(remarks, flaws, frame)
   for number = 1, #flaws do
     local flaw = flaws[number]
@@ -118,9 +110,9 @@ local function elements(address, block)
   return count, floor(#block.raw / count)
 end
 
--- A value in a message.
-local function value_text(value, block)
-  return type(value) == "string" and value or formats.value_text(value, block)
+-- A value as an argument of a finding.
+local function argument(value, block)
+  return type(value) == "string" and value or json.raw(formats.value_text(value, block))
 end
 
 -- The judge
@@ -132,12 +124,10 @@ M.Judge = Judge
 --- Judges jobs; keeps the little history that some rules need.
 -- @param limits   the numbers of tables.limits
 -- @param slow_ns  from which share of the drive a transaction is slow, nanoseconds
--- @param lang     "en" or "zh", for the texts of error numbers and statuses
-function M.new(limits, slow_ns, lang)
+function M.new(limits, slow_ns)
   return setmetatable({
     limits = limits,
     slow_ns = slow_ns,
-    lang = lang,
     -- What was written last: place -> number of the element -> {raw, value, block, place, element}.
     places = {},
     written = ordered.new(), -- the same entries in the order of writing
@@ -183,7 +173,8 @@ function Judge:answered(job)
 end
 
 --- What is to be said of a job that is closed without a response: an array of remarks.
-function Judge:unanswered(job)
+-- @param dropped  whether the capture says that frames are missing
+function Judge:unanswered(job, dropped)
   local remarks = self.blank
   self:_request(remarks, job)
   self:_reads(remarks, job)
@@ -194,9 +185,11 @@ function Judge:unanswered(job)
       self:_forget(job)
     end
     if job.superseded_by ~= nil then
-      put(remarks, change and "DS414" or "DS413", job.superseded_by, {by = job.superseded_by})
+      local args = {request = write.frame, by = job.superseded_by}
+      put(remarks, change and "DS414" or "DS413", job.superseded_by, args)
     else
-      put(remarks, change and "DS402" or "DS401", write.frame, {reason = job.reason})
+      local args = {reason = job.reason ~= "" and job.reason or nil, dropped = dropped}
+      put(remarks, change and "DS402" or "DS401", write.frame, args)
     end
   end
   return owned(self, job)
@@ -217,7 +210,7 @@ function Judge:closed(job)
   if half == nil or half.status == nil or half.status == 0 then
     return nil
   end
-  local remark = M.remark("DS203", half.frame, self:_status_args(half.status))
+  local remark = M.remark("DS203", half.frame, {status = status.status_hex(half.status)})
   remark.job = job
   return remark
 end
@@ -240,16 +233,12 @@ end
 function Judge:_reads(remarks, job)
   local half = job.read_response
   if half and half.status and half.status ~= 0 then
-    put(remarks, "DS201", half.frame, self:_status_args(half.status))
+    put(remarks, "DS201", half.frame, {status = status.status_hex(half.status)})
   end
   local empty_reads = job.empty_reads
   for number = 1, #empty_reads do
     put(remarks, "DS207", empty_reads[number].frame)
   end
-end
-
-function Judge:_status_args(code)
-  return {status = status.status_hex(code), text = status.status_text(code, self.lang)}
 end
 
 function Judge:_response(remarks, job, stray)
@@ -282,9 +271,9 @@ function Judge:_mirror(remarks, frame, job)
     return
   end
   if got == NOT_SUPPORTED then
-    put(remarks, "DS418", frame, {id = hex(sent)})
+    put(remarks, "DS418", frame, {id = sent})
   elseif not M.family_fits(sent, got) then
-    put(remarks, "DS405", frame, {sent = hex(sent), got = hex(got)})
+    put(remarks, "DS405", frame, {sent = sent, got = got})
   end
 end
 
@@ -319,11 +308,11 @@ end
 function Judge:_error_args(job, block, address)
   local code, info = block.error.code, block.error.info
   return {
-    pnu = address and address.pnu or "?",
-    subindex = address and address.subindex or "?",
-    code = code == nil and "-" or hex(code),
-    text = code == nil and "" or spec.error_text(code, self.lang, job.peer.vendor_id),
-    info = info == nil and "-" or info,
+    pnu = address and address.pnu,
+    subindex = address and address.subindex,
+    code = code,
+    vendor_id = job.peer.vendor_id,
+    info = info,
   }
 end
 
@@ -338,13 +327,13 @@ function Judge:_time(remarks, job)
   if polls[1] then
     local since = half.time_ns - (polls[1].request or polls[1].response).time_ns
     if since > self.limits.polling_ns then
-      local args = {milliseconds = ms(since), limit = floor(self.limits.polling_ns / 1000000)}
+      local args = {milliseconds = json.float(since / 1e6), limit = floor(self.limits.polling_ns / 1000000)}
       put(remarks, "DS205", half.frame, args)
     end
   end
   local share = M.drive_time_ns(job)
   if share ~= nil and share > self.slow_ns and half.data ~= "" then
-    local args = {milliseconds = ms(share), limit = floor(self.slow_ns / 1000000)}
+    local args = {milliseconds = json.float(share / 1e6), limit = floor(self.slow_ns / 1000000)}
     put(remarks, "DS416", half.frame, args)
   end
 end
@@ -380,7 +369,7 @@ function Judge:_compare(remarks, frame, place, address, block)
       self:_drop(entry)
       local args = {
         pnu = address.pnu, subindex = subindex,
-        written = value_text(entry.value, entry.block), read = value_text(block.values[number + 1], block),
+        written = argument(entry.value, entry.block), read = argument(block.values[number + 1], block),
       }
       put(remarks, "DS417", frame, args, block.offset)
     end

@@ -7,7 +7,6 @@ local tables = require("ds47.tables")
 local M = {}
 
 local SERIOUS = { error = 1, warning = 2, note = 3 }
-local CODES = { "%f[%w]0x[0-9A-F][0-9A-F]%f[%W]", "%f[%w]" .. ("[0-9A-F]"):rep(8) .. "%f[%W]" }
 
 local WRONG_DRIVE_OBJECT = "DS709"
 local ANSWERED = { ok = true, partial = true }
@@ -39,20 +38,14 @@ local function names(how, rule, finding)
   return false
 end
 
+-- Whether both are about the same error number, or about the same status.
 local function same_code(diagnosis, finding)
   if not names("word", diagnosis.rule, finding) then
     return false
   end
-  for _, pattern in ipairs(CODES) do
-    for code in diagnosis.message:gmatch(pattern) do
-      for other in finding.message:gmatch(pattern) do
-        if code == other then
-          return true
-        end
-      end
-    end
-  end
-  return false
+  local ours, others = diagnosis.args, finding.args
+  return others.code ~= nil and ours.code == others.code
+    or others.status ~= nil and ours.status == others.status
 end
 
 -- What the diagnoses of a result cover: {devices of jobs, diagnoses of jobs, diagnoses of the whole capture}.

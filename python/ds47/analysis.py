@@ -136,9 +136,9 @@ class Analysis:
         slow_ms = options.slow_ms
         slow_ns = bounds.slow_ns if slow_ms is None else int(slow_ms * 1e6)
         found = early.found if early is not None else None
-        self._findings = Findings(options.lang, options.select, options.ignore, found)
-        self._judge = Judge(bounds, slow_ns, options.lang)
-        self._diagnoses = Diagnoses(options.lang, options.codec)
+        self._findings = Findings(options.select, options.ignore, found)
+        self._judge = Judge(bounds, slow_ns)
+        self._diagnoses = Diagnoses(options.codec)
         refused = self._refused if early is not None else None
         self._pairing = Pairing(
             bounds, self._answered, self._closed, self._nothing_to_read, refused, self._request,
@@ -265,7 +265,7 @@ class Analysis:
             if job.phase != "closed":
                 self._transport.setdefault(job, []).append(remark)
                 if self._early is not None and self._findings.wanted(remark.rule):
-                    self._early.found(self._findings.word(remark, job.order))
+                    self._early.found(self._findings.finding(remark, job.order))
                 return
             remark.job = None  # handed out already
         self._findings.add(remark)
@@ -292,8 +292,7 @@ class Analysis:
     def _closed(self, job: Job) -> None:
         remarks = self._answers.pop(job, None)
         if remarks is None:
-            job.reason = self._findings.reason(job.reason) if job.reason else ""
-            remarks = self._judge.unanswered(job)
+            remarks = self._judge.unanswered(job, dropped=self._findings.frames_dropped)
         remarks += self._judge.closed(job)
         remarks += self._diagnoses.closed(job)
         remarks += self._transport.pop(job, [])
@@ -357,7 +356,7 @@ class Analysis:
         self._diagnoses.nothing_to_read(peer, record)
         half = record.response
         if half is not None:
-            status = "-" if half.status is None else status_hex(half.status)
+            status = None if half.status is None else status_hex(half.status)
             self._findings.add(Remark("DS206", half.frame, {"status": status}))
 
     def _numbered(self) -> list[Transaction]:

@@ -1,6 +1,7 @@
-"""Remarks to findings: which are wanted, what they say in words, which transaction they belong to.
+"""Remarks to findings: which are wanted, which transaction they belong to, which frames they are about.
 
-Nothing is judged here; a `Remark` comes from `ds47.rules` or from `ds47.recordcalls`.
+Nothing is judged here; a `Remark` comes from `ds47.rules`, `ds47.diagnosis` or `ds47.recordcalls`. Nothing is
+worded here either: that is `ds47.report.sentences`.
 """
 
 from __future__ import annotations
@@ -11,20 +12,18 @@ from typing import Any
 from ds47.diagnosis.grouping import Grouping, cause
 from ds47.model import DIAGNOSIS, Diagnosis, Finding, Line, Transaction
 from ds47.rules import Remark
-from ds47.spec import rules
-from ds47.spec.semantics import reasons
+from ds47.spec import Rule, rules
 
 _WITHOUT_REQUEST = "DS403"
 
 
 class Findings:
-    """Collects remarks and words them.
+    """Collects remarks and makes findings of them.
 
     What is added is kept until `result`, unless `found` takes it: some 0.6 kB a finding that belongs to no
     transaction, because the end of a capture tells them all in the order of their frames.
 
     Args:
-        lang: "en" or "zh".
         select: rule ids or prefixes that are wanted; empty for all.
         ignore: rule ids or prefixes that are not.
         found: is told of each at once; then none is kept for `result`.
@@ -32,13 +31,11 @@ class Findings:
 
     def __init__(
         self,
-        lang: str,
         select: tuple[str, ...],
         ignore: tuple[str, ...],
         found: Callable[[Finding], None] | None = None,
     ) -> None:
         self._found = found
-        self._lang = lang
         self._select = select
         self._ignore = ignore
         self._remarks: list[Remark] = []
@@ -63,30 +60,27 @@ class Findings:
 
     def told(self, remark: Remark, transaction: int | None = None) -> Finding:
         """The finding of a remark, counted among the diagnoses if it is one."""
-        finding = self.word(remark, transaction)
+        finding = self.finding(remark, transaction)
         if remark.rule.startswith(DIAGNOSIS):
             device = remark.job.peer.device if remark.job else remark.args.get("device")
             group = cause(remark.rule, device, remark.args)
-            self._grouping.add(group, finding, remark.args.get("corrected"))
+            self._grouping.add(group, finding, remark.corrected)
         return finding
 
     def diagnoses(self) -> list[Diagnosis]:
         """The causes of all findings told so far."""
         return self._grouping.result()
 
-    def word(self, remark: Remark, transaction: int | None = None) -> Finding:
+    def finding(self, remark: Remark, transaction: int | None = None) -> Finding:
         """The finding of a remark."""
-        rule = rules()[remark.rule]
-        template = rule.message_zh if self._lang == "zh" else rule.message
-        text = template.format_map(_Arguments(remark.args))
-        if self.frames_dropped and remark.rule == _WITHOUT_REQUEST:
-            text += f" ({reasons(self._lang)['dropped']})"
-        return Finding(remark.rule, rule.severity, text, remark.frame, transaction, remark.offset)
-
-    def reason(self, name: str) -> str:
-        """Why a request stayed without its response, in words."""
-        words = reasons(self._lang)
-        return words[name] + (f"; {words['dropped']}" if self.frames_dropped else "")
+        args = remark.args
+        if remark.rule == _WITHOUT_REQUEST:
+            args = {**args, "dropped": self.frames_dropped}
+        row = rules()[remark.rule]
+        return Finding(
+            remark.rule, row.severity, remark.frame, _frames(row, remark.frame, args), transaction,
+            remark.offset, args,
+        )  # fmt: skip
 
     def result(self, transactions: Mapping[int, Transaction] | Mapping[int, Line]) -> list[Finding]:
         """All findings in the order of their frames; their transactions get to know their rules.
@@ -109,8 +103,11 @@ class Findings:
         return findings
 
 
-class _Arguments(dict[str, Any]):
-    """Shows a question mark for an argument that is not known."""
-
-    def __missing__(self, key: str) -> str:
-        return "?"
+def _frames(row: Rule, frame: int, args: Mapping[str, Any]) -> list[int]:
+    """The frame on which a finding is reported, and those that its arguments name."""
+    frames = {frame}
+    for name in row.frames:
+        value = args.get(name)
+        if value is not None:
+            frames.update(value if isinstance(value, list) else (value,))
+    return sorted(frames)

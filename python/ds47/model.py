@@ -1,6 +1,6 @@
 """The result model: what an analysis says, in the words of the report.
 
-Every attribute is a key of the JSON schema `ds47.report/1`, or (times and bytes) its exact source.
+Every attribute is a key of the JSON schema `ds47.report/2`, or (times and bytes) its exact source.
 Plain values only: no decoding, no pairing and no formatting lives here.
 """
 
@@ -269,36 +269,48 @@ class Line(_Plain):
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
 class Finding(_Plain):
-    """A rule that applies, where it shows and to which transaction it belongs."""
+    """A rule that applies, where it shows, to which transaction it belongs, and the facts that it rests on.
+
+    It has no words: `ds47.report.sentences` has them, in either language.
+    """
 
     rule: str
     severity: str
-    message: str
     frame: int
+    frames: list[int]
+    """All frames that it is about, sorted; `frame` is among them."""
     transaction: int | None
     offset: int | None
     """Byte of the DS47 message, for rules about a message."""
+    args: dict[str, Any]
+    """What spec/rules.toml says that the rule carries, in the units and names of the report."""
+    said: str | None
+    """The sentence of a result of `ds47.report/1`, which has no args; else None."""
 
     def __init__(
         self,
         rule: str,
         severity: str,
-        message: str,
         frame: int,
+        frames: list[int] | None = None,
         transaction: int | None = None,
         offset: int | None = None,
+        args: dict[str, Any] | None = None,
+        said: str | None = None,
     ) -> None:
         self.rule = rule
         self.severity = severity
-        self.message = message
         self.frame = frame
+        self.frames = [frame] if frames is None else frames
         self.transaction = transaction
         self.offset = offset
+        self.args = {} if args is None else args
+        self.said = said
 
     @property
     def filter(self) -> str:
-        """A Wireshark display filter that shows the frame."""
-        return f"frame.number == {self.frame}"
+        """A Wireshark display filter that shows the frames."""
+        return " or ".join(f"frame.number == {frame}" for frame in self.frames)
 
 
 @dataclass(slots=True, repr=False, eq=False)
@@ -307,8 +319,8 @@ class Diagnosis(_Plain):
 
     rule: str
     severity: str
-    message: str
-    """That of the first finding."""
+    args: dict[str, Any] = field(default_factory=dict)
+    """Those of the first finding."""
     device: str | None = None
     count: int = 0
     """Findings of this cause."""
@@ -317,6 +329,8 @@ class Diagnosis(_Plain):
     transactions: list[int] = field(default_factory=list)
     corrected: bytes | None = None
     """A whole request as it should have been, where it can be computed."""
+    said: str | None = None
+    """As that of a finding."""
 
     @property
     def filter(self) -> str:

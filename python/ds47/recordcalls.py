@@ -258,7 +258,7 @@ class RecordCalls:
 
     def _fault(self, call: Call, pdu: rpc.Pdu) -> None:
         code = int.from_bytes(pdu.body[:4], "little" if pdu.little else "big")
-        args = {"kind": rpc.PTYPES[pdu.ptype], "code": f"0x{code:08X}"}
+        args = {"kind": rpc.PTYPES[pdu.ptype], "fault": code}
         self._about_call(call, Remark("DS104", pdu.frame, args))
         context = self._context(call)
         if context is None:
@@ -285,7 +285,7 @@ class RecordCalls:
     def _clock(self, pdu: rpc.Pdu) -> None:
         newest = self.newest_ns
         if newest is not None and pdu.time_ns < newest:
-            back = f"{(newest - pdu.time_ns) / 1e6:.3f}"
+            back = (newest - pdu.time_ns) / 1e6
             self._remark(Remark("DS107", pdu.frame, {"milliseconds": back}))
         self.newest_ns = pdu.time_ns
 

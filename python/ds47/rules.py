@@ -18,8 +18,8 @@ from ds47.pairing import Job, UsualJob
 from ds47.profidrive import Address, Block, Flaw, Request, Response
 from ds47.profidrive.formats import Codec
 from ds47.profidrive.model import VALUE, Value
-from ds47.profinet.status import status_hex, status_text
-from ds47.spec import error_text, parameters, request_ids
+from ds47.profinet.status import status_hex
+from ds47.spec import parameters, request_ids
 from ds47.spec.semantics import Limits
 
 PNU_ACCESS_IDENTIFICATION: Final = 974
@@ -30,13 +30,15 @@ NOT_SUPPORTED: Final = 0x80
 
 @dataclass(slots=True, init=False)
 class Remark:
-    """A finding before it has words: rule, where, and what to put into the message."""
+    """A finding in the making: the rule, where it shows, and what spec/rules.toml says that it carries."""
 
     rule: str
     frame: int
     args: dict[str, Any]
     offset: int | None
     job: Job | None
+    corrected: bytes | None
+    """Of a diagnosis: the request as it should have been."""
 
     def __init__(
         self,
@@ -45,12 +47,14 @@ class Remark:
         args: dict[str, Any] | None = None,
         offset: int | None = None,
         job: Job | None = None,
+        corrected: bytes | None = None,
     ) -> None:
         self.rule = rule
         self.frame = frame
         self.args = {} if args is None else args
         self.offset = offset
         self.job = job
+        self.corrected = corrected
 
 
 @lru_cache(maxsize=4096)
@@ -119,13 +123,11 @@ class Judge:
     Args:
         limits: numbers of spec/limits.toml.
         slow_ns: from which share of the drive a transaction is slow.
-        lang: "en" or "zh", for the texts of error numbers and statuses.
     """
 
-    def __init__(self, limits: Limits, slow_ns: int, lang: str = "en") -> None:
+    def __init__(self, limits: Limits, slow_ns: int) -> None:
         self._limits = limits
         self._slow_ns = slow_ns
-        self._lang = lang
         self._written: OrderedDict[tuple[Any, ...], tuple[bytes, Value | Codec]] = OrderedDict()
         """The bytes of an element, and its value or who decodes it when somebody asks."""
         self._written_pnus: set[int] = set()
@@ -181,8 +183,11 @@ class Judge:
             written.move_to_end(key)
         self._forget_oldest()
 
-    def unanswered(self, job: Job) -> list[Remark]:
-        """What is to be said of a job that is closed without a response."""
+    def unanswered(self, job: Job, *, dropped: bool) -> list[Remark]:
+        """What is to be said of a job that is closed without a response.
+
+        `dropped`: the capture says that frames are missing.
+        """
         remarks: list[Remark] = []
         self._request(job, remarks)
         self._reads(job, remarks)
@@ -193,10 +198,12 @@ class Judge:
                 self._forget(job)
             if job.superseded_by is not None:
                 rule = "DS414" if change else "DS413"
-                remarks.append(Remark(rule, job.superseded_by, {"by": job.superseded_by}))
+                displaced = {"request": write.frame, "by": job.superseded_by}
+                remarks.append(Remark(rule, job.superseded_by, displaced))
             else:
                 rule = "DS402" if change else "DS401"
-                remarks.append(Remark(rule, write.frame, {"reason": job.reason}))
+                args = {"reason": job.reason or None, "dropped": dropped}
+                remarks.append(Remark(rule, write.frame, args))
         for remark in remarks:
             remark.job = job
         return remarks
@@ -220,17 +227,14 @@ class Judge:
         half = job.write_response
         if half is None or not half.status:
             return []
-        return [Remark("DS203", half.frame, self._status_args(half.status), job=job)]
+        return [Remark("DS203", half.frame, {"status": status_hex(half.status)}, job=job)]
 
     def _reads(self, job: Job, remarks: list[Remark]) -> None:
         half = job.read_response
         if half and half.status:
-            remarks.append(Remark("DS201", half.frame, self._status_args(half.status)))
+            remarks.append(Remark("DS201", half.frame, {"status": status_hex(half.status)}))
         for half in job.empty_reads:
             remarks.append(Remark("DS207", half.frame))
-
-    def _status_args(self, status: int) -> dict[str, Any]:
-        return {"status": status_hex(status), "text": status_text(status, self._lang)}
 
     def _response(self, job: Job, stray: bool, remarks: list[Remark]) -> None:
         half, response, request = job.read_response, job.response, job.message
@@ -269,10 +273,9 @@ class Judge:
         if sent is None or got is None:
             return
         if got == NOT_SUPPORTED:
-            remarks.append(Remark("DS418", frame, {"id": f"0x{sent:02X}"}))
+            remarks.append(Remark("DS418", frame, {"id": sent}))
         elif not family_fits(sent, got):
-            args = {"sent": f"0x{sent:02X}", "got": f"0x{got:02X}"}
-            remarks.append(Remark("DS405", frame, args))
+            remarks.append(Remark("DS405", frame, {"sent": sent, "got": got}))
 
     def _blocks(self, frame: int, job: Job, stray: bool, remarks: list[Remark]) -> None:
         response, request = job.response, job.message
@@ -291,11 +294,11 @@ class Judge:
         assert block.error is not None
         code, info = block.error.code, block.error.info
         return {
-            "pnu": address.pnu if address else "?",
-            "subindex": address.subindex if address else "?",
-            "code": "-" if code is None else f"0x{code:02X}",
-            "text": "" if code is None else error_text(code, self._lang, job.peer.vendor_id),
-            "info": "-" if info is None else info,
+            "pnu": address.pnu if address else None,
+            "subindex": address.subindex if address else None,
+            "code": code,
+            "vendor_id": job.peer.vendor_id,
+            "info": info,
         }
 
     def _time(self, job: Job, remarks: list[Remark]) -> None:
@@ -308,11 +311,11 @@ class Judge:
             since = half.time_ns - (job.polls[0][0] or job.polls[0][1]).time_ns
             if since > self._limits.polling_ns:
                 limit = self._limits.polling_ns // 1_000_000
-                args = {"milliseconds": _ms(since), "limit": limit}
+                args = {"milliseconds": since / 1e6, "limit": limit}
                 remarks.append(Remark("DS205", half.frame, args))
         share = drive_time_ns(job)
         if share is not None and share > self._slow_ns and half.data:
-            args = {"milliseconds": _ms(share), "limit": self._slow_ns // 1_000_000}
+            args = {"milliseconds": share / 1e6, "limit": self._slow_ns // 1_000_000}
             remarks.append(Remark("DS416", half.frame, args))
 
     def _read_back(self, job: Job, remarks: list[Remark]) -> None:
@@ -427,7 +430,3 @@ def _elements(address: Address, block: Block) -> Iterator[tuple[int, bytes, Valu
     size = len(block.raw) // count
     for number, value in enumerate(block.values):
         yield address.subindex + number, block.raw[number * size : (number + 1) * size], value
-
-
-def _ms(nanoseconds: int) -> str:
-    return f"{nanoseconds / 1e6:.1f}"

@@ -4,7 +4,7 @@
 --   udp, fragment  a packet, as Analysis:packet and Analysis:fragment take it, bytes in hex, the time as
 --                  seconds and nanoseconds
 --   dcp, lldp      {payload, src_mac, dst_mac}
---   end            {dropped}: prints the result as one line of JSON, keys as in schema ds47.report/1, but
+--   end            {dropped}: prints the result as one line of JSON, keys as in schema ds47.report/2, but
 --                  `start` as [second, nanosecond] and `duration_ns` instead of `duration_ms`
 
 local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
@@ -14,6 +14,7 @@ local analysis = require("ds47.analysis")
 local formats = require("ds47.formats")
 local json = require("ds47.json")
 local unhex = require("ds47.reader").unhex
+local sentences = require("ds47.sentences")
 local status = require("ds47.status")
 
 local function hex(bytes)
@@ -80,16 +81,15 @@ local function transaction(item, base_seconds)
 end
 
 local function finding(item)
-  local result = object(item, "rule severity message frame transaction")
-  if item.offset then
-    result.message = ("offset %d: %s"):format(item.offset, item.message)
-  end
-  result.filter = ("frame.number == %d"):format(item.frame)
+  local result = object(item, "rule severity frame transaction offset")
+  result.args, result.frames = item.args, json.array(item.frames)
+  result.message = sentences.sentence(item, run.lang)
   return result
 end
 
 local function diagnosis(item)
-  local result = object(item, "rule severity device message count")
+  local result = object(item, "rule severity device count")
+  result.args, result.message = item.args, sentences.sentence(item, run.lang)
   result.frames, result.transactions = json.array(item.frames), json.array(item.transactions)
   return result
 end

@@ -82,7 +82,7 @@ local function shown(transaction)
 end
 
 local function told(finding)
-  local dropped = finding.message:find(tables.reasons.dropped.en, 1, true) and true or nil
+  local dropped = finding.args.dropped or nil
   return {
     rule = finding.rule, frame = finding.frame, transaction = finding.transaction, says_dropped = dropped,
   }

@@ -21,7 +21,6 @@ from ds47.capture.writer import PcapngWriter
 from ds47.model import CaptureResult, Finding, Transaction
 from ds47.profinet.status import status_hex
 from ds47.spec import rules
-from ds47.spec.semantics import reasons
 
 ROOT = Path(__file__).resolve().parents[2]
 VECTORS = ROOT / "tests/vectors"
@@ -113,7 +112,7 @@ def told(finding: Finding) -> dict[str, Any]:
     """A finding in the words of a vector."""
     result: dict[str, Any] = {name: getattr(finding, name) for name in ("rule", "frame")}
     result["transaction"] = finding.transaction
-    if reasons("en")["dropped"] in finding.message:
+    if finding.args.get("dropped"):
         result["says_dropped"] = True
     return result
 

@@ -118,13 +118,18 @@ def stored() -> Iterator[Source]:
 
 def expected(source: Source, lang: str) -> dict[str, Any]:
     result = analyze(source.open(), AnalysisOptions(lang=lang))
-    told = report.capture(result)
+    told = report.capture(result, lang)
     for name in ("path", "sha256", "frames", "start", "complete"):
         del told[name]
     for name in ("findings", "diagnoses"):
         told[name] = of_transactions(told[name])
+    for finding in told["findings"]:
+        finding["message"] = finding["message"].removeprefix(f"offset {finding['offset']}: ")
+        del finding["filter"]
     for diagnosis in told["diagnoses"]:
         del diagnosis["filter"], diagnosis["corrected"]
+    for each in told["findings"] + told["diagnoses"]:  # nil has no place in a table of Lua
+        each["args"] = {name: value for name, value in each["args"].items() if value is not None}
     for shown, transaction in zip(told["transactions"], result.transactions, strict=True):
         shown["start"] = list(divmod(transaction.start_ns, 10**9))
         del shown["duration_ms"]

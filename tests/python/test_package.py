@@ -31,7 +31,7 @@ def test_data_is_installed_with_the_code() -> None:
     package = files("ds47")
     tables = {item.name for item in (package / "spec").iterdir() if item.name.endswith(".toml")}
     assert {"formats.toml", "ids.toml", "errors.toml", "status.toml", "rules.toml"} <= tables
-    assert (package / "schema" / "report-1.schema.json").is_file()
+    assert (package / "schema" / "report-2.schema.json").is_file()
     assert (package / "py.typed").is_file()
 
 

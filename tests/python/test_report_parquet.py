@@ -114,7 +114,7 @@ def value(format_name: str, *values: Any, scaled: Any = None, **more: Any) -> Pa
 
 
 def test_the_schemas_are_schemas():
-    for name in ("report-1", "table-1", "transaction-1"):
+    for name in ("report-1", "report-2", "table-1", "transaction-1", "transaction-2"):
         jsonschema.Draft202012Validator.check_schema(report.schema(name))
     assert list(parquet.columns("csv")) == list(csv.COLUMNS)
     for name in ("csv", "parquet"):
@@ -124,7 +124,7 @@ def test_the_schemas_are_schemas():
 
 
 def test_the_line_of_ndjson_is_that_of_the_report():
-    own, whole = report.schema("transaction-1"), report.schema()["$defs"]
+    own, whole = report.schema("transaction-2"), report.schema()["$defs"]
     assert own["oneOf"] == whole["line"]["oneOf"]
     assert own["$defs"] == {name: whole[name] for name in own["$defs"]}
 
@@ -132,7 +132,7 @@ def test_the_line_of_ndjson_is_that_of_the_report():
 def test_every_line_of_ndjson_is_valid(results):
     stream = io.StringIO()
     ndjson.write(Report(results), stream)
-    check = jsonschema.Draft202012Validator(report.schema("transaction-1"))
+    check = jsonschema.Draft202012Validator(report.schema("transaction-2"))
     lines = stream.getvalue().removesuffix("\n").split("\n")
     assert len(lines) > 300
     for line in lines:

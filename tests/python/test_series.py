@@ -336,7 +336,7 @@ def test_a_series_in_json_says_where_its_files_begin(capsys: Any, plant: Path) -
     ]  # fmt: skip
     assert all(len(file["sha256"]) == 64 for file in series["files"])
     _, lines, _ = run(capsys, plant, "--series", "-f", "ndjson")
-    check = jsonschema.Draft202012Validator(report.schema("transaction-1"))
+    check = jsonschema.Draft202012Validator(report.schema("transaction-2"))
     for line in lines.splitlines():
         check.validate(json.loads(line))
 

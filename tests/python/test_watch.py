@@ -42,7 +42,7 @@ ROOT = Path(__file__).resolve().parents[2]
 CAPTURES = ROOT / "captures"
 TOUR = CAPTURES / "tour-machine.pcapng"
 PAGE = ROOT / "docs" / "watch.md"
-LINE = jsonschema.Draft202012Validator(schema("transaction-1"))
+LINE = jsonschema.Draft202012Validator(schema("transaction-2"))
 SOON = 2.0
 """Seconds within which a line has to be there; on this many cores with others one is not always enough."""
 

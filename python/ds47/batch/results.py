@@ -1,4 +1,4 @@
-"""Stored results: one file a capture, `ds47.report/1` with what it was made of; what is done already.
+"""Stored results: one file a capture, `ds47.report/2` with what it was made of; what is done already.
 
 The first line of a file holds all that `--resume` and the overview ask for, so that of ten thousand
 results nobody reads more. Not here: baselines (`ds47.regression.baseline`), which stand beside
@@ -22,6 +22,7 @@ from ds47.batch.tasks import Task, read
 from ds47.capture.remote import is_url
 from ds47.model import CaptureResult
 from ds47.report import SCHEMA, load
+from ds47.report import Options as ReportOptions
 from ds47.report import json as contract
 from ds47.report.overview import Row, document
 
@@ -41,10 +42,10 @@ class Result:
     options: AnalysisOptions
 
     def __call__(self, task: Task, stream: BinaryIO) -> None:
-        """Writes `ds47.report/1` with the key `run`, which stands in the first line."""
+        """Writes `ds47.report/2` with the key `run`, which stands in the first line."""
         result = read(task, self.options)
         text = io.TextIOWrapper(stream, "utf-8", errors="backslashreplace", newline="\n")
-        writer = contract.Writer(text)
+        writer = contract.Writer(text, ReportOptions(lang=self.options.lang))
         writer.about = {"run": _made_of(task, self.options) | {"row": Row.of(result).plain()}}
         writer.capture(result)
         writer.close()

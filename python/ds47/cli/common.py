@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, TypeVar
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TextIO, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from ds47.profidrive import Options
+    from ds47.profidrive import Flaw, Options
     from ds47.spec import Rule
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -149,15 +149,9 @@ def rule_text(rule: Rule, lang: str) -> RuleText:
     )
 
 
-def flaw_text(template: str, offset: int, arguments: Mapping[str, object], lang: str = "en") -> str:
-    """The message of a rule about a byte of a message, its offset in front with a word in `lang`."""
+def flaw_text(flaw: Flaw, lang: str = "en") -> str:
+    """What is wrong with a message, the offset in front with a word in `lang`."""
+    from ds47.report.sentences import words
     from ds47.report.words import message
 
-    return message(template.format_map(_Known(arguments)), offset, lang)
-
-
-class _Known(dict[str, object]):
-    """A question mark for what nobody knows: a message is never lost for a word."""
-
-    def __missing__(self, key: str) -> str:
-        return "?"
+    return message(words(flaw.rule, flaw.args, lang), flaw.offset, lang)

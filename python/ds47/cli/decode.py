@@ -188,7 +188,7 @@ def _json(view: _View) -> str:
             {
                 "rule": rule.id,
                 "severity": rule.severity,
-                "message": flaw_text(rule.message, flaw.offset, flaw.args),
+                "message": flaw_text(flaw),
                 "offset": flaw.offset,
             }
             for rule, flaw in view.findings
@@ -205,7 +205,7 @@ def _text(view: _View) -> str:
     for (start, meaning), end in zip(rows, ends, strict=True):
         lines += _dump(view.data, start, end, meaning)
     for rule, flaw in view.findings:
-        text = words.escape(flaw_text(rule.message, flaw.offset, flaw.args, view.lang))
+        text = words.escape(flaw_text(flaw, view.lang))
         severity = say(f"severity_{rule.severity}")
         lines.append(
             say("flaw_line", rule=rule.id, severity=severity, message=text).text(view.lang)

@@ -104,7 +104,7 @@ def _from_json(path: str) -> dict[str, Any]:
         document = baseline.parse(Path(path).read_text(encoding="utf-8-sig"))
     except (OSError, ValueError, RecursionError) as problem:
         raise click.ClickException(f"{path}: {problem}") from problem
-    if isinstance(document, dict) and document.get("schema") == "ds47.report/1":
+    if isinstance(document, dict) and document.get("schema") in ("ds47.report/1", "ds47.report/2"):
         captures = document.get("captures", [])
         if not isinstance(captures, list):
             captures = [None]

@@ -118,6 +118,6 @@ def _warn_of_flaws(data: bytes, lang: str) -> None:
 
     for flaw in decode_request(data).flaws:
         rule = rule_text(spec.rules()[flaw.rule], lang)
-        text = flaw_text(rule.message, flaw.offset, flaw.args, lang)
+        text = flaw_text(flaw, lang)
         severity = say(f"severity_{rule.severity}")
         warn(say("flaw_warning", rule=rule.id, severity=severity, message=text).text(lang))

@@ -22,7 +22,7 @@ from ds47.profidrive.model import VALUE, Block
 from ds47.profinet.records import Record
 from ds47.rules import PNU_ACCESS_IDENTIFICATION, Remark, is_mismatch
 from ds47.spec import formats, parameters
-from ds47.spec.semantics import diagnosis_words, known
+from ds47.spec.semantics import known
 
 _LEAST_NORMAL: Final = {0x08: 2.0**-126, 0x0F: 2.0**-1022}
 """Float32 and Float64: what is nearer to zero is no number that anybody typed."""
@@ -40,16 +40,14 @@ class Diagnoses:
     """Takes jobs as they are closed, and what belongs to no job.
 
     Args:
-        lang: "en" or "zh".
         codec: dialects of the messages.
     """
 
-    def __init__(self, lang: str, codec: Options) -> None:
-        self._lang = lang
+    def __init__(self, codec: Options) -> None:
         self._codec = codec
         self._known: set[tuple[Place, Alike]] = set()
         """Usual jobs that showed nothing; one more of them adds nothing, as long as nothing is forgotten."""
-        self._whole = WholeCapture(lang, self._known.clear)
+        self._whole = WholeCapture(self._known.clear)
         self._formats: OrderedDict[tuple[str, int], int] = OrderedDict()
         """Format in which a parameter of a device was read last."""
         self._limits: OrderedDict[str, int] = OrderedDict()
@@ -60,7 +58,7 @@ class Diagnoses:
     def closed(self, job: Job) -> list[Remark]:
         """What a closed job shows, and the findings it has, were caused by."""
         self._whole.closed(job)
-        remarks = [] if order.is_usual(job) else list(order.of(job, self._lang))
+        remarks = [] if order.is_usual(job) else list(order.of(job))
         response = job.response
         usual = response is not None and not response.flaws and response.response_id in (1, 2)
         if not usual or _is_odd(job):
@@ -127,12 +125,12 @@ class Diagnoses:
             *length.request_too_short(job, [each.code for each in refused]),
             *length.answer_cut(job, size_of),
             *length.answer_too_long(job, self._limits.get(device), size_of),
-            *refusal.of(job, refused, self._lang),
+            *refusal.of(job, refused),
         ]
         for remark in remarks:
             if remark.rule == "DS709":
                 self._suggest_axis(job, remark)
-        yield from remarks or refusal.not_seen(job, self._lang)
+        yield from remarks or refusal.not_seen(job)
 
     def _repair(self, job: Job, refused: list[refusal.Refusal]) -> Remark | None:
         half, message = job.write_request, job.message
@@ -148,10 +146,8 @@ class Diagnoses:
         )  # fmt: skip
         if found is None:
             return None
-        args = {**found.args, "corrected": found.request}
-        if found.what:
-            args["what"] = diagnosis_words(self._lang)[found.what]
-        return Remark(found.rule, half.frame, args)
+        args = {"what": found.what, **found.args} if found.what else found.args
+        return Remark(found.rule, half.frame, args, corrected=found.request)
 
     def _suggest_axis(self, job: Job, remark: Remark) -> None:
         """Where exactly one axis of the device answered, it is the one to ask."""
@@ -159,7 +155,7 @@ class Diagnoses:
         if len(axes) == 1 and half is not None:
             from ds47.diagnosis import suggest
 
-            remark.args["corrected"] = suggest.with_axis(half.data, next(iter(axes)))
+            remark.corrected = suggest.with_axis(half.data, next(iter(axes)))
 
     # What was seen before
 

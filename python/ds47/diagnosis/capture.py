@@ -11,14 +11,14 @@ from collections.abc import Callable, Iterator
 from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from ds47.diagnosis.repetition import Repetition
+from ds47.diagnosis.repetition import Repetition, place_args
 from ds47.pairing import STATUS_NOT_READY, Alike, Job, Peer, UsualJob
 from ds47.profidrive import decode_request
 from ds47.profinet.records import Record
 from ds47.profinet.status import status_hex
 from ds47.rules import Remark
 from ds47.spec import parameters
-from ds47.spec.semantics import diagnosis_words, known
+from ds47.spec.semantics import known
 
 LOCAL = 0xB02E
 """Record index of local access: the slot decides, not the axis byte (docs/protocol.md E.4)."""
@@ -119,12 +119,10 @@ class WholeCapture:
     """Sees every closed job, every Read for nothing and every Write to a foreign index.
 
     Args:
-        lang: "en" or "zh".
         forgot: called when something is forgotten that a usual job had told.
     """
 
-    def __init__(self, lang: str, forgot: Callable[[], None]) -> None:
-        self._words = diagnosis_words(lang)
+    def __init__(self, forgot: Callable[[], None]) -> None:
         self._opened: _Memory[list[_Open]] = _Memory()
         self._idle: _Memory[list[_Read]] = _Memory()
         self._orphans: _Memory[list[_Read]] = _Memory()
@@ -134,15 +132,10 @@ class WholeCapture:
         self._axes: _Memory[dict[int, int]] = _Memory(forgot)
         self._unsaved: _Memory[_Unsaved] = _Memory()
         self._asking: _Memory[bool] = _Memory(forgot)
-        self._repetition = Repetition(self.place_name)
+        self._repetition = Repetition()
         self._asked = self._all_orphans = 0
         self._first_frame = 0
         self._cut = _Tally()
-
-    def place_name(self, place: Place) -> str:
-        """A place in words: slot, subslot and index."""
-        _api, slot, subslot, index = place
-        return self._words["place"].format(slot=slot, subslot=subslot, index=_index(index))
 
     def closed(self, job: Job) -> None:
         """A job is over."""
@@ -207,8 +200,8 @@ class WholeCapture:
         if not message.shaped or message.flaws:
             return
         key = peer.device, record.index
-        status = "-" if answer.status is None else status_hex(answer.status)
-        args = {"index": _index(record.index), "device": peer.device, "status": status}
+        status = None if answer.status is None else status_hex(answer.status)
+        args = {"index": record.index, "device": peer.device, "status": status}
         tally, _ = self._foreign.get(key) or self._foreign.put(key, (_Tally(), args))
         tally.add(asked.frame)
 
@@ -262,7 +255,7 @@ class WholeCapture:
                 idle[:] = [other for other in idle if other.place != read.place]
                 yield Remark("DS706", read.frame, {
                     "device": pair[1], "request": each.frame, "frame": read.frame,
-                    "place": self.place_name(each.place), "other": self.place_name(read.place),
+                    "place": place_args(each.place), "other": place_args(read.place),
                 })  # fmt: skip
 
     def _unasked(self, pair: Pair, reads: list[_Read]) -> list[_Read]:
@@ -303,8 +296,8 @@ class WholeCapture:
             )  # fmt: skip
             if other is not None:
                 yield Remark("DS708", tally.first, {
-                    "device": device, "place": self.place_name(place),
-                    "status": status_hex(status), "other": self.place_name(other),
+                    "device": device, "place": place_args(place),
+                    "status": status_hex(status), "other": place_args(other),
                 })  # fmt: skip
 
     def _axis(self, device: str, place: Place, job: Job) -> None:
@@ -322,9 +315,9 @@ class WholeCapture:
         for (device, place), axes in self._axes.items():
             if len(axes) > 1:
                 args = {
-                    "axes": ", ".join(map(str, sorted(axes))),
+                    "axes": sorted(axes),
                     "device": device,
-                    "place": self.place_name(place),
+                    "place": place_args(place),
                 }
                 yield Remark("DS710", sorted(axes.values())[1], args)
 
@@ -375,7 +368,7 @@ class WholeCapture:
             yield self._half("no_write", self._first_frame, self._all_orphans)
 
     def _half(self, what: str, frame: int, count: int) -> Remark:
-        return Remark("DS725", frame, {"what": self._words[what], "count": count})
+        return Remark("DS725", frame, {"what": what, "count": count})
 
 
 @lru_cache(maxsize=4096)
@@ -384,10 +377,6 @@ def _effect(pnus: tuple[int, ...]) -> tuple[bool, bool]:
     rows = map(parameters().get, pnus)
     saving = known().saving
     return any(pnu in saving for pnu in pnus), any(not (row and row.volatile) for row in rows)
-
-
-def _index(index: int) -> str:
-    return str(index) if index < 0x100 else f"0x{index:04X}"
 
 
 def _place(record: Record) -> Place:

@@ -22,7 +22,11 @@ class Cause(NamedTuple):
 
 def cause(rule: str, device: str | None, args: dict[str, Any]) -> Cause:
     """The cause of a finding, by the arguments of its message."""
-    return Cause(rule, device, tuple(str(args.get(name, "")) for name in rules()[rule].group))
+    return Cause(
+        rule,
+        device,
+        tuple("" if args.get(name) is None else str(args[name]) for name in rules()[rule].group),
+    )
 
 
 class Grouping:
@@ -39,7 +43,7 @@ class Grouping:
                 about = Cause(about.rule, None, ())
                 group = self._groups.get(about)
             if group is None:
-                group = Diagnosis(finding.rule, finding.severity, finding.message, about.device)
+                group = Diagnosis(finding.rule, finding.severity, finding.args, about.device)
                 self._groups[about] = group
         group.count += 1
         group.corrected = group.corrected or corrected
@@ -49,10 +53,13 @@ class Grouping:
 
     def result(self) -> list[Diagnosis]:
         """The diagnoses, worst first, then the most frequent."""
-        return sorted(
-            self._groups.values(),
-            key=lambda d: (-SEVERITIES.index(d.severity), -d.count, d.rule, d.frames, d.message),
-        )
+
+        def order(item: tuple[Cause, Diagnosis]) -> tuple[Any, ...]:
+            about, each = item
+            severity = -SEVERITIES.index(each.severity)
+            return severity, -each.count, each.rule, each.frames, about.device or "", about.key
+
+        return [each for _, each in sorted(self._groups.items(), key=order)]
 
 
 def _insert(numbers: list[int], number: int) -> None:

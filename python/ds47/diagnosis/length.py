@@ -98,12 +98,12 @@ def answer_too_long(job: Job, limit: int | None, size_of: SizeOf) -> Iterator[Re
     if answered is None:
         return
     args: dict[str, Any] = {"parameters": len(request.addresses), "limit": most, "number": answered}
-    write = job.write_request
+    corrected, write = None, job.write_request
     if write is not None and len(request.addresses) > 1:
         from ds47.diagnosis import suggest  # only here: most captures need no correction
 
-        args["corrected"] = suggest.first_parameters(request, write.data, max(1, answered))
-    yield Remark("DS713", half.frame, args)
+        corrected = suggest.first_parameters(request, write.data, max(1, answered))
+    yield Remark("DS713", half.frame, args, corrected=corrected)
 
 
 def _answered(

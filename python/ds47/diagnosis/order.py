@@ -9,7 +9,6 @@ from collections.abc import Iterator
 
 from ds47.pairing import STATUS_IN_USE, Job
 from ds47.rules import Remark
-from ds47.spec.semantics import diagnosis_words
 from ds47.transactions import uuid_text
 
 
@@ -28,11 +27,11 @@ def is_usual(job: Job) -> bool:
     )
 
 
-def of(job: Job, lang: str) -> Iterator[Remark]:
+def of(job: Job) -> Iterator[Remark]:
     """What the order of its frames says of a closed job."""
     yield from _read_too_early(job)
     yield from _old_answer(job)
-    yield from _two_users(job, diagnosis_words(lang)["unseen"])
+    yield from _two_users(job)
     yield from _connection_lost(job)
 
 
@@ -59,7 +58,7 @@ def _old_answer(job: Job) -> Iterator[Remark]:
         yield Remark("DS704", again, {"frame": again, "first": read.frame})
 
 
-def _two_users(job: Job, unseen: str) -> Iterator[Remark]:
+def _two_users(job: Job) -> Iterator[Remark]:
     """A read that is displaced, or a Write that is turned away while another is open.
 
     A change that is displaced says nothing: many programs never read what a change is answered. Nor does
@@ -72,26 +71,34 @@ def _two_users(job: Job, unseen: str) -> Iterator[Remark]:
     if later is not None and job.message is not None and job.message.operation == "read":
         other = later.write_request
         if other is not None and other.data[1:] != asked.data[1:]:
-            yield _clash(job, later, asked.frame, job.superseded_by or other.frame, unseen)
+            yield _clash(job, later, asked.frame, job.superseded_by or other.frame)
     answer = job.write_response
     if answer is not None and answer.status == STATUS_IN_USE:
         rival = job.rival
         held = rival.write_request if rival else None
-        yield _clash(rival, job, held.frame if held else None, asked.frame, unseen)
+        yield _clash(rival, job, held.frame if held else None, asked.frame)
 
 
-def _clash(held: Job | None, came: Job, first: int | None, frame: int, unseen: str) -> Remark:
-    other = _user(held, came) if held else unseen
-    controller = _user(came, held or came)
-    args = {"controller": controller, "other": other, "first": first or "?", "frame": frame}
+def _clash(held: Job | None, came: Job, first: int | None, frame: int) -> Remark:
+    args = {
+        "case": _case(held, came),
+        "controller": came.peer.controller,
+        "ar": uuid_text(came.record.ar),
+        "frame": frame,
+        "other": held.peer.controller if held else None,
+        "other_ar": uuid_text(held.record.ar) if held else None,
+        "first": first,
+    }
     return Remark("DS705", frame, args)
 
 
-def _user(job: Job, other: Job) -> str:
-    """A controller; two ARs of the same one are told apart by their UUIDs."""
-    if job.peer.controller == other.peer.controller and job.record.ar != other.record.ar:
-        return f"{job.peer.controller} (AR {uuid_text(job.record.ar)})"
-    return job.peer.controller
+def _case(held: Job | None, came: Job) -> str:
+    """Who the two are, as far as the capture shows it."""
+    if held is None:
+        return "unseen_user"
+    if held.peer.controller != came.peer.controller:
+        return "two_stations"
+    return "one_station" if held.record.ar == came.record.ar else "two_ars"
 
 
 def _connection_lost(job: Job) -> Iterator[Remark]:

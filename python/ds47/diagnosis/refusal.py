@@ -12,7 +12,7 @@ from ds47.pairing import Job
 from ds47.profidrive import Address
 from ds47.profidrive.model import Block
 from ds47.rules import NOT_SUPPORTED, Remark, is_mismatch
-from ds47.spec import error_text
+from ds47.spec import rules
 from ds47.spec.semantics import known
 from ds47.transactions import SIEMENS
 
@@ -49,7 +49,7 @@ def _value(blocks: list[Block], number: int) -> Block | None:
     return blocks[number] if number < len(blocks) else None
 
 
-def of(job: Job, refused: list[Refusal], lang: str) -> Iterator[Remark]:
+def of(job: Job, refused: list[Refusal]) -> Iterator[Remark]:
     """What the refusals of a job say, each cause once."""
     half, given = job.read_response, set()
     if half is None:
@@ -59,14 +59,11 @@ def of(job: Job, refused: list[Refusal], lang: str) -> Iterator[Remark]:
         if rule is None or (rule, refusal.code) in given:
             continue
         given.add((rule, refusal.code))
-        args = _args(job, refusal, lang)
-        corrected = _corrected(job, rule, refusal)
-        if corrected is not None:
-            args["corrected"] = corrected
-        yield Remark(rule, half.frame, args, refusal.answer.offset)
+        args, corrected = _args(job, rule, refusal), _corrected(job, rule, refusal)
+        yield Remark(rule, half.frame, args, refusal.answer.offset, corrected=corrected)
 
 
-def not_seen(job: Job, lang: str) -> Iterator[Remark]:
+def not_seen(job: Job) -> Iterator[Remark]:
     """A refusal that no status tells of, and of which nothing better can be said."""
     half, response = job.read_response, job.response
     if half is None or response is None or response.response_id is None or is_mismatch(job):
@@ -77,12 +74,7 @@ def not_seen(job: Job, lang: str) -> Iterator[Remark]:
     error = next((block.error for block in response.blocks if block.error is not None), None)
     if error is None:
         return
-    code = error.code
-    args = {
-        "id": f"0x{response.response_id:02X}",
-        "code": "?" if code is None else f"0x{code:02X}",
-        "text": "?" if code is None else error_text(code, lang, job.peer.vendor_id),
-    }
+    args = {"id": response.response_id, "code": error.code, "vendor_id": job.peer.vendor_id}
     yield Remark("DS701", half.frame, args)
 
 
@@ -124,20 +116,22 @@ def _index_and_count(refusal: Refusal) -> bool:
     return address.pnu != 0 and (address.element_count > 1 or address.subindex > 0)
 
 
-def _args(job: Job, refusal: Refusal, lang: str) -> dict[str, Any]:
+def _args(job: Job, rule: str, refusal: Refusal) -> dict[str, Any]:
+    """What the rule carries, of all that a refusal shows."""
     address, value = refusal.address, refusal.value
-    return {
-        "axis": job.message.axis if job.message else "?",
+    facts = {
+        "axis": job.message.axis if job.message else None,
         "device": job.peer.device,
         "pnu": address.pnu,
         "subindex": address.subindex,
         "elements": address.element_count,
-        "format": (value.format_name or "-") if value else "-",
-        "value": value.values[0] if value and value.values else "-",
-        "state": known().commissioning.get(refusal.code, "?"),
-        "code": f"0x{refusal.code:02X}",
-        "text": error_text(refusal.code, lang, job.peer.vendor_id),
+        "format": value.format_name if value else None,
+        "value": value.values[0] if value and value.values else None,
+        "state": known().commissioning.get(refusal.code),
+        "code": refusal.code,
+        "vendor_id": job.peer.vendor_id,
     }
+    return {name: facts[name] for name in rules()[rule].args}
 
 
 def _corrected(job: Job, rule: str, refusal: Refusal) -> bytes | None:

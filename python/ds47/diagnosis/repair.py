@@ -41,8 +41,6 @@ _LEAST_NORMAL: Final = {"f": 2.0**-126, "d": 2.0**-1022}
 _ABSURD: Final = 1e30
 _MARGIN: Final = 2
 """Of two readings of the same bytes one is meant if it has so many significant digits fewer."""
-_VALUES_SHOWN: Final = 4
-_LINE: Final = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +51,7 @@ class Repair:
         rule: DS714, DS715 or DS716.
         what: the key of `diagnosis_words` for what is swapped or too much; "" for DS714.
         request: the corrected request.
-        args: what the message of the rule names, `what` left out: it depends on the language.
+        args: those of the rule, `what` left out.
         number: the parameter concerned, from 0; the first of several.
     """
 
@@ -189,7 +187,7 @@ def _line(data: bytes, message: Request) -> str:
         line = format_request_line(message)
     except ValueError:
         line = data.hex(" ")
-    return line if len(line) <= _LINE else line[: _LINE - 3] + "..."
+    return line
 
 
 def _swapped(
@@ -375,10 +373,10 @@ class _Change:
             "pnu": address.pnu,
             "subindex": address.subindex,
             "format": old.format_name,
-            "value": _texts(old.values),
+            "values": list(old.values),
             "better": new.format_name,
-            "code": f"0x{new.format:02X}",
-            "meant": _texts(new.values),
+            "code": new.format,
+            "meant": list(new.values),
         }
         counts = [_digits(value) or 0 for block in changed.values() for value in block.values]
         return _Guess(Repair("DS714", "", fixed[0], args, number), max(counts))
@@ -453,8 +451,3 @@ def _written(block: Block, values: list[Value], code: int) -> Block | None:
     if not plain or block.format >= _NORMALISED or any(isinstance(value, str) for value in values):
         return None
     return as_format(code, values)
-
-
-def _texts(values: list[Value]) -> str:
-    shown = [str(value) for value in values[:_VALUES_SHOWN]]
-    return ", ".join([*shown, "..."] if len(values) > _VALUES_SHOWN else shown)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from ds47.pairing import Job
 from ds47.rules import Remark
@@ -14,6 +14,12 @@ Channel = tuple[str, str, bytes, tuple[int, int, int, int]]
 """Controller, device, AR, and the place: API, slot, subslot and index."""
 _GAPS = 256
 """Periods kept of one run: enough to say whether they are equal."""
+
+
+def place_args(place: tuple[int, int, int, int]) -> dict[str, int]:
+    """API, slot, subslot and index as an argument of a finding."""
+    _api, slot, subslot, index = place
+    return {"slot": slot, "subslot": subslot, "index": index}
 
 
 class _Run:
@@ -52,14 +58,9 @@ class _Storm:
 
 
 class Repetition:
-    """Looks at the changes and the polls of every channel.
+    """Looks at the changes and the polls of every channel."""
 
-    Args:
-        place_name: words for API, slot, subslot and index.
-    """
-
-    def __init__(self, place_name: Callable[[tuple[int, int, int, int]], str]) -> None:
-        self._place_name = place_name
+    def __init__(self) -> None:
         self._runs: OrderedDict[Channel, _Run] = OrderedDict()
         self.storms: OrderedDict[Channel, _Storm] = OrderedDict()
         """Those that the next job of a channel may end."""
@@ -103,8 +104,8 @@ class Repetition:
             args = {
                 "count": run.count,
                 "device": key[1],
-                "period": f"{period / _MS:.1f}",
-                "place": self._place_name(key[3]),
+                "period": period / _MS,
+                "place": place_args(key[3]),
             }
             self._found.append(Remark("DS723", run.first, args))
 
@@ -137,7 +138,7 @@ class Repetition:
             args = {
                 "count": storm.polls,
                 "device": key[1],
-                "period": f"{storm.polling_ns / storm.polls / _MS:.1f}",
-                "time": f"{storm.taken_ns / storm.jobs / _MS:.1f}",
+                "period": storm.polling_ns / storm.polls / _MS,
+                "time": storm.taken_ns / storm.jobs / _MS,
             }
             self._found.append(Remark("DS724", storm.first, args))

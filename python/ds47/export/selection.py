@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from ds47.model import CaptureResult, Finding, Parameter, Transaction
-from ds47.report import at_offset
+from ds47.report.sentences import message
 from ds47.report.words import address, escape
 
 _PARAMETERS_SHOWN = 4
@@ -196,7 +196,5 @@ def _note_findings(
     chosen: Chosen, findings: Iterable[Finding], names: dict[str, str] | None
 ) -> None:
     for each in findings:
-        text = each.message if names is None else names.get(each.rule, "")
-        if names is None and each.offset is not None:
-            text = at_offset(each.offset, text)
+        text = message(each) if names is None else names.get(each.rule, "")
         chosen.notes.setdefault(each.frame, []).append(f"{each.rule} {each.severity}: {text}")

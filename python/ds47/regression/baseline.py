@@ -96,7 +96,7 @@ def _is_other(capture: Path, path: Path) -> bool:
 
 
 def content(result: CaptureResult) -> dict[str, Any]:
-    """What is stored of a result: the capture object of `ds47.report/1` without its path and its time.
+    """What is stored of a result: the capture object of `ds47.report/2` without its path and its time.
 
     Files of a series go by their names alone: they stand beside it.
     """

@@ -1,6 +1,6 @@
 """What changed between a stored result and the present one, in the words of people.
 
-Pure: two capture objects of `ds47.report/1` and a configuration in, changes out. Nothing is read or
+Pure: two capture objects of `ds47.report/1` or `/2` and a configuration in, changes out. Nothing is read or
 written, and nothing decides whether a change is good.
 
 The same file (equal SHA-256; of a series those of all files) must give the same result in every field.
@@ -22,6 +22,7 @@ from ds47.regression.config import Config, ParameterTolerance
 from ds47.report import load
 from ds47.report.bilingual import Both, say
 from ds47.report.places import Places
+from ds47.report.sentences import sentence
 from ds47.report.words import message
 
 KINDS = (
@@ -107,6 +108,9 @@ class Comparison:
         self._lang = lang
         self._config, self._capture = config, capture
         self._same_file = _digests(stored) == _digests(now) and None not in _digests(now)
+        self._with_args = all(
+            "args" in each for result in (stored, now) for each in result.get("findings", [])
+        )
         self._old_places, self._new_places = _places(stored), _places(now)
         self._olds: list[Json] = stored["transactions"]
         self._news: list[Json] = now["transactions"]
@@ -321,8 +325,14 @@ class Comparison:
             if place is not None and number is not None:
                 old = place.get(number - 1)
                 where = f"new {number}" if old is None else old + 1
-            said = (finding["message"], finding["frame"]) if self._same_file else ()
-            yield (finding["rule"], where, *said), finding
+            yield (finding["rule"], where, *self._facts(finding)), finding
+
+    def _facts(self, finding: Json) -> tuple[Any, ...]:
+        """What else tells findings of the same file apart. Sentences never do: a better one is no change."""
+        if not self._same_file:
+            return ()
+        args = _frozen(finding["args"]) if self._with_args else None
+        return finding["frame"], args
 
     def _finding(
         self, kind: str, finding: Json, transactions: list[Json], places: Places
@@ -336,7 +346,7 @@ class Comparison:
         text = self._say(
             f"change_{kind}", where, rule=finding["rule"],
             severity=say(f"severity_{severity}") if severity in SEVERITIES else severity,
-            message=message(*load.message(finding["message"]), self._lang),
+            message=_sentence(finding, self._lang),
         )  # fmt: skip
         pnu = next((each["pnu"] for each in item["parameters"]), None) if item else None
         new = kind == "finding_new"
@@ -392,6 +402,19 @@ def _order(pair: tuple[int | None, int | None]) -> tuple[int, int]:
     """Reading order: by the present place; what is gone stands where it was."""
     old, new = pair
     return (new if new is not None else old or 0, 0 if new is None else 1)
+
+
+def _sentence(finding: Json, lang: str) -> str:
+    """What a finding of a result says, now, whatever was said when it was stored."""
+    item = load.finding(finding)
+    return message(sentence(item, lang), item.offset, lang)
+
+
+def _frozen(item: Any) -> Any:
+    """Something of JSON that can be counted; equal where it is equal."""
+    if isinstance(item, dict):
+        return tuple(sorted((key, _frozen(value)) for key, value in item.items()))
+    return tuple(map(_frozen, item)) if isinstance(item, list) else item
 
 
 def _outcome(parameter: Json) -> Both:

@@ -1,6 +1,6 @@
 """Two captures (or results) side by side: parameters, errors, findings, latency.
 
-What an engineer asks after a firmware update. Pure: capture objects of `ds47.report/1` in, a
+What an engineer asks after a firmware update. Pure: capture objects of `ds47.report/1` or `/2` in, a
 `Difference` out; how it looks is in `ds47.report.difference`.
 
 Unlike `ds47.regression.compare` this does not expect the same requests in the same order.

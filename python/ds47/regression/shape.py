@@ -2,7 +2,7 @@
 
 Checked is what the comparisons rely on, and no more: a result that an older version stored may lack the
 rest, and ten thousand of them are read in one run. The whole contract is the JSON Schema
-`ds47/schema/report-1.schema.json`.
+`ds47/schema/report-2.schema.json`.
 """
 
 from __future__ import annotations

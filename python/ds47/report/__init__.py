@@ -18,7 +18,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol, TextIO, cast
 
 from ds47.model import CaptureResult, Finding, Report, Transaction
 
-SCHEMA = "ds47.report/1"
+SCHEMA = "ds47.report/2"
 """The version of the JSON contract, as the key `schema` of a report."""
 
 FORMATS = ("text", "overview", "json", "ndjson", "csv", "parquet", "html", "junit", "sarif")
@@ -148,23 +148,14 @@ def is_text(format_name: str | None) -> bool:
     return format_name is None or format_name.startswith(("VisibleString", "UNICODE", "Unicode"))
 
 
-def message(finding: Finding) -> str:
-    """The message of a finding; where it is about a byte of a message, with its offset in front."""
-    return finding.message if finding.offset is None else at_offset(finding.offset, finding.message)
-
-
-def at_offset(offset: int, text: str) -> str:
-    """A text about one byte of a message; offsets count from 0."""
-    return f"offset {offset}: {text}"
-
-
-def schema(name: str = "report-1") -> dict[str, Any]:
+def schema(name: str = "report-2") -> dict[str, Any]:
     """A JSON Schema of the package.
 
     Args:
-        name: `report-1` is the report, its `$defs` has `message` (decode); `transaction-1` is a
-            line of ndjson; `table-1` has `csv` and `parquet` in its `$defs`, a row each; `overview-1` is
-            the overview of a folder of results.
+        name: `report-2` is the report, its `$defs` has `message` (decode); `transaction-2` is a
+            line of ndjson; `report-1` and `transaction-1` are what both were before; `table-1` has
+            `csv` and `parquet` in its `$defs`, a row each; `overview-1` is the overview of a folder
+            of results.
     """
     from importlib import resources  # takes as long to import as a small report to write
     from json import loads

@@ -1,9 +1,9 @@
-"""Report as JSON, `ds47.report/1`: the contract that other programs build on.
+"""Report as JSON, `ds47.report/2`: the contract that other programs build on.
 
 The functions turn one thing of the model each into plain dictionaries (`ds47.report.ndjson` uses
 them too); `Writer` lays them out with one transaction a line, so that a difference between two
 reports is a difference of lines. Key order and number texts never vary. What the keys mean is in
-`ds47.model` and in schema/report-1.schema.json.
+`ds47.model` and in schema/report-2.schema.json.
 """
 
 from __future__ import annotations
@@ -30,8 +30,9 @@ from ds47.model import (
     Transaction,
     Value,
 )
-from ds47.report import SCHEMA, Options, message, write_all
+from ds47.report import SCHEMA, Options, write_all
 from ds47.report import Writer as _Writer
+from ds47.report.sentences import message, sentence
 
 _encoder: Final = JSONEncoder(ensure_ascii=False, allow_nan=False)
 _LINES_AT_ONCE = 256
@@ -248,25 +249,29 @@ def list_text(values: list[Value]) -> str:
     return shown
 
 
-def finding(item: Finding) -> dict[str, Any]:
-    """A finding as an object of the contract."""
+def finding(item: Finding, lang: str = "en") -> dict[str, Any]:
+    """A finding as an object of the contract, its message in "en" or "zh"."""
     return {
         "rule": item.rule,
         "severity": item.severity,
-        "message": message(item),
+        "message": message(item, lang),
+        "args": item.args,
         "frame": item.frame,
+        "frames": item.frames,
         "transaction": item.transaction,
+        "offset": item.offset,
         "filter": item.filter,
     }
 
 
-def diagnosis(item: Diagnosis) -> dict[str, Any]:
-    """A diagnosis as an object of the contract."""
+def diagnosis(item: Diagnosis, lang: str = "en") -> dict[str, Any]:
+    """A diagnosis as an object of the contract, its message in "en" or "zh"."""
     return {
         "rule": item.rule,
         "severity": item.severity,
         "device": item.device,
-        "message": item.message,
+        "message": sentence(item, lang),
+        "args": item.args,
         "count": item.count,
         "frames": item.frames,
         "transactions": item.transactions,
@@ -315,13 +320,13 @@ def capture_file(item: CaptureFile) -> dict[str, Any]:
     }
 
 
-def capture(result: CaptureResult) -> dict[str, Any]:
-    """A capture as an object of the contract."""
+def capture(result: CaptureResult, lang: str = "en") -> dict[str, Any]:
+    """A capture as an object of the contract, its messages in "en" or "zh"."""
     return capture_head(result) | {
         "devices": [device(each) for each in result.devices],
         "transactions": [transaction(each) for each in result.transactions],
-        "findings": [finding(each) for each in result.findings],
-        "diagnoses": [diagnosis(each) for each in result.diagnoses],
+        "findings": [finding(each, lang) for each in result.findings],
+        "diagnoses": [diagnosis(each, lang) for each in result.diagnoses],
         "summary": result.summary,
     }
 
@@ -365,8 +370,9 @@ class Writer(_Writer):
             self._written(result.lines)
         else:  # map: mypyc makes a list of a generator expression, here of all lines
             self._lines("transactions", map(transaction_line, result.transactions))
-        self._lines("findings", (text(finding(each)) for each in result.findings))
-        self._lines("diagnoses", (text(diagnosis(each)) for each in result.diagnoses))
+        lang = self.options.lang
+        self._lines("findings", (text(finding(each, lang)) for each in result.findings))
+        self._lines("diagnoses", (text(diagnosis(each, lang)) for each in result.diagnoses))
         write_line(f',\n"summary": {text(result.summary)}}}')
 
     def _lines(self, key: str, lines: Iterator[str]) -> None:

@@ -18,8 +18,9 @@ from typing import ClassVar, TextIO
 from xml.etree import ElementTree as ET
 
 from ds47.model import SEVERITIES, STATES, CaptureResult, Finding, Transaction
-from ds47.report import Options, message
+from ds47.report import Options
 from ds47.report import Writer as _Writer
+from ds47.report.sentences import message
 from ds47.report.words import count, escape
 
 FINDINGS_PER_CASE = 100
@@ -102,7 +103,7 @@ class Writer(_Writer):
         super().__init__(stream, options)
         self._cases: list[Case] = []
         self._worst = SEVERITIES.index(self.options.fail_on)
-        self._failed, self._noted = _Lines(), _Lines()
+        self._failed, self._noted = _Lines(self.options.lang), _Lines(self.options.lang)
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         self._note(findings)
@@ -137,7 +138,7 @@ class Writer(_Writer):
                 output=tuple(output),
             )
         )
-        self._failed, self._noted = _Lines(), _Lines()
+        self._failed, self._noted = _Lines(self.options.lang), _Lines(self.options.lang)
 
     def _note(self, findings: Sequence[Finding]) -> None:
         for finding in findings:
@@ -148,7 +149,8 @@ class Writer(_Writer):
 class _Lines:
     """Findings as lines: how often each rule applies, then the first ones in the order of frames."""
 
-    def __init__(self) -> None:
+    def __init__(self, lang: str) -> None:
+        self._lang = lang
         self._rules: Counter[str] = Counter()
         self._shown: list[Finding] = []
 
@@ -166,14 +168,16 @@ class _Lines:
 
     def lines(self) -> list[str]:
         """A line per finding, and one that says how many were left out."""
-        lines = [_line(each) for each in sorted(self._shown, key=lambda each: each.frame)]
+        lines = [
+            _line(each, self._lang) for each in sorted(self._shown, key=lambda each: each.frame)
+        ]
         left_out = self._rules.total() - len(self._shown)
         return [*lines, f"and {count(left_out, 'finding')} more"] if left_out else lines
 
 
-def _line(item: Finding) -> str:
+def _line(item: Finding, lang: str) -> str:
     of = "" if item.transaction is None else f" #{item.transaction}"
-    return f"{item.rule} {item.severity}, frame {item.frame}{of}: {message(item)}"
+    return f"{item.rule} {item.severity}, frame {item.frame}{of}: {message(item, lang)}"
 
 
 def _summary(result: CaptureResult) -> str:

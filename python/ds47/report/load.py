@@ -1,7 +1,7 @@
 """A report in JSON back to the model: the reverse of `ds47.report.json`.
 
-What the contract does not hold is not there again: `Transaction.position`, the offset of a finding
-apart from its message. Written once more, in any format, it is the same report.
+What the contract does not hold is not there again: `Transaction.position`. Written once more, in any format,
+it is the same report. Results of `ds47.report/1` have findings with a sentence and without args.
 """
 
 from __future__ import annotations
@@ -76,13 +76,25 @@ def transaction(item: dict[str, Any]) -> Transaction:
 
 
 def finding(item: dict[str, Any]) -> Finding:
-    """A finding of the contract; the offset in front of its message is taken off again."""
+    """A finding of the contract."""
+    if "args" not in item:
+        return _finding_1(item)
+    return Finding(
+        item["rule"], item["severity"], item["frame"], item["frames"], item["transaction"],
+        item["offset"], item["args"],
+    )  # fmt: skip
+
+
+def _finding_1(item: dict[str, Any]) -> Finding:
+    """A finding of `ds47.report/1`; the offset in front of its message is taken off."""
     text, offset = message(item["message"])
-    return Finding(item["rule"], item["severity"], text, item["frame"], item["transaction"], offset)
+    return Finding(
+        item["rule"], item["severity"], item["frame"], None, item["transaction"], offset, said=text
+    )
 
 
 def message(text: str) -> tuple[str, int | None]:
-    """The message of a finding of the contract without the offset in front of it, and that offset."""
+    """The message of a finding of `ds47.report/1` without the offset in front of it, and that offset."""
     match = _AT_OFFSET.fullmatch(text)
     return (match[2], int(match[1])) if match else (text, None)
 
@@ -93,12 +105,13 @@ def diagnosis(item: dict[str, Any]) -> Diagnosis:
     return Diagnosis(
         rule=item["rule"],
         severity=item["severity"],
-        message=item["message"],
+        args=item.get("args", {}),
         device=item["device"],
         count=item["count"],
         frames=item["frames"],
         transactions=item["transactions"],
         corrected=None if corrected is None else bytes.fromhex(corrected["request"]),
+        said=None if "args" in item else item["message"],
     )
 
 

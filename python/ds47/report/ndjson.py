@@ -1,6 +1,6 @@
 """Report as NDJSON: one object a line, written when its transaction is finished.
 
-Two kinds of line, both of the contract `ds47.report/1` (`$defs/line` of the schema):
+Two kinds of line, both of the contract `ds47.report/2` (`$defs/line` of the schema):
 
     {"path": ..., "transaction": {...}, "findings": [...]}     in order of completion
     {"path": ..., "capture": {...}}                            the end of a capture
@@ -31,15 +31,19 @@ class Writer(_Writer):
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         line = json.transaction_line(transaction)
-        about = json.text([json.finding(each) for each in findings]) if findings else "[]"
+        about = (
+            json.text([json.finding(each, self.options.lang) for each in findings])
+            if findings
+            else "[]"
+        )
         head = f'{{"path": {json.text(path)}, "transaction": '
         self.stream.write(f'{head}{line}, "findings": {about}}}\n')
 
     def capture(self, result: CaptureResult) -> None:
         whole = json.capture_head(result) | {
             "devices": [json.device(each) for each in result.devices],
-            "findings": [json.finding(each) for each in result.findings],
-            "diagnoses": [json.diagnosis(each) for each in result.diagnoses],
+            "findings": [json.finding(each, self.options.lang) for each in result.findings],
+            "diagnoses": [json.diagnosis(each, self.options.lang) for each in result.diagnoses],
             "summary": result.summary,
         }
         self.stream.write(json.text({"path": result.path, "capture": whole}) + "\n")

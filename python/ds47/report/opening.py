@@ -14,6 +14,7 @@ from ds47.report import Options
 from ds47.report.bilingual import say
 from ds47.report.filters import display_filter
 from ds47.report.places import Places
+from ds47.report.sentences import sentence
 from ds47.report.todo import More, answering, by_rule, causes, uncovered
 from ds47.report.verdict import Counts, blind, told, verdict
 from ds47.report.words import escape
@@ -132,15 +133,15 @@ class Opening:
             yield "    " + self._paint(severity, other)
 
     def _diagnosis(self, item: Diagnosis, several: bool) -> Iterator[str]:
-        text = escape(item.message)
+        text = escape(sentence(item, self._lang))
         if several and item.device and item.device not in text:
             text = self._say("cause_device", device=escape(item.device), message=text)
         yield from self._head(item.rule, item.severity, text, item.count)
 
     def _group(self, group: Sequence[Finding], places: Places) -> Iterator[str]:
         first = group[0]
-        text = escape(first.message)
-        if any(each.message != first.message for each in group):
+        text = escape(sentence(first, self._lang))
+        if any(sentence(each, self._lang) != sentence(first, self._lang) for each in group):
             text = self._say("first_of", message=text)
         yield from self._head(first.rule, first.severity, text, len(group))
         yield from self._advice(first.rule, "")

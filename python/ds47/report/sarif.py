@@ -23,8 +23,9 @@ from urllib.parse import quote
 
 from ds47 import __version__, spec
 from ds47.model import CaptureResult, Finding, Transaction
-from ds47.report import Options, message
+from ds47.report import Options
 from ds47.report import Writer as _Writer
+from ds47.report.sentences import message
 
 FINGERPRINT = "ds47/v1"
 """How fingerprints are made: the name changes when that changes."""
@@ -72,11 +73,11 @@ class Writer(_Writer):
         if findings:
             subject = _subject(transaction)
             for finding in findings:
-                self._log.result(_finding(path, finding, subject))
+                self._log.result(_finding(path, finding, subject, self.options.lang))
 
     def capture(self, result: CaptureResult) -> None:
         for finding in result.findings:
-            self._log.result(_finding(result.path, finding, ""))
+            self._log.result(_finding(result.path, finding, "", self.options.lang))
         if not result.complete or result.problem:
             problem = result.problem or "the file ends early"
             self._log.problem(result.path, f"only partly read: {problem}")
@@ -153,8 +154,8 @@ class _Log:
         return f"{digest.hex()}:{self._seen[digest]}"
 
 
-def _finding(path: str, item: Finding, subject: str) -> Result:
-    text = f"Frame {item.frame}: {message(item)}"
+def _finding(path: str, item: Finding, subject: str, lang: str) -> Result:
+    text = f"Frame {item.frame}: {message(item, lang)}"
     return Result(item.rule, item.severity, text, path, item.frame, item.transaction, subject)
 
 

@@ -28,6 +28,7 @@ from ds47.report.latency import Latency
 from ds47.report.opening import Opening
 from ds47.report.overview import Row, table, total
 from ds47.report.places import Places, name
+from ds47.report.sentences import sentence
 from ds47.report.verdict import Counts
 from ds47.report.words import duration, escape, message, parameter
 
@@ -213,7 +214,8 @@ class Writer(_Writer):
             self._line(f"    {where}{self._paint('dim', text)}{note}")
 
     def _finding(self, item: Finding, places: Places) -> str:
-        text = message(escape(item.message), item.offset, self.options.lang)
+        text = escape(sentence(item, self.options.lang))
+        text = message(text, item.offset, self.options.lang)
         frame = escape(places.words(item.frame, self.options.lang))
         job = "" if item.transaction is None else f" #{item.transaction}"
         return self._say("finding_line", frame=frame, job=job, message=text)

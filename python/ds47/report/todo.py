@@ -5,7 +5,6 @@ Which findings a diagnosis covers stands in spec/report.toml. Used by the text r
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
@@ -15,7 +14,6 @@ from ds47.spec.reporting import covers
 
 _WRONG_DRIVE_OBJECT = "DS709"
 _ANSWERED = ("ok", "partial")
-_CODE = re.compile(r"(?<![0-9A-Za-z])(?:0x[0-9A-F]{2}|[0-9A-F]{8})(?![0-9A-Za-z])")
 
 
 def uncovered(result: CaptureResult) -> list[Finding]:
@@ -69,9 +67,13 @@ def _names(how: str, rule: str, finding: Finding) -> bool:
 
 
 def _same_code(diagnosis: Diagnosis | Finding, finding: Finding) -> bool:
-    return _names("word", diagnosis.rule, finding) and not set(
-        _CODE.findall(diagnosis.message)
-    ).isdisjoint(_CODE.findall(finding.message))
+    """Whether both are about the same error number, or about the same status."""
+    if not _names("word", diagnosis.rule, finding):
+        return False
+    return any(
+        finding.args.get(key) is not None and diagnosis.args.get(key) == finding.args[key]
+        for key in ("code", "status")
+    )
 
 
 def answering(result: CaptureResult, item: Diagnosis) -> str:

@@ -135,6 +135,12 @@ class Rule(Row):
     cause_zh: str
     advice_zh: str
     group: tuple[str, ...] = ()
+    args: Mapping[str, str] = MappingProxyType({})
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """The names of those of its arguments that are frames."""
+        return tuple(name for name, kind in self.args.items() if kind in ("frame", "frames"))
 
     @property
     def in_wireshark(self) -> bool:

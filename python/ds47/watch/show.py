@@ -14,6 +14,7 @@ from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Finding, T
 from ds47.report import Options, json, ndjson, text
 from ds47.report.bilingual import Both, joined, numbered, say
 from ds47.report.opening import about
+from ds47.report.sentences import sentence
 from ds47.report.words import duration, escape, message
 
 _DIGITS = 3
@@ -116,7 +117,8 @@ class TextShow(text.Writer):
         of = "" if finding.transaction is None else f" #{finding.transaction}"
         severity = self._say(f"severity_{finding.severity}")
         rule = self._paint(finding.severity, f"{finding.rule} {severity}")
-        text = message(escape(finding.message), finding.offset, self.options.lang)
+        text = escape(sentence(finding, self.options.lang))
+        text = message(text, finding.offset, self.options.lang)
         frame = say("frame", frame=str(finding.frame))
         told = self._say("finding_line", frame=frame, job=of, message=text)
         self._line(f"      {rule} {told}")

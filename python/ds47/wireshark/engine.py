@@ -8,13 +8,10 @@ Running tshark is in `shark`, reading its answer in `fields`.
 
 from __future__ import annotations
 
-import re
-import string
 import tempfile
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
@@ -30,16 +27,14 @@ from ds47.regression.compare import Change, compare
 from ds47.regression.config import Config
 from ds47.report import json as report
 from ds47.report import load
-from ds47.spec.semantics import limits, reasons
+from ds47.report.sentences import renumbered
+from ds47.spec.semantics import limits
 from ds47.transactions import summarise
 from ds47.wireshark import shark
 
 DIFFERS = "DS601"
-_WITHOUT_REQUEST = "DS403"
-_FRAME_ARGUMENTS = frozenset(("by", "first", "frame"))
-"""Arguments of messages that are frame numbers (spec/rules.toml)."""
-_UNSEEN = "?"
-"""What stands there for a frame that the capture does not have."""
+_OF_A_LOSS = frozenset(("DS401", "DS402", "DS403"))
+"""Rules about a frame that is not there: they tell whether the capture says that it dropped frames."""
 _MOST_MS = 2**32 - 1
 _HOME_NS = 2**60
 """Where the first frame goes of a capture whose own times it cannot hold: 2006."""
@@ -65,7 +60,7 @@ class Engine:
     ) -> None:
         self._both = name == "both"
         self._options = options
-        self._findings = Findings(options.lang, options.select, options.ignore)
+        self._findings = Findings(options.select, options.ignore)
         self._preferences = preferences(options)
         self._tshark = shark.prepare(program)
 
@@ -112,7 +107,7 @@ class Engine:
         if not capture.numbers:
             return result, []
         answer = shark.ask(self._tshark, extract, self._preferences)
-        original = _Original(capture, self._options.lang, bool(native.dropped))
+        original = _Original(capture, bool(native.dropped))
         findings = [original.finding(each) for each in answer.fields.findings]
         findings = [each for each in findings if self._findings.wanted(each.rule)]
         result.findings = sorted(findings + whole, key=_place)
@@ -143,9 +138,7 @@ class Engine:
         return native
 
     def _difference(self, text: str, frame: int) -> Finding:
-        rule = spec.rules()[DIFFERS]
-        template = rule.message_zh if self._options.lang == "zh" else rule.message
-        return Finding(DIFFERS, rule.severity, template.format(difference=text), frame)
+        return Finding(DIFFERS, spec.rules()[DIFFERS].severity, frame, args={"difference": text})
 
 
 def _of_the_whole(native: CaptureResult) -> list[Finding]:
@@ -243,10 +236,9 @@ class _Extract(Capture):
 class _Original:
     """Puts what the plugin cannot know into what it says: numbers and times, and that frames are lost."""
 
-    def __init__(self, capture: _Extract, lang: str, dropped: bool) -> None:
+    def __init__(self, capture: _Extract, dropped: bool) -> None:
         self._numbers = capture.numbers
         self._shift = capture.shift
-        self._lang = lang
         self._dropped = dropped
 
     def transaction(self, item: Json) -> Transaction:
@@ -261,49 +253,18 @@ class _Original:
         return transaction
 
     def finding(self, item: Json) -> Finding:
-        """The finding, with the frame numbers of the capture, also in its message."""
+        """The finding, with the frame numbers of the capture, also among its arguments."""
         finding = load.finding(item)
         finding.frame = self._numbers[finding.frame - 1]
-        template = _template(finding.rule, self._lang)
-        match = template and template.fullmatch(finding.message)
-        if match:
-            finding.message = self._worded(match)
-        if self._dropped and finding.rule == _WITHOUT_REQUEST:
-            finding.message += f" ({reasons(self._lang)['dropped']})"
+        finding.frames = [self._numbers[frame - 1] for frame in finding.frames]
+        finding.args = renumbered(finding.rule, finding.args, lambda n: self._numbers[n - 1])
+        if finding.rule in _OF_A_LOSS:
+            last = finding.args.get("reason") in (None, "end")
+            finding.args["dropped"] = self._dropped and last
         return finding
-
-    def _worded(self, match: re.Match[str]) -> str:
-        text = match.string
-        words = reasons(self._lang)
-        for name in reversed(list(match.groupdict())):
-            said = match[name]
-            if name in _FRAME_ARGUMENTS:
-                said = said if said == _UNSEEN else str(self._number(int(said)))
-            elif self._dropped and said == words["end"]:
-                said = f"{said}; {words['dropped']}"
-            text = text[: match.start(name)] + said + text[match.end(name) :]
-        return text
 
     def _number(self, frame: int | None) -> int | None:
         return None if frame is None else self._numbers[frame - 1]
-
-
-@cache
-def _template(rule: str, lang: str) -> re.Pattern[str] | None:
-    """The message of a rule with its frame numbers and its reason as groups; None without any."""
-    texts = spec.rules()[rule]
-    pattern, wanted = "", False
-    for text, name, _, _ in string.Formatter().parse(
-        texts.message_zh if lang == "zh" else texts.message
-    ):
-        pattern += re.escape(text)
-        if name in _FRAME_ARGUMENTS:
-            pattern, wanted = pattern + rf"(?P<{name}>\d+|{re.escape(_UNSEEN)})", True
-        elif name == "reason":
-            pattern, wanted = pattern + "(?P<reason>.*)", True
-        elif name is not None:
-            pattern += ".*"
-    return re.compile(pattern, re.DOTALL) if wanted else None
 
 
 def _frame(change: Change, native: CaptureResult, found: CaptureResult) -> int | None:

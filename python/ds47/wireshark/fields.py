@@ -1,7 +1,7 @@
 """What the Wireshark plugin says, as the dictionaries of the JSON report.
 
 Reads the output of `tshark -2 -R frame -T pdml` and builds the transactions and findings of
-`ds47.report/1` from the `ds47.*` fields. Knows the layout of the plugin's tree and nothing of the
+`ds47.report/2` from the `ds47.*` fields. Knows the layout of the plugin's tree and nothing of the
 wire: what is compared with the analyzer here was decoded by the plugin. Running tshark is not here.
 """
 
@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache
+from json import loads
 from pathlib import Path
 from typing import Any, BinaryIO
 from xml.etree.ElementTree import Element, iterparse
 
 from ds47 import spec
 from ds47.profidrive.formats import codec
-from ds47.report import at_offset
 
 _PREFIX = "ds47."
 _EXACT = 2**53
@@ -56,7 +56,7 @@ def read(source: str | Path | BinaryIO) -> Fields:
     for transaction in ordered:
         about = {each["rule"] for each in findings if each["transaction"] == transaction["id"]}
         transaction["findings"] = sorted(about)
-    return Fields(ordered, [_without_offset(each) for each in findings])
+    return Fields(ordered, findings)
 
 
 def _trees(source: str | Path | BinaryIO) -> Iterator[tuple[int, Element]]:
@@ -260,16 +260,16 @@ def _integer(text: str) -> int | str:
 
 def _finding(frame: int, item: Element) -> dict[str, Any]:
     seen = _children(item)
-    offset = _number(seen.get("finding.offset"))
-    text = seen.get("finding.message", "")
+    frames = [int(_show(each)) for each in item.iterfind("field") if _name(each) == "finding.frame"]
     return {
         "rule": _show(item),
         "severity": seen.get("finding.severity"),
-        "message": text if offset is None else at_offset(offset, text),
+        "message": seen.get("finding.message", ""),
+        "args": loads(seen.get("finding.args", "{}")),
         "frame": frame,
+        "frames": sorted({frame, *frames}),
         "transaction": _number(seen.get("finding.transaction")),
-        "filter": f"frame.number == {frame}",
-        "offset": offset,
+        "offset": _number(seen.get("finding.offset")),
     }
 
 
@@ -280,7 +280,3 @@ def _place(finding: dict[str, Any]) -> tuple[int, str, int, int]:
         finding["transaction"] or 0,
         finding["offset"] or 0,
     )
-
-
-def _without_offset(finding: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in finding.items() if key != "offset"}

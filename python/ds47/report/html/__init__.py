@@ -61,7 +61,7 @@ class Writer(_Writer):
 
     def capture(self, result: CaptureResult) -> None:
         number = len(self._overview) + 1
-        view = capture_view(result, number, self.lang, max(ROWS_EACH, self._rows_left))
+        view = capture_view(result, number, max(ROWS_EACH, self._rows_left))
         self._rows_left -= view.rows
         self._overview.append(view.overview)
         self._views.append(view)

@@ -104,10 +104,10 @@ class CaptureView:
     data: Markup = field(repr=False)
 
 
-def capture_view(result: CaptureResult, number: int, lang: str, most_rows: int) -> CaptureView:
+def capture_view(result: CaptureResult, number: int, most_rows: int) -> CaptureView:
     """What the page shows of a capture, with at most so many of its transactions."""
     vendors = {each.ip: each.vendor_id for each in result.devices}
-    found = groups(result, lang, vendors)
+    found = groups(result)
     table, left_out = elements(result, vendors)
     data = packed_rows(result, vendors, most_rows)
     data["elements"] = table
@@ -115,7 +115,7 @@ def capture_view(result: CaptureResult, number: int, lang: str, most_rows: int) 
     remarks = quality(result)
     worst = max((LEVELS.index(each.level) for each in remarks), default=0)
     counts = Counts.of(result)
-    wrong = problems(result, lang, vendors)
+    wrong = problems(result, vendors)
     told = first_screen(wrong)
     durations = sorted(
         each.duration_ns

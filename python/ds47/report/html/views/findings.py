@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from ds47.model import SEVERITIES, CaptureResult, Finding
@@ -53,22 +52,16 @@ class Group:
         return f'ds47.finding == "{self.rule}"'
 
 
-def groups(result: CaptureResult, lang: str, vendors: Mapping[str, int | None]) -> list[Group]:
+def groups(result: CaptureResult) -> list[Group]:
     """The findings of a capture by rule, the serious rules first."""
     found: dict[str, list[Finding]] = {}
     for finding in result.findings:
         found.setdefault(finding.rule, []).append(finding)
-    devices = {each.id: each.device for each in result.transactions}
-    made = [
-        _group(rule, items, lang, lambda number: vendors.get(devices.get(number or 0, "")))
-        for rule, items in found.items()
-    ]
+    made = [_group(rule, items) for rule, items in found.items()]
     return sorted(made, key=lambda group: (-SEVERITIES.index(group.severity), group.rule))
 
 
-def _group(
-    rule: str, items: list[Finding], lang: str, vendor: Callable[[int | None], int | None]
-) -> Group:
+def _group(rule: str, items: list[Finding]) -> Group:
     text, left_out = display_filter(each.frame for each in items)
     return Group(
         rule=rule,
@@ -78,11 +71,7 @@ def _group(
         cause=messages.cause(rule),
         advice=messages.advice(rule),
         shown=[
-            Shown(
-                each.frame,
-                each.transaction,
-                messages.with_offset(each, lang, vendor(each.transaction)),
-            )
+            Shown(each.frame, each.transaction, messages.with_offset(each))
             for each in items[:SHOWN]
         ],
         filter=text,

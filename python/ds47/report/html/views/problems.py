@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ds47.model import DIAGNOSIS, SEVERITIES, CaptureResult, Diagnosis, Finding, Transaction
 from ds47.report.filters import display_filter
@@ -77,23 +77,22 @@ class Problem:
         return text.joined(say("and_more", n=more), ", ", "，") if more > 0 else text
 
 
-def problems(result: CaptureResult, lang: str, vendors: Mapping[str, int | None]) -> list[Problem]:
+def problems(result: CaptureResult, vendors: Mapping[str, int | None]) -> list[Problem]:
     """The problems of a capture; findings that are notes are none."""
     told = []
     for each in result.diagnoses:
-        problem = _diagnosed(each, lang, vendors)
+        problem = _diagnosed(each)
         if axes := answering(result, each):
             problem.what = problem.what.joined(say("answering", list=axes), "; ", "；")
         told.append(problem)
-    return sorted([*told, *_others(result, lang, vendors)], key=_serious_first)
+    return sorted([*told, *_others(result, vendors)], key=_serious_first)
 
 
-def _diagnosed(item: Diagnosis, lang: str, vendors: Mapping[str, int | None]) -> Problem:
-    vendor = vendors.get(item.device) if item.device else None
+def _diagnosed(item: Diagnosis) -> Problem:
     return Problem(
         item.rule,
         item.severity,
-        messages.diagnosis(item, lang, vendor),
+        messages.message(item),
         item.count,
         Counter([item.device] if item.device else []),
         frame=item.frames[0] if item.frames else None,
@@ -103,9 +102,7 @@ def _diagnosed(item: Diagnosis, lang: str, vendors: Mapping[str, int | None]) ->
     )
 
 
-def _others(
-    result: CaptureResult, lang: str, vendors: Mapping[str, int | None]
-) -> Iterable[Problem]:
+def _others(result: CaptureResult, vendors: Mapping[str, int | None]) -> Iterable[Problem]:
     """The findings that no diagnosis covers, by their cause."""
     by_id = {each.id: each for each in result.transactions}
     found: dict[tuple[str, object], Problem] = {}
@@ -117,12 +114,12 @@ def _others(
                 errors_of.add(owner.id)
                 _drive_errors(found, owner, finding, vendors.get(owner.device))
             continue
-        key, what = _kind(finding, owner, lang, vendors)
+        key, what = _kind(finding, owner)
         problem = found.setdefault(key, _problem(finding, what))
         problem.count += 1
         problem.alike &= what == problem.what
         if owner is not None:
-            problem.places[_place(owner, messages.values(finding, lang))] += 1
+            problem.places[_place(owner, finding.args)] += 1
     return found.values()
 
 
@@ -178,9 +175,7 @@ def _drive_errors(
         problem.places[address(item) + axis] += 1
 
 
-def _kind(
-    finding: Finding, owner: Transaction | None, lang: str, vendors: Mapping[str, int | None]
-) -> tuple[tuple[str, object], Both]:
+def _kind(finding: Finding, owner: Transaction | None) -> tuple[tuple[str, object], Both]:
     """What the finding is counted with, and its words."""
     if owner is not None and finding.rule in (_READ_REFUSED, _WRITE_REFUSED):
         write = finding.rule == _WRITE_REFUSED
@@ -190,15 +185,14 @@ def _kind(
             return (finding.rule, word), say(
                 "write_refused" if write else "read_refused", text=text
             )
-    text = messages.message(finding, lang, vendors.get(owner.device) if owner else None)
-    return (finding.rule, ""), text
+    return (finding.rule, ""), messages.message(finding)
 
 
-def _place(item: Transaction, named: Mapping[str, str]) -> str:
-    """The parameter that the message names, else the first of the job; then the drive object."""
+def _place(item: Transaction, named: Mapping[str, Any]) -> str:
+    """The parameter that the finding is about, else the first of the job; then the drive object."""
     axis = "" if item.axis is None else f" DO {item.axis}"
-    if "pnu" in named:
-        index = f"[{named['subindex']}]" if "subindex" in named else ""
+    if named.get("pnu") is not None:
+        index = f"[{named['subindex']}]" if named.get("subindex") is not None else ""
         return f"p{named['pnu']}{index}{axis}"
     if item.parameters:
         return address(item.parameters[0]) + axis

@@ -1,0 +1,142 @@
+"""The sentence of a finding: a rule and typed arguments to words, in English or Chinese.
+
+The only place that words a finding or a diagnosis; nothing reads a value back out of what it gives. What the
+types mean is in spec/rules.toml, the words of keys are in spec/diagnoses.toml and spec/pairing.toml. Used by
+every report, by `watch`, `check` and `decode`; lua/ds47/sentences.lua says the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+from ds47.model import Diagnosis, Finding
+from ds47.profinet.status import status_text
+from ds47.spec import Rule, error_text, rules
+from ds47.spec.semantics import diagnosis_words, reasons
+
+VALUES_SHOWN: Final = 4
+"""Values of a list that a sentence names."""
+_LINE: Final = 100
+_FRAMES: Final = ("frame", "frames")
+
+
+def sentence(item: Finding | Diagnosis, lang: str = "en") -> str:
+    """What a finding, or the first finding of a diagnosis, says: one line, texts of the capture as they are."""
+    if item.said is not None:
+        return item.said
+    return words(item.rule, item.args, lang)
+
+
+def words(rule: str, args: Mapping[str, Any], lang: str = "en") -> str:
+    """The sentence of a rule with these arguments.
+
+    Raises:
+        KeyError: there is no such rule.
+    """
+    row = rules()[rule]
+    template = row.message_zh if lang == "zh" else row.message
+    shown = _Shown(row, args, lang)
+    text = template.format_map(shown)
+    if args.get("dropped") and "reason" not in args:
+        text += f" ({reasons(lang)['dropped']})"
+    return text
+
+
+def at_offset(offset: int, text: str) -> str:
+    """A text about one byte of a message; offsets count from 0."""
+    return f"offset {offset}: {text}"
+
+
+def message(item: Finding, lang: str = "en") -> str:
+    """The sentence of a finding; where it is about a byte of a message, with its offset in front."""
+    text = sentence(item, lang)
+    return text if item.offset is None else at_offset(item.offset, text)
+
+
+def renumbered(rule: str, args: Mapping[str, Any], number: Callable[[int], int]) -> dict[str, Any]:
+    """The arguments with other frame numbers: those of a frame are looked up in `number`."""
+    types = rules()[rule].args
+    changed = dict(args)
+    for name, value in args.items():
+        if value is not None and types.get(name) in _FRAMES:
+            changed[name] = list(map(number, value)) if isinstance(value, list) else number(value)
+    return changed
+
+
+class _Shown(dict[str, str]):
+    """The arguments of a finding by name, as a sentence shows them."""
+
+    def __init__(self, row: Rule, args: Mapping[str, Any], lang: str) -> None:
+        super().__init__()
+        self._row, self._args, self._lang = row, args, lang
+
+    def __missing__(self, key: str) -> str:
+        text = self._text() if key == "text" else self._shown(key)
+        self[key] = text
+        return text
+
+    def _text(self) -> str:
+        """The words of the error number or of the status that the rule is about."""
+        args = self._args
+        if args.get("code") is not None:
+            return error_text(args["code"], self._lang, args.get("vendor_id"))
+        status = args.get("status")
+        return status_text(int(status, 16), self._lang) if status is not None else ""
+
+    def _shown(self, key: str) -> str:
+        kind, value = self._row.args.get(key, "text"), self._args.get(key)
+        if kind == "reason" and value is not None:
+            known = reasons(self._lang)
+            dropped = self._args.get("dropped")
+            return known[value] + (f"; {known['dropped']}" if dropped else "")
+        if kind == "key" and value is not None:
+            return diagnosis_words(self._lang)[value].format_map(self)
+        if kind == "place" and value is not None:
+            return place(value, self._lang)
+        return shown(kind, value)
+
+
+def place(where: Mapping[str, int], lang: str) -> str:
+    """Slot, subslot and record index in words."""
+    index = record_index(where["index"])
+    return diagnosis_words(lang)["place"].format(
+        slot=where["slot"], subslot=where["subslot"], index=index
+    )
+
+
+def record_index(index: int) -> str:
+    """A record index as people write it: 47, 0xB02E."""
+    return str(index) if index < 0x100 else f"0x{index:04X}"
+
+
+def hexadecimal(number: int) -> str:
+    """An id or an error number: 0x6B; a whole word where it is longer: 0x0811."""
+    return f"0x{number:02X}" if number < 0x100 else f"0x{number:04X}"
+
+
+def shown(kind: str, value: Any) -> str:
+    """A value of one of the types that need no words."""
+    if value is None:
+        return "-" if kind in _ABSENT else "?"
+    return _SHOW.get(kind, str)(value)
+
+
+def _values(items: list[Any]) -> str:
+    told = [str(each) for each in items[:VALUES_SHOWN]]
+    return ", ".join([*told, "..."] if len(items) > VALUES_SHOWN else told) or "-"
+
+
+_ABSENT: Final = frozenset(("code", "info", "status", "value", "values"))
+_SHOW: Final[Mapping[str, Callable[[Any], str]]] = {
+    "hex": hexadecimal,
+    "code": hexadecimal,
+    "hex32": "0x{:08X}".format,
+    "index": record_index,
+    "ms": "{:.1f}".format,
+    "ms3": "{:.3f}".format,
+    "numbers": lambda items: ", ".join(map(str, items)),
+    "frames": lambda items: ", ".join(map(str, items)),
+    "values": _values,
+    "line": lambda text: text if len(text) <= _LINE else text[: _LINE - 3] + "...",
+}
