@@ -139,10 +139,9 @@ class Analysis:
         self._findings = Findings(options.select, options.ignore, found)
         self._judge = Judge(bounds, slow_ns)
         self._diagnoses = Diagnoses(options.codec)
-        refused = self._refused if early is not None else None
         self._pairing = Pairing(
-            bounds, self._answered, self._closed, self._nothing_to_read, refused, self._request,
-            self._recalled,
+            bounds, self._answered, self._closed, self._nothing_to_read, self._refused, self._request,
+            self._recalled, self._judge.asked, self._judge.connected,
         )  # fmt: skip
         gate = Gate(options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars)
         self._records = RecordCalls(
@@ -165,8 +164,8 @@ class Analysis:
         self._written: dict[int, Line] = {}
         """Instead of them, where lines are wanted."""
         self._summary: dict[str, int] = {"transactions": 0}
-        self._usual_jobs: dict[str, int] = {}
-        """Closed usual jobs by operation that are not in the summary yet."""
+        self._usual_reads: int | None = None
+        """Closed usual jobs that are not in the summary yet; None before the first one."""
         self._usual: UsualWay | None = None
         if early is None:  # who is told everything at once saves nothing
             self._usual = UsualWay(
@@ -190,9 +189,9 @@ class Analysis:
         self._calls.finish()
         self._pairing.finish()
         self._diagnose(capture)
-        for operation, number in self._usual_jobs.items():
-            for key in ("transactions", "ok", operation):
-                self._summary[key] += number
+        if self._usual_reads:
+            for key in ("transactions", "ok", "read"):
+                self._summary[key] += self._usual_reads
         counts = self._records.counts
         return CaptureResult(
             path=capture.path,
@@ -282,6 +281,7 @@ class Analysis:
             self._settled(job, self._answers[job], self._early)
 
     def _refused(self, job: Job) -> None:
+        self._judge.refused(job)
         if self._early is not None:
             self._settled(job, self._judge.closed(job), self._early)
 
@@ -326,11 +326,13 @@ class Analysis:
         assert job.alike is not None
         for remark in self._diagnoses.usual(job, job.alike, self._careful):
             self._findings.add(remark)
-        if job.alike.operation in self._usual_jobs:
-            self._usual_jobs[job.alike.operation] += 1
-        else:  # the first one: its keys stand where the long way would have put them
-            self._usual_jobs[job.alike.operation] = 0
-            summarise(self._summary, "ok", job.alike.operation)
+        if (
+            self._usual_reads is None
+        ):  # the first one: its keys stand where the long way would have put them
+            self._usual_reads = 0
+            summarise(self._summary, "ok", "read")
+        else:
+            self._usual_reads += 1
         self._written[job.order] = self._lines.usual(job)
 
     def _careful(self, usual: UsualJob) -> Job:

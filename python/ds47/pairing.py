@@ -148,8 +148,8 @@ class Place:
     """The same whoever asks."""
     counts: dict[str, int]
     """Record requests of the index, by "read" and "write"."""
-    heads: dict[str, str]
-    """What the lines of a report say of the place, by operation, as soon as somebody has made it."""
+    head: str | None
+    """What the lines of a report say of the place, as soon as somebody has made it."""
     channel: Channel | None
     """The one of `key`, while `ds47.usual` is in a stretch in which the place was used."""
     proven: bool
@@ -188,7 +188,7 @@ class Place:
         self.ar_key = (peer.controller, peer.device, ar)
         self.spot = (peer.device, api, slot, subslot, index)
         self.counts = counts
-        self.heads = {}
+        self.head = None
         self.reads = self.writes = 0
         self.leave()
 
@@ -213,16 +213,12 @@ class Alike:
     """What usual jobs have in common that differ in nothing but their reference and their values.
 
     Args:
-        change: whether they write the values; else they read them.
         pnus: the parameters that they ask for, in their order.
     """
 
-    __slots__ = ("change", "operation", "pnus")
+    __slots__ = ("pnus",)
 
-    def __init__(self, change: bool, pnus: tuple[int, ...]) -> None:
-        self.change = change
-        self.operation = "change" if change else "read"
-        """As that of a request."""
+    def __init__(self, pnus: tuple[int, ...]) -> None:
         self.pnus = pnus
 
 
@@ -337,6 +333,8 @@ class Pairing:
         refused: called when a Write is refused: what comes after that is seldom of interest.
         decode: the request in the data of a usual job, when that becomes a `Job`;
         recalled: called with it then, if it is answered.
+        asked: called for each Write that asks for something, but those of usual jobs.
+        connected: called for each Connect, with the device and its frame.
     """
 
     def __init__(
@@ -348,11 +346,15 @@ class Pairing:
         refused: Callable[[Job], None] | None = None,
         decode: Callable[[bytes], Request] = decode_request,
         recalled: Callable[[Job], None] | None = None,
+        asked: Callable[[Job], None] | None = None,
+        connected: Callable[[str, int], None] | None = None,
     ) -> None:
         self._limits = limits
         self._tell_refused = refused
         self._decode = decode
         self._recalled = recalled
+        self._asked = asked
+        self._tell_connected = connected
         self._answered = answered
         self._closed = closed
         self._nothing_to_read = nothing_to_read
@@ -377,6 +379,8 @@ class Pairing:
         job = self._job(peer, record, message)
         job.previous_reference, channel.reference = channel.reference, message.request_reference
         channel.asked.append(job)
+        if self._asked is not None:
+            self._asked(job)
         if len(channel.asked) > self._limits.pending_writes:
             self._lose(channel.asked.pop(0), "expired")
         return job
@@ -549,6 +553,8 @@ class Pairing:
         connects.move_to_end((controller, device))
         if len(connects) > self._limits.channels:
             connects.popitem(last=False)
+        if self._tell_connected is not None:
+            self._tell_connected(device, frame)
 
     def finish(self) -> None:
         """The capture is over."""
