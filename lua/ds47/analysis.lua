@@ -321,6 +321,21 @@ function Analysis:remark(remark)
   self.findings:add(remark)
 end
 
+--- A Write asks for something.
+function Analysis:asked(job)
+  self.judge:asked(job)
+end
+
+--- A Write was refused.
+function Analysis:refused(job)
+  self.judge:refused(job)
+end
+
+--- A Connect to a device.
+function Analysis:connected(device, frame)
+  self.judge:connected(device, frame)
+end
+
 --- A job has its response.
 function Analysis:answered(job)
   local half = job.read_response

@@ -124,9 +124,10 @@ M.Pairing = Pairing
 
 --- Takes record calls in the order of the capture and keeps the jobs of every channel.
 -- @param limits    the numbers of tables.limits
--- @param listener  told `answered(job)`, once, when a job has its response; `closed(job)`, once, when nothing
---   more can come; `late(job)` before a Write response changes a closed one; `nothing_to_read(record)` for a
---   Read without record on a channel that has no request
+-- @param listener  told `asked(job)` of each Write request; `refused(job)` when a Write was refused;
+--   `connected(device, frame)` of each Connect; `answered(job)`, once, when a job has its response;
+--   `closed(job)`, once, when nothing more can come; `late(job)` before a Write response changes a closed one;
+--   `nothing_to_read(record)` for a Read without record on a channel that has no request
 function M.new(limits, listener)
   return setmetatable({
     limits = limits,
@@ -402,6 +403,7 @@ function Pairing:write_request(peer, record, message)
   local asked = channel.asked
   asked[#asked + 1] = job
   touch(self, job, "write_request", record.request)
+  self.listener:asked(job)
   if #asked > self.limits.pending_writes then
     lose(self, table.remove(asked, 1), "expired")
   end
@@ -431,6 +433,9 @@ function Pairing:write_response(job, response, fault)
     accept(self, channel, job)
   else
     refuse(self, channel, job)
+    if job.phase == "refused" then
+      self.listener:refused(job)
+    end
   end
 end
 
@@ -502,6 +507,7 @@ function Pairing:connected(controller, device, frame)
   if connects.length > self.limits.channels then
     connects:pop_first()
   end
+  self.listener:connected(device, frame)
 end
 
 --- The capture is over.

@@ -1,4 +1,4 @@
-"""Which drive object a request reaches, and whether two requests reach the same one (docs/pairing.md, P60 on).
+"""Which drive object a request reaches, and whether two requests reach the same one (docs/pairing.md, P60).
 
 A parameter is (device, drive object, PNU, subindex). Index 47 and 0xB02F reach the drive object of the axis
 byte; 0xB02E that of its submodule, whatever the axis byte says. Which submodule that is, and whether a device
@@ -23,7 +23,7 @@ _DO_ID: Final = 7
 
 
 class Access(NamedTuple):
-    """How a request reaches a parameter. `axis` is that of the request; None where it has no such byte."""
+    """How a request reaches a parameter. `axis` is that of the request; None where it has none that counts."""
 
     device: str
     record_index: int
@@ -131,7 +131,12 @@ class DriveObjects:
 
 def access_of(item: Transaction) -> Access:
     """How the request of a transaction reaches its parameters."""
-    return Access(item.device, item.index, item.slot, item.subslot, item.axis)
+    return access(item.device, item.index, item.slot, item.subslot, item.axis)
+
+
+def access(device: str, record_index: int, slot: int, subslot: int, axis: int | None) -> Access:
+    """An access; of a local one the axis byte says nothing."""
+    return Access(device, record_index, slot, subslot, None if record_index == LOCAL else axis)
 
 
 def _is_same_way(one: Access, other: Access) -> bool:

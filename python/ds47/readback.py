@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from ds47.drive_objects import DO_IDENTIFICATION, Access, DriveObjects
+from ds47.drive_objects import DO_IDENTIFICATION, Access, DriveObjects, access
 from ds47.pairing import Job
 from ds47.profidrive import Address, Block, Response
 from ds47.profidrive.model import VALUE, Value
@@ -77,20 +77,20 @@ class ReadBack:
         message, half = job.message, job.write_request
         if message is None or half is None or message.operation != "change":
             return
-        access, told = access_of(job), list[tuple[Element, Written]]()
+        reached, told = access_of(job), list[tuple[Element, Written]]()
         for address, block in zip(message.addresses, message.blocks, strict=False):
             if address.pnu in known().recomputing:
-                self._device(access.device).recomputing.add(job)
+                self._device(reached.device).recomputing.add(job)
             row = parameters().get(address.pnu)
             if row and row.volatile:
                 continue
             for element, raw, value in elements(address, block):
-                key = access.device, address.pnu, element
-                written = Written(access, raw, block.format, value, half.frame)
+                key = reached.device, address.pnu, element
+                written = Written(reached, raw, block.format, value, half.frame)
                 told.append((key, written))
                 self._remember(key, written)
             self.pnus.add(address.pnu)
-        if told or job in self._device(access.device).recomputing:
+        if told or job in self._device(reached.device).recomputing:
             self._open[job] = told
 
     def _remember(self, key: Element, written: Written) -> None:
@@ -149,24 +149,24 @@ class ReadBack:
         request, response, asked = job.message, job.response, job.write_request
         if request is None or response is None or asked is None or request.operation != "read":
             return
-        access = access_of(job)
+        reached = access_of(job)
         for address, block in zip(request.addresses, response.blocks, strict=False):
             if block.error is not None:
-                self._objects.refused(access, block.error.code)
+                self._objects.refused(reached, block.error.code)
             elif address.pnu == DO_IDENTIFICATION and address.attribute == VALUE:
-                self._objects.identified(access, address.subindex, block.values)
+                self._objects.identified(reached, address.subindex, block.values)
             if address.pnu in self.pnus:
-                yield from self._compared(access, asked.frame, address, block)
+                yield from self._compared(reached, asked.frame, address, block)
 
     def _compared(
-        self, access: Access, asked: int, address: Address, block: Block
+        self, reached: Access, asked: int, address: Address, block: Block
     ) -> Iterator[dict[str, Any]]:
-        device = self._device(access.device)
+        device = self._device(reached.device)
         if device.recomputing:
             return
         for element, raw, value in elements(address, block):
-            key = access.device, address.pnu, element
-            last = self._last(key, access, asked)
+            key = reached.device, address.pnu, element
+            last = self._last(key, reached, asked)
             if last is None or last.asked <= device.forgotten or len(last.raw) != len(raw):
                 continue
             if last.raw != raw and not (last.format != block.format and last.value == value):
@@ -177,18 +177,18 @@ class ReadBack:
                     "written": last.value, "by": last.asked, "offset": block.offset,
                 }  # fmt: skip
 
-    def _last(self, key: Element, access: Access, asked: int) -> Written | None:
+    def _last(self, key: Element, reached: Access, asked: int) -> Written | None:
         """What was written last before frame `asked`, as far as that is sure; None where it is not."""
         objects, pnu = self._objects, key[1]
         near = [
             each
             for each in self._written.get(key, ())
-            if not objects.other(access, each.access, pnu)
+            if not objects.other(reached, each.access, pnu)
         ]
         sure = [
             each
             for each in near
-            if each.certain and each.until < asked and objects.same(access, each.access, pnu)
+            if each.certain and each.until < asked and objects.same(reached, each.access, pnu)
         ]
         if not sure:
             return None
@@ -213,7 +213,7 @@ def access_of(job: Job) -> Access:
     """How the request of a job reaches its parameters."""
     record = job.record
     axis = job.message.axis if job.message else None
-    return Access(job.peer.device, record.index, record.slot, record.subslot, axis)
+    return access(job.peer.device, record.index, record.slot, record.subslot, axis)
 
 
 def _last_frame(job: Job) -> int:
