@@ -22,6 +22,7 @@ from typing import Any
 import jsonschema
 import pytest
 from batch_products import Names
+from handmade import finding
 
 from ds47 import __version__, report
 from ds47.analysis import AnalysisOptions, analyze
@@ -32,7 +33,7 @@ from ds47.batch.runner import Failed, Here
 from ds47.batch.tasks import Source, Task, plan
 from ds47.capture import CaptureError
 from ds47.cli import main
-from ds47.model import CaptureResult, Finding, Report
+from ds47.model import CaptureResult, Report
 from ds47.report import json as contract
 from ds47.report import load
 from ds47.report.overview import Row, table
@@ -572,7 +573,7 @@ def test_an_overview_of_results_given_as_a_whole() -> None:
 
 
 def test_columns_of_the_overview_line_up_in_chinese() -> None:
-    findings = [Finding("DS410", "error", "x", 1)] * 12345
+    findings = [finding("DS410", "error", "x", 1)] * 12345
     bad = CaptureResult("b", problem="cut", complete=False, dropped=2, findings=findings)
     rows = [Row.of(CaptureResult("a", complete=False)), Row.of(bad), Row.unreadable("c", "why")]
     title, *lines, more = table(rows, "zh", 2)

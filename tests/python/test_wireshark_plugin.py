@@ -25,6 +25,7 @@ from ds47.lab.client import Client
 from ds47.lab.stage import Stage
 from ds47.report import json as report
 from ds47.report.html.views.findings import groups
+from ds47.report.sentences import sentence
 from ds47.spec import rules
 from ds47.spec.semantics import reasons
 from ds47.wireshark import fields
@@ -271,7 +272,7 @@ def test_no_filter_is_offered_for_what_the_plugin_has_not(rule: str) -> None:
 def test_findings_are_expert_infos(tshark: Tshark) -> None:
     path = CAPTURES["tour-machine.pcapng"]
     findings = analyze(path).findings
-    told = of_transactions({"rule": each.rule, "message": each.message} for each in findings)
+    told = of_transactions({"rule": each.rule, "message": sentence(each)} for each in findings)
     found = tshark("-r", path, *COMPLETE, "-q", "-z", "expert")
     assert {each["rule"][:3] for each in told} >= {"DS4", "DS7"}
     assert all(each["message"] in found for each in told)

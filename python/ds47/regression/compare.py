@@ -405,9 +405,16 @@ def _order(pair: tuple[int | None, int | None]) -> tuple[int, int]:
 
 
 def _sentence(finding: Json, lang: str) -> str:
-    """What a finding of a result says, now, whatever was said when it was stored."""
-    item = load.finding(finding)
-    return message(sentence(item, lang), item.offset, lang)
+    """What a finding of a result says, now, whatever was said when it was stored.
+
+    That only where the arguments are not those of a rule of this version.
+    """
+    try:
+        item = load.finding(finding)
+        text, offset = sentence(item, lang), item.offset
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError):
+        text, offset = load.message(finding["message"])
+    return message(text, offset, lang)
 
 
 def _frozen(item: Any) -> Any:
