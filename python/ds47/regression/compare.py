@@ -269,7 +269,7 @@ class Comparison:
     # What stands beside the transactions
 
     def _alone(self, kind: str, old: int | None, new: int | None, item: Json) -> Change:
-        asked = ", ".join(f"p{each['pnu']}[{each['subindex']}]" for each in item["parameters"][:3])
+        asked = ", ".join(map(_address, item["parameters"][:3]))
         text = self._say(f"change_{kind}", number=str(item["id"]), operation=item["operation"],
                          asked=asked or "-", state=item["state"])  # fmt: skip
         pnu = next((each["pnu"] for each in item["parameters"]), None)
@@ -392,6 +392,12 @@ def _order(pair: tuple[int | None, int | None]) -> tuple[int, int]:
     """Reading order: by the present place; what is gone stands where it was."""
     old, new = pair
     return (new if new is not None else old or 0, 0 if new is None else 1)
+
+
+def _address(parameter: Json) -> str:
+    """`p2900[0]`; `p?` where no request names it."""
+    pnu, subindex = parameter["pnu"], parameter["subindex"]
+    return "p?" if pnu is None else f"p{pnu}[{subindex}]"
 
 
 def _outcome(parameter: Json) -> Both:
