@@ -144,10 +144,16 @@ class Manner(NamedTuple):
 
 def _todo(results: Results, tasks: Sequence[Task]) -> list[Task]:
     """What is not done; says of what was done why it is done again."""
+    from ds47.batch.results import DAMAGED
+
     reasons = {task.path: results.undone(task) for task in tasks}
     again = Counter(reason for reason in reasons.values() if reason not in (None, "no result"))
     for reason, number in sorted(again.items()):
-        warn(f"{counted(number, 'capture')} done again: {reason}")
+        text = f"{counted(number, 'capture')} done again: {reason}"
+        if reason == DAMAGED:
+            first = next(task for task in tasks if reasons[task.path] == DAMAGED)
+            text += f", {'the first is ' if number > 1 else ''}{results.place(first)}"
+        warn(text)
     return [task for task in tasks if reasons[task.path] is not None]
 
 
