@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -218,6 +219,50 @@ def test_ctrl_c_leaves_whole_results(captures: Path, cluster: Cluster, tmp_path:
     assert f"interrupted: {len(found)} of 150 results" in errors
     for path in found:
         json.loads(path.read_bytes())
+
+
+@pytest.mark.parametrize("stored", [True, False])
+def test_a_lost_scheduler_ends_the_run_and_says_how_to_go_on(
+    captures: Path, tmp_path: Path, stored: bool
+) -> None:
+    many, results = tmp_path / "many", tmp_path / "r"
+    many.mkdir()
+    one = tmp_path / "one.pcapng"
+    one.write_bytes((captures / "tour-machine.pcapng").read_bytes() * 60)
+    for number in range(60):
+        os.link(one, many / f"{number:04}.pcapng")
+    (tmp_path / "dask").mkdir()
+    cluster = Cluster(tmp_path / "dask")
+    command = [sys.executable, "-m", "ds47", "report", str(many)]
+    more = ["--results", str(results)] if stored else ["-f", "ndjson", "-o", str(tmp_path / "o")]
+    try:
+        cluster.add(1)
+        process = subprocess.Popen(
+            [*command, *more, "--scheduler", cluster.address],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        if stored:
+            wait_until(lambda: process.poll() or len(list(results.glob("*.pcapng.json"))) > 2)
+        else:
+            wait_until(lambda: process.poll() or any(map(os.path.getsize, tmp_path.glob(".o.*"))))
+    finally:
+        cluster.end()
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 3, errors
+    said = f"ds47: the Dask scheduler at {cluster.address} is gone: "
+    if not stored:
+        assert re.fullmatch(
+            re.escape(said) + r"\d+ of 60 captures were reported; "
+            r"a run with --results FOLDER can be gone on with\n", errors,
+        )  # fmt: skip
+        return
+    found = list(results.iterdir())
+    assert errors == (
+        f"{said}{len(found)} of 60 results are in {results}; "
+        "to go on: the same command with --resume\n"
+    )
+    assert main([*command[3:], *more, "--resume"]) == 0
+    assert len(list(results.iterdir())) == 61
 
 
 def test_a_capture_that_kills_every_worker_is_named(tmp_path: Path, monkeypatch: Any) -> None:

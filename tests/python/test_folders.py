@@ -25,10 +25,11 @@ from batch_products import Names
 
 from ds47 import __version__, report
 from ds47.analysis import AnalysisOptions, analyze
+from ds47.batch.endings import Failed
 from ds47.batch.jobs import useful_jobs
 from ds47.batch.local import Local
 from ds47.batch.results import Results
-from ds47.batch.runner import Failed, Here
+from ds47.batch.runner import Here
 from ds47.batch.tasks import Source, Task, plan
 from ds47.capture import CaptureError
 from ds47.cli import main

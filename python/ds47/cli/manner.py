@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from ds47.cli.run import Analyzer, Runner
 
 
+_NOT_ALL = 3
+"""The exit status where not everything could be read."""
+
+
 class Manner(NamedTuple):
     """How the captures are analysed, and where: what the options say."""
 
@@ -84,7 +88,7 @@ class Manner(NamedTuple):
         if results is None and self.scheduler is None and self._jobs(tasks) == 1:
             run.here(tasks, _analyzer(self.engine, self.analysis, self.tshark, writer.lines))
             return
-        from ds47.batch.runner import Failed
+        from ds47.batch.endings import Failed, Lost
 
         try:
             if results is not None:
@@ -93,6 +97,8 @@ class Manner(NamedTuple):
                 self._spooled(run, tasks, writer)
         except Failed as problem:
             raise click.ClickException(str(problem)) from problem
+        except Lost as problem:  # was told, with how far the run came
+            raise click.exceptions.Exit(_NOT_ALL) from problem
 
     def _spooled(self, run: Run, tasks: Sequence[Task], writer: Writer) -> None:
         from tempfile import TemporaryDirectory  # only here: it takes long to import

@@ -12,6 +12,7 @@ from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING
 
+from ds47.batch.endings import Lost
 from ds47.batch.garbage import collect
 from ds47.capture import CaptureError
 from ds47.cli.common import counted
@@ -115,11 +116,11 @@ class Run:
                     else:
                         outcome = results.place(task)
                     kept.append(self._store(results, task, outcome, whole=rows is None))
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, Lost) as problem:
             done = sum(results.undone(task) is None for task in tasks)
             self._progress.warn(
-                f"interrupted: {done} of {counted(len(tasks), 'result')} are in {results.folder}; "
-                "to go on: the same command with --resume"
+                f"{_ended(problem)}: {done} of {counted(len(tasks), 'result')} are in "
+                f"{results.folder}; to go on: the same command with --resume"
             )
             raise
         return kept
@@ -166,13 +167,18 @@ class Run:
         """Says how far a run of many captures came."""
         try:
             yield
-        except KeyboardInterrupt:
-            if total > 1:
+        except (KeyboardInterrupt, Lost) as problem:
+            if total > 1 or isinstance(problem, Lost):
                 self._progress.warn(
-                    f"interrupted: {self._reported} of {counted(total, 'capture')} were reported; "
+                    f"{_ended(problem)}: {self._reported} of {counted(total, 'capture')} were reported; "
                     "a run with --results FOLDER can be gone on with"
                 )
             raise
+
+
+def _ended(problem: BaseException) -> str:
+    """Why a run ended before its end."""
+    return str(problem) if isinstance(problem, Lost) else "interrupted"
 
 
 def _taken(outcome: Outcome, _task: Task, finished: OnTransaction | None) -> CaptureResult:
