@@ -20,7 +20,7 @@ from ds47 import __version__
 from ds47.analysis import AnalysisOptions
 from ds47.batch.products import discard, draft_of, whole
 from ds47.batch.tasks import Task, read
-from ds47.capture.remote import is_url
+from ds47.capture.remote import file_system, is_url
 from ds47.model import CaptureResult
 from ds47.report import SCHEMA, load
 from ds47.report import json as contract
@@ -173,6 +173,23 @@ class Results:
         result.problem, result.dropped = row["problem"], row["dropped"]
         return result
 
+    def shown(self, task: Task | None = None) -> str:
+        """How people know the folder, or the result of a task."""
+        return str(self.folder if task is None else self.place(task))
+
+    def fetch(self, tasks: Sequence[Task]) -> None:
+        """Gets the results that are there. Here they are."""
+
+    def keep(self, task: Task) -> None:
+        """Takes a new result to where it stays. Here it does."""
+
+    def told(self, task: Task) -> None:
+        """The report has a result. Here it stays."""
+
+    def done(self, tasks: Sequence[Task]) -> int:
+        """How many results there are when a run is ended before its end."""
+        return sum(self.undone(task) is None for task in tasks)
+
     def forget(self, task: Task) -> None:
         """A capture that cannot be read any more has no result."""
         discard(self.place(task))
@@ -206,6 +223,22 @@ class Results:
 
 _MISSHAPEN = (ValueError, LookupError, TypeError, AttributeError, RecursionError)
 """What comes of reading JSON that is damaged, or is of another shape."""
+
+
+def results_at(name: str, options: AnalysisOptions) -> Results:
+    """The results in a folder of this machine, or behind a URL.
+
+    Raises:
+        ds47.capture.CaptureError: nothing opens such a URL.
+    """
+    if not is_url(name):
+        return Results(Path(name), options)
+    system, path = file_system(name)
+    if "file" in system.protocol:
+        return Results(Path(path), options)
+    from ds47.batch.remote_results import RemoteResults
+
+    return RemoteResults(name, options)
 
 
 def _below(path: str, roots: Sequence[str]) -> str:

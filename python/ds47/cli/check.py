@@ -15,7 +15,7 @@ import click
 
 from ds47.cli.common import Misses, output, stdout
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import STDIN, about
+from ds47.cli.paths import STDIN, about, refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
 from ds47.model import SEVERITIES
@@ -73,6 +73,7 @@ def command(
     stored one is gone from a folder; 3 a capture cannot be read as a whole. Tolerances, masks and
     known findings stand in ds47.toml.
     """
+    refuse_urls(paths)
     spare_captures(junit, sarif)
     outcomes, seconds, misses = _run(paths, series, fail_on, options)
     if format_name == "json":

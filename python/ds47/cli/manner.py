@@ -62,12 +62,17 @@ class Manner(NamedTuple):
         """The folder of results, and what is not there yet."""
         if self.folder is None:
             return None, tasks
-        from ds47.batch.results import Results, SameNameError
+        from ds47.batch.results import SameNameError, results_at
+        from ds47.capture import CaptureError
 
-        results = Results(Path(self.folder), self.analysis)
         try:
+            results = results_at(self.folder, self.analysis)
             results.name(tasks, roots)
             results.begin()
+            if self.resume:
+                results.fetch(tasks)
+        except CaptureError as problem:
+            raise click.ClickException(str(problem)) from problem
         except SameNameError as problem:
             raise click.ClickException(f"{problem}; report them one at a time") from problem
         except OSError as problem:
@@ -158,7 +163,7 @@ def _todo(results: Results, tasks: Sequence[Task]) -> list[Task]:
         text = f"{counted(number, 'capture')} done again: {reason}"
         if reason == DAMAGED:
             first = next(task for task in tasks if reasons[task.path] == DAMAGED)
-            text += f", {'the first is ' if number > 1 else ''}{results.place(first)}"
+            text += f", {'the first is ' if number > 1 else ''}{results.shown(first)}"
         warn(text)
     return [task for task in tasks if reasons[task.path] is not None]
 

@@ -112,15 +112,17 @@ class Run:
                     collect()
                     if task.path in waiting:
                         _, outcome = next(coming)
+                        if not isinstance(outcome, CaptureError):
+                            results.keep(task)
                         self._progress.done(task.size)
                     else:
                         outcome = results.place(task)
                     kept.append(self._store(results, task, outcome, whole=rows is None))
         except (KeyboardInterrupt, Lost) as problem:
-            done = sum(results.undone(task) is None for task in tasks)
+            done = results.done(tasks)
             self._progress.warn(
                 f"{_ended(problem)}: {done} of {counted(len(tasks), 'result')} are in "
-                f"{results.folder}; to go on: the same command with --resume"
+                f"{results.shown()}; to go on: the same command with --resume"
             )
             raise
         return kept
@@ -139,6 +141,7 @@ class Run:
             result = results.load(task)
             self._gaps(result)
             write_one(self._writer, result)
+        results.told(task)
         return row
 
     def _unreadable(self, task: Task, problem: CaptureError, *, told: bool = True) -> str:
