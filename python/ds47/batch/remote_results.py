@@ -36,10 +36,9 @@ class RemoteResults(Results):
     def __init__(self, url: str, options: AnalysisOptions) -> None:
         self._scratch = TemporaryDirectory(prefix="ds47-")
         super().__init__(Path(self._scratch.name), options)
-        self._url = url.rstrip("/")
+        self._url = url if url.endswith("://") else url.rstrip("/")
         self._system, base = file_system(url)
         self._base = base.rstrip("/")
-        self._there: set[str] = set()
         self._done: set[str] = set()
 
     def shown(self, task: Task | None = None) -> str:
@@ -57,7 +56,7 @@ class RemoteResults(Results):
         super().begin()
         overview = self.folder / OVERVIEW
         overview.write_text("{}")
-        with _as_os_error():
+        with self._reached():
             self._system.put_file(str(overview), f"{self._base}/{OVERVIEW}")
             self._system.rm_file(f"{self._base}/{OVERVIEW}")
         overview.unlink()
@@ -68,11 +67,12 @@ class RemoteResults(Results):
         Raises:
             OSError: they cannot be read.
         """
-        with _as_os_error():
+        with self._reached():
+            there: set[str] = set()
             with suppress(FileNotFoundError):
                 self._system.invalidate_cache()
-                self._there = set(self._system.find(self._base))
-            wanted = [task for task in tasks if self._remote(task) in self._there]
+                there = set(self._system.find(self._base))
+            wanted = [task for task in tasks if self._remote(task) in there]
             for begin in range(0, len(wanted), _AT_ONCE):
                 some = wanted[begin : begin + _AT_ONCE]
                 places = [self.place(task) for task in some]
@@ -94,7 +94,7 @@ class RemoteResults(Results):
             Lost: it cannot be written.
         """
         try:
-            with _as_os_error():
+            with self._reached():
                 self._system.put_file(str(self.place(task)), self._remote(task))
         except OSError as problem:
             raise Lost(f"cannot write {self.shown(task)}: {problem.strerror}") from problem
@@ -107,9 +107,8 @@ class RemoteResults(Results):
     def forget(self, task: Task) -> None:
         """A capture that cannot be read any more has no result."""
         super().forget(task)
-        if self._remote(task) in self._there:
-            with suppress(Exception):
-                self._system.rm_file(self._remote(task))
+        with suppress(Exception):  # mostly there is none
+            self._system.rm_file(self._remote(task))
 
     def done(self, tasks: Sequence[Task]) -> int:
         """How many results there are when a run is ended; those that waited for their turn are written."""
@@ -122,7 +121,7 @@ class RemoteResults(Results):
     def end(self, rows: Sequence[Row], owner: int) -> None:
         """Writes the overview."""
         super().end(rows, owner)
-        with _as_os_error():
+        with self._reached():
             self._system.put_file(str(self.folder / OVERVIEW), f"{self._base}/{OVERVIEW}")
 
     def _name(self, task: Task) -> str:
@@ -131,11 +130,10 @@ class RemoteResults(Results):
     def _remote(self, task: Task) -> str:
         return f"{self._base}/{self._name(task)}"
 
-
-@contextmanager
-def _as_os_error() -> Iterator[None]:
-    """What the libraries of a file system raise, as OSError with one line."""
-    try:
-        yield
-    except Exception as problem:
-        raise OSError(errno.EIO, reason(problem)) from problem
+    @contextmanager
+    def _reached(self) -> Iterator[None]:
+        """What the libraries of a file system raise, as OSError with one line."""
+        try:
+            yield
+        except Exception as problem:
+            raise OSError(errno.EIO, reason(problem), self._url) from problem
