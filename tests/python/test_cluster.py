@@ -498,6 +498,25 @@ def test_a_url_that_takes_no_more_results_ends_the_run(
     assert run(capsys, *arguments, "--resume")[1] == run(capsys, folder, "-f", "overview")[1]
 
 
+def test_ctrl_c_writes_what_is_finished_to_the_url(
+    capsys: Any, folder: Path, bucket: Any, monkeypatch: Any
+) -> None:
+    put, calls = bucket.put_file, []
+
+    def put_file(*arguments: Any) -> None:
+        calls.append(arguments)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+        put(*arguments)
+
+    monkeypatch.setattr(type(bucket), "put_file", staticmethod(put_file))
+    status, _, problems = run(capsys, folder, "--results", "memory://out", "-j", "1")
+    assert status == 130
+    said = "ds47: interrupted: 3 of 7 results are in memory://out; "
+    assert any(line.startswith(said) for line in problems)
+    assert len(bucket.find("/out")) == 3
+
+
 @pytest.mark.parametrize("command", ["baseline", "check", "accept"])
 def test_stored_results_stand_in_folders(
     capsys: Any, memory: str, tmp_path: Path, monkeypatch: Any, command: str
