@@ -273,7 +273,7 @@ class Comparison:
     # What stands beside the transactions
 
     def _alone(self, kind: str, old: int | None, new: int | None, item: Json) -> Change:
-        asked = ", ".join(f"p{each['pnu']}[{each['subindex']}]" for each in item["parameters"][:3])
+        asked = ", ".join(map(_address, item["parameters"][:3]))
         text = self._say(f"change_{kind}", number=str(item["id"]), operation=item["operation"],
                          asked=asked or "-", state=item["state"])  # fmt: skip
         pnu = next((each["pnu"] for each in item["parameters"]), None)
@@ -422,6 +422,12 @@ def _frozen(item: Any) -> Any:
     if isinstance(item, dict):
         return tuple(sorted((key, _frozen(value)) for key, value in item.items()))
     return tuple(map(_frozen, item)) if isinstance(item, list) else item
+
+
+def _address(parameter: Json) -> str:
+    """`p2900[0]`; `p?` where no request names it."""
+    pnu, subindex = parameter["pnu"], parameter["subindex"]
+    return "p?" if pnu is None else f"p{pnu}[{subindex}]"
 
 
 def _outcome(parameter: Json) -> Both:
