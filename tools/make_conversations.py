@@ -1820,6 +1820,19 @@ def _(tape: Tape) -> None:
 
 
 @case(
+    "P37-zero-asked-none-answered",
+    "P37 P46",
+    "values",
+    [tx(1, "ok", (1, 2, 3, 4), 3, real())],
+    "DS408@4#1",
+)
+def _(tape: Tape) -> None:
+    """Number of elements 0 asks for one value, as 1 does; the block has none."""
+    request = message.read(1, 1, message.address(21, elements=0))
+    Client(tape).exchange(request, message.answer(1, 1, 1, message.real()))
+
+
+@case(
     "P37-more-values",
     "P37 P46",
     "values",

@@ -284,7 +284,7 @@ class Judge:
             if block.error is not None:
                 args = self._error_args(job, block, address)
                 remarks.append(Remark("DS410", frame, args, block.offset))
-            elif address and read and block.value_count != address.element_count:
+            elif address and read and block.value_count != (address.element_count or 1):
                 _element_count(frame, block, address, remarks)
 
     def _error_args(self, job: Job, block: Block, address: Address | None) -> dict[str, Any]:
@@ -407,7 +407,7 @@ def _is_change(job: Job) -> bool:
 
 
 def _element_count(frame: int, block: Block, address: Address, remarks: list[Remark]) -> None:
-    asked = max(1, address.element_count)
+    asked = address.element_count or 1  # 0 asks for one value too: an empty block has fewer
     if block.value_count == asked or address.attribute != VALUE:
         return
     if address.element_count == 0 and block.value_count > 1:
