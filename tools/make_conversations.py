@@ -1280,6 +1280,14 @@ def _(tape: Tape) -> None:
     client.read(tell(1, 1.5))
 
 
+@case("P33-empty-body-nothing-asked", "P33 P53", "nothing-to-read malformed", [], "DS108@2")
+def _(tape: Tape) -> None:
+    """A Read on a channel without a request, whose response has no body: that is the cause, and said once."""
+    client = Client(tape)
+    client.channel = client.at(index=0xB02F)
+    client.reply(client.ask_read(), b"")
+
+
 @case("P33-nothing-to-read", "P33", "nothing-to-read", [], "DS206@2 DS206@4 DS206@6")
 def _(tape: Tape) -> None:
     """Reads without data on a channel without a request: busy, refused, and positive."""

@@ -364,9 +364,8 @@ end
 --- A Read without record on a channel that has no request (docs/pairing.md P33).
 function Analysis:nothing_to_read(record)
   local half = record.response
-  if half ~= nil then
-    local text = half.status == nil and "-" or status.status_hex(half.status)
-    self.findings:add(rules.remark("DS206", half.frame, {status = text}))
+  if half ~= nil and half.status ~= nil then -- without a status it is DS108, the cause
+    self.findings:add(rules.remark("DS206", half.frame, {status = status.status_hex(half.status)}))
   end
 end
 

@@ -356,9 +356,8 @@ class Analysis:
     def _nothing_to_read(self, peer: Peer, record: Record) -> None:
         self._diagnoses.nothing_to_read(peer, record)
         half = record.response
-        if half is not None:
-            status = "-" if half.status is None else status_hex(half.status)
-            self._findings.add(Remark("DS206", half.frame, {"status": status}))
+        if half is not None and half.status is not None:  # without a status it is DS108, the cause
+            self._findings.add(Remark("DS206", half.frame, {"status": status_hex(half.status)}))
 
     def _numbered(self) -> list[Transaction]:
         """The transactions in the order of their first frame, then of the position inside it."""
