@@ -195,7 +195,7 @@ function Judge:unanswered(job)
     end
     if job.superseded_by ~= nil then
       put(remarks, change and "DS414" or "DS413", job.superseded_by, {by = job.superseded_by})
-    else
+    elseif not job.limit then -- else a response may have come later
       put(remarks, change and "DS402" or "DS401", write.frame, {reason = job.reason})
     end
   end
@@ -259,7 +259,9 @@ function Judge:_response(remarks, job, stray)
   end
   put_flaws(remarks, response.flaws, half.frame)
   if job.message == nil then
-    put(remarks, "DS403", half.frame)
+    if not job.uncertain then
+      put(remarks, "DS403", half.frame)
+    end
   else
     self:_mirror(remarks, half.frame, job)
   end

@@ -96,8 +96,8 @@ function M.verdict(counts, lang)
   return head .. (lang == "zh" and "：" or ": ") .. words.joined(lang, parts)
 end
 
--- Record calls on indices that carried no parameter channel. An IODWriteMultiple is none: it is opened, and what
--- is in it counts by its own index.
+-- Record calls on indices that carried no parameter channel. An IODWriteMultiple is none: it is opened, and
+-- what is in it counts by its own index.
 local function other_records(result)
   local ours, number = { [words.integer(WRITE_MULTIPLE)] = true }, 0
   for _, each in ipairs(result.transactions) do

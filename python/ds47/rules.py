@@ -194,7 +194,7 @@ class Judge:
             if job.superseded_by is not None:
                 rule = "DS414" if change else "DS413"
                 remarks.append(Remark(rule, job.superseded_by, {"by": job.superseded_by}))
-            else:
+            elif not job.limit:  # else a response may have come later
                 rule = "DS402" if change else "DS401"
                 remarks.append(Remark(rule, write.frame, {"reason": job.reason}))
         for remark in remarks:
@@ -239,7 +239,8 @@ class Judge:
         if response.flaws:
             _flaws(response.flaws, half.frame, remarks)
         if request is None:
-            remarks.append(Remark("DS403", half.frame))
+            if job.certain:
+                remarks.append(Remark("DS403", half.frame))
         else:
             self._mirror(half.frame, request, response, remarks)
         self._blocks(half.frame, job, stray, remarks)

@@ -2,7 +2,7 @@
 -- Usage: lua analysis.lua INPUT. Input is a JSON object a line, its `kind` says what it is:
 --   begin          {lang, look}: a new analysis; `look`: ended() after every packet, which must not matter
 --   udp, fragment  a packet, as Analysis:packet and Analysis:fragment take it, bytes in hex, the time as
---                  seconds and nanoseconds
+--                  seconds and nanoseconds; of a frame that is cut its lengths as `captured` and `original`
 --   dcp, lldp      {payload, src_mac, dst_mac}
 --   end            {dropped}: prints the result as one line of JSON, keys as in schema ds47.report/1, but
 --                  `start` as [second, nanosecond] and `duration_ns` instead of `duration_ms`
@@ -121,6 +121,9 @@ local function fed(line)
     end
   end
   line.time_ns = run:time_ns(line.seconds, line.nanoseconds)
+  if line.original then
+    line.cut = {frame = line.frame, captured = line.captured, original = line.original}
+  end
   return line
 end
 
