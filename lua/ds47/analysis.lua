@@ -23,6 +23,7 @@ local rpc = require("ds47.rpc")
 local rules = require("ds47.rules")
 local status = require("ds47.status")
 local tables = require("ds47.tables")
+local new_time = require("ds47.times").new
 local transactions = require("ds47.transactions")
 
 local M = {}
@@ -82,8 +83,7 @@ end
 
 -- What is fed
 
---- A time as `packet` and `fragment` take it: nanoseconds relative to the first second that was asked for,
--- so that a double holds them exactly for more than three months either way.
+--- A time as `packet` and `fragment` take it, relative to the first second that was asked for (times.lua).
 -- @param seconds, nanoseconds  since 1970, whole numbers
 function Analysis:time_ns(seconds, nanoseconds)
   local base = self.base_seconds
@@ -91,7 +91,7 @@ function Analysis:time_ns(seconds, nanoseconds)
     base = seconds
     self.base_seconds = base
   end
-  return (seconds - base) * 1000000000 + nanoseconds
+  return new_time(seconds - base, nanoseconds)
 end
 
 -- What is given up is told at once; `kind` is "RPC" or "IP".

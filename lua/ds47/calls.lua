@@ -259,7 +259,7 @@ function CallTracker:_expire(calls, now)
     and now - oldest.request.time_ns <= limits.call_expiry_ns then
     return
   end
-  self:_expire_unanswered(calls, now - limits.call_expiry_ns)
+  self:_expire_unanswered(calls, now)
   while calls.length > most do
     local _, call = calls:pop_first()
     if not call.response then
@@ -268,13 +268,13 @@ function CallTracker:_expire(calls, now)
   end
 end
 
---- Loses the unanswered calls from before `earliest` and forgets all but the newest answered ones.
-function CallTracker:_expire_unanswered(calls, earliest)
-  local late, answered = {}, {}
+--- Loses the unanswered calls that are too old and forgets all but the newest answered ones.
+function CallTracker:_expire_unanswered(calls, now)
+  local late, answered, expiry = {}, {}, self.limits.call_expiry_ns
   for seq, call in calls:iterate() do
     if call.response then
       answered[#answered + 1] = seq
-    elseif call.request.time_ns < earliest then
+    elseif now - call.request.time_ns > expiry then
       late[#late + 1] = seq
     end
   end

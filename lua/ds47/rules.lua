@@ -76,11 +76,11 @@ function M.drive_time_ns(job)
       break
     end
   end
-  local pause = 0
-  if first and job.write_response then
-    pause = max(0, first.time_ns - job.write_response.time_ns)
+  local accepted = job.write_response
+  if first and accepted and first.time_ns > accepted.time_ns then -- the parts are exact, whatever the pause
+    return read.time_ns - first.time_ns + (accepted.time_ns - write.time_ns)
   end
-  return read.time_ns - write.time_ns - pause
+  return read.time_ns - write.time_ns
 end
 
 local function hex(code)

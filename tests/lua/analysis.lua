@@ -15,6 +15,7 @@ local formats = require("ds47.formats")
 local json = require("ds47.json")
 local unhex = require("ds47.reader").unhex
 local status = require("ds47.status")
+local times = require("ds47.times")
 
 local function hex(bytes)
   return bytes and (bytes:gsub(".", function(byte) return ("%02x"):format(byte:byte()) end))
@@ -71,7 +72,8 @@ local function transaction(item, base_seconds)
     .. "request_reference axis duration_ns")
   result.frames = object(item.frames, "write_request write_response read_request read_response")
   result.frames.polls, result.frames.rereads = reads(item.frames.polls), reads(item.frames.rereads)
-  result.start = {base_seconds + math.floor(item.start_ns / 1000000000), item.start_ns % 1000000000}
+  local seconds, nanoseconds = times.split(item.start_ns)
+  result.start = {base_seconds + seconds, nanoseconds}
   result.bytes = {request = null(hex(item.request)), response = null(hex(item.response))}
   result.status = {write = word(item.write_status), read = word(item.read_status)}
   result.parameters = list(item.parameters, parameter)

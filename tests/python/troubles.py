@@ -25,6 +25,10 @@ PNU, COUNT = 100, 120
 """What is read, and how many values of it."""
 AT_ONCE = 2_100
 """Calls at once: more than the limit `activities`."""
+DECADES = 1_767_254_400 * 10**9 + 123_456_789
+"""Nanoseconds from 1970 to 2026."""
+QUARTER = 105 * 86_400 * 10**9 + 1
+"""A little more than a double holds exactly."""
 
 
 def request(reference: int) -> bytes:
@@ -198,6 +202,28 @@ def fragments_one_after_the_other() -> bytes:
     return stage.written()
 
 
+def clock_set_by_decades() -> bytes:
+    """The clock begins in 1970, is set to 2026 and back again; there are fragments, polls and lost answers."""
+    stage = Quick(now_ns=5 * 10**9 + 7)
+    client = Client(stage)
+    for number in range(24):
+        client.fragment = 200 if number % 3 == 0 else None
+        client.write(request(number + 1))
+        if number % 4 == 1:
+            client.poll()
+        if number % 5 == 2:
+            stage.wait(2500)
+        client.read(answer(number + 1, number))
+        if number % 7 == 3:
+            del stage.sent[-1]
+        stage.now_ns += 700_000_001 * (number + 1)
+        if number in (5, 11, 17):
+            stage.now_ns += (-1 if number == 11 else 1) * DECADES
+        elif number == 20:
+            stage.now_ns += QUARTER
+    return stage.written()
+
+
 ALL: tuple[Callable[[], bytes], ...] = (
     clock_back_with_lost_answers,
     clock_back_with_ip_fragments,
@@ -208,4 +234,5 @@ ALL: tuple[Callable[[], bytes], ...] = (
     ip_fragments_at_once,
     rpc_fragments_at_once,
     fragments_one_after_the_other,
+    clock_set_by_decades,
 )
