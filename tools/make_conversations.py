@@ -65,6 +65,12 @@ class Tape(Stage):
             self.steps.append(step)
         self.now_ns += self.gap_ns
 
+    def cut(self, count: int) -> None:
+        """The capture cuts so many bytes off the newest frame."""
+        step = self.steps[-1]
+        step["bytes"] = step["bytes"][: -2 * count]
+        step["cut"] = count
+
     def repeat(self, number: int = -1) -> None:
         """A datagram that was seen before is seen again, with its IP id."""
         self.steps.append({**self.steps[number], "t": self.now_ns - START_NS})
@@ -1280,6 +1286,14 @@ def _(tape: Tape) -> None:
     client.read(tell(1, 1.5))
 
 
+@case("P33-empty-body-nothing-asked", "P33 P53", "nothing-to-read malformed", [], "DS108@2")
+def _(tape: Tape) -> None:
+    """A Read on a channel without a request, whose response has no body: that is the cause, and said once."""
+    client = Client(tape)
+    client.channel = client.at(index=0xB02F)
+    client.reply(client.ask_read(), b"")
+
+
 @case("P33-nothing-to-read", "P33", "nothing-to-read", [], "DS206@2 DS206@4 DS206@6")
 def _(tape: Tape) -> None:
     """Reads without data on a channel without a request: busy, refused, and positive."""
@@ -1683,10 +1697,10 @@ def _(tape: Tape) -> None:
     "P3 P11 P12 P29 P48",
     "fragments lost",
     [tx(1, "ok", (2, 4, 9, 11), 10, real(1.5))],
-    "DS101@6 DS105@7",
+    "DS105@7",
 )
 def _(tape: Tape) -> None:
-    """The last fragment of the Read response is lost, and the record is read again."""
+    """The last fragment of the Read response is lost, and the record is read again: it is there in part."""
     client = Client(tape, fragment=60)
     client.write(ask())
     client.read(tell(1, 1.5))
@@ -1702,10 +1716,58 @@ def _(tape: Tape) -> None:
     "DS106@4 DS315@4#1",
 )
 def _(tape: Tape) -> None:
-    """The PDU of the Read response lacks its last two bytes, half of the only value."""
+    """The frame of the Read response lacks its last two bytes, half of the only value."""
+    client = Client(tape)
+    client.exchange(ask(), tell(1, 1.5))
+    tape.cut(2)
+
+
+@case(
+    "P53-pdu-longer-than-its-datagram",
+    "P53",
+    "malformed",
+    [tx(1, "ok", (1, 2, 3, 4), 3, real())],
+    "DS202@4 DS315@4#1",
+)
+def _(tape: Tape) -> None:
+    """The datagram of the Read response ends two bytes too early, and the frame is whole: nothing was cut."""
     client = Client(tape)
     client.exchange(ask(), tell(1, 1.5))
     tape.steps[-1]["bytes"] = tape.steps[-1]["bytes"][:-4]
+
+
+@case(
+    "P53-fragment-cut",
+    "P3 P53",
+    "fragments malformed",
+    [tx(1, "ok", (2, 3, 4, 6), 4, real())],
+    "DS106@5 DS315@6#1",
+)
+def _(tape: Tape) -> None:
+    """The frame with the first of two fragments of the Read response is cut: that one is named."""
+    client = Client(tape, fragment=92)
+    client.write(ask())
+    client.read(tell(1, 1.5))
+    last = tape.steps.pop()
+    tape.cut(2)
+    tape.steps.append(last)
+
+
+@case(
+    "P11-request-in-part",
+    "P3 P11 P32 P39",
+    "fragments lost orphan",
+    [tx(1, "orphan", (None, None, 3, 4), None, real(1.5, pnu=None), ref=1, write=None)],
+    "DS105@1 DS403@4#1",
+)
+def _(tape: Tape) -> None:
+    """The last fragment of the Write request is lost: its response is not without a request in the capture."""
+    client = Client(tape, fragment=60)
+    call = client.ask_write(ask())
+    del tape.steps[-1]
+    client.fragment = None
+    client.accept_write(call, ask())
+    client.read(tell(1, 1.5))
 
 
 @case(
@@ -1817,6 +1879,19 @@ def _(tape: Tape) -> None:
     """Four elements asked for, two answered."""
     request = message.read(1, 1, message.address(27, 3, 4))
     Client(tape).exchange(request, message.answer(1, 1, 1, message.word(7, 8)))
+
+
+@case(
+    "P37-zero-asked-none-answered",
+    "P37 P46",
+    "values",
+    [tx(1, "ok", (1, 2, 3, 4), 3, real())],
+    "DS408@4#1",
+)
+def _(tape: Tape) -> None:
+    """Number of elements 0 asks for one value, as 1 does; the block has none."""
+    request = message.read(1, 1, message.address(21, elements=0))
+    Client(tape).exchange(request, message.answer(1, 1, 1, message.real()))
 
 
 @case(

@@ -75,11 +75,11 @@ function M.drive_time_ns(job)
       break
     end
   end
-  local pause = 0
-  if first and job.write_response then
-    pause = max(0, first.time_ns - job.write_response.time_ns)
+  local accepted = job.write_response
+  if first and accepted and first.time_ns > accepted.time_ns then -- the parts are exact, whatever the pause
+    return read.time_ns - first.time_ns + (accepted.time_ns - write.time_ns)
   end
-  return read.time_ns - write.time_ns - pause
+  return read.time_ns - write.time_ns
 end
 
 local function put_flaws(remarks, flaws, frame)
@@ -182,7 +182,7 @@ function Judge:unanswered(job, dropped)
     if job.superseded_by ~= nil then
       local args = {request = write.frame, by = job.superseded_by}
       put(remarks, change and "DS414" or "DS413", job.superseded_by, args)
-    else
+    elseif not job.limit then -- else a response may have come later
       local args = {reason = job.reason ~= "" and job.reason or nil, dropped = dropped}
       put(remarks, change and "DS402" or "DS401", write.frame, args)
     end
@@ -243,7 +243,9 @@ function Judge:_response(remarks, job, stray)
   end
   put_flaws(remarks, response.flaws, half.frame)
   if job.message == nil then
-    put(remarks, "DS403", half.frame)
+    if not job.uncertain then
+      put(remarks, "DS403", half.frame)
+    end
   else
     self:_mirror(remarks, half.frame, job)
   end

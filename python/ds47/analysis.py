@@ -145,7 +145,7 @@ class Analysis:
         )  # fmt: skip
         gate = Gate(options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars)
         self._records = RecordCalls(
-            gate, self._pairing, options.codec, self._remark, self._diagnoses.foreign
+            gate, self._pairing, options.codec, self._remark, self._diagnoses.foreign, bounds
         )
         self._calls = CallTracker(bounds, self._records.handlers())
         self._fragments = rpc.Fragments(
@@ -175,7 +175,7 @@ class Analysis:
 
     def run(self, capture: Capture | Series) -> CaptureResult:
         """Reads the capture to its end and sums up."""
-        packets = PacketSource(capture, self._datagrams)
+        packets = PacketSource(capture, self._datagrams, self._begun)
         self._frames(capture, packets)
         if self._usual is not None:
             self._usual.settle()
@@ -188,6 +188,7 @@ class Analysis:
                 self._records.incomplete(part, have, "IP")
         self._calls.finish()
         self._pairing.finish()
+        self._records.finish()
         self._diagnose(capture)
         if self._usual_reads:
             for key in ("transactions", "ok", "read"):
@@ -224,8 +225,22 @@ class Analysis:
                     usual.learn(frame, pdu)
                 continue
             packet = packets.packet(frame)
+            if self._datagrams.given_up:
+                self._tell_given_up(packets)
             if packet is not None:
                 self._packet(packet)
+
+    def _begun(self, packet: Packet) -> None:
+        """The first IP fragment of a message."""
+        pdu = rpc.parse(packet)
+        if pdu is not None and self._records.first_record(pdu) is not None:
+            self._calls.begun(pdu)
+
+    def _tell_given_up(self, packets: PacketSource) -> None:
+        for packet, have, limit in packets.given_up():
+            pdu = rpc.parse(packet)
+            if pdu is not None:
+                self._records.incomplete(pdu, have, "IP", limit)
 
     def _packet(self, packet: Packet) -> None:
         if packet.kind != "udp":
@@ -234,7 +249,7 @@ class Analysis:
         pdu = rpc.parse(packet)
         if pdu is not None:
             self._pdu(pdu)
-        elif packet.missing:
+        elif packet.missing and packet.cut is not None:
             self._diagnoses.cut(packet.frame)
 
     def _pdu(self, pdu: rpc.Pdu) -> None:
@@ -242,12 +257,24 @@ class Analysis:
             self._usual.settle()
         if self._calls.is_copy(pdu):
             return
-        if pdu.missing and pdu.opnum in _RECORD_CALLS:
+        if pdu.missing and pdu.cut is not None and pdu.opnum in _RECORD_CALLS:
             self._diagnoses.cut(pdu.frame)
-        whole = self._fragments.feed(pdu) if pdu.fragmented else pdu
+        whole = self._joined(pdu) if pdu.fragmented else pdu
         if whole is not None:
             self._naming.message(whole)
             self._calls.feed(whole)
+
+    def _joined(self, pdu: rpc.Pdu) -> rpc.Pdu | None:
+        """The message that an RPC fragment completes."""
+        fragments = self._fragments
+        whole = fragments.feed(pdu)
+        if fragments.given_up:
+            given_up, fragments.given_up = fragments.given_up, []
+            for beginning, have, limit in given_up:
+                self._records.incomplete(beginning, have, "RPC", limit)
+        if whole is None and self._records.first_record(pdu) is not None:
+            self._calls.begun(pdu)
+        return whole
 
     def _diagnose(self, capture: Capture | Series) -> None:
         """What only the whole capture can show."""
@@ -293,6 +320,8 @@ class Analysis:
         remarks = self._answers.pop(job, None)
         if remarks is None:
             remarks = self._judge.unanswered(job, dropped=self._findings.frames_dropped)
+            if job.limit and job.write_request is not None:
+                self._records.pushed_out(job.limit, job.write_request.frame)
         remarks += self._judge.closed(job)
         remarks += self._diagnoses.closed(job)
         remarks += self._transport.pop(job, [])
@@ -357,9 +386,8 @@ class Analysis:
     def _nothing_to_read(self, peer: Peer, record: Record) -> None:
         self._diagnoses.nothing_to_read(peer, record)
         half = record.response
-        if half is not None:
-            status = None if half.status is None else status_hex(half.status)
-            self._findings.add(Remark("DS206", half.frame, {"status": status}))
+        if half is not None and half.status is not None:  # without a status it is DS108, the cause
+            self._findings.add(Remark("DS206", half.frame, {"status": status_hex(half.status)}))
 
     def _numbered(self) -> list[Transaction]:
         """The transactions in the order of their first frame, then of the position inside it."""

@@ -71,6 +71,10 @@ class Job:
     """Frame of an earlier answer that was read once more where a new one was due."""
     ended: int | None
     """Frame that ended the connection while the request was open."""
+    limit: str
+    """Name of the limit that pushed it out (spec/limits.toml): a response may still come. "" for none."""
+    certain: bool
+    """False for an orphan whose request a limit may have pushed out."""
 
     def __init__(
         self,
@@ -113,6 +117,8 @@ class Job:
         self.rival = None
         self.repeats = None
         self.ended = None
+        self.limit = ""
+        self.certain = True
 
     @property
     def write_request(self) -> Half | None:
@@ -368,6 +374,8 @@ class Pairing:
         self._of_ar: dict[tuple[str, str, bytes], dict[ChannelKey, None]] = {}
         self._newest: OrderedDict[tuple[str, int, int, int, int], Job | UsualJob] = OrderedDict()
         """The newest accepted request of a place, whoever asked."""
+        self._pushed_out = False
+        """Whether a limit pushed out requests whose responses may still come."""
         self._connects: OrderedDict[tuple[str, str], int] = OrderedDict()
         """The newest Connect between two stations, by its frame."""
         self._count = 0
@@ -382,7 +390,7 @@ class Pairing:
         if self._asked is not None:
             self._asked(job)
         if len(channel.asked) > self._limits.pending_writes:
-            self._lose(channel.asked.pop(0), "expired")
+            self._push_out(channel.asked.pop(0), "pending_writes")
         return job
 
     def write_response(self, job: Job, response: Half | None, *, fault: bool = False) -> None:
@@ -424,7 +432,7 @@ class Pairing:
             self._keep(channel.last.rereads, (record.request, half))
             return channel.last
         job = self._job(peer, record, None)
-        job.phase = "open"
+        job.phase, job.certain = "open", not self._pushed_out
         self._read(channel, job, event, record)
         return job
 
@@ -584,7 +592,8 @@ class Pairing:
                 now - oldest.touched <= expiry and len(channels) <= self._limits.channels
             ):
                 return channel
-            self._close_channel(next(iter(channels)), "expired")
+            old = now - oldest.touched > expiry
+            self._close_channel(next(iter(channels)), "expired", limit="" if old else "channels")
 
     def _accept(self, channel: Channel, job: Job) -> None:
         """An accepted Write opens; it displaces what was open and ends the grace of a refused one."""
@@ -702,7 +711,15 @@ class Pairing:
         self._closed(job)
         job.superseding = job.rival = None  # or each would keep the next one alive
 
-    def _close_channel(self, key: ChannelKey, reason: str, frame: int | None = None) -> None:
+    def _push_out(self, job: Job, limit: str) -> None:
+        """Nothing more is known of a job from now on, and not because nothing came."""
+        if job.read_response is None and not job.write_refused:
+            job.limit, self._pushed_out = limit, True
+        self._lose(job, "")
+
+    def _close_channel(
+        self, key: ChannelKey, reason: str, frame: int | None = None, limit: str = ""
+    ) -> None:
         siblings = self._of_ar[key[:3]]
         del siblings[key]
         if not siblings:
@@ -710,6 +727,9 @@ class Pairing:
         channel = self.channels.pop(key)
         self._recall(channel)
         for job in channel.jobs():
+            if limit:
+                self._push_out(job, limit)
+                continue
             job.ended = frame
             self._lose(job, reason)
 

@@ -175,7 +175,7 @@ class Judge:
                 rule = "DS414" if change else "DS413"
                 displaced = {"request": write.frame, "by": job.superseded_by}
                 remarks.append(Remark(rule, job.superseded_by, displaced))
-            else:
+            elif not job.limit:  # else a response may have come later
                 rule = "DS402" if change else "DS401"
                 args = {"reason": job.reason or None, "dropped": dropped}
                 remarks.append(Remark(rule, write.frame, args))
@@ -218,7 +218,8 @@ class Judge:
         if response.flaws:
             _flaws(response.flaws, half.frame, remarks)
         if request is None:
-            remarks.append(Remark("DS403", half.frame))
+            if job.certain:
+                remarks.append(Remark("DS403", half.frame))
         else:
             self._mirror(half.frame, request, response, remarks)
         self._blocks(half.frame, job, stray, remarks)
@@ -262,7 +263,7 @@ class Judge:
             if block.error is not None:
                 args = self._error_args(job, block, address)
                 remarks.append(Remark("DS410", frame, args, block.offset))
-            elif address and read and block.value_count != address.element_count:
+            elif address and read and block.value_count != (address.element_count or 1):
                 _element_count(frame, block, address, remarks)
 
     def _error_args(self, job: Job, block: Block, address: Address | None) -> dict[str, Any]:
@@ -325,7 +326,7 @@ def _is_change(job: Job) -> bool:
 
 
 def _element_count(frame: int, block: Block, address: Address, remarks: list[Remark]) -> None:
-    asked = max(1, address.element_count)
+    asked = address.element_count or 1  # 0 asks for one value too: an empty block has fewer
     if block.value_count == asked or address.attribute != VALUE:
         return
     if address.element_count == 0 and block.value_count > 1:

@@ -10,10 +10,12 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import pytest
+import troubles
 from fake_tshark import real_tshark
 
 from ds47 import spec
@@ -261,6 +263,19 @@ def test_times_before_1970(ready: Callable[..., Engine], tmp_path: Path) -> None
     assert native.transactions[0].start_ns < 0
     for name in ("tshark", "both"):
         assert as_json(ready(name).analyze(path)) == as_json(native)
+
+
+def test_a_clock_that_is_set_by_decades(ready: Callable[..., Engine], tmp_path: Path) -> None:
+    """More than a double holds in nanoseconds, forth and back, between transactions and within one."""
+    path = tmp_path / "decades.pcapng"
+    path.write_bytes(troubles.clock_set_by_decades())
+    assert as_json(ready().analyze(path)) == as_json(analyze(path))
+    frames = count()
+    back = troubles.DECADES // 2 + 1
+    moved = at_times(tmp_path / "often.pcapng", lambda ns: ns - back * (next(frames) // 3 % 2))
+    native = analyze(moved)
+    assert min(each.duration_ns or 0 for each in native.transactions) < -(2**53)
+    assert as_json(ready().analyze(moved)) == as_json(native)  # not one DS601
 
 
 def test_a_single_time_before_1970(ready: Callable[..., Engine], tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from ds47.model import CaptureResult
+from ds47.profinet.records import WRITE_MULTIPLE
 from ds47.report.bilingual import Both, joined, say
 
 FAILED = ("refused", "error", "partial", "mismatch")
@@ -119,8 +120,11 @@ def blind(result: CaptureResult) -> list[Both]:
 
 
 def _other_records(result: CaptureResult) -> int:
-    """Record calls on indices that carried no parameter channel."""
-    ours = {str(each.index) for each in result.transactions}
+    """Record calls on indices that carried no parameter channel.
+
+    An IODWriteMultiple is none: it is opened, and what is in it counts by its own index.
+    """
+    ours = {str(each.index) for each in result.transactions} | {str(WRITE_MULTIPLE)}
     return sum(
         number
         for index, kinds in result.records.items()
