@@ -77,10 +77,6 @@ local function rule_of(refusal, siemens)
   return nil
 end
 
-local function hex(code)
-  return format("0x%02X", code)
-end
-
 local function value_of(block)
   local value = block and block.values[1]
   if value == nil then
@@ -100,7 +96,7 @@ local function args_of(job, refusal, lang)
     format = value and value.format_name or "-",
     value = value_of(value),
     state = tables.known.commissioning[refusal.code],
-    code = hex(refusal.code),
+    code = spec.error_hex(refusal.code),
     text = spec.error_text(refusal.code, lang, job.peer.vendor_id),
   }
 end
@@ -142,7 +138,7 @@ function M.not_seen(remarks, job, lang)
     if block.error then
       local code = block.error.code
       remarks[#remarks + 1] = rules.remark("DS701", half.frame, {
-        id = hex(id), code = code and hex(code),
+        id = format("0x%02X", id), code = code and spec.error_hex(code),
         text = code and spec.error_text(code, lang, job.peer.vendor_id),
       })
       return

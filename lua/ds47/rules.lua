@@ -321,7 +321,7 @@ function Judge:_error_args(job, block, address)
   return {
     pnu = address and address.pnu or "?",
     subindex = address and address.subindex or "?",
-    code = code == nil and "-" or hex(code),
+    code = code == nil and "-" or spec.error_hex(code),
     text = code == nil and "" or spec.error_text(code, self.lang, job.peer.vendor_id),
     info = info == nil and "-" or info,
   }

@@ -19,7 +19,7 @@ from ds47.profidrive import Address, Block, Flaw, Request, Response
 from ds47.profidrive.formats import Codec
 from ds47.profidrive.model import VALUE, Value
 from ds47.profinet.status import status_hex, status_text
-from ds47.spec import error_text, parameters, request_ids
+from ds47.spec import error_hex, error_text, parameters, request_ids
 from ds47.spec.semantics import Limits
 
 PNU_ACCESS_IDENTIFICATION: Final = 974
@@ -293,7 +293,7 @@ class Judge:
         return {
             "pnu": address.pnu if address else "?",
             "subindex": address.subindex if address else "?",
-            "code": "-" if code is None else f"0x{code:02X}",
+            "code": "-" if code is None else error_hex(code),
             "text": "" if code is None else error_text(code, self._lang, job.peer.vendor_id),
             "info": "-" if info is None else info,
         }

@@ -12,7 +12,7 @@ from ds47.pairing import Job
 from ds47.profidrive import Address
 from ds47.profidrive.model import Block
 from ds47.rules import NOT_SUPPORTED, Remark, is_mismatch
-from ds47.spec import error_text
+from ds47.spec import error_hex, error_text
 from ds47.spec.semantics import known
 from ds47.transactions import SIEMENS
 
@@ -80,7 +80,7 @@ def not_seen(job: Job, lang: str) -> Iterator[Remark]:
     code = error.code
     args = {
         "id": f"0x{response.response_id:02X}",
-        "code": "?" if code is None else f"0x{code:02X}",
+        "code": "?" if code is None else error_hex(code),
         "text": "?" if code is None else error_text(code, lang, job.peer.vendor_id),
     }
     yield Remark("DS701", half.frame, args)
@@ -135,7 +135,7 @@ def _args(job: Job, refusal: Refusal, lang: str) -> dict[str, Any]:
         "format": (value.format_name or "-") if value else "-",
         "value": value.values[0] if value and value.values else "-",
         "state": known().commissioning.get(refusal.code, "?"),
-        "code": f"0x{refusal.code:02X}",
+        "code": error_hex(refusal.code),
         "text": error_text(refusal.code, lang, job.peer.vendor_id),
     }
 
