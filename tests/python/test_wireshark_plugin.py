@@ -416,6 +416,22 @@ def test_a_format_matches_where_it_is_in_the_frame(tshark: Tshark, make: Any) ->
     assert tshark("-r", path, *COMPLETE, "-Y", "ds47.error.code == 0x11", *numbers) == ""
 
 
+@pytest.mark.parametrize("name", ["o1_profinetpy062_be.pcapng", "o3_two_controllers.pcapng"])
+def test_change_responses_of_real_stacks_have_what_they_carry(name: str, tshark: Tshark) -> None:
+    names = ("ds47.response_id", "ds47.format", "ds47.value_count", "ds47.error.code")
+    wanted = "ds47.response_id == 2 && !ds47.finding"
+    done = rows(tshark("-r", CAPTURES[name], *COMPLETE, "-Y", wanted, *columns(*names)))
+    assert done
+    assert all(row[1:] == ["", "", ""] for row in done)
+    failed = 'ds47.response_id == 0x82 && !(ds47.state == "mismatch")'
+    found = rows(tshark("-r", CAPTURES[name], *COMPLETE, "-Y", failed, *columns(*names)))
+    assert found
+    for _, formats, counts, codes in found:
+        assert set(formats.split(",")) <= {"Zero", "Error"}
+        assert len(counts.split(",")) == len(formats.split(","))
+        assert len(codes.split(",")) == formats.split(",").count("Error")
+
+
 def test_what_the_request_wrote_stands_in_brackets(tshark: Tshark, make: Any) -> None:
     output = tshark("-r", make(changes), *COMPLETE, "-Y", "ds47.error.code", "-V", "-O", "ds47")
     lines = [line.strip() for line in output.splitlines()]
