@@ -173,7 +173,7 @@ def test_the_other_names_of_a_format(capsys: pytest.CaptureFixture[str]) -> None
 
 @pytest.mark.parametrize(
     "text", ["", " ", "xyz", "16#", "0x", "DE80B50011", "4294967296", "-2147483649", "1.5", "error",
-             "error 0x2B1", "format DE80B500", "DS4100", "DS4", "two users", "16#6G", "٣"],
+             "format 0x2B1", "format DE80B500", "DS4100", "DS4", "two users", "16#6G", "٣"],
 )  # fmt: skip
 def test_what_is_no_code_is_refused(text: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(UnknownFormError):
