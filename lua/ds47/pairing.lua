@@ -128,8 +128,8 @@ M.Pairing = Pairing
 -- @param limits    the numbers of tables.limits
 -- @param listener  told `asked(job)` of each Write request; `refused(job)` when a Write was refused;
 --   `connected(device, frame)` of each Connect; `answered(job)`, once, when a job has its response;
---   `closed(job)`, once, when nothing more can come; `late(job)` before a Write response changes a closed one;
---   `nothing_to_read(record)` for a Read without record on a channel that has no request
+--   `closed(job)`, once, when nothing more can come; `late(job)` before a Write response changes a closed
+--   one; `nothing_to_read(record)` for a Read without record on a channel that has no request
 function M.new(limits, listener)
   return setmetatable({
     limits = limits,

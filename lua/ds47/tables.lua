@@ -196,7 +196,7 @@ M.response_ids = {
   [0xD2] = {code = 210, name = "VLT change, double words, with errors", body = "blocks", vendor = true, negative = true},
 }
 
-M.error_fallback = {en = "Manufacturer-specific error 0x{code:02X}", zh = "制造商特定错误 0x{code:02X}"}
+M.error_fallback = {en = "Manufacturer-specific error {code}", zh = "制造商特定错误 {code}"}
 
 later.errors = [=[
 M.errors = {
@@ -240,7 +240,7 @@ M.vendors = {
   {name = "SINAMICS", id = 42},
   {name = "ABB", id = 26},
   {name = "KEB"},
-  {name = "SEW"},
+  {name = "SEW", id = 266},
 }
 M.vendors[1].errors = {
   [0x65] = {code = 101, en = "Parameter currently deactivated", zh = "参数当前未激活", info = "unknown"},
@@ -306,6 +306,54 @@ M.vendors[3].errors = {
   [0x6B] = {code = 107, en = "Invalid operation", zh = "操作无效", info = "unknown"},
 }
 M.vendors[4].errors = {
+  [0x500] = {code = 1280, en = "Service failed, cause not known", zh = "服务失败，原因不明", info = "unknown"},
+  [0x501] = {code = 1281, en = "Service not permitted", zh = "服务不允许", info = "unknown"},
+  [0x502] = {code = 1282, en = "No response", zh = "无响应", info = "unknown"},
+  [0x503] = {code = 1283, en = "Response with another address", zh = "响应的地址不同", info = "unknown"},
+  [0x504] = {code = 1284, en = "Response with another type", zh = "响应的类型不同", info = "unknown"},
+  [0x505] = {code = 1285, en = "Response for another index", zh = "响应的索引不同", info = "unknown"},
+  [0x506] = {code = 1286, en = "Response for another service", zh = "响应的服务不同", info = "unknown"},
+  [0x507] = {code = 1287, en = "Response on another channel", zh = "响应的通道不同", info = "unknown"},
+  [0x508] = {code = 1288, en = "Response for another block", zh = "响应的块不同", info = "unknown"},
+  [0x509] = {code = 1289, en = "No trace (scope) data there", zh = "没有跟踪（示波）数据", info = "unknown"},
+  [0x50A] = {code = 1290, en = "Length not permitted", zh = "长度不允许", info = "unknown"},
+  [0x50B] = {code = 1291, en = "Address not permitted", zh = "地址不允许", info = "unknown"},
+  [0x50C] = {code = 1292, en = "Pointer not permitted", zh = "指针不允许", info = "unknown"},
+  [0x50D] = {code = 1293, en = "Memory too small", zh = "内存不足", info = "unknown"},
+  [0x50E] = {code = 1294, en = "System error", zh = "系统错误", info = "unknown"},
+  [0x50F] = {code = 1295, en = "Communication connection does not exist", zh = "通信连接不存在", info = "unknown"},
+  [0x510] = {code = 1296, en = "Communication not initialised", zh = "通信未初始化", info = "unknown"},
+  [0x511] = {code = 1297, en = "Mouse conflict", zh = "鼠标冲突", info = "unknown"},
+  [0x512] = {code = 1298, en = "Bus not permitted", zh = "总线不允许", info = "unknown"},
+  [0x513] = {code = 1299, en = "Frame check sequence (FCS) wrong", zh = "帧校验（FCS）错误", info = "unknown"},
+  [0x514] = {code = 1300, en = "PROFIBUS initialisation (PB init)", zh = "PROFIBUS 初始化（PB init）", info = "unknown"},
+  [0x515] = {code = 1301, en = "SBus: number of fragments not permitted", zh = "SBus：分段数不允许", info = "unknown"},
+  [0x516] = {code = 1302, en = "SBus: type of fragment not permitted", zh = "SBus：分段类型不允许", info = "unknown"},
+  [0x517] = {code = 1303, en = "Access denied", zh = "访问被拒绝", info = "unknown"},
+  [0x800] = {code = 2048, en = "No error", zh = "无错误", info = "unknown"},
+  [0x810] = {code = 2064, en = "Index not permitted", zh = "索引不允许", info = "unknown"},
+  [0x811] = {code = 2065, en = "Function or parameter not implemented", zh = "功能或参数未实现", info = "unknown"},
+  [0x812] = {code = 2066, en = "Read access only", zh = "只允许读取", info = "unknown"},
+  [0x813] = {code = 2067, en = "Parameter lock is active", zh = "参数锁定已激活", info = "unknown"},
+  [0x814] = {code = 2068, en = "Factory setting is running", zh = "正在执行出厂设置", info = "unknown"},
+  [0x815] = {code = 2069, en = "Value too large", zh = "数值过大", info = "unknown"},
+  [0x816] = {code = 2070, en = "Value too small", zh = "数值过小", info = "unknown"},
+  [0x817] = {code = 2071, en = "Hardware that it needs is missing", zh = "缺少所需的硬件", info = "unknown"},
+  [0x818] = {code = 2072, en = "Internal error", zh = "内部错误", info = "unknown"},
+  [0x819] = {code = 2073, en = "Access only by RS485 (X13)", zh = "只能通过 RS485（X13）访问", info = "unknown"},
+  [0x81A] = {code = 2074, en = "Access only by RS485 (XT)", zh = "只能通过 RS485（XT）访问", info = "unknown"},
+  [0x81B] = {code = 2075, en = "Parameter is protected", zh = "参数受保护", info = "unknown"},
+  [0x81C] = {code = 2076, en = "Only with controller inhibit", zh = "只能在控制器禁止时执行", info = "unknown"},
+  [0x81D] = {code = 2077, en = "Value not permitted", zh = "数值不允许", info = "unknown"},
+  [0x81E] = {code = 2078, en = "Factory setting was started", zh = "已启动出厂设置", info = "unknown"},
+  [0x81F] = {code = 2079, en = "Buffer overflow, or parameter not saved in the EEPROM", zh = "缓冲区溢出，或参数未保存到 EEPROM", info = "unknown"},
+  [0x820] = {code = 2080, en = "Only without enable", zh = "只能在未使能时执行", info = "unknown"},
+  [0x821] = {code = 2081, en = "End of the file", zh = "文件结束", info = "unknown"},
+  [0x822] = {code = 2082, en = "Wrong order of communication", zh = "通信顺序错误", info = "unknown"},
+  [0x823] = {code = 2083, en = "Only while the IPOS program is stopped", zh = "只能在 IPOS 程序停止时执行", info = "unknown"},
+  [0x824] = {code = 2084, en = "Automatic setup", zh = "自动设置", info = "unknown"},
+  [0x825] = {code = 2085, en = "Encoder nameplate wrong", zh = "编码器铭牌错误", info = "unknown"},
+  [0x829] = {code = 2089, en = "State of the PLC does not allow it", zh = "PLC 状态不允许", info = "unknown"},
 }
 spread(M.vendors[4].errors, 0x80, 0xFF, {code = 128, en = "MOVILINK additional code 0x{above:02X}", zh = "MOVILINK 附加代码 0x{above:02X}", info = "unknown"})
 ]=]

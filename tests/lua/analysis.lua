@@ -98,7 +98,7 @@ local function diagnosis(item)
   return result
 end
 
-local function capture(run)
+local function capture()
   local result, records = run:ended(), {}
   for index, counts in pairs(result.records) do
     records[("%d"):format(index)] = counts
@@ -158,7 +158,7 @@ take.lldp = take.dcp
 take["end"] = function(line)
   run.options.frames_dropped = line.dropped
   run.result = nil
-  print(json.encode(capture(run)))
+  print(json.encode(capture()))
 end
 
 for text in io.lines(arg[1]) do

@@ -10,7 +10,6 @@ local analysis = require("ds47.analysis")
 local json = require("ds47.json")
 local unhex = require("ds47.reader").unhex
 local status = require("ds47.status")
-local tables = require("ds47.tables")
 
 local failures = {}
 

@@ -471,6 +471,19 @@ def test_an_axis_that_does_not_exist_is_never_suggested(tmp_path: Path) -> None:
     assert corrected == [message.read(2, 3, SPEED), message.read(3, 3, SPEED)]
 
 
+@pytest.mark.parametrize("code", [0x0011, 0x0811, 0x0819, 0x016B])
+def test_a_number_of_a_maker_is_not_that_of_its_low_byte(code: int, tmp_path: Path) -> None:
+    stage = Stage()
+    _refused(Client(stage), code, FIXED, TEN)
+    result = result_of(stage, tmp_path / "x.pcapng")
+    assert [each.rule for each in result.diagnoses] == ["DS719" if code == 0x11 else "DS701"]
+    (item,) = result.transactions
+    assert item.parameters[0].error is not None
+    assert item.parameters[0].error.code == code
+    (told,) = [each.message for each in result.findings if each.rule == "DS410"]
+    assert f"0x{code:04X} Manufacturer" in told.replace(":", "") or code == 0x11
+
+
 # Both languages, JSON, and the page
 
 

@@ -14,6 +14,7 @@ from ds47.analysis import analyze
 from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.model import CaptureResult
+from ds47.report.sentences import words
 from ds47.spec.semantics import limits
 
 REPRODUCERS = Path(__file__).resolve().parents[3] / "shared/captures/reproducers"
@@ -26,7 +27,9 @@ def found(result: CaptureResult) -> Counter[str]:
 
 def told(result: CaptureResult) -> list[tuple[int, str]]:
     """Frame and sentence of each DS109."""
-    return [(each.frame, each.message) for each in result.findings if each.rule == "DS109"]
+    return [
+        (each.frame, words("DS109", each.args)) for each in result.findings if each.rule == "DS109"
+    ]
 
 
 def sentence(limit: str, count: int) -> str:

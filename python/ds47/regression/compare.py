@@ -17,6 +17,7 @@ from math import isclose
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ds47 import spec
 from ds47.model import SEVERITIES, CaptureFile
 from ds47.regression.config import Config, ParameterTolerance
 from ds47.report import load
@@ -437,7 +438,7 @@ def _outcome(parameter: Json) -> Both:
         if len(values) == 1:
             return say("change_outcome_value", value=_show(values[0]))
         return say("change_outcome_answered")
-    code = "-" if error["code"] is None else f"0x{error['code']:02X}"
+    code = "-" if error["code"] is None else spec.error_hex(error["code"])
     return say("change_outcome_refused", error=f"{code} {error['text']}")
 
 
