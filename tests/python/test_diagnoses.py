@@ -480,7 +480,7 @@ def test_a_number_of_a_maker_is_not_that_of_its_low_byte(code: int, tmp_path: Pa
     (item,) = result.transactions
     assert item.parameters[0].error is not None
     assert item.parameters[0].error.code == code
-    (told,) = [each.message for each in result.findings if each.rule == "DS410"]
+    (told,) = [sentence(each) for each in result.findings if each.rule == "DS410"]
     assert f"0x{code:04X} Manufacturer" in told.replace(":", "") or code == 0x11
 
 
