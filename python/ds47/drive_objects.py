@@ -107,6 +107,10 @@ class DriveObjects:
         """False where the device has said that there is no such drive object."""
         return (device, number) not in self._missing
 
+    def looks_at_axis(self, device: str) -> bool:
+        """Whether the device has refused an axis number, and so looks at it."""
+        return device in self._distinguishing
+
     def same(self, one: Access, other: Access, pnu: int) -> bool:
         """Whether two requests for a parameter reach the same drive object, whatever is not known."""
         if one.device != other.device:
