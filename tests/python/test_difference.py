@@ -152,6 +152,8 @@ def test_the_same_bits_are_the_same_value():
     one = capture(asked(304, -32765, format="Integer16"), asked(305, 10))
     other = capture(asked(304, 32771), asked(305, 10.0, format="Float32"))
     assert told(one, other) == ["None of the 2 parameter elements that both captures show differs."]
+    zeros = (capture(asked(304, zero, format="Float32")) for zero in (0.0, -0.0))
+    assert told(*zeros)[-1].endswith("A: 1 x = 0.0; B: 1 x = -0.0")
     one, other = capture(asked(304, -1, format="Integer16")), capture(asked(304, 1))
     assert told(one, other)[-1].endswith("A: 1 x = -1 (Integer16); B: 1 x = 1 (Unsigned16)")
 
@@ -206,6 +208,36 @@ def test_a_change_without_its_response_is_neither_accepted_nor_refused():
     change = asked(5, 7, operation="change")
     found = told(capture(change), capture(change | {"state": "superseded"}))
     assert found[-1].endswith("change  A: 1 x accepted := 7; B: 1 x outcome not in the capture")
+
+
+@pytest.mark.parametrize(
+    ("response", "findings", "seen"),
+    [
+        ("01820201400044020011", [], "1 x accepted := 7"),
+        ("01820201", ["DS315"], "1 x outcome not in the capture"),
+        ("01820201", [], "1 x accepted := 7"),
+        ("01820200", [], "1 x outcome not in the capture"),
+        (None, [], "1 x outcome not in the capture"),
+    ],
+)
+def test_a_change_that_is_accepted_in_part(response, findings, seen):
+    item = asked(5, 7, operation="change", state="partial", findings=findings)
+    item["bytes"]["response"] = response
+    found = told(capture(asked(5, 7, operation="change")), capture(item))
+    if "accepted" in seen:
+        assert found == ["The 1 parameter element that both captures show is the same in both."]
+    else:
+        assert found[-1].endswith(f"A: 1 x accepted := 7; B: {seen}")
+    item["state"] = "error"  # a negative response that names no parameter
+    found = told(capture(asked(5, 7, operation="change")), capture(item))
+    assert found[-1].endswith("B: 1 x outcome not in the capture")
+
+
+def test_a_response_to_another_request_proves_nothing():
+    foreign = asked(1, code=0x19, axis=7, state="mismatch", pnu=None, subindex=None, attribute=None)
+    both = capture(foreign, is_do(2), asked(10, 1))
+    places = {place_text(row.element.place) for row in difference(both, both, ("a", "b")).rows}
+    assert places == {"10.0.0.2 DO 2 (0xB02E)", "10.0.0.2 slot 1.1 axis 2"}
 
 
 def test_a_drive_object_is_joined_by_proof_of_both_captures():
@@ -384,7 +416,7 @@ def test_a_result_that_is_not_ours_breaks_nothing(captures, other):
         if flaw(stored) is None:
             compared += 1
             found = difference(stored, now, ("a", "b"))
-            for format_name in ("text", "json", "html"):
+            for format_name in ("text", "json"):
                 write(found, format_name, io.StringIO(), everything=True)
     assert compared
 

@@ -82,11 +82,10 @@ class Outcomes:
 
 @dataclass(slots=True)
 class History:
-    """What one capture shows of one element. `other`: requests that are neither a read nor a change."""
+    """What one capture shows of one element that it asked for, by whatever request."""
 
     read: Outcomes = field(default_factory=Outcomes)
     change: Outcomes = field(default_factory=Outcomes)
-    other: int = 0
     name: str | None = None
     unit: str | None = None
 
@@ -166,8 +165,7 @@ def _note(found: Shown, place: Place, item: Json, position: int, each: Json) -> 
         history = found.elements.setdefault(key, History())
         history.name, history.unit = each["name"] or history.name, each["unit"] or history.unit
         if operation not in OPERATIONS:
-            history.other += 1
-            continue
+            continue  # asked for, but neither read nor changed
         outcomes = history.read if operation == "read" else history.change
         outcomes.asked += 1
         value = values[step] if step < len(values) else None
@@ -235,7 +233,7 @@ def _split(each: Json) -> list[Any]:
     """The value of each element, from the first one that was asked for."""
     values = each["values"]
     if not is_whole(each.get("format")):
-        return list(values[: max(1, each["element_count"] or 0)])
+        return list(values)
     text = "".join(value for value in values if isinstance(value, str))
     if is_text(each["format"]):
         return list(text)
