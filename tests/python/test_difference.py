@@ -264,6 +264,13 @@ def test_an_axis_number_by_local_access_is_no_drive_object():
     ]
 
 
+def test_an_axis_that_was_refused_may_be_the_drive_object_of_a_submodule():
+    one = capture(LOOKS, asked(922, code=0x19, axis=9))
+    other = capture(LOOKS, is_do(9), asked(922, 1, index=LOCAL))
+    rows = [row for row in difference(one, other, ("a", "b")).rows if row.element.pnu == 922]
+    assert [row.result for row in rows] == ["other way", "other way"]
+
+
 def test_no_two_places_have_the_same_label():
     ways = [
         (47, 1, 2),
