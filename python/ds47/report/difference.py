@@ -16,8 +16,8 @@ from ds47.regression.difference import Difference, Latency, Row
 from ds47.regression.elements import Outcomes, is_whole
 from ds47.regression.places import Place
 from ds47.report.bilingual import Both, joined, say
-from ds47.report.sentences import hexadecimal
 from ds47.report.words import escape, values
+from ds47.spec import error_hex
 
 SCHEMA = "ds47.diff/2"
 FORMATS = ("text", "json", "html")
@@ -240,7 +240,7 @@ def side_text(run: Run, side: str, found: Difference) -> Both:
 
 
 def _error(code: int, device: str, found: Difference) -> str:
-    return f"{hexadecimal(code)} {escape(found.texts.get((device, code), ''))}".strip()
+    return f"{error_hex(code)} {escape(found.texts.get((device, code), ''))}".strip()
 
 
 def _values(run: Run, sides: list[Outcomes]) -> Both:
