@@ -138,6 +138,9 @@ function M.not_seen(remarks, job)
   if not positive(half) or not positive(job.write_response) then
     return
   end
+  if job.message == nil and job.repeats then
+    return -- told of the transaction that it repeats
+  end
   for _, block in ipairs(response.blocks) do
     if block.error then
       remarks[#remarks + 1] = rules.remark("DS701", half.frame, {

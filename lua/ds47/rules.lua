@@ -241,6 +241,14 @@ function Judge:_reads(remarks, job)
   end
 end
 
+-- How a response comes to stand alone: a key of tables.diagnosis_words.
+local function unasked(job)
+  if not job.record.implicit then
+    return "unasked"
+  end
+  return job.repeats and "unasked_again" or "unasked_without_ar"
+end
+
 function Judge:_response(remarks, job, stray)
   local half, response = job.read_response, job.response
   if half == nil or response == nil then
@@ -248,7 +256,7 @@ function Judge:_response(remarks, job, stray)
   end
   put_flaws(remarks, response.flaws, half.frame)
   if job.message == nil then
-    put(remarks, "DS403", half.frame)
+    put(remarks, "DS403", half.frame, {case = unasked(job)})
   else
     self:_mirror(remarks, half.frame, job)
   end
@@ -294,10 +302,11 @@ function Judge:_blocks(remarks, frame, job, stray)
   local request, blocks = job.message, job.response.blocks
   local addresses = request and not stray and request.addresses
   local counted = addresses and request.operation == "read"
+  local told = request == nil and job.repeats ~= nil
   for number = 1, #blocks do
     local block = blocks[number]
     local address = addresses and addresses[number] or nil
-    if block.error ~= nil then
+    if block.error ~= nil and not told then
       put(remarks, "DS410", frame, self:_error_args(job, block, address), block.offset)
     elseif address and counted then
       element_count(remarks, frame, block, address)

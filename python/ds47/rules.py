@@ -243,7 +243,7 @@ class Judge:
         if response.flaws:
             _flaws(response.flaws, half.frame, remarks)
         if request is None:
-            remarks.append(Remark("DS403", half.frame))
+            remarks.append(Remark("DS403", half.frame, {"case": _unasked(job)}))
         else:
             self._mirror(half.frame, request, response, remarks)
         self._blocks(half.frame, job, stray, remarks)
@@ -282,9 +282,10 @@ class Judge:
         assert response is not None
         addresses = request.addresses if request and not stray else []
         read = request is not None and request.operation == "read"
+        told = request is None and job.repeats is not None
         for number, block in enumerate(response.blocks):
             address = addresses[number] if number < len(addresses) else None
-            if block.error is not None:
+            if block.error is not None and not told:
                 args = self._error_args(job, block, address)
                 remarks.append(Remark("DS410", frame, args, block.offset))
             elif address and read and block.value_count != address.element_count:
@@ -386,6 +387,13 @@ class Judge:
                 self._longest.move_to_end(job.peer.device)
                 if len(self._longest) > self._limits.longest_messages:
                     self._longest.popitem(last=False)
+
+
+def _unasked(job: Job) -> str:
+    """How a response comes to stand alone: a key of diagnoses.toml."""
+    if not job.record.implicit:
+        return "unasked"
+    return "unasked_without_ar" if job.repeats is None else "unasked_again"
 
 
 def _flaws(flaws: list[Flaw], frame: int, remarks: list[Remark]) -> None:

@@ -80,6 +80,8 @@ local function transaction(item, base_seconds)
   return result
 end
 
+local run -- the analysis
+
 local function finding(item)
   local result = object(item, "rule severity frame transaction offset")
   result.args, result.frames = item.args, json.array(item.frames)
@@ -112,7 +114,7 @@ local function capture(run)
   }
 end
 
-local run, look
+local look
 
 local function fed(line)
   for key, value in pairs(line) do

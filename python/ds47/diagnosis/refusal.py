@@ -68,6 +68,8 @@ def not_seen(job: Job) -> Iterator[Remark]:
     half, response = job.read_response, job.response
     if half is None or response is None or response.response_id is None or is_mismatch(job):
         return
+    if job.message is None and job.repeats is not None:  # told of the transaction that it repeats
+        return
     quiet = not half.status and not (job.write_response and job.write_response.status)
     if not response.response_id & 0x80 or response.response_id == NOT_SUPPORTED or not quiet:
         return
