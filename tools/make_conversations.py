@@ -1773,7 +1773,7 @@ def _(tape: Tape) -> None:
     "P53",
     "malformed",
     [tx(1, "ok", (1, 2, 3, 4), 3, real())],
-    "DS106@4 DS315@4#1",
+    "DS106@4",
 )
 def _(tape: Tape) -> None:
     """The PDU of the Read response lacks its last two bytes, half of the only value."""

@@ -135,7 +135,7 @@ function M.not_seen(remarks, job)
   if half == nil or id == nil or id < 0x80 or id == NOT_SUPPORTED or is_mismatch(job) then
     return
   end
-  if not positive(half) or not positive(job.write_response) then
+  if half.status ~= 0 or not positive(job.write_response) then
     return
   end
   if job.message == nil and job.repeats then
@@ -145,6 +145,7 @@ function M.not_seen(remarks, job)
     if block.error then
       remarks[#remarks + 1] = rules.remark("DS701", half.frame, {
         id = id, code = block.error.code, vendor_id = job.peer.vendor_id,
+        case = job.polls[1] and "status_zero_at_last" or "status_zero", polls = #job.polls,
       })
       return
     end

@@ -202,8 +202,9 @@ local function close_channel(self, channel, reason, ended)
   if open then
     lose(self, open, reason, ended)
   end
-  for _, job in ipairs(channel.asked) do
-    lose(self, job, reason, ended)
+  for number, job in ipairs(channel.asked) do
+    local passed = reason == "end" and number < #channel.asked -- the channel went on
+    lose(self, job, passed and "unseen" or reason, ended)
   end
 end
 

@@ -136,6 +136,7 @@ function RecordCalls:_length(pdu, record, half)
   end
   local remark = {frame = half.frame}
   if pdu.missing ~= 0 then
+    half.cut = true -- by the capture
     remark.rule, remark.args = "DS106", {captured = #half.data, original = half.stated}
   else
     remark.rule, remark.args = "DS202", {stated = half.stated, present = #half.data}

@@ -25,6 +25,8 @@ M.NOT_SUPPORTED = 0x80
 local PNU_ACCESS_IDENTIFICATION, NOT_SUPPORTED = M.PNU_ACCESS_IDENTIFICATION, M.NOT_SUPPORTED
 local VALUE = 0x10 -- attribute (docs/protocol.md A.4)
 local NONE = {} -- no remarks; most jobs have none
+-- Flaws that say that something is not there: pad, bytes, error block.
+local ABSENT = {DS311 = true, DS315 = true, DS412 = true}
 local SUBINDICES = 131072 -- more than a subindex and the elements behind it can be
 
 --- A remark. `args` may be nil; `offset` is the 0-based byte of the message, nil where there is none.
@@ -84,10 +86,13 @@ function M.drive_time_ns(job)
   return read.time_ns - write.time_ns - pause
 end
 
-local function put_flaws(remarks, flaws, frame)
+-- What is wrong inside a message; what the capture cut off is no fault of it.
+local function put_flaws(remarks, flaws, half)
   for number = 1, #flaws do
     local flaw = flaws[number]
-    put(remarks, flaw.rule, frame, flaw.args, flaw.offset)
+    if not half.cut or not ABSENT[flaw.rule] then
+      put(remarks, flaw.rule, half.frame, flaw.args, flaw.offset)
+    end
   end
 end
 
@@ -220,7 +225,7 @@ function Judge:_request(remarks, job)
   if half == nil then
     return
   end
-  put_flaws(remarks, message.flaws, half.frame)
+  put_flaws(remarks, message.flaws, half)
   local limit = self.longest[job.peer.device]
   if limit and #half.data > limit then
     put(remarks, "DS316", half.frame, {length = #half.data, limit = limit}, 0)
@@ -254,7 +259,7 @@ function Judge:_response(remarks, job, stray)
   if half == nil or response == nil then
     return
   end
-  put_flaws(remarks, response.flaws, half.frame)
+  put_flaws(remarks, response.flaws, half)
   if job.message == nil then
     put(remarks, "DS403", half.frame, {case = unasked(job)})
   else

@@ -748,9 +748,11 @@ class Pairing:
             del self._of_ar[key[:3]]
         channel = self.channels.pop(key)
         self._recall(channel)
+        newest = channel.asked[-1] if channel.asked else None
         for job in channel.jobs():
             job.ended = frame
-            self._lose(job, reason)
+            passed = reason == "end" and job.phase == "asked" and job is not newest
+            self._lose(job, "unseen" if passed else reason)
 
 
 def _key(peer: Peer, record: Record) -> ChannelKey:

@@ -276,6 +276,7 @@ class RecordCalls:
 
     def _length(self, pdu: rpc.Pdu, record: Record, half: Half) -> None:
         if pdu.missing:
+            half.cut = True
             args = {"captured": len(half.data), "original": half.stated}
             self._about(pdu, record, Remark("DS106", half.frame, args))
         else:

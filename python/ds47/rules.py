@@ -18,12 +18,15 @@ from ds47.pairing import Job, UsualJob
 from ds47.profidrive import Address, Block, Flaw, Request, Response
 from ds47.profidrive.formats import Codec
 from ds47.profidrive.model import VALUE, Value
+from ds47.profinet.records import Half
 from ds47.profinet.status import status_hex
 from ds47.spec import parameters, request_ids
 from ds47.spec.semantics import Limits
 
 PNU_ACCESS_IDENTIFICATION: Final = 974
 """r0974[0] is the longest message the device takes (docs/protocol.md A.5, D.1)."""
+ABSENT: Final = frozenset(("DS311", "DS315", "DS412"))
+"""Flaws that say that something is not there: pad, bytes, error block."""
 NOT_SUPPORTED: Final = 0x80
 """Response id of a device that does not know the request id."""
 
@@ -213,7 +216,7 @@ class Judge:
         if half is None or message is None:
             return
         if message.flaws:
-            _flaws(message.flaws, half.frame, remarks)
+            _flaws(message.flaws, half, remarks)
         limit = self._longest.get(job.peer.device)
         if limit and len(half.data) > limit:
             args = {"length": len(half.data), "limit": limit}
@@ -241,7 +244,7 @@ class Judge:
         if half is None or response is None:
             return
         if response.flaws:
-            _flaws(response.flaws, half.frame, remarks)
+            _flaws(response.flaws, half, remarks)
         if request is None:
             remarks.append(Remark("DS403", half.frame, {"case": _unasked(job)}))
         else:
@@ -396,9 +399,11 @@ def _unasked(job: Job) -> str:
     return "unasked_without_ar" if job.repeats is None else "unasked_again"
 
 
-def _flaws(flaws: list[Flaw], frame: int, remarks: list[Remark]) -> None:
+def _flaws(flaws: list[Flaw], half: Half, remarks: list[Remark]) -> None:
+    """What is wrong inside a message; what the capture cut off is no fault of it."""
     for flaw in flaws:
-        remarks.append(Remark(flaw.rule, frame, flaw.args, flaw.offset))
+        if not half.cut or flaw.rule not in ABSENT:
+            remarks.append(Remark(flaw.rule, half.frame, flaw.args, flaw.offset))
 
 
 def _place(job: Job) -> tuple[Any, ...]:

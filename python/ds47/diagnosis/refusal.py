@@ -70,13 +70,17 @@ def not_seen(job: Job) -> Iterator[Remark]:
         return
     if job.message is None and job.repeats is not None:  # told of the transaction that it repeats
         return
-    quiet = not half.status and not (job.write_response and job.write_response.status)
+    quiet = half.status == 0 and not (job.write_response and job.write_response.status)
     if not response.response_id & 0x80 or response.response_id == NOT_SUPPORTED or not quiet:
         return
     error = next((block.error for block in response.blocks if block.error is not None), None)
     if error is None:
         return
-    args = {"id": response.response_id, "code": error.code, "vendor_id": job.peer.vendor_id}
+    polls = len(job.polls)
+    args = {
+        "id": response.response_id, "code": error.code, "vendor_id": job.peer.vendor_id,
+        "case": "status_zero_at_last" if polls else "status_zero", "polls": polls,
+    }  # fmt: skip
     yield Remark("DS701", half.frame, args)
 
 

@@ -1,0 +1,105 @@
+"""What findings and diagnoses claim, where they once claimed more than the capture shows.
+
+Each conversation is played by the lab's client; what may be said of it is typed by hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("scapy")
+
+from ds47.analysis import analyze
+from ds47.capture.writer import PcapngWriter
+from ds47.lab import message
+from ds47.lab.client import Client
+from ds47.lab.stage import Stage
+from ds47.model import CaptureResult, Finding
+from ds47.report.sentences import sentence
+from ds47.report.verdict import blind
+
+Talk = Callable[[Client], object]
+SPEED, FIXED = message.address(21), message.address(2900)
+TEN = message.real(10.0)
+
+
+def result_of(talk: Talk, tmp_path: Path, snap: int | None = None) -> CaptureResult:
+    """The analysis of what a client does; `snap` bytes of each frame are captured."""
+    stage = Stage()
+    stage.snap = snap or stage.snap
+    talk(Client(stage))
+    path = tmp_path / "x.pcapng"
+    with PcapngWriter(path, link_type=stage.link) as writer:
+        for shot in stage.shots:
+            writer.write(shot.time_ns, shot.data, original_length=shot.original_length)
+    return analyze(path)
+
+
+def told(talk: Talk, rule: str, tmp_path: Path) -> list[str]:
+    """The sentences of a rule."""
+    return [sentence(each) for each in of(result_of(talk, tmp_path), rule)]
+
+
+def of(result: CaptureResult, rule: str) -> list[Finding]:
+    return [each for each in result.findings if each.rule == rule]
+
+
+def refused(reference: int, *blocks: bytes, change: bool = False) -> bytes:
+    """A response in which at least one parameter failed."""
+    return message.answer(reference, 0x82 if change else 0x81, 1, *blocks)
+
+
+# STATUS (DS701), what the capture cut (DS106), what it does not have (DS401)
+
+
+def polled(client: Client) -> None:
+    client.exchange(message.read(1, 1, SPEED), refused(1, message.error(0x01)), polls=3)
+
+
+def test_a_status_that_was_not_zero_is_not_called_zero(tmp_path: Path) -> None:
+    (text,) = told(polled, "DS701", tmp_path)
+    assert text.endswith(
+        "but the STATUS of the RDREC that brought it is 0 (after 3 x DE80B500: not ready yet)"
+    )
+
+
+def long_read(client: Client) -> None:
+    answer = message.answer(1, 1, 1, message.real(*range(50)))
+    client.exchange(message.read(1, 1, message.address(2902, 0, 50)), answer)
+
+
+def test_what_the_capture_cut_is_no_fault_of_the_message(tmp_path: Path) -> None:
+    rules = {each.rule for each in result_of(long_read, tmp_path, 260).findings}
+    assert rules == {"DS106", "DS725"}
+
+
+def requests_only(client: Client) -> None:
+    client.ask_write(message.read(1, 1, SPEED))
+    client.ask_write(message.read(2, 1, SPEED))
+
+
+def test_a_capture_that_goes_on_has_not_ended(tmp_path: Path) -> None:
+    first, last = told(requests_only, "DS401", tmp_path)
+    assert first.endswith("its responses are not in the capture")
+    assert last.endswith("the capture ends")
+
+
+def read_without_ar(client: Client) -> None:
+    from ds47.lab import wire
+
+    nowhere = client.at(ar=wire.NIL, index=0xB02F)
+    call = client.call(wire.READ_IMPLICIT)
+    client.ask(call, wire.read_request(call.sequence, nowhere))
+    client.accept_read(call, message.answer(7, 1, 1, TEN), at=nowhere)
+
+
+def test_a_response_without_an_ar_did_not_begin_before_the_capture(tmp_path: Path) -> None:
+    result = result_of(read_without_ar, tmp_path)
+    (finding,) = of(result, "DS403")
+    assert sentence(finding).startswith("Response read without an AR (ReadImplicit)")
+    lines = [line.en for line in blind(result)]
+    assert not [line for line in lines if "before the capture" in line]
+    assert [line for line in lines if "without an AR" in line]
