@@ -29,6 +29,7 @@ local USUAL = {[0x01] = true, [0x02] = true} -- response ids without a refusal
 local LEARNT = {[0x01] = true, [0x02] = true, [0x81] = true, [0x82] = true}
 
 local NONE = {}
+local LENGTH = 0 -- second key of a memory that needs none
 
 local codes = {} -- name of a format -> its code
 for code, row in pairs(tables.formats) do
@@ -46,6 +47,7 @@ function M.new(codec)
     codec = codec,
     formats = memory.new(tables.known.history), -- device, PNU -> format in which it was read last
     limits = memory.new(tables.known.history), -- device, PNU 974 -> bytes of its longest message
+    longest = memory.new(tables.known.history), -- device, LENGTH -> bytes of its longest response
   }, Diagnoses)
 end
 
@@ -53,6 +55,7 @@ end
 function Diagnoses:copied(known)
   known[self.formats] = self.formats:on_top()
   known[self.limits] = self.limits:on_top()
+  known[self.longest] = self.longest:on_top()
 end
 
 -- Whether a job that was answered well may have something to be repaired all the same.
@@ -86,6 +89,9 @@ end
 
 --- What a closed job shows, and the findings it has, were caused by: an array of remarks, for reading only.
 function Diagnoses:closed(job)
+  if job.read_response then
+    self:_learn_length(job.peer.device, #job.read_response.data)
+  end
   local in_order, well = order.is_usual(job), is_answered_well(job)
   local remarks = NONE
   if not (in_order and well) then
@@ -121,7 +127,8 @@ function Diagnoses:_cause(remarks, job)
   local before = #remarks
   length.request_too_short(remarks, job, refused)
   length.answer_cut(remarks, job, size_of)
-  length.answer_too_long(remarks, job, self.limits:get(device, PNU_ACCESS_IDENTIFICATION), size_of)
+  local stated = self.limits:get(device, PNU_ACCESS_IDENTIFICATION)
+  length.answer_too_long(remarks, job, stated, self.longest:get(device, LENGTH) or 0, size_of)
   refusal.add(remarks, job, refused)
   if #remarks == before then
     refusal.not_seen(remarks, job)
@@ -189,6 +196,12 @@ function Diagnoses:_learn_block(device, address, block)
   end
   if pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 then
     self:_learn_limit(device, block)
+  end
+end
+
+function Diagnoses:_learn_length(device, bytes)
+  if bytes > (self.longest:get(device, LENGTH) or 0) then
+    self.longest:put(device, LENGTH, bytes)
   end
 end
 

@@ -104,36 +104,61 @@ function M.answer_cut(remarks, job, size_of)
   end
 end
 
--- How many parameters found room; nil where room is not what was missing.
-local function answered(request, blocks, length, most, size_of)
+-- How the device says that there was no room, and the first parameter of which it says so (from 1); nil
+-- where room is not what was missing.
+local function without_room(request, blocks, length, most, size_of)
   local count, refused = #request.addresses, false
   for number = 1, min(#blocks, count) do
     local failure = blocks[number].error
     if failure then
       refused = true
       if failure.code == tables.known.too_long then
-        return number - 1
+        return "too_long", number
       end
     end
   end
   if refused or #blocks >= count then
     return nil
   end
-  local following = least_block(request.addresses[#blocks + 1], size_of)
-  return length + following > most and #blocks or nil
+  local number = #blocks + 1
+  local following = least_block(request.addresses[number], size_of)
+  if length + following > most then
+    return "left_out", number
+  end
+  return nil
+end
+
+-- How many parameters have their values.
+local function answered(request, blocks)
+  local count = 0
+  for number = 1, min(#blocks, #request.addresses) do
+    count = count + (blocks[number].error and 0 or 1)
+  end
+  return count
 end
 
 --- More was asked than one response can carry.
--- @param limit  r0974 of the device, bytes, if it was read; nil for the usual length of a channel
-function M.answer_too_long(remarks, job, limit, size_of)
+-- @param stated   r0974 of the device, bytes, if it was read; else nil
+-- @param longest  bytes of the longest response of the device so far
+function M.answer_too_long(remarks, job, stated, longest, size_of)
   local half, request, response = job.read_response, job.message, job.response
   if half == nil or request == nil or response == nil or request.operation ~= "read" then
     return
   end
-  local most = limit or tables.known.channel_bytes
-  local number = answered(request, response.blocks, #half.data, most, size_of)
-  if number then
-    put(remarks, "DS713", half.frame, {parameters = #request.addresses, limit = most, number = number})
+  if half.missing ~= 0 then
+    return
+  end
+  longest = max(longest, #half.data)
+  local limit = stated and stated >= longest and stated or nil
+  local most = limit or max(longest, tables.known.channel_bytes)
+  local what, number = without_room(request, response.blocks, #half.data, most, size_of)
+  if what then
+    local address = request.addresses[number]
+    put(remarks, "DS713", half.frame, {
+      parameters = #request.addresses, number = answered(request, response.blocks), what = what,
+      pnu = address.pnu, subindex = address.subindex,
+      room = limit and "room_stated" or "room_seen", limit = limit or longest,
+    })
   end
 end
 

@@ -17,7 +17,7 @@ from ds47.capture.writer import PcapngWriter
 from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.stage import Stage
-from ds47.model import CaptureResult, Finding
+from ds47.model import CaptureResult, Diagnosis, Finding
 from ds47.report.sentences import sentence
 from ds47.report.verdict import blind
 
@@ -45,6 +45,12 @@ def told(talk: Talk, rule: str, tmp_path: Path) -> list[str]:
 
 def of(result: CaptureResult, rule: str) -> list[Finding]:
     return [each for each in result.findings if each.rule == rule]
+
+
+def diagnosed(talk: Talk, rule: str, tmp_path: Path) -> Diagnosis:
+    """The only diagnosis of a rule."""
+    (found,) = (each for each in result_of(talk, tmp_path).diagnoses if each.rule == rule)
+    return found
 
 
 def refused(reference: int, *blocks: bytes, change: bool = False) -> bytes:
@@ -103,3 +109,45 @@ def test_a_response_without_an_ar_did_not_begin_before_the_capture(tmp_path: Pat
     lines = [line.en for line in blind(result)]
     assert not [line for line in lines if "before the capture" in line]
     assert [line for line in lines if "without an AR" in line]
+
+
+# What does not fit into a response (DS713)
+
+
+def no_room_in_the_middle(client: Client) -> None:
+    """Of three parameters the first fills most of 566 bytes, the second does not fit, the third does."""
+    asked = [message.address(6000, 0, 140), message.address(6001, 0, 128), message.address(2)]
+    found = [message.real(*range(140)), message.error(0x15), message.word(43)]
+    client.exchange(message.read(1, 1, *asked), refused(1, *found))
+
+
+def test_room_is_what_the_device_has_shown(tmp_path: Path) -> None:
+    found = diagnosed(no_room_in_the_middle, "DS713", tmp_path)
+    assert sentence(found) == (
+        "2 of 3 parameter(s) were answered, p6001[0] was refused with 0x15 (response too long); "
+        "its longest response so far has 576 bytes"
+    )
+    assert found.corrected == message.read(1, 1, message.address(6000, 0, 140), message.address(2))
+
+
+def limit_read_before(client: Client) -> None:
+    limits = message.answer(1, 1, 1, message.word(600))
+    client.exchange(message.read(1, 1, message.address(974)), limits)
+    no_room_in_the_middle(client)
+
+
+def test_room_is_what_the_device_said(tmp_path: Path) -> None:
+    found = diagnosed(limit_read_before, "DS713", tmp_path)
+    assert sentence(found).endswith("; PNU 974[0] of the device is 600 bytes")
+
+
+def cut_by_the_capture(client: Client) -> None:
+    long_read(client)
+    asked = [message.address(2902, 0, 20)] * 3
+    found = [message.real(*range(20))] * 3
+    client.exchange(message.read(2, 1, *asked), message.answer(2, 1, 1, *found))
+
+
+def test_what_the_capture_cut_was_not_left_out(tmp_path: Path) -> None:
+    result = result_of(cut_by_the_capture, tmp_path, 260)
+    assert {each.rule for each in result.findings} == {"DS106", "DS725"}

@@ -52,12 +52,16 @@ class Diagnoses:
         """Format in which a parameter of a device was read last."""
         self._limits: OrderedDict[str, int] = OrderedDict()
         """r0974 of a device: bytes of its longest message."""
+        self._longest: OrderedDict[str, int] = OrderedDict()
+        """Bytes of the longest response of a device."""
         self._axes: OrderedDict[str, set[int]] = OrderedDict()
         """Axes of a device that answered."""
 
     def closed(self, job: Job) -> list[Remark]:
         """What a closed job shows, and the findings it has, were caused by."""
         self._whole.closed(job)
+        if job.read_response is not None:
+            self._learn_length(job.peer.device, len(job.read_response.data))
         remarks = [] if order.is_usual(job) else list(order.of(job))
         response = job.response
         usual = response is not None and not response.flaws and response.response_id in (1, 2)
@@ -82,6 +86,7 @@ class Diagnoses:
         known_job = job.place, alike
         if known_job in self._known:
             self._whole.usual(job, alike)
+            self._learn_length(job.place.peer.device, len(job.answer))
             return _NOTHING
         if len(self._known) >= _MOST_KNOWN:
             self._known.clear()
@@ -124,7 +129,9 @@ class Diagnoses:
         remarks = [
             *length.request_too_short(job, [each.code for each in refused]),
             *length.answer_cut(job, size_of),
-            *length.answer_too_long(job, self._limits.get(device), size_of),
+            *length.answer_too_long(
+                job, self._limits.get(device), self._longest.get(device, 0), size_of
+            ),
             *refusal.of(job, refused),
         ]
         for remark in remarks:
@@ -198,6 +205,10 @@ class Diagnoses:
                     if pnu == PNU_ACCESS_IDENTIFICATION:
                         return True
         return False
+
+    def _learn_length(self, device: str, length: int) -> None:
+        if length > self._longest.get(device, 0):
+            _put(self._longest, device, length)
 
     def _learn_axis(self, device: str, axis: int, blocks: list[Block]) -> None:
         axes = self._axes.get(device)

@@ -6,7 +6,7 @@ Which correction a request needs is decided elsewhere (`repair`, `refusal`, `len
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -91,18 +91,16 @@ def as_format(format_code: int, values: list[Value]) -> Block | None:
     return block if block.values == values else None
 
 
-def first_parameters(message: Request, data: bytes, n: int) -> bytes:
-    """The request with its first n parameters, 1 at least, and nothing behind them.
+def only(message: Request, numbers: Sequence[int]) -> bytes:
+    """The request with some of its parameters, numbered from 0, and nothing behind them.
 
     Args:
-        message: a decoded request with a whole header.
-        data: its bytes, given back where it has no more than n parameters.
-        n: how many to keep.
+        message: a decoded request with a whole header; a change with a block for each parameter.
+        numbers: which to keep, in their order.
     """
-    n = max(n, 1)
-    if len(message.addresses) <= n:
-        return data
-    return _encoded(message, message.addresses[:n], message.blocks[:n])
+    addresses = [message.addresses[number] for number in numbers]
+    blocks = [message.blocks[number] for number in numbers if number < len(message.blocks)]
+    return _encoded(message, addresses, blocks)
 
 
 def with_axis(data: bytes, axis: int) -> bytes:
