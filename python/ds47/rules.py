@@ -8,7 +8,7 @@ the transport is reported by `ds47.analysis`.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
@@ -31,6 +31,9 @@ NOT_SUPPORTED: Final = 0x80
 """Response id of a device that does not know the request id."""
 
 
+Corrected = bytes | Callable[[], bytes | None] | None
+
+
 @dataclass(slots=True, init=False)
 class Remark:
     """A finding in the making: the rule, where it shows, and what spec/rules.toml says that it carries."""
@@ -40,8 +43,8 @@ class Remark:
     args: dict[str, Any]
     offset: int | None
     job: Job | None
-    corrected: bytes | None
-    """Of a diagnosis: the request as it should have been."""
+    corrected: Corrected
+    """Of a diagnosis: the request as it should have been, or who knows it when the capture is over."""
 
     def __init__(
         self,
@@ -50,7 +53,7 @@ class Remark:
         args: dict[str, Any] | None = None,
         offset: int | None = None,
         job: Job | None = None,
-        corrected: bytes | None = None,
+        corrected: Corrected = None,
     ) -> None:
         self.rule = rule
         self.frame = frame

@@ -19,6 +19,7 @@ from ds47.lab.client import Client
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult, Diagnosis, Finding
 from ds47.report.sentences import sentence
+from ds47.report.todo import answering
 from ds47.report.verdict import blind
 
 Talk = Callable[[Client], object]
@@ -151,3 +152,69 @@ def cut_by_the_capture(client: Client) -> None:
 def test_what_the_capture_cut_was_not_left_out(tmp_path: Path) -> None:
     result = result_of(cut_by_the_capture, tmp_path, 260)
     assert {each.rule for each in result.findings} == {"DS106", "DS725"}
+
+
+# Another drive object (DS709)
+
+LOCAL = 0xB02E
+
+
+def no_object(client: Client, request: bytes, axis: int) -> None:
+    """The device has no drive object of that number."""
+    response_id = 0x80 | request[1]
+    client.exchange(request, message.answer(request[0], response_id, axis, message.error(0x19)))
+
+
+def found_object(client: Client, axis: int, index: int = 47) -> None:
+    request = message.read(9, axis, message.address(27))
+    client.exchange(request, message.answer(9, 1, axis, TEN), at=client.at(index=index))
+
+
+def change_of_a_missing_object(client: Client) -> None:
+    found_object(client, 2)
+    no_object(client, message.change(1, 9, (FIXED, TEN)), 9)
+
+
+def read_of_a_missing_object(client: Client) -> None:
+    """What answers under 0xB02E is the slot, whatever the axis byte says."""
+    found_object(client, 9, LOCAL)
+    no_object(client, message.read(1, 9, SPEED), 9)
+    found_object(client, 2)
+
+
+def two_objects(client: Client) -> None:
+    found_object(client, 2)
+    no_object(client, message.read(1, 9, SPEED), 9)
+    found_object(client, 3)
+
+
+def refused_there(client: Client) -> None:
+    read_of_a_missing_object(client)
+    request = message.read(2, 2, SPEED)
+    client.exchange(request, message.answer(2, 0x81, 2, message.error(0x01)))
+
+
+def read_under_local_access(client: Client) -> None:
+    found_object(client, 2)
+    request = message.read(1, 9, SPEED)
+    answer = message.answer(1, 0x81, 9, message.error(0x19))
+    client.exchange(request, answer, at=client.at(index=LOCAL))
+
+
+@pytest.mark.parametrize(
+    ("talk", "corrected", "others"),
+    [
+        (change_of_a_missing_object, None, "2"),
+        (read_of_a_missing_object, message.read(1, 2, SPEED), "2"),
+        (two_objects, None, "2, 3"),
+        (refused_there, None, "2"),
+        (read_under_local_access, None, "2"),
+    ],
+)
+def test_another_drive_object(
+    talk: Talk, corrected: bytes | None, others: str, tmp_path: Path
+) -> None:
+    result = result_of(talk, tmp_path)
+    (found,) = (each for each in result.diagnoses if each.rule == "DS709")
+    assert found.corrected == corrected
+    assert answering(result, found) == others

@@ -15,12 +15,12 @@ from functools import cache, partial
 from typing import Final, TypeVar
 
 from ds47.diagnosis import length, order, refusal
-from ds47.diagnosis.capture import WholeCapture
+from ds47.diagnosis.capture import LOCAL, WholeCapture
 from ds47.pairing import Alike, Job, Peer, Place, UsualJob
-from ds47.profidrive import Options, Request, Response
+from ds47.profidrive import Options, Request, Response, decode_request
 from ds47.profidrive.model import VALUE, Block
 from ds47.profinet.records import Record
-from ds47.rules import PNU_ACCESS_IDENTIFICATION, Remark, is_mismatch
+from ds47.rules import PNU_ACCESS_IDENTIFICATION, Corrected, Remark, is_mismatch
 from ds47.spec import formats, parameters
 from ds47.spec.semantics import known
 
@@ -55,7 +55,11 @@ class Diagnoses:
         self._longest: OrderedDict[str, int] = OrderedDict()
         """Bytes of the longest response of a device."""
         self._axes: OrderedDict[str, set[int]] = OrderedDict()
-        """Axes of a device that answered."""
+        """Axes of a device that answered where the axis byte counts,"""
+        self._missing: OrderedDict[str, set[int]] = OrderedDict()
+        """and those of which it said that there is no such drive object."""
+        self._refused: OrderedDict[Asked, None] = OrderedDict()
+        """Parameters that were refused, each with its value."""
 
     def closed(self, job: Job) -> list[Remark]:
         """What a closed job shows, and the findings it has, were caused by."""
@@ -70,6 +74,8 @@ class Diagnoses:
         self._learn(job)
         for remark in remarks:
             remark.job = job
+            if remark.corrected is not None:
+                remark.corrected = self._offer(job, remark.corrected)
         return remarks
 
     def usual(
@@ -120,6 +126,8 @@ class Diagnoses:
     def _cause(self, job: Job) -> Iterator[Remark]:
         """One cause explains a job: a repair all of it, then lengths, then each refusal by its number."""
         refused = refusal.refusals(job)
+        if refused:
+            self._learn_refused(job, refused)
         repaired = self._repair(job, refused)
         if repaired is not None:
             yield repaired
@@ -157,12 +165,48 @@ class Diagnoses:
         return Remark(found.rule, half.frame, args, corrected=found.request)
 
     def _suggest_axis(self, job: Job, remark: Remark) -> None:
-        """Where exactly one axis of the device answered, it is the one to ask."""
-        axes, half = self._axes.get(job.peer.device, set()), job.write_request
-        if len(axes) == 1 and half is not None:
-            from ds47.diagnosis import suggest
+        """A read may be asked of the only drive object that answers; a change never goes elsewhere."""
+        half, message = job.write_request, job.message
+        if half is None or message is None or message.operation != "read":
+            return
+        if job.record.index != LOCAL:
+            remark.corrected = partial(self._only_axis, job, half.data)
 
-            remark.corrected = suggest.with_axis(half.data, next(iter(axes)))
+    def _only_axis(self, job: Job, request: bytes) -> bytes | None:
+        """The request for the only drive object that answered up to now; 0 names none."""
+        device = job.peer.device
+        axes = self._axes.get(device, set()) - self._missing.get(device, set())
+        if len(axes) != 1 or axes == {0}:
+            return None
+        from ds47.diagnosis import suggest
+
+        there = suggest.with_axis(request, *axes)
+        return self._unless_refused(there, _asked(job, decode_request(there, self._codec)))
+
+    # What may be offered instead
+
+    def _offer(self, job: Job, corrected: Corrected) -> Corrected:
+        """A corrected request, as far as the capture does not speak against it to its end."""
+        from ds47.diagnosis import suggest
+
+        if not isinstance(corrected, bytes):
+            return corrected
+        request = decode_request(corrected, self._codec)
+        if not suggest.is_harmless(request):
+            return None
+        return partial(self._unless_refused, corrected, _asked(job, request))
+
+    def _unless_refused(self, corrected: bytes, asked: list[Asked]) -> bytes | None:
+        return None if any(each in self._refused for each in asked) else corrected
+
+    def _learn_refused(self, job: Job, refused: list[refusal.Refusal]) -> None:
+        request = job.message
+        if request is None:
+            return
+        asked = _asked(job, request)
+        for each in refused:
+            if each.code != known().too_long:
+                _put(self._refused, asked[each.number], None)
 
     # What was seen before
 
@@ -171,10 +215,11 @@ class Diagnoses:
         if request is None or response is None or response.response_id not in (1, 2, 0x81, 0x82):
             return
         device, formats_ = job.peer.device, self._formats
-        if not self._is_new(device, request, response) or is_mismatch(job):
+        axis = None if job.record.index == LOCAL else request.axis
+        if not self._is_new(device, axis, request, response) or is_mismatch(job):
             return
-        if request.axis is not None:
-            self._learn_axis(device, request.axis, response.blocks)
+        if axis is not None:
+            self._learn_axis(device, axis, response.blocks)
         if request.operation != "read":
             return
         for address, block in zip(request.addresses, response.blocks, strict=False):
@@ -191,10 +236,12 @@ class Diagnoses:
                 if isinstance(longest, int) and longest > 0:
                     _put(self._limits, device, longest)
 
-    def _is_new(self, device: str, request: Request, response: Response) -> bool:
+    def _is_new(self, device: str, axis: int | None, request: Request, response: Response) -> bool:
         """Whether there is something to learn if the response belongs to the request; most often not."""
         axes, formats_ = self._axes.get(device), self._formats
-        if axes is None or request.axis not in axes:
+        if axis is not None and (axes is None or axis not in axes):
+            return True
+        if response.response_id in (0x81, 0x82):
             return True
         if request.operation == "read":
             for address, block in zip(request.addresses, response.blocks, strict=False):
@@ -216,11 +263,12 @@ class Diagnoses:
             if len(self._axes) >= known().history:
                 self._known.clear()
             axes = _put(self._axes, device, set())
-        if axis in axes:
-            return
         error = known().axis_error
         if all(block.error is None or block.error.code != error for block in blocks):
             axes.add(axis)
+        else:
+            missing = self._missing.get(device)
+            (_put(self._missing, device, set()) if missing is None else missing).add(axis)
 
     def _is_known(self, device: str, pnu: int) -> bool:
         return pnu in parameters() or (device, pnu) in self._formats
@@ -236,6 +284,19 @@ class Diagnoses:
         code = self._format(device, pnu)
         row = formats().get(code) if code is not None else None
         return row.size if row else None
+
+
+Asked = tuple[str, int, int, int, int, int | None, bytes]
+"""Device, API, slot, subslot, index, axis, and a parameter as `suggest.parameters_of` gives it."""
+
+
+def _asked(job: Job, request: Request) -> list[Asked]:
+    """The parameters of a request, each with the place to which it goes."""
+    from ds47.diagnosis import suggest
+
+    at = job.record
+    place = job.peer.device, at.api, at.slot, at.subslot, at.index, request.axis
+    return [(*place, each) for each in suggest.parameters_of(request)]
 
 
 def _is_odd(job: Job) -> bool:

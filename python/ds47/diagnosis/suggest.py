@@ -8,6 +8,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Final
 
 from ds47 import spec
@@ -21,6 +22,7 @@ from ds47.profidrive import (
     make_block,
 )
 from ds47.profidrive.notation import format_request_line, parse_request_line
+from ds47.spec.semantics import never_written
 
 _PER_ROW: Final = 4
 _AXIS: Final = 2
@@ -80,6 +82,33 @@ def with_blocks(message: Request, blocks: Mapping[int, Block]) -> bytes:
     """The request with some of its value blocks, numbered from 0, replaced."""
     kept = [blocks.get(number, block) for number, block in enumerate(message.blocks)]
     return _encoded(message, message.addresses, kept, message.rest)
+
+
+def is_harmless(request: Request) -> bool:
+    """Whether a request changes nothing that must never be changed on somebody's advice."""
+    if request.operation == "read":
+        return True
+    pnus, values = never_written()
+    written = zip_longest(request.addresses, request.blocks)
+    return request.operation == "change" and not any(
+        any(address.pnu in each for each in pnus)
+        or (block is not None and any((address.pnu, value) in values for value in block.values))
+        for address, block in written
+        if address is not None
+    )
+
+
+def parameters_of(request: Request) -> list[bytes]:
+    """Each parameter of a request with its value, as bytes that are the same in equal ones."""
+    kind = bytes((request.request_id or 0,))
+    written = zip_longest(request.addresses, request.blocks)
+    return [kind + _parameter(address, block) for address, block in written if address is not None]
+
+
+def _parameter(address: Address, block: Block | None) -> bytes:
+    head = bytes((address.attribute, address.element_count))
+    head += address.pnu.to_bytes(2) + address.subindex.to_bytes(2)
+    return head if block is None else head + bytes((block.format, block.value_count)) + block.raw
 
 
 def as_format(format_code: int, values: list[Value]) -> Block | None:

@@ -106,6 +106,14 @@ def known() -> Known:
 
 
 @cache
+def never_written() -> tuple[tuple[range, ...], frozenset[tuple[int, int]]]:
+    """What no corrected request writes: PNUs, and single values of a PNU."""
+    table = _load("diagnoses.toml")["never_written"]
+    pnus = tuple(range(first, last + 1) for first, last in table["ranges"])
+    return pnus, frozenset((pnu, value) for pnu, value in table["values"])
+
+
+@cache
 def diagnosis_words(lang: str) -> dict[str, str]:
     """The words that the sentences of the diagnoses are filled with ("en" or "zh")."""
     return dict(_load("diagnoses.toml")["words"]["zh" if lang == "zh" else "en"])
