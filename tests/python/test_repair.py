@@ -280,7 +280,7 @@ def test_some_of_the_parameters() -> None:
     assert suggest.only(message, [0, 1]) == TWO
 
 
-def change_of(pnu: int, value: int) -> Request:
+def change_of(pnu: int, value: int):  # type: ignore[no-untyped-def]
     block = bytes((0x06, 1)) + value.to_bytes(2)
     return decode_request(bytes.fromhex("02020101 1001") + pnu.to_bytes(2) + bytes(2) + block)
 
