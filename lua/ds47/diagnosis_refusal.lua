@@ -105,19 +105,18 @@ local function args_of(job, rule, refusal)
   return args
 end
 
---- Adds what the refusals of a job say, each cause once.
+--- Adds what the refusals of a job say: each parameter by itself, a missing drive object once.
 -- @param refused  what `refusals` gave
 function M.add(remarks, job, refused)
-  local half, given = job.read_response, {}
+  local half, missing = job.read_response, false
   if half == nil then
     return
   end
   local siemens = job.peer.vendor_id == SIEMENS
   for _, refusal in ipairs(refused) do
     local rule = rule_of(refusal, siemens)
-    local cause = rule and rule .. refusal.code
-    if rule and not given[cause] then
-      given[cause] = true
+    if rule and not (rule == "DS709" and missing) then
+      missing = missing or rule == "DS709"
       local args = args_of(job, rule, refusal)
       remarks[#remarks + 1] = rules.remark(rule, half.frame, args, refusal.answer.offset)
     end

@@ -682,7 +682,7 @@ M.rules = {
   DS711 = {id = "DS711", name = "request-length", severity = "error", scope = "message", anchor = "request", message = "The request ends after {have} bytes but needs {need}", cause = "LEN of WRREC is smaller than the request, often the length of another job or of the header alone.", advice = "Set LEN of WRREC to the length of the request, at least the number named here.", message_zh = "请求在 {have} 个字节后结束，但需要 {need} 个字节", cause_zh = "WRREC 的 LEN 小于请求长度，通常是另一个任务的长度或仅为报文头的长度。", advice_zh = "将 WRREC 的 LEN 设为请求的长度，至少为此处给出的数。"},
   DS712 = {id = "DS712", name = "read-length", severity = "error", scope = "transaction", anchor = "read_response", message = "The Read asks for {asked} bytes at most, the response needs {need}", cause = "MLEN of RDREC is smaller than the response to this request.", advice = "Set MLEN of RDREC to at least the number named here; 240 is always enough for index 47.", message_zh = "读取最多请求 {asked} 个字节，应答需要 {need} 个字节", cause_zh = "RDREC 的 MLEN 小于该请求的应答。", advice_zh = "将 RDREC 的 MLEN 至少设为此处给出的数；对于索引 47，240 总是足够。"},
   DS713 = {id = "DS713", name = "response-too-long", severity = "error", scope = "transaction", anchor = "read_response", message = "{number} of {parameters} parameter(s) were answered, {what}; {room}", cause = "The request asks for more values than one response can carry; the device answers 16#15 or leaves the rest out.", advice = "Ask for the rest in a request of its own, for a long array in several requests with rising subindex; PNU 974[0] says how many bytes the device can handle.", message_zh = "{parameters} 个参数中有 {number} 个得到应答，{what}；{room}", cause_zh = "请求的数值超过一个应答所能容纳的数量；设备以 16#15 应答，或省略其余部分。", advice_zh = "其余参数另发一个请求，长数组用递增的下标分几次请求；PNU 974[0] 给出设备可处理的字节数。"},
-  DS714 = {id = "DS714", name = "value-in-wrong-type", severity = "error", scope = "transaction", anchor = "request", message = "p{pnu}[{subindex}] is written as {format} {values}; what is meant is {better} ({code}) {meant}", cause = "The bits in the buffer and the format byte do not belong together: a REAL under an integer format, a whole number under a floating-point format, or a format that this parameter does not have.", advice = "Use the format of the parameter list, and move a variable of exactly that type into the buffer; convert a whole number first (DINT_TO_REAL).", message_zh = "p{pnu}[{subindex}] 以 {format} 写入 {values}；实际含义应为 {better}（{code}）{meant}", cause_zh = "缓冲区中的位与格式字节不匹配：整数格式下放了 REAL，浮点格式下放了整数，或使用了该参数没有的格式。", advice_zh = "使用参数表中的格式，并将完全相同类型的变量放入缓冲区；整数须先转换（DINT_TO_REAL）。"},
+  DS714 = {id = "DS714", name = "value-in-wrong-type", severity = "error", scope = "transaction", anchor = "request", message = "p{pnu}[{subindex}] is written as {format} {values}; {case}, {bits}", cause = "The bits in the buffer and the format byte do not belong together: a REAL under an integer format, a whole number under a floating-point format, or a format that this parameter does not have.", advice = "Use the format of the parameter list, and move a variable of exactly that type into the buffer; convert a whole number first (DINT_TO_REAL).", message_zh = "p{pnu}[{subindex}] 以 {format} 写入 {values}；{case}，{bits}", cause_zh = "缓冲区中的位与格式字节不匹配：整数格式下放了 REAL，浮点格式下放了整数，或使用了该参数没有的格式。", advice_zh = "使用参数表中的格式，并将完全相同类型的变量放入缓冲区；整数须先转换（DINT_TO_REAL）。"},
   DS715 = {id = "DS715", name = "bytes-swapped", severity = "error", scope = "transaction", anchor = "request", message = "The request makes sense when the bytes of {what} are swapped: {meant}", cause = "The program keeps its words with the low byte first; on the wire of PROFIdrive the high byte comes first.", advice = "Swap the bytes in the data block, where the request is put together and where the response is taken apart.", message_zh = "将 {what} 的字节交换后请求才有意义：{meant}", cause_zh = "程序按低字节在前存放字；PROFIdrive 报文中高字节在前。", advice_zh = "在组成请求和拆解应答的地方交换数据块中的字节。"},
   DS716 = {id = "DS716", name = "data-block-layout", severity = "error", scope = "transaction", anchor = "request", message = "The request makes sense without {what}: {meant}", cause = "The data block is optimised or its fields begin at even offsets, so bytes that belong together are apart.", advice = "Use a data block with standard (S7-300/400 compatible) access and consecutive BYTE fields, or an ARRAY of BYTE.", message_zh = "去掉 {what} 后请求才有意义：{meant}", cause_zh = "数据块为优化访问，或其字段从偶数偏移开始，因此本应相邻的字节被分开。", advice_zh = "使用标准访问（兼容 S7-300/400）的数据块和连续的 BYTE 字段，或 ARRAY of BYTE。"},
   DS717 = {id = "DS717", name = "index-and-count", severity = "error", scope = "transaction", anchor = "read_response", message = "p{pnu}[{subindex}] with number of elements {elements} was refused: {code} {text}", cause = "Subindex and number of elements are mixed up, an array is asked of a parameter that is none, or the number of values does not match.", advice = "Not an array: number of elements 0 or 1, subindex 0. Array: elements begin at the subindex. In a change the number of values equals the number of elements.", message_zh = "p{pnu}[{subindex}]（元素数量 {elements}）被拒绝：{code} {text}", cause_zh = "下标与元素数量混淆，对非数组参数按数组访问，或数值的数量不符。", advice_zh = "非数组：元素数量 0 或 1，下标 0。数组：元素从下标开始。修改时数值的数量等于元素数量。"},
@@ -767,7 +767,7 @@ M.rules.DS712.args = {asked = "number", need = "number"}
 M.rules.DS713.group = {"what"}
 M.rules.DS713.args = {parameters = "number", number = "number", what = "key", pnu = "number", subindex = "number", room = "key", limit = "number"}
 M.rules.DS714.group = {"pnu", "format"}
-M.rules.DS714.args = {pnu = "number", subindex = "number", format = "text", values = "values", better = "text", code = "hex", meant = "values"}
+M.rules.DS714.args = {pnu = "number", subindex = "number", format = "text", values = "values", case = "key", better = "text", better_code = "hex", seen = "frame", bits = "key", meant = "values", code = "code"}
 M.rules.DS715.group = {"what"}
 M.rules.DS715.args = {what = "key", meant = "line"}
 M.rules.DS716.group = {"what"}
@@ -815,6 +815,7 @@ M.known = {
   connectors = {[840] = true, [844] = true, [845] = true, [848] = true, [849] = true, [852] = true, [854] = true, [1055] = true, [1056] = true, [1070] = true, [1075] = true, [1113] = true, [1140] = true, [1141] = true, [1142] = true, [2051] = true, [2061] = true, [2103] = true, [2104] = true},
   axis_error = 25,
   too_long = 21,
+  no_array = 4,
   connector_error = 131,
   commissioning = {[110] = "p0010 = 3", [111] = "p0010 = 2", [112] = "p0010 = 1", [113] = "p0010 = 0", [114] = "p0010 = 30", [115] = "p0010 = 95", [116] = "p0010 = 5", [117] = "p0010 > 0"},
 }
@@ -838,6 +839,12 @@ M.diagnosis_words = {
   unasked = {en = "Response without a request in the capture, parameter numbers are unknown", zh = "应答在抓包中没有对应的请求，参数号未知"},
   unasked_without_ar = {en = "Response read without an AR (ReadImplicit): no request in this capture fits, parameter numbers are unknown", zh = "不经 AR 读取的应答（ReadImplicit）：本抓包中没有与之相符的请求，参数号未知"},
   unasked_again = {en = "Response read without an AR (ReadImplicit) that had been read before, when its transaction was over already", zh = "不经 AR 再次读取了以前读过的应答（ReadImplicit），其事务此前已经结束"},
+  format_read = {en = "frame {seen} reads it as {better} ({better_code})", zh = "第 {seen} 帧读取的格式为 {better}（{better_code}）"},
+  format_listed = {en = "by the list of parameters it is {better} ({better_code})", zh = "按参数表其格式为 {better}（{better_code}）"},
+  format_bits = {en = "as {better} ({better_code}) it would make sense", zh = "若为 {better}（{better_code}）则有意义"},
+  bits_same = {en = "the same bits are {meant} there", zh = "同样的位在该格式下为 {meant}"},
+  number_same = {en = "the same number is {meant} there", zh = "同一个数在该格式下为 {meant}"},
+  number_other = {en = "which number is meant is not known", zh = "不知道应为哪个数"},
   too_long = {en = "p{pnu}[{subindex}] was refused with 0x15 (response too long)", zh = "p{pnu}[{subindex}] 以 0x15（应答过长）被拒绝"},
   left_out = {en = "p{pnu}[{subindex}] and what follows it were left out", zh = "p{pnu}[{subindex}] 及其后的参数被省略"},
   room_stated = {en = "PNU 974[0] of the device is {limit} bytes", zh = "该设备的 PNU 974[0] 为 {limit} 个字节"},
@@ -960,8 +967,8 @@ M.report_words = {
 
 later.covers = [=[
 M.covers = {
-  job = {DS704 = {"DS403", "DS404", "DS405", "DS406", "DS407"}, DS705 = {"DS203", "DS413", "DS414"}, DS709 = {"DS410"}, DS711 = {"DS3", "DS201", "DS203", "DS401", "DS410"}, DS712 = {"DS315", "DS201", "DS202", "DS407", "DS408"}, DS713 = {"DS307", "DS407", "DS408", "DS410"}, DS714 = {"DS3", "DS201", "DS203", "DS410", "DS417"}, DS715 = {"DS3", "DS201", "DS203", "DS410", "DS417"}, DS716 = {"DS3", "DS201", "DS203", "DS410", "DS417"}, DS717 = {"DS307", "DS308", "DS310"}, DS722 = {"DS101", "DS401", "DS402"}},
-  word = {DS701 = {"DS410"}, DS708 = {"DS201", "DS203"}, DS717 = {"DS410"}, DS718 = {"DS410"}, DS719 = {"DS410"}, DS720 = {"DS410"}},
+  job = {DS704 = {"DS403", "DS404", "DS405", "DS406", "DS407"}, DS705 = {"DS203", "DS413", "DS414"}, DS709 = {"DS410"}, DS711 = {"DS3", "DS201", "DS203", "DS401", "DS410"}, DS712 = {"DS315", "DS201", "DS202", "DS407", "DS408"}, DS713 = {"DS307", "DS407", "DS408", "DS410"}, DS714 = {"DS3", "DS201", "DS203", "DS417"}, DS715 = {"DS3", "DS201", "DS203", "DS410", "DS417"}, DS716 = {"DS3", "DS201", "DS203", "DS410", "DS417"}, DS717 = {"DS307", "DS308", "DS310"}, DS722 = {"DS101", "DS401", "DS402"}},
+  word = {DS701 = {"DS410"}, DS708 = {"DS201", "DS203"}, DS714 = {"DS410"}, DS717 = {"DS410"}, DS718 = {"DS410"}, DS719 = {"DS410"}, DS720 = {"DS410"}},
   whole = {DS703 = {"DS206"}, DS706 = {"DS206", "DS401", "DS402", "DS403", "DS413", "DS414"}, DS724 = {"DS205"}, DS725 = {"DS101", "DS102", "DS105", "DS106", "DS108", "DS202", "DS315", "DS401", "DS402", "DS403"}},
 }
 ]=]

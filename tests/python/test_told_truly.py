@@ -218,3 +218,111 @@ def test_another_drive_object(
     (found,) = (each for each in result.diagnoses if each.rule == "DS709")
     assert found.corrected == corrected
     assert answering(result, found) == others
+
+
+# Another format, and what to send instead (DS714, DS717)
+
+
+def seen_as_real(client: Client) -> None:
+    client.exchange(message.read(7, 1, FIXED), message.answer(7, 1, 1, TEN))
+
+
+def changed_as(client: Client, value: bytes, *more: tuple[bytes, bytes, int]) -> None:
+    """P2900 under a wrong format is refused with 0x05; further changes with their error number, 0 for none."""
+    request = message.change(1, 1, (FIXED, value), *(each[:2] for each in more))
+    done = [message.error(each[2]) if each[2] else message.zero() for each in more]
+    client.exchange(request, refused(1, message.error(0x05), *done, change=True))
+
+
+def bits(client: Client) -> None:
+    seen_as_real(client)
+    changed_as(client, message.block(0x07, "I", 0x41200000))
+
+
+def number(client: Client) -> None:
+    seen_as_real(client)
+    changed_as(client, message.block(0x06, "H", 10))
+
+
+def never_read(client: Client) -> None:
+    changed_as(client, message.block(0x07, "I", 0x41200000))
+
+
+def read_of_another_object(client: Client) -> None:
+    client.exchange(message.read(7, 2, FIXED), message.answer(7, 1, 2, TEN))
+    changed_as(client, message.block(0x07, "I", 0x41200000))
+
+
+def refused_besides(client: Client) -> None:
+    seen_as_real(client)
+    other = (message.address(304), message.real(5.0), 0x11)
+    changed_as(client, message.block(0x07, "I", 0x41200000), other)
+
+
+def refused_as_well(client: Client) -> None:
+    """What would be sent instead was tried, and refused."""
+    bits(client)
+    changed_as(client, TEN)
+
+
+WHOLE = message.change(1, 1, (FIXED, TEN))
+
+
+@pytest.mark.parametrize(
+    ("talk", "says", "corrected"),
+    [
+        (bits, "frame 4 reads it as Float32 (0x08), the same bits are 10.0 there", WHOLE),
+        (number, "frame 4 reads it as Float32 (0x08), the same number is 10.0 there", WHOLE),
+        (never_read, "by the list of parameters it is Float32 (0x08), the same bits are", None),
+        (read_of_another_object, "frame 4 reads it as Float32 (0x08)", None),
+        (refused_besides, "frame 4 reads it as Float32 (0x08)", WHOLE),
+        (refused_as_well, "frame 4 reads it as Float32 (0x08)", None),
+    ],
+)
+def test_a_format_is_a_fact_where_it_was_read(
+    talk: Talk, says: str, corrected: bytes | None, tmp_path: Path
+) -> None:
+    found = diagnosed(talk, "DS714", tmp_path)
+    assert says in sentence(found)
+    assert found.corrected == corrected
+
+
+def test_what_was_refused_besides_has_its_own_cause(tmp_path: Path) -> None:
+    result = result_of(refused_besides, tmp_path)
+    assert [each.args["pnu"] for each in of(result, "DS719")] == [304]
+
+
+def two_refused(client: Client) -> None:
+    asked = [message.address(304, 2), message.address(305, 3), message.address(21)]
+    found = [message.error(0x04), message.error(0x03), TEN]
+    client.exchange(message.read(1, 1, *asked), refused(1, *found))
+
+
+def test_each_refused_parameter_has_its_cause_and_is_asked_alone(tmp_path: Path) -> None:
+    result = result_of(two_refused, tmp_path)
+    assert [(each.args["pnu"], each.args["code"]) for each in of(result, "DS717")] == [
+        (304, 0x04), (305, 0x03),
+    ]  # fmt: skip
+    corrected = [each.corrected for each in result.diagnoses if each.corrected]
+    assert corrected == [message.read(1, 1, message.address(304))]
+
+
+def other_counts(client: Client) -> None:
+    request = message.change(1, 1, (message.address(46, 0, 2), message.real(5.0)))
+    client.exchange(request, refused(1, message.error(0x18), change=True))
+
+
+def test_which_count_is_meant_is_not_guessed(tmp_path: Path) -> None:
+    assert diagnosed(other_counts, "DS717", tmp_path).corrected is None
+
+
+def safety(client: Client) -> None:
+    """p9601 was read as a simple parameter, and is written as an array."""
+    place = message.address(9601)
+    client.exchange(message.read(7, 1, place), message.answer(7, 1, 1, message.word(1)))
+    request = message.change(1, 1, (message.address(9601, 1), message.word(1)))
+    client.exchange(request, refused(1, message.error(0x04), change=True))
+
+
+def test_safety_is_never_written_on_advice(tmp_path: Path) -> None:
+    assert diagnosed(safety, "DS717", tmp_path).corrected is None

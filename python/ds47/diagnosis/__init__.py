@@ -12,7 +12,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, partial
-from typing import Final, TypeVar
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeVar
 
 from ds47.diagnosis import length, order, refusal
 from ds47.diagnosis.capture import LOCAL, WholeCapture
@@ -24,6 +24,9 @@ from ds47.rules import PNU_ACCESS_IDENTIFICATION, Corrected, Remark, is_mismatch
 from ds47.spec import formats, parameters
 from ds47.spec.semantics import known
 
+if TYPE_CHECKING:
+    from ds47.diagnosis.repair import Repair
+
 _LEAST_NORMAL: Final = {0x08: 2.0**-126, 0x0F: 2.0**-1022}
 """Float32 and Float64: what is nearer to zero is no number that anybody typed."""
 _MOST: Final = 1e30
@@ -34,6 +37,8 @@ _MOST_BYTE: Final = 0x70
 """to 2^99, which is 6e29."""
 _MOST_KNOWN: Final = 65_536
 _NOTHING: Final[tuple[Remark, ...]] = ()
+Target = tuple[str, int, int]
+"""A drive object of a device, as far as a request says which."""
 
 
 class Diagnoses:
@@ -48,7 +53,7 @@ class Diagnoses:
         self._known: set[tuple[Place, Alike]] = set()
         """Usual jobs that showed nothing; one more of them adds nothing, as long as nothing is forgotten."""
         self._whole = WholeCapture(self._known.clear)
-        self._formats: OrderedDict[tuple[str, int], int] = OrderedDict()
+        self._formats: OrderedDict[tuple[str, int], Seen] = OrderedDict()
         """Format in which a parameter of a device was read last."""
         self._limits: OrderedDict[str, int] = OrderedDict()
         """r0974 of a device: bytes of its longest message."""
@@ -124,30 +129,35 @@ class Diagnoses:
         return self._whole.finish(dropped, gaps, requests, responses)
 
     def _cause(self, job: Job) -> Iterator[Remark]:
-        """One cause explains a job: a repair all of it, then lengths, then each refusal by its number."""
+        """One cause explains a job: a repair all of it, or lengths; else each refusal has its own."""
         refused = refusal.refusals(job)
         if refused:
             self._learn_refused(job, refused)
-        repaired = self._repair(job, refused)
-        if repaired is not None:
-            yield repaired
+        found = self._repair(job, refused)
+        if found is not None and not found.each:
+            yield self._repaired(job, found)
             return
+        remarks = [] if found is None else list(self._retyped(job, found, refused))
+        told = set() if found is None else {each.number for each in found.each}
+        others = [each for each in refused if each.number not in told]
         device = job.peer.device
         size_of = partial(self._size, device)
-        remarks = [
-            *length.request_too_short(job, [each.code for each in refused]),
+        remarks += [
+            *length.request_too_short(job, [each.code for each in others]),
             *length.answer_cut(job, size_of),
             *length.answer_too_long(
                 job, self._limits.get(device), self._longest.get(device, 0), size_of
             ),
-            *refusal.of(job, refused),
         ]
-        for remark in remarks:
+        for each, remark in refusal.of(job, others):
             if remark.rule == "DS709":
                 self._suggest_axis(job, remark)
+            elif remark.rule == "DS717" and each.code == known().no_array:
+                remark.corrected = self._simple(job, refused, each.number)
+            remarks.append(remark)
         yield from remarks or refusal.not_seen(job)
 
-    def _repair(self, job: Job, refused: list[refusal.Refusal]) -> Remark | None:
+    def _repair(self, job: Job, refused: list[refusal.Refusal]) -> Repair | None:
         half, message = job.write_request, job.message
         if half is None or message is None or half.missing:
             return None
@@ -155,14 +165,60 @@ class Diagnoses:
 
         device = job.peer.device
         errors = {each.number: each.code for each in refused}
-        found = repair.find(
+        return repair.find(
             half.data, message, errors, partial(self._is_known, device),
             partial(self._format, device), replace(self._codec, vendor_id=job.peer.vendor_id),
         )  # fmt: skip
-        if found is None:
+
+    def _repaired(self, job: Job, found: Repair) -> Remark:
+        """Of a request that was meant as a whole in another way (DS715, DS716)."""
+        half = job.write_request
+        assert half is not None
+        request = decode_request(found.request, self._codec)
+        proven = found.what != "values" and all(
+            self._is_proven(job, request, number) for number in range(len(request.blocks))
+        )
+        corrected = found.request if request.operation == "read" or proven else None
+        return Remark(
+            found.rule, half.frame, {"what": found.what, **found.args}, corrected=corrected
+        )
+
+    def _retyped(self, job: Job, found: Repair, refused: list[refusal.Refusal]) -> Iterator[Remark]:
+        """A value under a format that is not that of the parameter, each by itself (DS714)."""
+        half, errors = job.write_request, {each.number: each.code for each in refused}
+        assert half is not None
+        from ds47.diagnosis import suggest
+
+        request = decode_request(found.request, self._codec)
+        sure = {
+            each.number: each.bits != "number_other" and self._is_proven(job, request, each.number)
+            for each in found.each
+        }
+        whole = all(sure.values()) and sure.keys() >= errors.keys()
+        for each in found.each:
+            args = {**each.args, "better_code": each.args["code"], "bits": each.bits}
+            args["code"] = errors.get(each.number)
+            seen = self._formats.get((job.peer.device, args["pnu"]))
+            args["seen"] = None if seen is None else seen.frame
+            args["case"] = _format_case(seen, args["pnu"])
+            corrected = None
+            if sure[each.number]:
+                corrected = found.request if whole else suggest.only(request, [each.number])
+            yield Remark(found.rule, half.frame, args, corrected=corrected)
+
+    def _is_proven(self, job: Job, request: Request, number: int) -> bool:
+        """Whether the parameter was read in this format, of the drive object that the request goes to."""
+        address, block = request.addresses[number], request.blocks[number]
+        seen = self._formats.get((job.peer.device, address.pnu))
+        target = target_of(job.record, request.axis)
+        return seen is not None and (seen.format, seen.target) == (block.format, target)
+
+    def _simple(self, job: Job, refused: list[refusal.Refusal], number: int) -> bytes | None:
+        """The request for a parameter that is no array; a change only where its format is proven."""
+        request = job.message
+        if request is None or (request.blocks and not self._is_proven(job, request, number)):
             return None
-        args = {"what": found.what, **found.args} if found.what else found.args
-        return Remark(found.rule, half.frame, args, corrected=found.request)
+        return refusal.without_index(job, refused, number)
 
     def _suggest_axis(self, job: Job, remark: Remark) -> None:
         """A read may be asked of the only drive object that answers; a change never goes elsewhere."""
@@ -227,10 +283,11 @@ class Diagnoses:
                 continue
             key = device, address.pnu
             before = formats_.get(key)
-            if before != block.format:
+            if before is None or before.format != block.format:
                 if before is not None or len(formats_) >= known().history:
                     self._known.clear()
-                _put(formats_, key, block.format)
+                target, frame = target_of(job.record, request.axis), job.read_response
+                _put(formats_, key, Seen(block.format, frame.frame if frame else 0, target))
             if address.pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 and block.values:
                 longest = block.values[0]
                 if isinstance(longest, int) and longest > 0:
@@ -247,7 +304,8 @@ class Diagnoses:
             for address, block in zip(request.addresses, response.blocks, strict=False):
                 if address.attribute == VALUE and block.error is None:
                     pnu = address.pnu
-                    if formats_.get((device, pnu)) != block.format:
+                    seen = formats_.get((device, pnu))
+                    if seen is None or seen.format != block.format:
                         return True
                     if pnu == PNU_ACCESS_IDENTIFICATION:
                         return True
@@ -276,14 +334,35 @@ class Diagnoses:
     def _format(self, device: str, pnu: int) -> int | None:
         seen = self._formats.get((device, pnu))
         if seen is not None:
-            return seen
-        row = parameters().get(pnu)
-        return _codes().get(row.type.removesuffix("[]")) if row else None
+            return seen.format
+        return _listed(pnu)
 
     def _size(self, device: str, pnu: int) -> int | None:
         code = self._format(device, pnu)
         row = formats().get(code) if code is not None else None
         return row.size if row else None
+
+
+class Seen(NamedTuple):
+    """In which format a parameter of a device was read, first where, and of which drive object."""
+
+    format: int
+    frame: int
+    target: Target
+
+
+def target_of(record: Record, axis: int | None) -> Target:
+    """Whom a request addresses: by the slot under 0xB02E, else by the axis byte."""
+    if record.index == LOCAL:
+        return "slot", record.slot, record.subslot
+    return "axis", axis or 0, 0
+
+
+def _format_case(seen: Seen | None, pnu: int) -> str:
+    """Where the format of a parameter is known from: a key of diagnoses.toml."""
+    if seen is not None:
+        return "format_read"
+    return "format_listed" if _listed(pnu) is not None else "format_bits"
 
 
 Asked = tuple[str, int, int, int, int, int | None, bytes]
@@ -341,6 +420,12 @@ def _put(memory: OrderedDict[_K, _V], key: _K, value: _V) -> _V:
     if len(memory) > known().history:
         memory.popitem(last=False)
     return value
+
+
+def _listed(pnu: int) -> int | None:
+    """The format of a parameter by parameters.toml."""
+    row = parameters().get(pnu)
+    return _codes().get(row.type.removesuffix("[]")) if row else None
 
 
 @cache

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
 from ds47.pairing import Job
-from ds47.profidrive import Address
+from ds47.profidrive import Address, decode_request
 from ds47.profidrive.model import Block
 from ds47.rules import NOT_SUPPORTED, Remark, is_mismatch
 from ds47.spec import rules
@@ -49,18 +49,18 @@ def _value(blocks: list[Block], number: int) -> Block | None:
     return blocks[number] if number < len(blocks) else None
 
 
-def of(job: Job, refused: list[Refusal]) -> Iterator[Remark]:
-    """What the refusals of a job say, each cause once."""
-    half, given = job.read_response, set()
+def of(job: Job, refused: list[Refusal]) -> Iterator[tuple[Refusal, Remark]]:
+    """What the refusals of a job say: each parameter by itself, a missing drive object once."""
+    half, given = job.read_response, set[str]()
     if half is None:
         return
     for refusal in refused:
         rule = _rule(job, refusal)
-        if rule is None or (rule, refusal.code) in given:
+        if rule is None or (rule == "DS709" and rule in given):
             continue
-        given.add((rule, refusal.code))
-        args, corrected = _args(job, rule, refusal), _corrected(job, rule, refusal)
-        yield Remark(rule, half.frame, args, refusal.answer.offset, corrected=corrected)
+        given.add(rule)
+        args = _args(job, rule, refusal)
+        yield refusal, Remark(rule, half.frame, args, refusal.answer.offset)
 
 
 def not_seen(job: Job) -> Iterator[Remark]:
@@ -140,16 +140,19 @@ def _args(job: Job, rule: str, refusal: Refusal) -> dict[str, Any]:
     return {name: facts[name] for name in rules()[rule].args}
 
 
-def _corrected(job: Job, rule: str, refusal: Refusal) -> bytes | None:
+def without_index(job: Job, refused: list[Refusal], number: int) -> bytes | None:
+    """The request for a parameter that is no array, as that of a simple one; None where it is none.
+
+    Where other parameters were refused, that one alone. Of several values it is not known which is meant.
+    """
     write, message = job.write_request, job.message
-    if rule != "DS717" or write is None or message is None:
+    if write is None or message is None:
         return None
-    if refusal.code == 0x18 and refusal.value is not None:
-        subindex, elements = refusal.address.subindex, refusal.value.value_count
-    elif refusal.code == 0x04:
-        subindex, elements = 0, 1
-    else:
+    if number < len(message.blocks) and message.blocks[number].value_count != 1:
         return None
     from ds47.diagnosis import suggest  # only here: most captures need no correction
 
-    return suggest.with_elements(message, write.data, refusal.number, subindex, elements)
+    whole = suggest.with_elements(message, write.data, number, 0, 1)
+    if whole is None or all(each.number == number for each in refused):
+        return whole
+    return suggest.only(decode_request(whole), [number])

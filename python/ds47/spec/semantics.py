@@ -89,6 +89,7 @@ class Known(Row):
     connectors: frozenset[int]
     axis_error: int
     too_long: int
+    no_array: int
     connector_error: int
     commissioning: dict[int, str]
 
