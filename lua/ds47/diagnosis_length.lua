@@ -4,15 +4,17 @@
 -- known. `size_of` gives the bytes of one value of a PNU, nil where they are not known.
 
 local pairing = require("ds47.pairing")
+local parameter = require("ds47.parameter")
 local tables = require("ds47.tables")
 
-local max, min = math.max, math.min
+local char, floor, max, min = string.char, math.floor, math.max, math.min
 
 local M = {}
 
 local STATUS_NOT_READY = pairing.STATUS_NOT_READY
 local VALUE = 0x10
 local HEADER, ADDRESS = 4, 6
+local COUNT_AT = 4 -- place of the number of parameters, from 1
 local BLOCK_HEADER = 2 -- format and number of values
 local BLOCK = 4 -- the shortest value block: format, number of values, one value with its pad
 
@@ -44,6 +46,17 @@ local function need_of(message, have, more)
   return have + more + BLOCK * max(0, count - #message.blocks - 1)
 end
 
+-- Of how many parameters the bytes are a whole request, if byte 3 were wrong; nil for none.
+local function fitting_count(message, data)
+  for count = 1, min(message.parameter_count or 0, floor(#data / ADDRESS) + 1) - 1 do
+    local other = parameter.decode_request(data:sub(1, COUNT_AT - 1) .. char(count) .. data:sub(COUNT_AT + 1))
+    if other.shaped and not other.flaws[1] then
+      return count
+    end
+  end
+  return nil
+end
+
 --- LEN of WRREC is too small: the record is whole, the request in it is not.
 -- A drive that refused a value for its type has read it: then the format is wrong, and not the length.
 -- @param refused  the parameters that were refused, by diagnosis_refusal.lua
@@ -60,8 +73,11 @@ function M.request_too_short(remarks, job, refused)
   local flaw = missing(message.flaws)
   if flaw then
     local have = #half.data
-    local need = need_of(message, have, flaw.args.need)
-    put(remarks, "DS711", half.frame, {have = have, need = need}, flaw.offset)
+    local fits = fitting_count(message, half.data)
+    put(remarks, "DS711", half.frame, {
+      have = have, need = need_of(message, have, flaw.args.need), count = message.parameter_count,
+      fits = fits, case = fits and "length_or_count" or "length_short",
+    }, flaw.offset)
   end
 end
 

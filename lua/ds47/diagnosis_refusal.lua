@@ -11,6 +11,8 @@ local transactions = require("ds47.transactions")
 
 local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, rules.NOT_SUPPORTED
 
+local floor = math.floor
+
 local M = {}
 
 local SIEMENS = transactions.SIEMENS
@@ -84,9 +86,19 @@ local function value_of(block)
   return json.raw(formats.value_text(value, block))
 end
 
+-- The PNU of the source that a connector was given; nil where it was given a number.
+local function source_of(value)
+  if value == nil or value.format_name ~= UNSIGNED_32 or value.values[1] == nil then
+    return nil
+  end
+  local pnu = floor(value.values[1] / 65536)
+  return pnu > 0 and pnu <= tables.known.source_most and pnu or nil
+end
+
 -- What the rule carries, of all that a refusal shows.
 local function args_of(job, rule, refusal)
   local address, value = refusal.address, refusal.value
+  local source = source_of(value)
   local facts, args = {
     axis = job.message.axis,
     device = job.peer.device,
@@ -95,6 +107,8 @@ local function args_of(job, rule, refusal)
     elements = address.element_count,
     format = value and value.format_name,
     value = value_of(value),
+    case = source and "source_refused" or "no_source",
+    source = source,
     state = tables.known.commissioning[refusal.code],
     code = refusal.code,
     vendor_id = job.peer.vendor_id,

@@ -492,7 +492,7 @@ local function described(job, number, new)
   }
 end
 
--- `each` are all parameters that stand under another format now, the first of them in the fields of the repair.
+-- `each` are all parameters that stand under another format now; the first of them is in the fields too.
 local function type_repair(job, changed, data)
   local each = {}
   for number = 1, #job.message.blocks do

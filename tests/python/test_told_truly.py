@@ -271,12 +271,12 @@ WHOLE = message.change(1, 1, (FIXED, TEN))
 @pytest.mark.parametrize(
     ("talk", "says", "corrected"),
     [
-        (bits, "frame 4 reads it as Float32 (0x08), the same bits are 10.0 there", WHOLE),
-        (number, "frame 4 reads it as Float32 (0x08), the same number is 10.0 there", WHOLE),
+        (bits, "is read as Float32 (0x08) in frame 4, the same bits are 10.0 there", WHOLE),
+        (number, "is read as Float32 (0x08) in frame 4, the same number is 10.0 there", WHOLE),
         (never_read, "by the list of parameters it is Float32 (0x08), the same bits are", None),
-        (read_of_another_object, "frame 4 reads it as Float32 (0x08)", None),
-        (refused_besides, "frame 4 reads it as Float32 (0x08)", WHOLE),
-        (refused_as_well, "frame 4 reads it as Float32 (0x08)", None),
+        (read_of_another_object, "is read as Float32 (0x08) in frame 4", None),
+        (refused_besides, "is read as Float32 (0x08) in frame 4", WHOLE),
+        (refused_as_well, "is read as Float32 (0x08) in frame 4", None),
     ],
 )
 def test_a_format_is_a_fact_where_it_was_read(
@@ -326,3 +326,118 @@ def safety(client: Client) -> None:
 
 def test_safety_is_never_written_on_advice(tmp_path: Path) -> None:
     assert diagnosed(safety, "DS717", tmp_path).corrected is None
+
+
+# Sources of connectors (DS720), lengths of requests (DS711), ignored axes (DS710)
+
+
+def written_connector(client: Client, value: bytes, code: int) -> None:
+    request = message.change(1, 1, (message.address(1070), value))
+    client.exchange(request, refused(1, message.error(code), change=True))
+
+
+@pytest.mark.parametrize(
+    ("value", "code", "says"),
+    [
+        (message.block(0x07, "I", 52 << 16), 0x83, "its source p52 was not accepted: 0x83"),
+        (message.block(0x07, "I", 1), 0x83, "Unsigned32 1 is the number of no source: 0x83"),
+        (message.word(1), 0x05, "Unsigned16 1 is the number of no source: 0x05"),
+    ],
+)
+def test_a_source_is_no_number(value: bytes, code: int, says: str, tmp_path: Path) -> None:
+    (text,) = told(lambda client: written_connector(client, value, code), "DS720", tmp_path)
+    assert says in text
+
+
+def too_short(client: Client, asked: bytes) -> None:
+    client.write(asked, status=0xDF80B700)
+
+
+THREE = message.read(1, 2, *[SPEED] * 3)
+
+
+@pytest.mark.parametrize(
+    ("asked", "says"),
+    [
+        (THREE[:10], "after 10 bytes: 3 parameter(s) need 22, but it is just as long as a request for 1"),
+        (THREE[:16], "after 16 bytes: 3 parameter(s) need 22, but it is just as long as a request for 2"),
+        (THREE[:12], "after 12 bytes: 3 parameter(s) need 22"),
+    ],
+)  # fmt: skip
+def test_a_length_that_fits_another_number(asked: bytes, says: str, tmp_path: Path) -> None:
+    def talk(client: Client) -> None:
+        client.exchange(message.read(9, 1, SPEED), message.answer(9, 1, 1, TEN))
+        too_short(client, asked)
+
+    (text,) = told(talk, "DS711", tmp_path)
+    assert text.endswith(says)
+
+
+def two_ways(client: Client) -> None:
+    for axis in (0, 2):
+        found_object(client, axis, LOCAL)
+
+
+def test_axis_zero_is_no_other_axis(tmp_path: Path) -> None:
+    assert not told(two_ways, "DS710", tmp_path)
+
+
+# Changes that nobody saved: DS721
+
+
+def changed(client: Client, reference: int, axis: int, pnu: int = 2900, index: int = 47) -> None:
+    value = message.word(1) if pnu in (971, 977) else TEN
+    request = message.change(reference, axis, (message.address(pnu), value))
+    client.exchange(request, message.changed(reference, axis), at=client.at(index=index))
+
+
+def unknown_outcome(client: Client) -> None:
+    changed(client, 1, 2)
+    client.write(message.change(2, 2, (FIXED, TEN)))
+    changed(client, 3, 2)
+
+
+def one_object_saved(client: Client) -> None:
+    changed(client, 1, 2)
+    changed(client, 2, 3)
+    changed(client, 3, 2, 971)
+
+
+def all_saved(client: Client) -> None:
+    one_object_saved(client)
+    changed(client, 4, 2, 977)
+
+
+def perhaps_saved(client: Client) -> None:
+    """The drive object of a slot may be any of the axes."""
+    changed(client, 1, 2)
+    changed(client, 2, 3)
+    changed(client, 3, 9, 971, LOCAL)
+    changed(client, 4, 3)
+
+
+def two_objects_changed(client: Client) -> None:
+    changed(client, 1, 2)
+    changed(client, 2, 3)
+
+
+@pytest.mark.parametrize(
+    ("talk", "count", "unknown", "targets", "last"),
+    [
+        (unknown_outcome, 2, 1, 1, 7),
+        (one_object_saved, 1, 0, 1, 5),
+        (perhaps_saved, 1, 2, 1, 13),
+        (two_objects_changed, 2, 0, 2, 5),
+    ],
+)
+def test_what_is_not_saved(
+    talk: Talk, count: int, unknown: int, targets: int, last: int, tmp_path: Path
+) -> None:
+    args = diagnosed(talk, "DS721", tmp_path).args
+    assert (args["count"], args["unknown"], args["targets"], args["last"]) == (
+        count, unknown, targets, last,
+    )  # fmt: skip
+
+
+def test_what_is_saved(tmp_path: Path) -> None:
+    assert not told(all_saved, "DS721", tmp_path)

@@ -15,7 +15,8 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeVar
 
 from ds47.diagnosis import length, order, refusal
-from ds47.diagnosis.capture import LOCAL, WholeCapture
+from ds47.diagnosis.capture import WholeCapture
+from ds47.diagnosis.targets import LOCAL, Target, target_of
 from ds47.pairing import Alike, Job, Peer, Place, UsualJob
 from ds47.profidrive import Options, Request, Response, decode_request
 from ds47.profidrive.model import VALUE, Block
@@ -37,8 +38,6 @@ _MOST_BYTE: Final = 0x70
 """to 2^99, which is 6e29."""
 _MOST_KNOWN: Final = 65_536
 _NOTHING: Final[tuple[Remark, ...]] = ()
-Target = tuple[str, int, int]
-"""A drive object of a device, as far as a request says which."""
 
 
 class Diagnoses:
@@ -349,13 +348,6 @@ class Seen(NamedTuple):
     format: int
     frame: int
     target: Target
-
-
-def target_of(record: Record, axis: int | None) -> Target:
-    """Whom a request addresses: by the slot under 0xB02E, else by the axis byte."""
-    if record.index == LOCAL:
-        return "slot", record.slot, record.subslot
-    return "axis", axis or 0, 0
 
 
 def _format_case(seen: Seen | None, pnu: int) -> str:

@@ -9,12 +9,14 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
 from ds47.pairing import STATUS_NOT_READY, Job
-from ds47.profidrive import Address, Request
+from ds47.profidrive import Address, Request, decode_request
 from ds47.profidrive.model import VALUE, Block
 from ds47.rules import Remark
 from ds47.spec.semantics import known
 
 HEADER: Final = 4
+COUNT_AT: Final = 3
+"""Byte of the number of parameters."""
 ADDRESS: Final = 6
 BLOCK: Final = 4
 """The shortest value block: format, number of values and one value, filled up to an even length."""
@@ -38,8 +40,22 @@ def request_too_short(job: Job, errors: Iterable[int]) -> Iterator[Remark]:
         return
     flaw = next((flaw for flaw in message.flaws if flaw.rule == MISSING), None)
     if flaw is not None:
-        args = {"have": len(half.data), "need": _need(message, len(half.data), flaw.args["need"])}
+        fits = _fitting_count(message, half.data)
+        args = {
+            "have": len(half.data), "need": _need(message, len(half.data), flaw.args["need"]),
+            "count": message.parameter_count, "fits": fits,
+            "case": "length_short" if fits is None else "length_or_count",
+        }  # fmt: skip
         yield Remark("DS711", half.frame, args, flaw.offset)
+
+
+def _fitting_count(message: Request, data: bytes) -> int | None:
+    """Of how many parameters the bytes are a whole request, if byte 3 were wrong; None for none."""
+    for count in range(1, min(message.parameter_count or 0, len(data) // ADDRESS + 1)):
+        other = decode_request(data[:COUNT_AT] + bytes((count,)) + data[COUNT_AT + 1 :])
+        if other.shaped and not other.flaws:
+            return count
+    return None
 
 
 def _need(message: Request, have: int, more: int) -> int:

@@ -125,6 +125,7 @@ def _index_and_count(refusal: Refusal) -> bool:
 def _args(job: Job, rule: str, refusal: Refusal) -> dict[str, Any]:
     """What the rule carries, of all that a refusal shows."""
     address, value = refusal.address, refusal.value
+    source = _source(value)
     facts = {
         "axis": job.message.axis if job.message else None,
         "device": job.peer.device,
@@ -133,11 +134,21 @@ def _args(job: Job, rule: str, refusal: Refusal) -> dict[str, Any]:
         "elements": address.element_count,
         "format": value.format_name if value else None,
         "value": value.values[0] if value and value.values else None,
+        "case": "no_source" if source is None else "source_refused",
+        "source": source,
         "state": known().commissioning.get(refusal.code),
         "code": refusal.code,
         "vendor_id": job.peer.vendor_id,
     }
     return {name: facts[name] for name in rules()[rule].args}
+
+
+def _source(value: Block | None) -> int | None:
+    """The PNU of the source that a connector was given; None where it was given a number."""
+    if value is None or value.format_name != UNSIGNED_32 or not value.values:
+        return None
+    pnu = int(value.values[0]) >> 16
+    return pnu if 0 < pnu <= known().source_most else None
 
 
 def without_index(job: Job, refused: list[Refusal], number: int) -> bytes | None:

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from ds47.diagnosis.capture import LOCAL
+from ds47.diagnosis.targets import LOCAL
 from ds47.model import DIAGNOSIS, SEVERITIES, CaptureResult, Diagnosis, Finding
 from ds47.spec.reporting import covers
 from ds47.spec.semantics import known

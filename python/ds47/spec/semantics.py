@@ -80,7 +80,9 @@ class Known(Row):
     plausible_digits: int
     plausible_least: int
     plausible_most: int
+    source_most: int
     saving: frozenset[int]
+    saving_all: int
     confused_indices: frozenset[int]
     running: frozenset[int]
     running_siemens: frozenset[int]
