@@ -38,6 +38,7 @@ Job.reason = ""
 Job.again = "" -- of the first re-read, how it came about: a key of tables.diagnosis_words
 Job.accepted = false
 -- Further: write_response, read_request, read_response, response, previous_reference, superseded_by; and
+--   previous: frame of the request before it on its channel, whose reference that is
 --   superseding: the request that displaced this one; until it is closed
 --   rival: whose request was open when this one was turned away as in conflict with another; the same
 --   repeats: frame of an earlier response that was read once more where a new one was due
@@ -219,7 +220,8 @@ local function new_channel(self, key, peer, record)
     open = nil, -- the accepted request that nothing was read for
     refused = nil, -- the latest refused Write, until something is read
     last = nil, -- the job that was answered last
-    reference = nil, -- that of the newest Write
+    reference = nil, -- that of the newest Write,
+    written = nil, -- and its frame
   }
   self.channels:set(key, channel)
   local siblings = self.of_ar[of_ar]
@@ -419,6 +421,7 @@ function Pairing:write_request(peer, record, message)
   local job = make_job(self, peer, record, message)
   job.channel_key = channel.key
   job.previous_reference, channel.reference = channel.reference, message.request_reference
+  job.previous, channel.written = channel.written, record.request.frame
   local asked = channel.asked
   asked[#asked + 1] = job
   touch(self, job, "write_request", record.request)

@@ -59,6 +59,8 @@ class Job:
     response: Response | None
     """Decoded by whoever is told of the answer."""
     previous_reference: int | None
+    previous: int | None
+    """Frame of the request before it on its channel, whose reference that is."""
     superseded_by: int | None
     reason: str
     accepted: bool
@@ -89,6 +91,7 @@ class Job:
         empty_reads: list[Half] | None = None,
         response: Response | None = None,
         previous_reference: int | None = None,
+        previous: int | None = None,
         superseded_by: int | None = None,
         reason: str = "",
         accepted: bool = False,
@@ -107,6 +110,7 @@ class Job:
         self.empty_reads = [] if empty_reads is None else empty_reads
         self.response = response
         self.previous_reference = previous_reference
+        self.previous = previous
         self.superseded_by = superseded_by
         self.reason = reason
         self.accepted = accepted
@@ -247,6 +251,7 @@ class UsualJob:
     asked: Frame
     data: bytes
     previous_reference: int | None
+    previous: int | None
     accepted: Frame | None
     read: Frame | None
     wanted: int
@@ -267,12 +272,14 @@ class UsualJob:
         asked: Frame,
         data: bytes,
         previous_reference: int | None,
+        previous: int | None,
     ) -> None:
         self.place = place
         self.order = order
         self.asked = asked
         self.data = data
         self.previous_reference = previous_reference
+        self.previous = previous
         self.accepted = None
         self.read = None
         self.wanted = 0
@@ -302,6 +309,8 @@ class Channel:
     refused: Job | None
     last: Job | None
     reference: int | None
+    written: int | None
+    """The frame of the newest Write; `reference` is that of its request."""
     usual: UsualJob | None
     """Asked or open."""
     usual_last: UsualJob | None
@@ -322,6 +331,7 @@ class Channel:
         self.refused = refused
         self.last = last
         self.reference = reference
+        self.written = None
         self.usual = None
         self.usual_last = None
 
@@ -386,6 +396,7 @@ class Pairing:
         channel = self._channel(peer, record, record.request.time_ns)
         job = self._job(peer, record, message)
         job.previous_reference, channel.reference = channel.reference, message.request_reference
+        job.previous, channel.written = channel.written, record.request.frame
         channel.asked.append(job)
         if len(channel.asked) > self._limits.pending_writes:
             self._lose(channel.asked.pop(0), "expired")
@@ -487,8 +498,8 @@ class Pairing:
     def usual_write(self, channel: Channel, place: Place, asked: Frame, data: bytes) -> UsualJob:
         """`write_request`, on a channel that is free."""
         self._count += 1
-        job = UsualJob(place, self._count, asked, data, channel.reference)
-        channel.reference = data[0]
+        job = UsualJob(place, self._count, asked, data, channel.reference, channel.written)
+        channel.reference, channel.written = data[0], asked.number
         channel.usual = job
         return job
 
@@ -533,7 +544,8 @@ class Pairing:
         request = Half(asked.number, asked.time_ns, usual.data, len(usual.data))
         job = usual.job = Job(
             place.peer, place.record(request, None, write=True), self._decode(usual.data),
-            phase=usual.phase(), previous_reference=usual.previous_reference, order=usual.order,
+            phase=usual.phase(), previous_reference=usual.previous_reference,
+            previous=usual.previous, order=usual.order,
         )  # fmt: skip
         if accepted is not None:
             job.accepted = True

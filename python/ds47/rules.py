@@ -25,6 +25,8 @@ from ds47.spec.semantics import Limits
 
 PNU_ACCESS_IDENTIFICATION: Final = 974
 """r0974[0] is the longest message the device takes (docs/protocol.md A.5, D.1)."""
+TOO_MANY: Final = "DS304"
+"""More parameters than usual."""
 ABSENT: Final = frozenset(("DS311", "DS315", "DS412"))
 """Flaws that say that something is not there: pad, bytes, error block."""
 NOT_SUPPORTED: Final = 0x80
@@ -139,6 +141,9 @@ class Judge:
         self._written_pnus: set[int] = set()
         """Every PNU that was ever in `_written`: most reads ask for others."""
         self._longest: OrderedDict[str, int] = OrderedDict()
+        """r0974[0] of a device,"""
+        self._most: OrderedDict[str, int] = OrderedDict()
+        """and r0974[1]: parameters of one request."""
 
     def answered(self, job: Job) -> list[Remark]:
         """What its response, and the values in it, say of a job. Call in the order of the capture."""
@@ -219,14 +224,24 @@ class Judge:
         if half is None or message is None:
             return
         if message.flaws:
-            _flaws(message.flaws, half, remarks)
+            _flaws(message.flaws, half, remarks, self._most_parameters(job))
         limit = self._longest.get(job.peer.device)
         if limit and len(half.data) > limit:
             args = {"length": len(half.data), "limit": limit}
             remarks.append(Remark("DS316", half.frame, args, 0))
         reference = message.request_reference
         if job.previous_reference is not None and job.previous_reference == reference:
-            remarks.append(Remark("DS415", half.frame, {"reference": reference}))
+            args = {"reference": reference, "first": job.previous}
+            remarks.append(Remark("DS415", half.frame, args))
+
+    def _most_parameters(self, job: Job) -> int | None:
+        """How many parameters of one request the device takes, as far as it has shown; None: not at all."""
+        request, response = job.message, job.response
+        most = self._most.get(job.peer.device)
+        if request is None or response is None or is_mismatch(job):
+            return most
+        answered = len(response.blocks)
+        return answered if answered == len(request.addresses) == request.parameter_count else most
 
     def closed(self, job: Job) -> list[Remark]:
         """What its Write response says of a job; it may come after the Read."""
@@ -247,7 +262,7 @@ class Judge:
         if half is None or response is None:
             return
         if response.flaws:
-            _flaws(response.flaws, half, remarks)
+            _flaws(response.flaws, half, remarks, self._most_parameters(job))
         if request is None:
             remarks.append(Remark("DS403", half.frame, {"case": _unasked(job)}))
         else:
@@ -385,14 +400,18 @@ class Judge:
         if request is None or response is None or request.operation != "read":
             return
         for address, block in zip(request.addresses, response.blocks, strict=False):
-            if address.pnu != PNU_ACCESS_IDENTIFICATION or address.subindex != 0:
+            if address.pnu != PNU_ACCESS_IDENTIFICATION or address.attribute != VALUE:
                 continue
-            value = block.values[0] if address.attribute == VALUE and block.values else None
-            if isinstance(value, int) and value > 0:
-                self._longest[job.peer.device] = value
-                self._longest.move_to_end(job.peer.device)
-                if len(self._longest) > self._limits.longest_messages:
-                    self._longest.popitem(last=False)
+            for subindex, value in enumerate(block.values, address.subindex):
+                memory = (self._longest, self._most)[subindex] if subindex < 2 else None
+                if memory is not None and isinstance(value, int) and value > 0:
+                    self._learn(memory, job.peer.device, value)
+
+    def _learn(self, memory: OrderedDict[str, int], device: str, value: int) -> None:
+        memory[device] = value
+        memory.move_to_end(device)
+        if len(memory) > self._limits.longest_messages:
+            memory.popitem(last=False)
 
 
 def _unasked(job: Job) -> str:
@@ -402,11 +421,19 @@ def _unasked(job: Job) -> str:
     return "unasked_without_ar" if job.repeats is None else "unasked_again"
 
 
-def _flaws(flaws: list[Flaw], half: Half, remarks: list[Remark]) -> None:
-    """What is wrong inside a message; what the capture cut off is no fault of it."""
+def _flaws(flaws: list[Flaw], half: Half, remarks: list[Remark], most: int | None) -> None:
+    """What is wrong inside a message; what the capture cut off is no fault of it.
+
+    `most`: how many parameters the device has shown to take; None for the usual number.
+    """
     for flaw in flaws:
+        args = flaw.args
+        if flaw.rule == TOO_MANY and most is not None:
+            if args["count"] <= most:
+                continue
+            args = {**args, "limit": most}
         if not half.cut or flaw.rule not in ABSENT:
-            remarks.append(Remark(flaw.rule, half.frame, flaw.args, flaw.offset))
+            remarks.append(Remark(flaw.rule, half.frame, args, flaw.offset))
 
 
 def _place(job: Job) -> tuple[Any, ...]:

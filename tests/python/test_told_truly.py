@@ -441,3 +441,50 @@ def test_what_is_not_saved(
 
 def test_what_is_saved(tmp_path: Path) -> None:
     assert not told(all_saved, "DS721", tmp_path)
+
+
+# The number of parameters (DS304), the reference of a channel (DS415)
+
+MANY = [SPEED] * 45
+
+
+def all_answered(client: Client) -> None:
+    client.exchange(message.read(1, 1, *MANY), message.answer(1, 1, 1, *[message.word(1)] * 45))
+
+
+def refused_for_its_number(client: Client) -> None:
+    client.exchange(message.read(9, 1, SPEED), message.answer(9, 1, 1, TEN))
+    client.write(message.read(1, 1, *MANY), status=0xDF80B700)
+
+
+def allowed(client: Client, most: int) -> None:
+    limits = message.answer(9, 1, 1, message.word(600, most, 0))
+    client.exchange(message.read(9, 1, message.address(974, 0, 3)), limits)
+    refused_for_its_number(client)
+
+
+@pytest.mark.parametrize(
+    ("talk", "limits"),
+    [
+        (all_answered, []),
+        (refused_for_its_number, [39]),
+        (lambda client: allowed(client, 45), []),
+        (lambda client: allowed(client, 40), [40]),
+    ],
+)
+def test_a_number_that_the_drive_takes_is_not_too_high(
+    talk: Talk, limits: list[int], tmp_path: Path
+) -> None:
+    assert [each.args["limit"] for each in of(result_of(talk, tmp_path), "DS304")] == limits
+
+
+def another_channel_between(client: Client) -> None:
+    client.exchange(message.read(5, 1, SPEED), message.answer(5, 1, 1, TEN))
+    there = client.at(slot=2)
+    client.exchange(message.read(6, 1, SPEED), message.answer(6, 1, 1, TEN), at=there)
+    client.exchange(message.read(5, 1, SPEED), message.answer(5, 1, 1, TEN))
+
+
+def test_the_request_before_is_that_of_the_channel(tmp_path: Path) -> None:
+    (finding,) = of(result_of(another_channel_between, tmp_path), "DS415")
+    assert (finding.frame, finding.args["first"], finding.frames) == (9, 1, [1, 9])
