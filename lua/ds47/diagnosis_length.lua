@@ -74,8 +74,9 @@ function M.request_too_short(remarks, job, refused)
   if flaw then
     local have = #half.data
     local fits = fitting_count(message, half.data)
+    local count = message.parameter_count
     put(remarks, "DS711", half.frame, {
-      have = have, need = need_of(message, have, flaw.args.need), count = message.parameter_count,
+      have = have, need = need_of(message, have, flaw.args.need), count = count and count > 0 and count or 1,
       fits = fits, case = fits and "length_or_count" or "length_short",
     }, flaw.offset)
   end

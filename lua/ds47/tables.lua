@@ -846,7 +846,7 @@ M.diagnosis_words = {
   format_bits = {en = "as {better} ({better_code}) it would make sense", zh = "若为 {better}（{better_code}）则有意义"},
   bits_same = {en = "the same bits are {meant} there", zh = "同样的位在该格式下为 {meant}"},
   number_same = {en = "the same number is {meant} there", zh = "同一个数在该格式下为 {meant}"},
-  number_other = {en = "which number is meant is not known", zh = "不知道应为哪个数"},
+  number_other = {en = "the same bits, read as a whole number or as a floating-point number instead, are {meant}", zh = "同样的位若改按整数或浮点数读取为 {meant}"},
   no_source = {en = "{format} {value} is the number of no source", zh = "{format} {value} 不是信号源的编号"},
   source_refused = {en = "its source p{source} was not accepted", zh = "其信号源 p{source} 未被接受"},
   length_short = {en = "{count} parameter(s) need {need}", zh = "{count} 个参数需要 {need} 个字节"},

@@ -43,7 +43,7 @@ def request_too_short(job: Job, errors: Iterable[int]) -> Iterator[Remark]:
         fits = _fitting_count(message, half.data)
         args = {
             "have": len(half.data), "need": _need(message, len(half.data), flaw.args["need"]),
-            "count": message.parameter_count, "fits": fits,
+            "count": message.parameter_count or 1, "fits": fits,
             "case": "length_short" if fits is None else "length_or_count",
         }  # fmt: skip
         yield Remark("DS711", half.frame, args, flaw.offset)
