@@ -176,6 +176,7 @@ function RecordCalls:_length(pdu, record, half)
   end
   local cut = pdu.missing ~= 0 and pdu.cut
   if cut then
+    half.cut = true -- by the capture
     local args = {captured = cut.captured, original = cut.original}
     self:_about(pdu, record, {rule = "DS106", frame = cut.frame, args = args})
   else

@@ -126,12 +126,16 @@ function M.blind(result, counts, lang)
     nameless = nameless + ((each.station == nil or each.station == "") and 1 or 0)
   end
   local unseen = open(counts)
-  local orphans = counts.states.orphan or 0
+  local orphans, without_ar = counts.states.orphan or 0, 0
+  for _, each in ipairs(orphans > 0 and result.transactions or {}) do
+    without_ar = without_ar + (each.state == "orphan" and each.ar == nil and 1 or 0)
+  end
   add(counts.operations.change, "blind_effect")
   add(result.dropped == nil, "blind_drops")
   add(nameless > 0, "blind_names", nameless)
   add(unseen > 0, "blind_open", unseen)
-  add(orphans > 0, "blind_before", orphans)
+  add(orphans > without_ar, "blind_before", orphans - without_ar)
+  add(without_ar > 0, "blind_without_ar", without_ar)
   add(other > 0, "blind_records", other)
   return lines
 end

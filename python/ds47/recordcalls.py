@@ -338,6 +338,7 @@ class RecordCalls:
 
     def _length(self, pdu: rpc.Pdu, record: Record, half: Half) -> None:
         if pdu.missing and pdu.cut is not None:
+            half.cut = True
             frame, captured, original = pdu.cut
             args = {"captured": captured, "original": original}
             self._about(pdu, record, Remark("DS106", frame, args))

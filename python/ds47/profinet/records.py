@@ -37,7 +37,9 @@ class Half:
     stated: int
     """RecordDataLength: bytes that follow; in a Read request the most that is wanted."""
     missing: int
-    """Bytes that the capture cut off."""
+    """Bytes that are not there: cut off by the capture, or never sent."""
+    cut: bool
+    """Whether the capture cut them off, as far as somebody has looked."""
     status: int | None
     """PNIOStatus, ErrorCode first; None where the PDU carries none."""
 
@@ -55,6 +57,7 @@ class Half:
         self.data = data
         self.stated = stated
         self.missing = missing
+        self.cut = False
         self.status = status
 
 
