@@ -7,7 +7,6 @@ traffic that the diagnoses have something to say about, and with memories that h
 from __future__ import annotations
 
 import random
-import struct
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -17,8 +16,6 @@ from unittest.mock import patch
 from uuid import UUID
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 pytest.importorskip("scapy")
 
@@ -33,8 +30,6 @@ from ds47.lab.client import Client, controller, drive
 from ds47.lab.stage import Stage
 from ds47.lab.wire import Channel
 from ds47.pairing import Job, UsualJob
-from ds47.profidrive import Block
-from ds47.profidrive.formats import Codec, codec
 from ds47.report.lines import JsonLines
 from ds47.rules import Judge
 from ds47.spec.semantics import known
@@ -266,11 +261,12 @@ def order(analysis: Analysis) -> Any:
 
 
 def written_values(judge: Judge) -> Any:
+    written = judge._written
     values = [
-        (key, raw, value.decode(raw, 1)[0] if isinstance(value, Codec) else value)
-        for key, (raw, value) in judge._written.items()
+        (key, [(each.access, each.raw, each.asked, each.until, each.certain) for each in there])
+        for key, there in written._written.items()
     ]
-    return values, judge._written_pnus
+    return values, written.pnus
 
 
 def small(entries: int) -> Any:
@@ -356,24 +352,6 @@ def test_few_usual_jobs_are_known(tmp_path: Path) -> None:
     path = workshop(tmp_path, 7)
     with patch.object(diagnosis, "_MOST_KNOWN", 3):
         assert_same_memories(path)
-
-
-@given(
-    st.sampled_from((0x08, 0x0F, 0x04, 0x42)),
-    st.integers(1, 3),
-    st.one_of(
-        st.binary(min_size=24, max_size=24),
-        st.sampled_from((1.18e-38, 2.3e-38, 2.4e-38, 6e29, 7e29, 9.9e29, 1e30, 1.1e30)).map(
-            lambda number: struct.pack(">f", number) * 6
-        ),
-    ),
-)
-def test_what_is_likely_is_not_unlikely(code: int, count: int, data: bytes) -> None:
-    found = codec(code)
-    assert found is not None
-    raw = data[: found.size * count]
-    block = Block(code, count, found.decode(raw, count), None, None, raw)
-    assert not (diagnosis.is_likely(code, raw) and diagnosis.is_unlikely(block))
 
 
 def test_all_captures(stored: list[Path], tmp_path: Path) -> None:
