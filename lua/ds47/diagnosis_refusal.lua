@@ -4,6 +4,7 @@
 -- One error block has one cause. What a repair of the whole request explains is not looked at here.
 
 local formats = require("ds47.formats")
+local grouping = require("ds47.grouping")
 local json = require("ds47.json")
 local rules = require("ds47.rules")
 local tables = require("ds47.tables")
@@ -105,7 +106,7 @@ local function args_of(job, rule, refusal)
   return args
 end
 
---- Adds what the refusals of a job say, each cause once.
+--- Adds what the refusals of a job say, each cause once: two parameters are two where the rule groups so.
 -- @param refused  what `refusals` gave
 function M.add(remarks, job, refused)
   local half, given = job.read_response, {}
@@ -115,10 +116,10 @@ function M.add(remarks, job, refused)
   local siemens = job.peer.vendor_id == SIEMENS
   for _, refusal in ipairs(refused) do
     local rule = rule_of(refusal, siemens)
-    local cause = rule and rule .. refusal.code
+    local args = rule and args_of(job, rule, refusal)
+    local cause = rule and grouping.key_of(rule, nil, args)
     if rule and not given[cause] then
       given[cause] = true
-      local args = args_of(job, rule, refusal)
       remarks[#remarks + 1] = rules.remark(rule, half.frame, args, refusal.answer.offset)
     end
   end

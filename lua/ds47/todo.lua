@@ -3,6 +3,7 @@
 
 local grouping = require("ds47.grouping")
 local tables = require("ds47.tables")
+local targets = require("ds47.targets")
 
 local M = {}
 
@@ -16,10 +17,10 @@ function M.answering(all, item)
   if item.rule ~= WRONG_DRIVE_OBJECT then
     return nil
   end
-  local seen, axes = {}, {}
+  local seen, axes, names = {}, {}, targets.new(all)
   for _, each in ipairs(all) do
-    local axis = each.axis
-    if each.device == item.device and ANSWERED[each.state] and axis and not seen[axis] then
+    local axis = each.device == item.device and ANSWERED[each.state] and names:drive_object(each)
+    if axis and not seen[axis] then
       seen[axis] = true
       axes[#axes + 1] = axis
     end
@@ -48,9 +49,15 @@ local function same_code(diagnosis, finding)
     or others.status ~= nil and ours.status == others.status
 end
 
+-- What decides which findings a diagnosis covers.
+local function what_of(finding)
+  local args = finding.args
+  return table.concat({ finding.rule, args.device or "", args.code or "", args.status or "" }, "\0")
+end
+
 -- What the diagnoses of a result cover: {devices of jobs, diagnoses of jobs, diagnoses of the whole capture}.
-local function covered_by(result, diagnoses)
-  local devices, jobs, of_jobs, whole = {}, {}, {}, {}
+local function covered_by(result)
+  local devices, jobs, of_jobs, whole, seen = {}, {}, {}, {}, {}
   for _, each in ipairs(result.transactions) do
     devices[each.id] = each.device
   end
@@ -61,9 +68,11 @@ local function covered_by(result, diagnoses)
       of_jobs[each.rule] = true
     end
   end
-  for _, each in ipairs(diagnoses) do
-    if not of_jobs[each.rule] then
-      whole[#whole + 1] = each
+  for _, each in ipairs(result.findings) do
+    if grouping.is_diagnosis(each.rule) and not of_jobs[each.rule] then
+      local what = what_of(each)
+      whole[#whole + 1] = not seen[what] and each or nil
+      seen[what] = true
     end
   end
   return { devices = devices, jobs = jobs, whole = whole }
@@ -77,7 +86,7 @@ local function covers(about, finding)
   end
   local device = about.devices[finding.transaction or 0]
   for _, each in ipairs(about.whole) do
-    local elsewhere = device and each.device and device ~= each.device
+    local elsewhere = device and each.args.device and device ~= each.args.device
     if not elsewhere and (names("whole", each.rule, finding) or same_code(each, finding)) then
       return true
     end
@@ -86,8 +95,8 @@ local function covers(about, finding)
 end
 
 --- Errors and warnings that no diagnosis covers, in their order.
-function M.uncovered(result, diagnoses)
-  local about, found = covered_by(result, diagnoses), {}
+function M.uncovered(result)
+  local about, found = covered_by(result), {}
   for _, each in ipairs(result.findings) do
     local serious = each.severity ~= "note" and not grouping.is_diagnosis(each.rule)
     if serious and not covers(about, each) then

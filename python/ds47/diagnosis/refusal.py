@@ -50,16 +50,20 @@ def _value(blocks: list[Block], number: int) -> Block | None:
 
 
 def of(job: Job, refused: list[Refusal]) -> Iterator[Remark]:
-    """What the refusals of a job say, each cause once."""
+    """What the refusals of a job say, each cause once: two parameters are two where the rule groups by them."""
     half, given = job.read_response, set()
     if half is None:
         return
     for refusal in refused:
         rule = _rule(job, refusal)
-        if rule is None or (rule, refusal.code) in given:
+        if rule is None:
             continue
-        given.add((rule, refusal.code))
-        args, corrected = _args(job, rule, refusal), _corrected(job, rule, refusal)
+        args = _args(job, rule, refusal)
+        told = rule, *(args[name] for name in rules()[rule].group)
+        if told in given:
+            continue
+        given.add(told)
+        corrected = _corrected(job, rule, refusal)
         yield Remark(rule, half.frame, args, refusal.answer.offset, corrected=corrected)
 
 
