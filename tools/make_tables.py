@@ -188,7 +188,7 @@ def _rules() -> Iterator[str]:
         yield f"  {number} = {entry(row, names)},"
     yield "}"
     for number, row in spec.rules().items():
-        if number.startswith("DS7"):
+        if row.group or number.startswith("DS7"):
             yield f"M.rules.{number}.group = {_listed(row.group)}"
         if row.args:
             shown = ", ".join(f"{name} = {scalar(kind)}" for name, kind in row.args.items())

@@ -6,6 +6,8 @@
 local ordered = require("ds47.ordered")
 local tables = require("ds47.tables")
 
+local format = string.format
+
 local M = {}
 
 --- Record index of local access: the submodule decides, not the axis byte (docs/protocol.md E.4).
@@ -24,6 +26,7 @@ function M.new()
   return setmetatable({
     submodules = ordered.new(), -- device, slot and subslot -> DO-ID by PNU 975; false where two were read
     distinguishing = ordered.new(), -- devices that have refused an axis number: they look at it
+    missing = ordered.new(), -- device and axis number that does not exist there
   }, DriveObjects)
 end
 
@@ -39,10 +42,17 @@ local function submodule(access)
   return access.device .. "\0" .. access.slot .. "." .. access.subslot
 end
 
+local function axis_of(device, number)
+  return format("%s\0%d", device, number)
+end
+
 --- A parameter has a negative response with this error number.
 function DriveObjects:refused(access, code)
   if code == tables.known.axis_error and access.record_index ~= LOCAL then
     put(self.distinguishing, access.device, true)
+    if access.axis then
+      put(self.missing, axis_of(access.device, access.axis), true)
+    end
   end
 end
 
@@ -68,6 +78,11 @@ end
 
 local function is_local(access)
   return access.record_index == LOCAL
+end
+
+--- False where the device has said that there is no such drive object.
+function DriveObjects:exists(device, number)
+  return self.missing:get(axis_of(device, number)) == nil
 end
 
 -- The same submodule, and where it counts the same axis byte: the same request twice.
@@ -112,6 +127,39 @@ function M.access(job)
     device = job.peer.device, record_index = record.index, slot = record.slot, subslot = record.subslot,
     axis = record.index ~= LOCAL and axis or nil,
   }
+end
+
+--- How the request of a transaction reaches its parameters.
+function M.access_of(item)
+  return {
+    device = item.device, record_index = item.index, slot = item.slot, subslot = item.subslot,
+    axis = item.index ~= LOCAL and item.axis or nil,
+  }
+end
+
+-- What a finished transaction shows; whose response that of a mismatch is is not known.
+local function learn(shown, item)
+  if item.state == "mismatch" or item.operation ~= "read" and item.operation ~= "change" then
+    return
+  end
+  local access = M.access_of(item)
+  for _, each in ipairs(item.parameters) do
+    if each.error then
+      shown:refused(access, each.error.code)
+    elseif each.pnu == M.DO_IDENTIFICATION and item.operation == "read" and each.attribute == "value"
+      and each.subindex then
+      shown:identified(access, each.subindex, each.values)
+    end
+  end
+end
+
+--- All that a whole capture shows.
+function M.of(transactions)
+  local shown = M.new()
+  for _, each in ipairs(transactions) do
+    learn(shown, each)
+  end
+  return shown
 end
 
 return M

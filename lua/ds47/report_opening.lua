@@ -3,6 +3,7 @@
 -- alone has them. The words are those of tables.report_words.
 
 local filters = require("ds47.filters")
+local grouping = require("ds47.grouping")
 local sentences = require("ds47.sentences")
 local todo = require("ds47.todo")
 local verdict = require("ds47.verdict")
@@ -106,16 +107,25 @@ local function name_of(rules, rule)
   return rules[rule] and rules[rule].name or ""
 end
 
-local function head(add, context, item, text, number)
+-- How often, as many as the filter shows frames; where these are two numbers, both.
+local function times(item, lang)
+  local frames = #item.frames + item.frames_left_out
+  if item.count ~= frames then
+    return say(lang, "cause_times_in", {
+      times = say(lang, "times", { n = item.count }), frames = say(lang, "frames", { n = frames }),
+    })
+  end
+  return item.count > 1 and say(lang, "cause_times", { n = item.count }) or ""
+end
+
+local function head(add, context, item, text)
   local lang = context.lang
   local line = say(lang, "cause_line", {
     rule = item.rule, severity = say(lang, "severity_" .. item.severity),
     name = name_of(context.rules, item.rule), message = text,
   })
-  if number > 1 then
-    line = line .. (lang == "zh" and "" or " ") .. say(lang, "cause_times", { n = number })
-  end
-  for place, each in ipairs(words.wrap(line, M.WIDTH - 4)) do
+  line = line .. (lang == "zh" and "" or " ") .. times(item, lang)
+  for place, each in ipairs(words.wrap((line:gsub(" +$", "")), M.WIDTH - 4)) do
     add((place == 1 and "  " or "    ") .. each)
   end
 end
@@ -131,13 +141,16 @@ local function advice(add, context, rule)
   end
 end
 
-local function look(add, lang, frames, job)
+local function look(add, lang, item)
+  local frames, job = item.frames, item.transactions[1]
   if #frames == 0 then
     return
   end
-  local filter = filters.display_filter(frames)
+  local filter, left_out = filters.display_filter(frames)
   local values = { frame = words.integer(frames[1]), filter = filter, job = job and words.integer(job) }
-  add("    " .. say(lang, job and "look_at_job" or "look_at", values))
+  left_out = left_out + item.frames_left_out
+  add("    " .. say(lang, job and "look_at_job" or "look_at", values)
+    .. (left_out > 0 and "  " .. say(lang, "frames_more", { n = left_out }) or ""))
 end
 
 local function diagnosis(add, context, item, advised)
@@ -145,7 +158,7 @@ local function diagnosis(add, context, item, advised)
   if context.several and item.device and not text:find(item.device, 1, true) then
     text = say(context.lang, "cause_device", { device = escape(item.device), message = text })
   end
-  head(add, context, item, text, item.count)
+  head(add, context, item, text)
   if advised ~= item.rule then
     advice(add, context, item.rule)
   end
@@ -153,7 +166,7 @@ local function diagnosis(add, context, item, advised)
   if axes then
     add("    " .. say(context.lang, "answering", { list = axes }))
   end
-  look(add, context.lang, item.frames, item.transactions[1])
+  look(add, context.lang, item)
 end
 
 local function more(add, context, item)
@@ -164,19 +177,23 @@ local function more(add, context, item)
   }))
 end
 
-local function other_findings(add, context, group)
-  local first = group[1]
-  local said = sentences.sentence(first, context.lang)
-  local text = escape(said)
-  for _, each in ipairs(group) do
-    if sentences.sentence(each, context.lang) ~= said then
-      text = say(context.lang, "first_of", { message = text })
-      break
+-- The findings that no diagnosis covers, by what they have in common.
+local function other_findings(add, context, rest)
+  local advised
+  for _, each in ipairs(todo.causes(grouping.headlines(rest), M.OF_ONE_RULE)) do
+    if each.more then
+      more(add, context, each)
+    else
+      local text = sentences.of_all(each, context.lang)
+        or say(context.lang, "first_of", { message = sentences.sentence(each.first, context.lang) })
+      head(add, context, each, escape(text))
+      if advised ~= each.rule then
+        advice(add, context, each.rule)
+      end
+      look(add, context.lang, each)
+      advised = each.rule
     end
   end
-  head(add, context, first, text, #group)
-  advice(add, context, first.rule)
-  look(add, context.lang, { first.frame }, first.transaction)
 end
 
 local function to_do(add, context, diagnoses, rest)
@@ -194,9 +211,7 @@ local function to_do(add, context, diagnoses, rest)
   if #rest > 0 and #diagnoses > 0 then
     add("  " .. say(context.lang, "other_findings_head"))
   end
-  for _, group in ipairs(todo.by_rule(rest)) do
-    other_findings(add, context, group)
-  end
+  other_findings(add, context, rest)
 end
 
 -- What the capture cannot show
@@ -241,7 +256,7 @@ end
 function M.lines(add, result, counts, context)
   drives(add, result, counts.severities.error, context.lang)
   local diagnoses = result.diagnoses or {}
-  local rest = todo.uncovered(result, diagnoses)
+  local rest = todo.uncovered(result)
   context.several, context.transactions = several_drives(result.transactions), result.transactions
   if #diagnoses > 0 or #rest > 0 then
     to_do(add, context, diagnoses, rest)

@@ -8,6 +8,7 @@ local filters = require("ds47.filters")
 local opening = require("ds47.report_opening")
 local plc = require("ds47.plc")
 local tables = require("ds47.tables")
+local targets = require("ds47.targets")
 local todo = require("ds47.todo")
 local verdict = require("ds47.verdict")
 local words = require("ds47.report_words")
@@ -153,7 +154,7 @@ end
 
 --- What the transactions of one capture need to be told apart, and how wide that is.
 local function columns_of(transactions)
-  local columns = { operation = 0, number = 0, route = 0 }
+  local columns = { operation = 0, number = 0, route = 0, targets = targets.new(transactions) }
   columns.controllers = differ(transactions, function(each)
     return each.controller
   end)
@@ -169,15 +170,14 @@ local function columns_of(transactions)
 end
 
 --- Where a request goes: `192.168.0.2 -> 192.168.0.33 slot 1.1 DO 2`, controller and slot where asked for.
+-- @param columns {controllers, slots, targets}
 function M.route(item, columns)
   local text = escape(item.device)
   if columns.controllers then
     text = escape(item.controller) .. " -> " .. text
   end
-  if columns.slots then
-    text = text .. format(" slot %d.%d", item.slot, item.subslot)
-  end
-  return item.axis and text .. format(" DO %d", item.axis) or text
+  local place = columns.targets:place(item, columns.slots)
+  return place == "" and text or text .. " " .. place
 end
 
 local function state_mark(item)

@@ -95,12 +95,18 @@ end
 
 local shown -- forward: the words of a key have arguments too
 
-local function fill(template, rule, args, lang)
+local function fill(template, rule, args, lang, many)
   local parts, text = pieces(template), {}
   for number, part in ipairs(parts) do
-    text[number] = number % 2 == 1 and part or shown(part, rule, args, lang)
+    text[number] = number % 2 == 1 and part or shown(part, rule, args, lang, many)
   end
   return concat(text)
+end
+
+-- The words of a key; those for several cases where there are such.
+local function key_words(key, lang, many)
+  local texts = many and tables.diagnosis_words[key .. "_many"] or tables.diagnosis_words[key]
+  return word(texts, lang)
 end
 
 -- The words of the error number or of the status that the rule is about.
@@ -121,7 +127,7 @@ local function place(where, lang)
   return (word(tables.diagnosis_words.place, lang):gsub("{(%w+)}", values_))
 end
 
-function shown(name, rule, args, lang)
+function shown(name, rule, args, lang, many)
   if name == "text" then
     return text_of(args, lang)
   end
@@ -131,7 +137,7 @@ function shown(name, rule, args, lang)
   elseif kind == "reason" then
     return reason(args, lang)
   elseif kind == "key" then
-    return fill(word(tables.diagnosis_words[value], lang), rule, args, lang)
+    return fill(key_words(value, lang, many), rule, args, lang, many)
   elseif kind == "place" then
     return place(value, lang)
   end
@@ -151,9 +157,45 @@ function M.words(rule, args, lang)
   return text
 end
 
---- What a finding or a diagnosis {rule, args} says.
+-- Whether a sentence shows none of these arguments, nor the words of a key of it.
+local function shows_none(template, rule, args, differs, many)
+  local parts = pieces(template)
+  for number = 2, #parts, 2 do
+    local name = parts[number]
+    if name == "text" then
+      name = rule.args.code and "code" or "status"
+    end
+    local value = args[name]
+    for _, each in ipairs(differs) do
+      if each == name then
+        return false
+      end
+    end
+    if rule.args[name] == "key" and value ~= nil
+      and not shows_none(key_words(value, "en", many), rule, args, differs, many) then
+      return false
+    end
+  end
+  return true
+end
+
+--- What is true of all cases of a finding or a headline {rule, args, differs}; nil where its cases have no
+-- sentence in common: that of one case where nothing that it names differs, else that of many.
+function M.of_all(item, lang)
+  local row, differs = tables.rules[item.rule], item.differs or NONE
+  if #differs == 0 then
+    return M.words(item.rule, item.args, lang)
+  elseif shows_none(row.message, row, item.args, differs, false) then
+    return fill(lang == "zh" and row.message_zh or row.message, row, item.args, lang)
+  elseif row.many and shows_none(row.many, row, item.args, differs, true) then
+    return fill(lang == "zh" and row.many_zh or row.many, row, item.args, lang, true)
+  end
+  return nil
+end
+
+--- What a finding says, or what is true of all findings of a diagnosis.
 function M.sentence(item, lang)
-  return M.words(item.rule, item.args, lang)
+  return M.of_all(item, lang) or word(tables.diagnosis_words.different, lang)
 end
 
 --- All frames that a finding is about, sorted, each once: the one that it stands on, and those that its

@@ -6,6 +6,7 @@ local report_text = require("ds47.report_text")
 local spec = require("ds47.spec")
 local status = require("ds47.status")
 local tables = require("ds47.tables")
+local targets = require("ds47.targets")
 local todo = require("ds47.todo")
 local words = require("ds47.report_words")
 
@@ -325,8 +326,10 @@ local function word(texts, key)
   return texts.words[key] or key
 end
 
-local function place(item)
-  return item.axis and format("%s DO %d", escape(item.device), item.axis) or escape(item.device)
+-- The device, and what of it a request addresses, as far as that is known.
+local function place(names, item)
+  local where = names:place(item, false)
+  return where == "" and escape(item.device) or escape(item.device) .. " " .. where
 end
 
 local function response_time_section(add, texts, rows, key)
@@ -364,7 +367,7 @@ local function error_sections(add, texts, statistics)
   end)
 end
 
-local function transaction_sections(add, texts, statistics)
+local function transaction_sections(add, texts, statistics, names)
   local columns = {
     { texts.took, ">" }, { texts.share, ">" }, { texts.transaction, ">" }, { texts.frame, ">" },
     { texts.operation }, { texts.device }, { texts.asked },
@@ -372,7 +375,7 @@ local function transaction_sections(add, texts, statistics)
   section(add, texts, texts.slowest, columns, statistics.slowest, function(item)
     return {
       milliseconds(item.duration_ns), milliseconds(item.drive_ns), "#" .. integer(item.id),
-      number(item.frames.read_response), word(texts, item.operation), place(item), asked(item),
+      number(item.frames.read_response), word(texts, item.operation), place(names, item), asked(item),
     }
   end)
   columns = {
@@ -382,7 +385,7 @@ local function transaction_sections(add, texts, statistics)
   section(add, texts, texts.unanswered, columns, statistics.unanswered, function(item)
     return {
       number(item.frames.write_request), "#" .. integer(item.id), word(texts, item.state),
-      word(texts, item.operation), place(item), asked(item),
+      word(texts, item.operation), place(names, item), asked(item),
     }
   end)
 end
@@ -435,7 +438,7 @@ function M.text(result, options)
   response_time_section(add, texts, statistics.response_times, "duration")
   response_time_section(add, texts, statistics.response_times, "drive")
   error_sections(add, texts, statistics)
-  transaction_sections(add, texts, statistics)
+  transaction_sections(add, texts, statistics, targets.new(result.transactions))
   rule_section(add, texts, statistics.rules, tables.rules)
   add("")
   return concat(lines, "\n")

@@ -3,6 +3,7 @@
 
 local grouping = require("ds47.grouping")
 local tables = require("ds47.tables")
+local targets = require("ds47.targets")
 
 local M = {}
 
@@ -27,19 +28,11 @@ function M.answering(all, item)
   if item.rule ~= WRONG_DRIVE_OBJECT then
     return nil
   end
-  local missing, seen, axes = { [item.args.axis or -1] = true }, {}, {}
+  local seen, axes, names = {}, {}, targets.new(all)
   for _, each in ipairs(all) do
-    local axis = each.axis
-    if axis and each.device == item.device and each.index ~= LOCAL then
-      if is_missing(each) then
-        missing[axis] = true
-      elseif ANSWERED[each.state] then
-        seen[axis] = true
-      end
-    end
-  end
-  for axis in pairs(seen) do
-    if not missing[axis] then
+    local axis = each.device == item.device and ANSWERED[each.state] and names:drive_object(each)
+    if axis and not seen[axis] then
+      seen[axis] = true
       axes[#axes + 1] = axis
     end
   end
@@ -67,9 +60,15 @@ local function same_code(diagnosis, finding)
     or others.status ~= nil and ours.status == others.status
 end
 
+-- What decides which findings a diagnosis covers.
+local function what_of(finding)
+  local args = finding.args
+  return table.concat({ finding.rule, args.device or "", args.code or "", args.status or "" }, "\0")
+end
+
 -- What the diagnoses of a result cover: {devices of jobs, diagnoses of jobs, diagnoses of the whole capture}.
-local function covered_by(result, diagnoses)
-  local devices, jobs, of_jobs, whole = {}, {}, {}, {}
+local function covered_by(result)
+  local devices, jobs, of_jobs, whole, seen = {}, {}, {}, {}, {}
   for _, each in ipairs(result.transactions) do
     devices[each.id] = each.device
   end
@@ -80,9 +79,11 @@ local function covered_by(result, diagnoses)
       of_jobs[each.rule] = true
     end
   end
-  for _, each in ipairs(diagnoses) do
-    if not of_jobs[each.rule] then
-      whole[#whole + 1] = each
+  for _, each in ipairs(result.findings) do
+    if grouping.is_diagnosis(each.rule) and not of_jobs[each.rule] then
+      local what = what_of(each)
+      whole[#whole + 1] = not seen[what] and each or nil
+      seen[what] = true
     end
   end
   return { devices = devices, jobs = jobs, whole = whole }
@@ -96,7 +97,7 @@ local function covers(about, finding)
   end
   local device = about.devices[finding.transaction or 0]
   for _, each in ipairs(about.whole) do
-    local elsewhere = device and each.device and device ~= each.device
+    local elsewhere = device and each.args.device and device ~= each.args.device
     if not elsewhere and (names("whole", each.rule, finding) or same_code(each, finding)) then
       return true
     end
@@ -105,8 +106,8 @@ local function covers(about, finding)
 end
 
 --- Errors and warnings that no diagnosis covers, in their order.
-function M.uncovered(result, diagnoses)
-  local about, found = covered_by(result, diagnoses), {}
+function M.uncovered(result)
+  local about, found = covered_by(result), {}
   for _, each in ipairs(result.findings) do
     local serious = each.severity ~= "note" and not grouping.is_diagnosis(each.rule)
     if serious and not covers(about, each) then

@@ -37,6 +37,24 @@ class Access(NamedTuple):
         return self.record_index == LOCAL
 
 
+class Identity(NamedTuple):
+    """What all requests have in common that reach the same drive object."""
+
+    device: str
+    number: int | None = None
+    """Its DO-ID; None where it is not known, or does not matter."""
+    slot: int | None = None
+    """With `subslot`: the submodule, where the number alone does not prove that two are the same."""
+    subslot: int | None = None
+    local: bool = False
+    axis: int | None = None
+
+    @property
+    def by_submodule(self) -> bool:
+        """Whether another submodule may be another drive object."""
+        return self.slot is not None
+
+
 class DriveObjects:
     """What a capture shows of the drive objects of its devices, up to now.
 
@@ -122,6 +140,17 @@ class DriveObjects:
             return False
         # A device that never looked at the axis byte may go by the submodule alone.
         return (one.local and other.local) or one.device in self._distinguishing
+
+    def identity(self, access: Access, pnu: int | None = None) -> Identity:
+        """Two requests have the same one if `same` says so of them, and only then."""
+        if pnu is not None and pnu in known().global_pnus:
+            return Identity(access.device)
+        number = self.number(access)
+        if number is not None and access.device in self._distinguishing:
+            return Identity(access.device, number)
+        if number is not None and access.local:
+            return Identity(access.device, number, local=True)
+        return Identity(access.device, None, access.slot, access.subslot, access.local, access.axis)
 
     def other(self, one: Access, other: Access, pnu: int) -> bool:
         """Whether they reach two drive objects, whatever is not known."""

@@ -105,9 +105,4 @@ class Findings:
 
 def _frames(row: Rule, frame: int, args: Mapping[str, Any]) -> list[int]:
     """The frame on which a finding is reported, and those that its arguments name."""
-    frames = {frame}
-    for name in row.frames:
-        value = args.get(name)
-        if value is not None:
-            frames.update(value if isinstance(value, list) else (value,))
-    return sorted(frames)
+    return sorted({frame, *row.named_frames(args)})

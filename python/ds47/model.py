@@ -320,22 +320,24 @@ class Diagnosis(_Plain):
     rule: str
     severity: str
     args: dict[str, Any] = field(default_factory=dict)
-    """Those of the first finding."""
+    """Those of its findings; None for one that is not the same in all of them."""
     device: str | None = None
     count: int = 0
     """Findings of this cause."""
     frames: list[int] = field(default_factory=list)
-    """The first of them, sorted, each once."""
+    """Those that the findings stand on, sorted, each once; of very many the first."""
     transactions: list[int] = field(default_factory=list)
+    """In the order of the findings: the first one belongs to the first frame."""
     corrected: bytes | None = None
-    """A whole request as it should have been, where it can be computed."""
+    """A whole request as it should have been, where it can be computed: that of `corrected_in`."""
     said: str | None = None
     """As that of a finding."""
-
-    @property
-    def filter(self) -> str:
-        """A Wireshark display filter that shows the first frames."""
-        return " or ".join(f"frame.number == {frame}" for frame in self.frames)
+    differs: list[str] = field(default_factory=list)
+    """The names of those arguments that are not the same in all findings."""
+    frames_left_out: int = 0
+    """Frames for which `frames` has no room."""
+    corrected_in: int | None = None
+    """The transaction whose request `corrected` mends."""
 
 
 @dataclass(slots=True, repr=False, eq=False)

@@ -158,6 +158,39 @@ def test_links_lead_from_a_finding_to_its_job_and_back(browser, tour):
     browser.wait("return !!document.querySelector('#job-1-7 + tr.detail')")
 
 
+def test_every_frame_of_a_finding_leads_to_its_job(browser, tour):
+    """DS705 of frame 22 is about frame 18 as well, DS417 of frame 17 about frame 6: list, problem, job."""
+    browser.open(tour)
+
+    def links(selector):
+        return browser.run(
+            f"return [...document.querySelectorAll('{selector}')].map((each) => each.textContent + each.hash)"
+        )
+
+    assert links("#finding-1-DS705 tbody td:first-child a") == ["18#job-1-4"]
+    assert "18#job-1-4" in links(".problem-list .look a")
+    browser.run("document.querySelector('#finding-1-DS417 tbody td:first-child a').click()")
+    browser.wait("return !!document.querySelector('#job-1-2 + tr.detail')")
+    browser.open(tour, "#job-1-3")
+    browser.wait("return !!document.querySelector('#job-1-3 + tr.detail')")
+    assert any("(frame 17, 6)" in text for text in browser.texts("tr.detail .found li"))
+
+
+def test_one_parameter_is_one_row_and_no_two_drive_objects_look_alike(browser, long):
+    """Of two controllers on three access points: index 47, 0xB02F, and 0xB02E of two submodules."""
+    browser.open(long)
+    rows = list(zip(column(browser, PARAMETERS, 1), column(browser, PARAMETERS, 2), strict=True))
+    assert len(set(rows)) == len(rows) > 10
+    for part in (PARAMETERS, JOBS):
+        options = browser.run(
+            f"return [...document.querySelectorAll('{part} select option')].map((each) => each.text)"
+        )
+        named = [text for text in options if text.startswith("rt-labs-dev")]
+        assert len(set(named)) == len(named)
+        assert {"rt-labs-dev DO 2", "rt-labs-dev DO 3"} <= set(named)
+        assert not any(text.endswith("DO 0") for text in named)
+
+
 def test_the_language_changes_everywhere_and_keeps_the_place(browser, tour):
     browser.open(tour)
     browser.plots()

@@ -94,6 +94,7 @@ end
 local function diagnosis(item)
   local result = object(item, "rule severity device count")
   result.args, result.message = item.args, sentences.sentence(item, run.lang)
+  result.differs, result.frames_left_out = json.array(item.differs), item.frames_left_out
   result.frames, result.transactions = json.array(item.frames), json.array(item.transactions)
   return result
 end

@@ -9,11 +9,11 @@ package.path = folder .. "/lua/?.lua;" .. package.path
 local grouping = require("ds47.grouping")
 local json = require("ds47.json")
 
--- Findings to diagnoses: the result has `told`, an array of {finding, device, args}.
+-- Findings to diagnoses: the result has `told`, an array of {finding, device}.
 local function group(result)
   local groups = grouping.new()
   for _, each in ipairs(result.told) do
-    groups:add(each.finding, each.device, each.args)
+    groups:add(each.finding, each.device)
   end
   return json.encode(json.array(groups:result()))
 end

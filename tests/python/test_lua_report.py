@@ -15,6 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import handmade
 import pytest
 from lua_program import LUAS, lua_program
 
@@ -218,27 +219,62 @@ def test_findings_are_grouped_as_in_python(lua: Run) -> None:
         rule = ("DS705", "DS719", "DS717", "DS703")[number % 4]
         device = (None, "10.0.0.1", "10.0.0.2")[number % 3]
         args = {
-            "controller": f"c{number % 5}", "other": "?", "code": f"0x{number % 7:02X}",
-            "pnu": number % 90, "device": device,
+            "controller": f"c{number % 5}", "other": "?", "code": number % 7, "case": None,
+            "pnu": number % 90, "device": device, "subindex": number % 2, "elements": number % 11 // 10,
         }  # fmt: skip
         owner = None if number % 4 == 3 else number // 3 + 1
-        known = spec.rules()[rule]
-        message = f"{rule} Ä{number % 11}" if number % 2 else "控制器"
-        finding = Finding(rule, known.severity, message, number // 2 + 1, owner)
-        told.append((finding, device, args))
+        severity = spec.rules()[rule].severity
+        told.append((Finding(rule, severity, number * 7 % 450, None, owner, args=args), device))
     python = grouping.Grouping()
-    for finding, device, args in told:
-        python.add(grouping.cause(finding.rule, device, args), finding)
+    for finding, device in told:
+        python.add(grouping.cause(finding.rule, device, finding.args), finding)
+    rows = [{"finding": dataclasses.asdict(f), "device": d} for f, d in told]
+    found = lua([{"kind": "grouping", "result": {"told": rows, "transactions": []}, "options": {}}])
+    keys = (
+        "rule",
+        "device",
+        "args",
+        "differs",
+        "count",
+        "frames",
+        "frames_left_out",
+        "transactions",
+    )
+    got = [{key: each.get(key) or None for key in keys} for each in json.loads(found[0])]
     expected = []
     for each in python.result():
         item = dataclasses.asdict(each)
-        del item["corrected"]
-        expected.append({key: value for key, value in item.items() if value not in (None, [])})
-    rows = [{"finding": dataclasses.asdict(f), "device": d, "args": a} for f, d, a in told]
-    found = lua([{"kind": "grouping", "result": {"told": rows, "transactions": []}, "options": {}}])
-    got = json.loads(found[0])
-    assert [{k: v for k, v in each.items() if v not in ([], {})} for each in got] == expected
+        item["args"] = {name: value for name, value in each.args.items() if value is not None}
+        expected.append({key: item[key] or None for key in keys})
+    assert got == expected
+    assert any(each["differs"] for each in got)
     assert sum(each["count"] for each in got) == 900
+
+
+def test_local_access_is_named_as_in_python(lua: Run, captures: Path) -> None:
+    """Lines name a drive object only where it is one; so do those that answer instead of a missing one."""
+    path = captures.parent.parent / "shared/captures/real-stacks/o3_two_controllers.pcapng"
+    names = ["diagnosis-wrong-drive-object.pcapng", "diagnosis-axis-byte-ignored.pcapng"]
+    paths = [captures / name for name in names] + [path] * path.exists()
+    for each in paths:
+        result = analyze(each)
+        result.path = each.name
+        result.findings = [found for found in result.findings if found.rule == "DS709"]
+        result.diagnoses = [found for found in result.diagnoses if found.rule == "DS709"]
+        assert lua([job("report", result)]) == [python_text(result)]
+
+
+def test_statistics_name_a_drive_object_only_where_it_is_one(
+    lua: Run,
+) -> None:
+    ways = [(47, 2), (47, 0), (0xB02E, 9)]
+    jobs = [
+        handmade.transaction(id=n, index=index, axis=axis)
+        for n, (index, axis) in enumerate(ways, 1)
+    ]
+    (text,) = lua([job("statistics", CaptureResult(path="x", transactions=jobs))])
+    for place in ("192.168.133.33 DO 2 ", "192.168.133.33 axis 0 ", "192.168.133.33 slot 1.1 "):
+        assert place in text
 
 
 def test_csv_is_that_of_python(lua: Run, results: list[CaptureResult]) -> None:

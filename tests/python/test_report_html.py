@@ -700,9 +700,9 @@ def test_long_lists_of_findings_are_cut_with_their_number():
 
 
 def row_of(table, pnu, subindex):
-    names = ("device", "slot", "axis", "pnu", "subindex", "en", "zh", "unit", "reads", "writes", "refused",
+    names = ("device", "object", "pnu", "subindex", "en", "zh", "unit", "reads", "writes", "refused",
              "last", "written", "last_in", "error", "error_in")  # fmt: skip
-    (found,) = [row for row in table["rows"] if row[3:5] == [pnu, subindex]]
+    (found,) = [row for row in table["rows"] if row[2:4] == [pnu, subindex]]
     return dict(zip(names, found, strict=True))
 
 
@@ -736,7 +736,7 @@ def test_a_text_is_one_value():
         )
     ]
     table, _ = elements(capture(*items), {})
-    assert [row[11] for row in table["rows"]] == ['"abc"']
+    assert [row[10] for row in table["rows"]] == ['"abc"']
 
 
 # Plots

@@ -118,6 +118,23 @@ def columns(*names: str) -> list[str]:
     return wanted
 
 
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("tour-machine", ["17\tDS417\t6", "22\tDS705\t18"]),
+        ("conversation-superseded-change", ["3\tDS414\t1", "5\tDS414\t3"]),
+    ],
+)
+def test_further_frames_of_a_finding_are_links(
+    tshark: Tshark, name: str, expected: list[str]
+) -> None:
+    shown = columns("frame.number", "ds47.finding", "ds47.finding.frame")
+    lines = tshark(
+        "-2", "-r", CAPTURES[f"{name}.pcapng"], "-Y", "ds47.finding", *shown
+    ).splitlines()
+    assert [line for line in lines if line.split("\t")[2]] == expected
+
+
 # The whole result, capture by capture
 
 

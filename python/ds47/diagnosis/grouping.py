@@ -1,20 +1,26 @@
-"""Findings DS7xx to diagnoses: one for each cause, with a count and the first frames (docs/diagnoses.md).
+"""Findings to headlines: each cause once, with a count, frames, and what is true of all (docs/diagnoses.md).
 
-A cause is a rule, a device and those arguments of the message that the rule names in `group`.
+A cause is a rule, a device and those arguments of the finding that the rule names in `group`. Of the other
+arguments a headline keeps those that are the same in all of its cases; it is worded in `ds47.report.sentences`.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from bisect import insort
+from collections.abc import Iterable
+from typing import Any, Final, NamedTuple
 
 from ds47.model import SEVERITIES, Diagnosis, Finding
 from ds47.rules import Corrected
 from ds47.spec import rules
 from ds47.spec.semantics import known
 
+_OFFERED: Final = 8
+"""Corrected requests of a cause that are kept until it is known which of them holds."""
+
 
 class Cause(NamedTuple):
-    """What is kept of the finding that showed it first."""
+    """What the cases of one headline have in common."""
 
     rule: str
     device: str | None
@@ -22,59 +28,123 @@ class Cause(NamedTuple):
 
 
 def cause(rule: str, device: str | None, args: dict[str, Any]) -> Cause:
-    """The cause of a finding, by the arguments of its message."""
+    """The cause of a finding, by its arguments."""
+    row = rules().get(rule)
+    names = row.group if row else ()
     return Cause(
-        rule,
-        device,
-        tuple("" if args.get(name) is None else str(args[name]) for name in rules()[rule].group),
+        rule, device, tuple("" if args.get(name) is None else str(args[name]) for name in names)
     )
+
+
+class _Cases:
+    """The cases of one cause, as they come."""
+
+    def __init__(self, first: Finding, device: str | None) -> None:
+        self.told = Diagnosis(first.rule, first.severity, dict(first.args), device, said=first.said)
+        self.first = first
+        self._last: int | None = None
+        """The last frame that had no room: it may come again."""
+
+    def add(self, finding: Finding) -> None:
+        told = self.told
+        told.count += 1
+        agree(told, finding.args)
+        if not _keep(told.frames, finding.frame) and self._last != finding.frame:
+            self._last = finding.frame
+            told.frames_left_out += 1
+        jobs, job = told.transactions, finding.transaction
+        if job is not None and len(jobs) < known().frames and job not in jobs:
+            jobs.append(job)
 
 
 class Grouping:
     """Counts findings by their causes; memory is bounded, whatever the capture holds."""
 
     def __init__(self) -> None:
-        self._groups: dict[Cause, Diagnosis] = {}
-        self._corrected: dict[Cause, list[Corrected]] = {}
-        """The first of each group; which of them holds is known when the capture is over."""
+        self._groups: dict[Cause, _Cases] = {}
+        self._corrected: dict[Cause, list[tuple[Corrected, int | None]]] = {}
+        """The first of each group, with their transactions; which of them holds is known at the end."""
 
     def add(self, about: Cause, finding: Finding, corrected: Corrected = None) -> None:
         """A finding of a cause, with its transaction where it has one."""
-        group = self._groups.get(about)
-        if group is None:
+        cases = self._groups.get(about)
+        if cases is None:
             if len(self._groups) >= known().groups:  # too many to tell apart: by rule alone
                 about = Cause(about.rule, None, ())
-                group = self._groups.get(about)
-            if group is None:
-                group = Diagnosis(finding.rule, finding.severity, finding.args, about.device)
-                self._groups[about] = group
-        group.count += 1
+                cases = self._groups.get(about)
+            if cases is None:
+                cases = self._groups[about] = _Cases(finding, about.device)
+        cases.add(finding)
         if corrected is not None:
             offered = self._corrected.setdefault(about, [])
-            if len(offered) < known().frames:
-                offered.append(corrected)
-        _insert(group.frames, finding.frame)
-        if finding.transaction is not None:
-            _insert(group.transactions, finding.transaction)
+            if len(offered) < _OFFERED:
+                offered.append((corrected, finding.transaction))
 
     def result(self) -> list[Diagnosis]:
         """The diagnoses, worst first, then the most frequent."""
 
-        def order(item: tuple[Cause, Diagnosis]) -> tuple[Any, ...]:
-            about, each = item
+        def order(item: tuple[Cause, _Cases]) -> tuple[Any, ...]:
+            about, each = item[0], item[1].told
             severity = -SEVERITIES.index(each.severity)
             return severity, -each.count, each.rule, each.frames, about.device or "", about.key
 
         for about, offered in self._corrected.items():
-            made = (each() if callable(each) else each for each in offered)
-            self._groups[about].corrected = next((each for each in made if each is not None), None)
-        return [each for _, each in sorted(self._groups.items(), key=order)]
+            told = self._groups[about].told
+            for each, transaction in offered:
+                told.corrected = each() if callable(each) else each
+                if told.corrected is not None:
+                    told.corrected_in = transaction
+                    break
+        return [cases.told for _, cases in sorted(self._groups.items(), key=order)]
 
 
-def _insert(numbers: list[int], number: int) -> None:
-    """Keeps the least ones, sorted, each once."""
-    if number in numbers:
-        return
+def headlines(findings: Iterable[Finding]) -> list[tuple[Diagnosis, Finding]]:
+    """Findings that no diagnosis says, by their causes: each cause with its first finding.
+
+    The serious rules first, then by id; of one rule the most frequent cause first.
+    """
+    groups: dict[Cause, _Cases] = {}
+    for each in findings:
+        about = cause(each.rule, None, each.args)
+        if each.said is not None:
+            about = about._replace(key=(each.said,))
+        if about not in groups:
+            groups[about] = _Cases(each, None)
+        groups[about].add(each)
+
+    def order(item: tuple[Diagnosis, Finding]) -> tuple[Any, ...]:
+        told = item[0]
+        return -SEVERITIES.index(told.severity), told.rule, -told.count, told.frames
+
+    return sorted(((each.told, each.first) for each in groups.values()), key=order)
+
+
+def agree(group: Diagnosis, args: dict[str, Any]) -> None:
+    """Takes from a headline what is not the same in a further case."""
+    for name, value in group.args.items():
+        if name not in group.differs and not _same(value, args.get(name)):
+            group.args[name] = None
+            insort(group.differs, name)
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two arguments look the same: 30 is not 30.0."""
+    return one is other or (one == other and repr(one) == repr(other))
+
+
+def _keep(numbers: list[int], number: int) -> bool:
+    """Keeps a frame in a sorted list, each once; False where it has no room."""
+    if number in numbers[-1:]:
+        return True
+    if numbers and number < numbers[-1]:
+        if number in numbers:
+            return True
+        insort(numbers, number)
+        if len(numbers) <= known().frames:
+            return True
+        numbers.pop()
+        return False
+    if len(numbers) >= known().frames:
+        return False
     numbers.append(number)
-    numbers.sort()
-    del numbers[known().frames :]
+    return True

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 from ds47.model import CaptureResult, Finding, Parameter, Transaction
 from ds47.report.sentences import message
+from ds47.report.targets import Targets
 from ds47.report.words import address, escape
 
 _PARAMETERS_SHOWN = 4
@@ -86,7 +87,7 @@ def choose(
     Raises:
         SelectionError: a transaction or a device that this capture does not have.
     """
-    chosen = Chosen()
+    chosen, targets = Chosen(), Targets(result.transactions)
     _find_devices(result, selection, chosen)
     _check_numbers(result, selection)
     findings: dict[int | None, list[Finding]] = {}
@@ -97,7 +98,7 @@ def choose(
         if not selection.by_frame and not _wanted(transaction, own, selection, chosen):
             continue
         chosen.transactions.append(transaction)
-        _note_transaction(chosen, transaction)
+        _note_transaction(chosen, transaction, targets.place(transaction))
         _note_findings(chosen, own, names)
         if not selection.by_frame:
             chosen.frames.update(transaction.frames.all())
@@ -161,11 +162,11 @@ def _lonely(
     _note_findings(chosen, findings, names)
 
 
-def _note_transaction(chosen: Chosen, item: Transaction) -> None:
+def _note_transaction(chosen: Chosen, item: Transaction, where: str) -> None:
     head = f"DS47 #{item.id}"
     state = "" if item.state == "ok" else f" [{item.state}]"
     what = f"{item.operation} {_parameters(item.parameters)}".strip()
-    axis = "" if item.axis is None else f", DO {item.axis}"
+    axis = f", {where}" if where else ""
     for role, number in _roles(item):
         if number is not None:
             text = f"{head}{state}: {role} ({what}{axis})"

@@ -32,6 +32,7 @@ from ds47.model import (
 )
 from ds47.report import SCHEMA, Options, write_all
 from ds47.report import Writer as _Writer
+from ds47.report.filters import display_filter
 from ds47.report.sentences import message, sentence
 
 _encoder: Final = JSONEncoder(ensure_ascii=False, allow_nan=False)
@@ -272,19 +273,22 @@ def diagnosis(item: Diagnosis, lang: str = "en") -> dict[str, Any]:
         "device": item.device,
         "message": sentence(item, lang),
         "args": item.args,
+        "differs": item.differs,
         "count": item.count,
         "frames": item.frames,
+        "frames_left_out": item.frames_left_out,
         "transactions": item.transactions,
-        "filter": item.filter,
-        "corrected": None if item.corrected is None else _corrected(item.corrected),
+        "filter": display_filter(item.frames)[0],
+        "corrected": None if item.corrected is None else _corrected(item),
     }
 
 
-def _corrected(request: bytes) -> dict[str, Any]:
+def _corrected(item: Diagnosis) -> dict[str, Any]:
     from ds47.diagnosis.suggest import corrected  # only here: most captures need no correction
 
-    shown = corrected(request)
+    shown = corrected(item.corrected or b"")
     return {
+        "transaction": item.corrected_in,
         "request": shown.hex,
         "words": shown.words,
         "scl": shown.scl,

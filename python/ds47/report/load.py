@@ -112,6 +112,9 @@ def diagnosis(item: dict[str, Any]) -> Diagnosis:
         transactions=item["transactions"],
         corrected=None if corrected is None else bytes.fromhex(corrected["request"]),
         said=None if "args" in item else item["message"],
+        differs=item.get("differs", []),
+        frames_left_out=item.get("frames_left_out", 0),
+        corrected_in=None if corrected is None else corrected.get("transaction"),
     )
 
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 
+from ds47.diagnosis.grouping import headlines
 from ds47.model import CaptureResult, Device, Diagnosis, Finding
 from ds47.report import Options
 from ds47.report.bilingual import say
 from ds47.report.filters import display_filter
 from ds47.report.places import Places
-from ds47.report.sentences import sentence
-from ds47.report.todo import More, answering, by_rule, causes, uncovered
+from ds47.report.sentences import of_all, sentence
+from ds47.report.todo import More, answering, causes, uncovered
 from ds47.report.verdict import Counts, blind, told, verdict
 from ds47.report.words import escape
 from ds47.report.wrap import wrap
@@ -108,45 +109,58 @@ class Opening:
             yield from self._advice(each.rule, advised)
             if axes := answering(result, each):
                 yield "    " + self._say("answering", list=axes)
-            yield from self._look(each.frames, each.transactions, places)
+            yield from self._look(each, places)
             yield from self._corrected(each)
             advised = each.rule
         if rest and result.diagnoses:
             yield "  " + self._paint("bold", self._say("other_findings_head"))
-        for group in by_rule(rest):
-            yield from self._group(group, places)
+        yield from self._others(rest, places)
 
-    def _head(self, rule: str, severity: str, text: str, number: int) -> Iterator[str]:
-        known = self._options.rules.get(rule)
+    def _head(self, item: Diagnosis, text: str) -> Iterator[str]:
+        known = self._options.rules.get(item.rule)
         line = self._say(
             "cause_line",
-            rule=rule,
-            severity=self._say(f"severity_{severity}"),
+            rule=item.rule,
+            severity=self._say(f"severity_{item.severity}"),
             name=known.name if known else "",
             message=text,
         )
-        if number > 1:
-            line += ("", " ")[self._lang != "zh"] + self._say("cause_times", n=number)
-        first, *others = wrap(line, WIDTH - 4)
-        yield "  " + self._paint(severity, first)
+        line += ("", " ")[self._lang != "zh"] + self._times(item)
+        first, *others = wrap(line.rstrip(), WIDTH - 4)
+        yield "  " + self._paint(item.severity, first)
         for other in others:
-            yield "    " + self._paint(severity, other)
+            yield "    " + self._paint(item.severity, other)
+
+    def _times(self, item: Diagnosis) -> str:
+        """How often, as many as the filter shows frames; where these are two numbers, both."""
+        frames = len(item.frames) + item.frames_left_out
+        if item.count != frames:
+            times, shown = self._say("times", n=item.count), self._say("frames", n=frames)
+            return self._say("cause_times_in", times=times, frames=shown)
+        return self._say("cause_times", n=item.count) if item.count > 1 else ""
 
     def _diagnosis(self, item: Diagnosis, several: bool) -> Iterator[str]:
         text = escape(sentence(item, self._lang))
         if several and item.device and item.device not in text:
             text = self._say("cause_device", device=escape(item.device), message=text)
-        yield from self._head(item.rule, item.severity, text, item.count)
+        yield from self._head(item, text)
 
-    def _group(self, group: Sequence[Finding], places: Places) -> Iterator[str]:
-        first = group[0]
-        text = escape(sentence(first, self._lang))
-        if any(sentence(each, self._lang) != sentence(first, self._lang) for each in group):
-            text = self._say("first_of", message=text)
-        yield from self._head(first.rule, first.severity, text, len(group))
-        yield from self._advice(first.rule, "")
-        jobs = [] if first.transaction is None else [first.transaction]
-        yield from self._look([first.frame], jobs, places)
+    def _others(self, rest: list[Finding], places: Places) -> Iterator[str]:
+        """The findings that no diagnosis covers, by what they have in common."""
+        found = headlines(rest)
+        firsts = {id(item): first for item, first in found}
+        advised = ""
+        for each in causes([item for item, _ in found], OF_ONE_RULE):
+            if isinstance(each, More):
+                yield from self._more(each)
+                continue
+            text = of_all(each, self._lang)
+            if text is None:
+                text = self._say("first_of", message=sentence(firsts[id(each)], self._lang))
+            yield from self._head(each, escape(text))
+            yield from self._advice(each.rule, advised)
+            yield from self._look(each, places)
+            advised = each.rule
 
     def _more(self, item: More) -> Iterator[str]:
         known = self._options.rules.get(item.rule)
@@ -163,18 +177,26 @@ class Opening:
         for line in wrap("-> " + advice, WIDTH - 4, 3):
             yield "    " + line
 
-    def _look(self, frames: Sequence[int], jobs: Sequence[int], places: Places) -> Iterator[str]:
+    def _look(self, item: Diagnosis, places: Places) -> Iterator[str]:
         """Where it shows; of a series the filter is that of the first file, then that of each other."""
+        frames, jobs = item.frames, item.transactions
         if not frames:
             return
         (_, numbers), *others = places.by_file(frames)
-        frame = escape(places.number(frames[0], self._lang))
-        values = {"frame": frame, "filter": display_filter(numbers)[0]}
+        shown, left_out = display_filter(numbers)
+        values = {"frame": escape(places.number(frames[0], self._lang)), "filter": shown}
         if jobs:
             values["job"] = str(jobs[0])
-        yield "    " + self._paint("dim", self._say("look_at_job" if jobs else "look_at", **values))
+        line = self._say("look_at_job" if jobs else "look_at", **values)
+        left_out += item.frames_left_out
+        yield "    " + self._paint("dim", line) + self._left_out(left_out)
         for file, numbers in others:
-            yield "      " + self._paint("dim", f"{escape(file)}: {display_filter(numbers)[0]}")
+            shown, left_out = display_filter(numbers)
+            line = self._paint("dim", f"{escape(file)}: {shown}")
+            yield f"      {line}{self._left_out(left_out)}"
+
+    def _left_out(self, frames: int) -> str:
+        return "  " + self._say("frames_more", n=frames) if frames else ""
 
     def _corrected(self, item: Diagnosis) -> Iterator[str]:
         """The request as it should have been: of Python only, see docs/report.md."""
@@ -183,7 +205,10 @@ class Opening:
         from ds47.diagnosis.suggest import corrected  # not for captures without any
 
         better = corrected(item.corrected)
-        yield "    " + self._say("instead", hex=better.hex)
+        if item.count > 1 and item.corrected_in is not None:
+            yield "    " + self._say("instead_of", job=str(item.corrected_in), hex=better.hex)
+        else:
+            yield "    " + self._say("instead", hex=better.hex)
         for line in wrap(" ".join(better.words), WIDTH - 6):
             yield "      " + line
         if len(item.corrected) <= _LONGEST_SCL:

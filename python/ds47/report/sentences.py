@@ -7,7 +7,8 @@ every report, by `watch`, `check` and `decode`; lua/ds47/sentences.lua says the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from string import Formatter
 from typing import Any, Final
 
 from ds47.model import Diagnosis, Finding
@@ -22,10 +23,49 @@ _FRAMES: Final = ("frame", "frames")
 
 
 def sentence(item: Finding | Diagnosis, lang: str = "en") -> str:
-    """What a finding, or the first finding of a diagnosis, says: one line, texts of the capture as they are."""
+    """What a finding says, or what is true of all cases of a diagnosis: a line, with texts as captured."""
+    text = of_all(item, lang)
+    return diagnosis_words(lang)["different"] if text is None else text
+
+
+def of_all(item: Finding | Diagnosis, lang: str = "en") -> str | None:
+    """The same; None where the cases of a diagnosis have no sentence in common."""
     if item.said is not None:
         return item.said
+    if isinstance(item, Diagnosis) and item.differs:
+        return _in_common(item, lang)
     return words(item.rule, item.args, lang)
+
+
+def _in_common(item: Diagnosis, lang: str) -> str | None:
+    """The sentence of one case where nothing that it names differs, else that of many."""
+    row = rules()[item.rule]
+    for template, many in ((row.message, False), (row.many, True)):
+        names = _names(row, template, item.args, many)
+        if template and names.isdisjoint(item.differs):
+            chosen = template if lang != "zh" else row.many_zh if many else row.message_zh
+            return chosen.format_map(_Shown(row, item.args, lang, many))
+    return None
+
+
+def _names(row: Rule, template: str, args: Mapping[str, Any], many: bool) -> set[str]:
+    """The arguments that a sentence shows, those in the words of a key among them."""
+    found = set(_fields(template))
+    for name in list(found):
+        if row.args.get(name) == "key" and args.get(name) is not None:
+            found.update(_fields(_key_words(args[name], "en", many)))
+    if "text" in found:
+        found.add("code" if "code" in row.args else "status")
+    return found
+
+
+def _fields(template: str) -> Iterator[str]:
+    return (name for _, name, _, _ in Formatter().parse(template) if name)
+
+
+def _key_words(key: str, lang: str, many: bool) -> str:
+    known = diagnosis_words(lang)
+    return known.get(f"{key}_many", known[key]) if many else known[key]
 
 
 def words(rule: str, args: Mapping[str, Any], lang: str = "en") -> str:
@@ -67,9 +107,9 @@ def renumbered(rule: str, args: Mapping[str, Any], number: Callable[[int], int])
 class _Shown(dict[str, str]):
     """The arguments of a finding by name, as a sentence shows them."""
 
-    def __init__(self, row: Rule, args: Mapping[str, Any], lang: str) -> None:
+    def __init__(self, row: Rule, args: Mapping[str, Any], lang: str, many: bool = False) -> None:
         super().__init__()
-        self._row, self._args, self._lang = row, args, lang
+        self._row, self._args, self._lang, self._many = row, args, lang, many
 
     def __missing__(self, key: str) -> str:
         text = self._text() if key == "text" else self._shown(key)
@@ -91,7 +131,7 @@ class _Shown(dict[str, str]):
             dropped = self._args.get("dropped")
             return known[value] + (f"; {known['dropped']}" if dropped else "")
         if kind == "key" and value is not None:
-            return diagnosis_words(self._lang)[value].format_map(self)
+            return _key_words(value, self._lang, self._many).format_map(self)
         if kind == "place" and value is not None:
             return place(value, self._lang)
         return shown(kind, value)

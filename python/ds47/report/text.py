@@ -29,6 +29,7 @@ from ds47.report.opening import Opening
 from ds47.report.overview import Row, table, total
 from ds47.report.places import Places, name
 from ds47.report.sentences import sentence
+from ds47.report.targets import Targets
 from ds47.report.verdict import Counts
 from ds47.report.words import duration, escape, message, parameter
 
@@ -153,7 +154,7 @@ class Writer(_Writer):
             return
         self._line()
         self._title(self._say("transactions_head"))
-        columns = _Columns(transactions)
+        columns = _Columns(transactions, Targets(transactions))
         for each in transactions:
             for line in self._transaction_lines(each, columns):
                 self._line(line)
@@ -244,7 +245,8 @@ class Writer(_Writer):
 class _Columns:
     """What the transactions of one capture need to be told apart, and how wide that is."""
 
-    def __init__(self, transactions: Sequence[Transaction]) -> None:
+    def __init__(self, transactions: Sequence[Transaction], targets: Targets) -> None:
+        self._targets = targets
         self.operation = max(len(each.operation) for each in transactions)
         self.number = max(len(str(each.id)) for each in transactions) + 1
         self.controllers = len({each.controller for each in transactions}) > 1
@@ -253,9 +255,8 @@ class _Columns:
 
     def _route(self, item: Transaction) -> str:
         controller = f"{escape(item.controller)} -> " if self.controllers else ""
-        slot = f" slot {item.slot}.{item.subslot}" if self.slots else ""
-        axis = "" if item.axis is None else f" DO {item.axis}"
-        return f"{controller}{escape(item.device)}{slot}{axis}"
+        where = self._targets.place(item, with_slot=self.slots)
+        return f"{controller}{escape(item.device)} {where}".rstrip()
 
     def left(self, item: Transaction) -> str:
         """The start of the line: number, operation, where to."""

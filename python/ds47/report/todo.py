@@ -6,13 +6,12 @@ Which findings a diagnosis covers stands in spec/report.toml. Used by the text r
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from ds47.diagnosis.targets import LOCAL
-from ds47.model import DIAGNOSIS, SEVERITIES, CaptureResult, Diagnosis, Finding
+from ds47.model import DIAGNOSIS, CaptureResult, Diagnosis, Finding
+from ds47.report.targets import Targets
 from ds47.spec.reporting import covers
-from ds47.spec.semantics import known
 
 _WRONG_DRIVE_OBJECT = "DS709"
 _ANSWERED = ("ok", "partial")
@@ -31,14 +30,6 @@ def uncovered(result: CaptureResult) -> list[Finding]:
     return [each for each in serious if not about.covers(each)]
 
 
-def by_rule(findings: Iterable[Finding]) -> list[list[Finding]]:
-    """Findings by rule, the serious rules first, then by id."""
-    groups: dict[str, list[Finding]] = {}
-    for each in findings:
-        groups.setdefault(each.rule, []).append(each)
-    return sorted(groups.values(), key=lambda g: (-SEVERITIES.index(g[0].severity), g[0].rule))
-
-
 class _Covered:
     """What the diagnoses of a capture cover, by job and for the whole."""
 
@@ -49,7 +40,12 @@ class _Covered:
             if each.transaction is not None and each.rule.startswith(DIAGNOSIS):
                 self._jobs.setdefault(each.transaction, []).append(each)
         ours = {each.rule for found in self._jobs.values() for each in found}
-        self._whole = [each for each in result.diagnoses if each.rule not in ours]
+        whole = [
+            each
+            for each in result.findings
+            if each.rule.startswith(DIAGNOSIS) and each.rule not in ours
+        ]
+        self._whole = {_what(each): each for each in whole}.values()
 
     def covers(self, finding: Finding) -> bool:
         """Whether a diagnosis says it already."""
@@ -60,15 +56,20 @@ class _Covered:
         return any(
             _names("whole", each.rule, finding) or _same_code(each, finding)
             for each in self._whole
-            if device is None or each.device is None or device == each.device
+            if device is None or each.args.get("device") in (None, device)
         )
+
+
+def _what(item: Finding) -> tuple[object, ...]:
+    """What decides which findings a diagnosis covers."""
+    return item.rule, *(item.args.get(name) for name in ("device", "code", "status"))
 
 
 def _names(how: str, rule: str, finding: Finding) -> bool:
     return finding.rule.startswith(covers(how).get(rule, ("-",)))
 
 
-def _same_code(diagnosis: Diagnosis | Finding, finding: Finding) -> bool:
+def _same_code(diagnosis: Finding, finding: Finding) -> bool:
     """Whether both are about the same error number, or about the same status."""
     if not _names("word", diagnosis.rule, finding):
         return False
@@ -82,15 +83,13 @@ def answering(result: CaptureResult, item: Diagnosis) -> str:
     """The drive objects of its device that answer, for a request to one that does not exist; else empty."""
     if item.rule != _WRONG_DRIVE_OBJECT:
         return ""
-    missing, axes = {item.args.get("axis")}, set()
-    for each in result.transactions:
-        if each.device != item.device or each.index == LOCAL or each.axis is None:
-            continue  # under 0xB02E the slot decides who answers
-        if any(p.error and p.error.code == known().axis_error for p in each.parameters):
-            missing.add(each.axis)
-        elif each.state in _ANSWERED:
-            axes.add(each.axis)
-    return ", ".join(map(str, sorted(axes - missing)))
+    targets = Targets(result.transactions)
+    numbers = {
+        targets.drive_object(each)
+        for each in result.transactions
+        if each.device == item.device and each.state in _ANSWERED
+    }
+    return ", ".join(str(number) for number in sorted(filter(None, numbers)))
 
 
 class More(NamedTuple):

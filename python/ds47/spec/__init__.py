@@ -134,6 +134,8 @@ class Rule(Row):
     message_zh: str
     cause_zh: str
     advice_zh: str
+    many: str = ""
+    many_zh: str = ""
     group: tuple[str, ...] = ()
     args: Mapping[str, str] = MappingProxyType({})
 
@@ -145,6 +147,15 @@ class Rule(Row):
     def frames(self) -> tuple[str, ...]:
         """The names of those of its arguments that are frames."""
         return tuple(name for name, kind in self.args.items() if kind in ("frame", "frames"))
+
+    def named_frames(self, args: Mapping[str, Any]) -> list[int]:
+        """The frames that such arguments name, sorted, each once."""
+        found: set[int] = set()
+        for name in self.frames:
+            value = args.get(name)
+            if value is not None:
+                found.update(value if isinstance(value, list) else (value,))
+        return sorted(found)
 
     @property
     def in_wireshark(self) -> bool:

@@ -25,6 +25,7 @@ from ds47.report.html.views.problems import Problem, first_screen, problems
 from ds47.report.html.views.rows import packed_rows
 from ds47.report.latency import percentile
 from ds47.report.overview import Row
+from ds47.report.targets import Targets
 from ds47.report.verdict import LEVELS, Counts, blind, verdict
 from ds47.report.words import escape
 
@@ -108,14 +109,15 @@ def capture_view(result: CaptureResult, number: int, most_rows: int) -> CaptureV
     """What the page shows of a capture, with at most so many of its transactions."""
     vendors = {each.ip: each.vendor_id for each in result.devices}
     found = groups(result)
-    table, left_out = elements(result, vendors)
-    data = packed_rows(result, vendors, most_rows)
+    targets = Targets(result.transactions)
+    table, left_out = elements(result, vendors, targets)
+    data = packed_rows(result, vendors, most_rows, targets)
     data["elements"] = table
     data["messages"] = _by_transaction(found)
     remarks = quality(result)
     worst = max((LEVELS.index(each.level) for each in remarks), default=0)
     counts = Counts.of(result)
-    wrong = problems(result, vendors)
+    wrong = problems(result, vendors, targets)
     told = first_screen(wrong)
     durations = sorted(
         each.duration_ns
@@ -128,7 +130,7 @@ def capture_view(result: CaptureResult, number: int, most_rows: int) -> CaptureV
         span=span(result),
         quality=remarks,
         blind=[*blind(result), say("blind_place"), say("blind_cyclic"), say("blind_meaning")],
-        drives=drives(result),
+        drives=drives(result, targets),
         problems=told,
         problems_left_out=len(wrong) - len(told),
         groups=found,
@@ -149,7 +151,7 @@ def _by_transaction(found: list[Group]) -> dict[int, list[list[Any]]]:
     for group in found:
         for each in group.shown:
             if each.transaction is not None:
-                line = [group.rule, each.frame, *each.message]
+                line = [group.rule, each.frame, *each.message, each.others]
                 messages.setdefault(each.transaction, []).append(line)
     return messages
 

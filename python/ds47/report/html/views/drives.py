@@ -9,6 +9,7 @@ from ds47.model import CaptureResult, Device, Transaction
 from ds47.report.html.texts import Both, say
 from ds47.report.json import timestamp
 from ds47.report.latency import percentile
+from ds47.report.targets import ANSWERED, Targets
 from ds47.report.verdict import FAILED
 
 
@@ -17,7 +18,8 @@ class Drive:
     """A device that was asked for parameters."""
 
     device: Device
-    axes: set[int] = field(default_factory=set)
+    objects: set[int] = field(default_factory=set)
+    """Drive objects that answered, by their numbers."""
     controllers: set[str] = field(default_factory=set)
     operations: Counter[str] = field(default_factory=Counter)
     states: Counter[str] = field(default_factory=Counter)
@@ -39,26 +41,28 @@ class Drive:
         return self.durations[-1] if self.durations else None
 
 
-def drives(result: CaptureResult) -> list[Drive]:
+def drives(result: CaptureResult, targets: Targets | None = None) -> list[Drive]:
     """The drives in the order of their first transaction."""
     known = {each.ip: each for each in result.devices}
+    targets = targets or Targets(result.transactions)
     found: dict[str, Drive] = {}
     for item in result.transactions:
         drive = found.get(item.device)
         if drive is None:
             drive = found[item.device] = Drive(known.get(item.device) or Device(item.device))
-        _count(drive, item)
+        _count(drive, item, targets)
     for drive in found.values():
         drive.durations.sort()
     return list(found.values())
 
 
-def _count(drive: Drive, item: Transaction) -> None:
+def _count(drive: Drive, item: Transaction, targets: Targets) -> None:
     drive.operations[item.operation] += 1
     drive.states[item.state] += 1
     drive.controllers.add(item.controller)
-    if item.axis is not None:
-        drive.axes.add(item.axis)
+    number = targets.drive_object(item)
+    if number is not None and item.state in ANSWERED:
+        drive.objects.add(number)
     if item.duration_ns is not None and item.duration_ns >= 0:
         drive.durations.append(item.duration_ns)
 

@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from ds47 import spec
+from ds47.drive_objects import Identity
 from ds47.model import CaptureResult, Parameter, Transaction
 from ds47.report.html import messages
+from ds47.report.targets import Targets
 from ds47.report.words import value
 
 MOST = 20_000
@@ -38,13 +40,15 @@ class Element:
     """The last refusal."""
 
 
-Key = tuple[str, int, int, int, int, int]
+Key = tuple[Identity, int, int]
+"""The drive object, PNU and subindex."""
 
 
 def elements(
-    result: CaptureResult, vendors: Mapping[str, int | None]
+    result: CaptureResult, vendors: Mapping[str, int | None], targets: Targets | None = None
 ) -> tuple[dict[str, Any], int]:
     """The table for the script, and how many elements it leaves out."""
+    targets = targets or Targets(result.transactions)
     found: dict[Key, Element] = {}
     left_out: set[Key] = set()
     for item in result.transactions:
@@ -52,18 +56,24 @@ def elements(
             continue  # whose values these are is not known
         for each in item.parameters:
             if each.pnu is not None and each.attribute == "value":
-                _note(found, left_out, item, each)
-    rows = [_row(key, found[key], vendors.get(key[0])) for key in sorted(found)]
+                _note(found, left_out, item, each, targets.identity(item, each.pnu))
+    labels = targets.labels(result.transactions)
+    names = {key: labels.get(key[0], "") for key in found}
+    order = sorted(found, key=lambda key: (key[0].device, names[key], key[1], key[2]))
+    rows = [_row(key, names[key], found[key], vendors.get(key[0].device)) for key in order]
     return {"rows": rows}, len(left_out)
 
 
 def _note(
-    found: dict[Key, Element], left_out: set[Key], item: Transaction, each: Parameter
+    found: dict[Key, Element],
+    left_out: set[Key],
+    item: Transaction,
+    each: Parameter,
+    about: Identity,
 ) -> None:
-    axis = -1 if item.axis is None else item.axis
     first = each.subindex or 0
     for number in range(_width(each)):
-        key = (item.device, item.slot, item.subslot, axis, each.pnu or 0, first + number)
+        key = (about, each.pnu or 0, first + number)
         element = found.get(key)
         if element is None:
             if len(found) >= MOST:
@@ -94,11 +104,11 @@ def _width(each: Parameter) -> int:
     return min(max(asked, len(each.values)), WIDEST)
 
 
-def _row(key: Key, element: Element, vendor: int | None) -> list[Any]:
-    device, slot, subslot, axis, pnu, subindex = key
+def _row(key: Key, name: str, element: Element, vendor: int | None) -> list[Any]:
+    about, pnu, subindex = key
     last, failed = element.last, element.failed
     return [
-        device, f"{slot}.{subslot}", axis, pnu, subindex,
+        about.device, name, pnu, subindex,
         *messages.name(element.first), element.first.unit,
         element.reads, element.writes, element.refused,
         last and _text(last[1], last[2]), int(bool(last and last[0].operation == "change")), last and last[0].id,

@@ -8,6 +8,7 @@ from ds47.model import SEVERITIES, CaptureResult, Finding
 from ds47.report.filters import display_filter
 from ds47.report.html import messages
 from ds47.report.html.texts import Both
+from ds47.report.html.views.links import Link, Links
 from ds47.spec import rules
 
 SHOWN = 100
@@ -21,6 +22,8 @@ class Shown:
     frame: int
     transaction: int | None
     message: Both
+    others: list[Link]
+    """The further frames that it is about."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +60,12 @@ def groups(result: CaptureResult) -> list[Group]:
     found: dict[str, list[Finding]] = {}
     for finding in result.findings:
         found.setdefault(finding.rule, []).append(finding)
-    made = [_group(rule, items) for rule, items in found.items()]
+    links = Links(result)
+    made = [_group(rule, items, links) for rule, items in found.items()]
     return sorted(made, key=lambda group: (-SEVERITIES.index(group.severity), group.rule))
 
 
-def _group(rule: str, items: list[Finding]) -> Group:
+def _group(rule: str, items: list[Finding], links: Links) -> Group:
     text, left_out = display_filter(each.frame for each in items)
     return Group(
         rule=rule,
@@ -70,10 +74,12 @@ def _group(rule: str, items: list[Finding]) -> Group:
         count=len(items),
         cause=messages.cause(rule),
         advice=messages.advice(rule),
-        shown=[
-            Shown(each.frame, each.transaction, messages.with_offset(each))
-            for each in items[:SHOWN]
-        ],
+        shown=[_shown(each, links) for each in items[:SHOWN]],
         filter=text,
         filter_left_out=left_out,
     )
+
+
+def _shown(item: Finding, links: Links) -> Shown:
+    others = links.of(frame for frame in item.frames if frame != item.frame)
+    return Shown(item.frame, item.transaction, messages.with_offset(item), others)

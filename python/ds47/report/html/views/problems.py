@@ -15,6 +15,8 @@ from ds47.model import DIAGNOSIS, SEVERITIES, CaptureResult, Diagnosis, Finding,
 from ds47.report.filters import display_filter
 from ds47.report.html import messages
 from ds47.report.html.texts import Both, joined, say
+from ds47.report.html.views.links import Link, Links
+from ds47.report.targets import Targets
 from ds47.report.todo import answering, uncovered
 from ds47.report.words import address
 
@@ -41,12 +43,41 @@ class Problem:
     places: Counter[str] = field(default_factory=Counter)
     alike: bool = True
     """Whether `what` is true of all of them; else it is an example."""
-    frame: int | None = None
-    """The first one, to look at."""
+    frames: set[int] = field(default_factory=set)
+    """The frames where it shows."""
+    left_out: int = 0
+    """Further ones, for which there was no room."""
     job: int | None = None
-    filter: str = ""
+    """That of the first frame, to look at."""
+    others: list[Link] = field(default_factory=list)
+    """Further frames that the title is about."""
     request: bytes | None = None
     """The request as it should have been, where a diagnosis knows it."""
+    request_of: int | None = None
+    """The job whose request that is."""
+
+    @property
+    def frame(self) -> int | None:
+        """The first one, to look at."""
+        return min(self.frames, default=None)
+
+    @property
+    def filter(self) -> str:
+        """A display filter that shows the frames."""
+        return display_filter(self.frames)[0]
+
+    @property
+    def filter_left_out(self) -> int:
+        """Frames for which the filter has no room."""
+        return display_filter(self.frames)[1] + self.left_out
+
+    @property
+    def times(self) -> Both:
+        """How often, as many as the filter shows frames; where these are two numbers, both."""
+        times, frames = say("times", n=self.count), len(self.frames) + self.left_out
+        if self.count == frames:
+            return times
+        return say("times_in", times=times, frames=say("frames", n=frames))
 
     @property
     def title(self) -> Both:
@@ -78,61 +109,61 @@ class Problem:
         return text.joined(say("and_more", n=more), ", ", "，") if more > 0 else text
 
 
-def problems(result: CaptureResult, vendors: Mapping[str, int | None]) -> list[Problem]:
+def problems(
+    result: CaptureResult, vendors: Mapping[str, int | None], targets: Targets | None = None
+) -> list[Problem]:
     """The problems of a capture; findings that are notes are none."""
-    told = []
+    told, links = [], Links(result)
     for each in result.diagnoses:
-        problem = _diagnosed(each)
+        problem = _diagnosed(each, links)
         if axes := answering(result, each):
             problem.what = problem.what.joined(say("answering", list=axes), "; ", "；")
         told.append(problem)
-    return sorted([*told, *_others(result, vendors)], key=_serious_first)
+    return sorted(
+        [*told, *_others(result, vendors, targets or Targets(result.transactions))],
+        key=_serious_first,
+    )
 
 
-def _diagnosed(item: Diagnosis) -> Problem:
+def _diagnosed(item: Diagnosis, links: Links) -> Problem:
+    row = spec.rules().get(item.rule)
+    named = row.named_frames(item.args) if row else []
+    first = item.frames[:1]
     return Problem(
         item.rule,
         item.severity,
         messages.message(item),
         item.count,
         Counter([item.device] if item.device else []),
-        frame=item.frames[0] if item.frames else None,
+        frames=set(item.frames),
+        left_out=item.frames_left_out,
         job=item.transactions[0] if item.transactions else None,
-        filter=display_filter(item.frames)[0],
+        others=links.of(frame for frame in named if frame not in first),
         request=item.corrected,
+        request_of=item.corrected_in,
     )
 
 
-def _others(result: CaptureResult, vendors: Mapping[str, int | None]) -> Iterable[Problem]:
+def _others(
+    result: CaptureResult, vendors: Mapping[str, int | None], targets: Targets
+) -> Iterable[Problem]:
     """The findings that no diagnosis covers, by their cause."""
     by_id = {each.id: each for each in result.transactions}
     found: dict[tuple[str, object], Problem] = {}
-    errors_of: set[int] = set()
     for finding in uncovered(result):
         owner = by_id.get(finding.transaction) if finding.transaction is not None else None
-        if finding.rule == _DRIVE_ERROR and owner is not None:
-            if owner.id not in errors_of:
-                errors_of.add(owner.id)
-                _drive_errors(found, owner, finding, vendors.get(owner.device))
-            continue
-        key, what = _kind(finding, owner)
+        key, what = _kind(finding, owner, vendors)
         problem = found.setdefault(key, _problem(finding, what))
         problem.count += 1
+        problem.frames.add(finding.frame)
         problem.alike &= what == problem.what
         if owner is not None:
-            problem.places[_place(owner, finding.args)] += 1
+            problem.places[_place(owner, finding.args, targets.place(owner))] += 1
     return found.values()
 
 
 def _problem(finding: Finding, what: Both) -> Problem:
-    return Problem(
-        finding.rule,
-        finding.severity,
-        what,
-        frame=finding.frame,
-        job=finding.transaction,
-        filter=finding.filter,
-    )
+    return Problem(finding.rule, finding.severity, what, job=finding.transaction)
 
 
 def first_screen(items: list[Problem]) -> list[Problem]:
@@ -152,32 +183,10 @@ def _serious_first(item: Problem) -> tuple[bool, bool, int, int]:
     return (note, not diagnosed, -SEVERITIES.index(item.severity), -item.count)
 
 
-def _drive_errors(
-    found: dict[tuple[str, object], Problem],
-    owner: Transaction,
-    finding: Finding,
-    vendor: int | None,
-) -> None:
-    """One problem for each error number: the drive says itself what is wrong."""
-    change = owner.operation == "change"
-    for item in owner.parameters:
-        if item.error is None:
-            continue
-        code = item.error.code
-        text = messages.error(code, item.error.text, vendor)
-        number = "" if code is None else f" ({spec.error_hex(code)})"
-        if code is not None and spec.error_hex(code) in text.en:
-            number = ""  # the text names it already
-        key = "drive_error_change" if change else "drive_error_read"
-        what = say(key, text=text.joined(Both.same(number), "", ""))
-        problem = found.setdefault((finding.rule, (code, text, change)), _problem(finding, what))
-        problem.count += 1
-        axis = "" if owner.axis is None else f" DO {owner.axis}"
-        problem.places[address(item) + axis] += 1
-
-
-def _kind(finding: Finding, owner: Transaction | None) -> tuple[tuple[str, object], Both]:
-    """What the finding is counted with, and its words."""
+def _kind(
+    finding: Finding, owner: Transaction | None, vendors: Mapping[str, int | None]
+) -> tuple[tuple[str, object], Both]:
+    """What the finding is counted with, and its words: the drive says itself what is wrong."""
     if owner is not None and finding.rule in (_READ_REFUSED, _WRITE_REFUSED):
         write = finding.rule == _WRITE_REFUSED
         word = owner.write_status if write else owner.read_status
@@ -186,12 +195,23 @@ def _kind(finding: Finding, owner: Transaction | None) -> tuple[tuple[str, objec
             return (finding.rule, word), say(
                 "write_refused" if write else "read_refused", text=text
             )
+    code = finding.args.get("code")
+    if owner is not None and finding.rule == _DRIVE_ERROR and code is not None:
+        text, change = _error(code, vendors.get(owner.device)), owner.operation == "change"
+        key = "drive_error_change" if change else "drive_error_read"
+        return (finding.rule, (code, text, change)), say(key, text=text)
     return (finding.rule, ""), messages.message(finding)
 
 
-def _place(item: Transaction, named: Mapping[str, Any]) -> str:
+def _error(code: int, vendor: int | None) -> Both:
+    """An error number in words, with the number behind where they do not name it."""
+    text, number = messages.error(code, "", vendor), spec.error_hex(code)
+    return text if number in text.en else text.joined(Both.same(f" ({number})"), "", "")
+
+
+def _place(item: Transaction, named: Mapping[str, Any], where: str) -> str:
     """The parameter that the finding is about, else the first of the job; then the drive object."""
-    axis = "" if item.axis is None else f" DO {item.axis}"
+    axis = f" {where}" if where else ""
     if named.get("pnu") is not None:
         index = f"[{named['subindex']}]" if named.get("subindex") is not None else ""
         return f"p{named['pnu']}{index}{axis}"

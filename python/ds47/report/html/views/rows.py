@@ -9,15 +9,19 @@ from collections.abc import Hashable, Mapping
 from typing import Any
 
 from ds47 import spec
+from ds47.drive_objects import Identity
 from ds47.model import OPERATIONS, STATES, CaptureResult, Parameter, Transaction
 from ds47.report import plc
 from ds47.report.html import messages
+from ds47.report.targets import Targets
 from ds47.report.words import address, escape, value
+from ds47.spec.semantics import known
 
 ROW = (
     "id", "operation", "state", "controller", "device", "channel", "axis", "request_reference",
     "start", "duration", "write_request", "write_response", "read_request", "read_response",
     "polls", "rereads", "write_status", "read_status", "request", "response", "parameters", "findings", "plc",
+    "object",
 )  # fmt: skip
 """`start` and `duration` are microseconds, `start` from the first frame of the capture on."""
 MOST_BYTES = 2048
@@ -27,14 +31,19 @@ VALUES = 64
 
 
 def packed_rows(
-    result: CaptureResult, vendors: Mapping[str, int | None], most: int
+    result: CaptureResult,
+    vendors: Mapping[str, int | None],
+    most: int,
+    targets: Targets | None = None,
 ) -> dict[str, Any]:
-    """The rows of a capture with their tables."""
+    """The rows of a capture with their tables; `object` is what `objects` has the name of."""
     items = _chosen(result.transactions, most)
     base = result.start_ns
     if base is None:  # a result that was stored before it was kept
         base = min((each.start_ns for each in items), default=0)
-    tables = _Tables(vendors, {each.ip: each.station for each in result.devices})
+    stations = {each.ip: each.station for each in result.devices}
+    targets = targets or Targets(result.transactions)
+    tables = _Tables(vendors, stations, targets, targets.labels(result.transactions))
     rows = [_row(each, base, tables) for each in items]
     return {
         "row": ROW,
@@ -43,6 +52,7 @@ def packed_rows(
         "operations": OPERATIONS,
         "states": STATES,
         "sizes": _sizes(),
+        "global_pnus": sorted(known().global_pnus),
         **tables.lists(),
     }
 
@@ -68,9 +78,15 @@ class _Tables:
     """What repeats from row to row, each once, by its place in a list."""
 
     def __init__(
-        self, vendors: Mapping[str, int | None], stations: Mapping[str, str | None]
+        self,
+        vendors: Mapping[str, int | None],
+        stations: Mapping[str, str | None],
+        targets: Targets,
+        labels: Mapping[Identity, str],
     ) -> None:
         self.vendors = vendors
+        self.targets = targets
+        self._labels = labels
         self._stations = stations
         self._places: dict[str, dict[Hashable, int]] = {}
 
@@ -81,20 +97,21 @@ class _Tables:
 
     def lists(self) -> dict[str, list[Any]]:
         """The tables for the page, in words."""
-        known: dict[str, list[Any]] = {name: list(places) for name, places in self._places.items()}
-        known["devices"] = [
-            [ip, escape(self._stations.get(ip) or "")] for ip in known.get("devices", [])
+        found: dict[str, list[Any]] = {name: list(places) for name, places in self._places.items()}
+        found["devices"] = [
+            [ip, escape(self._stations.get(ip) or "")] for ip in found.get("devices", [])
         ]
-        known["statuses"] = [
-            [f"{word:08X}", *messages.status(word)] for word in known.get("statuses", [])
+        found["objects"] = [self._labels[each] for each in found.get("objects", [])]
+        found["statuses"] = [
+            [f"{word:08X}", *messages.status(word)] for word in found.get("statuses", [])
         ]
-        known["rules"] = [[rule, messages.rule_name(rule)] for rule in known.get("rules", [])]
-        known["addresses"] = [_address(*each) for each in known.get("addresses", [])]
-        known["errors"] = [
+        found["rules"] = [[rule, messages.rule_name(rule)] for rule in found.get("rules", [])]
+        found["addresses"] = [_address(*each) for each in found.get("addresses", [])]
+        found["errors"] = [
             [code, *messages.error(code, text, vendor), info]
-            for code, text, info, vendor in known.get("errors", [])
+            for code, text, info, vendor in found.get("errors", [])
         ]
-        return {"controllers": [], "channels": [], "plc": [], **known}
+        return {"controllers": [], "channels": [], "plc": [], **found}
 
 
 def _address(
@@ -133,6 +150,7 @@ def _row(item: Transaction, base: int, tables: _Tables) -> list[Any]:
         [_parameter(each, tables, vendor) for each in item.parameters],
         [place("rules", rule) for rule in item.findings],
         place("plc", plc.line(item)),
+        place("objects", tables.targets.identity(item)),
     ]
 
 

@@ -55,6 +55,12 @@ class Capture {
     return station || ip;
   }
 
+  /** The drive, and what of it a request reached, as far as that is known. */
+  target(row) {
+    const name = this.objects[this.get(row, "object")];
+    return this.drive(row) + (name ? ` ${name}` : "");
+  }
+
   controller(row) {
     return this.controllers[this.get(row, "controller")];
   }

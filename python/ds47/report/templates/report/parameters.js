@@ -1,15 +1,15 @@
 // The table of parameters: what each held last, how often it was read, changed and refused.
 
-const ELEMENT = ["device", "slot", "axis", "pnu", "subindex", "en", "zh", "unit", "reads", "writes", "refused", "last", "written", "last_in", "error", "error_in"];
+const ELEMENT = ["device", "object", "pnu", "subindex", "en", "zh", "unit", "reads", "writes", "refused", "last", "written", "last_in", "error", "error_in"];
 
 function parameterTable(place, capture) {
   const stations = new Map(capture.devices);
   const rows = capture.elements.rows.map((row, number) => ({ number, ...Object.fromEntries(ELEMENT.map((name, at) => [name, row[at]])) }));
-  const drive = (row) => (stations.get(row.device) || row.device) + (row.axis < 0 ? "" : ` DO ${row.axis}`);
+  const drive = (row) => (stations.get(row.device) || row.device) + (row.object ? ` ${row.object}` : "");
   const job = (id) => (id === null ? [] : [" ", el("a", { href: `#job-${capture.number}-${id}` }, `#${id}`)]);
   const count = (name, words) => ({ key: name, words, number: true, value: (row) => row[name], text: (row) => grouped(row[name]) });
   const name = (row) => either([row.en, row.zh]);
-  const choices = [...new Map(rows.map((row) => [`${row.device}/${row.axis}`, drive(row)]))];
+  const choices = [...new Map(rows.map((row) => [`${row.device}/${row.object}`, drive(row)]))];
   return new Table(place, {
     id: `p${capture.number}`, name: "col_parameter", rows, key: (row) => row.number,
     columns: [
@@ -24,7 +24,7 @@ function parameterTable(place, capture) {
       },
       { key: "reason", words: "col_reason", value: (row) => (row.error ? row.error[0] : ""), cell: (row) => (row.error ? el("span", {}, either(row.error), job(row.error_in)) : "") },
     ],
-    filters: [{ words: "drive", choices: () => [["", say("all")], ...choices], fits: (row, value) => `${row.device}/${row.axis}` === value }],
+    filters: [{ words: "drive", choices: () => [["", say("all")], ...choices], fits: (row, value) => `${row.device}/${row.object}` === value }],
     haystack: (row) => [drive(row), row.device, `p${row.pnu}[${row.subindex}]`, row.en, row.zh, row.last, ...(row.error || [])].join(" "),
     detail: null,
   });

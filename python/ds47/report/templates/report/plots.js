@@ -220,10 +220,10 @@ class Plots {
           const y = item.scaled ? Number.parseFloat(item.scaled[number]) : Number(value);
           if (!Number.isFinite(y) || value === "") return;
           const subindex = item.subindex + number;
-          const axis = capture.get(row, "axis");
-          const key = `${capture.get(row, "device")}/${capture.channels[capture.get(row, "channel")][2]}/${axis}/${item.pnu}/${subindex}`;
+          const global = capture.global_pnus.includes(item.pnu); // the device has it once, whichever drive object is asked
+          const key = `${global ? `device ${capture.get(row, "device")}` : capture.get(row, "object")}/${item.pnu}/${subindex}`;
           if (!found.has(key)) {
-            found.set(key, { key, pnu: item.pnu, subindex, names: item.names, unit: item.unit, drive: capture.drive(row) + (axis === null ? "" : ` DO ${axis}`), points: [], kinds: new Set() });
+            found.set(key, { key, pnu: item.pnu, subindex, names: item.names, unit: item.unit, drive: global ? capture.drive(row) : capture.target(row), points: [], kinds: new Set() });
           }
           const kind = refused ? "refused" : change ? "written" : "read";
           found.get(key).points.push({ x: (capture.get(row, "start") + (capture.get(row, "duration") || 0)) / 1e6, y, id: capture.get(row, "id"), kind, unsure: UNSURE.includes(state) });

@@ -47,10 +47,9 @@ function sequence(capture, row) {
   drawing.setAttribute("aria-label", say("sequence_label", { id: capture.get(row, "id"), steps: spoken }));
   const line = (x) => svg("line", { class: "life", x1: x, x2: x, y1: 34, y2: height - 10 });
   const text = (x, y, words, kind, anchor = "middle") => svg("text", { x, y, class: kind, "text-anchor": anchor }, cut(words, 58));
-  const axis = capture.get(row, "axis");
   drawing.append(
     text(left, 20, capture.controller(row), "end"),
-    text(right, 20, cut(capture.drive(row), 24) + (axis === null ? "" : ` DO ${axis}`), "end"), line(left), line(right));
+    text(right, 20, cut(capture.target(row), 30), "end"), line(left), line(right));
   list.forEach((step, number) => {
     const y = 62 + number * pitch;
     if (step.gap) return drawing.append(text((left + right) / 2, y, `⋮ ${step.gap}`, "soft"));

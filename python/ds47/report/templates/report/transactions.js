@@ -24,7 +24,7 @@ function transactionTable(place, capture) {
         fits: (row, value) => (value === "problems" ? PROBLEM_STATES.includes(capture.state(row)) || get(row, "findings").length > 0 : capture.state(row) === value),
       },
       { words: "operation", choices: () => [["", say("all")], ...present(capture, "operation", capture.operations)], fits: (row, value) => capture.operation(row) === value },
-      { words: "drive", choices: () => [["", say("all")], ...places(capture)], fits: (row, value) => `${get(row, "device")}/${get(row, "axis")}` === value },
+      { words: "drive", choices: () => [["", say("all")], ...places(capture)], fits: (row, value) => String(get(row, "object")) === value },
     ],
     haystack: (row) => haystack(capture, row),
     detail: (row) => detail(capture, row),
@@ -40,8 +40,7 @@ function present(capture, field, names) {
 function places(capture) {
   const found = new Map();
   for (const row of capture.rows) {
-    const axis = capture.get(row, "axis");
-    found.set(`${capture.get(row, "device")}/${axis}`, capture.drive(row) + (axis === null ? "" : ` DO ${axis}`));
+    found.set(String(capture.get(row, "object")), capture.target(row));
   }
   return [...found].sort(([, a], [, b]) => compare(a, b, 1));
 }
@@ -101,8 +100,8 @@ function detail(capture, row) {
     ["started", Number.isNaN(when.getTime()) ? "" : when.toISOString().replace("T", " ").replace("Z", " UTC")],
     ["col_duration", capture.get(row, "duration") === null ? "–" : duration(capture.get(row, "duration"))],
   ];
-  const messages = (capture.messages[id] || []).map(([rule, frame, en, zh]) => el("li", {},
-    el("a", { class: "rule", href: `#finding-${capture.number}-${rule}` }, rule), ` ${either([en, zh])} `, el("span", { class: "dim" }, `(${say("frame", { n: frame })})`)));
+  const messages = (capture.messages[id] || []).map(([rule, frame, en, zh, others]) => el("li", {},
+    el("a", { class: "rule", href: `#finding-${capture.number}-${rule}` }, rule), ` ${either([en, zh])} `, el("span", { class: "dim" }, `(${say("frame", { n: frame })}`, ...others.flatMap((other) => [", ", frameLink(capture, other)]), ")")));
   return el("div", { class: "inside", role: "region", "aria-label": say("details", { id }) },
     el("div", {},
       messages.length ? el("ul", { class: "found" }, messages) : null,
@@ -111,6 +110,11 @@ function detail(capture, row) {
         el("dt", {}, say("filter")), el("dd", {}, el("code", { class: "copyable" }, filter), " ", el("button", { type: "button", class: "copy", "data-copy": true }, say("copy")))),
       el("h3", {}, say("conversation")), sequence(capture, row)),
     el("div", {}, el("h3", {}, say("frames_title")), frameCards(capture, row)));
+}
+
+/** The number of a frame, as a link to the job that has it. */
+function frameLink(capture, [frame, job]) {
+  return job === null ? String(frame) : el("a", { href: `#job-${capture.number}-${job}` }, String(frame));
 }
 
 function frameCards(capture, row) {

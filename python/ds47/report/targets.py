@@ -1,0 +1,67 @@
+"""What requests address, in words: a drive object only where the capture proves that it is one.
+
+Which two requests reach the same drive object is `ds47.drive_objects`. Here it gets a name: `DO 2`, `axis 9` for
+an axis byte that names none or one that the device does not have, and the slot where only that is known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from ds47.drive_objects import DriveObjects, Identity, access_of
+from ds47.model import Transaction
+
+ANSWERED = ("ok", "partial", "error")
+"""States of a transaction that has its response."""
+
+
+class Targets:
+    """The names in one capture."""
+
+    def __init__(self, transactions: Iterable[Transaction]) -> None:
+        self._shown = DriveObjects.of(transactions)
+
+    def drive_object(self, item: Transaction) -> int | None:
+        """The number of the drive object that a request reaches; None where it is not known or does not exist."""
+        number = self._shown.number(access_of(item))
+        if number is None or not self._shown.exists(item.device, number):
+            return None
+        return number
+
+    def words(self, item: Transaction) -> str:
+        """`DO 2`, `axis 0`; empty where only the submodule is known."""
+        number, axis = self.drive_object(item), access_of(item).axis
+        if number is not None:
+            return f"DO {number}"
+        return "" if axis is None else f"axis {axis}"
+
+    def place(self, item: Transaction, *, with_slot: bool = False) -> str:
+        """The same with the slot in front, if that is wanted or where the submodule decides."""
+        where = slot(item) if with_slot or access_of(item).local else ""
+        return " ".join(filter(None, (where, self.words(item))))
+
+    def identity(self, item: Transaction, pnu: int | None = None) -> Identity:
+        """What two transactions have in common that reach the same drive object; for a PNU, if it is given."""
+        return self._shown.identity(access_of(item), pnu)
+
+    def labels(self, transactions: Sequence[Transaction]) -> dict[Identity, str]:
+        """A name for each drive object of the page, on one device never the same for two."""
+        first: dict[Identity, Transaction] = {}
+        for each in transactions:
+            first.setdefault(self.identity(each), each)
+        names: dict[tuple[str, str], list[Identity]] = {}
+        for key, item in first.items():
+            known = self.words(item)
+            name = known or (slot(item) if access_of(item).local else "")
+            names.setdefault((item.device, name), []).append(key)
+        labels: dict[Identity, str] = {}
+        for (_, name), keys in names.items():
+            for key in keys:
+                alone = len(keys) == 1 or not key.by_submodule
+                labels[key] = name if alone else f"{slot(first[key])} {name or 'axis ?'}"
+        return labels
+
+
+def slot(item: Transaction) -> str:
+    """`slot 1.1`."""
+    return f"slot {item.slot}.{item.subslot}"
