@@ -108,7 +108,10 @@ SAYS: dict[str, tuple[int, str]] = {
         1,
         "Unsigned32 1092616192; by the list of parameters it is Float32 (0x08), the same bits are 10.0",
     ),
-    "value-in-wrong-type-integer": (1, "it is Unsigned16 (0x06), the same bits, read as a whole number"),
+    "value-in-wrong-type-integer": (
+        1,
+        "it is Unsigned16 (0x06), the same bits, read as a whole number",
+    ),
     "value-in-wrong-type-taken": (1, "10.0"),
     "bytes-swapped": (5, "every word are swapped: read ref 4 axis 1 p2902[2]*4"),
     "bytes-swapped-fields": (1, "p2900[0]"),
