@@ -207,8 +207,8 @@ class Judge:
             remarks.append(Remark("DS316", half.frame, length, 0))
         reference = message.request_reference
         if job.previous_reference is not None and job.previous_reference == reference:
-            args = {"reference": reference, "first": job.previous}
-            remarks.append(Remark("DS415", half.frame, args))
+            before = {"reference": reference, "first": job.previous}
+            remarks.append(Remark("DS415", half.frame, before))
 
     def _most_parameters(self, job: Job) -> int | None:
         """How many parameters of one request the device takes, as far as it has shown; None: not at all."""

@@ -80,10 +80,10 @@ class Unsaved:
             for changes in (self._done, self._open):
                 changes.keep(lambda change: change[0] > frame or change[1] != target)
         done = self._done
-        perhaps = [each for each in done.items if each[0] < frame and target.may_be(each[1])]
-        done.keep(lambda change: change not in perhaps)
-        for each in perhaps:
-            self._open.add(each)
+        for each in done.items:
+            if each[0] < frame and target.may_be(each[1]):
+                self._open.add(each)
+        done.keep(lambda change: change[0] > frame or not target.may_be(change[1]))
         self._open.more, done.more = (
             self._open.more + done.more,
             0,

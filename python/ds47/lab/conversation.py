@@ -82,7 +82,7 @@ def read_unanswered(stage: Stage) -> None:
     "change-unread",
     "WRREC only, as many programs do",
     ("change", "unanswered"),
-    rules="DS402 DS721",
+    rules="DS402",
 )
 def change_unread(stage: Stage) -> None:
     """A change whose response nobody fetches."""
