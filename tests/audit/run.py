@@ -1,0 +1,49 @@
+"""The whole audit of one capture: transactions, findings, sentences, diagnoses, the text report."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.audit import causes, claims, corrected, deals, page, reading, words
+from tests.audit.memory import Memory
+from tests.audit.reading import Complaint, Finding, Reading
+
+AUDITORS = {**claims.AUDITORS, **causes.AUDITORS}
+NO_CLAIM = claims.NO_CLAIM
+
+
+def audit(path: Path) -> list[Complaint]:
+    """What is not so in the report of a capture."""
+    return list(complaints(reading.read(path)))
+
+
+def complaints(item: Reading) -> Iterator[Complaint]:
+    """The same, of what was read already."""
+    memory = Memory(item)
+    yield from deals.check(item)
+    for finding in item.findings:
+        yield from of_finding(finding, item, memory)
+        yield from words.check(finding, item)
+    yield from causes.diagnoses(item)
+    yield from corrected.check(item)
+    yield from page.check(item)
+
+
+def of_finding(finding: Finding, item: Reading, memory: Memory) -> Iterator[Complaint]:
+    """What the auditor of its rule says of a finding, and what is true of every finding."""
+    where = f"frame {finding.frame}"
+    function = AUDITORS.get(finding.rule)
+    if function is None and finding.rule not in NO_CLAIM:
+        yield Complaint(finding.rule, where, "has no auditor")
+    for text in function(claims.Case(finding, item, memory)) if function else ():
+        yield Complaint(finding.rule, where, f"{text} [{finding.message}]")
+    if finding.frame not in finding.frames:
+        yield Complaint(finding.rule, where, "its own frame is not among its frames")
+    if not all(1 <= frame <= len(item.capture.frames) for frame in finding.frames):
+        yield Complaint(finding.rule, where, f"the capture has no frames {finding.frames}")
+    if reading.shown(finding.filter) != set(finding.frames):
+        yield Complaint(finding.rule, where, f"{finding.filter} does not show {finding.frames}")
+    deal = item.deal(finding)
+    if deal is not None and finding.rule not in deal.plain["findings"]:
+        yield Complaint(finding.rule, where, f"#{deal.id} does not name it")
