@@ -787,7 +787,7 @@ def _read_back(case: Case) -> Iterator[str]:
         yield f"p{pnu}[{subindex}] was not read here"
         return
     bits, block = got
-    if not _means(case.args.get("read"), bits, block.format):
+    if not means(case.args.get("read"), bits, block.format):
         yield f"read {case.args.get('read')!r} is {bits.hex()} under format 0x{block.format:02X}"
     last = case.memory.last(deal, pnu, subindex)
     if not last:
@@ -807,14 +807,14 @@ def _read_back(case: Case) -> Iterator[str]:
         yield f"{len(written)} bytes were written, {len(bits)} read"
     elif written == bits:
         yield "the bits are equal"
-    if not any(_means(case.args.get("written"), written, code) for code in message.LETTERS):
+    if not any(means(case.args.get("written"), written, code) for code in message.LETTERS):
         yield f"written {case.args.get('written')!r} is {written.hex()} (frame {last[0].start})"
     for name in ("frame", "by", "wrote", "write"):
         if name in case.args:
             yield from case.wrong(name, last[-1].start)
 
 
-def _means(told: object, bits: bytes, code: int) -> bool:
+def means(told: object, bits: bytes, code: int) -> bool:
     """Whether a value of the report is these bits under a format."""
     letter = message.LETTERS.get(code)
     if letter is None:

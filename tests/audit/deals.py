@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from tests.audit import message, wire
-from tests.audit.claims import _means
+from tests.audit.claims import means
 from tests.audit.reading import NOT_READY, Complaint, Deal, Reading, instant
 
 ALWAYS = (0xB02E, 0xB02F)
@@ -168,7 +168,7 @@ def _block(number: int, told: dict[str, Any], block: message.Block) -> Iterator[
     if block.format not in message.LETTERS or len(block.elements()) != len(told["values"]):
         return
     for value, bits in zip(told["values"], block.elements(), strict=True):
-        if not _means(value, bits, block.format):
+        if not means(value, bits, block.format):
             yield f"value {value} of parameter {number} is {bits.hex()}"
 
 

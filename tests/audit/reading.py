@@ -86,6 +86,11 @@ class Deal:
     def rereads(self) -> list[dict[str, int | None]]:
         return self.frames["rereads"]
 
+    @property
+    def axis_told(self) -> int | None:
+        """The axis byte of the request."""
+        return self.asked.axis if self.asked else None
+
     @cached_property
     def all_frames(self) -> list[int]:
         """Every frame of it."""
