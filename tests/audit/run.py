@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tests.audit import causes, claims, corrected, deals, page, reading, words
+from tests.audit.drive import Drive
 from tests.audit.memory import Memory
 from tests.audit.reading import Complaint, Finding, Reading
 
@@ -13,12 +14,12 @@ AUDITORS = {**claims.AUDITORS, **causes.AUDITORS}
 NO_CLAIM = claims.NO_CLAIM
 
 
-def audit(path: Path) -> list[Complaint]:
-    """What is not so in the report of a capture."""
-    return list(complaints(reading.read(path)))
+def audit(path: Path, drives: dict[str, Drive] | None = None) -> list[Complaint]:
+    """What is not so in the report of a capture; of a simulated one with the drives that spoke in it."""
+    return list(complaints(reading.read(path), drives))
 
 
-def complaints(item: Reading) -> Iterator[Complaint]:
+def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterator[Complaint]:
     """The same, of what was read already."""
     memory = Memory(item)
     yield from deals.check(item)
@@ -26,7 +27,7 @@ def complaints(item: Reading) -> Iterator[Complaint]:
         yield from of_finding(finding, item, memory)
         yield from words.check(finding, item)
     yield from causes.diagnoses(item)
-    yield from corrected.check(item)
+    yield from corrected.check(item, memory, drives or {})
     yield from page.check(item)
 
 

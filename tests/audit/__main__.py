@@ -1,0 +1,66 @@
+"""`python -m tests.audit`: audits random conversations and captures, and says what of them is not so.
+
+    python -m tests.audit --count 1000 --seed 7     random conversations, the first with seed 7
+    python -m tests.audit captures/*.pcapng         captures
+    python -m tests.audit --keep FILE --seed 12     writes the capture of one seed
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.audit import conversations, run
+from tests.audit.reading import Complaint
+
+
+def of_seed(seed: int, folder: Path) -> list[Complaint]:
+    """What is not so in the report of a random conversation."""
+    made = conversations.make(seed)
+    path = folder / f"{seed}.pcap"
+    made.tape.write(path)
+    try:
+        return run.audit(path, made.drives)
+    finally:
+        path.unlink()
+
+
+def over(seeds: range) -> Iterator[tuple[int, list[Complaint]]]:
+    """The complaints of each seed that has any."""
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in seeds:
+            found = of_seed(seed, Path(folder))
+            if found:
+                yield seed, found
+
+
+def main() -> int:
+    """Runs it; 1 where something is not so."""
+    parser = argparse.ArgumentParser(prog="python -m tests.audit")
+    parser.add_argument("captures", nargs="*", type=Path)
+    parser.add_argument("--count", type=int, default=0, help="random conversations")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the first")
+    parser.add_argument("--keep", type=Path, help="only write the capture of the seed")
+    given = parser.parse_args()
+    if given.keep is not None:
+        conversations.make(given.seed).tape.write(given.keep)
+        return 0
+    bad = total = 0
+    for path in given.captures:
+        found = run.audit(path)
+        bad, total = bad + bool(found), total + len(found)
+        for each in found:
+            print(f"{path}: {each}")
+    for seed, found in over(range(given.seed, given.seed + given.count)):
+        bad, total = bad + 1, total + len(found)
+        for each in found:
+            print(f"seed {seed}: {each}", flush=True)
+    print(f"{len(given.captures)} captures, {given.count} conversations: {total} complaints about {bad}")
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
