@@ -161,7 +161,7 @@ def _two_users(case: Case) -> Iterator[str]:
     if held[0].ar != args.get("other_ar"):
         yield f"other_ar {args.get('other_ar')!r} is {held[0].ar}"
     places = {each.channel[3:] for each in came}
-    open_until = min(held[0].read or 10**9, _released(held[0], reading))
+    open_until = min([held[0].read or 10**9, *reading.releases(held[0])])
     if not any((held[0].api, held[0].slot, held[0].subslot, held[0].index) == each for each in places):
         yield "they are at two places"
     if open_until < came[0].asked or args["first"] > came[0].asked or held[0].write_status:
@@ -177,19 +177,6 @@ def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:
         if deal.place == place and begun and (deal.read or 10**9) > record.asked:
             if deal.state != "superseded":
                 yield f"the request of frame {deal.write} was open, and is in the capture"
-
-
-def _released(deal: Deal, reading: Reading) -> int:
-    """The frame in which its AR was given up, after it; a large number where it was not."""
-    ar = bytes.fromhex((deal.ar or "").replace("-", ""))
-    return min(
-        (
-            call.request.frame for call in reading.capture.calls
-            if call.request.operation == wire.RELEASE and call.request.frame > (deal.write or 0)
-            and ar and ar in call.request.body
-        ),
-        default=10**9,
-    )  # fmt: skip
 
 
 def _is_place(told: object, deal: Deal | wire.Record) -> bool:
@@ -285,16 +272,19 @@ def _ignored(case: Case) -> Iterator[str]:
     args = case.args
     here = [
         each for each in case.reading.deals
-        if each.device == args.get("device") and _is_place(args.get("place"), each) and each.fits
-        and each.answer and all(block.code != NO_SUCH_AXIS for block in each.answer.blocks)
+        if each.device == args.get("device") and _is_place(args.get("place"), each)
     ]  # fmt: skip
-    yield from case.wrong("axes", sorted({each.asked.axis for each in here if each.asked}))
-    if not isinstance(args.get("axes"), list) or len(args["axes"]) < 2:
-        yield "that are not several"
+    for each in here:
+        if each.fits and each.answer and any(b.code == NO_SUCH_AXIS for b in each.answer.blocks):
+            yield f"the axis counts there: 0x19 in frame {each.read}"
+            break
+    true, told = {each.asked.axis for each in here if each.asked}, args.get("axes")
+    if not isinstance(told, list) or len(set(told)) < 2 or not set(told) <= true:
+        yield f"axes {told} are {sorted(each for each in true if each is not None)}"
     if (args.get("place") or {}).get("index") != LOCAL:
         yield "the axis counts at this index"
-    if not any(each.read == case.frame for each in here):
-        yield "no such response is in this frame"
+    if not any(case.frame in each.all_frames for each in here):
+        yield "no such transaction is in this frame"
 
 
 @auditor("DS711")
@@ -458,9 +448,10 @@ def _rearranged(case: Case) -> Iterator[str]:
         each for each in case.reading.plain["diagnoses"]
         if each["rule"] == case.finding.rule and each["args"] == case.args and each["corrected"]
     ]  # fmt: skip
-    if not mine or not str(case.args.get("meant") or ""):
-        yield "no diagnosis with these arguments has a corrected request"
-        return
+    if not str(case.args.get("meant") or ""):
+        yield "does not say what is meant"
+    if not mine:
+        return  # one of several of a cause: the corrected request is that of another
     new, old = bytes.fromhex(mine[0]["corrected"]["request"]), deal.asked.data
     what = case.args.get("what")
     swapped = b"".join(old[at : at + 2][::-1] for at in range(0, len(old), 2))
@@ -670,7 +661,10 @@ def _half(case: Case) -> Iterator[str]:
         int(each.split(" frame")[0].split()[-1].replace(",", ""))
         for each in case.reading.text.splitlines() if "machine dropped" in each
     ]  # fmt: skip
-    cut = {pdu.frame for pdu in capture.pdus if pdu.cut}
+    cut = {
+        each.number for each in capture.frames
+        if each.cut and any(each.number in pdu.frames for pdu in capture.pdus)
+    }  # fmt: skip
     true = {
         "dropped": dropped[0] if dropped else None, "cut": len(cut), "one_direction": rpc["requests"],
         "other_direction": rpc["responses"], "no_write": orphans,

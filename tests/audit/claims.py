@@ -233,7 +233,8 @@ def _are_polls(case: Case, deal: Deal) -> Iterator[str]:
     for poll in deal.polls:
         frame = poll["response"]
         answers = case.reading.answered_at.get(frame or 0, [])
-        if not any(each.status == NOT_READY and not each.write for each in answers):
+        stray = frame in case.reading.stray_at and not answers
+        if not any(each.status == NOT_READY and not each.write for each in answers) and not stray:
             yield f"frame {frame} is no poll with DE80B500"
 
 
@@ -560,15 +561,11 @@ def _unanswered(case: Case) -> Iterator[str]:
 def _reason(case: Case, deal: Deal) -> Iterator[str]:
     """Why it stayed without: the Release of its AR, ten minutes of silence, or the end of the capture."""
     told, capture = case.args.get("reason"), case.reading.capture
-    released = [
-        call.request.frame for call in capture.calls
-        if call.request.operation == wire.RELEASE and call.request.frame > (deal.write or 0)
-        and deal.ar is not None and bytes.fromhex(deal.ar.replace("-", "")) in call.request.body
-    ]  # fmt: skip
+    released = case.reading.releases(deal)
     later = [
         each.asked for each in case.reading.on_channel.get(deal.channel, [])
         if each.asked > max(deal.all_frames)
-        and (each.data or each.status == 0)
+        and (each.status in (None, 0) if each.write else bool(each.data))
     ]  # fmt: skip
     end = capture.frames[-1].time_ns if capture.frames else 0
     silent = end - (case.reading.time(max(deal.all_frames)) or 0) > 600 * 10**9

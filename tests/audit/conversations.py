@@ -190,7 +190,7 @@ class User:
             yield from self.read(at, b"", NOT_READY)
             return
         self.newest[at] = answer
-        yield from self.read(at, answer, maximum=random.choice((4096,) * 9 + (len(answer) - 2,)))
+        yield from self.read(at, answer, maximum=random.choice((4096,) * 9 + (max(1, len(answer) - 2),)))
         if random.random() < 0.08:
             again = random.choice((wire.READ, wire.READ, wire.READ_IMPLICIT))
             where = at

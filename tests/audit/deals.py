@@ -31,8 +31,11 @@ def _bytes(deal: Deal, reading: Reading) -> Iterator[str]:
     if deal.write is not None:
         asked = [each for each in reading.asked_at.get(deal.write, []) if each.write]
         own = [each for each in asked if reading.same_place(deal, each)]
-        if not own:
+        frame = reading.capture.frame(deal.write)
+        if not own and (frame is None or not frame.cut):
             yield f"no Write on its channel is in frame {deal.write}"
+        elif not own:
+            return
         elif deal.asked and not any(each.data == deal.asked.data for each in own):
             yield f"request {deal.asked.data.hex()} is {own[0].data.hex()}"
         else:
@@ -50,11 +53,11 @@ def _bytes(deal: Deal, reading: Reading) -> Iterator[str]:
             yield f"response {data.hex()} is {reads[0].data.hex()}"
         if not any(each.status == deal.read_status for each in reads):
             yield f"read status {deal.read_status} is {reads[0].status}"
-        if deal.frames["read_request"] not in [each.asked for each in reads]:
+        if deal.frames["read_request"] not in [each.asked or None for each in reads]:
             yield f"the Read request is in frame {reads[0].asked}"
     for pair in deal.polls:
         answers = reading.answered_at.get(pair["response"] or 0, [])
-        if not any(each.status == NOT_READY for each in answers):
+        if not any(each.status == NOT_READY for each in answers) and answers:
             yield f"frame {pair['response']} is no poll"
     for pair in deal.rereads:
         answers = reading.answered_at.get(pair["response"] or 0, [])
@@ -96,8 +99,9 @@ def state(deal: Deal, reading: Reading) -> tuple[str, ...]:
 
 def _displaced(deal: Deal, reading: Reading) -> bool:
     """Whether a later Write was accepted; one without a response is, when a Read brings its record."""
+    end = min((frame for frame in reading.releases(deal)), default=10**9)
     return any(
-        each.write and not each.status and not each.nested and each.asked > (deal.write or 0)
+        each.write and not each.status and not each.nested and (deal.write or 0) < each.asked < end
         and (each.answered is not None or each.asked in reading.asked_and_answered)
         for each in reading.on_channel.get(deal.channel, [])
     )  # fmt: skip
@@ -114,6 +118,10 @@ def _state(deal: Deal, reading: Reading) -> Iterator[str]:
 
 
 def _times(deal: Deal, reading: Reading) -> Iterator[str]:
+    early = [frame for frame in deal.all_frames if frame < (deal.write or 0)]
+    if early:
+        yield f"frame {early[0]} is one of its frames, and the request came in frame {deal.write}"
+        return
     begin, end = reading.time(deal.write), reading.time(deal.read)
     got = deal.answer is not None and begin is not None and end is not None
     truth = (end - begin) / 1e6 if got and end is not None and begin is not None else None
@@ -177,7 +185,7 @@ def _all_of_them(reading: Reading) -> Iterator[str]:
     told = Counter(each.write for each in reading.deals if each.index in ALWAYS)
     true = Counter(
         each.asked for each in reading.capture.records
-        if each.write and each.index in ALWAYS and not each.nested
+        if each.write and each.index in ALWAYS and not each.nested and each.asked
     )  # fmt: skip
     for frame, count in true.items():
         if told[frame] != count:

@@ -32,6 +32,8 @@ NAMES = {
 }  # fmt: skip
 CHANGES = (0x02, 0x42, 0x52)
 READS = (0x01, 0x51)
+NEGATIVE = (0x80, 0x81, 0x82, 0xC2, 0xD1, 0xD2)
+"""With those of `READS` the response IDs behind which value blocks stand."""
 VALUE = 0x10
 ERROR = 0x44
 ZERO = 0x40
@@ -150,7 +152,7 @@ def _request(data: bytes, other: dict[int, int]) -> Message:
     at = 4
     for _ in range(data[3]):
         if at + 6 > len(data):
-            found.missing = at + 6 - len(data)
+            found.missing = 4 + 6 * data[3] - len(data)
             return found
         found.addresses.append(Address(*struct.unpack_from(">BBHH", data, at), at))
         at += 6
@@ -163,7 +165,7 @@ def _response(data: bytes, other: dict[int, int]) -> Message:
     if len(data) < 4:
         found.missing = 4 - len(data)
         return found
-    done = found.id in CHANGES and len(data) == 4
+    done = found.id not in NEGATIVE and found.id not in READS
     _blocks(found, 4, 0 if done else data[3], other)
     return found
 

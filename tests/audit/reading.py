@@ -188,6 +188,15 @@ class Reading:
     def deal(self, finding: Finding) -> Deal | None:
         return None if finding.transaction is None else self.by_id.get(finding.transaction)
 
+    def releases(self, deal: Deal) -> list[int]:
+        """The frames in which the AR of a transaction was given up after its request."""
+        ar = bytes.fromhex((deal.ar or "").replace("-", ""))
+        return [
+            call.request.frame for call in self.capture.calls
+            if call.request.operation == wire.RELEASE and ar and ar in call.request.body
+            and call.request.frame > (deal.write or 0)
+        ]  # fmt: skip
+
     def time(self, frame: int | None) -> int | None:
         """Time of a frame in nanoseconds."""
         found = None if frame is None else self.capture.frame(frame)

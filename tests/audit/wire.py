@@ -121,6 +121,8 @@ class Capture:
     records: list[Record] = field(default_factory=list)
     pieces: dict[tuple[object, ...], list[int]] = field(default_factory=dict)
     """Fragments of what never became whole, of IP and RPC: the frames they came in."""
+    torn: dict[tuple[object, ...], int] = field(default_factory=dict)
+    """RPC fragments that the capture cut: what stands behind them is not known."""
 
     def frame(self, number: int) -> Frame | None:
         """The frame with this number."""
@@ -272,6 +274,8 @@ def read(path: Path) -> Capture:
     _calls(capture)
     for call in capture.calls:
         capture.records += _records(call)
+    for pdu in capture.strays:
+        capture.records += _unasked(pdu)
     return capture
 
 
@@ -304,13 +308,17 @@ def _pdu(
     if number == 0 and 0 in parts:
         parts.clear()
     parts[number] = body, frame.number
+    if datagram.cut:
+        capture.torn.setdefault(key, number)
     if data[2] & 0x02:
         parts[-1] = b"", number
     capture.pieces[key] = sorted({at for part, (_, at) in parts.items() if part >= 0})
     last = parts.get(-1)
     if last is None or set(range(last[1] + 1)) - set(parts):
         return None
-    pdu.body = b"".join(parts[part][0] for part in range(last[1] + 1))
+    torn = capture.torn.pop(key, None)
+    pdu.cut = torn is not None
+    pdu.body = b"".join(parts[part][0] for part in range((last[1] if torn is None else torn) + 1))
     pdu.frames = capture.pieces.pop(key)
     del halves[key]
     return pdu
@@ -387,6 +395,22 @@ def _records(call: Call) -> Iterator[Record]:
             data if write else got, stated if write else length, 0 if write else stated, found,
             nested=write and index == WRITE_MULTIPLE and _is_multiple(blocks),
         )  # fmt: skip
+
+
+def _unasked(pdu: Pdu) -> Iterator[Record]:
+    """The record of a response whose request the capture does not have: its own header says where it belongs."""
+    block = pdu.body[20 : 20 + BLOCK]
+    known = pdu.operation in (READ, WRITE, IMPLICIT) and pdu.kind == RESPONSE
+    if not known or len(block) < BLOCK or pdu.body[54:56] == b"\xe0\x40":
+        return
+    ar = UUID(bytes=block[8:24])
+    api, slot, subslot, _, index, stated = struct.unpack_from(">IHHHHI", block, 24)
+    (status,) = struct.unpack_from(pdu.order + "I", pdu.body)
+    write = pdu.operation == WRITE
+    yield Record(
+        write, pdu.operation == IMPLICIT, pdu.target, pdu.source, ar, api, slot, subslot, index,
+        Call(pdu, pdu), 0, pdu.frame, b"" if write else pdu.body[84 : 84 + stated], stated, 0, status,
+    )  # fmt: skip
 
 
 def _is_multiple(blocks: bytes) -> bool:
