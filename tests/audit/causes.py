@@ -6,11 +6,13 @@ report that sum them up.
 
 from __future__ import annotations
 
+import shlex
 import struct
 import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import cache
+from itertools import combinations
 from pathlib import Path
 
 from tests.audit import message, wire, words
@@ -140,11 +142,15 @@ def _two_users(case: Case) -> Iterator[str]:
     args, reading = case.args, case.reading
     came = [each for each in reading.asked_at.get(args.get("frame") or 0, []) if each.write]
     came = [each for each in came if each.controller == args.get("controller")]
+    refused = [each for each in came if each.status == IN_USE]
+    came = refused if args.get("first") is None and refused else came
     if not came:
         yield f"{args.get('controller')} did not write in frame {args.get('frame')}"
         return
     if str(came[0].ar) != args.get("ar") and args.get("ar") is not None:
         yield f"ar {args['ar']!r} is {came[0].ar}"
+    if case.frame != args.get("frame"):
+        yield f"stands on frame {case.frame}"
     stations = args.get("controller"), args.get("other")
     kind = "one_station" if args.get("ar") == args.get("other_ar") else "two_ars"
     kind = "two_stations" if stations[0] != stations[1] else kind
@@ -175,7 +181,7 @@ def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:
     for deal in case.reading.deals:
         begun = (deal.write or 10**9) < record.asked and not deal.write_status
         if deal.place == place and begun and (deal.read or 10**9) > record.asked:
-            if deal.state != "superseded":
+            if deal.state not in ("superseded", "refused"):
                 yield f"the request of frame {deal.write} was open, and is in the capture"
 
 
@@ -283,7 +289,7 @@ def _ignored(case: Case) -> Iterator[str]:
         yield f"axes {told} are {sorted(each for each in true if each is not None)}"
     if (args.get("place") or {}).get("index") != LOCAL:
         yield "the axis counts at this index"
-    if not any(case.frame in each.all_frames for each in here):
+    if not any(each.read == case.frame for each in here):
         yield "no such transaction is in this frame"
 
 
@@ -325,7 +331,8 @@ def _read_length(case: Case) -> Iterator[str]:
             4 if each.attribute != message.VALUE else 2 + max(2, each.elements + each.elements % 2)
             for each in deal.asked.addresses
         )  # fmt: skip
-        if not isinstance(need, int) or need < (4 if deal.asked.changes else least):
+        least = 4 if deal.asked.changes else least
+        if not isinstance(need, int) or need < least or need % 2:
             yield f"need {need!r} is at least {least}"
     if not isinstance(need, int) or need <= reads[0].wanted:
         yield "it does not need more"
@@ -379,8 +386,11 @@ def _wrong_type(case: Case) -> Iterator[str]:
     if not found:
         yield f"p{args.get('pnu')}[{args.get('subindex')}] is not written here"
         return
-    number, block = found[0]
-    if message.NAMES.get(str(args.get("format"))) not in (block.format, None):
+    named = [each for each in found if message.NAMES.get(str(args.get("format"))) == each[1].format]
+    exact = [each for each in named if _equal(args.get("values"), each[1])]
+    number, block = (exact or named or found)[0]
+    given = message.NAMES.get(str(args.get("format")))
+    if given != block.format and (given or block.format in message.NAMES.values()):
         yield f"format {args.get('format')!r} is 0x{block.format:02X}"
     if message.NAMES.get(str(args.get("better"))) != args.get("code"):
         yield f"better {args.get('better')!r} is not format {args.get('code')!r}"
@@ -446,12 +456,16 @@ def _rearranged(case: Case) -> Iterator[str]:
         return
     mine = [
         each for each in case.reading.plain["diagnoses"]
-        if each["rule"] == case.finding.rule and each["args"] == case.args and each["corrected"]
+        if each["rule"] == case.finding.rule and each["corrected"]
+        and each["transactions"][:1] == [deal.id]
     ]  # fmt: skip
     if not str(case.args.get("meant") or ""):
         yield "does not say what is meant"
     if not mine:
         return  # one of several of a cause: the corrected request is that of another
+    line = shlex.split(mine[0]["corrected"]["encode"] or "")[2:]
+    if line and line[0] != case.args["meant"]:
+        yield f"what is meant is {line[0]}"
     new, old = bytes.fromhex(mine[0]["corrected"]["request"]), deal.asked.data
     what = case.args.get("what")
     swapped = b"".join(old[at : at + 2][::-1] for at in range(0, len(old), 2))
@@ -629,19 +643,27 @@ def _storm(case: Case) -> Iterator[str]:
         return
     same = [each for each in reading.deals if each.channel == start.channel and each.write]
     same.sort(key=lambda each: each.write or 0)
-    run: list[Deal] = []
-    for each in same[same.index(start) :]:
-        if len(each.polls) < 10:
-            break
-        run.append(each)
-    yield from case.wrong("count", sum(len(each.polls) for each in run))
+    jobs = [each for each in same if len(each.polls) >= 10][:10]
+    runs = [
+        list(run) for size in range(1, len(jobs) + 1) for run in combinations(jobs, size)
+        if start in run and sum(len(each.polls) for each in run) == args.get("count")
+    ]  # fmt: skip
+    if not runs:
+        yield f"count {args.get('count')!r} is not that of {[len(each.polls) for each in jobs]}"
+        return
+    problems = [list(_pace(case, run)) for run in runs]
+    yield from min(problems, key=len)
+
+
+def _pace(case: Case, run: list[Deal]) -> Iterator[str]:
+    args, time = case.args, case.reading.time
     gaps, taken = [], []
     for each in run:
         reads = [poll["request"] for poll in each.polls] + [each.frames["read_request"]]
-        times = [reading.time(frame) or 0 for frame in reads if frame is not None]
+        times = [time(frame) or 0 for frame in reads if frame is not None]
         gaps += [b - a for a, b in zip(times, times[1:], strict=False)]
-        end = reading.time(each.read or max(each.all_frames)) or 0
-        taken.append(end - (reading.time(each.write) or 0))
+        end = time(each.read or max(each.all_frames)) or 0
+        taken.append(end - (time(each.write) or 0))
     if not gaps or not _about(args.get("period"), sum(gaps) / len(gaps) / 1e6, 0.026):
         yield f"period {args.get('period')!r} is {sum(gaps) / max(1, len(gaps)) / 1e6:.3f}"
     if not _about(args.get("time"), sum(taken) / len(taken) / 1e6, 0.001):
@@ -649,7 +671,7 @@ def _storm(case: Case) -> Iterator[str]:
 
 
 def _poll_frames(deal: Deal) -> list[int | None]:
-    return [frame for poll in deal.polls[:1] for frame in poll.values()]
+    return [poll["request"] or poll["response"] for poll in deal.polls[:1]]
 
 
 @auditor("DS725")

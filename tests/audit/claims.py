@@ -427,7 +427,11 @@ def _value_count(case: Case) -> Iterator[str]:
     yield from problems
     if found is None:
         return
-    for address, block in zip(found.addresses, found.blocks, strict=False):
+    blocks = list(found.blocks)
+    if found.unknown is not None and found.unknown + 1 < len(found.data):
+        at = found.unknown
+        blocks.append(message.Block(found.data[at], found.data[at + 1], b"", at, 0))
+    for address, block in zip(found.addresses, blocks, strict=False):
         if block.offset <= case.at_offset() < block.offset + 2:
             yield from case.wrong("values", block.count)
             if case.args.get("elements") not in (address.elements, max(1, address.elements)):
@@ -466,6 +470,8 @@ def _rest(case: Case) -> Iterator[str]:
     if found is None:
         return
     rest = found.rest if found.sound else b""
+    if found is (case.deal.answer if case.deal else None) and found.id not in message.KNOWN:
+        rest = found.data[4:]  # whether blocks stand behind an unknown ID nobody knows
     yield from case.wrong("count", len(rest))
     if not rest or any(rest) is not (case.finding.rule == "DS313"):
         yield f"what is left over is {rest.hex()!r}"
@@ -483,11 +489,24 @@ def _missing(case: Case) -> Iterator[str]:
         yield "nothing is missing"
         return
     yield from case.wrong("need", found.missing)
-    if case.args.get("what") in (None, ""):
-        yield "does not say what is cut"
+    yield from case.wrong("what", _cut_part(found))
     frame = case.reading.capture.frame(case.frame)
     if frame is not None and frame.cut:
         yield "the capture cut the frame, not the sender the message"
+
+
+def _cut_part(found: message.Message) -> str:
+    """The part of a message in which it ends."""
+    count = found.count
+    if len(found.data) < 4 or count is None:
+        return "header"
+    if found.asked_for and len(found.addresses) < count:
+        return f"address {len(found.addresses) + 1} of {count}"
+    blocks = len(found.blocks)
+    last = found.blocks[-1] if found.blocks else None
+    if last is not None and len(last.raw) < last.count * last.size:
+        return f"values of block {blocks}"
+    return f"value block {blocks + 1} of {count}"
 
 
 @auditor("DS316")
@@ -626,7 +645,7 @@ def _mirror(case: Case) -> Iterator[str]:
 @auditor("DS408", "DS409")
 def _values(case: Case) -> Iterator[str]:
     deal = case.deal
-    for address, block in deal.pairs() if deal else ():
+    for address, block in deal.pairs() if deal and deal.read == case.frame else ():
         if block.offset != case.at_offset():
             continue
         yield from case.wrong("pnu", address.pnu)
@@ -707,7 +726,7 @@ def _superseded(case: Case) -> Iterator[str]:
         yield f"stands on frame {case.frame}, the new request is in {by}"
     between = [
         each.asked for each in case.reading.capture.records
-        if each.write and not each.status and case.reading.same_place(deal, each)
+        if each.write and each.status == 0 and case.reading.same_place(deal, each)
         and (request or 0) < each.asked < (by or 0)
     ]  # fmt: skip
     if between:
@@ -757,14 +776,18 @@ def _slow(case: Case) -> Iterator[str]:
         yield "no response is in this frame"
         return
     asked, accepted, read = time(deal.write), time(deal.frames["write_response"]), time(deal.read)
-    first = time((deal.polls[0]["request"] if deal.polls else None) or deal.frames["read_request"])
+    poll = deal.polls[0] if deal.polls else {"request": deal.frames["read_request"], "response": None}
+    first = time(poll["request"] or poll["response"])
     if asked is None or read is None:
         yield "has no request"
         return
     pause = max(0, first - accepted) if first is not None and accepted is not None else 0
-    yield from _ms(case, "milliseconds", (read - asked - pause) / 1e6)
+    truth, told = (read - asked - pause) / 1e6, case.args.get("milliseconds")
+    lost = poll["request"] is None or accepted is None  # then only a least time is known
+    if not lost or not isinstance(told, float) or not truth <= told <= (read - asked) / 1e6:
+        yield from _ms(case, "milliseconds", truth)
     yield from case.wrong("limit", 1000)
-    if read - asked - pause <= 10**9:
+    if read - asked <= 10**9:
         yield "that is not above the limit"
 
 

@@ -346,7 +346,7 @@ def make(seed: int) -> Conversation:
     if random.random() < 0.1:
         tape.copies = 0.5
     if random.random() < 0.05:
-        tape.snap = random.randint(180, 300)
+        tape.snap = random.randint(208, 300)
     known = [drives.make(random, f"192.168.133.{33 + n}") for n in range(random.choice((1, 1, 2)))]
     users = [_user(random, tape, number, random.choice(known)) for number in range(random.randint(1, 3))]
     running = [_program(random, user) for user in users]

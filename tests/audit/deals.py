@@ -99,6 +99,8 @@ def state(deal: Deal, reading: Reading) -> tuple[str, ...]:
 
 def _displaced(deal: Deal, reading: Reading) -> bool:
     """Whether a later Write was accepted; one without a response is, when a Read brings its record."""
+    if deal.write_status is None and not deal.polls:
+        return False  # nobody knows that it was accepted
     end = min((frame for frame in reading.releases(deal)), default=10**9)
     return any(
         each.write and not each.status and not each.nested and (deal.write or 0) < each.asked < end

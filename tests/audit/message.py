@@ -34,6 +34,7 @@ CHANGES = (0x02, 0x42, 0x52)
 READS = (0x01, 0x51)
 NEGATIVE = (0x80, 0x81, 0x82, 0xC2, 0xD1, 0xD2)
 """With those of `READS` the response IDs behind which value blocks stand."""
+KNOWN = (*CHANGES, *READS, *NEGATIVE)
 VALUE = 0x10
 ERROR = 0x44
 ZERO = 0x40
@@ -103,6 +104,8 @@ class Message:
     unknown: int | None = None
     pads: list[tuple[int, int | None]] = field(default_factory=list)
     """Offset and value of each pad byte; None where it is not there."""
+    asked_for: bool = False
+    """Whether it is a request."""
 
     @property
     def reference(self) -> int | None:
@@ -145,7 +148,7 @@ def _first_even(walks: list[Message]) -> Message:
 
 
 def _request(data: bytes, other: dict[int, int]) -> Message:
-    found = Message(data)
+    found = Message(data, asked_for=True)
     if len(data) < 4:
         found.missing = 4 - len(data)
         return found
@@ -165,9 +168,13 @@ def _response(data: bytes, other: dict[int, int]) -> Message:
     if len(data) < 4:
         found.missing = 4 - len(data)
         return found
-    done = found.id not in NEGATIVE and found.id not in READS
-    _blocks(found, 4, 0 if done else data[3], other)
-    return found
+    if found.id in CHANGES:
+        found.rest = data[4:]
+        return found
+    _blocks(found, 4, data[3], other)
+    if found.id in NEGATIVE or found.id in READS or (found.sound and not any(found.rest)):
+        return found
+    return Message(data, rest=data[4:])  # an unknown ID: nobody knows what stands behind it
 
 
 def _blocks(found: Message, at: int, count: int, other: dict[int, int]) -> None:

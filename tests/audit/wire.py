@@ -366,7 +366,11 @@ def _is_again(call: Call, pdu: Pdu, newest: int | None) -> bool:
 
 def _records(call: Call) -> Iterator[Record]:
     request = call.request
-    if request.operation not in (READ, WRITE, IMPLICIT) or len(request.body) < 20 + BLOCK:
+    if request.operation not in (READ, WRITE, IMPLICIT):
+        return
+    if len(request.body) < 20 + BLOCK:
+        if call.response is not None:  # the capture cut the request
+            yield from _unasked(call.response)
         return
     blocks, answer = request.body[20:], call.response
     status, answers = None, b""

@@ -156,7 +156,6 @@ def renderings(value: Any) -> set[str]:
     if isinstance(value, list):
         parts = [str(each) for each in value]
         cut = [*parts[:4], "..."] if len(parts) > 4 else parts
-        single = {word for each in value for word in renderings(each)}
-        return {", ".join(parts), ", ".join(cut)} | (single or {"-"})
+        return {", ".join(parts), ", ".join(cut)} if parts else {"-"}
     text = str(value)
     return {text, text[:97] + "..." if len(text) > 100 else text}
