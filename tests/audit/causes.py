@@ -103,11 +103,12 @@ def _early(case: Case) -> Iterator[str]:
 @auditor("DS703")
 def _nothing_asked(case: Case) -> Iterator[str]:
     polled = {poll["response"] for deal in case.reading.deals for poll in deal.polls}
-    ours = {deal.index for deal in case.reading.deals} | {0xB02E, 0xB02F}
+    ours = {(deal.ar, deal.index) for deal in case.reading.deals}
     found = [
         each for each in case.reading.capture.records
         if not each.write and each.status == NOT_READY and each.answered not in polled
-        and each.index in ours and each.device == case.args.get("device")
+        and (each.index in (0xB02E, 0xB02F) or (str(each.ar), each.index) in ours)
+        and each.device == case.args.get("device")
     ]  # fmt: skip
     yield from case.wrong("count", len(found))
     if not found or case.frame not in [each.answered for each in found]:
@@ -281,7 +282,8 @@ def _ignored(case: Case) -> Iterator[str]:
         if each.device == args.get("device") and _is_place(args.get("place"), each)
     ]  # fmt: skip
     for each in here:
-        if each.fits and each.answer and any(b.code == NO_SUCH_AXIS for b in each.answer.blocks):
+        counts = each.axis_told in (args.get("axes") or ()) and each.fits and each.answer
+        if counts and each.answer and any(b.code == NO_SUCH_AXIS for b in each.answer.blocks):
             yield f"the axis counts there: 0x19 in frame {each.read}"
             break
     true, told = {each.asked.axis for each in here if each.asked}, args.get("axes")
@@ -691,7 +693,9 @@ def _half(case: Case) -> Iterator[str]:
         "dropped": dropped[0] if dropped else None, "cut": len(cut), "one_direction": rpc["requests"],
         "other_direction": rpc["responses"], "no_write": orphans,
     }.get(str(what))  # fmt: skip
-    yield from case.wrong("count", true)
+    told = {each.frame for each in case.reading.findings if each.rule == "DS106"}
+    if what != "cut" or case.args.get("count") != len(told):  # which may be those of the channel alone
+        yield from case.wrong("count", true)
     if what == "one_direction" and (rpc["responses"] or any(each.response for each in capture.calls)):
         yield "there are responses"
     if what == "other_direction" and (rpc["requests"] or capture.calls):

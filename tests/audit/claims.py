@@ -354,9 +354,11 @@ def _limits(case: Case, element: int) -> list[int]:
         if case.deal is None or deal.device != case.deal.device or deal.operation != "read":
             continue
         for address, block in deal.pairs():
-            if address.pnu == 974:
+            if address.pnu == 974 and not block.failed:
                 found += [
-                    int.from_bytes(bits) for at, bits in elements(address, block) if at == element
+                    int.from_bytes(bits)
+                    for at, bits in enumerate(block.elements(), address.subindex)
+                    if at == element
                 ]
     return [each for each in found if each > 0]
 
@@ -488,7 +490,9 @@ def _missing(case: Case) -> Iterator[str]:
     if not found.missing:
         yield "nothing is missing"
         return
-    yield from case.wrong("need", found.missing)
+    unpadded = bool(found.pads) and found.pads[-1][1] is None
+    if case.args.get("need") not in (found.missing, found.missing - unpadded):
+        yield f"need {case.args.get('need')!r} is {found.missing}"
     yield from case.wrong("what", _cut_part(found))
     frame = case.reading.capture.frame(case.frame)
     if frame is not None and frame.cut:

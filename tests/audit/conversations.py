@@ -90,6 +90,8 @@ class User:
     sequence: int = 0
     reference: int = 0
     constant: bool = False
+    piece: int | None = None
+    """Bytes of an RPC fragment; None where nothing is fragmented."""
     pending: dict[wire.Channel, bytes] = field(default_factory=dict)
     """What the drive holds for a channel."""
     newest: dict[wire.Channel, bytes] = field(default_factory=dict)
@@ -110,7 +112,7 @@ class User:
     def _ask(self, call: wire.Call, blocks: bytes) -> None:
         body = wire.request_body(self.order, blocks)
         ports = self.host.port, self.device.port
-        for part in wire.pdus(wire.REQUEST, self.order, call, body, self._piece()):
+        for part in wire.pdus(wire.REQUEST, self.order, call, body, self.piece):
             self.tape.send(self.host, self.device, part, ports)
 
     def _tell(self, call: wire.Call, status: int, blocks: bytes, kind: int = wire.RESPONSE) -> None:
@@ -118,11 +120,8 @@ class User:
         if kind != wire.RESPONSE:
             body = struct.pack(self.answers + "I", status)
         ports = self.device.port, self.host.port
-        for part in wire.pdus(kind, self.answers, call, body, self._piece()):
+        for part in wire.pdus(kind, self.answers, call, body, self.piece):
             self.tape.send(self.device, self.host, part, ports)
-
-    def _piece(self) -> int | None:
-        return 100 if self.random.random() < 0.03 else None
 
     def write(self, at: wire.Channel, data: bytes, status: int = 0) -> Steps:
         """A Write, its response, and now and then the request once more, or a fault."""
@@ -228,6 +227,8 @@ class User:
         """IODWriteMultiple of two requests, each read on its own."""
         places = [at, wire.Channel(at.ar, 3 - at.slot, at.subslot, at.index, at.api)]
         asked = [self.request(place) for place in places]
+        if self.tape.snap is not None:
+            return  # what the capture cuts of it nobody can tell
         call = self._call(wire.WRITE)
         outer = wire.Channel(at.ar, 0xFFFF, 0xFFFF, wire.WRITE_MULTIPLE, 0xFFFFFFFF)
         inner = [wire.write_request(n, p, d) for n, (p, d) in enumerate(zip(places, asked, strict=True))]
@@ -368,6 +369,7 @@ def _user(random: Random, tape: Tape, number: int, drive: Drive) -> User:
     user = User(tape, random, host, device, drive, ar, order, answers)  # type: ignore[arg-type]
     user.constant = random.random() < 0.2
     user.reference = random.randint(0, 250)
+    user.piece = 100 if random.random() < 0.06 and tape.snap is None else None
     return user
 
 

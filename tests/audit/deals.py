@@ -78,7 +78,8 @@ def state(deal: Deal, reading: Reading) -> tuple[str, ...]:
     asked, answer = deal.asked, deal.answer
     if deal.write is None:
         return ("orphan",)
-    fault = deal.frames["write_response"] is not None and deal.write_status is None
+    answered = reading.by_frame.get(deal.frames["write_response"] or 0, [])
+    fault = any(each.kind in (wire.FAULT, wire.REJECT) for each in answered)
     if deal.write_status or (deal.read_status not in OK) or fault:
         return ("refused",)
     if answer is None or asked is None:
@@ -103,8 +104,8 @@ def _displaced(deal: Deal, reading: Reading) -> bool:
         return False  # nobody knows that it was accepted
     end = min((frame for frame in reading.releases(deal)), default=10**9)
     return any(
-        each.write and not each.status and not each.nested and (deal.write or 0) < each.asked < end
-        and (each.answered is not None or each.asked in reading.asked_and_answered)
+        each.write and not each.nested and (deal.write or 0) < each.asked < end
+        and (each.status == 0 or (not each.status and each.asked in reading.asked_and_answered))
         for each in reading.on_channel.get(deal.channel, [])
     )  # fmt: skip
 

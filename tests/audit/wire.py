@@ -307,7 +307,7 @@ def _pdu(
     parts = halves.setdefault(key, {})
     if number == 0 and 0 in parts:
         parts.clear()
-    parts[number] = body, frame.number
+    parts.setdefault(number, (body, frame.number))
     if datagram.cut:
         capture.torn.setdefault(key, number)
     if data[2] & 0x02:
