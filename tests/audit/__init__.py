@@ -11,7 +11,9 @@ itself, as `python -m ds47` prints it, and the catalogue's names of arguments. I
     causes          what diagnoses DS7xx claim
     corrected       whether a drive would take a corrected request
     words           whether a sentence says just its arguments
-    page            the text report: headlines, counts, filters, sums; the data of the page
+    page            the text report: headlines, counts, filters, sums, lines
+    html            the page: tiles, drives, problems, the rows of its data
+    drive           a simulated drive that can be asked whether it would take a request
     conversations   random conversations, one for each seed
     run             all of it over a capture; `python -m tests.audit` for many
 """

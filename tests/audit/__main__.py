@@ -1,8 +1,8 @@
 """`python -m tests.audit`: audits random conversations and captures, and says what of them is not so.
 
-    python -m tests.audit --count 1000 --seed 7     random conversations, the first with seed 7
-    python -m tests.audit captures/*.pcapng         captures
-    python -m tests.audit --keep FILE --seed 12     writes the capture of one seed
+python -m tests.audit --count 1000 --seed 7     random conversations, the first with seed 7
+python -m tests.audit captures/*.pcapng         captures
+python -m tests.audit --keep FILE --seed 12     writes the capture of one seed
 """
 
 from __future__ import annotations

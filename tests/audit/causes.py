@@ -160,16 +160,20 @@ def _two_users(case: Case) -> Iterator[str]:
     if args.get("first") is None:
         yield from _turned_away(came[0], case)
         return
+    places = {each.channel[3:] for each in came}
     held = [each for each in reading.deals if each.write == args["first"]]
     held = [each for each in held if each.controller == args.get("other")]
+    here = [each for each in held if (each.api, each.slot, each.subslot, each.index) in places]
+    held = here or held
     if not held:
         yield f"{args.get('other')} did not write in frame {args['first']}"
         return
     if held[0].ar != args.get("other_ar"):
         yield f"other_ar {args.get('other_ar')!r} is {held[0].ar}"
-    places = {each.channel[3:] for each in came}
     open_until = min([held[0].read or 10**9, *reading.releases(held[0])])
-    if not any((held[0].api, held[0].slot, held[0].subslot, held[0].index) == each for each in places):
+    if not any(
+        (held[0].api, held[0].slot, held[0].subslot, held[0].index) == each for each in places
+    ):
         yield "they are at two places"
     if open_until < came[0].asked or args["first"] > came[0].asked or held[0].write_status:
         yield f"the request of frame {args['first']} was not open in frame {came[0].asked}"
@@ -267,7 +271,11 @@ def _no_such_axis(case: Case) -> Iterator[str]:
     if deal.index == LOCAL:
         yield "0xB02E does not heed the axis"
     for other in case.reading.deals:
-        same = other.device == deal.device and other.index != LOCAL and other.axis_told == deal.axis_told
+        same = (
+            other.device == deal.device
+            and other.index != LOCAL
+            and other.axis_told == deal.axis_told
+        )
         if same and other.answer and other.fits and other.answer.blocks:
             if all(block.code != NO_SUCH_AXIS for block in other.answer.blocks):
                 yield f"this axis answered in frame {other.read}"
@@ -409,7 +417,11 @@ def _wrong_type(case: Case) -> Iterator[str]:
     seen = formats(case.memory, case.reading, deal, args.get("pnu"))
     if seen and args.get("code") not in seen:
         yield f"the drive reads it as {sorted(seen)}"
-    answer = deal.answer.blocks[number].code if deal.answer and number < len(deal.answer.blocks) else None
+    answer = (
+        deal.answer.blocks[number].code
+        if deal.answer and number < len(deal.answer.blocks)
+        else None
+    )
     odd = any(_odd(value) for value in block.values() or [])
     if answer not in TYPE_ERRORS and not odd:
         yield f"it was answered with {answer!r}, and its value is no odd one"
@@ -436,7 +448,11 @@ def _as_number(told: object, bits: bytes, code: int) -> bool:
 
 def _odd(value: float) -> bool:
     """Whether a float is none that anybody types."""
-    return isinstance(value, float) and (value != value or not 1e-37 < abs(value) < 1e30) and value != 0
+    return (
+        isinstance(value, float)
+        and (value != value or not 1e-37 < abs(value) < 1e30)
+        and value != 0
+    )
 
 
 def formats(memory: Memory, reading: Reading, deal: Deal, pnu: object) -> set[int]:
@@ -533,7 +549,9 @@ def _connector(case: Case) -> Iterator[str]:
             continue
         if message.NAMES.get(str(case.args.get("format"))) != block.format:
             yield f"format {case.args.get('format')!r} is 0x{block.format:02X}"
-        if not (block.elements() and means(case.args.get("value"), block.elements()[0], block.format)):
+        if not (
+            block.elements() and means(case.args.get("value"), block.elements()[0], block.format)
+        ):
             yield f"value {case.args.get('value')!r} is {block.values()}"
         link = block.format in (0x07, 0x43) and int.from_bytes(block.raw[:2]) > 0
         if link and "was written as" in case.finding.message:
@@ -694,9 +712,13 @@ def _half(case: Case) -> Iterator[str]:
         "other_direction": rpc["responses"], "no_write": orphans,
     }.get(str(what))  # fmt: skip
     told = {each.frame for each in case.reading.findings if each.rule == "DS106"}
-    if what != "cut" or case.args.get("count") != len(told):  # which may be those of the channel alone
+    if what != "cut" or case.args.get("count") != len(
+        told
+    ):  # which may be those of the channel alone
         yield from case.wrong("count", true)
-    if what == "one_direction" and (rpc["responses"] or any(each.response for each in capture.calls)):
+    if what == "one_direction" and (
+        rpc["responses"] or any(each.response for each in capture.calls)
+    ):
         yield "there are responses"
     if what == "other_direction" and (rpc["requests"] or capture.calls):
         yield "there are requests"

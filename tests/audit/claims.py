@@ -100,7 +100,12 @@ def _no_response(case: Case) -> Iterator[str]:
         yield f"the response is in frame {call.response.frame}"
     for key, frames in case.reading.capture.pieces.items():
         request = call.request
-        parts = key[0] == "RPC" and key[2:] == (request.source, request.activity, request.sequence, 2)
+        parts = key[0] == "RPC" and key[2:] == (
+            request.source,
+            request.activity,
+            request.sequence,
+            2,
+        )
         later = key[0] == "IP" and key[1:3] == (request.target, request.source)
         if parts or (later and frames[0] > request.frame):
             yield f"parts of a response are in the frames {frames}"
@@ -780,7 +785,9 @@ def _slow(case: Case) -> Iterator[str]:
         yield "no response is in this frame"
         return
     asked, accepted, read = time(deal.write), time(deal.frames["write_response"]), time(deal.read)
-    poll = deal.polls[0] if deal.polls else {"request": deal.frames["read_request"], "response": None}
+    poll = (
+        deal.polls[0] if deal.polls else {"request": deal.frames["read_request"], "response": None}
+    )
     first = time(poll["request"] or poll["response"])
     if asked is None or read is None:
         yield "has no request"

@@ -189,7 +189,9 @@ class User:
             yield from self.read(at, b"", NOT_READY)
             return
         self.newest[at] = answer
-        yield from self.read(at, answer, maximum=random.choice((4096,) * 9 + (max(1, len(answer) - 2),)))
+        yield from self.read(
+            at, answer, maximum=random.choice((4096,) * 9 + (max(1, len(answer) - 2),))
+        )
         if random.random() < 0.08:
             again = random.choice((wire.READ, wire.READ, wire.READ_IMPLICIT))
             where = at
@@ -231,7 +233,9 @@ class User:
             return  # what the capture cuts of it nobody can tell
         call = self._call(wire.WRITE)
         outer = wire.Channel(at.ar, 0xFFFF, 0xFFFF, wire.WRITE_MULTIPLE, 0xFFFFFFFF)
-        inner = [wire.write_request(n, p, d) for n, (p, d) in enumerate(zip(places, asked, strict=True))]
+        inner = [
+            wire.write_request(n, p, d) for n, (p, d) in enumerate(zip(places, asked, strict=True))
+        ]
         body = wire.padded(inner)
         self._ask(call, wire.write_request(call.sequence, outer, body))
         yield
@@ -241,7 +245,9 @@ class User:
             told.append(wire.write_response(number, place, 0, 0 if answer else 0xDF80B700))
             if answer:
                 self.pending[place] = answer
-        self._tell(call, 0, wire.write_response(call.sequence, outer, len(body), 0) + b"".join(told))
+        self._tell(
+            call, 0, wire.write_response(call.sequence, outer, len(body), 0) + b"".join(told)
+        )
         yield
         for place in places:
             if place in self.pending:
@@ -293,7 +299,9 @@ class User:
 
     def _one(self, found: dict[int, drives.Parameter], change: bool) -> tuple[bytes, bytes]:
         random = self.random
-        pnu = random.choice((*list(found)[:6] * 3, *drives.NUMBERS, *drives.SPECIAL, 974, 975, 6543))
+        pnu = random.choice(
+            (*list(found)[:6] * 3, *drives.NUMBERS, *drives.SPECIAL, 974, 975, 6543)
+        )
         known = found.get(pnu)
         subindex = random.choice((0, 0, 0, 1, 2, 7)) if known and known.array else 0
         if pnu == 975:
@@ -349,7 +357,9 @@ def make(seed: int) -> Conversation:
     if random.random() < 0.05:
         tape.snap = random.randint(208, 300)
     known = [drives.make(random, f"192.168.133.{33 + n}") for n in range(random.choice((1, 1, 2)))]
-    users = [_user(random, tape, number, random.choice(known)) for number in range(random.randint(1, 3))]
+    users = [
+        _user(random, tape, number, random.choice(known)) for number in range(random.randint(1, 3))
+    ]
     running = [_program(random, user) for user in users]
     while running:
         each = random.choice(running)
@@ -362,7 +372,9 @@ def make(seed: int) -> Conversation:
 
 def _user(random: Random, tape: Tape, number: int, drive: Drive) -> User:
     order = random.choice("<>")
-    host = Host(f"192.168.133.{2 + number % 2}", f"00:1c:06:00:00:{number:02x}", port=49152 + number)
+    host = Host(
+        f"192.168.133.{2 + number % 2}", f"00:1c:06:00:00:{number:02x}", port=49152 + number
+    )
     device = Host(drive.ip, f"00:1f:f8:00:00:{drive.ip[-2:]}", vendor_id=drive.vendor)
     answers = order if random.random() < 0.9 else "<>"[order == "<"]
     ar = UUID(int=random.getrandbits(128))

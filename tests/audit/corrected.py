@@ -66,7 +66,11 @@ def _forms(told: dict[str, Any], data: bytes) -> Iterator[str]:
     """Words, SCL and the command say the same bytes."""
     if "".join(word.removeprefix("16#") for word in told["words"]).lower() != data.hex():
         yield "the words are other bytes"
-    scl = [part.split("16#")[1][:2] for part in told["scl"].replace(";", "\n").split("\n") if "16#" in part]
+    scl = [
+        part.split("16#")[1][:2]
+        for part in told["scl"].replace(";", "\n").split("\n")
+        if "16#" in part
+    ]
     if "".join(scl).lower() != data.hex() or f"#length := {len(data)};" not in told["scl"]:
         yield "the SCL is other bytes"
     if told["encode"]:

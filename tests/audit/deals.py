@@ -94,7 +94,11 @@ def state(deal: Deal, reading: Reading) -> tuple[str, ...]:
         return ("partial", "error", "mismatch", "ok") if answer.unknown else ("partial", "error")
     if (answer.id or 0) & 0x80 or answer.missing:
         frame = reading.capture.frame(deal.read or 0)
-        return ("partial", "error", "mismatch") if frame and not frame.cut else ("ok", "partial", "error")
+        return (
+            ("partial", "error", "mismatch")
+            if frame and not frame.cut
+            else ("ok", "partial", "error")
+        )
     return ("ok",)
 
 

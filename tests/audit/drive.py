@@ -183,6 +183,21 @@ def _parameter(random: Random) -> Parameter:
     values = [bits(random, code) for _ in range(random.randint(2, 5) if array else 1)]
     refuses = None
     if random.random() < 0.3:
-        refuses = random.choice((0x01, 0x06, 0x0B, 0x11, 0x14, 0x6B, 0x6E, 0x70, 0x83, 0x84, *range(0x19), *range(0x1A, 256)))
+        refuses = random.choice(
+            (
+                0x01,
+                0x06,
+                0x0B,
+                0x11,
+                0x14,
+                0x6B,
+                0x6E,
+                0x70,
+                0x83,
+                0x84,
+                *range(0x19),
+                *range(0x1A, 256),
+            )
+        )
     most = 1000.0 if random.random() < 0.4 else None
     return Parameter(code, values, array, refuses, most, random.random() < 0.12)

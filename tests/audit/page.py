@@ -62,7 +62,7 @@ def check(reading: Reading) -> Iterator[Complaint]:
         if any(each.rule == item.rule and each.message.endswith(f"({item.times} times)")
                for each in reading.findings):  # fmt: skip
             item.times = 1  # a number of the sentence itself
-        for text in _headline(item, reading):
+        for text in headline(item, reading):
             yield Complaint("headline", item.rule, text)
     yield from _lines(parts.get("Transactions", []), reading)
     yield from _groups(parts.get("Findings", []), reading)
@@ -140,7 +140,9 @@ def _summary(lines: list[str], reading: Reading) -> Iterator[str]:
         if number is None:
             continue
         if number[2] == "transaction":
-            items = [each.state for each in reading.deals] + [each.operation for each in reading.deals]
+            items = [each.state for each in reading.deals] + [
+                each.operation for each in reading.deals
+            ]
             length = len(reading.deals)
         else:
             items = [each.severity for each in reading.findings]
@@ -161,13 +163,13 @@ def _latency(text: str, reading: Reading) -> Iterator[str]:
         if times:
             yield f"{text!r}, but there are {len(times)} times"
         return
-    true = {"p50": _rank(times, 50), "p95": _rank(times, 95), "max": times[-1] if times else None}
+    true = {"p50": rank(times, 50), "p95": rank(times, 95), "max": times[-1] if times else None}
     for name, told in re.findall(r"(p50|p95|max) ([\d.,]+ (?:ms|s|min|us))", text):
         if not near(told, true[name]):
             yield f"{name} {told} is {true[name]} ms"
 
 
-def _rank(times: list[float], percent: int) -> float | None:
+def rank(times: list[float], percent: int) -> float | None:
     """The nearest rank: the least time that so many percent of all are not above."""
     for each in times:
         if sum(1 for other in times if other <= each) * 100 >= percent * len(times):
@@ -264,7 +266,7 @@ def headlines(lines: list[str]) -> list[Headline]:
     return found
 
 
-def _headline(item: Headline, reading: Reading) -> Iterator[str]:
+def headline(item: Headline, reading: Reading) -> Iterator[str]:
     try:
         frames = set().union(*map(shown, item.filters))
     except ValueError as problem:
@@ -318,19 +320,26 @@ def _named(item: Headline, group: list[Finding]) -> dict[str, object]:
     for name, value in first.args.items():
         if value is None or isinstance(value, (bool, dict)) or name in ("vendor_id", "limit"):
             continue
-        if any(re.search(rf"(?<![\w.]){re.escape(word)}(?!\w)", text) for word in renderings(value)):
+        if any(
+            re.search(rf"(?<![\w.]){re.escape(word)}(?!\w)", text) for word in renderings(value)
+        ):
             names[name] = value
     return names
 
 
 def _answering(item: Headline, reading: Reading) -> Iterator[str]:
     """Drive objects that are said to answer: each must have, and none of them said that it does not exist."""
-    missing = {
-        each.args["axis"] for each in reading.findings if each.rule == "DS709" and "axis" in each.args
-    }  # fmt: skip
+    missing = answered_wrongly(reading)
     for axis in item.answering:
         if axis in missing:
             yield f"DO {axis} is said to answer, and does not exist"
+
+
+def answered_wrongly(reading: Reading) -> set[int]:
+    """The drive objects of which the report says that they do not exist."""
+    return {
+        each.args["axis"] for each in reading.findings if each.rule == "DS709" and "axis" in each.args
+    }  # fmt: skip
 
 
 # Transactions

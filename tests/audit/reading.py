@@ -53,8 +53,14 @@ class Deal:
         self.read_status = _status(plain["status"]["read"])
         self.duration_ms: float | None = plain["duration_ms"]
         raw = plain["bytes"]
-        self.asked = message.request(bytes.fromhex(raw["request"])) if raw["request"] is not None else None
-        self.answer = message.response(bytes.fromhex(raw["response"])) if raw["response"] is not None else None
+        self.asked = (
+            message.request(bytes.fromhex(raw["request"])) if raw["request"] is not None else None
+        )
+        self.answer = (
+            message.response(bytes.fromhex(raw["response"]))
+            if raw["response"] is not None
+            else None
+        )
 
     @property
     def channel(self) -> tuple[object, ...]:
@@ -152,6 +158,8 @@ class Reading:
     capture: wire.Capture
     text: str = ""
     """The text report."""
+    page: str = ""
+    """The HTML page."""
     deals: list[Deal] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
 
@@ -273,8 +281,9 @@ def report(paths: list[Path], *options: str) -> str:
     return out.getvalue()
 
 
-def read(path: Path) -> Reading:
-    """Analyses a capture and reads it."""
+def read(path: Path, *, page: bool = True) -> Reading:
+    """Analyses a capture and reads it; without its page where that takes too long."""
     plain = json.loads(report([path], "-f", "json"))["captures"][0]
     text = report([path], "--plc")
-    return Reading(path.name, plain, wire.read(path), text)
+    html = report([path], "-f", "html") if page else ""
+    return Reading(path.name, plain, wire.read(path), text, html)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.audit import causes, claims, corrected, deals, page, reading, words
+from tests.audit import causes, claims, corrected, deals, html, page, reading, words
 from tests.audit.drive import Drive
 from tests.audit.memory import Memory
 from tests.audit.reading import Complaint, Finding, Reading
@@ -16,7 +16,7 @@ NO_CLAIM = claims.NO_CLAIM
 
 def audit(path: Path, drives: dict[str, Drive] | None = None) -> list[Complaint]:
     """What is not so in the report of a capture; of a simulated one with the drives that spoke in it."""
-    return list(complaints(reading.read(path), drives))
+    return list(complaints(reading.read(path, page=drives is None), drives))
 
 
 def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterator[Complaint]:
@@ -29,6 +29,7 @@ def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterato
     yield from causes.diagnoses(item)
     yield from corrected.check(item, memory, drives or {})
     yield from page.check(item)
+    yield from html.check(item)
 
 
 def of_finding(finding: Finding, item: Reading, memory: Memory) -> Iterator[Complaint]:

@@ -305,7 +305,8 @@ def _pdu(
         return pdu
     key = ("RPC", pdu.source, pdu.target, pdu.activity, sequence, data[1])
     parts = halves.setdefault(key, {})
-    if number == 0 and 0 in parts:
+    if number == 0 and 0 in parts and parts[0][0] != body:
+        capture.pieces[(*key, frame.number)] = sorted({at for _, at in parts.values()})
         parts.clear()
     parts.setdefault(number, (body, frame.number))
     if datagram.cut:

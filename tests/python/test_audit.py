@@ -200,13 +200,37 @@ def test_a_false_word_of_the_text_is_noticed(was: str, becomes: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("was", "becomes"),
+    [
+        ("<dd>81</dd>", "<dd>82</dd>"),
+        ("<dd>100</dd>", "<dd>101</dd>"),
+        ("<dd>8.4 ms</dd>", "<dd>9.4 ms</dd>"),
+        (">81</td>", ">28</td>"),
+        (">53.9 ms</td>", ">53.8 ms</td>"),
+        ("frame.number == 73 or", "frame.number == 74 or"),
+        ("[5,1,1,", "[5,1,0,"),
+    ],
+)
+def test_a_false_word_of_the_page_is_noticed(was: str, becomes: str) -> None:
+    item = read(ROOT / "captures/real-stacks/o3_two_controllers.pcapng")
+    assert was in item.page
+    lie = copy.copy(item)
+    lie.page = item.page.replace(was, becomes, 1)
+    before = Counter(map(str, run.complaints(item)))
+    assert Counter(map(str, run.complaints(lie))) - before
+
+
+@pytest.mark.parametrize(
     ("key", "value"),
     [
         ("state", "ok"),
         ("operation", "vendor"),
         ("duration_ms", 1.0),
         ("start", "2026-11-21T12:14:23.166191825Z"),
-        ("bytes", {"request": "0502020310010423", "response": "058202034000440200030001440200010000"}),
+        (
+            "bytes",
+            {"request": "0502020310010423", "response": "058202034000440200030001440200010000"},
+        ),
         ("status", {"write": "DF80B500", "read": "00000000"}),
     ],
 )
@@ -220,9 +244,13 @@ def test_a_false_transaction_is_noticed(key: str, value: Any) -> None:
     assert Counter(map(str, run.complaints(lie))) - before
 
 
-@pytest.mark.parametrize("request_hex", ["c00201001001000a000006010064", "0102010110010423000006010003"])
+@pytest.mark.parametrize(
+    "request_hex", ["c00201001001000a000006010064", "0102010110010423000006010003"]
+)
 def test_a_corrected_request_is_asked(request_hex: str) -> None:
-    made = drive.Drive("192.168.133.33", 0x002A, {1: {1059: drive.Parameter(0x06, [bytes(2)])}}, {1: 1})
+    made = drive.Drive(
+        "192.168.133.33", 0x002A, {1: {1059: drive.Parameter(0x06, [bytes(2)])}}, {1: 1}
+    )
     answer = made.answer(1, 47, bytes.fromhex(request_hex))
     assert (answer is not None and answer[1] == 2) is (request_hex.startswith("01"))
 
@@ -255,7 +283,9 @@ def test_which_drive_object_is_meant() -> None:
 
 
 def test_messages_are_walked() -> None:
-    asked = message.request(bytes.fromhex("0502020210010423000010022b8100000601000307020000000100000002"))
+    asked = message.request(
+        bytes.fromhex("0502020210010423000010022b8100000601000307020000000100000002")
+    )
     assert [each.pnu for each in asked.addresses] == [1059, 11137]
     assert [each.values() for each in asked.blocks] == [[3], [1, 2]]
     assert asked.sound
