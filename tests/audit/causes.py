@@ -1,7 +1,7 @@
 """What diagnoses DS7xx claim, decided anew from frames and transactions.
 
-`AUDITORS` are those of the findings DS7xx, as `claims.AUDITORS` are of the others; `diagnoses` looks at the entries of the
-report that sum them up.
+`AUDITORS` are those of the findings DS7xx, as `claims.AUDITORS` are of the others; `diagnoses` looks at the
+entries of the report that sum them up.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import cache
-from itertools import combinations
+from itertools import combinations, pairwise
 from pathlib import Path
 
 from tests.audit import message, wire, words
@@ -185,9 +185,9 @@ def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:
     place = (record.device, *record.channel[3:])
     for deal in case.reading.deals:
         begun = (deal.write or 10**9) < record.asked and not deal.write_status
-        if deal.place == place and begun and (deal.read or 10**9) > record.asked:
-            if deal.state not in ("superseded", "refused"):
-                yield f"the request of frame {deal.write} was open, and is in the capture"
+        still = (deal.read or 10**9) > record.asked and deal.state not in ("superseded", "refused")
+        if deal.place == place and begun and still:
+            yield f"the request of frame {deal.write} was open, and is in the capture"
 
 
 def _is_place(told: object, deal: Deal | wire.Record) -> bool:
@@ -276,10 +276,10 @@ def _no_such_axis(case: Case) -> Iterator[str]:
             and other.index != LOCAL
             and other.axis_told == deal.axis_told
         )
-        if same and other.answer and other.fits and other.answer.blocks:
-            if all(block.code != NO_SUCH_AXIS for block in other.answer.blocks):
-                yield f"this axis answered in frame {other.read}"
-                return
+        blocks = other.answer.blocks if same and other.answer and other.fits else []
+        if blocks and all(block.code != NO_SUCH_AXIS for block in blocks):
+            yield f"this axis answered in frame {other.read}"
+            return
 
 
 @auditor("DS710")
@@ -485,22 +485,28 @@ def _rearranged(case: Case) -> Iterator[str]:
     if line and line[0] != case.args["meant"]:
         yield f"what is meant is {line[0]}"
     new, old = bytes.fromhex(mine[0]["corrected"]["request"]), deal.asked.data
-    what = case.args.get("what")
-    swapped = b"".join(old[at : at + 2][::-1] for at in range(0, len(old), 2))
-    if case.finding.rule == "DS715":
-        if (what == "all_bytes") is not (swapped.startswith(new) and not any(swapped[len(new) :])):
-            yield f"what {what!r} is another"
-        elif what == "values" and new[: 4 + 6 * old[3]] != old[: 4 + 6 * old[3]]:
-            yield "more than the values are swapped"
-        elif what == "fields" and new[: 4 + 6 * old[3]] == old[: 4 + 6 * old[3]]:
-            yield "the fields are not swapped"
-        elif what not in ("all_bytes", "fields", "values"):
-            yield f"what {what!r} is nothing"
-        return
+    yield from (_swapped if case.finding.rule == "DS715" else _spread)(
+        case.args.get("what"), old, new
+    )
+
+
+def _swapped(what: object, old: bytes, new: bytes) -> Iterator[str]:
+    words = b"".join(old[at : at + 2][::-1] for at in range(0, len(old), 2))
+    head = 4 + 6 * old[3]
+    if (what == "all_bytes") is not (words.startswith(new) and not any(words[len(new) :])):
+        yield f"what {what!r} is another"
+    elif what == "values" and new[:head] != old[:head]:
+        yield "more than the values are swapped"
+    elif what == "fields" and new[:head] == old[:head]:
+        yield "the fields are not swapped"
+    elif what not in ("all_bytes", "fields", "values"):
+        yield f"what {what!r} is nothing"
+
+
+def _spread(what: object, old: bytes, new: bytes) -> Iterator[str]:
     if what not in ("zeros", "even_offsets"):
         yield f"what {what!r} is nothing"
-    halves = (old[::2], old[1::2])
-    if (what == "zeros") is not any(each.startswith(new) for each in halves):
+    if (what == "zeros") is not any(each.startswith(new) for each in (old[::2], old[1::2])):
         yield f"what {what!r} is another"
     if Counter(old) - Counter(new) != Counter({0: len(old) - len(new)}):
         yield "what is left out is not only zeros"
@@ -604,7 +610,7 @@ def _done(deal: Deal) -> Iterator[int]:
         return
     for number, address in enumerate(asked.addresses):
         told = number < len(answer.blocks)
-        if told and not answer.blocks[number].failed or not told and not answer.blocks:
+        if (told and not answer.blocks[number].failed) or (not told and not answer.blocks):
             yield address.pnu
 
 
@@ -643,7 +649,7 @@ def _held(case: Case) -> Iterator[str]:
         run.append(each)
     yield from case.wrong("count", len(run))
     times = [case.reading.time(each.write) or 0 for each in run]
-    gaps = sorted(b - a for a, b in zip(times, times[1:], strict=False))
+    gaps = sorted(b - a for a, b in pairwise(times))
     if not gaps or not _about(args.get("period"), gaps[(len(gaps) - 1) // 2] / 1e6, 0.001):
         yield f"period {args.get('period')!r} is {gaps}"
 
@@ -681,7 +687,7 @@ def _pace(case: Case, run: list[Deal]) -> Iterator[str]:
     for each in run:
         reads = [poll["request"] for poll in each.polls] + [each.frames["read_request"]]
         times = [time(frame) or 0 for frame in reads if frame is not None]
-        gaps += [b - a for a, b in zip(times, times[1:], strict=False)]
+        gaps += [b - a for a, b in pairwise(times)]
         end = time(each.read or max(each.all_frames)) or 0
         taken.append(end - (time(each.write) or 0))
     if not gaps or not _about(args.get("period"), sum(gaps) / len(gaps) / 1e6, 0.026):

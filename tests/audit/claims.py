@@ -378,7 +378,7 @@ def _address(case: Case, wanted: Callable[[message.Address], bool]) -> Iterator[
 
 @auditor("DS305")
 def _attribute(case: Case) -> Iterator[str]:
-    odd = [each for each in _address(case, lambda each: each.attribute not in (0x10, 0x20, 0x30))]
+    odd = list(_address(case, lambda each: each.attribute not in (0x10, 0x20, 0x30)))
     if not odd:
         yield "no unknown attribute is at this offset"
         return
@@ -808,41 +808,42 @@ def _read_back(case: Case) -> Iterator[str]:
     if deal is None or deal.read != case.frame or pnu is None or subindex is None:
         yield "no parameter was read in this frame"
         return
-    got: tuple[bytes, message.Block] | None = None
-    for address, block in deal.pairs():
-        for element, bits in elements(address, block):
-            at = case.finding.offset
-            if (address.pnu, element) == (pnu, subindex) and at in (None, block.offset):
-                got = bits, block
-    if got is None or deal.operation != "read":
+    got = [
+        (bits, block)
+        for address, block in deal.pairs()
+        for element, bits in elements(address, block)
+        if (address.pnu, element) == (pnu, subindex) and case.finding.offset in (None, block.offset)
+    ]
+    if not got or deal.operation != "read":
         yield f"p{pnu}[{subindex}] was not read here"
         return
-    bits, block = got
+    bits, block = got[0]
     if not means(case.args.get("read"), bits, block.format):
         yield f"read {case.args.get('read')!r} is {bits.hex()} under format 0x{block.format:02X}"
     last = case.memory.last(deal, pnu, subindex)
+    values = {each.bits for each in last}
     if not last:
         yield f"nobody wrote p{pnu}[{subindex}] of this drive object for certain"
-        return
-    values = {each.bits for each in last}
-    for each in last:
-        if each.bits is None:
-            yield f"the value is not known since frame {each.start}"
-            return
-    if len(values) > 1:
+    elif None in values:
+        unknown = next(each.start for each in last if each.bits is None)
+        yield f"the value is not known since frame {unknown}"
+    elif len(values) > 1:
         yield f"written last may be {sorted(each.hex() for each in values if each)}"
-        return
-    (written,) = values
-    assert written is not None
+    else:
+        yield from _written(case, last[-1].bits or b"", bits, last[-1].start)
+
+
+def _written(case: Case, written: bytes, bits: bytes, frame: int) -> Iterator[str]:
+    """What was written last against what was read, as bits."""
     if len(written) != len(bits):
         yield f"{len(written)} bytes were written, {len(bits)} read"
     elif written == bits:
         yield "the bits are equal"
     if not any(means(case.args.get("written"), written, code) for code in message.LETTERS):
-        yield f"written {case.args.get('written')!r} is {written.hex()} (frame {last[0].start})"
+        yield f"written {case.args.get('written')!r} is {written.hex()} (frame {frame})"
     for name in ("frame", "by", "wrote", "write"):
         if name in case.args:
-            yield from case.wrong(name, last[-1].start)
+            yield from case.wrong(name, frame)
 
 
 def means(told: object, bits: bytes, code: int) -> bool:

@@ -13,11 +13,11 @@ from pathlib import Path
 from random import Random
 from uuid import UUID
 
+from tests.audit import drive as drives
+from tests.audit.drive import NOT_READY, Drive
+
 from ds47.lab import wire
 from ds47.lab.ether import Host
-from tests.audit import drive as drives
-from tests.audit import message
-from tests.audit.drive import NOT_READY, Drive
 
 START_NS = 1_767_254_400_000_000_000
 MS = 1_000_000

@@ -29,32 +29,9 @@ def check(reading: Reading) -> Iterator[Complaint]:
 
 def _bytes(deal: Deal, reading: Reading) -> Iterator[str]:
     if deal.write is not None:
-        asked = [each for each in reading.asked_at.get(deal.write, []) if each.write]
-        own = [each for each in asked if reading.same_place(deal, each)]
-        frame = reading.capture.frame(deal.write)
-        if not own and (frame is None or not frame.cut):
-            yield f"no Write on its channel is in frame {deal.write}"
-        elif not own:
-            return
-        elif deal.asked and not any(each.data == deal.asked.data for each in own):
-            yield f"request {deal.asked.data.hex()} is {own[0].data.hex()}"
-        else:
-            yield from _write_answer(deal, own)
+        yield from _asked(deal, deal.write, reading)
     if deal.read is not None:
-        reads = [each for each in reading.answered_at.get(deal.read, []) if not each.write]
-        reads = [each for each in reads if reading.same_place(deal, each) or each.implicit]
-        if not reads and deal.read in reading.stray_at and deal.frames["read_request"] is None:
-            return
-        if not reads:
-            yield f"no Read on its channel is answered in frame {deal.read}"
-            return
-        data = deal.answer.data if deal.answer else b""
-        if not any(each.data == data for each in reads):
-            yield f"response {data.hex()} is {reads[0].data.hex()}"
-        if not any(each.status == deal.read_status for each in reads):
-            yield f"read status {deal.read_status} is {reads[0].status}"
-        if deal.frames["read_request"] not in [each.asked or None for each in reads]:
-            yield f"the Read request is in frame {reads[0].asked}"
+        yield from _answered(deal, deal.read, reading)
     for pair in deal.polls:
         answers = reading.answered_at.get(pair["response"] or 0, [])
         if not any(each.status == NOT_READY for each in answers) and answers:
@@ -63,6 +40,37 @@ def _bytes(deal: Deal, reading: Reading) -> Iterator[str]:
         answers = reading.answered_at.get(pair["response"] or 0, [])
         if deal.answer is None or not any(each.data == deal.answer.data for each in answers):
             yield f"frame {pair['response']} does not bring the response once more"
+
+
+def _asked(deal: Deal, number: int, reading: Reading) -> Iterator[str]:
+    asked = [each for each in reading.asked_at.get(number, []) if each.write]
+    own = [each for each in asked if reading.same_place(deal, each)]
+    frame = reading.capture.frame(number)
+    if not own and frame is not None and frame.cut:
+        return
+    if not own:
+        yield f"no Write on its channel is in frame {number}"
+    elif deal.asked and not any(each.data == deal.asked.data for each in own):
+        yield f"request {deal.asked.data.hex()} is {own[0].data.hex()}"
+    else:
+        yield from _write_answer(deal, own)
+
+
+def _answered(deal: Deal, number: int, reading: Reading) -> Iterator[str]:
+    reads = [each for each in reading.answered_at.get(number, []) if not each.write]
+    reads = [each for each in reads if reading.same_place(deal, each) or each.implicit]
+    if not reads and number in reading.stray_at and deal.frames["read_request"] is None:
+        return
+    if not reads:
+        yield f"no Read on its channel is answered in frame {number}"
+        return
+    data = deal.answer.data if deal.answer else b""
+    if not any(each.data == data for each in reads):
+        yield f"response {data.hex()} is {reads[0].data.hex()}"
+    if not any(each.status == deal.read_status for each in reads):
+        yield f"read status {deal.read_status} is {reads[0].status}"
+    if deal.frames["read_request"] not in [each.asked or None for each in reads]:
+        yield f"the Read request is in frame {reads[0].asked}"
 
 
 def _write_answer(deal: Deal, own: list[wire.Record]) -> Iterator[str]:
@@ -90,7 +98,7 @@ def state(deal: Deal, reading: Reading) -> tuple[str, ...]:
     count = max(len(asked.addresses), 1)
     if answer.id == 0x80 or (failed and all(failed) and len(failed) >= count):
         return ("error",)
-    if any(failed) or len(answer.blocks) < len(asked.addresses) and not asked.changes:
+    if any(failed) or (len(answer.blocks) < len(asked.addresses) and not asked.changes):
         return ("partial", "error", "mismatch", "ok") if answer.unknown else ("partial", "error")
     if (answer.id or 0) & 0x80 or answer.missing:
         frame = reading.capture.frame(deal.read or 0)
@@ -169,9 +177,12 @@ def _error(number: int, told: dict[str, Any] | None, block: message.Block | None
     failed = block is not None and block.failed
     if failed is not (told is not None):
         yield f"error of parameter {number} is {block.words if block else None}"
-    elif told is not None and block is not None:
-        if (told["code"], told["info"]) != (block.code, block.info):
-            yield f"error {told['code']}, {told['info']} of parameter {number} is {block.words}"
+    elif (
+        told is not None
+        and block is not None
+        and (told["code"], told["info"]) != (block.code, block.info)
+    ):
+        yield f"error {told['code']}, {told['info']} of parameter {number} is {block.words}"
 
 
 def _block(number: int, told: dict[str, Any], block: message.Block) -> Iterator[str]:

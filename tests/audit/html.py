@@ -61,9 +61,9 @@ def _count(label: str, told: str, deals: list[Deal]) -> Iterator[str]:
           for form, states in STATES.items()),
     ]  # fmt: skip
     for form, truth in tests:
-        if re.fullmatch(form, label.lower()) and re.fullmatch(r"[\d,]+", told):
-            if int(told.replace(",", "")) != truth():
-                yield f"{label} {told} is {truth()}"
+        counts = re.fullmatch(form, label.lower()) and re.fullmatch(r"[\d,]+", told)
+        if counts and int(told.replace(",", "")) != truth():
+            yield f"{label} {told} is {truth()}"
     middle = {"typical time": rank(times, 50), "slowest": times[-1] if times else None}
     if label.lower() in middle and re.match(r"\d", told) and not near(told, middle[label.lower()]):
         yield f"{label} {told} is {middle[label.lower()]} ms"

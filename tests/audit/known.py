@@ -1,6 +1,6 @@
 """What the reports say wrongly today, and why: a complaint that is in this table is counted, and fails nothing.
 
-The table must become empty. A rule (or part of the report) and an expression that the complaint has -> what is wrong.
+The table must become empty. A rule (or part of the report) and an expression of the complaint -> what is wrong.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ KNOWN: dict[tuple[str, str], str] = {
     ("DS403", "same response"): "a ReadImplicit is called a response without a request",
     ("DS410", "code|info"): "the words behind response ID 0x80 are those of an error",
     ("DS415", "request before"): "the one before on the same channel is meant, and not said",
-    ("DS416", "milliseconds"): "the pause ends with the first poll whose request is there, not with the first poll",
+    ("DS416", "milliseconds"): "the pause ends with the first poll whose request is there",
     ("DS417", ""): "what was written last is remembered by channel, not by parameter of a drive object",
     ("DS701", "polls before|in part|code"): "every STATUS is said to be 0; a part is called all",
     ("DS704", "new request was accepted"): "a request was accepted in between",
     ("DS705", "is in the capture"): "only the newest request of a place is remembered",
-    ("DS708", "accepted in frame|no call there"): "one refusal is said to be all; its status is that of another frame",
+    ("DS708", "accepted in frame|no call there"): "one refusal is said to be all, or stands on another frame",
     ("DS709", "answered in frame|does not heed"): "the axis answers elsewhere on this device",
     ("DS713", ""): "limit and number of those that found room",
     ("DS714", "reads it as"): "the table of parameters is believed, not what the drive reads",
@@ -40,14 +40,14 @@ KNOWN: dict[tuple[str, str], str] = {
     ("DS714", "drive answers|nothing proves|keeps"): "the corrected request keeps what was refused",
     ("DS715", "drive answers|nothing proves|keeps|to which"): "the corrected request is not proven",
     ("DS716", "drive answers|nothing proves|keeps|to which"): "the corrected request is not proven",
-    ("DS717", "does not decode|drive answers|nothing proves|keeps|to which"): "the corrected request keeps what was refused",
+    ("DS717", "does not decode|drive answers|nothing proves|keeps|to which"): "keeps what was refused",
     ("headline", ""): "headlines name what is true of the first case only; their filters show the first frames",
     ("DS413", "that followed|was fetched"): "with a lost Write response the new request is another",
     ("DS414", "that followed|was fetched"): "with a lost Write response the new request is another",
     ("DS725", "count"): "what is cut is counted by records of the channel, not by frames",
     ("drives of the page", "does not exist"): "axis bytes are listed as drive objects",
     ("blind", ""): "other record calls count the containers, changes that failed count as accepted",
-    ("line", "PLC"): "what the PLC saw: refused in part, answers another request, BUSY, RDREC, LEN of what was cut",
+    ("line", "PLC"): "what the PLC saw: refused in part, another request, BUSY, RDREC, LEN",
     ("transaction", "state ok"): "a response that ends too early leaves the state ok",
     ("transaction", "is one of its frames"): "a Read whose response was lost is given to a later request",
     ("transaction", "write status"): "the inner status of an IODWriteMultiple that was cut is told as 0",

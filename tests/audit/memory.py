@@ -1,8 +1,8 @@
 """Which parameter is meant, under every mapping of submodules to drive objects; and what was written to it last.
 
 Index 47 and 0xB02F reach the drive object of the axis byte, 0xB02E that of its submodule. Which submodule is which
-drive object is known only where PNU 975[7] was read through it. Axis 0 may be any drive object, and so may every axis of a
-device that never said that an axis does not exist (0x19).
+drive object is known only where PNU 975[7] was read through it. Axis 0 may be any drive object, and so may every
+axis of a device that never said that an axis does not exist (0x19).
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class Memory:
                     yield Event(target, address.pnu, element, None, deal.write, end, deal.device)
 
     def last(self, deal: Deal, pnu: int, element: int) -> list[Event]:
-        """The events any of which may be the last one before the read; one of them is sure, or the list is empty."""
+        """The events any of which may be the last one before the read; empty where none is sure."""
         target, begin, until = self.target(deal), deal.write or 0, deal.read or 0
         may: list[tuple[Event, str]] = []
         for each in self.events:

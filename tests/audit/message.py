@@ -14,7 +14,7 @@ SIZES = {
     0x76: 2, 0x77: 4, 0x78: 2, 0x79: 2, 0x7A: 4, 0x7B: 2, 0x7C: 4,
 }  # fmt: skip
 """Bytes per value of the formats that have one size; what is not here ends the walk."""
-TWO_SIZES = (
+TWO_SIZES: tuple[dict[int, int], ...] = (
     {}, {0x0D: 6},
     {0x21: 2, 0x22: 4, 0x23: 2, 0x24: 2, 0x25: 2, 0x26: 2, 0x27: 4, 0x28: 2, 0x29: 2, 0x2A: 4, 0x2B: 2, 0x2C: 4},
 )  # fmt: skip

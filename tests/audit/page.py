@@ -1,4 +1,4 @@
-"""The text report against the transactions: verdict, sums, drives, headlines with their counts and filters, lines, PLC."""
+"""The text report against the transactions: verdict, sums, drives, headlines with their filters, lines, PLC."""
 
 from __future__ import annotations
 

@@ -77,20 +77,24 @@ class Deal:
     @property
     def write(self) -> int | None:
         """The frame of the Write request."""
-        return self.frames["write_request"]
+        found: int | None = self.frames["write_request"]
+        return found
 
     @property
     def read(self) -> int | None:
         """The frame of the Read response that ended it."""
-        return self.frames["read_response"]
+        found: int | None = self.frames["read_response"]
+        return found
 
     @property
     def polls(self) -> list[dict[str, int | None]]:
-        return self.frames["polls"]
+        found: list[dict[str, int | None]] = self.frames["polls"]
+        return found
 
     @property
     def rereads(self) -> list[dict[str, int | None]]:
-        return self.frames["rereads"]
+        found: list[dict[str, int | None]] = self.frames["rereads"]
+        return found
 
     @property
     def axis_told(self) -> int | None:

@@ -261,7 +261,8 @@ class _Whole:
 def read(path: Path) -> Capture:
     """Reads a capture file."""
     capture = Capture(frames(path))
-    whole, halves = _Whole(capture), {}
+    whole = _Whole(capture)
+    halves: dict[tuple[object, ...], dict[int, tuple[bytes, int]]] = {}
     for frame in capture.frames:
         packet = _packet(frame)
         if len(packet) < 21 or packet[0] >> 4 != 4 or packet[9] != 17:

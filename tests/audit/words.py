@@ -1,7 +1,7 @@
 """Whether a sentence says just its arguments: the one place where something is read out of a sentence.
 
-Each rule has its expression here: where in its sentence which argument stands. Numbers that stand elsewhere in a sentence
-must be arguments too.
+Each rule has its expression here: where in its sentence which argument stands. Numbers that stand elsewhere in a
+sentence must be arguments too.
 """
 
 from __future__ import annotations

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-from ds47.spec import rules
 from tests.audit import __main__ as command
 from tests.audit import conversations, drive, known, message, reading, run, wire, words
 from tests.audit.memory import MAYBE, NEVER, SURE, Memory, Target
 from tests.audit.reading import Complaint, Finding, Reading
+
+from ds47.spec import rules
 
 ROOT = Path(__file__).parents[2]
 SHARED = ROOT.parent / "shared" / "captures"
@@ -76,7 +76,6 @@ def test_random_conversations(number: int) -> None:
 def test_nothing_is_known_to_be_wrong() -> None:
     if known.KNOWN:
         lines = [f"{rule} ({form}): {text}" for (rule, form), text in known.KNOWN.items()]
-        print("\n".join(lines))
         pytest.xfail(f"{len(lines)} kinds of complaint are known: " + "; ".join(lines))
 
 
