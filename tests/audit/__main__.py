@@ -59,6 +59,9 @@ def main() -> int:
             print(f"{name}: {each}", flush=True)
     for text, number in sorted(told.items()):
         print(f"known, {number} times: {text}")
+    for (rule, _), text in known.KNOWN.items():
+        if f"{rule}: {text}" not in told:
+            print(f"known, and not seen: {rule}: {text}")
     print(f"{len(given.captures)} captures, {given.count} conversations: {total} complaints")
     return 1 if total else 0
 

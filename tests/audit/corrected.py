@@ -59,7 +59,7 @@ def _corrected(
         yield from _unproven(new, deal, reading, memory)
     device = drives.get(deal.device)
     if device is not None:
-        yield from _asked(data, deal, device)
+        yield from _asked(data, deal, device, reading)
 
 
 def _forms(told: dict[str, Any], data: bytes) -> Iterator[str]:
@@ -143,10 +143,22 @@ def _took(deal: Deal, number: int) -> bool:
     return not answer.blocks or (number < len(answer.blocks) and not answer.blocks[number].failed)
 
 
-def _asked(data: bytes, deal: Deal, device: Drive) -> Iterator[str]:
+def _asked(data: bytes, deal: Deal, device: Drive, reading: Reading) -> Iterator[str]:
     """The simulated drive is really asked, at the same place."""
     answer = copy.deepcopy(device).answer(deal.slot, deal.index, data)
     if answer is None:
         yield "the drive refuses the Write"
-    elif answer[1] & 0x80:
-        yield f"the drive answers {answer.hex()}"
+        return
+    if not answer[1] & 0x80:
+        return
+    shown = {
+        (address.pnu, block.code)
+        for each in reading.deals
+        if each.device == deal.device
+        for address, block in each.pairs()
+        if block.failed
+    }
+    asked = zip(message.request(data).addresses, message.response(answer).blocks, strict=False)
+    new = {(address.pnu, block.code) for address, block in asked if block.failed}
+    known = "" if new & shown else ", of which this capture shows nothing"
+    yield f"the drive answers {answer.hex()}{known}"

@@ -287,7 +287,10 @@ def report(paths: list[Path], *options: str) -> str:
 
 def read(path: Path, *, page: bool = True) -> Reading:
     """Analyses a capture and reads it; without its page where that takes too long."""
-    plain = json.loads(report([path], "-f", "json"))["captures"][0]
+    captures = json.loads(report([path], "-f", "json"))["captures"]
+    if not captures:
+        raise ValueError(f"{path} is no capture that ds47 can read")
+    plain = captures[0]
     text = report([path], "--plc")
     html = report([path], "-f", "html") if page else ""
     return Reading(path.name, plain, wire.read(path), text, html)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from tests.audit import causes, claims, corrected, deals, html, page, reading, words
@@ -12,6 +14,14 @@ from tests.audit.reading import Complaint, Finding, Reading
 
 AUDITORS = {**claims.AUDITORS, **causes.AUDITORS}
 NO_CLAIM = claims.NO_CLAIM
+TABLE = Path(__file__).parents[2] / "python/ds47/spec/rules.toml"
+
+
+@cache
+def declared() -> dict[str, set[str]]:
+    """The arguments that the catalogue says each rule carries."""
+    rows = tomllib.loads(TABLE.read_text(encoding="utf-8"))["rule"]
+    return {row["id"]: set(row.get("args", ())) for row in rows}
 
 
 def audit(path: Path, drives: dict[str, Drive] | None = None) -> list[Complaint]:
@@ -40,6 +50,8 @@ def of_finding(finding: Finding, item: Reading, memory: Memory) -> Iterator[Comp
         yield Complaint(finding.rule, where, "has no auditor")
     for text in function(claims.Case(finding, item, memory)) if function else ():
         yield Complaint(finding.rule, where, f"{text} [{finding.message}]")
+    if set(finding.args) != declared()[finding.rule]:
+        yield Complaint(finding.rule, where, f"carries {sorted(finding.args)}")
     if finding.frame not in finding.frames:
         yield Complaint(finding.rule, where, "its own frame is not among its frames")
     if not all(1 <= frame <= len(item.capture.frames) for frame in finding.frames):
