@@ -163,19 +163,17 @@ def _two_users(case: Case) -> Iterator[str]:
     places = {each.channel[3:] for each in came}
     held = [each for each in reading.deals if each.write == args["first"]]
     held = [each for each in held if each.controller == args.get("other")]
-    here = [each for each in held if (each.api, each.slot, each.subslot, each.index) in places]
-    held = here or held
     if not held:
         yield f"{args.get('other')} did not write in frame {args['first']}"
         return
-    if held[0].ar != args.get("other_ar"):
-        yield f"other_ar {args.get('other_ar')!r} is {held[0].ar}"
-    open_until = min([held[0].read or 10**9, *reading.releases(held[0])])
-    if not any(
-        (held[0].api, held[0].slot, held[0].subslot, held[0].index) == each for each in places
-    ):
+    here = [each for each in held if (each.api, each.slot, each.subslot, each.index) in places]
+    if (here or held)[0].ar != args.get("other_ar"):
+        yield f"other_ar {args.get('other_ar')!r} is {(here or held)[0].ar}"
+    if not here:
         yield "they are at two places"
-    if open_until < came[0].asked or args["first"] > came[0].asked or held[0].write_status:
+    until = [min([each.read or 10**9, *reading.releases(each)]) for each in here or held]
+    refused = all(each.write_status for each in here or held)
+    if max(until) < came[0].asked or args["first"] > came[0].asked or refused:
         yield f"the request of frame {args['first']} was not open in frame {came[0].asked}"
 
 
@@ -215,7 +213,7 @@ def _elsewhere(case: Case) -> Iterator[str]:
         and (each.controller, each.device) == (reads[0].controller, reads[0].device)
     ]  # fmt: skip
     if there:
-        yield f"something was asked there, too, in frame {there[0]}"
+        yield f"something was asked there, too, answered in frame {there[0]}"
 
 
 @auditor("DS707")
@@ -629,6 +627,14 @@ def _lost(case: Case) -> Iterator[str]:
         yield f"neither Release nor Connect of the two is in frame {frame}"
     elif not (frame or 0) > case.frame:
         yield "that was before the request"
+    later = [
+        each.asked
+        for each in case.reading.capture.records
+        if str(each.ar) == deal.ar and each.asked > (frame or 0) and each.status == 0
+    ]
+    own = bytes.fromhex((deal.ar or "").replace("-", ""))
+    if later and call is not None and own not in call.request.body:
+        yield f"that was another AR, its own goes on in frame {later[0]}"
 
 
 @auditor("DS723")

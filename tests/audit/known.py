@@ -25,6 +25,10 @@ KNOWN: dict[tuple[str, str], str] = {
     ("DS416", "milliseconds"): "the pause ends with the first poll whose request is there",
     ("DS417", ""): "what was written last is remembered by channel, not by parameter of a drive object",
     ("DS701", "polls before|in part|code"): "every STATUS is said to be 0; a part is called all",
+    ("DS703", "count"): "the Reads that DS706 explains are left out, and the sentence speaks of all",
+    ("DS706", "asked there"): "a Write whose request was lost is there, too",
+    ("DS722", "another AR"): "a Connect of another AR of the same station is said to end the connection",
+    ("DS723", "count|period"): "a run is counted in the order in which jobs are closed",
     ("DS704", "new request was accepted"): "a request was accepted in between",
     ("DS705", "is in the capture"): "only the newest request of a place is remembered",
     ("DS708", "accepted in frame|no call there"): "one refusal is said to be all, or stands on another frame",
@@ -50,6 +54,7 @@ KNOWN: dict[tuple[str, str], str] = {
     ("line", "PLC"): "what the PLC saw: refused in part, another request, BUSY, RDREC, LEN",
     ("transaction", "state ok"): "a response that ends too early leaves the state ok",
     ("transaction", "is one of its frames"): "a Read whose response was lost is given to a later request",
+    ("transaction", "unanswered is superseded"): "a Write without its response is kept beside later ones",
     ("transaction", "write status"): "the inner status of an IODWriteMultiple that was cut is told as 0",
     ("transaction", "error None"): "the words behind response ID 0x80 are those of an error",
 }  # fmt: skip
