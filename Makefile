@@ -6,6 +6,7 @@
 #   make lint       ruff check, ruff format --check, mypy --strict; luacheck where it is installed
 #   make matrix     run the plugin's tests on Wireshark 3.4, 4.0, 4.4, 4.6 and on plain Lua 5.2 to 5.4
 #   make pythons    run the analyzer's tests on Python 3.13 and 3.14
+#   make audit      let the auditor read N random conversations, the first with SEED, and all captures
 #   make bench      time the analyzer and the plugin against tshark    (BENCH=--small for a quick one)
 #   make dist       write the plugin as one Lua file, dist/ds47-0_1_0.lua (the version, with underscores)
 #   make captures   let the lab write captures/ again
@@ -23,6 +24,8 @@ PYTHON ?= $(shell tools/find-python.sh)
 ARGS ?=
 PARALLEL ?= -n auto --dist loadfile
 BENCH ?=
+N ?= 300
+SEED ?= 1
 MATRIX ?=
 PYTHONS ?=
 LUACHECK ?=
@@ -39,7 +42,7 @@ export PYTHONUTF8 := 1
 .DEFAULT_GOAL := report
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: report test lint format matrix pythons bench dist captures tables screenshot readme constraints clean \
+.PHONY: report test audit lint format matrix pythons bench dist captures tables screenshot readme constraints clean \
   system venv FORCE
 
 report: $(RUN)
@@ -48,6 +51,9 @@ report: $(RUN)
 test: system
 	@$(MAKE) --no-print-directory venv
 	$(BIN)/python -m pytest $(PARALLEL) $(ARGS)
+
+audit: $(STAMP)
+	$(BIN)/python -m tests.audit --count $(N) --seed $(SEED) captures/*.pcapng captures/real-stacks/*.pcapng
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -1,0 +1,19 @@
+"""The auditor: a second, naive reading of captures and reports, which decides whether what a report says is true.
+
+It shares no code with rules, pairing, diagnosis or report of `ds47`: what it takes from the package is the report
+itself, as `python -m ds47` prints it, and the catalogue's names of arguments. It is slow and simple on purpose.
+
+    message         the bytes of a DS47 message, walked block by block
+    wire            frames, RPC calls and records of a capture file
+    reading         a report as JSON beside the frames it was made of
+    memory          which parameter is meant, and what was written to it last
+    claims          what findings DS1xx to DS4xx claim
+    causes          what diagnoses DS7xx claim
+    corrected       whether a drive would take a corrected request
+    words           whether a sentence says just its arguments
+    page            the text report: headlines, counts, filters, sums, lines
+    html            the page: tiles, drives, problems, the rows of its data
+    drive           a simulated drive that can be asked whether it would take a request
+    conversations   random conversations, one for each seed
+    run             all of it over a capture; `python -m tests.audit` for many
+"""

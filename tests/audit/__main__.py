@@ -1,0 +1,77 @@
+"""`python -m tests.audit`: audits random conversations and captures, and says what of them is not so.
+
+python -m tests.audit --count 1000 --seed 7     random conversations, the first with seed 7
+python -m tests.audit captures/*.pcapng         captures
+python -m tests.audit --keep FILE --seed 12     writes the capture of one seed
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.audit import conversations, known, run
+from tests.audit.reading import Complaint
+
+
+def of_seed(seed: int, folder: Path) -> list[Complaint]:
+    """What is not so in the report of a random conversation."""
+    made = conversations.make(seed)
+    path = folder / f"{seed}.pcap"
+    made.tape.write(path)
+    try:
+        return run.audit(path, made.drives)
+    finally:
+        path.unlink()
+
+
+def over(seeds: range) -> Iterator[tuple[int, list[Complaint]]]:
+    """The complaints of each seed that has any."""
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in seeds:
+            found = of_seed(seed, Path(folder))
+            if found:
+                yield seed, found
+
+
+def main() -> int:
+    """Runs it; 1 where something is not so."""
+    parser = argparse.ArgumentParser(prog="python -m tests.audit")
+    parser.add_argument("captures", nargs="*", type=Path)
+    parser.add_argument("--count", type=int, default=0, help="random conversations")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the first")
+    parser.add_argument("--everything", action="store_true", help="what is known to be wrong, too")
+    parser.add_argument("--keep", type=Path, help="only write the capture of the seed")
+    given = parser.parse_args()
+    if given.keep is not None:
+        conversations.make(given.seed).tape.write(given.keep)
+        return 0
+    total, told = 0, Counter[str]()
+    for name, found in _all(given.captures, range(given.seed, given.seed + given.count)):
+        new, old = known.split(found)
+        total += len(new)
+        told.update(f"{each.rule}: {known.reason(each)}" for each in old)
+        for each in found if given.everything else new:
+            print(f"{name}: {each}", flush=True)
+    for text, number in sorted(told.items()):
+        print(f"known, {number} times: {text}")
+    for (rule, _), text in known.KNOWN.items():
+        if f"{rule}: {text}" not in told:
+            print(f"known, and not seen: {rule}: {text}")
+    print(f"{len(given.captures)} captures, {given.count} conversations: {total} complaints")
+    return 1 if total else 0
+
+
+def _all(captures: list[Path], seeds: range) -> Iterator[tuple[str, list[Complaint]]]:
+    for path in captures:
+        yield str(path), run.audit(path)
+    for seed, found in over(seeds):
+        yield f"seed {seed}", found
+
+
+if __name__ == "__main__":
+    sys.exit(main())

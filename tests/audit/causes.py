@@ -1,0 +1,770 @@
+"""What diagnoses DS7xx claim, decided anew from frames and transactions.
+
+`AUDITORS` are those of the findings DS7xx, as `claims.AUDITORS` are of the others; `diagnoses` looks at the
+entries of the report that sum them up.
+"""
+
+from __future__ import annotations
+
+import shlex
+import struct
+import tomllib
+from collections import Counter
+from collections.abc import Callable, Iterator
+from functools import cache
+from itertools import combinations, pairwise
+from pathlib import Path
+
+from tests.audit import message, wire, words
+from tests.audit.claims import Auditor, Case, means, vendor
+from tests.audit.memory import LOCAL, MAYBE, NO_SUCH_AXIS, SURE, Memory
+from tests.audit.reading import NOT_READY, Complaint, Deal, Reading, shown
+
+AUDITORS: dict[str, Auditor] = {}
+SIEMENS = 0x002A
+IN_USE = 0xDF80B500
+STATES = {
+    0x6E: "p0010 = 3", 0x6F: "p0010 = 2", 0x70: "p0010 = 1", 0x71: "p0010 = 0", 0x72: "p0010 = 30",
+    0x73: "p0010 = 95", 0x74: "p0010 = 5", 0x75: "p0010 > 0",
+}  # fmt: skip
+TYPE_ERRORS = (0x02, 0x05, 0x17)
+SAVE_ONE, SAVE_ALL = 971, 977
+TABLE = Path(__file__).parents[2] / "python/ds47/spec/parameters.toml"
+
+
+def auditor(*rules: str) -> Callable[[Auditor], Auditor]:
+    """Makes a function the auditor of rules."""
+
+    def enter(function: Auditor) -> Auditor:
+        AUDITORS.update(dict.fromkeys(rules, function))
+        return function
+
+    return enter
+
+
+def _refusal(case: Case) -> Iterator[str]:
+    """Of a rule with pnu, subindex and code: that parameter was answered with this error."""
+    deal = case.deal
+    if deal is None or deal.answer is None or deal.read != case.frame:
+        yield "no response of a transaction is in this frame"
+        return
+    args = case.args
+    wanted = args.get("pnu"), args.get("subindex"), args.get("code")
+    found = [
+        (address, block) for address, block in deal.pairs()
+        if (address.pnu, address.subindex, block.code) == wanted
+        and case.finding.offset in (None, block.offset)
+    ]  # fmt: skip
+    if not found:
+        yield f"p{wanted[0]}[{wanted[1]}] was not answered with error {wanted[2]!r} here"
+    for name in ("elements",):
+        if name in args and not any(each.elements == args[name] for each, _ in found):
+            yield f"{name} {args[name]!r} is another"
+    yield from vendor(case)
+
+
+@auditor("DS701")
+def _not_seen(case: Case) -> Iterator[str]:
+    deal = case.deal
+    if deal is None or deal.answer is None or deal.read != case.frame:
+        yield "no response of a transaction is in this frame"
+        return
+    yield from case.wrong("id", deal.answer.id)
+    codes = [block.code for block in deal.answer.blocks if block.failed]
+    yield from case.wrong("code", codes[0] if codes else None)
+    yield from vendor(case)
+    if not (deal.answer.id or 0) & 0x80:
+        yield "the response is positive"
+    if deal.write_status or deal.read_status:
+        yield "a STATUS tells of it"
+    if "every STATUS" in case.finding.message and deal.polls:
+        yield f"{len(deal.polls)} polls before it ended with STATUS DE80B500"
+    if "he drive refused (" in case.finding.message and deal.state == "partial":
+        yield "says refused, where it was refused in part"
+
+
+@auditor("DS702")
+def _early(case: Case) -> Iterator[str]:
+    deal, frame, by = case.deal, case.args.get("frame"), case.args.get("by")
+    if deal is None:
+        yield "belongs to no transaction"
+        return
+    reads = [
+        each for each in case.reading.asked_at.get(frame or 0, [])
+        if not each.write and case.reading.same_place(deal, each)
+    ]  # fmt: skip
+    if not reads:
+        yield f"no Read of its channel is in frame {frame}"
+    yield from case.wrong("by", deal.frames["write_response"])
+    if frame != case.frame or frame is None or by is None or frame > by or deal.write_status:
+        yield "the Write was answered before"
+
+
+@auditor("DS703")
+def _nothing_asked(case: Case) -> Iterator[str]:
+    polled = {poll["response"] for deal in case.reading.deals for poll in deal.polls}
+    ours = {(deal.ar, deal.index) for deal in case.reading.deals}
+    found = [
+        each for each in case.reading.capture.records
+        if not each.write and each.status == NOT_READY and each.answered not in polled
+        and (each.index in (0xB02E, 0xB02F) or (str(each.ar), each.index) in ours)
+        and each.device == case.args.get("device")
+    ]  # fmt: skip
+    yield from case.wrong("count", len(found))
+    if not found or case.frame not in [each.answered for each in found]:
+        yield "no such Read is answered in this frame"
+
+
+@auditor("DS704")
+def _once_more(case: Case) -> Iterator[str]:
+    frame, first = case.args.get("frame"), case.args.get("first")
+    again = [each for each in case.reading.answered_at.get(frame or 0, []) if not each.write]
+    before = [each for each in case.reading.answered_at.get(first or 0, []) if not each.write]
+    pairs = [(a, b) for a in again for b in before if a.data == b.data and a.data]
+    if not pairs or frame != case.frame:
+        yield f"frames {first} and {frame} do not bring the same response"
+        return
+    one, other = pairs[0]
+    same = one.channel[3:] == other.channel[3:] and one.device == other.device
+    if (first or 0) >= (frame or 0) or not same:
+        yield "they are not of one place, one after the other"
+    ar = None if one.ar.int == 0 else str(one.ar)
+    key = (one.controller, one.device, ar, *one.channel[3:])
+    taken = [
+        each.asked for each in case.reading.on_channel.get(key, [])
+        if each.write and each.status == 0 and (first or 0) < each.asked < one.asked
+    ]  # fmt: skip
+    if taken and "no new request" in case.finding.message:
+        yield f"a new request was accepted in frame {taken[0]}"
+
+
+@auditor("DS705")
+def _two_users(case: Case) -> Iterator[str]:
+    args, reading = case.args, case.reading
+    came = [each for each in reading.asked_at.get(args.get("frame") or 0, []) if each.write]
+    came = [each for each in came if each.controller == args.get("controller")]
+    refused = [each for each in came if each.status == IN_USE]
+    came = refused if args.get("first") is None and refused else came
+    if not came:
+        yield f"{args.get('controller')} did not write in frame {args.get('frame')}"
+        return
+    if str(came[0].ar) != args.get("ar") and args.get("ar") is not None:
+        yield f"ar {args['ar']!r} is {came[0].ar}"
+    if case.frame != args.get("frame"):
+        yield f"stands on frame {case.frame}"
+    stations = args.get("controller"), args.get("other")
+    kind = "one_station" if args.get("ar") == args.get("other_ar") else "two_ars"
+    kind = "two_stations" if stations[0] != stations[1] else kind
+    kind = "unseen_user" if args.get("first") is None else kind
+    yield from case.wrong("case", kind)
+    if args.get("first") is None:
+        yield from _turned_away(came[0], case)
+        return
+    places = {each.channel[3:] for each in came}
+    held = [each for each in reading.deals if each.write == args["first"]]
+    held = [each for each in held if each.controller == args.get("other")]
+    if not held:
+        yield f"{args.get('other')} did not write in frame {args['first']}"
+        return
+    here = [each for each in held if (each.api, each.slot, each.subslot, each.index) in places]
+    if (here or held)[0].ar != args.get("other_ar"):
+        yield f"other_ar {args.get('other_ar')!r} is {(here or held)[0].ar}"
+    if not here:
+        yield "they are at two places"
+    until = [min([each.read or 10**9, *reading.releases(each)]) for each in here or held]
+    refused = all(each.write_status for each in here or held)
+    if max(until) < came[0].asked or args["first"] > came[0].asked or refused:
+        yield f"the request of frame {args['first']} was not open in frame {came[0].asked}"
+
+
+def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:
+    if record.status != IN_USE:
+        yield f"the Write was answered with {record.status}"
+    place = (record.device, *record.channel[3:])
+    for deal in case.reading.deals:
+        begun = (deal.write or 10**9) < record.asked and not deal.write_status
+        still = (deal.read or 10**9) > record.asked and deal.state not in ("superseded", "refused")
+        if deal.place == place and begun and still:
+            yield f"the request of frame {deal.write} was open, and is in the capture"
+
+
+def _is_place(told: object, deal: Deal | wire.Record) -> bool:
+    return told == {"slot": deal.slot, "subslot": deal.subslot, "index": deal.index}
+
+
+@auditor("DS706")
+def _elsewhere(case: Case) -> Iterator[str]:
+    args, reading = case.args, case.reading
+    asked = [each for each in reading.deals if each.write == args.get("request")]
+    reads = [each for each in reading.answered_at.get(args.get("frame") or 0, []) if not each.write]
+    if not asked or not reads:
+        yield f"no request in {args.get('request')} or no Read in {args.get('frame')}"
+        return
+    if not _is_place(args.get("place"), asked[0]) or not _is_place(args.get("other"), reads[0]):
+        yield "the places are others"
+    yield from case.wrong("device", asked[0].device)
+    if asked[0].answer is not None:
+        yield f"its response was read in frame {asked[0].read}"
+    if _is_place(args.get("other"), asked[0]) or case.frame != args.get("frame"):
+        yield "it is one place"
+    there = [
+        each.asked for each in reading.capture.records
+        if each.write and _is_place(args.get("other"), each)
+        and (each.controller, each.device) == (reads[0].controller, reads[0].device)
+    ]  # fmt: skip
+    if there:
+        yield f"something was asked there, too, answered in frame {there[0]}"
+
+
+@auditor("DS707")
+def _wrong_index(case: Case) -> Iterator[str]:
+    found = [
+        each for each in case.requests()
+        if each.write and (each.index, each.device) == (case.args.get("index"), case.args.get("device"))
+    ]  # fmt: skip
+    if not found:
+        yield "no Write to this index of this device is in this frame"
+        return
+    status = found[0].status
+    yield from case.wrong("status", None if status is None else f"{status:08X}")
+    walked = message.request(found[0].data)
+    if not walked.sound or walked.id not in (1, 2) or any(walked.rest):
+        yield "what was written is no parameter request"
+    if found[0].index in (47, 0xB02E, 0xB02F):
+        yield "the index is right"
+
+
+@auditor("DS708")
+def _wrong_slot(case: Case) -> Iterator[str]:
+    args, reading = case.args, case.reading
+    here = [
+        each for each in reading.capture.records
+        if each.device == args.get("device") and _is_place(args.get("place"), each)
+    ]  # fmt: skip
+    told = int(args.get("status") or "0", 16)
+    if not any(each.answered == case.frame and each.status == told for each in here):
+        yield f"no call there is answered with {args.get('status')} in this frame"
+    good = [each.answered for each in here if each.status == 0 and (each.write or each.data)]
+    if good:
+        yield f"a call there is accepted in frame {good[0]}"
+    there = [
+        each for each in reading.capture.records
+        if each.device == args.get("device") and _is_place(args.get("other"), each)
+        and not each.write and each.status == 0 and each.data
+    ]  # fmt: skip
+    if not there:
+        yield f"nothing answers at {args.get('other')}"
+
+
+@auditor("DS709")
+def _no_such_axis(case: Case) -> Iterator[str]:
+    deal = case.deal
+    if deal is None or deal.asked is None or deal.answer is None or deal.read != case.frame:
+        yield "no response to a request is in this frame"
+        return
+    yield from case.wrong("axis", deal.asked.axis)
+    yield from case.wrong("device", deal.device)
+    if not any(block.code == NO_SUCH_AXIS for block in deal.answer.blocks):
+        yield "the error number is not 0x19"
+    if deal.index == LOCAL:
+        yield "0xB02E does not heed the axis"
+    for other in case.reading.deals:
+        same = (
+            other.device == deal.device
+            and other.index != LOCAL
+            and other.axis_told == deal.axis_told
+        )
+        blocks = other.answer.blocks if same and other.answer and other.fits else []
+        if blocks and all(block.code != NO_SUCH_AXIS for block in blocks):
+            yield f"this axis answered in frame {other.read}"
+            return
+
+
+@auditor("DS710")
+def _ignored(case: Case) -> Iterator[str]:
+    args = case.args
+    here = [
+        each for each in case.reading.deals
+        if each.device == args.get("device") and _is_place(args.get("place"), each)
+    ]  # fmt: skip
+    for each in here:
+        counts = each.axis_told in (args.get("axes") or ()) and each.fits and each.answer
+        if counts and each.answer and any(b.code == NO_SUCH_AXIS for b in each.answer.blocks):
+            yield f"the axis counts there: 0x19 in frame {each.read}"
+            break
+    true, told = {each.asked.axis for each in here if each.asked}, args.get("axes")
+    if not isinstance(told, list) or len(set(told)) < 2 or not set(told) <= true:
+        yield f"axes {told} are {sorted(each for each in true if each is not None)}"
+    if (args.get("place") or {}).get("index") != LOCAL:
+        yield "the axis counts at this index"
+    if not any(each.read == case.frame for each in here):
+        yield "no such transaction is in this frame"
+
+
+@auditor("DS711")
+def _too_short(case: Case) -> Iterator[str]:
+    deal = case.deal
+    if deal is None or deal.asked is None or deal.write != case.frame:
+        yield "no request is in this frame"
+        return
+    asked, need = deal.asked, case.args.get("need")
+    yield from case.wrong("have", len(asked.data))
+    count = asked.count or 1
+    least = 4 + 6 * count
+    if asked.changes and len(asked.addresses) == count and asked.blocks:
+        least = len(asked.data) + asked.missing + 4 * max(0, count - len(asked.blocks))
+    elif asked.changes:
+        least += 4 * count
+    if not isinstance(need, int) or not len(asked.data) < need <= least:
+        yield f"need {need!r} is {least}"
+    elif not asked.changes:
+        yield from case.wrong("need", least)
+    if not asked.missing:
+        yield "nothing is missing"
+
+
+@auditor("DS712")
+def _read_length(case: Case) -> Iterator[str]:
+    deal = case.deal
+    reads = [each for each in case.answers() if not each.write]
+    if deal is None or not reads or deal.read != case.frame:
+        yield "no Read of a transaction is answered in this frame"
+        return
+    yield from case.wrong("asked", reads[0].wanted)
+    need = case.args.get("need")
+    if deal.answer is not None and deal.answer.data:
+        yield from case.wrong("need", len(deal.answer.data) + deal.answer.missing)
+    elif deal.asked is not None:
+        least = 4 + sum(
+            4 if each.attribute != message.VALUE else 2 + max(2, each.elements + each.elements % 2)
+            for each in deal.asked.addresses
+        )  # fmt: skip
+        least = 4 if deal.asked.changes else least
+        if not isinstance(need, int) or need < least or need % 2:
+            yield f"need {need!r} is at least {least}"
+    if not isinstance(need, int) or need <= reads[0].wanted:
+        yield "it does not need more"
+
+
+@auditor("DS713")
+def _too_long(case: Case) -> Iterator[str]:
+    deal = case.deal
+    if deal is None or deal.asked is None or deal.answer is None or deal.read != case.frame:
+        yield "no response to a request is in this frame"
+        return
+    limit = case.args.get("limit")
+    yield from case.wrong("parameters", len(deal.asked.addresses))
+    there = sum(not block.failed for block in deal.answer.blocks)
+    yield from case.wrong("number", there)
+    lengths = [
+        len(each.answer.data) for each in case.reading.deals
+        if each.device == deal.device and each.answer is not None
+    ]  # fmt: skip
+    if not isinstance(limit, int) or max(lengths) > limit:
+        yield f"limit {limit!r}: {max(lengths)} bytes were answered"
+    read = _longest(case.reading, deal.device)
+    if read and limit not in read:
+        yield f"limit {limit!r}: PNU 974[0] is {read[0]}"
+    elif not read and limit != 240:
+        yield f"limit {limit!r} was not read from PNU 974[0]"
+    if there == len(deal.asked.addresses):
+        yield "all found room"
+
+
+def _longest(reading: Reading, device: str) -> list[int]:
+    return [
+        int.from_bytes(block.elements()[-address.subindex])
+        for deal in reading.deals if deal.device == device and deal.operation == "read"
+        for address, block in deal.pairs()
+        if address.pnu == 974 and not address.subindex and block.elements()
+    ]  # fmt: skip
+
+
+@auditor("DS714")
+def _wrong_type(case: Case) -> Iterator[str]:
+    deal, args = case.deal, case.args
+    if deal is None or deal.asked is None or deal.write != case.frame:
+        yield "no request is in this frame"
+        return
+    pairs = list(zip(deal.asked.addresses, deal.asked.blocks, strict=False))
+    found = [
+        (number, block) for number, (address, block) in enumerate(pairs)
+        if (address.pnu, address.subindex) == (args.get("pnu"), args.get("subindex"))
+    ]  # fmt: skip
+    if not found:
+        yield f"p{args.get('pnu')}[{args.get('subindex')}] is not written here"
+        return
+    named = [each for each in found if message.NAMES.get(str(args.get("format"))) == each[1].format]
+    exact = [each for each in named if _equal(args.get("values"), each[1])]
+    number, block = (exact or named or found)[0]
+    given = message.NAMES.get(str(args.get("format")))
+    if given != block.format and (given or block.format in message.NAMES.values()):
+        yield f"format {args.get('format')!r} is 0x{block.format:02X}"
+    if message.NAMES.get(str(args.get("better"))) != args.get("code"):
+        yield f"better {args.get('better')!r} is not format {args.get('code')!r}"
+    if block.values() is not None and not _equal(args.get("values"), block):
+        yield f"values {args.get('values')!r} are {block.values()}"
+    readings = [
+        message.Block(code, block.count, block.raw, block.offset, block.size)
+        for code in message.LETTERS if message.SIZES[code] == block.size
+    ]  # fmt: skip
+    if not any(_equal(args.get("meant"), each) for each in readings):
+        yield f"meant {args.get('meant')!r} is neither the number nor the bits"
+    if block.format == args.get("code") and args.get("meant") == args.get("values"):
+        yield "it is written so"
+    seen = formats(case.memory, case.reading, deal, args.get("pnu"))
+    if seen and args.get("code") not in seen:
+        yield f"the drive reads it as {sorted(seen)}"
+    answer = (
+        deal.answer.blocks[number].code
+        if deal.answer and number < len(deal.answer.blocks)
+        else None
+    )
+    odd = any(_odd(value) for value in block.values() or [])
+    if answer not in TYPE_ERRORS and not odd:
+        yield f"it was answered with {answer!r}, and its value is no odd one"
+
+
+def _equal(told: object, block: message.Block) -> bool:
+    """Whether values of a report are those of a block, in the width of its format."""
+    parts = block.elements()
+    if not isinstance(told, list) or len(told) != len(parts):
+        return False
+    return all(
+        means(each, bits, block.format) or _as_number(each, bits, block.format)
+        for each, bits in zip(told, parts, strict=True)
+    )
+
+
+def _as_number(told: object, bits: bytes, code: int) -> bool:
+    """Whether it is the same number, though of another type: 10.0 and 10."""
+    letter = message.LETTERS.get(code)
+    if letter is None or not isinstance(told, (int, float)):
+        return False
+    return bool(struct.unpack(">" + letter, bits)[0] == told)
+
+
+def _odd(value: float) -> bool:
+    """Whether a float is none that anybody types."""
+    return (
+        isinstance(value, float)
+        and (value != value or not 1e-37 < abs(value) < 1e30)
+        and value != 0
+    )
+
+
+def formats(memory: Memory, reading: Reading, deal: Deal, pnu: object) -> set[int]:
+    """The formats in which a parameter of the drive object of a transaction was read."""
+    return {
+        block.format for each in reading.deals if each.operation == "read"
+        if memory.same(memory.target(each), memory.target(deal)) in (SURE, MAYBE)
+        and each.device == deal.device
+        for address, block in each.pairs()
+        if address.pnu == pnu and address.attribute == message.VALUE and not block.failed
+    }  # fmt: skip
+
+
+@auditor("DS715", "DS716")
+def _rearranged(case: Case) -> Iterator[str]:
+    deal = case.deal
+    if deal is None or deal.asked is None or deal.write != case.frame:
+        yield "no request is in this frame"
+        return
+    mine = [
+        each for each in case.reading.plain["diagnoses"]
+        if each["rule"] == case.finding.rule and each["corrected"]
+        and each["transactions"][:1] == [deal.id]
+    ]  # fmt: skip
+    if not str(case.args.get("meant") or ""):
+        yield "does not say what is meant"
+    if not mine:
+        return  # one of several of a cause: the corrected request is that of another
+    line = shlex.split(mine[0]["corrected"]["encode"] or "")[2:]
+    if line and line[0] != case.args["meant"]:
+        yield f"what is meant is {line[0]}"
+    new, old = bytes.fromhex(mine[0]["corrected"]["request"]), deal.asked.data
+    yield from (_swapped if case.finding.rule == "DS715" else _spread)(
+        case.args.get("what"), old, new
+    )
+
+
+def _swapped(what: object, old: bytes, new: bytes) -> Iterator[str]:
+    words = b"".join(old[at : at + 2][::-1] for at in range(0, len(old), 2))
+    head = 4 + 6 * old[3]
+    if (what == "all_bytes") is not (words.startswith(new) and not any(words[len(new) :])):
+        yield f"what {what!r} is another"
+    elif what == "values" and new[:head] != old[:head]:
+        yield "more than the values are swapped"
+    elif what == "fields" and new[:head] == old[:head]:
+        yield "the fields are not swapped"
+    elif what not in ("all_bytes", "fields", "values"):
+        yield f"what {what!r} is nothing"
+
+
+def _spread(what: object, old: bytes, new: bytes) -> Iterator[str]:
+    if what not in ("zeros", "even_offsets"):
+        yield f"what {what!r} is nothing"
+    if (what == "zeros") is not any(each.startswith(new) for each in (old[::2], old[1::2])):
+        yield f"what {what!r} is another"
+    if Counter(old) - Counter(new) != Counter({0: len(old) - len(new)}):
+        yield "what is left out is not only zeros"
+
+
+@auditor("DS717")
+def _index_and_count(case: Case) -> Iterator[str]:
+    yield from _refusal(case)
+    if case.args.get("code") not in (0x03, 0x04, 0x16, 0x18):
+        yield f"code {case.args.get('code')!r} speaks of something else"
+
+
+@auditor("DS718")
+def _commissioning(case: Case) -> Iterator[str]:
+    yield from _refusal(case)
+    yield from case.wrong("state", STATES.get(case.args.get("code") or 0))
+    if case.deal and case.reading.vendors.get(case.deal.device) != SIEMENS:
+        yield "the vendor is not Siemens"
+    yield from _is_change(case)
+
+
+def _is_change(case: Case) -> Iterator[str]:
+    if case.deal is not None and case.deal.asked is not None and not case.deal.asked.changes:
+        yield "it was not to be changed, but read"
+
+
+@auditor("DS719")
+def _running(case: Case) -> Iterator[str]:
+    yield from _refusal(case)
+    code = case.args.get("code")
+    siemens = case.deal is not None and case.reading.vendors.get(case.deal.device) == SIEMENS
+    if code != 0x11 and not (code == 0x6B and siemens):
+        yield f"code {code!r} speaks of something else"
+    yield from _is_change(case)
+
+
+@auditor("DS720")
+def _connector(case: Case) -> Iterator[str]:
+    yield from _refusal(case)
+    yield from _is_change(case)
+    deal = case.deal
+    if deal is None or deal.asked is None:
+        return
+    for address, block in zip(deal.asked.addresses, deal.asked.blocks, strict=False):
+        if (address.pnu, address.subindex) != (case.args.get("pnu"), case.args.get("subindex")):
+            continue
+        if message.NAMES.get(str(case.args.get("format"))) != block.format:
+            yield f"format {case.args.get('format')!r} is 0x{block.format:02X}"
+        if not (
+            block.elements() and means(case.args.get("value"), block.elements()[0], block.format)
+        ):
+            yield f"value {case.args.get('value')!r} is {block.values()}"
+        link = block.format in (0x07, 0x43) and int.from_bytes(block.raw[:2]) > 0
+        if link and "was written as" in case.finding.message:
+            yield "it is written as an interconnection, with a PNU in its high word"
+        return
+
+
+@cache
+def volatile() -> frozenset[int]:
+    """Parameters that the drive changes itself, of the package's own table."""
+    rows = tomllib.loads(TABLE.read_text(encoding="utf-8"))
+    flat = [row for each in rows.values() if isinstance(each, list) for row in each]
+    return frozenset(
+        pnu for row in flat if row.get("volatile")
+        for pnu in range(row["number"], row.get("last", row["number"]) + 1)
+    )  # fmt: skip
+
+
+@auditor("DS721")
+def _unsaved(case: Case) -> Iterator[str]:
+    device = case.args.get("device")
+    changes: list[tuple[int, Deal]] = []
+    saves: list[tuple[int, Deal, bool]] = []
+    for deal in case.reading.deals:
+        done = [] if deal.device != device else list(_done(deal))
+        if any(pnu in (SAVE_ONE, SAVE_ALL) for pnu in done):
+            saves.append((deal.write or 0, deal, SAVE_ALL in done))
+        elif set(done) - volatile():
+            changes.append((deal.write or 0, deal))
+    kept = [
+        frame for frame, deal in changes
+        if not any(
+            at > frame and (whole or _may_be_one(case.memory, deal, by)) for at, by, whole in saves
+        )
+    ]  # fmt: skip
+    yield from case.wrong("count", len(kept))
+    yield from case.wrong("last", max(kept, default=None))
+    if kept and case.frame != min(kept):
+        yield f"the first of them is in frame {min(kept)}"
+
+
+def _may_be_one(memory: Memory, deal: Deal, other: Deal) -> bool:
+    return memory.same(memory.target(deal), memory.target(other)) != "never"
+
+
+def _done(deal: Deal) -> Iterator[int]:
+    """The parameters that a transaction is known to have changed."""
+    asked, answer = deal.asked, deal.answer
+    if asked is None or not asked.changes or answer is None or not deal.fits or answer.id == 0x80:
+        return
+    for number, address in enumerate(asked.addresses):
+        told = number < len(answer.blocks)
+        if (told and not answer.blocks[number].failed) or (not told and not answer.blocks):
+            yield address.pnu
+
+
+@auditor("DS722")
+def _lost(case: Case) -> Iterator[str]:
+    deal, frame = case.deal, case.args.get("frame")
+    if deal is None or deal.write != case.frame:
+        yield "no request is in this frame"
+        return
+    if deal.answer is not None or deal.write_status:
+        yield f"it was answered in frame {deal.read}"
+    call = case.reading.call_at.get(frame or 0)
+    stations = {deal.controller, deal.device}
+    ends = call is not None and call.request.operation in (wire.CONNECT, wire.RELEASE)
+    if call is None or not ends or {call.request.source, call.request.target} != stations:
+        yield f"neither Release nor Connect of the two is in frame {frame}"
+    elif not (frame or 0) > case.frame:
+        yield "that was before the request"
+    later = [
+        each.asked
+        for each in case.reading.capture.records
+        if str(each.ar) == deal.ar and each.asked > (frame or 0) and each.status == 0
+    ]
+    own = bytes.fromhex((deal.ar or "").replace("-", ""))
+    if later and call is not None and own not in call.request.body:
+        yield f"that was another AR, its own goes on in frame {later[0]}"
+
+
+@auditor("DS723")
+def _held(case: Case) -> Iterator[str]:
+    args, device = case.args, case.args.get("device")
+    first = next((each for each in case.reading.deals if each.write == case.frame), None)
+    if first is None or first.asked is None or not first.asked.changes or first.device != device:
+        yield "no change is in this frame"
+        return
+    if not _is_place(args.get("place"), first):
+        yield "the place is another"
+    same = [each for each in case.reading.deals if each.channel == first.channel and each.asked]
+    same.sort(key=lambda each: each.write or 0)
+    run: list[Deal] = []
+    for each in same[same.index(first) :]:
+        if each.asked is None or each.asked.data[1:] != first.asked.data[1:]:
+            break
+        run.append(each)
+    yield from case.wrong("count", len(run))
+    times = [case.reading.time(each.write) or 0 for each in run]
+    gaps = sorted(b - a for a, b in pairwise(times))
+    if not gaps or not _about(args.get("period"), gaps[(len(gaps) - 1) // 2] / 1e6, 0.001):
+        yield f"period {args.get('period')!r} is {gaps}"
+
+
+def _about(told: object, truth: float, share: float) -> bool:
+    return isinstance(told, (int, float)) and abs(told - truth) <= share * abs(truth)
+
+
+@auditor("DS724")
+def _storm(case: Case) -> Iterator[str]:
+    args, reading = case.args, case.reading
+    start = next(
+        (each for each in reading.deals if case.frame in _poll_frames(each)), None
+    )  # fmt: skip
+    if start is None or start.device != args.get("device"):
+        yield "no poll of this device is in this frame"
+        return
+    same = [each for each in reading.deals if each.channel == start.channel and each.write]
+    same.sort(key=lambda each: each.write or 0)
+    jobs = [each for each in same if len(each.polls) >= 10][:10]
+    runs = [
+        list(run) for size in range(1, len(jobs) + 1) for run in combinations(jobs, size)
+        if start in run and sum(len(each.polls) for each in run) == args.get("count")
+    ]  # fmt: skip
+    if not runs:
+        yield f"count {args.get('count')!r} is not that of {[len(each.polls) for each in jobs]}"
+        return
+    problems = [list(_pace(case, run)) for run in runs]
+    yield from min(problems, key=len)
+
+
+def _pace(case: Case, run: list[Deal]) -> Iterator[str]:
+    args, time = case.args, case.reading.time
+    gaps, taken = [], []
+    for each in run:
+        reads = [poll["request"] for poll in each.polls] + [each.frames["read_request"]]
+        times = [time(frame) or 0 for frame in reads if frame is not None]
+        gaps += [b - a for a, b in pairwise(times)]
+        end = time(each.read or max(each.all_frames)) or 0
+        taken.append(end - (time(each.write) or 0))
+    if not gaps or not _about(args.get("period"), sum(gaps) / len(gaps) / 1e6, 0.026):
+        yield f"period {args.get('period')!r} is {sum(gaps) / max(1, len(gaps)) / 1e6:.3f}"
+    if not _about(args.get("time"), sum(taken) / len(taken) / 1e6, 0.001):
+        yield f"time {args.get('time')!r} is {sum(taken) / len(taken) / 1e6:.3f}"
+
+
+def _poll_frames(deal: Deal) -> list[int | None]:
+    return [poll["request"] or poll["response"] for poll in deal.polls[:1]]
+
+
+@auditor("DS725")
+def _half(case: Case) -> Iterator[str]:
+    what, capture = case.args.get("what"), case.reading.capture
+    rpc = case.reading.plain["rpc"]
+    orphans = sum(each.asked is None for each in case.reading.deals)
+    dropped = [
+        int(each.split(" frame")[0].split()[-1].replace(",", ""))
+        for each in case.reading.text.splitlines() if "machine dropped" in each
+    ]  # fmt: skip
+    cut = {
+        each.number for each in capture.frames
+        if each.cut and any(each.number in pdu.frames for pdu in capture.pdus)
+    }  # fmt: skip
+    true = {
+        "dropped": dropped[0] if dropped else None, "cut": len(cut), "one_direction": rpc["requests"],
+        "other_direction": rpc["responses"], "no_write": orphans,
+    }.get(str(what))  # fmt: skip
+    told = {each.frame for each in case.reading.findings if each.rule == "DS106"}
+    if what != "cut" or case.args.get("count") != len(
+        told
+    ):  # which may be those of the channel alone
+        yield from case.wrong("count", true)
+    if what == "one_direction" and (
+        rpc["responses"] or any(each.response for each in capture.calls)
+    ):
+        yield "there are responses"
+    if what == "other_direction" and (rpc["requests"] or capture.calls):
+        yield "there are requests"
+    if what == "no_write" and any(each.asked for each in case.reading.deals):
+        yield "a request was captured"
+
+
+def diagnoses(reading: Reading) -> Iterator[Complaint]:
+    """What is not so in the entries that sum up the findings DS7xx."""
+    told: Counter[str] = Counter()
+    for each in reading.plain["diagnoses"]:
+        for text in _diagnosis(each, reading):
+            yield Complaint(each["rule"], "diagnosis", text)
+        told[each["rule"]] += each["count"]
+    true = Counter(each.rule for each in reading.findings if each.rule.startswith("DS7"))
+    if told != true:
+        yield Complaint("diagnosis", "", f"{dict(told)} are {dict(true)}")
+
+
+def _diagnosis(plain: dict[str, object], reading: Reading) -> Iterator[str]:
+    rule, args = str(plain["rule"]), plain["args"]
+    mine = [each for each in reading.findings if each.rule == rule]
+    first = [each for each in mine if each.args == args]
+    if not first:
+        yield f"no finding has the arguments {args}"
+    frames = plain["frames"]
+    assert isinstance(frames, list)
+    if not set(frames) <= {frame for each in mine for frame in (each.frame, *each.frames)}:
+        yield f"no finding is in the frames {frames}"
+    if shown(str(plain["filter"])) != set(frames):
+        yield f"{plain['filter']} does not show {frames}"
+    transactions = plain["transactions"]
+    assert isinstance(transactions, list)
+    if not set(transactions) <= {each.transaction for each in mine}:
+        yield f"no finding is of the transactions {transactions}"
+    assert isinstance(args, dict)
+    yield from words.problems(rule, str(plain["message"]), args)

@@ -1,0 +1,874 @@
+"""What findings DS1xx to DS4xx claim, decided anew from frames and transactions.
+
+An auditor is a generator of texts, each of which says what of a finding is not so. It complains of every argument
+that it cannot find in the capture itself, so that a rule cannot pass with an argument that nobody looked at.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from tests.audit import message, wire
+from tests.audit.memory import Memory, elements
+from tests.audit.reading import NOT_READY, Deal, Finding, Reading
+
+Auditor = Callable[["Case"], Iterator[str]]
+AUDITORS: dict[str, Auditor] = {}
+NO_CLAIM = {
+    "DS601": "compares two engines; its difference is their own text, and both run only with tshark",
+}
+"""Rules without an auditor, and why."""
+
+
+class Case:
+    """One finding, where it stands."""
+
+    def __init__(self, finding: Finding, reading: Reading, memory: Memory) -> None:
+        self.finding, self.reading, self.memory = finding, reading, memory
+        self.args: dict[str, Any] = finding.args
+        self.frame = finding.frame
+        self.deal: Deal | None = reading.deal(finding)
+
+    def wrong(self, name: str, truth: object) -> Iterator[str]:
+        """A complaint where an argument is not the truth."""
+        told = self.args.get(name)
+        if name not in self.args:
+            yield f"has no {name}, which is {truth!r}"
+        elif told != truth:
+            yield f"{name} {told!r} is {truth!r}"
+
+    def requests(self) -> list[wire.Record]:
+        return self.reading.asked_at.get(self.frame, [])
+
+    def answers(self) -> list[wire.Record]:
+        return self.reading.answered_at.get(self.frame, [])
+
+    def records(self) -> list[wire.Record]:
+        """The records that the frame asks for or brings, on the channel of the transaction if there is one."""
+        all_of = self.requests() + self.answers()
+        deal = self.deal
+        return [each for each in all_of if deal is None or self.reading.same_place(deal, each)]
+
+    def message(self) -> message.Message | None:
+        """The message of the transaction that stands in this frame."""
+        deal = self.deal
+        if deal is None:
+            return None
+        if self.frame == deal.write:
+            return deal.asked
+        return deal.answer if self.frame == deal.read else None
+
+    def at_offset(self) -> int:
+        return -1 if self.finding.offset is None else self.finding.offset
+
+
+def auditor(*rules: str) -> Callable[[Auditor], Auditor]:
+    """Makes a function the auditor of rules."""
+
+    def enter(function: Auditor) -> Auditor:
+        AUDITORS.update(dict.fromkeys(rules, function))
+        return function
+
+    return enter
+
+
+# RPC and transport
+
+
+def _call(case: Case) -> wire.Call | None:
+    return case.reading.call_at.get(case.frame)
+
+
+def _operation(case: Case, pdu: wire.Pdu | None) -> Iterator[str]:
+    known = pdu is not None and pdu.operation < len(wire.OPERATIONS)
+    name = wire.OPERATIONS[pdu.operation] if known and pdu else None
+    told = str(case.args.get("operation", "")).replace(" ", "")
+    if name is None or told.lower() != name.lower():
+        yield f"operation {case.args.get('operation')!r} is {name!r}"
+
+
+@auditor("DS101")
+def _no_response(case: Case) -> Iterator[str]:
+    call = _call(case)
+    if call is None or call.request.frame != case.frame:
+        yield "there is no request in this frame"
+        return
+    yield from _operation(case, call.request)
+    if call.response is not None:
+        yield f"the response is in frame {call.response.frame}"
+    for key, frames in case.reading.capture.pieces.items():
+        request = call.request
+        parts = key[0] == "RPC" and key[2:] == (
+            request.source,
+            request.activity,
+            request.sequence,
+            2,
+        )
+        later = key[0] == "IP" and key[1:3] == (request.target, request.source)
+        if parts or (later and frames[0] > request.frame):
+            yield f"parts of a response are in the frames {frames}"
+
+
+@auditor("DS102")
+def _no_request(case: Case) -> Iterator[str]:
+    stray = case.reading.stray_at.get(case.frame)
+    if stray is None:
+        yield "no response without a request is in this frame"
+        return
+    yield from _operation(case, stray)
+
+
+@auditor("DS103")
+def _again(case: Case) -> Iterator[str]:
+    call = _call(case)
+    if call is None or case.frame not in call.again:
+        yield "no request of an earlier frame is sent again here"
+        return
+    yield from _operation(case, call.request)
+    yield from case.wrong("first", call.request.frame)
+
+
+@auditor("DS104")
+def _fault(case: Case) -> Iterator[str]:
+    kinds = {wire.FAULT: "fault", wire.REJECT: "reject"}
+    for pdu in case.reading.by_frame.get(case.frame, []):
+        if pdu.kind in kinds:
+            yield from case.wrong("kind", kinds[pdu.kind])
+            (code,) = struct.unpack_from(pdu.order + "I", pdu.body.ljust(4, b"\0"))
+            yield from case.wrong("fault", code)
+            return
+    yield "neither fault nor reject is in this frame"
+
+
+@auditor("DS105")
+def _pieces(case: Case) -> Iterator[str]:
+    for key, frames in case.reading.capture.pieces.items():
+        if key[0] == case.args.get("kind") and case.frame in frames:
+            yield from case.wrong("have", len(frames))
+            return
+    yield f"no {case.args.get('kind')} fragments that never became whole are in this frame"
+
+
+@auditor("DS106")
+def _cut(case: Case) -> Iterator[str]:
+    frame = case.reading.capture.frame(case.frame)
+    if frame is None or not frame.cut:
+        yield "the frame is whole"
+        return
+    yield from case.wrong("captured", len(frame.data))
+    yield from case.wrong("original", frame.length)
+
+
+@auditor("DS107")
+def _back(case: Case) -> Iterator[str]:
+    now, before = case.reading.time(case.frame), case.reading.time(case.frame - 1)
+    if now is None or before is None:
+        yield "there are no two frames"
+        return
+    if before <= now:
+        yield "time does not step back here"
+    yield from _ms(case, "milliseconds", (before - now) / 1e6)
+
+
+@auditor("DS108")
+def _empty(case: Case) -> Iterator[str]:
+    if not any(len(pdu.body) < 84 for pdu in case.reading.by_frame.get(case.frame, [])):
+        yield "the body has room for a record call"
+
+
+def _ms(case: Case, name: str, truth: float) -> Iterator[str]:
+    told = case.args.get(name)
+    if not isinstance(told, (int, float)) or abs(told - truth) > 1e-6 * max(1.0, abs(truth)):
+        yield f"{name} {told!r} is {truth:.6f}"
+
+
+# Record calls
+
+
+def _refused(case: Case, write: bool) -> Iterator[str]:
+    deal = case.deal
+    if deal is not None:
+        status = deal.write_status if write else deal.read_status
+        frame = deal.frames["write_response"] if write else deal.read
+        if frame != case.frame:
+            yield f"the response of #{deal.id} is in frame {frame}"
+        if not status:
+            yield "its status is not negative"
+        yield from case.wrong("status", None if status is None else f"{status:08X}")
+    seen = {each.status for each in case.answers() if each.write is write}
+    told = case.args.get("status")
+    if told is None or int(told, 16) not in seen:
+        yield f"status {told} is none of {[f'{each or 0:08X}' for each in seen]} in the frame"
+
+
+@auditor("DS201")
+def _read_refused(case: Case) -> Iterator[str]:
+    yield from _refused(case, False)
+
+
+@auditor("DS203")
+def _write_refused(case: Case) -> Iterator[str]:
+    yield from _refused(case, True)
+
+
+@auditor("DS202")
+def _record_length(case: Case) -> Iterator[str]:
+    found = [(each.stated, len(each.data)) for each in case.records()]
+    if (case.args.get("stated"), case.args.get("present")) not in found:
+        yield f"stated and present are {found}"
+    elif case.args["stated"] == case.args["present"]:
+        yield "they are equal"
+
+
+@auditor("DS204")
+def _polled(case: Case) -> Iterator[str]:
+    deal = case.deal
+    if deal is None:
+        yield "belongs to no transaction"
+        return
+    yield from case.wrong("count", len(deal.polls))
+    yield from _are_polls(case, deal)
+    if deal.read != case.frame:
+        yield f"the response is in frame {deal.read}"
+
+
+def _are_polls(case: Case, deal: Deal) -> Iterator[str]:
+    for poll in deal.polls:
+        frame = poll["response"]
+        answers = case.reading.answered_at.get(frame or 0, [])
+        stray = frame in case.reading.stray_at and not answers
+        if not any(each.status == NOT_READY and not each.write for each in answers) and not stray:
+            yield f"frame {frame} is no poll with DE80B500"
+
+
+@auditor("DS205")
+def _polled_long(case: Case) -> Iterator[str]:
+    deal = case.deal
+    if deal is None or not deal.polls:
+        yield "was not polled"
+        return
+    first = deal.polls[0]["request"] or deal.polls[0]["response"]
+    begin, end = case.reading.time(first), case.reading.time(deal.read)
+    if begin is None or end is None or deal.read != case.frame:
+        yield "there is no response in this frame"
+        return
+    yield from _ms(case, "milliseconds", (end - begin) / 1e6)
+    yield from case.wrong("limit", 1000)
+    if (end - begin) <= 10**9:
+        yield "that is not above the limit"
+
+
+@auditor("DS206")
+def _nothing(case: Case) -> Iterator[str]:
+    reads = [each for each in case.answers() if not each.write]
+    if not reads:
+        yield "no Read is answered in this frame"
+        return
+    read = reads[0]
+    told = case.args.get("status")
+    truth = None if read.status is None else f"{read.status:08X}"
+    if told != truth:
+        yield f"status {told!r} is {truth!r}"
+    if read.data:
+        yield "the Read brings data"
+    waiting = [
+        deal for deal in case.reading.deals
+        if case.reading.same_place(deal, read) and (deal.write or 10**9) < case.frame
+        and not deal.write_status and case.frame <= (deal.read or 0)
+    ]  # fmt: skip
+    if waiting:
+        yield f"#{waiting[0].id} was open on this channel"
+
+
+@auditor("DS207")
+def _without_data(case: Case) -> Iterator[str]:
+    if not any(not each.write and each.status == 0 and not each.data for each in case.answers()):
+        yield "no positive Read without data is in this frame"
+
+
+@auditor("DS208")
+def _nested(case: Case) -> Iterator[str]:
+    if not any(each.nested for each in case.requests()):
+        yield "no IODWriteMultiple inside another one is in this frame"
+
+
+# Messages
+
+
+def _told(case: Case) -> tuple[message.Message | None, list[str]]:
+    found = case.message()
+    return found, [] if found else ["no message of a transaction is in this frame"]
+
+
+def _byte(case: Case, at: int, name: str | None, wanted: Callable[[int], bool]) -> Iterator[str]:
+    """One byte of the message: where it is, what it is, and whether that is what the rule speaks of."""
+    found, problems = _told(case)
+    yield from problems
+    if found is None:
+        return
+    if len(found.data) <= at:
+        yield f"the message has no byte {at}"
+        return
+    value = found.data[at]
+    if case.finding.offset is not None and case.finding.offset != at:
+        yield f"the offset is {at}"
+    if not wanted(value):
+        yield f"the byte is 0x{value:02X}"
+    if name is not None:
+        told = case.args.get(name)
+        if told not in (value, f"0x{value:02X}"):
+            yield f"{name} {told!r} is 0x{value:02X}"
+
+
+@auditor("DS301")
+def _reference_zero(case: Case) -> Iterator[str]:
+    yield from _byte(case, 0, None, lambda value: value == 0)
+
+
+@auditor("DS302")
+def _request_id(case: Case) -> Iterator[str]:
+    known = (0x01, 0x02, 0x40, 0x41, 0x42, 0x51, 0x52)
+    yield from _byte(case, 1, "id", lambda value: value not in known)
+
+
+@auditor("DS303")
+def _count_zero(case: Case) -> Iterator[str]:
+    yield from _byte(case, 3, None, lambda value: value == 0)
+
+
+@auditor("DS304")
+def _count_high(case: Case) -> Iterator[str]:
+    limit = case.args.get("limit")
+    yield from _byte(case, 3, "count", lambda value: isinstance(limit, int) and value > limit)
+    if limit != 39:
+        read = [each for each in _limits(case, 1) if each == limit]
+        if not read:
+            yield f"limit {limit!r} was not read from PNU 974[1]"
+    else:
+        more = [each for each in _limits(case, 1) if each >= (case.args.get("count") or 0)]
+        if more:
+            yield f"PNU 974[1] of this device is {more[-1]}"
+
+
+def _limits(case: Case, element: int) -> list[int]:
+    """The values of PNU 974 that were read from the device, in this capture."""
+    found = []
+    for deal in case.reading.deals:
+        if case.deal is None or deal.device != case.deal.device or deal.operation != "read":
+            continue
+        for address, block in deal.pairs():
+            if address.pnu == 974 and not block.failed:
+                found += [
+                    int.from_bytes(bits)
+                    for at, bits in enumerate(block.elements(), address.subindex)
+                    if at == element
+                ]
+    return [each for each in found if each > 0]
+
+
+def _address(case: Case, wanted: Callable[[message.Address], bool]) -> Iterator[message.Address]:
+    """The address of the request at or around the offset."""
+    found = case.message()
+    for each in found.addresses if found else ():
+        if each.offset <= case.at_offset() < each.offset + 6 and wanted(each):
+            yield each
+
+
+@auditor("DS305")
+def _attribute(case: Case) -> Iterator[str]:
+    odd = list(_address(case, lambda each: each.attribute not in (0x10, 0x20, 0x30)))
+    if not odd:
+        yield "no unknown attribute is at this offset"
+        return
+    if case.args.get("attribute") not in (odd[0].attribute, f"0x{odd[0].attribute:02X}"):
+        yield f"attribute {case.args.get('attribute')!r} is 0x{odd[0].attribute:02X}"
+
+
+@auditor("DS306")
+def _pnu_zero(case: Case) -> Iterator[str]:
+    if not list(_address(case, lambda each: each.pnu == 0)):
+        yield "no PNU 0 is at this offset"
+
+
+@auditor("DS307")
+def _elements_high(case: Case) -> Iterator[str]:
+    high = list(_address(case, lambda each: each.elements > 234))
+    if not high:
+        yield "no number of elements above 234 is at this offset"
+        return
+    yield from case.wrong("count", high[0].elements)
+    yield from case.wrong("limit", 234)
+
+
+@auditor("DS308")
+def _overflow(case: Case) -> Iterator[str]:
+    over = list(_address(case, lambda each: each.subindex + each.elements - 1 > 65535))
+    if not over:
+        yield "no subindex that runs past 65535 is at this offset"
+        return
+    yield from case.wrong("subindex", over[0].subindex)
+    yield from case.wrong("count", over[0].elements)
+
+
+@auditor("DS309")
+def _format(case: Case) -> Iterator[str]:
+    found, problems = _told(case)
+    yield from problems
+    if found is None:
+        return
+    if found.unknown is None:
+        yield "every format is known"
+        return
+    value = found.data[found.unknown]
+    if case.finding.offset != found.unknown:
+        yield f"the offset is {found.unknown}"
+    if case.args.get("format") not in (value, f"0x{value:02X}"):
+        yield f"format {case.args.get('format')!r} is 0x{value:02X}"
+
+
+@auditor("DS310")
+def _value_count(case: Case) -> Iterator[str]:
+    found, problems = _told(case)
+    yield from problems
+    if found is None:
+        return
+    blocks = list(found.blocks)
+    if found.unknown is not None and found.unknown + 1 < len(found.data):
+        at = found.unknown
+        blocks.append(message.Block(found.data[at], found.data[at + 1], b"", at, 0))
+    for address, block in zip(found.addresses, blocks, strict=False):
+        if block.offset <= case.at_offset() < block.offset + 2:
+            yield from case.wrong("values", block.count)
+            if case.args.get("elements") not in (address.elements, max(1, address.elements)):
+                yield f"elements {case.args.get('elements')!r} is {address.elements}"
+            if block.count == max(1, address.elements):
+                yield "they are equal"
+            return
+    yield "no value block is at this offset"
+
+
+@auditor("DS311")
+def _no_pad(case: Case) -> Iterator[str]:
+    found, problems = _told(case)
+    yield from problems
+    if found and not any(pad is None for _, pad in found.pads):
+        yield "no pad byte is missing"
+
+
+@auditor("DS312")
+def _odd_pad(case: Case) -> Iterator[str]:
+    found, problems = _told(case)
+    yield from problems
+    if found is None:
+        return
+    pads = [pad for at, pad in found.pads if pad and at == case.finding.offset]
+    if not pads:
+        yield "no pad byte other than 0 is at this offset"
+    elif case.args.get("pad") not in (pads[0], f"0x{pads[0]:02X}"):
+        yield f"pad {case.args.get('pad')!r} is 0x{pads[0]:02X}"
+
+
+@auditor("DS313", "DS314")
+def _rest(case: Case) -> Iterator[str]:
+    found, problems = _told(case)
+    yield from problems
+    if found is None:
+        return
+    rest = found.rest if found.sound else b""
+    if found is (case.deal.answer if case.deal else None) and found.id not in message.KNOWN:
+        rest = found.data[4:]  # whether blocks stand behind an unknown ID nobody knows
+    yield from case.wrong("count", len(rest))
+    if not rest or any(rest) is not (case.finding.rule == "DS313"):
+        yield f"what is left over is {rest.hex()!r}"
+    if case.finding.offset is not None and case.finding.offset != len(found.data) - len(rest):
+        yield f"the offset is {len(found.data) - len(rest)}"
+
+
+@auditor("DS315")
+def _missing(case: Case) -> Iterator[str]:
+    found, problems = _told(case)
+    yield from problems
+    if found is None:
+        return
+    if not found.missing:
+        yield "nothing is missing"
+        return
+    unpadded = bool(found.pads) and found.pads[-1][1] is None
+    if case.args.get("need") not in (found.missing, found.missing - unpadded):
+        yield f"need {case.args.get('need')!r} is {found.missing}"
+    yield from case.wrong("what", _cut_part(found))
+    frame = case.reading.capture.frame(case.frame)
+    if frame is not None and frame.cut:
+        yield "the capture cut the frame, not the sender the message"
+
+
+def _cut_part(found: message.Message) -> str:
+    """The part of a message in which it ends."""
+    count = found.count
+    if len(found.data) < 4 or count is None:
+        return "header"
+    if found.asked_for and len(found.addresses) < count:
+        return f"address {len(found.addresses) + 1} of {count}"
+    blocks = len(found.blocks)
+    last = found.blocks[-1] if found.blocks else None
+    if last is not None and len(last.raw) < last.count * last.size:
+        return f"values of block {blocks}"
+    return f"value block {blocks + 1} of {count}"
+
+
+@auditor("DS316")
+def _long(case: Case) -> Iterator[str]:
+    found, problems = _told(case)
+    yield from problems
+    if found is None:
+        return
+    length, limit = len(found.data), case.args.get("limit")
+    yield from case.wrong("length", length)
+    if limit not in (240, *_limits(case, 0)):
+        yield f"limit {limit!r} was not read from PNU 974[0]"
+    if isinstance(limit, int) and length <= limit:
+        yield "it is not longer"
+
+
+@auditor("DS317")
+def _two_sizes(case: Case) -> Iterator[str]:
+    found, problems = _told(case)
+    yield from problems
+    if found is None:
+        return
+    at = case.at_offset()
+    code = found.data[at] if 0 <= at < len(found.data) else None
+    here = [each for each in found.blocks if each.offset == at]
+    if code is None or not any(code in other for other in message.TWO_SIZES) or not here:
+        yield "no format of two sizes is at this offset"
+        return
+    yield from case.wrong("size", here[0].size)
+    if case.args.get("format") not in (f"0x{code:02X}", "TimeDifference" if code == 0x0D else None):
+        yield f"format {case.args.get('format')!r} is 0x{code:02X}"
+
+
+@auditor("DS318")
+def _words(case: Case) -> Iterator[str]:
+    found, problems = _told(case)
+    yield from problems
+    blocks = [each for each in found.blocks if each.failed] if found else []
+    here = [each for each in blocks if each.offset <= case.at_offset() < each.offset + 2]
+    if not here or here[0].count in (1, 2):
+        yield "no error block with other than 1 or 2 words is at this offset"
+    else:
+        yield from case.wrong("count", here[0].count)
+
+
+@auditor("DS319")
+def _response_id(case: Case) -> Iterator[str]:
+    known = (1, 2, 0x80, 0x81, 0x82, 0x40, 0xC0, 0x41, 0xC1, 0x42, 0xC2, 0x51, 0xD1, 0x52, 0xD2)
+    yield from _byte(case, 1, "id", lambda value: value not in known)
+
+
+# Conversations
+
+
+@auditor("DS401", "DS402")
+def _unanswered(case: Case) -> Iterator[str]:
+    deal = case.deal
+    if deal is None or deal.asked is None:
+        yield "belongs to no request"
+        return
+    if deal.asked.changes is not (case.finding.rule == "DS402"):
+        yield "the operation is another one"
+    if deal.write != case.frame:
+        yield f"the request is in frame {deal.write}"
+    if deal.answer is not None or deal.read is not None:
+        yield f"the response is in frame {deal.read}"
+    yield from _reason(case, deal)
+    yield from case.wrong("dropped", _dropped(case.reading))
+
+
+def _reason(case: Case, deal: Deal) -> Iterator[str]:
+    """Why it stayed without: the Release of its AR, ten minutes of silence, or the end of the capture."""
+    told, capture = case.args.get("reason"), case.reading.capture
+    released = case.reading.releases(deal)
+    later = [
+        each.asked for each in case.reading.on_channel.get(deal.channel, [])
+        if each.asked > max(deal.all_frames)
+        and (each.status in (None, 0) if each.write else bool(each.data))
+    ]  # fmt: skip
+    end = capture.frames[-1].time_ns if capture.frames else 0
+    silent = end - (case.reading.time(max(deal.all_frames)) or 0) > 600 * 10**9
+    if told == "release" and not released:
+        yield "its AR was not released"
+    elif told == "end" and released:
+        yield f"its AR was released in frame {released[0]}"
+    elif told == "end" and later:
+        yield f"the channel goes on in frame {later[0]}"
+    elif told == "expired" and not silent and not later:
+        yield "no ten minutes passed"
+    elif told not in (None, "release", "end", "expired", "dropped"):
+        yield f"reason {told!r} is none"
+    elif told is None and not later:
+        yield "gives no reason"
+
+
+def _dropped(reading: Reading) -> bool:
+    """Whether the capture says that frames were dropped: told by the report itself, on another line."""
+    return "machine dropped" in reading.text or any(
+        each.rule == "DS725" and each.args.get("what") == "dropped" for each in reading.findings
+    )
+
+
+@auditor("DS403")
+def _orphan(case: Case) -> Iterator[str]:
+    deal = case.deal
+    if deal is None or deal.answer is None or deal.read != case.frame:
+        yield "no response of a transaction is in this frame"
+        return
+    if deal.asked is not None:
+        yield f"the request is in frame {deal.write}"
+    for other in case.reading.deals:
+        same = other.answer is not None and other.answer.data == deal.answer.data
+        near = other.device == deal.device and (other.slot, other.index) == (deal.slot, deal.index)
+        if same and near and other.asked is not None and (other.read or 10**9) < case.frame:
+            yield f"the same response was read in frame {other.read}, the request is in {other.write}"
+            break
+    yield from case.wrong("dropped", _dropped(case.reading))
+
+
+@auditor("DS404", "DS405", "DS406", "DS407")
+def _mirror(case: Case) -> Iterator[str]:
+    deal = case.deal
+    if deal is None or deal.asked is None or deal.answer is None or deal.read != case.frame:
+        yield "no response to a request is in this frame"
+        return
+    names = {"DS404": "reference", "DS405": "id", "DS406": "axis", "DS407": "count"}
+    name = names[case.finding.rule]
+    sent, got = getattr(deal.asked, name), getattr(deal.answer, name)
+    yield from case.wrong("sent", sent)
+    yield from case.wrong("got", got)
+    fits = got in (sent, sent | 0x80, 0x80) if name == "id" and sent is not None else sent == got
+    if fits:
+        yield "they fit"
+
+
+@auditor("DS408", "DS409")
+def _values(case: Case) -> Iterator[str]:
+    deal = case.deal
+    for address, block in deal.pairs() if deal and deal.read == case.frame else ():
+        if block.offset != case.at_offset():
+            continue
+        yield from case.wrong("pnu", address.pnu)
+        yield from case.wrong("asked", max(1, address.elements))
+        yield from case.wrong("got", block.count)
+        if (block.count < max(1, address.elements)) is not (case.finding.rule == "DS408"):
+            yield "it is the other way round"
+        if block.count == max(1, address.elements):
+            yield "they are equal"
+        return
+    yield "no block of an answer is at this offset"
+
+
+@auditor("DS410")
+def _error(case: Case) -> Iterator[str]:
+    deal = case.deal
+    if deal is None or deal.answer is None or deal.read != case.frame:
+        yield "no response is in this frame"
+        return
+    for number, block in enumerate(deal.answer.blocks):
+        if block.offset != case.at_offset() or not block.failed:
+            continue
+        fits = deal.asked is not None and deal.fits and number < len(deal.asked.addresses)
+        address = deal.asked.addresses[number] if fits and deal.asked else None
+        yield from case.wrong("pnu", address.pnu if address else None)
+        yield from case.wrong("subindex", address.subindex if address else None)
+        yield from case.wrong("code", block.code)
+        yield from case.wrong("info", block.info)
+        yield from vendor(case)
+        return
+    yield "no error block is at this offset"
+
+
+def vendor(case: Case) -> Iterator[str]:
+    """The vendor of the device that was asked; None where the capture does not name it."""
+    device = case.deal.device if case.deal else None
+    known = case.reading.vendors.get(device) if device else None
+    if case.args.get("vendor_id") not in (known, *((None,) if not known else ())):
+        yield f"vendor_id {case.args.get('vendor_id')!r} is {known!r}"
+    elif "vendor_id" in case.args and known and case.args["vendor_id"] is None:
+        yield f"vendor_id is {known!r}"
+
+
+@auditor("DS411", "DS412")
+def _sign(case: Case) -> Iterator[str]:
+    deal = case.deal
+    answer = deal.answer if deal and deal.read == case.frame else None
+    if answer is None or answer.id is None:
+        yield "no response is in this frame"
+        return
+    inside = any(block.failed for block in answer.blocks)
+    positive = case.finding.rule == "DS411"
+    if bool(answer.id & 0x80) is positive or inside is not positive:
+        yield f"the response ID is 0x{answer.id:02X}, errors inside: {inside}"
+
+
+@auditor("DS413", "DS414")
+def _superseded(case: Case) -> Iterator[str]:
+    request, by = case.args.get("request"), case.args.get("by")
+    deals = [each for each in case.reading.deals if each.write == request]
+    deals = [each for each in deals if case.deal is None or each.id == case.deal.id] or deals
+    if not deals or deals[0].asked is None:
+        yield f"no request is in frame {request}"
+        return
+    deal = deals[0]
+    if deal.asked is not None and deal.asked.changes is not (case.finding.rule == "DS414"):
+        yield "the operation is another one"
+    if deal.answer is not None:
+        yield f"its response was fetched in frame {deal.read}"
+    later = [
+        each.asked for each in case.reading.capture.records
+        if each.write and not each.nested and each.asked == by
+        and case.reading.same_place(deal, each) and not each.status
+    ]  # fmt: skip
+    if by is None or not later or by < (request or 0):
+        yield f"no request that was accepted on its channel is in frame {by}"
+    if by != case.frame:
+        yield f"stands on frame {case.frame}, the new request is in {by}"
+    between = [
+        each.asked for each in case.reading.capture.records
+        if each.write and each.status == 0 and case.reading.same_place(deal, each)
+        and (request or 0) < each.asked < (by or 0)
+    ]  # fmt: skip
+    if between:
+        yield f"the new request that followed is in frame {between[0]}"
+    brought = [
+        each.answered for each in case.reading.capture.records
+        if not each.write and each.data and case.reading.same_place(deal, each)
+        and (request or 0) < (each.answered or 0) < (by or 0)
+    ]  # fmt: skip
+    if brought:
+        yield f"a response was fetched in frame {brought[0]}"
+
+
+@auditor("DS415")
+def _reference(case: Case) -> Iterator[str]:
+    deal = case.deal
+    if deal is None or deal.asked is None or deal.write != case.frame:
+        yield "no request is in this frame"
+        return
+    yield from case.wrong("reference", deal.asked.reference)
+    before = [
+        each for each in case.reading.deals
+        if each.channel == deal.channel and each.asked and (each.write or 0) < case.frame
+    ]  # fmt: skip
+    here = "channel" in case.finding.message or "frame" in case.args or "first" in case.args
+    if not here:  # then the request before means the one before, on whatever channel
+        before = [
+            each for each in case.reading.deals
+            if (each.controller, each.device) == (deal.controller, deal.device)
+            and each.asked and (each.write or 0) < case.frame
+        ]  # fmt: skip
+    previous = max(before, key=lambda each: each.write or 0, default=None)
+    if previous is None or previous.asked is None:
+        yield "there is no request before"
+        return
+    if previous.asked.reference != deal.asked.reference:
+        yield f"the request before (frame {previous.write}) has {previous.asked.reference}"
+    for name in ("frame", "first", "before", "previous"):
+        if name in case.args:
+            yield from case.wrong(name, previous.write)
+
+
+@auditor("DS416")
+def _slow(case: Case) -> Iterator[str]:
+    deal, time = case.deal, case.reading.time
+    if deal is None or deal.read != case.frame:
+        yield "no response is in this frame"
+        return
+    asked, accepted, read = time(deal.write), time(deal.frames["write_response"]), time(deal.read)
+    poll = (
+        deal.polls[0] if deal.polls else {"request": deal.frames["read_request"], "response": None}
+    )
+    first = time(poll["request"] or poll["response"])
+    if asked is None or read is None:
+        yield "has no request"
+        return
+    pause = max(0, first - accepted) if first is not None and accepted is not None else 0
+    truth, told = (read - asked - pause) / 1e6, case.args.get("milliseconds")
+    lost = poll["request"] is None or accepted is None  # then only a least time is known
+    if not lost or not isinstance(told, float) or not truth <= told <= (read - asked) / 1e6:
+        yield from _ms(case, "milliseconds", truth)
+    yield from case.wrong("limit", 1000)
+    if read - asked <= 10**9:
+        yield "that is not above the limit"
+
+
+@auditor("DS417")
+def _read_back(case: Case) -> Iterator[str]:
+    deal, pnu, subindex = case.deal, case.args.get("pnu"), case.args.get("subindex")
+    if deal is None or deal.read != case.frame or pnu is None or subindex is None:
+        yield "no parameter was read in this frame"
+        return
+    got = [
+        (bits, block)
+        for address, block in deal.pairs()
+        for element, bits in elements(address, block)
+        if (address.pnu, element) == (pnu, subindex) and case.finding.offset in (None, block.offset)
+    ]
+    if not got or deal.operation != "read":
+        yield f"p{pnu}[{subindex}] was not read here"
+        return
+    bits, block = got[0]
+    if not means(case.args.get("read"), bits, block.format):
+        yield f"read {case.args.get('read')!r} is {bits.hex()} under format 0x{block.format:02X}"
+    last = case.memory.last(deal, pnu, subindex)
+    values = {each.bits for each in last}
+    if not last:
+        yield f"nobody wrote p{pnu}[{subindex}] of this drive object for certain"
+    elif None in values:
+        unknown = next(each.start for each in last if each.bits is None)
+        yield f"the value is not known since frame {unknown}"
+    elif len(values) > 1:
+        yield f"written last may be {sorted(each.hex() for each in values if each)}"
+    else:
+        yield from _written(case, last[-1].bits or b"", bits, last[-1].start)
+
+
+def _written(case: Case, written: bytes, bits: bytes, frame: int) -> Iterator[str]:
+    """What was written last against what was read, as bits."""
+    if len(written) != len(bits):
+        yield f"{len(written)} bytes were written, {len(bits)} read"
+    elif written == bits:
+        yield "the bits are equal"
+    if not any(means(case.args.get("written"), written, code) for code in message.LETTERS):
+        yield f"written {case.args.get('written')!r} is {written.hex()} (frame {frame})"
+    for name in ("frame", "by", "wrote", "write"):
+        if name in case.args:
+            yield from case.wrong(name, frame)
+
+
+def means(told: object, bits: bytes, code: int) -> bool:
+    """Whether a value of the report is these bits under a format."""
+    letter = message.LETTERS.get(code)
+    if letter is None:
+        return told in (bits.hex(), int.from_bytes(bits), bits.decode("latin-1"))
+    if struct.calcsize(letter) != len(bits):
+        return False
+    (value,) = struct.unpack(">" + letter, bits)
+    if letter in "fd":
+        try:
+            given = float(told)  # type: ignore[arg-type]
+            return struct.pack(">" + letter, given) == bits or (given != given and value != value)
+        except (TypeError, ValueError, OverflowError):
+            return False
+    return told in (value, str(value))
+
+
+@auditor("DS418")
+def _not_supported(case: Case) -> Iterator[str]:
+    deal = case.deal
+    if deal is None or deal.asked is None or deal.answer is None or deal.read != case.frame:
+        yield "no response to a request is in this frame"
+        return
+    yield from case.wrong("id", deal.asked.id)
+    if deal.answer.id != 0x80:
+        yield f"the response ID is 0x{deal.answer.id or 0:02X}"

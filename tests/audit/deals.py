@@ -1,0 +1,221 @@
+"""Whether the transactions of a report are what the frames show: bytes, frames, statuses, states, values, sums."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+from tests.audit import message, wire
+from tests.audit.claims import means
+from tests.audit.reading import NOT_READY, Complaint, Deal, Reading, instant
+
+ALWAYS = (0xB02E, 0xB02F)
+OK = (None, 0)
+
+
+def check(reading: Reading) -> Iterator[Complaint]:
+    """All complaints about the transactions of one capture."""
+    for deal in reading.deals:
+        for text in [*_bytes(deal, reading), *_state(deal, reading), *_times(deal, reading)]:
+            yield Complaint("transaction", f"#{deal.id}", text)
+        for text in _values(deal):
+            yield Complaint("transaction", f"#{deal.id}", text)
+    for text in _all_of_them(reading):
+        yield Complaint("transaction", "", text)
+    for text in _summary(reading):
+        yield Complaint("summary", "", text)
+
+
+def _bytes(deal: Deal, reading: Reading) -> Iterator[str]:
+    if deal.write is not None:
+        yield from _asked(deal, deal.write, reading)
+    if deal.read is not None:
+        yield from _answered(deal, deal.read, reading)
+    for pair in deal.polls:
+        answers = reading.answered_at.get(pair["response"] or 0, [])
+        if not any(each.status == NOT_READY for each in answers) and answers:
+            yield f"frame {pair['response']} is no poll"
+    for pair in deal.rereads:
+        answers = reading.answered_at.get(pair["response"] or 0, [])
+        if deal.answer is None or not any(each.data == deal.answer.data for each in answers):
+            yield f"frame {pair['response']} does not bring the response once more"
+
+
+def _asked(deal: Deal, number: int, reading: Reading) -> Iterator[str]:
+    asked = [each for each in reading.asked_at.get(number, []) if each.write]
+    own = [each for each in asked if reading.same_place(deal, each)]
+    frame = reading.capture.frame(number)
+    if not own and frame is not None and frame.cut:
+        return
+    if not own:
+        yield f"no Write on its channel is in frame {number}"
+    elif deal.asked and not any(each.data == deal.asked.data for each in own):
+        yield f"request {deal.asked.data.hex()} is {own[0].data.hex()}"
+    else:
+        yield from _write_answer(deal, own)
+
+
+def _answered(deal: Deal, number: int, reading: Reading) -> Iterator[str]:
+    reads = [each for each in reading.answered_at.get(number, []) if not each.write]
+    reads = [each for each in reads if reading.same_place(deal, each) or each.implicit]
+    if not reads and number in reading.stray_at and deal.frames["read_request"] is None:
+        return
+    if not reads:
+        yield f"no Read on its channel is answered in frame {number}"
+        return
+    data = deal.answer.data if deal.answer else b""
+    if not any(each.data == data for each in reads):
+        yield f"response {data.hex()} is {reads[0].data.hex()}"
+    if not any(each.status == deal.read_status for each in reads):
+        yield f"read status {deal.read_status} is {reads[0].status}"
+    if deal.frames["read_request"] not in [each.asked or None for each in reads]:
+        yield f"the Read request is in frame {reads[0].asked}"
+
+
+def _write_answer(deal: Deal, own: list[wire.Record]) -> Iterator[str]:
+    frames, told = [each.answered for each in own], deal.frames["write_response"]
+    if told not in frames:
+        yield f"the Write response is in frame {frames[0]}, not in {told}"
+    if told is not None and deal.write_status not in [each.status for each in own]:
+        yield f"write status {deal.write_status} is {own[0].status}"
+
+
+def state(deal: Deal, reading: Reading) -> tuple[str, ...]:
+    """The states that are true of a transaction."""
+    asked, answer = deal.asked, deal.answer
+    if deal.write is None:
+        return ("orphan",)
+    answered = reading.by_frame.get(deal.frames["write_response"] or 0, [])
+    fault = any(each.kind in (wire.FAULT, wire.REJECT) for each in answered)
+    if deal.write_status or (deal.read_status not in OK) or fault:
+        return ("refused",)
+    if answer is None or asked is None:
+        return ("superseded",) if _displaced(deal, reading) else ("unanswered",)
+    if not deal.fits:
+        return ("mismatch",)
+    failed = [block.failed for block in answer.blocks]
+    count = max(len(asked.addresses), 1)
+    if answer.id == 0x80 or (failed and all(failed) and len(failed) >= count):
+        return ("error",)
+    if any(failed) or (len(answer.blocks) < len(asked.addresses) and not asked.changes):
+        return ("partial", "error", "mismatch", "ok") if answer.unknown else ("partial", "error")
+    if (answer.id or 0) & 0x80 or answer.missing:
+        frame = reading.capture.frame(deal.read or 0)
+        return (
+            ("partial", "error", "mismatch")
+            if frame and not frame.cut
+            else ("ok", "partial", "error")
+        )
+    return ("ok",)
+
+
+def _displaced(deal: Deal, reading: Reading) -> bool:
+    """Whether a later Write was accepted; one without a response is, when a Read brings its record."""
+    if deal.write_status is None and not deal.polls:
+        return False  # nobody knows that it was accepted
+    end = min((frame for frame in reading.releases(deal)), default=10**9)
+    return any(
+        each.write and not each.nested and (deal.write or 0) < each.asked < end
+        and (each.status == 0 or (not each.status and each.asked in reading.asked_and_answered))
+        for each in reading.on_channel.get(deal.channel, [])
+    )  # fmt: skip
+
+
+def _state(deal: Deal, reading: Reading) -> Iterator[str]:
+    true = state(deal, reading)
+    if deal.state not in true:
+        yield f"state {deal.state} is {' or '.join(true)}"
+    words = {1: "read", 2: "change"}
+    found = deal.asked.id if deal.asked else None
+    if found in words and deal.operation != words[found]:
+        yield f"operation {deal.operation} is {words[found]}"
+
+
+def _times(deal: Deal, reading: Reading) -> Iterator[str]:
+    early = [frame for frame in deal.all_frames if frame < (deal.write or 0)]
+    if early:
+        yield f"frame {early[0]} is one of its frames, and the request came in frame {deal.write}"
+        return
+    begin, end = reading.time(deal.write), reading.time(deal.read)
+    got = deal.answer is not None and begin is not None and end is not None
+    truth = (end - begin) / 1e6 if got and end is not None and begin is not None else None
+    told = deal.duration_ms
+    if (told is None) is not (truth is None) or (
+        told is not None and truth is not None and abs(told - truth) > 1e-6
+    ):
+        yield f"duration {told} ms is {truth}"
+    first = min(
+        (reading.time(frame) or 0 for frame in deal.all_frames[:1]), default=None
+    )  # fmt: skip
+    if first is not None and instant(deal.plain["start"]) != first:
+        yield f"start {deal.plain['start']} is not the time of frame {deal.all_frames[0]}"
+
+
+def _values(deal: Deal) -> Iterator[str]:
+    asked, answer = deal.asked, deal.answer
+    if asked is None or deal.state in ("mismatch", "orphan", "refused"):
+        return
+    blocks = asked.blocks if asked.changes else answer.blocks if answer else []
+    for number, told in enumerate(deal.parameters):
+        if number >= len(asked.addresses):
+            yield f"parameter {number} was not asked for"
+            continue
+        address = asked.addresses[number]
+        truth: dict[str, Any] = {"pnu": address.pnu, "subindex": address.subindex}
+        truth["element_count"] = address.elements
+        for name, value in truth.items():
+            if told[name] != value:
+                yield f"{name} {told[name]} of parameter {number} is {value}"
+        failed = answer.blocks[number] if answer and number < len(answer.blocks) else None
+        yield from _error(number, told["error"], failed)
+        if number < len(blocks) and not blocks[number].failed:
+            yield from _block(number, told, blocks[number])
+
+
+def _error(number: int, told: dict[str, Any] | None, block: message.Block | None) -> Iterator[str]:
+    failed = block is not None and block.failed
+    if failed is not (told is not None):
+        yield f"error of parameter {number} is {block.words if block else None}"
+    elif (
+        told is not None
+        and block is not None
+        and (told["code"], told["info"]) != (block.code, block.info)
+    ):
+        yield f"error {told['code']}, {told['info']} of parameter {number} is {block.words}"
+
+
+def _block(number: int, told: dict[str, Any], block: message.Block) -> Iterator[str]:
+    code = message.NAMES.get(told["format"] or "")
+    if code not in (None, block.format, block.format + 0x50):
+        yield f"format {told['format']} of parameter {number} is 0x{block.format:02X}"
+    if told["value_count"] not in (None, block.count) and block.raw:
+        yield f"{told['value_count']} values of parameter {number} are {block.count}"
+    if block.format not in message.LETTERS or len(block.elements()) != len(told["values"]):
+        return
+    for value, bits in zip(told["values"], block.elements(), strict=True):
+        if not means(value, bits, block.format):
+            yield f"value {value} of parameter {number} is {bits.hex()}"
+
+
+def _all_of_them(reading: Reading) -> Iterator[str]:
+    """Each Write on an index that always is the parameter channel is one transaction."""
+    told = Counter(each.write for each in reading.deals if each.index in ALWAYS)
+    true = Counter(
+        each.asked for each in reading.capture.records
+        if each.write and each.index in ALWAYS and not each.nested and each.asked
+    )  # fmt: skip
+    for frame, count in true.items():
+        if told[frame] != count:
+            yield f"{count} Writes of frame {frame} are {told[frame]} transactions"
+
+
+def _summary(reading: Reading) -> Iterator[str]:
+    told, true = reading.plain["summary"], Counter(each.state for each in reading.deals)
+    true += Counter(each.operation for each in reading.deals)
+    true["transactions"] = len(reading.deals)
+    for key in {*told, *true} - {"transactions"} | ({"transactions"} & {*told}):
+        if told.get(key, 0) != true[key]:
+            yield f"{told.get(key, 0)} {key} are {true[key]}"
+    if reading.plain["frames"] != len(reading.capture.frames):
+        yield f"{reading.plain['frames']} frames are {len(reading.capture.frames)}"

@@ -1,0 +1,142 @@
+"""The HTML page against the transactions: tiles, drives, problems with their filters, the rows of its data."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import re
+from collections.abc import Callable, Iterator
+from html import unescape
+from typing import Any
+
+from tests.audit.page import Headline, answered_wrongly, headline, near, rank
+from tests.audit.reading import Complaint, Deal, Reading
+
+_DATA = re.compile(
+    r'<script type="application/(json|gzip)" id="(data-\d+)">(.*?)</script>', re.DOTALL
+)  # fmt: skip
+_TILE = re.compile(r"<dt>(.*?)</dt><dd>(.*?)</dd>", re.DOTALL)
+_ROW = re.compile(r"<tr>(.*?)</tr>", re.DOTALL)
+_CELL = re.compile(r"<t[hd][^>]*>(.*?)</t[hd]>", re.DOTALL)
+_PROBLEM = re.compile(r'<li class="(?:error|warning|note)">(.*?)</li>', re.DOTALL)
+STATES = {
+    "refused": ("refused",), "failed": ("error", "partial", "mismatch"),
+    "no answer|no response|unanswered|response not fetched": ("unanswered", "superseded"),
+}  # fmt: skip
+"""Labels of counts -> the states that they count."""
+
+
+def check(reading: Reading) -> Iterator[Complaint]:
+    """All complaints about the page of one capture."""
+    if not reading.page:
+        return
+    text = re.sub(r'<span lang="zh">.*?</span>', "", reading.page, flags=re.DOTALL)
+    body = re.sub(r"<(script|style).*?</\1>", "", text, flags=re.DOTALL)
+    for name, told in [
+        *(("tile", each) for each in _tiles(body, reading)),
+        *(("drives of the page", each) for each in _drives(body, reading)),
+        *(("data of the page", each) for each in _data(reading)),
+    ]:  # fmt: skip
+        yield Complaint(name, "", told)
+    for told in _PROBLEM.findall(body):
+        item = _problem(told)
+        for problem in headline(item, reading) if item else ():
+            yield Complaint("headline", f"page, {item.rule}" if item else "", problem)
+
+
+def _plain(text: str) -> str:
+    return " ".join(unescape(re.sub(r"<[^>]+>", "", text)).split())
+
+
+def _count(label: str, told: str, deals: list[Deal]) -> Iterator[str]:
+    """Whether a number under a label is that of the transactions."""
+    known = [each.duration_ms for each in deals if each.duration_ms is not None]
+    times = sorted(each for each in known if each >= 0)
+    tests: list[tuple[str, Callable[[], object]]] = [
+        (r"drives?", lambda: len({each.device for each in deals})),
+        (r"read( jobs?| transactions?)?", lambda: sum(each.operation == "read" for each in deals)),
+        (r"changed?( jobs?| transactions?)?", lambda: sum(each.operation == "change" for each in deals)),
+        *((form, lambda states=states: sum(each.state in states for each in deals))  # type: ignore[misc]
+          for form, states in STATES.items()),
+    ]  # fmt: skip
+    for form, truth in tests:
+        counts = re.fullmatch(form, label.lower()) and re.fullmatch(r"[\d,]+", told)
+        if counts and int(told.replace(",", "")) != truth():
+            yield f"{label} {told} is {truth()}"
+    middle = {"typical time": rank(times, 50), "slowest": times[-1] if times else None}
+    if label.lower() in middle and re.match(r"\d", told) and not near(told, middle[label.lower()]):
+        yield f"{label} {told} is {middle[label.lower()]} ms"
+
+
+def _tiles(body: str, reading: Reading) -> Iterator[str]:
+    block = re.search(r'<dl class="tiles">(.*?)</dl>', body, re.DOTALL)
+    for label, told in _TILE.findall(block[1]) if block else ():
+        yield from _count(_plain(label), _plain(told), reading.deals)
+
+
+def _drives(body: str, reading: Reading) -> Iterator[str]:
+    start = body.find('<table class="plain stack">')
+    if start < 0:
+        return
+    rows = [
+        [_plain(cell) for cell in _CELL.findall(row)]
+        for row in _ROW.findall(body[start : body.find("</table>", start)])
+    ]  # fmt: skip
+    if not rows or not rows[0] or rows[0][0] != "IP address":
+        return
+    missing = answered_wrongly(reading)
+    for row in rows[1:]:
+        deals = [each for each in reading.deals if each.device == row[0]]
+        for label, told in zip(rows[0], row, strict=False):
+            for text in _count(label, told, deals):
+                yield f"{row[0]}: {text}"
+            if label == "Drive objects":
+                for axis in {int(each) for each in re.findall(r"\d+", told)} & missing:
+                    yield f"{row[0]}: lists DO {axis}, which does not exist"
+
+
+def _problem(text: str) -> Headline | None:
+    rule = re.search(r">(DS7\d\d)<", text)
+    what = re.search(r'<p class="what">(.*?)<a class="rule"', text, re.DOTALL)
+    code = re.search(r'<code class="copyable">(frame\.number.*?)</code>', text, re.DOTALL)
+    if rule is None or what is None or code is None:
+        return None
+    times = re.search(r'class="dim times">.*?([\d,]+) times', text, re.DOTALL)
+    job = re.search(r'href="#job-\d+-(\d+)"', text)
+    words = _plain(re.sub(r'<span class="badge.*?</span></span>', "", what[1], flags=re.DOTALL))
+    item = Headline(rule[1], "", words)
+    item.times = int(times[1].replace(",", "")) if times else 1
+    item.filters = [_plain(code[1])]
+    item.job = int(job[1]) if job else None
+    return item
+
+
+def _data(reading: Reading) -> Iterator[str]:
+    for kind, _name, text in _DATA.findall(reading.page):
+        data = gzip.decompress(base64.b64decode(text)).decode() if kind == "gzip" else text
+        yield from _rows(json.loads(data), reading)
+
+
+def _rows(data: dict[str, Any], reading: Reading) -> Iterator[str]:
+    place = {name: number for number, name in enumerate(data["row"])}
+    if len(data["rows"]) != len(reading.deals):
+        yield f"{len(data['rows'])} rows are {len(reading.deals)}"
+    for row in data["rows"]:
+        deal = reading.by_id.get(row[place["id"]])
+        if deal is None:
+            yield f"#{row[place['id']]} is no transaction"
+            continue
+        true = {
+            "operation": data["operations"].index(deal.operation),
+            "state": data["states"].index(deal.state),
+            "controller": data["controllers"].index(deal.controller),
+            "device": [each[0] for each in data["devices"]].index(deal.device),
+            "channel": data["channels"].index([deal.ar, deal.api, deal.slot, deal.subslot, deal.index]),
+            "axis": deal.plain["axis"],
+            "request": deal.plain["bytes"]["request"], "response": deal.plain["bytes"]["response"],
+            **{name: deal.frames[name] for name in ("write_request", "read_response")},
+        }  # fmt: skip
+        for name, value in true.items():
+            if row[place[name]] != value:
+                yield f"#{deal.id}: {name} {row[place[name]]} is {value}"

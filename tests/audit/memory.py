@@ -1,0 +1,187 @@
+"""Which parameter is meant, under every mapping of submodules to drive objects; and what was written to it last.
+
+Index 47 and 0xB02F reach the drive object of the axis byte, 0xB02E that of its submodule. Which submodule is which
+drive object is known only where PNU 975[7] was read through it. Axis 0 may be any drive object, and so may every
+axis of a device that never said that an axis does not exist (0x19).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+
+from tests.audit import wire
+from tests.audit.message import VALUE, Address, Block
+from tests.audit.reading import Deal, Reading
+
+LOCAL = 0xB02E
+DO_ID = (975, 7)
+NO_SUCH_AXIS = 0x19
+RECOMPUTE = frozenset((10, 15, 340, 809, 819, 970, 976, 3900))
+"""Parameters whose change changes others."""
+SURE, MAYBE, NEVER = "sure", "maybe", "never"
+
+
+@dataclass(frozen=True)
+class Target:
+    """A drive object as it is addressed: by its axis, or by its submodule (then `axis` is what was proven)."""
+
+    device: str
+    axis: int | None
+    submodule: tuple[int, int] | None
+
+
+@dataclass
+class Event:
+    """Something that may have set a parameter: a change of one element, or of all (`pnu` None).
+
+    `bits` is None where the value is not known afterwards. It happened between the frames `start` and `end`.
+    """
+
+    target: Target | None
+    pnu: int | None
+    element: int | None
+    bits: bytes | None
+    start: int
+    end: int
+    device: str
+
+
+class Memory:
+    """The parameters of one capture: who may be who, and what may have been written."""
+
+    def __init__(self, reading: Reading) -> None:
+        self._reading = reading
+        self.heeding = self._devices_that_refuse_axes()
+        self.proven = self._proven()
+        self.events = sorted(self._all(), key=lambda each: each.start)
+        self._sameness = cache(self._same)
+
+    def _devices_that_refuse_axes(self) -> set[str]:
+        return {
+            deal.device for deal in self._reading.deals if deal.answer and deal.index != LOCAL
+            for block in deal.answer.blocks if block.code == NO_SUCH_AXIS
+        }  # fmt: skip
+
+    def _proven(self) -> dict[tuple[str, tuple[int, int]], int | None]:
+        """What a submodule says it is; None where it says two things."""
+        found: dict[tuple[str, tuple[int, int]], int | None] = {}
+        for deal in self._reading.deals:
+            if deal.index != LOCAL or deal.operation != "read":
+                continue
+            for address, block in deal.pairs():
+                for element, bits in elements(address, block):
+                    if (address.pnu, element) == DO_ID and len(bits) <= 4:
+                        key = deal.device, (deal.slot, deal.subslot)
+                        said = int.from_bytes(bits)
+                        found[key] = said if found.get(key, said) == said else None
+        return found
+
+    def target(self, deal: Deal) -> Target | None:
+        """The drive object of a transaction; None where its request has no axis."""
+        if deal.index == LOCAL:
+            place = (deal.slot, deal.subslot)
+            return Target(deal.device, self.proven.get((deal.device, place)), place)
+        return None if deal.asked is None else Target(deal.device, deal.asked.axis, None)
+
+    def same(self, one: Target | None, other: Target | None) -> str:
+        """Whether two are one drive object: sure, maybe or never."""
+        if one is None or other is None:
+            return MAYBE
+        return self._sameness(one, other)
+
+    def _same(self, one: Target, other: Target) -> str:
+        if one.device != other.device:
+            return NEVER
+        if one.submodule is not None and one.submodule == other.submodule:
+            return SURE
+        if one.axis is None or other.axis is None or not one.axis or not other.axis:
+            return SURE if one == other and one.submodule is None and one.axis == 0 else MAYBE
+        if one.axis == other.axis:
+            return SURE
+        both = one.submodule is not None and other.submodule is not None
+        return NEVER if both or one.device in self.heeding else MAYBE
+
+    # What was written
+
+    def _all(self) -> Iterator[Event]:
+        for deal in self._reading.deals:
+            yield from self._of(deal)
+        for call in self._reading.capture.calls:
+            if call.request.operation == wire.CONNECT:
+                device = call.request.target
+                yield Event(None, None, None, None, call.request.frame, call.request.frame, device)
+
+    def _of(self, deal: Deal) -> Iterator[Event]:
+        asked, answer = deal.asked, deal.answer
+        if asked is None:
+            if answer is not None and answer.id in (0x02, 0x82, 0x42, 0xC2):
+                # somebody changed something that this capture does not show
+                frame = deal.read or 0
+                yield Event(None, None, None, None, 0, frame, deal.device)
+            return
+        if not asked.changes or deal.write is None or deal.write_status:
+            return
+        target, known = self.target(deal), deal.fits and not deal.read_status
+        end = deal.read if known and deal.read is not None else deal.write
+        for number, address in enumerate(asked.addresses):
+            value = asked.blocks[number] if number < len(asked.blocks) else None
+            outcome = _outcome(deal, number) if known else None
+            if outcome is False:
+                continue
+            if address.pnu in RECOMPUTE:
+                yield Event(None, None, None, None, deal.write, end, deal.device)
+            if value is None or address.attribute != VALUE:
+                continue
+            written = list(elements(address, value))
+            for element, bits in written:
+                kept = bits if outcome else None
+                yield Event(target, address.pnu, element, kept, deal.write, end, deal.device)
+            for element in range(address.subindex, address.subindex + max(1, address.elements)):
+                if element not in dict(written):
+                    yield Event(target, address.pnu, element, None, deal.write, end, deal.device)
+
+    def last(self, deal: Deal, pnu: int, element: int) -> list[Event]:
+        """The events any of which may be the last one before the read; empty where none is sure."""
+        target, begin, until = self.target(deal), deal.write or 0, deal.read or 0
+        may: list[tuple[Event, str]] = []
+        for each in self.events:
+            if each.start >= until or each.device != deal.device:
+                continue
+            if each.pnu is not None and (each.pnu, each.element) != (pnu, element):
+                continue
+            same = MAYBE if each.pnu is None else self.same(each.target, target)
+            if same != NEVER:
+                may.append((each, same))
+        sure = [
+            each for each, same in may
+            if same == SURE and each.bits is not None and each.end < begin
+        ]  # fmt: skip
+        if not sure:
+            return []
+        border = max(each.start for each in sure)
+        return [each for each, _ in may if each.end >= border]
+
+
+def _outcome(deal: Deal, number: int) -> bool | None:
+    """Whether a parameter was changed; None where the response does not tell."""
+    answer, asked = deal.answer, deal.asked
+    assert answer is not None
+    assert asked is not None
+    if answer.id == 0x80:
+        return False
+    if number < len(answer.blocks):
+        return not answer.blocks[number].failed
+    if answer.id == asked.id and not answer.blocks and answer.sound:
+        return True
+    return None
+
+
+def elements(address: Address, block: Block) -> Iterator[tuple[int, bytes]]:
+    """Subindex and bytes of each element of a block that is whole; a text is none of numbers."""
+    if address.attribute != VALUE or block.failed or not block.size or not block.count:
+        return
+    if len(block.raw) == block.size * block.count:
+        for number, bits in enumerate(block.elements()):
+            yield address.subindex + number, bits

@@ -1,0 +1,513 @@
+"""The text report against the transactions: verdict, sums, drives, headlines with their filters, lines, PLC."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from tests.audit.reading import Complaint, Deal, Finding, Reading, shown
+from tests.audit.words import renderings
+
+TITLES = (
+    "Drives", "Other devices", "What to do", "What this capture cannot show", "Transactions", "Findings",
+    "Summary",
+)  # fmt: skip
+COUNTED = {
+    r"drives?": "drives", r"(jobs?|transactions?)": "all", r"refused": "refused",
+    r"(failed|error|errors|with an error)": "error",
+    r"(failed in part|partial|partly|in part|refused in part)": "partial",
+    r"(answered wrongly|mismatch(es)?|do(es)? not fit.*)": "mismatch",
+    r"(without an answer|unanswered|without a response|no response)": "unanswered",
+    r"(overtaken|superseded)": "superseded",
+    r"((answers?|responses?) without (its|their|a) request|orphans?)": "orphan",
+    r"captures? not read to (its|their) end": "unread",
+}  # fmt: skip
+"""Words of a count -> the state that is counted."""
+TOLD = ("refused", "error", "partial", "mismatch", "unanswered", "superseded", "orphan")
+_HEAD = re.compile(r"^(DS\d{3}) (error|warning|note) ([a-z0-9-]+): (.*)$")
+_TIMES = re.compile(r" \(([\d,]+) times?\)$")
+_LOOK = re.compile(r"^look at frame (\d+)(?:.*?)(?: \(#(\d+)\))?: (frame\.number.*)$")
+_MORE = re.compile(r"^(.*?)\s+\(and (\d+) frames? more\)$")
+_PNU = re.compile(r"\bp(\d+|\?)(?:\[(\d+)(?:\.\.(\d+))?\])?")
+
+
+def sections(text: str) -> dict[str, list[str]]:
+    """The lines below each title; those above the first one under ""."""
+    found: dict[str, list[str]] = {"": []}
+    title = ""
+    for line in text.splitlines():
+        if line in TITLES:
+            title = line
+            found[title] = []
+        elif line:
+            found[title].append(line)
+    return found
+
+
+def check(reading: Reading) -> Iterator[Complaint]:
+    """All complaints about the text report of one capture."""
+    if not reading.text:
+        return
+    parts = sections(reading.text)
+    for rule, text in [
+        *((("verdict"), each) for each in _verdict(parts[""], reading)),
+        *((("drives"), each) for each in _drives(parts.get("Drives", []), reading)),
+        *((("summary"), each) for each in _summary(parts.get("Summary", []), reading)),
+        *((("blind"), each) for each in _blind(parts.get("What this capture cannot show", []), reading)),
+    ]:  # fmt: skip
+        yield Complaint(rule, "", text)
+    for item in headlines(parts.get("What to do", [])):
+        if any(each.rule == item.rule and each.message.endswith(f"({item.times} times)")
+               for each in reading.findings):  # fmt: skip
+            item.times = 1  # a number of the sentence itself
+        for text in headline(item, reading):
+            yield Complaint("headline", item.rule, text)
+    yield from _lines(parts.get("Transactions", []), reading)
+    yield from _groups(parts.get("Findings", []), reading)
+
+
+# Counts
+
+
+def _counts(text: str) -> Iterator[tuple[str, int]]:
+    """`28 failed, 53 failed in part` as pairs of state and number; what is not known is itself."""
+    for part in text.split(", "):
+        found = re.fullmatch(r"(\d[\d,]*) (.*)", part.strip())
+        if found is None:
+            yield part.strip(), -1
+            continue
+        number, words = int(found[1].replace(",", "")), found[2]
+        name = next((name for form, name in COUNTED.items() if re.fullmatch(form, words)), words)
+        yield name, number
+
+
+def _tally(text: str, deals: list[Deal], drives: int | None) -> Iterator[str]:
+    states = Counter(each.state for each in deals)
+    true = {**states, "all": len(deals), "drives": drives}
+    told = dict(_counts(text))
+    for name, number in told.items():
+        if name in ("all done", "all answered", "all ok"):
+            bad = {state: count for state, count in states.items() if state != "ok"}
+            if bad:
+                yield f"{name!r}, but {bad}"
+        elif name in TOLD or name in ("all", "drives"):
+            if number != true.get(name, 0):
+                yield f"{number} {name} are {true.get(name, 0)}"
+        elif name != "unread":
+            yield f"counts {name!r}, which nobody knows"
+    for state in TOLD:
+        if states[state] and state not in told:
+            yield f"does not tell {states[state]} {state}"
+
+
+def _verdict(lines: list[str], reading: Reading) -> Iterator[str]:
+    line = next((each for each in lines if re.match(r"(NOT OK|LOOK AT IT|OK|NOTHING)", each)), "")
+    word, _, text = line.partition(": ")
+    states = {each.state for each in reading.deals}
+    severities = {each.severity for each in reading.findings}
+    bad = "error" in severities or states & {"refused", "error", "partial", "mismatch"}
+    look = "warning" in severities or states & {"unanswered", "superseded"}
+    look = look or not reading.plain["complete"]
+    true = "NOT OK" if bad else "LOOK AT IT" if look else "OK" if states else "NOTHING TO JUDGE"
+    if word != true:
+        yield f"{word!r} is {true!r}"
+    if reading.deals:
+        yield from _tally(text, reading.deals, len({each.device for each in reading.deals}))
+
+
+def _drives(lines: list[str], reading: Reading) -> Iterator[str]:
+    devices = {each.device for each in reading.deals}
+    for line in lines:
+        ip, *_, counts = re.split(r"\s{2,}", line.strip())
+        if ip not in devices and not line.strip().startswith("and "):
+            yield f"{ip} was asked nothing"
+            continue
+        deals = [each for each in reading.deals if each.device == ip]
+        for text in _tally(counts, deals, None):
+            yield f"{ip}: {text}"
+
+
+def _summary(lines: list[str], reading: Reading) -> Iterator[str]:
+    for line in lines:
+        text = line.strip()
+        if text.startswith("latency"):
+            yield from _latency(text, reading)
+            continue
+        head, _, counts = text.partition(": ")
+        number = re.match(r"(\d[\d,]*) (transaction|finding)", head)
+        if number is None:
+            continue
+        if number[2] == "transaction":
+            items = [each.state for each in reading.deals] + [
+                each.operation for each in reading.deals
+            ]
+            length = len(reading.deals)
+        else:
+            items = [each.severity for each in reading.findings]
+            length = len(reading.findings)
+        if int(number[1].replace(",", "")) != length:
+            yield f"{number[0]}: there are {length}"
+        told = {name: int(n) for n, name in re.findall(r"(\d+) ([a-z]+)", counts)}
+        if told != dict(Counter(items)):
+            yield f"{counts}: {dict(Counter(items))}"
+
+
+def _latency(text: str, reading: Reading) -> Iterator[str]:
+    times = sorted(
+        each.duration_ms for each in reading.deals
+        if each.duration_ms is not None and each.duration_ms >= 0
+    )  # fmt: skip
+    if "unknown" in text:
+        if times:
+            yield f"{text!r}, but there are {len(times)} times"
+        return
+    true = {"p50": rank(times, 50), "p95": rank(times, 95), "max": times[-1] if times else None}
+    for name, told in re.findall(r"(p50|p95|max) ([\d.,]+ (?:ms|s|min|us))", text):
+        if not near(told, true[name]):
+            yield f"{name} {told} is {true[name]} ms"
+
+
+def rank(times: list[float], percent: int) -> float | None:
+    """The nearest rank: the least time that so many percent of all are not above."""
+    for each in times:
+        if sum(1 for other in times if other <= each) * 100 >= percent * len(times):
+            return each
+    return None
+
+
+def near(told: str, ms: float | None) -> bool:
+    """Whether a time in words is a time in ms, as far as its digits go."""
+    found = re.fullmatch(r"(-?[\d.,]+) (ms|s|min|us|µs)", told.strip())
+    if found is None or ms is None:
+        return False
+    digits = found[1].replace(",", "")
+    unit = {"ms": 1.0, "s": 1000.0, "min": 60_000.0, "us": 0.001, "µs": 0.001}[found[2]]
+    decimals = len(digits.partition(".")[2])
+    return abs(float(digits) * unit - ms) <= 0.5001 * 10**-decimals * unit
+
+
+def _blind(lines: list[str], reading: Reading) -> Iterator[str]:
+    text = " ".join(each.strip() for each in lines)
+    unseen = sum(each.state in ("unanswered", "superseded") for each in reading.deals)
+    found = re.search(r"drive made of ([\d,]+)", text)
+    if int(found[1].replace(",", "") if found else 0) != unseen and lines:
+        yield f"{found[0] if found else 'nothing'}: {unseen} are open"
+    found = re.search(r"asked in (\d+) (?:jobs?|transactions?)", text)
+    orphans = [each for each in reading.deals if each.asked is None]
+    if int(found[1] if found else 0) != len(orphans) and lines:
+        yield f"{found[0] if found else 'nothing'}: {len(orphans)} have no request"
+    found = re.search(r"(\d+) other record calls?", text)
+    ours = {each.index for each in reading.deals}
+    others = sum(
+        1 for each in reading.capture.records if each.index not in ours and not each.nested
+    )  # fmt: skip
+    if found and int(found[1]) != others:
+        yield f"{found[0]}: there are {others}"
+    taken = any(
+        each.operation == "change" and each.state in ("ok", "partial", "unanswered", "superseded")
+        for each in reading.deals
+    )  # fmt: skip
+    if "still in force" in text and not taken:
+        yield "speaks of accepted changes: there is none"
+
+
+# What to do
+
+
+@dataclass
+class Headline:
+    """One entry of "What to do"."""
+
+    rule: str
+    severity: str
+    text: str
+    times: int = 1
+    filters: list[str] = field(default_factory=list)
+    frame: int | None = None
+    job: int | None = None
+    answering: list[int] = field(default_factory=list)
+    more: int = 0
+
+
+def headlines(lines: list[str]) -> list[Headline]:
+    """The entries of "What to do", lines put together again."""
+    found: list[Headline] = []
+    head = False
+    for line in lines:
+        text = line.strip()
+        start = _HEAD.match(text) if line.startswith("  DS") else None
+        if start:
+            found.append(Headline(start[1], start[2], start[4]))
+            head = True
+            continue
+        if not line.startswith("    ") or not found:
+            head = False
+            continue
+        item = found[-1]
+        look = _LOOK.match(text)
+        if head and not look and not re.match(r"->|send instead|these answer|look at", text):
+            item.text += " " + text
+            continue
+        head = False
+        if look:
+            item.frame, item.job = int(look[1]), int(look[2]) if look[2] else None
+            more = _MORE.match(look[3])
+            item.filters.append(more[1] if more else look[3])
+            item.more += int(more[2]) if more else 0
+        elif text.startswith("these answer"):
+            item.answering = [int(each) for each in re.findall(r"\d+", text)]
+    for item in found:
+        times = _TIMES.search(item.text)
+        if times:
+            item.times = int(times[1].replace(",", ""))
+            item.text = item.text[: times.start()]
+    return found
+
+
+def headline(item: Headline, reading: Reading) -> Iterator[str]:
+    try:
+        frames = set().union(*map(shown, item.filters))
+    except ValueError as problem:
+        yield str(problem)
+        return
+    if len(frames) + item.more != item.times and item.times > 1:
+        yield f"{item.times} times, the filter shows {len(frames)} frames: {item.text[:90]}"
+    if item.frame is not None and item.frame not in frames:
+        yield f"frame {item.frame} is not among those of its filter"
+    group = [each for each in reading.findings if each.rule == item.rule and _in(each, frames)]
+    if not group:
+        yield f"no finding {item.rule} is in the frames {sorted(frames)}"
+        return
+    if item.times == 1:
+        group = [each for each in group if each.message.endswith(item.text)] or group[:1]
+    names = _named(item, group)
+    counted = [each for each in reading.findings if each.rule == item.rule and _fits(each, names)]
+    if item.times > 1 and len({each.frame for each in counted}) < item.times and not item.more:
+        yield (
+            f"of {item.times} times {len({each.frame for each in counted})} frames "
+            f"have what it names: {item.text[:90]}"
+        )
+    if item.job is not None and item.job not in {each.transaction for each in group}:
+        yield f"#{item.job} has no such finding"
+    for each in group:
+        for name, value in names.items():
+            if each.args.get(name) != value:
+                yield (
+                    f"names {name} {value!r}, which is {each.args.get(name)!r} in frame {each.frame} "
+                    f"({item.times} times)"
+                )
+                return
+    yield from _answering(item, reading)
+
+
+def _in(finding: Finding, frames: set[int]) -> bool:
+    return finding.frame in frames
+
+
+def _fits(finding: Finding, names: dict[str, object]) -> bool:
+    return all(finding.args.get(name) == value for name, value in names.items())
+
+
+def _named(item: Headline, group: list[Finding]) -> dict[str, object]:
+    """The arguments of the first case that a headline names: all cases must agree in them."""
+    text = item.text.removeprefix("first: ")
+    if text != item.text:
+        return {}
+    names: dict[str, object] = {}
+    first = next((each for each in group if each.message.endswith(text)), group[0])
+    for name, value in first.args.items():
+        if value is None or isinstance(value, (bool, dict)) or name in ("vendor_id", "limit"):
+            continue
+        if any(
+            re.search(rf"(?<![\w.]){re.escape(word)}(?!\w)", text) for word in renderings(value)
+        ):
+            names[name] = value
+    return names
+
+
+def _answering(item: Headline, reading: Reading) -> Iterator[str]:
+    """Drive objects that are said to answer: each must have, and none of them said that it does not exist."""
+    missing = answered_wrongly(reading)
+    for axis in item.answering:
+        if axis in missing:
+            yield f"DO {axis} is said to answer, and does not exist"
+
+
+def answered_wrongly(reading: Reading) -> set[int]:
+    """The drive objects of which the report says that they do not exist."""
+    return {
+        each.args["axis"] for each in reading.findings if each.rule == "DS709" and "axis" in each.args
+    }  # fmt: skip
+
+
+# Transactions
+
+
+def _lines(lines: list[str], reading: Reading) -> Iterator[Complaint]:
+    blocks: dict[int, list[str]] = {}
+    number = 0
+    for line in lines:
+        start = re.match(r"#(\d+) ", line)
+        if start:
+            number = int(start[1])
+        blocks.setdefault(number, []).append(line)
+    if set(blocks) - {0} != set(reading.by_id):
+        yield Complaint("lines", "", "not every transaction has a line")
+    for number, block in blocks.items():
+        deal = reading.by_id.get(number)
+        for text in _line(block, deal, reading) if deal else ():
+            yield Complaint("line", f"#{number}", text)
+
+
+def _line(block: list[str], deal: Deal, reading: Reading) -> Iterator[str]:
+    first = block[0]
+    tail = re.search(r"  (\d+) frames?((?: -?[\d.,]+ (?:ms|s|min))?)((?:, .*)?)$", first)
+    if tail is None:
+        yield f"has no end: {first!r}"
+        return
+    if int(tail[1]) != len(deal.all_frames):
+        yield f"{tail[1]} frames are {len(deal.all_frames)}"
+    if tail[2] and not near(tail[2], deal.duration_ms):
+        yield f"{tail[2]} is {deal.duration_ms} ms"
+    if not tail[2] and deal.duration_ms is not None:
+        yield "does not say how long it took"
+    for word, pairs in (("polled", deal.polls), ("read again", deal.rereads)):
+        told = re.search(rf"{word} (\d+)", tail[3])
+        if int(told[1] if told else 0) != len(pairs):
+            yield f"{told[0] if told else 'nothing'}: {word} {len(pairs)} times"
+    if first.split()[1] != deal.operation:
+        yield f"does not say that it is a {deal.operation}"
+    if (deal.state == "ok") is bool(re.search(rf"\[{deal.state}\b.*?\]  \d+ frame", first)):
+        yield f"does not say its state {deal.state}"
+    if deal.device not in first:
+        yield f"does not name {deal.device}"
+    yield from _parameters(block, deal)
+    for line in block[1:]:
+        if line.strip().startswith("PLC: "):
+            yield from _plc(line.strip().removeprefix("PLC: "), deal, reading)
+
+
+def _parameters(block: list[str], deal: Deal) -> Iterator[str]:
+    text = " ; ".join(line for line in block if not line.strip().startswith("PLC: "))
+    told = [(each[0], each[1]) for each in _PNU.findall(re.sub(r"p09\d\d|\".*?\"", "", text))]
+    for each in deal.parameters:
+        if each["pnu"] is None:
+            continue
+        if (str(each["pnu"]), str(each["subindex"])) not in told:
+            yield f"does not name p{each['pnu']}[{each['subindex']}]"
+
+
+def _plc(text: str, deal: Deal, reading: Reading) -> Iterator[str]:
+    """What the PLC is said to have seen."""
+    write = re.search(r"WRREC (DONE|ERROR), STATUS ([0-9A-F]{8})", text)
+    if write and int(write[2], 16) != deal.write_status:
+        yield f"PLC: {write[0]} is {deal.write_status}"
+    if write and (write[1] == "DONE") is bool(deal.write_status):
+        yield f"PLC: {write[0]} is none"
+    polls = re.search(r"RDREC (?:(\d+) x )?ERROR, STATUS DE80B500", text)
+    if (int(polls[1] or 1) if polls else 0) != len(deal.polls):
+        yield f"PLC: {polls[0] if polls else 'no poll'}: polled {len(deal.polls)} times"
+    valid = re.search(r"RDREC VALID, STATUS 0{8}, LEN (\d+)", text)
+    if valid and deal.read is not None:
+        frame = reading.capture.frame(deal.read)
+        lengths = [
+            length for each in reading.answered_at.get(deal.read, [])
+            for length in ([each.stated] if frame and frame.cut else [each.stated, len(each.data)])
+            if each.status == 0 and not each.write
+        ]  # fmt: skip
+        if lengths and int(valid[1]) not in lengths:
+            yield f"PLC: LEN {valid[1]} is {lengths}"
+    if valid and deal.read is not None:
+        implicit = [each.implicit for each in reading.answered_at.get(deal.read, [])]
+        if implicit and all(implicit):
+            yield "PLC: RDREC VALID is a ReadImplicit, and no RDREC"
+    yield from _plc_ends(text, deal, reading)
+
+
+def _plc_ends(text: str, deal: Deal, reading: Reading) -> Iterator[str]:
+    reads = [
+        each.asked for each in reading.on_channel.get(deal.channel, [])
+        if not each.write and not each.implicit and each.asked > (deal.write or 0)
+    ]  # fmt: skip
+    own = [each for each in reads if not _taken(each, deal, reading)]
+    if "not started in this capture" in text and own and deal.read is None:
+        yield f"PLC: RDREC was started in frame {own[0]}"
+    if "BUSY until its timeout" in text:
+        last = reading.capture.frames[-1].time_ns
+        begin = reading.time(max(deal.all_frames)) or 0
+        if last - begin < 10**9:
+            yield "PLC: a timeout is told, and the capture ends less than 1 s later"
+        elif "WRREC BUSY" in text and own:
+            yield f"PLC: WRREC was done when RDREC started in frame {own[0]}"
+    if "refused in part" in text or "refused: in part" in text:
+        if deal.state != "partial":
+            yield f"PLC: refused in part, but {deal.state}"
+    elif re.search(r"byte 1 is 16#..: refused", text) and deal.state == "partial":
+        yield "PLC: refused, where it was refused in part"
+    byte = re.search(r"byte 1 is 16#([0-9A-F]{2})", text)
+    if byte and (deal.answer is None or deal.answer.id != int(byte[1], 16)):
+        yield f"PLC: {byte[0]} is not so"
+    if "answers another request" in text and not _another(deal, reading):
+        yield "PLC: the record is said to answer another request, which is not in the capture"
+
+
+def _taken(frame: int, deal: Deal, reading: Reading) -> bool:
+    """Whether a Read belongs to another transaction of the same channel."""
+    return any(
+        frame in each.all_frames for each in reading.deals if each.id != deal.id
+    )  # fmt: skip
+
+
+def _another(deal: Deal, reading: Reading) -> bool:
+    answer = deal.answer
+    return any(
+        each.asked is not None and answer is not None and each.id != deal.id
+        and each.device == deal.device and (each.write or 0) < (deal.read or 0)
+        and each.asked.reference == answer.reference and each.asked.axis == answer.axis
+        and answer.id in (each.asked.id, (each.asked.id or 0) | 0x80)
+        for each in reading.deals
+    )  # fmt: skip
+
+
+# Findings
+
+
+def _groups(lines: list[str], reading: Reading) -> Iterator[Complaint]:
+    found: dict[str, list[str]] = {}
+    rule = ""
+    for line in lines:
+        head = re.match(r"  (DS\d{3}) (\w+) \S+: ([\d,]+) findings?$", line)
+        if head:
+            rule = head[1]
+            count = sum(each.rule == rule for each in reading.findings)
+            if count != int(head[3].replace(",", "")):
+                yield Complaint("findings", rule, f"{head[3]} findings are {count}")
+        found.setdefault(rule, []).append(line)
+    if set(found) - {""} != {each.rule for each in reading.findings}:
+        yield Complaint("findings", "", "not every rule has its group")
+    for rule, group in found.items():
+        for text in _group(rule, group, reading) if rule else ():
+            yield Complaint("findings", rule, text)
+
+
+def _group(rule: str, lines: list[str], reading: Reading) -> Iterator[str]:
+    findings = [each for each in reading.findings if each.rule == rule]
+    frames, more = set[int](), 0
+    for line in lines:
+        text = line.strip()
+        told = re.match(r"frame (\d+)(?: #(\d+))?: (.*)$", text)
+        if told and not any(
+            each.frame == int(told[1]) and each.message == told[3]
+            and each.transaction == (int(told[2]) if told[2] else None) for each in findings
+        ):  # fmt: skip
+            yield f"nothing says {text!r}"
+        if text.startswith("frame.number"):
+            rest = _MORE.match(text)
+            frames |= shown(rest[1] if rest else text)
+            more += int(rest[2]) if rest else 0
+    true = {each.frame for each in findings}
+    wide = true | {frame for each in findings for frame in each.frames}
+    if not (true <= frames <= wide) and not (more and len(frames) + more in (len(true), len(wide))):
+        yield f"the filter shows {sorted(frames ^ true)[:5]} too many or too few"

@@ -1,0 +1,296 @@
+"""A report as JSON beside the frames it was made of: transactions, findings, and where they meet the capture."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from datetime import datetime
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from tests.audit import message, wire
+
+NOT_READY = 0xDE80B500
+_TERM = re.compile(r"frame\.number == (\d+)|frame\.number in \{(\d+)\.\.(\d+)\}")
+
+
+@dataclass(frozen=True)
+class Complaint:
+    """Something that the report says and that is not so."""
+
+    rule: str
+    """The rule, or the part of the report."""
+    where: str
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.rule} {self.where}: {self.text}"
+
+
+class Deal:
+    """A transaction of the report, with its messages walked anew."""
+
+    def __init__(self, plain: dict[str, Any]) -> None:
+        self.plain = plain
+        self.id: int = plain["id"]
+        self.state: str = plain["state"]
+        self.operation: str = plain["operation"]
+        self.controller: str = plain["controller"]
+        self.device: str = plain["device"]
+        self.ar: str | None = plain["ar"]
+        self.api: int = plain["api"]
+        self.slot: int = plain["slot"]
+        self.subslot: int = plain["subslot"]
+        self.index: int = plain["index"]
+        self.frames: dict[str, Any] = plain["frames"]
+        self.parameters: list[dict[str, Any]] = plain["parameters"]
+        self.write_status = _status(plain["status"]["write"])
+        self.read_status = _status(plain["status"]["read"])
+        self.duration_ms: float | None = plain["duration_ms"]
+        raw = plain["bytes"]
+        self.asked = (
+            message.request(bytes.fromhex(raw["request"])) if raw["request"] is not None else None
+        )
+        self.answer = (
+            message.response(bytes.fromhex(raw["response"]))
+            if raw["response"] is not None
+            else None
+        )
+
+    @property
+    def channel(self) -> tuple[object, ...]:
+        """Who asks whom where."""
+        return (
+            self.controller, self.device, self.ar, self.api, self.slot, self.subslot, self.index,
+        )  # fmt: skip
+
+    @property
+    def place(self) -> tuple[object, ...]:
+        """Where, whoever asks."""
+        return self.device, self.api, self.slot, self.subslot, self.index
+
+    @property
+    def write(self) -> int | None:
+        """The frame of the Write request."""
+        found: int | None = self.frames["write_request"]
+        return found
+
+    @property
+    def read(self) -> int | None:
+        """The frame of the Read response that ended it."""
+        found: int | None = self.frames["read_response"]
+        return found
+
+    @property
+    def polls(self) -> list[dict[str, int | None]]:
+        found: list[dict[str, int | None]] = self.frames["polls"]
+        return found
+
+    @property
+    def rereads(self) -> list[dict[str, int | None]]:
+        found: list[dict[str, int | None]] = self.frames["rereads"]
+        return found
+
+    @property
+    def axis_told(self) -> int | None:
+        """The axis byte of the request."""
+        return self.asked.axis if self.asked else None
+
+    @cached_property
+    def all_frames(self) -> list[int]:
+        """Every frame of it."""
+        single = [value for value in self.frames.values() if isinstance(value, int)]
+        pairs = [frame for pair in [*self.polls, *self.rereads] for frame in pair.values()]
+        return sorted({frame for frame in [*single, *pairs] if frame is not None})
+
+    @property
+    def fits(self) -> bool:
+        """Whether its response is one to its request, by what is mirrored and how many blocks there are."""
+        asked, answer = self.asked, self.answer
+        if asked is None or answer is None or answer.id is None or asked.id is None:
+            return False
+        return (
+            asked.reference == answer.reference and asked.axis == answer.axis
+            and answer.id in (asked.id, asked.id | 0x80, 0x80)
+            and len(answer.blocks) <= len(asked.addresses)
+        )  # fmt: skip
+
+    def pairs(self) -> Iterable[tuple[message.Address, message.Block]]:
+        """Address and block of each parameter of a response that fits."""
+        if self.asked is None or self.answer is None or not self.fits:
+            return ()
+        return zip(self.asked.addresses, self.answer.blocks, strict=False)
+
+
+def _status(text: str | None) -> int | None:
+    return None if text is None else int(text, 16)
+
+
+@dataclass
+class Finding:
+    """A finding of the report."""
+
+    rule: str
+    severity: str
+    frame: int
+    frames: list[int]
+    args: dict[str, Any]
+    offset: int | None
+    message: str
+    filter: str
+    transaction: int | None
+
+    @classmethod
+    def of(cls, plain: dict[str, Any]) -> Finding:
+        return cls(
+            plain["rule"], plain["severity"], plain["frame"], plain["frames"], plain["args"],
+            plain["offset"], plain["message"], plain["filter"], plain["transaction"],
+        )  # fmt: skip
+
+
+@dataclass
+class Reading:
+    """One capture: what the report says of it, and the frames."""
+
+    name: str
+    plain: dict[str, Any]
+    capture: wire.Capture
+    text: str = ""
+    """The text report."""
+    page: str = ""
+    """The HTML page."""
+    deals: list[Deal] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.deals = [Deal(each) for each in self.plain["transactions"]]
+        self.findings = [Finding.of(each) for each in self.plain["findings"]]
+
+    @cached_property
+    def by_id(self) -> dict[int, Deal]:
+        return {each.id: each for each in self.deals}
+
+    @cached_property
+    def by_frame(self) -> dict[int, list[wire.Pdu]]:
+        found: dict[int, list[wire.Pdu]] = {}
+        for pdu in self.capture.pdus:
+            found.setdefault(pdu.frame, []).append(pdu)
+        return found
+
+    @cached_property
+    def asked_at(self) -> dict[int, list[wire.Record]]:
+        found: dict[int, list[wire.Record]] = {}
+        for each in self.capture.records:
+            found.setdefault(each.asked, []).append(each)
+        return found
+
+    @cached_property
+    def answered_at(self) -> dict[int, list[wire.Record]]:
+        found: dict[int, list[wire.Record]] = {}
+        for each in self.capture.records:
+            if each.answered is not None:
+                found.setdefault(each.answered, []).append(each)
+        return found
+
+    def deal(self, finding: Finding) -> Deal | None:
+        return None if finding.transaction is None else self.by_id.get(finding.transaction)
+
+    def releases(self, deal: Deal) -> list[int]:
+        """The frames in which the AR of a transaction was given up after its request."""
+        ar = bytes.fromhex((deal.ar or "").replace("-", ""))
+        return [
+            call.request.frame for call in self.capture.calls
+            if call.request.operation == wire.RELEASE and ar and ar in call.request.body
+            and call.request.frame > (deal.write or 0)
+        ]  # fmt: skip
+
+    def time(self, frame: int | None) -> int | None:
+        """Time of a frame in nanoseconds."""
+        found = None if frame is None else self.capture.frame(frame)
+        return found.time_ns if found else None
+
+    def same_place(self, deal: Deal, record: wire.Record) -> bool:
+        """Whether a record call is on the channel of a transaction."""
+        ar = None if record.ar.int == 0 else str(record.ar)
+        return (record.controller, record.device, ar, *record.channel[3:]) == deal.channel
+
+    @cached_property
+    def call_at(self) -> dict[int, wire.Call]:
+        """The call whose request, first or again, is in a frame."""
+        found: dict[int, wire.Call] = {}
+        for call in self.capture.calls:
+            for frame in (call.request.frame, *call.again, *call.copies):
+                found.setdefault(frame, call)
+        return found
+
+    @cached_property
+    def stray_at(self) -> dict[int, wire.Pdu]:
+        return {each.frame: each for each in self.capture.strays}
+
+    @cached_property
+    def on_channel(self) -> dict[tuple[object, ...], list[wire.Record]]:
+        """The record calls of each channel."""
+        found: dict[tuple[object, ...], list[wire.Record]] = {}
+        for each in self.capture.records:
+            ar = None if each.ar.int == 0 else str(each.ar)
+            key = (each.controller, each.device, ar, *each.channel[3:])
+            found.setdefault(key, []).append(each)
+        return found
+
+    @cached_property
+    def asked_and_answered(self) -> set[int | None]:
+        """The Write requests whose transactions have a response."""
+        return {each.write for each in self.deals if each.answer is not None}
+
+    @cached_property
+    def vendors(self) -> dict[str, int | None]:
+        return {each["ip"]: each["vendor_id"] for each in self.plain["devices"]}
+
+
+def shown(text: str) -> set[int]:
+    """The frames that a display filter shows.
+
+    Raises:
+        ValueError: it is not of the form that Wireshark 3.4 and everything later takes.
+    """
+    numbers: set[int] = set()
+    for term in text.split(" or "):
+        found = _TERM.fullmatch(term.strip())
+        if found is None:
+            raise ValueError(f"not a filter: {term!r}")
+        one, first, last = found.groups()
+        numbers |= {int(one)} if one else set(range(int(first), int(last) + 1))
+    return numbers
+
+
+def instant(text: str) -> int:
+    """Nanoseconds since 1970 of a time in the report."""
+    head, _, fraction = text.removesuffix("Z").partition(".")
+    seconds = int(datetime.fromisoformat(head + "+00:00").timestamp())
+    return seconds * 10**9 + int(fraction.ljust(9, "0"))
+
+
+def report(paths: list[Path], *options: str) -> str:
+    """What `ds47 report` prints of captures."""
+    from ds47.cli import main
+
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        main(["report", "--no-progress", *options, *map(str, paths)])
+    return out.getvalue()
+
+
+def read(path: Path, *, page: bool = True) -> Reading:
+    """Analyses a capture and reads it; without its page where that takes too long."""
+    captures = json.loads(report([path], "-f", "json"))["captures"]
+    if not captures:
+        raise ValueError(f"{path} is no capture that ds47 can read")
+    plain = captures[0]
+    text = report([path], "--plc")
+    html = report([path], "-f", "html") if page else ""
+    return Reading(path.name, plain, wire.read(path), text, html)

@@ -1,0 +1,63 @@
+"""The whole audit of one capture: transactions, findings, sentences, diagnoses, the text report."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+from tests.audit import causes, claims, corrected, deals, html, page, reading, words
+from tests.audit.drive import Drive
+from tests.audit.memory import Memory
+from tests.audit.reading import Complaint, Finding, Reading
+
+AUDITORS = {**claims.AUDITORS, **causes.AUDITORS}
+NO_CLAIM = claims.NO_CLAIM
+TABLE = Path(__file__).parents[2] / "python/ds47/spec/rules.toml"
+
+
+@cache
+def declared() -> dict[str, set[str]]:
+    """The arguments that the catalogue says each rule carries."""
+    rows = tomllib.loads(TABLE.read_text(encoding="utf-8"))["rule"]
+    return {row["id"]: set(row.get("args", ())) for row in rows}
+
+
+def audit(path: Path, drives: dict[str, Drive] | None = None) -> list[Complaint]:
+    """What is not so in the report of a capture; of a simulated one with the drives that spoke in it."""
+    return list(complaints(reading.read(path, page=drives is None), drives))
+
+
+def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterator[Complaint]:
+    """The same, of what was read already."""
+    memory = Memory(item)
+    yield from deals.check(item)
+    for finding in item.findings:
+        yield from of_finding(finding, item, memory)
+        yield from words.check(finding, item)
+    yield from causes.diagnoses(item)
+    yield from corrected.check(item, memory, drives or {})
+    yield from page.check(item)
+    yield from html.check(item)
+
+
+def of_finding(finding: Finding, item: Reading, memory: Memory) -> Iterator[Complaint]:
+    """What the auditor of its rule says of a finding, and what is true of every finding."""
+    where = f"frame {finding.frame}"
+    function = AUDITORS.get(finding.rule)
+    if function is None and finding.rule not in NO_CLAIM:
+        yield Complaint(finding.rule, where, "has no auditor")
+    for text in function(claims.Case(finding, item, memory)) if function else ():
+        yield Complaint(finding.rule, where, f"{text} [{finding.message}]")
+    if set(finding.args) != declared()[finding.rule]:
+        yield Complaint(finding.rule, where, f"carries {sorted(finding.args)}")
+    if finding.frame not in finding.frames:
+        yield Complaint(finding.rule, where, "its own frame is not among its frames")
+    if not all(1 <= frame <= len(item.capture.frames) for frame in finding.frames):
+        yield Complaint(finding.rule, where, f"the capture has no frames {finding.frames}")
+    if reading.shown(finding.filter) != set(finding.frames):
+        yield Complaint(finding.rule, where, f"{finding.filter} does not show {finding.frames}")
+    deal = item.deal(finding)
+    if deal is not None and finding.rule not in deal.plain["findings"]:
+        yield Complaint(finding.rule, where, f"#{deal.id} does not name it")

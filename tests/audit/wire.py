@@ -1,0 +1,435 @@
+"""Frames, RPC calls and records of a capture file: read anew, for one file, all in memory.
+
+Knows pcap and pcapng, Ethernet with tags, cooked and bare IPv4, IP and RPC fragments, both byte orders.
+"""
+
+from __future__ import annotations
+
+import gzip
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from uuid import UUID
+
+REQUEST, PING, RESPONSE, FAULT, WORKING, REJECT = 0, 1, 2, 3, 4, 6
+OPERATIONS = ("Connect", "Release", "Read", "Write", "Control", "ReadImplicit")
+CONNECT, RELEASE, READ, WRITE, CONTROL, IMPLICIT = range(6)
+PARTS = ("1", "2", "3", "4")
+"""dea00001 to dea00004: the interfaces of PROFINET."""
+WRITE_MULTIPLE = 0xE040
+BLOCK = 64
+COPY_NS, AGAIN_NS = 1_000_000, 10_000_000_000
+
+
+@dataclass
+class Frame:
+    """A captured frame."""
+
+    number: int
+    time_ns: int
+    data: bytes
+    length: int
+    """On the wire."""
+    link: int
+
+    @property
+    def cut(self) -> bool:
+        return len(self.data) < self.length
+
+
+@dataclass
+class Pdu:
+    """A whole RPC PDU, in the frame that completes it."""
+
+    frame: int
+    time_ns: int
+    source: str
+    target: str
+    kind: int
+    order: str
+    activity: UUID
+    sequence: int
+    operation: int
+    body: bytes
+    frames: list[int]
+    datagram: int
+    """IP identification."""
+    cut: bool
+    object: UUID
+
+    @property
+    def client(self) -> str:
+        return self.source if self.kind in (REQUEST, PING) else self.target
+
+    @property
+    def key(self) -> tuple[str, UUID, int]:
+        return self.client, self.activity, self.sequence
+
+
+@dataclass
+class Call:
+    """A request and what came back. `again`: frames in which the request was seen once more."""
+
+    request: Pdu
+    response: Pdu | None = None
+    again: list[int] = field(default_factory=list)
+    copies: list[int] = field(default_factory=list)
+
+
+@dataclass
+class Record:
+    """One record inside a call."""
+
+    write: bool
+    implicit: bool
+    controller: str
+    device: str
+    ar: UUID
+    api: int
+    slot: int
+    subslot: int
+    index: int
+    call: Call
+    asked: int
+    """Frame of the request."""
+    answered: int | None
+    data: bytes
+    """What was written or read."""
+    stated: int
+    """Length in the record's own header."""
+    wanted: int
+    """Of a Read: the length it asks for."""
+    status: int | None
+    nested: bool = False
+
+    @property
+    def channel(self) -> tuple[object, ...]:
+        """Who asks whom where."""
+        return self.controller, self.device, self.ar, self.api, self.slot, self.subslot, self.index
+
+
+@dataclass
+class Capture:
+    """All that was read of a file."""
+
+    frames: list[Frame] = field(default_factory=list)
+    pdus: list[Pdu] = field(default_factory=list)
+    calls: list[Call] = field(default_factory=list)
+    strays: list[Pdu] = field(default_factory=list)
+    """Responses without a request."""
+    records: list[Record] = field(default_factory=list)
+    pieces: dict[tuple[object, ...], list[int]] = field(default_factory=dict)
+    """Fragments of what never became whole, of IP and RPC: the frames they came in."""
+    torn: dict[tuple[object, ...], int] = field(default_factory=dict)
+    """RPC fragments that the capture cut: what stands behind them is not known."""
+
+    def frame(self, number: int) -> Frame | None:
+        """The frame with this number."""
+        return self.frames[number - 1] if 0 < number <= len(self.frames) else None
+
+    def at(self, frame: int) -> list[Pdu]:
+        """The PDUs that one frame completes."""
+        return [each for each in self.pdus if each.frame == frame]
+
+
+# Files
+
+
+def frames(path: Path) -> list[Frame]:
+    """The frames of a pcap or pcapng file, gzipped or not; up to where it breaks off."""
+    data = path.read_bytes()
+    if data[:2] == b"\x1f\x8b":
+        data = gzip.decompress(data)
+    found = list(_pcapng(data)) if data[:4] == b"\x0a\x0d\x0d\x0a" else list(_pcap(data))
+    return [Frame(number, *each) for number, each in enumerate(found, start=1)]
+
+
+def _pcap(data: bytes) -> Iterator[tuple[int, bytes, int, int]]:
+    magic = data[:4]
+    order = "<" if magic in (b"\xd4\xc3\xb2\xa1", b"\x4d\x3c\xb2\xa1") else ">"
+    unit = 1 if magic in (b"\x4d\x3c\xb2\xa1", b"\xa1\xb2\x3c\x4d") else 1000
+    if len(data) < 24:
+        return
+    (link,) = struct.unpack_from(order + "I", data, 20)
+    at = 24
+    while at + 16 <= len(data):
+        seconds, part, kept, length = struct.unpack_from(order + "4I", data, at)
+        if at + 16 + kept > len(data):
+            return
+        yield seconds * 10**9 + part * unit, data[at + 16 : at + 16 + kept], length, link & 0xFFFF
+        at += 16 + kept
+
+
+def _pcapng(data: bytes) -> Iterator[tuple[int, bytes, int, int]]:
+    at, order = 0, "<"
+    interfaces: list[tuple[int, int]] = []
+    while at + 12 <= len(data):
+        if data[at : at + 4] == b"\x0a\x0d\x0d\x0a":
+            order = "<" if data[at + 8 : at + 12] == b"\x4d\x3c\x2b\x1a" else ">"
+            interfaces = []
+        kind, size = struct.unpack_from(order + "II", data, at)
+        if size < 12 or at + size > len(data):
+            return
+        body = data[at + 8 : at + size - 4]
+        if kind == 1:
+            (link,) = struct.unpack_from(order + "H", body)
+            interfaces.append((link, _resolution(body[8:], order)))
+        elif kind == 6:
+            number, high, low, kept, length = struct.unpack_from(order + "5I", body)
+            link, unit = interfaces[number]
+            yield ((high << 32) + low) * 10**9 // unit, body[20 : 20 + kept], length, link
+        at += size
+
+
+def _resolution(options: bytes, order: str) -> int:
+    """Units in a second."""
+    at = 0
+    while at + 4 <= len(options):
+        kind, size = struct.unpack_from(order + "HH", options, at)
+        if kind == 9:
+            value: int = options[at + 4]
+            return int(2 ** (value & 0x7F)) if value & 0x80 else int(10**value)
+        if kind == 0:
+            break
+        at += 4 + (size + 3) // 4 * 4
+    return 10**6
+
+
+# Below RPC
+
+
+def _packet(frame: Frame) -> bytes:
+    """The IPv4 packet of a frame, empty where there is none."""
+    data = frame.data
+    if frame.link == 1:
+        at = 12
+        while data[at : at + 2] in (b"\x81\x00", b"\x88\xa8", b"\x91\x00"):
+            at += 4
+        return data[at + 2 :] if data[at : at + 2] == b"\x08\x00" else b""
+    if frame.link == 113:
+        return data[16:] if data[14:16] == b"\x08\x00" else b""
+    if frame.link == 276:
+        return data[20:] if data[:2] == b"\x08\x00" else b""
+    return data if frame.link in (101, 228) else b""
+
+
+@dataclass
+class _Datagram:
+    source: str
+    target: str
+    number: int
+    payload: bytes
+    frames: list[int]
+    cut: bool
+
+
+class _Whole:
+    """Puts the fragments of IP together."""
+
+    def __init__(self, capture: Capture) -> None:
+        self._parts: dict[tuple[object, ...], dict[int, tuple[bytes, bool, int, bool]]] = {}
+        self._capture = capture
+
+    def add(self, frame: Frame, packet: bytes) -> _Datagram | None:
+        head = (packet[0] & 15) * 4
+        size, number, flags = struct.unpack_from(">HHH", packet, 2)
+        source, target = (".".join(map(str, packet[at : at + 4])) for at in (12, 16))
+        payload = packet[head : max(size, head)]
+        cut = len(packet) < size
+        start, more = (flags & 0x1FFF) * 8, bool(flags & 0x2000)
+        if not start and not more:
+            return _Datagram(source, target, number, payload, [frame.number], cut)
+        key = ("IP", source, target, number)
+        parts = self._parts.setdefault(key, {})
+        parts[start] = payload, more, frame.number, cut
+        self._capture.pieces[key] = sorted(part[2] for part in parts.values())
+        data = b""
+        for at in sorted(parts):
+            if at != len(data):
+                return None
+            data += parts[at][0]
+            if not parts[at][1]:
+                del self._parts[key]
+                seen = self._capture.pieces.pop(key)
+                return _Datagram(
+                    source, target, number, data, seen, any(part[3] for part in parts.values())
+                )
+        return None
+
+
+def read(path: Path) -> Capture:
+    """Reads a capture file."""
+    capture = Capture(frames(path))
+    whole = _Whole(capture)
+    halves: dict[tuple[object, ...], dict[int, tuple[bytes, int]]] = {}
+    for frame in capture.frames:
+        packet = _packet(frame)
+        if len(packet) < 21 or packet[0] >> 4 != 4 or packet[9] != 17:
+            continue
+        datagram = whole.add(frame, packet)
+        if datagram is not None and len(datagram.payload) >= 88:
+            pdu = _pdu(frame, datagram, halves, capture)
+            if pdu is not None:
+                capture.pdus.append(pdu)
+    _calls(capture)
+    for call in capture.calls:
+        capture.records += _records(call)
+    for pdu in capture.strays:
+        capture.records += _unasked(pdu)
+    return capture
+
+
+def _pdu(
+    frame: Frame, datagram: _Datagram, halves: dict[tuple[object, ...], dict[int, tuple[bytes, int]]],
+    capture: Capture,
+) -> Pdu | None:  # fmt: skip
+    data = datagram.payload[8:]
+    order = "<" if data[4] >> 4 == 1 else ">"
+
+    def uuid(at: int) -> UUID:
+        raw = data[at : at + 16]
+        return UUID(bytes_le=raw) if order == "<" else UUID(bytes=raw)
+
+    interface = str(uuid(24))
+    ours = interface[:7] == "dea0000" and interface[7] in PARTS and interface[9:13] == "6c97"
+    if data[0] != 4 or not ours:
+        return None
+    sequence, operation = struct.unpack_from(order + "IH", data, 64)
+    size, number = struct.unpack_from(order + "HH", data, 74)
+    body = data[80 : 80 + size]
+    pdu = Pdu(
+        frame.number, frame.time_ns, datagram.source, datagram.target, data[1], order, uuid(40),
+        sequence, operation, body, datagram.frames, datagram.number, datagram.cut, uuid(8),
+    )  # fmt: skip
+    if not data[2] & 0x04 or data[1] not in (REQUEST, RESPONSE):
+        return pdu
+    key = ("RPC", pdu.source, pdu.target, pdu.activity, sequence, data[1])
+    parts = halves.setdefault(key, {})
+    if number == 0 and 0 in parts and parts[0][0] != body:
+        capture.pieces[(*key, frame.number)] = sorted({at for _, at in parts.values()})
+        parts.clear()
+    parts.setdefault(number, (body, frame.number))
+    if datagram.cut:
+        capture.torn.setdefault(key, number)
+    if data[2] & 0x02:
+        parts[-1] = b"", number
+    capture.pieces[key] = sorted({at for part, (_, at) in parts.items() if part >= 0})
+    last = parts.get(-1)
+    if last is None or set(range(last[1] + 1)) - set(parts):
+        return None
+    torn = capture.torn.pop(key, None)
+    pdu.cut = torn is not None
+    pdu.body = b"".join(parts[part][0] for part in range((last[1] if torn is None else torn) + 1))
+    pdu.frames = capture.pieces.pop(key)
+    del halves[key]
+    return pdu
+
+
+# Calls and records
+
+
+def _calls(capture: Capture) -> None:
+    newest: dict[tuple[str, UUID, int], Call] = {}
+    sequence: dict[tuple[str, UUID], int] = {}
+    seen: list[Pdu] = []
+    for pdu in capture.pdus:
+        twin = [
+            each for each in seen[-64:]
+            if each.datagram == pdu.datagram and each.body == pdu.body and each.key == pdu.key
+            and each.kind == pdu.kind and abs(pdu.time_ns - each.time_ns) <= COPY_NS
+        ]  # fmt: skip
+        seen.append(pdu)
+        known = newest.get(pdu.key)
+        if twin:
+            if known is not None and pdu.kind == REQUEST:
+                known.copies.append(pdu.frame)
+            continue
+        if pdu.kind == REQUEST:
+            if known is not None and _is_again(known, pdu, sequence.get(pdu.key[:2])):
+                known.again.append(pdu.frame)
+                continue
+            newest[pdu.key] = call = Call(pdu)
+            sequence[pdu.key[:2]] = pdu.sequence
+            capture.calls.append(call)
+        elif pdu.kind in (RESPONSE, FAULT, REJECT):
+            if known is None:
+                capture.strays.append(pdu)
+            elif known.response is None:
+                known.response = pdu
+
+
+def _is_again(call: Call, pdu: Pdu, newest: int | None) -> bool:
+    if call.response is None:
+        return True
+    late = pdu.time_ns - call.response.time_ns
+    return call.request.body == pdu.body and late <= AGAIN_NS and newest == pdu.sequence
+
+
+def _records(call: Call) -> Iterator[Record]:
+    request = call.request
+    if request.operation not in (READ, WRITE, IMPLICIT):
+        return
+    if len(request.body) < 20 + BLOCK:
+        if call.response is not None:  # the capture cut the request
+            yield from _unasked(call.response)
+        return
+    blocks, answer = request.body[20:], call.response
+    status, answers = None, b""
+    if answer is not None and answer.kind == RESPONSE and len(answer.body) >= 4:
+        (status,) = struct.unpack_from(answer.order + "I", answer.body)
+        answers = answer.body[20:]
+    for number, (block, data) in enumerate(_written(blocks, request.operation == WRITE)):
+        ar = UUID(bytes=block[8:24])
+        api, slot, subslot, _, index, stated = struct.unpack_from(">IHHHHI", block, 24)
+        write = request.operation == WRITE
+        inner = answers
+        if write and status == 0 and index != WRITE_MULTIPLE and _is_multiple(blocks):
+            inner = answers[BLOCK * (number + 1) :]
+        found, length = status, 0
+        if len(inner) >= BLOCK:
+            (length,) = struct.unpack_from(">I", inner, 36)
+            if write:
+                (own,) = struct.unpack_from(">I", inner, 44)
+                found = own or status
+        elif write and inner is not answers:
+            found = None
+        got = inner[BLOCK : BLOCK + length]
+        yield Record(
+            write, request.operation == IMPLICIT, request.source, request.target, ar, api, slot,
+            subslot, index, call, request.frame, answer.frame if answer else None,
+            data if write else got, stated if write else length, 0 if write else stated, found,
+            nested=write and index == WRITE_MULTIPLE and _is_multiple(blocks),
+        )  # fmt: skip
+
+
+def _unasked(pdu: Pdu) -> Iterator[Record]:
+    """The record of a response whose request the capture does not have: its own header says where it belongs."""
+    block = pdu.body[20 : 20 + BLOCK]
+    known = pdu.operation in (READ, WRITE, IMPLICIT) and pdu.kind == RESPONSE
+    if not known or len(block) < BLOCK or pdu.body[54:56] == b"\xe0\x40":
+        return
+    ar = UUID(bytes=block[8:24])
+    api, slot, subslot, _, index, stated = struct.unpack_from(">IHHHHI", block, 24)
+    (status,) = struct.unpack_from(pdu.order + "I", pdu.body)
+    write = pdu.operation == WRITE
+    yield Record(
+        write, pdu.operation == IMPLICIT, pdu.target, pdu.source, ar, api, slot, subslot, index,
+        Call(pdu, pdu), 0, pdu.frame, b"" if write else pdu.body[84 : 84 + stated], stated, 0, status,
+    )  # fmt: skip
+
+
+def _is_multiple(blocks: bytes) -> bool:
+    return len(blocks) >= BLOCK and blocks[34:36] == b"\xe0\x40"
+
+
+def _written(blocks: bytes, write: bool) -> Iterator[tuple[bytes, bytes]]:
+    if not write or not _is_multiple(blocks):
+        yield blocks[:BLOCK], blocks[BLOCK : BLOCK + int.from_bytes(blocks[36:40])]
+        return
+    at = BLOCK
+    while at + BLOCK <= len(blocks):
+        size = int.from_bytes(blocks[at + 36 : at + 40])
+        yield blocks[at : at + BLOCK], blocks[at + BLOCK : at + BLOCK + size]
+        at += BLOCK + size
+        at += -(at) % 4

@@ -1,0 +1,308 @@
+"""The auditor over the stored captures and random conversations, and the auditor itself against false findings."""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections import Counter
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.audit import __main__ as command
+from tests.audit import conversations, drive, known, message, reading, run, wire, words
+from tests.audit.memory import MAYBE, NEVER, SURE, Memory, Target
+from tests.audit.reading import Complaint, Finding, Reading
+
+from ds47.spec import rules
+
+ROOT = Path(__file__).parents[2]
+SHARED = ROOT.parent / "shared" / "captures"
+STORED = sorted(
+    path for path in [*ROOT.glob("captures/*.pcap*"), *ROOT.glob("captures/real-stacks/*.pcapng")]
+)
+OTHERS = sorted(SHARED.rglob("*.pcap*")) if SHARED.is_dir() else []
+HEAVY = ("reverse-3000.pcap.gz", "ipfrag-silent.pcap")
+"""Captures made to hurt: what is forgotten because memory is bounded is not what they are about here."""
+ANYWHERE = ("DS105", "DS725")
+"""Rules about several frames, that may stand on any of them."""
+CONVERSATIONS = int(os.environ.get("DS47_AUDIT", "300"))
+SLICES = 4
+
+
+def new(complaints: list[Complaint]) -> list[str]:
+    """Complaints that are not known."""
+    return [str(each) for each in known.split(complaints)[0]]
+
+
+@cache
+def read(path: Path) -> Reading:
+    return reading.read(path)
+
+
+@cache
+def memory_of(name: str) -> Memory:
+    return Memory(read(next(path for path in STORED if path.name == name)))
+
+
+def of_slice(number: int) -> list[str]:
+    """The new complaints about every n-th conversation."""
+    seeds = range(1 + number, 1 + CONVERSATIONS, SLICES)
+    return [f"seed {seed}: {text}" for seed, found in command.over(seeds) for text in new(found)]
+
+
+# What reports say
+
+
+@pytest.mark.parametrize("path", STORED, ids=lambda path: path.name)
+def test_a_stored_capture(path: Path) -> None:
+    assert new(list(run.complaints(read(path)))) == []
+
+
+@pytest.mark.parametrize("path", OTHERS, ids=lambda path: path.name)
+def test_another_capture(path: Path) -> None:
+    if path.name in HEAVY:
+        pytest.skip("a capture made to hurt")
+    assert new(run.audit(path)) == []
+
+
+@pytest.mark.parametrize("number", range(SLICES))
+def test_random_conversations(number: int) -> None:
+    assert of_slice(number) == []
+
+
+def test_nothing_is_known_to_be_wrong() -> None:
+    if known.KNOWN:
+        lines = [f"{rule} ({form}): {text}" for (rule, form), text in known.KNOWN.items()]
+        pytest.xfail(f"{len(lines)} kinds of complaint are known: " + "; ".join(lines))
+
+
+def test_each_rule_has_an_auditor_or_a_reason_to_have_none() -> None:
+    assert set(run.AUDITORS) | set(run.NO_CLAIM) == set(rules())
+    assert not set(run.AUDITORS) & set(run.NO_CLAIM)
+
+
+def test_each_sentence_with_arguments_has_its_expression() -> None:
+    shown = {rule: set(row.args) - words.SILENT for rule, row in rules().items()}
+    lacking = {rule for rule, args in shown.items() if args and rule not in words.SAYS}
+    assert lacking - set(words.FREE) - set(run.NO_CLAIM) == set()
+
+
+# The auditor itself
+
+
+def mutated(value: Any) -> Iterator[Any]:
+    """Values that are not this one."""
+    if value is None:
+        yield 1
+    elif isinstance(value, bool):
+        yield not value
+    elif isinstance(value, int):
+        yield value + 1
+        yield None
+    elif isinstance(value, float):
+        yield value + 1.0
+    elif isinstance(value, str):
+        yield ("1" if value[:1] != "1" else "2") + value[1:]
+    elif isinstance(value, list):
+        yield [*value, 77]
+    elif isinstance(value, dict):
+        yield {**value, "slot": value["slot"] + 7}
+
+
+def forged() -> Iterator[tuple[Finding, str, Reading]]:
+    """True findings of the stored captures, each argument made false: some of each rule."""
+    seen: Counter[tuple[str, str]] = Counter()
+    for path in STORED:
+        item, memory = read(path), memory_of(path.name)
+        for finding in item.findings:
+            if list(run.of_finding(finding, item, memory)):
+                continue
+            for name, value in finding.args.items():
+                seen[finding.rule, name] += 1
+                if seen[finding.rule, name] > 3:
+                    continue
+                for other in mutated(value):
+                    lie = copy.copy(finding)
+                    lie.args = {**finding.args, name: other}
+                    yield lie, name, item
+
+
+def test_a_false_argument_is_noticed() -> None:
+    missed, tried = [], Counter[str]()
+    for lie, name, item in forged():
+        tried[lie.rule] += 1
+        if not list(run.of_finding(lie, item, memory_of(item.name))):
+            missed.append(f"{lie.rule} {name}={lie.args[name]!r} in {item.name} frame {lie.frame}")
+    assert missed == []
+    assert len(tried) > 50, sorted(tried)
+
+
+def test_a_false_frame_is_noticed() -> None:
+    missed, tried = [], Counter[str]()
+    for path in STORED:
+        item, memory = read(path), memory_of(path.name)
+        for finding in item.findings:
+            tried[finding.rule] += 1
+            if tried[finding.rule] > 2 or finding.rule in ANYWHERE:
+                continue
+            lie = copy.copy(finding)
+            last = len(item.capture.frames)
+            lie.frame = finding.frame % last + 1 if last > 1 else 99
+            lie.frames, lie.filter = [lie.frame], f"frame.number == {lie.frame}"
+            if not list(run.of_finding(lie, item, memory)):
+                missed.append(f"{lie.rule} in {item.name}: frame {lie.frame}, not {finding.frame}")
+    assert missed == []
+
+
+def test_a_sentence_of_other_arguments_is_noticed() -> None:
+    missed = []
+    for lie, name, item in forged():
+        if lie.rule in words.FREE or name in words.SILENT or lie.rule not in words.SAYS:
+            continue
+        if not list(words.problems(lie.rule, lie.message, lie.args)):
+            missed.append(f"{lie.rule} {name}={lie.args[name]!r}: {lie.message} ({item.name})")
+    assert missed == []
+
+
+@pytest.mark.parametrize(
+    ("was", "becomes"),
+    [
+        (r"NOT OK: ", "OK: "),
+        (r"1 drive,", "2 drives,"),
+        (r"latency p50 ", "latency p50 1"),
+        (r"p95 ", "p95 1"),
+        (r"max ", "max 1"),
+        (r" transactions: 79 ok", " transactions: 78 ok"),
+        (r" findings: 131 error", " findings: 130 error"),
+        (r"STATUS DE80B500", "STATUS DF80B500"),
+        (r"frame.number == 152", "frame.number == 153"),
+        (r"polled 2 times", "polled 3 times"),
+        (r"read again 1 time", "read again 2 times"),
+        (r"LEN 10 ", "LEN 12 "),
+        (r"  4 frames 2.1 ms", "  5 frames 2.1 ms"),
+        (r"  4 frames 2.1 ms", "  4 frames 3.1 ms"),
+        (r"DS414 note change-superseded: 4 findings", "DS414 note change-superseded: 5 findings"),
+        (r"p1937[0] :=", "p1938[0] :="),
+        (r"  [error]  ", "  [partial]  "),
+    ],
+)
+def test_a_false_word_of_the_text_is_noticed(was: str, becomes: str) -> None:
+    item = read(ROOT / "captures/real-stacks/o3_two_controllers.pcapng")
+    assert was in item.text
+    lie = copy.copy(item)
+    lie.text = item.text.replace(was, becomes, 1)
+    before = Counter(map(str, run.complaints(item)))
+    assert Counter(map(str, run.complaints(lie))) - before
+
+
+@pytest.mark.parametrize(
+    ("was", "becomes"),
+    [
+        ("<dd>81</dd>", "<dd>82</dd>"),
+        ("<dd>100</dd>", "<dd>101</dd>"),
+        ("<dd>8.4 ms</dd>", "<dd>9.4 ms</dd>"),
+        (">81</td>", ">28</td>"),
+        (">53.9 ms</td>", ">53.8 ms</td>"),
+        ("frame.number == 73 or", "frame.number == 74 or"),
+        ("[5,1,1,", "[5,1,0,"),
+    ],
+)
+def test_a_false_word_of_the_page_is_noticed(was: str, becomes: str) -> None:
+    item = read(ROOT / "captures/real-stacks/o3_two_controllers.pcapng")
+    assert was in item.page
+    lie = copy.copy(item)
+    lie.page = item.page.replace(was, becomes, 1)
+    before = Counter(map(str, run.complaints(item)))
+    assert Counter(map(str, run.complaints(lie))) - before
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("state", "ok"),
+        ("operation", "vendor"),
+        ("duration_ms", 1.0),
+        ("start", "2026-11-21T12:14:23.166191825Z"),
+        (
+            "bytes",
+            {"request": "0502020310010423", "response": "058202034000440200030001440200010000"},
+        ),
+        ("status", {"write": "DF80B500", "read": "00000000"}),
+    ],
+)
+def test_a_false_transaction_is_noticed(key: str, value: Any) -> None:
+    item = read(ROOT / "captures/real-stacks/o3_two_controllers.pcapng")
+    plain = copy.deepcopy(item.plain)
+    assert plain["transactions"][4][key] != value
+    plain["transactions"][4][key] = value
+    lie = Reading(item.name, plain, item.capture, item.text)
+    before = Counter(map(str, run.complaints(item)))
+    assert Counter(map(str, run.complaints(lie))) - before
+
+
+@pytest.mark.parametrize(
+    "request_hex", ["c00201001001000a000006010064", "0102010110010423000006010003"]
+)
+def test_a_corrected_request_is_asked(request_hex: str) -> None:
+    made = drive.Drive(
+        "192.168.133.33", 0x002A, {1: {1059: drive.Parameter(0x06, [bytes(2)])}}, {1: 1}
+    )
+    answer = made.answer(1, 47, bytes.fromhex(request_hex))
+    assert (answer is not None and answer[1] == 2) is (request_hex.startswith("01"))
+
+
+# Identity
+
+
+def test_which_drive_object_is_meant() -> None:
+    item = read(ROOT / "captures/real-stacks/o3_two_controllers.pcapng")
+    memory = Memory(item)
+    memory.heeding = {"a"}
+
+    def target(device: str, axis: int | None, slot: int | None = None) -> Target:
+        return Target(device, axis, None if slot is None else (slot, 1))
+
+    same = memory.same
+    assert same(target("a", 2), target("a", 2)) == SURE
+    assert same(target("a", 2), target("a", 3)) == NEVER
+    assert same(target("b", 2), target("b", 3)) == MAYBE, "it never said 0x19"
+    assert same(target("a", 2), target("b", 2)) == NEVER
+    assert same(target("a", 0), target("a", 2)) == MAYBE
+    assert same(target("a", None, 1), target("a", None, 1)) == SURE
+    assert same(target("a", None, 1), target("a", None, 2)) == MAYBE
+    assert same(target("a", None, 1), target("a", 2)) == MAYBE
+    assert same(target("a", 2, 1), target("a", 2)) == SURE, "PNU 975[7] says so"
+    assert same(target("a", 2, 1), target("a", 3, 2)) == NEVER
+
+
+# Its parts
+
+
+def test_messages_are_walked() -> None:
+    asked = message.request(
+        bytes.fromhex("0502020210010423000010022b8100000601000307020000000100000002")
+    )
+    assert [each.pnu for each in asked.addresses] == [1059, 11137]
+    assert [each.values() for each in asked.blocks] == [[3], [1, 2]]
+    assert asked.sound
+    assert not asked.rest
+    answer = message.response(bytes.fromhex("058202034000440200030001440200010000"))
+    assert [(each.code, each.info) for each in answer.blocks] == [(None, None), (3, 1), (1, 0)]
+    assert message.response(bytes.fromhex("0581020144010811")).blocks[0].code == 0x0811
+    assert message.request(bytes.fromhex("0501020210010423")).missing == 8
+
+
+def test_a_conversation_is_always_the_same(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        conversations.make(7).tape.write(tmp_path / name)
+    assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
+    assert len(wire.read(tmp_path / "one").frames) == len(conversations.make(7).tape.shots)
+
+
+def test_filters_are_evaluated() -> None:
+    assert reading.shown("frame.number == 3 or frame.number in {5..7}") == {3, 5, 6, 7}
+    with pytest.raises(ValueError, match="not a filter"):
+        reading.shown("frame.number == 3, 4")
