@@ -4,7 +4,6 @@
 -- One error block has one cause. What a repair of the whole request explains is not looked at here.
 
 local formats = require("ds47.formats")
-local grouping = require("ds47.grouping")
 local json = require("ds47.json")
 local rules = require("ds47.rules")
 local tables = require("ds47.tables")

@@ -10,18 +10,7 @@ local M = {}
 local SERIOUS = { error = 1, warning = 2, note = 3 }
 
 local WRONG_DRIVE_OBJECT = "DS709"
-local LOCAL = 0xB02E -- under this index the slot decides who answers, not the axis byte
 local ANSWERED = { ok = true, partial = true }
-
--- Whether the device said of a transaction that there is no such drive object.
-local function is_missing(transaction)
-  for _, each in ipairs(transaction.parameters) do
-    if each.error and each.error.code == tables.known.axis_error then
-      return true
-    end
-  end
-  return false
-end
 
 --- The drive objects of its device that answer, for a request to one that does not exist; else nil.
 function M.answering(all, item)
