@@ -318,6 +318,9 @@ end
 
 --- A transport finding.
 function Analysis:remark(remark)
+  if remark.job then -- what is said of a call of its own
+    remark.job:note_call(remark.rule, remark.frame)
+  end
   self.findings:add(remark)
 end
 

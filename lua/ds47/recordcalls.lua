@@ -221,7 +221,8 @@ function RecordCalls:response(call)
       local half = halves[number] or half_of(pdu.frame, pdu.time_ns, status)
       record.response = half
       if not half.status then
-        self:_about(pdu, record, {rule = "DS108", frame = pdu.frame, args = {}})
+        local remark = {rule = "DS108", frame = pdu.frame, args = {}}
+        self:_pass("_event_call_remark", false, pdu, record, remark)
       end
       if record.write then
         self:_pass("_event_write_answered", false, pdu, record)
@@ -233,6 +234,9 @@ function RecordCalls:response(call)
 end
 
 function RecordCalls:_read_answered(pdu, record, half)
+  if half.missing ~= 0 and pdu.missing ~= 0 then
+    half.cut = true -- by the capture, not by the sender
+  end
   self:_length(pdu, record, half)
   local shaped = false
   if half.data ~= "" and half.missing == 0
@@ -302,8 +306,9 @@ function RecordCalls:_event_call_remark(_, record, remark)
   self.listener:remark(remark)
 end
 
-function RecordCalls:_event_read_request(pdu)
+function RecordCalls:_event_read_request(pdu, record)
   clock(self, pdu)
+  record.job = self.pairing:expected(peer_of(pdu), record) -- for what is said of the call
 end
 
 function RecordCalls:_event_write_request(pdu, record, message)

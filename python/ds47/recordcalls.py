@@ -39,10 +39,14 @@ _LONGEST_SHARED: Final = 512
 
 @dataclass(slots=True, init=False)
 class _Context:
-    """What an RPC call carries: its record calls, and the jobs of its Writes by position."""
+    """What an RPC call carries: its record calls, and the jobs of its Writes by position.
+
+    `expected` has, by position too, the jobs whose responses its Reads were to fetch.
+    """
 
     body: RequestBody
     jobs: dict[int, Job]
+    expected: dict[int, Job | UsualJob]
 
     def __init__(
         self,
@@ -51,6 +55,7 @@ class _Context:
     ) -> None:
         self.body = body
         self.jobs = {} if jobs is None else jobs
+        self.expected = {}
 
 
 class RecordCalls:
@@ -108,6 +113,8 @@ class RecordCalls:
         job = call.usual
         jobs = {0: self._pairing.job(job)} if isinstance(job, UsualJob) else None
         made = call.context = _Context(parse_request(call.request), jobs)
+        if call.expected is not None:
+            made.expected[0] = call.expected
         return made
 
     # Requests
@@ -140,9 +147,9 @@ class RecordCalls:
         passes = self._gate.passes((pdu.client, pdu.server, record.ar), record.index)
         if not record.write:
             if passes:
-                self._clock(pdu)
+                self._read_asked(pdu, record, context)
             else:
-                self._pass(pdu, record, partial(self._clock, pdu))
+                self._pass(pdu, record, partial(self._read_asked, pdu, record, context))
             return
         message = self.decoded(half.data)
         if passes:
@@ -150,6 +157,12 @@ class RecordCalls:
         else:
             event = partial(self._write, pdu, record, context, message)
             self._pass(pdu, record, event, shaped=message.shaped)
+
+    def _read_asked(self, pdu: rpc.Pdu, record: Record, context: _Context) -> None:
+        self._clock(pdu)
+        job = self._pairing.expected(peer(pdu), record)
+        if job is not None:
+            context.expected[record.position] = job
 
     def _write(self, pdu: rpc.Pdu, record: Record, context: _Context, message: Request) -> None:
         self._clock(pdu)
@@ -215,7 +228,8 @@ class RecordCalls:
                 self._foreign(peer(pdu), record)
                 continue
             if half.status is None:
-                self._about(pdu, record, Remark("DS108", pdu.frame))
+                event = partial(self._call_remark, Remark("DS108", pdu.frame), record, context)
+                self._pass(pdu, record, event)
             if not record.write:
                 self._read_answered(pdu, record, half)
             elif self._gate.passes((pdu.client, pdu.server, record.ar), record.index):
@@ -231,6 +245,7 @@ class RecordCalls:
 
     def _read_answered(self, pdu: rpc.Pdu, record: Record, half: Half) -> None:
         if half.missing:
+            half.cut = pdu.missing > 0
             self._length(pdu, record, half)
         if self._gate.passes((pdu.client, pdu.server, record.ar), record.index):
             self._read(pdu, record)
@@ -302,7 +317,9 @@ class RecordCalls:
                 return
 
     def _call_remark(self, remark: Remark, record: Record, context: _Context) -> None:
-        remark.job = context.jobs.get(record.position)
+        job: Job | UsualJob | None = context.jobs.get(record.position)
+        job = job or context.expected.get(record.position)
+        remark.job = self._pairing.job(job) if isinstance(job, UsualJob) else job
         self._remark(remark)
 
     def _about(self, pdu: rpc.Pdu, record: Record, remark: Remark) -> None:

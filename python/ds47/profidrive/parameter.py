@@ -93,7 +93,7 @@ def decode_response(
             return response
     body = _Body(data, _HEADER, data[3], options, flaws, vendor)
     body.decode("all" if unsupported else known.body if known else "free")
-    response.blocks, response.rest = body.blocks, body.rest
+    response.blocks, response.rest, response.cut = body.blocks, body.rest, body.cut
     if known and not unsupported:
         _sign(response, known.negative)
     return response
@@ -279,6 +279,7 @@ class _Body:
         "_sense",
         "_vendor",
         "blocks",
+        "cut",
         "flaws",
         "offset",
         "rest",
@@ -302,6 +303,7 @@ class _Body:
         self.flaws = flaws
         self.blocks: list[Block] = []
         self.rest = b""
+        self.cut = False
 
     def decode(self, body: str) -> None:
         """Decodes by the kind of spec/ids.toml; "all" means blocks while bytes remain."""
@@ -374,6 +376,7 @@ class _Body:
             return raw, True
         what = f"values of block {len(self.blocks) + 1}"
         _missing(self.flaws, self.offset, size - len(raw), what)
+        self.cut = True
         return raw, False
 
     def _pad(self, block: Block) -> bool:

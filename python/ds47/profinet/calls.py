@@ -25,7 +25,8 @@ class Call:
     """
 
     __slots__ = (
-        "_request", "_response", "answer", "answered", "asked", "context", "time_ns", "usual",
+        "_request", "_response", "answer", "answered", "asked", "context", "expected", "time_ns",
+        "usual",
     )  # fmt: skip
 
     def __init__(self, request: Pdu | None, asked: Frame | None, usual: Any, time_ns: int) -> None:
@@ -38,6 +39,8 @@ class Call:
         self.answered = False
         """Whether there was a response, or a fault."""
         self.usual = usual
+        self.expected: Any = None
+        """Of a Read that is made of frames: the job whose response it fetches, as far as that was known."""
         self.time_ns = time_ns
         """Of the request."""
         self.context: Any = None

@@ -37,9 +37,11 @@ class Half:
     stated: int
     """RecordDataLength: bytes that follow; in a Read request the most that is wanted."""
     missing: int
-    """Bytes that the capture cut off."""
+    """Bytes that are stated and not there."""
     status: int | None
     """PNIOStatus, ErrorCode first; None where the PDU carries none."""
+    cut: bool
+    """Whether `missing` is the capture's doing (snap length), not the sender's."""
 
     def __init__(
         self,
@@ -56,6 +58,7 @@ class Half:
         self.stated = stated
         self.missing = missing
         self.status = status
+        self.cut = False
 
 
 @dataclass(slots=True, init=False)
