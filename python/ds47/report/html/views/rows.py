@@ -35,7 +35,8 @@ def packed_rows(
     if base is None:  # a result that was stored before it was kept
         base = min((each.start_ns for each in items), default=0)
     tables = _Tables(vendors, {each.ip: each.station for each in result.devices})
-    rows = [_row(each, base, tables) for each in items]
+    witness = plc.Witness(result)
+    rows = [_row(each, base, tables, witness) for each in items]
     return {
         "row": ROW,
         "rows": rows,
@@ -105,7 +106,7 @@ def _address(
     return [address(item), pnu, subindex, attribute, count, *messages.name(item), unit, format_name]
 
 
-def _row(item: Transaction, base: int, tables: _Tables) -> list[Any]:
+def _row(item: Transaction, base: int, tables: _Tables, witness: plc.Witness) -> list[Any]:
     place = tables.place
     frames = item.frames
     vendor = tables.vendors.get(item.device)
@@ -132,7 +133,7 @@ def _row(item: Transaction, base: int, tables: _Tables) -> list[Any]:
         _hex(item.response),
         [_parameter(each, tables, vendor) for each in item.parameters],
         [place("rules", rule) for rule in item.findings],
-        place("plc", plc.line(item)),
+        place("plc", witness.line(item)),
     ]
 
 
