@@ -68,7 +68,9 @@ def test_a_change_of_which_nobody_read_the_answer_is_not_ok(captures: Path):
     lines = opening(analyze(captures / "conversation-change-unread.pcapng"))
     assert lines[1] == "LOOK AT IT: 1 drive, 1 transaction, 1 unanswered"
     shown = lines[lines.index("What this capture cannot show") + 1 :]
-    assert any(line.startswith("  What the drive made of 1 request: its response") for line in shown)
+    assert any(
+        line.startswith("  What the drive made of 1 request: its response") for line in shown
+    )
 
 
 def test_where_there_are_errors_jobs_are_answered_and_not_done(captures: Path):
@@ -477,7 +479,16 @@ def test_every_word_is_there_in_both_languages_and_used():
     sources = "".join(
         path.read_text("utf-8") for path in package.rglob("*") if path.suffix in (".py", ".j2")
     )
-    made = ("verdict_", "told_", "severity_", "plc_write_", "plc_read_", "state_", "about_", "operation_")
+    made = (
+        "verdict_",
+        "told_",
+        "severity_",
+        "plc_write_",
+        "plc_read_",
+        "state_",
+        "about_",
+        "operation_",
+    )
     for key, texts in report_words().items():
         assert set(texts) == {"en", "zh"}, key
         assert all(texts.values()), key

@@ -11,7 +11,7 @@ from typing import Any, TextIO
 
 from ds47 import __version__, spec
 from ds47.regression.difference import Difference, History, Latency, Place, differs
-from ds47.report.bilingual import Both, say
+from ds47.report.bilingual import Both, operation, say, state
 from ds47.report.words import escape
 
 SCHEMA = "ds47.diff/1"
@@ -102,7 +102,7 @@ def _finding(rule: str, was: int, now: int) -> Both:
 
 
 def _state(name: str, was: int, now: int) -> Both:
-    return say("diff_row", what=name, text=f"{was} -> {now}")
+    return say("diff_row", what=state(name), text=f"{was} -> {now}")
 
 
 def _became(text: str, was: Both, now: Both) -> Both:
@@ -123,7 +123,7 @@ def _latency(each: Latency) -> Both:
     return say(
         "diff_latency",
         device=escape(each.device),
-        operation=each.operation,
+        operation=operation(each.operation),
         medians=f"{each.medians[0]:.1f} -> {each.medians[1]:.1f}",
         p95=f"{each.p95[0]:.1f} -> {each.p95[1]:.1f}",
         a=str(each.counts[0]),
@@ -177,7 +177,7 @@ def _history(history: History | None) -> dict[str, Any] | None:
 def _page(found: Difference, lang: str) -> str:
     from jinja2 import Environment, PackageLoader, StrictUndefined  # only for this format
 
-    def word(key: str, **values: str) -> str:
+    def word(key: str, **values: Any) -> str:
         return say(key, **values).text(lang)
 
     environment = Environment(
@@ -188,6 +188,8 @@ def _page(found: Difference, lang: str) -> str:
         found=found,
         lang=lang,
         word=word,
+        state=state,
+        operation=lambda each: operation(each).text(lang),
         rules=spec.rules(),
         version=__version__,
         place_text=place_text,

@@ -9,6 +9,7 @@ that none of them can talk to the terminal.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, TextIO
 
 from ds47.model import (
@@ -249,9 +250,8 @@ class _Columns:
     """What the transactions of one capture need to be told apart, and how wide that is."""
 
     def __init__(self, transactions: Sequence[Transaction], lang: str) -> None:
-        operations = {each.operation for each in transactions}
-        self._operations = {each: operation(each).text(lang) for each in operations}
-        self.operation = max(columns(each) for each in self._operations.values())
+        self.lang = lang
+        self.operation = max(columns(_operation(each.operation, lang)) for each in transactions)
         self.number = max(len(str(each.id)) for each in transactions) + 1
         self.controllers = len({each.controller for each in transactions}) > 1
         self.slots = len({(each.api, each.slot, each.subslot) for each in transactions}) > 1
@@ -266,9 +266,14 @@ class _Columns:
     def left(self, item: Transaction) -> str:
         """The start of the line: number, operation, where to."""
         number = f"#{item.id}".ljust(self.number)
-        word = self._operations[item.operation]
+        word = _operation(item.operation, self.lang)
         word += " " * (self.operation - columns(word))
         return f"{number} {word}  {self._route(item).ljust(self.route)}"
+
+
+@lru_cache
+def _operation(word: str, lang: str) -> str:
+    return operation(word).text(lang)
 
 
 def _timing(item: Transaction) -> Both:

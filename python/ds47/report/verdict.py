@@ -18,6 +18,13 @@ OPEN = ("unanswered", "superseded")
 """States of a transaction of which nobody knows what became of it."""
 CALLS = ("DS101", "DS104", "DS105", "DS108", "DS207")
 """Rules about a record call that brought nothing: where one did, not all is done."""
+KINDS = {
+    "ok": "good",
+    **dict.fromkeys(FAILED, "bad"),
+    **dict.fromkeys(OPEN, "open"),
+    "orphan": "orphan",
+}
+"""What each state means for who looks at a plot or at a figure."""
 LEVELS = ("none", "good", "warn", "bad")
 """From nothing to say to serious; names of classes in the style sheet of the page."""
 
