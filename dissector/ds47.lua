@@ -128,7 +128,7 @@ function ds47.dissector(tvb, pinfo, tree)
     end
   elseif not whole and glanced(number, frame, offset, pinfo, tree) then
     return
-  elseif track.feed(number, frame, offset, clock.now, not whole) then
+  elseif track.feed(number, frame, offset, clock.now, not whole, pinfo.len) then
     local views, findings = track.live_views(whole)
     show(views, findings, tvb, pinfo, tree, offset, whole)
   end

@@ -65,6 +65,12 @@ class Tape(Stage):
             self.steps.append(step)
         self.now_ns += self.gap_ns
 
+    def cut(self, count: int) -> None:
+        """The capture cuts so many bytes off the newest frame."""
+        step = self.steps[-1]
+        step["bytes"] = step["bytes"][: -2 * count]
+        step["cut"] = count
+
     def repeat(self, number: int = -1) -> None:
         """A datagram that was seen before is seen again, with its IP id."""
         self.steps.append({**self.steps[number], "t": self.now_ns - START_NS})
@@ -1280,6 +1286,14 @@ def _(tape: Tape) -> None:
     client.read(tell(1, 1.5))
 
 
+@case("P33-empty-body-nothing-asked", "P33 P53", "nothing-to-read malformed", [], "DS108@2")
+def _(tape: Tape) -> None:
+    """A Read on a channel without a request, whose response has no body: that is the cause, and said once."""
+    client = Client(tape)
+    client.channel = client.at(index=0xB02F)
+    client.reply(client.ask_read(), b"")
+
+
 @case("P33-nothing-to-read", "P33", "nothing-to-read", [], "DS206@2 DS206@4 DS206@6")
 def _(tape: Tape) -> None:
     """Reads without data on a channel without a request: busy, refused, and positive."""
@@ -1683,10 +1697,10 @@ def _(tape: Tape) -> None:
     "P3 P11 P12 P29 P48",
     "fragments lost",
     [tx(1, "ok", (2, 4, 9, 11), 10, real(1.5))],
-    "DS101@6#1 DS105@7",
+    "DS105@7#1",
 )
 def _(tape: Tape) -> None:
-    """The last fragment of the Read response is lost, and the record is read again."""
+    """The last fragment of the Read response is lost, and the record is read again: it is there in part."""
     client = Client(tape, fragment=60)
     client.write(ask())
     client.read(tell(1, 1.5))
@@ -1702,10 +1716,58 @@ def _(tape: Tape) -> None:
     "DS106@4 DS315@4#1",
 )
 def _(tape: Tape) -> None:
-    """The PDU of the Read response lacks its last two bytes, half of the only value."""
+    """The frame of the Read response lacks its last two bytes, half of the only value."""
+    client = Client(tape)
+    client.exchange(ask(), tell(1, 1.5))
+    tape.cut(2)
+
+
+@case(
+    "P53-pdu-longer-than-its-datagram",
+    "P53",
+    "malformed",
+    [tx(1, "error", (1, 2, 3, 4), 3, real())],
+    "DS202@4 DS315@4#1",
+)
+def _(tape: Tape) -> None:
+    """The datagram of the Read response ends two bytes too early, and the frame is whole: nothing was cut."""
     client = Client(tape)
     client.exchange(ask(), tell(1, 1.5))
     tape.steps[-1]["bytes"] = tape.steps[-1]["bytes"][:-4]
+
+
+@case(
+    "P53-fragment-cut",
+    "P3 P53",
+    "fragments malformed",
+    [tx(1, "ok", (2, 3, 4, 6), 4, real())],
+    "DS106@5 DS315@6#1",
+)
+def _(tape: Tape) -> None:
+    """The frame with the first of two fragments of the Read response is cut: that one is named."""
+    client = Client(tape, fragment=92)
+    client.write(ask())
+    client.read(tell(1, 1.5))
+    last = tape.steps.pop()
+    tape.cut(2)
+    tape.steps.append(last)
+
+
+@case(
+    "P11-request-in-part",
+    "P3 P11 P32 P39",
+    "fragments lost orphan",
+    [tx(1, "orphan", (None, None, 3, 4), None, real(1.5, pnu=None), ref=1, write=None)],
+    "DS105@1 DS403@4#1",
+)
+def _(tape: Tape) -> None:
+    """The last fragment of the Write request is lost: its response is not without a request in the capture."""
+    client = Client(tape, fragment=60)
+    call = client.ask_write(ask())
+    del tape.steps[-1]
+    client.fragment = None
+    client.accept_write(call, ask())
+    client.read(tell(1, 1.5))
 
 
 @case(
@@ -1820,6 +1882,19 @@ def _(tape: Tape) -> None:
 
 
 @case(
+    "P37-zero-asked-none-answered",
+    "P37 P46",
+    "values",
+    [tx(1, "ok", (1, 2, 3, 4), 3, real())],
+    "DS408@4#1",
+)
+def _(tape: Tape) -> None:
+    """Number of elements 0 asks for one value, as 1 does; the block has none."""
+    request = message.read(1, 1, message.address(21, elements=0))
+    Client(tape).exchange(request, message.answer(1, 1, 1, message.real()))
+
+
+@case(
     "P37-more-values",
     "P37 P46",
     "values",
@@ -1904,7 +1979,7 @@ def _(tape: Tape) -> None:
     """One value was captured, the other half; the response id says that something failed."""
     client = Client(tape)
     client.exchange(ask(1, 21, 27), tell(1, 1.5, 2.5, identifier=0x81))
-    tape.steps[-1]["bytes"] = tape.steps[-1]["bytes"][:-4]
+    tape.cut(2)
 
 
 @case(
@@ -1918,7 +1993,7 @@ def _(tape: Tape) -> None:
     """The capture lacks the second block, and the response id says that nothing failed."""
     client = Client(tape)
     client.exchange(ask(1, 21, 27), tell(1, 1.5, 2.5))
-    tape.steps[-1]["bytes"] = tape.steps[-1]["bytes"][:-12]
+    tape.cut(6)
 
 
 @case(
@@ -1966,6 +2041,233 @@ def _(tape: Tape) -> None:
     client.exchange(ask(1, 974), message.answer(1, 1, 1, message.word(16)))
     client.exchange(ask(2, 21, 27), tell(2, 1.5, 2.5))
     client.exchange(ask(3, 21, 27, 25), tell(3, 1.5, 2.5, 3.5))
+
+
+# Which parameter is meant
+
+
+LOCAL = 0xB02E
+RAMP = 1120
+
+
+def ramp(value: float) -> Row:
+    return real(value, pnu=RAMP)
+
+
+def changed(value: float, reference: int, axis: int = 1, pnu: int = RAMP) -> tuple[bytes, bytes]:
+    """A change of a Float32 and its response."""
+    asked = message.change(reference, axis, (message.address(pnu), message.real(value)))
+    return asked, message.changed(reference, axis)
+
+
+def fetched(value: float, reference: int, axis: int = 1, pnu: int = RAMP) -> tuple[bytes, bytes]:
+    """A read of a Float32 and its response."""
+    return ask(reference, pnu, axis=axis), tell(reference, value, axis=axis)
+
+
+def four(number: int) -> tuple[int, int, int, int]:
+    """The frames of the n-th transaction where each has four."""
+    return (4 * number - 3, 4 * number - 2, 4 * number - 1, 4 * number)
+
+
+def row(number: int, *parameters: Row, state: str = "ok", **more: Any) -> Row:
+    """The n-th transaction of four frames; its reference is its number."""
+    return tx(number, state, four(number), 3, *parameters, ref=number, **more)
+
+
+@case(
+    "P60-the-submodule-decides",
+    "P60",
+    "values",
+    [
+        row(1, ramp(10.0), operation="change", axis=9, index=LOCAL, slot=2),
+        row(2, ramp(9.5), axis=0, index=LOCAL, slot=2),
+        row(3, ramp(10.0), operation="change", axis=2, index=LOCAL, slot=2),
+        row(4, ramp(9.5), axis=2, index=LOCAL),
+    ],
+    "DS417@8#2",
+)
+def _(tape: Tape) -> None:
+    """Local access: the axis byte does not count, the slot does."""
+    client = Client(tape)
+    here, there = client.at(index=LOCAL), client.at(index=LOCAL, slot=2)
+    client.exchange(*changed(10.0, 1, axis=9), at=there)
+    client.exchange(*fetched(9.5, 2, axis=0), at=there)
+    client.exchange(*changed(10.0, 3, axis=2), at=there)
+    client.exchange(*fetched(9.5, 4, axis=2), at=here)
+
+
+@case(
+    "P60-two-ways-to-one-parameter",
+    "P60",
+    "values",
+    [
+        row(1, ramp(10.0), operation="change"),
+        row(2, ramp(9.5), operation="change", index=LOCAL, slot=2),
+        row(3, ramp(9.5)),
+    ],
+)
+def _(tape: Tape) -> None:
+    """Local access may have reached the same drive object: the value that was written last is not known."""
+    client = Client(tape)
+    client.exchange(*changed(10.0, 1))
+    client.exchange(*changed(9.5, 2), at=client.at(index=LOCAL, slot=2))
+    client.exchange(*fetched(9.5, 3))
+
+
+@case(
+    "P61-a-submodule-names-itself",
+    "P61",
+    "values drive-error",
+    [
+        row(1, par(RAMP, error=(0x19, 0)), state="error", axis=77),
+        row(2, par(975, "Unsigned16", 3, subindex=7), axis=0, index=LOCAL, slot=2),
+        row(3, ramp(10.0), operation="change", axis=3),
+        row(4, ramp(9.5), axis=9, index=LOCAL, slot=2),
+    ],
+    "DS410@4#1 DS417@16#4",
+    diagnoses="DS709@4#1",
+)
+def _(tape: Tape) -> None:
+    """PNU 975[7] of a submodule is its DO-ID: what was written to that drive object is read back there."""
+    client = Client(tape)
+    there = client.at(index=LOCAL, slot=2)
+    client.exchange(ask(1, RAMP, axis=77), message.answer(1, 0x81, 77, message.error(0x19)))
+    asked = message.read(2, 0, message.address(975, 7))
+    client.exchange(asked, message.answer(2, 1, 0, message.word(3)), at=there)
+    client.exchange(*changed(10.0, 3, axis=3))
+    client.exchange(*fetched(9.5, 4, axis=9), at=there)
+
+
+@case(
+    "P62-two-axes",
+    "P62",
+    "values drive-error",
+    [
+        row(1, ramp(10.0), operation="change", axis=2),
+        row(2, ramp(9.5), operation="change", axis=3),
+        row(3, ramp(9.5), axis=2),
+        row(4, par(RAMP, error=(0x19, 0)), state="error", axis=77),
+        row(5, ramp(10.0), operation="change", axis=2),
+        row(6, ramp(9.5), operation="change", axis=3),
+        row(7, ramp(9.5), axis=2),
+    ],
+    "DS410@16#4 DS417@28#7",
+    diagnoses="DS709@16#4",
+)
+def _(tape: Tape) -> None:
+    """Two axis numbers may be one drive object until the device has refused a third."""
+    client = Client(tape)
+    client.exchange(*changed(10.0, 1, axis=2))
+    client.exchange(*changed(9.5, 2, axis=3))
+    client.exchange(*fetched(9.5, 3, axis=2))
+    client.exchange(ask(4, RAMP, axis=77), message.answer(4, 0x81, 77, message.error(0x19)))
+    client.exchange(*changed(10.0, 5, axis=2))
+    client.exchange(*changed(9.5, 6, axis=3))
+    client.exchange(*fetched(9.5, 7, axis=2))
+
+
+@case(
+    "P63-one-for-the-whole-device",
+    "P63",
+    "values",
+    [
+        row(1, real(10.0, pnu=61000), operation="change", axis=2),
+        row(2, real(9.5, pnu=61000), axis=3, index=LOCAL, slot=2),
+    ],
+    "DS417@8#2",
+)
+def _(tape: Tape) -> None:
+    """PNU 61000 is one parameter, whichever drive object is asked."""
+    client = Client(tape)
+    client.exchange(*changed(10.0, 1, axis=2, pnu=61000))
+    client.exchange(*fetched(9.5, 2, axis=3, pnu=61000), at=client.at(index=LOCAL, slot=2))
+
+
+@case(
+    "P64-not-settled-yet",
+    "P64",
+    "values",
+    [
+        row(1, ramp(10.0), operation="change"),
+        tx(2, "ok", (5, 6, 11, 12), 7, ramp(9.5), operation="change", ref=2, index=0xB02F),
+        tx(3, "ok", (7, 8, 9, 10), 3, ramp(9.5), ref=3),
+    ],
+)
+def _(tape: Tape) -> None:
+    """A change that was accepted is in force perhaps, before its response is fetched."""
+    client = Client(tape)
+    asked, answer = changed(9.5, 2)
+    other = client.at(index=0xB02F)
+    client.exchange(*changed(10.0, 1))
+    client.write(asked, at=other)
+    client.exchange(*fetched(9.5, 3))
+    client.read(answer, at=other)
+
+
+@case(
+    "P64-response-not-fetched",
+    "P64",
+    "values superseded",
+    [
+        row(1, ramp(10.0), operation="change"),
+        tx(2, "superseded", (5, 6, None, None), None, ramp(9.5), operation="change", ref=2, read=None,
+           index=0xB02F),
+        tx(3, "ok", (7, 8, 9, 10), 3, real(1.5), ref=3, index=0xB02F),
+        tx(4, "ok", (11, 12, 13, 14), 3, ramp(8.0), ref=4),
+    ],
+    "DS414@7#2",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """A change whose response nobody fetched makes the value unknown, on every channel."""
+    client = Client(tape)
+    other = client.at(index=0xB02F)
+    client.exchange(*changed(10.0, 1))
+    client.write(changed(9.5, 2)[0], at=other)
+    client.exchange(ask(3), tell(3, 1.5), at=other)
+    client.exchange(*fetched(8.0, 4))
+
+
+@case(
+    "P65-computed-anew",
+    "P65",
+    "values",
+    [
+        row(1, ramp(10.0), operation="change"),
+        row(2, par(340, "Unsigned16", 1), operation="change"),
+        row(3, ramp(9.5)),
+    ],
+)
+def _(tape: Tape) -> None:
+    """p0340 computes others: what was written before it is not known any more."""
+    client = Client(tape)
+    client.exchange(*changed(10.0, 1))
+    asked = message.change(2, 1, (message.address(340), message.word(1)))
+    client.exchange(asked, message.changed(2, 1))
+    client.exchange(*fetched(9.5, 3))
+
+
+@case(
+    "P66-the-same-bits",
+    "P66",
+    "values",
+    [
+        row(1, par(2900, "Integer16", -32765), operation="change"),
+        row(2, par(2900, "Unsigned16", 32771)),
+        row(3, par(RAMP, "Unsigned32", 10), operation="change"),
+        row(4, ramp(10.0)),
+    ],
+)
+def _(tape: Tape) -> None:
+    """-32765 and 32771 are the same 16 bits; 10 and 10.0 the same number."""
+    client = Client(tape)
+    where = message.address(2900)
+    asked = message.change(1, 1, (where, message.block(0x03, "h", -32765)))
+    client.exchange(asked, message.changed(1, 1))
+    client.exchange(ask(2, 2900), message.answer(2, 1, 1, message.block(0x06, "H", 32771)))
+    asked = message.change(3, 1, (message.address(RAMP), message.block(0x07, "I", 10)))
+    client.exchange(asked, message.changed(3, 1))
+    client.exchange(*fetched(10.0, 4))
 
 
 # The file

@@ -18,6 +18,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ds47 import spec
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Frame, open_capture
 from ds47.model import CaptureResult, Report
@@ -140,7 +141,7 @@ def answered(half: Half) -> str:
 
 def _block(block: Block) -> str:
     if block.error is not None:
-        return "error" if block.error.code is None else f"error 0x{block.error.code:02X}"
+        return "error" if block.error.code is None else f"error {spec.error_hex(block.error.code)}"
     values = " ".join(str(value) for value in block.values[:4])
     return (values or "done") + (" .." if len(block.values) > 4 else "")
 

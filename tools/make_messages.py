@@ -43,8 +43,8 @@ def V(name: str, *values: Any, n: int | None = None, scaled: list[Any] | None = 
 
 
 def E(*words: int, n: int | None = None, vendor: bool = False) -> Row:  # noqa: N802
-    """An error block; inside vendor messages its words are no error numbers."""
-    known = [None, None] if vendor else [*words, None, None]
+    """An error block; inside vendor messages a first word up to 0xFF is no error number."""
+    known = [None, None] if vendor and words[0] < 0x100 else [*words, None, None]
     return {
         "format": None,
         "value_count": len(words) if n is None else n,
@@ -370,10 +370,11 @@ response(
     "error-three-words", "error-words", "01810101 |4403 0002 0001 0009", (1, 0x81, 1, 1),
     [E(2, 1, 9)], [F("DS318", 5, count=3)],
 )  # fmt: skip
-# The error number is the low byte of the first word; the word itself stays as it is.
-response("error-high-byte", "error-words", "01810101 |4402 ff02 0001", (1, 0x81, 1, 1), [
-    {**E(0xFF02, 1), "error": {"code": 2, "info": 1}}
-])  # fmt: skip
+# The error number is the whole first word: its low byte alone would be another number.
+response(
+    "error-high-byte", "error-words", "01810101 |4402 ff02 0001", (1, 0x81, 1, 1), [E(0xFF02, 1)]
+)
+response("error-of-a-maker", "error-words", "01810001 |4401 0811", (1, 0x81, 0, 1), [E(0x0811)])
 response("error-last-subindex", "error-words", "01810101 |4402 0003 ffff", (1, 0x81, 1, 1), [
     E(3, 65535)
 ])  # fmt: skip
@@ -643,6 +644,14 @@ response(
 response(
     "sew-service-error", "id vendor", "01c00001 |4402 0811 0000 00", (1, 0xC0, 0, 1),
     [E(0x0811, 0, vendor=True)], [F("DS314", 10, count=1)], rest="00",
+)  # fmt: skip
+response(
+    "sew-service-error-one-word", "id vendor", "01c00001 |4401 0811", (1, 0xC0, 0, 1),
+    [E(0x0811, vendor=True)], to="01400001 100100020000", asked=[A(2)],
+)  # fmt: skip
+response(
+    "vendor-request-not-supported", "id vendor errors", "6a800201 |4401 0021", (0x6A, 0x80, 2, 1),
+    [E(0x21)], to="6a400201 100100020000", asked=[A(2)],
 )  # fmt: skip
 response(
     "sew-service-error-opaque", "reject id vendor", "01c00001 0811", (1, 0xC0, 0, 1),
@@ -1115,22 +1124,23 @@ def sections() -> dict[str, Texts]:
 
 
 SECTIONS = sections()
-SINAMICS, ABB, ANOTHER = 0x002A, 0x001A, 0xFEFE
-"""Vendor ids: two that have a table, one that has none."""
+SINAMICS, ABB, SEW, ANOTHER = 0x002A, 0x001A, 0x010A, 0xFEFE
+"""Vendor ids: three that have a table, one that has none."""
+WIDE = {0x0100, 0x0811, 0x0826, 0xFF02, 0xFFFF}
+"""Error numbers beyond a byte, told for everyone: a low byte that the profile knows is no reason."""
 
 
 def error_rows() -> Iterator[Row]:
-    """Every error number as it is told where no vendor is known, for two vendors and for another one."""
+    """Every error number as it is told where no vendor is known, for three vendors and for another one."""
     profile, sinamics = SECTIONS["profile"], SECTIONS["vendor SINAMICS 0x002A"]
     tables: dict[int | None, Texts] = {
-        None: {}, SINAMICS: sinamics, ABB: SECTIONS["vendor ABB 0x001A"], ANOTHER: {},
+        None: {}, SINAMICS: sinamics, ABB: SECTIONS["vendor ABB 0x001A"],
+        SEW: SECTIONS["vendor SEW 0x010A"], ANOTHER: {},
     }  # fmt: skip
     for vendor, own in tables.items():
-        for code in range(256):
-            english, chinese = (
-                f"Manufacturer-specific error 0x{code:02X}",
-                f"制造商特定错误 0x{code:02X}",
-            )
+        for code in sorted({*range(256), *own, *WIDE}):
+            shown = f"0x{code:02X}" if code < 0x100 else f"0x{code:04X}"
+            english, chinese = f"Manufacturer-specific error {shown}", f"制造商特定错误 {shown}"
             if code in own:
                 english, chinese = own[code]
             elif code in profile:

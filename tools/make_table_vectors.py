@@ -47,7 +47,7 @@ def leaves(where: str, value: Any) -> Flat:
         yield where, value
         return
     for key, item in value.items():
-        yield f"{where}.0x{key:02X}", item
+        yield f"{where}.{key if isinstance(key, str) else f'0x{key:02X}'}", item
 
 
 def rows(where: str, table: Mapping[int, Any]) -> Flat:

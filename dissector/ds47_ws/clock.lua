@@ -5,6 +5,8 @@
 -- is added to that. Its nanoseconds are exact up to EXACT_SECONDS; where somebody sets another frame as the
 -- reference of times, a gap shows, and the field is asked for again.
 
+local times = require("ds47.times")
+
 local floor = math.floor
 
 local M = {}
@@ -38,7 +40,9 @@ local function exact(analysis, absolute, relative)
   if found then
     local time = found.value
     newest_ns = analysis:time_ns(floor(time.secs), floor(time.nsecs))
-    origin, origin_ns = absolute - relative, newest_ns - floor(relative * 1e9 + 0.5)
+    if times.is_near(newest_ns) then
+      origin, origin_ns = absolute - relative, newest_ns - floor(relative * 1e9 + 0.5)
+    end
   end
   return newest_ns or analysis:time_ns(0, 0)
 end

@@ -26,6 +26,9 @@ local FIELDS = {
   { "unit", "Unit", "string" },
   { "format", "Format", "string" },
   { "value_count", "Number of values", "uint8", "DEC" },
+  -- in a response: what its request wrote
+  { "written.format", "Format written", "string" },
+  { "written.value_count", "Number of values written", "uint8", "DEC" },
   -- one value: as text, and with the type of its format. A time is text as ISO 8601 writes it, because a
   -- drive knows no time zone, may send a time of day without a date, and dates that do not exist; as text it
   -- compares rightly all the same. Durations and normalised values have their physical value as a double.
@@ -39,7 +42,7 @@ local FIELDS = {
   { "value.time", "Time", "string" },
   { "value.hex", "Bytes of the text", "string" }, -- only where the text cannot be shown as it is
   { "scaled", "Physical value", "string" },
-  { "error.code", "Error number", "uint8", "HEX" },
+  { "error.code", "Error number", "uint16", "HEX" },
   { "error.text", "Error", "string" },
   { "error.info", "Additional information", "uint16", "DEC" },
   -- the other frames

@@ -15,6 +15,7 @@ local info = require("ds47_ws.info")
 local records = require("ds47.records")
 local recordcalls = require("ds47.recordcalls")
 local rpc = require("ds47.rpc")
+local is_near = require("ds47.times").is_near
 local waiting = require("ds47_ws.waiting")
 
 local byte, floor, sub = string.byte, math.floor, string.sub
@@ -73,7 +74,7 @@ function Glance:_usual(form, number, frame, clock)
     return nil
   end
   local time_ns = clock(self.analysis)
-  if time_ns < self.newest_ns or time_ns - channel.time_ns > self.patience_ns then
+  if not is_near(time_ns) or time_ns < self.newest_ns or time_ns - channel.time_ns > self.patience_ns then
     return nil
   end
   local text, found = form.step(self, channel, form, number, time_ns, frame)
@@ -193,6 +194,10 @@ function Glance:learn(frame, offset, time_ns)
   local pdu = live.last_pdu
   if self.known + self.forms.count > M.MOST then
     self:reset()
+  end
+  if not is_near(time_ns) then
+    self:reset()
+    return
   end
   self.newest_ns = math.max(self.newest_ns, time_ns)
   self.written = self.written or self.judge:written_pnus()

@@ -6,6 +6,7 @@
 -- of its parameters may be remembered. Numbers, values and addresses are written as the text report does.
 
 local entries = require("ds47.later").entries
+local spec = require("ds47.spec")
 local status = require("ds47.status")
 local words = require("ds47.report_words")
 
@@ -45,7 +46,7 @@ end
 
 --- `0x02 value outside limits`; the second word where it says something.
 function M.error(failed)
-  local text = failed.code and string.format("0x%02X", failed.code) or "error"
+  local text = failed.code and spec.error_hex(failed.code) or "error"
   if failed.text ~= "" then
     text = text .. " " .. words.escape(failed.text)
   end

@@ -55,9 +55,35 @@ function M.text(kind, track, options)
   return require(module)[name](track.result(), options)
 end
 
---- Writes a text to a file as it is. Returns true, or nil and what went wrong.
+-- First bytes of what nobody writes over: pcap of either byte order and unit, pcapng, gzip and zstd,
+-- in which a capture may be.
+local CAPTURES = {
+  "\xA1\xB2\xC3\xD4", "\xD4\xC3\xB2\xA1", "\xA1\xB2\x3C\x4D", "\x4D\x3C\xB2\xA1",
+  "\xA1\xB2\xCD\x34", "\x34\xCD\xB2\xA1", "\x0A\x0D\x0D\x0A", "\x1F\x8B", "\x28\xB5\x2F\xFD",
+}
+
+local function holds_capture(file)
+  local head = file:read(4) or ""
+  for _, magic in ipairs(CAPTURES) do
+    if head:sub(1, #magic) == magic then
+      return true
+    end
+  end
+  return false
+end
+
+--- Writes a text to a file as it is, but never over a capture. Returns true, or nil and what went wrong.
 function M.save(path, text)
+  local there = io.open(path, "r+b") -- not "rb": that would wait for a writer of a pipe
+  local is_file = there and there:seek("end") -- a pipe cannot be asked
+  if is_file and there:seek("set") and holds_capture(there) then
+    there:close()
+    return nil, path .. ": a capture or a packed file, which is not written over: choose another name"
+  end
   local file, problem = io.open(path, "wb")
+  if there then
+    there:close()
+  end
   if not file then
     return nil, problem
   end

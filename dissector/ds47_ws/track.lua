@@ -255,7 +255,8 @@ end
 --- Feeds a frame. True when it carried PROFINET RPC, or a fragment that might.
 -- @param number, frame, offset, clock  as for `glance`
 -- @param alone whether its sentence is all that is wanted: then the next one may be had at a glance
-function M.feed(number, frame, offset, clock, alone)
+-- @param length bytes of the frame on the wire
+function M.feed(number, frame, offset, clock, alone, length)
   local made, part = dissect(frame, offset)
   if made == nil then
     return false
@@ -264,6 +265,7 @@ function M.feed(number, frame, offset, clock, alone)
   catch_up()
   complete, last = nil, number
   made.frame = number
+  made.cut = length > #frame and { frame = number, captured = #frame, original = length } or nil
   made.time_ns = clock(live)
   if part then
     live:fragment(part)

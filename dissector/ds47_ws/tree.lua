@@ -1,12 +1,14 @@
 -- The protocol tree of a frame: its views and findings as ds47.* fields.
 --
 -- What a view is stands in info.lua. The tree shows the message that is in the frame, the parameters with
--- what is known of them, the links to the other frames, and the transaction. Once per transaction (in its
+-- what is known of them, the links to the other frames, and the transaction. What is in the frame is marked
+-- at its bytes; what another frame has is in brackets (generated). Once per transaction (in its
 -- Read response, or else in its Write request) stands everything that the JSON report says of it.
 
 local info = require("ds47_ws.info")
 local plc = require("ds47.plc")
 local reader = require("ds47.reader")
+local spec = require("ds47.spec")
 local tables = require("ds47.tables")
 local words = require("ds47.report_words")
 local csv = require("ds47.report_csv")
@@ -148,46 +150,80 @@ end
 
 -- Parameters
 
-local function add_address(parent, item, address, record)
-  local at = address and address.offset or 0
-  local known = address and record
-  local function place(offset, size)
-    return known and part(record, at + offset, size) or nil
-  end
-  local list = {
-    add(parent, "attribute", address and address.attribute, place(0, 1)),
-    add(parent, "element_count", item.element_count, place(1, 1)),
-    add(parent, "pnu", item.pnu, place(2, 2)),
-    add(parent, "subindex", item.subindex, place(4, 2)),
-  }
-  if not known then
-    for _, each in pairs(list) do
-      each:set_generated()
+-- The address. It stands in a request; for a response it is that of its request.
+local function add_address(parent, item, address, asked, record)
+  local function put(key, value, offset, size)
+    if asked then
+      add(parent, key, value, part(record, address.offset + offset, size))
+    else
+      derive(parent, key, value)
     end
   end
+  put("attribute", address and address.attribute, 0, 1)
+  put("element_count", item.element_count, 1, 1)
+  put("pnu", item.pnu, 2, 2)
+  put("subindex", item.subindex, 4, 2)
   derive(parent, "name", item.name)
   derive(parent, "unit", item.unit)
 end
 
-local function add_error(parent, item, block, record)
-  local failed = item.error
-  if failed == nil then
-    return
+-- Format and number of values of a block, as they stand in the frame.
+local function add_block(parent, block, record)
+  local name = block.error and tables.formats[block.format].name or block.format_name
+  local shown = add(parent, "format", name, part(record, block.offset, 1))
+  if find(name, "^0x") == nil then
+    shown:append_text(format(" (0x%02X)", block.format))
   end
-  local at = block and block.offset + 2
-  add(parent, "error.code", failed.code, at and part(record, at + 1, 1))
-  add(parent, "error.text", failed.text, at and part(record, at + 1, 1))
-  add(parent, "error.info", failed.info, at and part(record, at + 2, 2))
-  if failed.code == nil and block and #block.raw > 0 then
-    local range = part(record, at, #block.raw)
-    if range then
-      parent:add(fields.raw, range)
-    end
+  add(parent, "value_count", block.value_count, part(record, block.offset + 1, 1))
+end
+
+-- Bytes that have no field of their own.
+local function add_raw(parent, record, offset, size)
+  local range = part(record, offset, size)
+  if range then
+    parent:add(fields.raw, range)
   end
 end
 
--- Where parameter `number` of a view stands in the frame: its address, and the block with its value or error.
--- `values` is false where the values come from another frame.
+-- The words of an error block: the number, the additional information, and what else there is.
+local function add_error(parent, failed, text, block, record)
+  local at, shown = block.offset + 2, 0
+  if failed.code then
+    local range = part(record, at, 2)
+    local item = add(parent, "error.code", failed.code, range)
+    item:set_text("Error number: " .. spec.error_hex(failed.code))
+    add(parent, "error.text", text, range)
+    add(parent, "error.info", failed.info, part(record, at + 2, 2))
+    shown = failed.info and 4 or 2
+  else
+    derive(parent, "error.text", text)
+  end
+  add_raw(parent, record, at + shown, #block.raw - shown)
+end
+
+-- A block that belongs to no parameter of the transaction.
+local function add_loose(parent, block, record)
+  add_block(parent, block, record)
+  if block.error then
+    add_error(parent, block.error, nil, block, record)
+  else
+    add_raw(parent, record, block.offset + 2, #block.raw)
+  end
+end
+
+-- How many blocks of a message belong to the parameters of its view: none where the response is one of
+-- another request, but for the values of a read, which are shown without an address.
+local function owned(view, message)
+  local item = view.item
+  local bare = item.stray and (item.operation == "change" or item.state == "refused")
+  if bare and view.role ~= "write_request" then
+    return 0
+  end
+  return math.min(#view.parameters, #message.blocks)
+end
+
+-- What a frame holds of parameter `number` of a view: its address, its block, and whether the block has the
+-- values of the transaction: those of a change stand in its request.
 local function places(view, number)
   local message = view.message
   local address
@@ -196,33 +232,49 @@ local function places(view, number)
   end
   local change = view.item.operation == "change"
   if view.role == "write_request" then
-    return address, change and message.blocks[number] or nil, change
+    return address, message and message.blocks[number], change
   end
-  return address, view.response and view.response.blocks[number], not change
+  local response = view.response
+  local block = response and number <= owned(view, response) and response.blocks[number]
+  return address, block or nil, not (change and message)
+end
+
+-- What the request of a response wrote.
+local function add_written(parent, item)
+  derive(parent, "written.format", item.format)
+  derive(parent, "written.value_count", item.value_count)
 end
 
 local function add_parameter(parent, view, number, record)
   local item = view.parameters[number]
   local address, block, here = places(view, number)
-  local asked = view.role == "write_request"
+  local asked = view.role == "write_request" and address ~= nil
   local range
-  if asked and address then
+  if asked then
     range = part(record, address.offset, 6)
   elseif block then
     range = part(record, block.offset, 2 + #block.raw)
   end
   local label = words.parameter(item, view.item.operation == "change")
   local shown = add(parent, "parameter", label, range)
-  add_address(shown, item, address, asked and record or nil)
-  if item.format then
-    local at = here and block and block.offset
-    add(shown, "format", item.format, at and part(record, at, 1))
-    add(shown, "value_count", item.value_count, at and part(record, at + 1, 1))
+  if not asked and not (block and here) then
+    shown:set_generated()
+  end
+  add_address(shown, item, address, asked, record)
+  if block then
+    add_block(shown, block, record)
+  end
+  if not here then
+    add_written(shown, item)
   end
   for place = 1, #item.values do
     add_value(shown, item, place, here and block or nil, record)
   end
-  add_error(shown, item, not asked and block or nil, record)
+  if block and block.error and not asked then
+    add_error(shown, block.error, item.error and item.error.text, block, record)
+  elseif block and not (here and #item.values > 0) then
+    add_raw(shown, record, block.offset + 2, #block.raw)
+  end
 end
 
 -- The message in the frame
@@ -246,10 +298,12 @@ local function add_message(parent, view, record)
   for number = 1, #view.parameters do
     add_parameter(parent, view, number, record)
   end
-  if message and #message.rest > 0 and record then
-    local range = part(record, record:len() - #message.rest, #message.rest)
-    if range then
-      parent:add(fields.raw, range)
+  if message then
+    for number = owned(view, message) + 1, #message.blocks do
+      add_loose(parent, message.blocks[number], record)
+    end
+    if record then
+      add_raw(parent, record, record:len() - #message.rest, #message.rest)
     end
   end
 end

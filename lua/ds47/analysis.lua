@@ -23,6 +23,7 @@ local rpc = require("ds47.rpc")
 local rules = require("ds47.rules")
 local status = require("ds47.status")
 local tables = require("ds47.tables")
+local new_time = require("ds47.times").new
 local transactions = require("ds47.transactions")
 
 local M = {}
@@ -82,8 +83,7 @@ end
 
 -- What is fed
 
---- A time as `packet` and `fragment` take it: nanoseconds relative to the first second that was asked for,
--- so that a double holds them exactly for more than three months either way.
+--- A time as `packet` and `fragment` take it, relative to the first second that was asked for (times.lua).
 -- @param seconds, nanoseconds  since 1970, whole numbers
 function Analysis:time_ns(seconds, nanoseconds)
   local base = self.base_seconds
@@ -91,10 +91,40 @@ function Analysis:time_ns(seconds, nanoseconds)
     base = seconds
     self.base_seconds = base
   end
-  return (seconds - base) * 1000000000 + nanoseconds
+  return new_time(seconds - base, nanoseconds)
 end
 
---- Takes one whole UDP datagram: {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac}, see rpc.lua.
+-- What is given up is told at once; `kind` is "RPC" or "IP".
+local function tell_given_up(self, given_up, kind)
+  for _, part in ipairs(given_up) do
+    local pdu = part.pdu or rpc.parse(part.packet)
+    if pdu ~= nil then
+      self.records:incomplete(pdu, part.have, kind, part.limit, self.calls:open_call(pdu))
+    end
+  end
+end
+
+-- The beginning of a message that is not whole yet.
+local function begun(self, pdu)
+  if pdu ~= nil and self.records:first_record(pdu) then
+    self.calls:begun(pdu)
+  end
+end
+
+-- The message that an RPC fragment completes, nil where it completes none.
+local function joined(self, pdu)
+  local whole = self.fragments:feed(pdu)
+  local given_up = self.fragments:take_given_up()
+  if given_up then
+    tell_given_up(self, given_up, "RPC")
+  end
+  if whole == nil then
+    begun(self, pdu)
+  end
+  return whole
+end
+
+--- Takes one whole UDP datagram: {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac, cut}, see rpc.lua.
 -- The table is not kept.
 function Analysis:packet(packet)
   self.result, self.last_call, self.last_pdu = nil, nil, nil
@@ -104,21 +134,33 @@ function Analysis:packet(packet)
   if pdu == nil or self.calls:is_copy(pdu) then
     return
   end
-  local whole = self.fragments:feed(pdu)
+  local whole = pdu
+  if pdu.fragmented then
+    whole = joined(self, pdu)
+  end
   if whole ~= nil then
     self.naming:message(whole)
     self.calls:feed(whole)
   end
 end
 
---- Takes one IP fragment: {frame, time_ns, src_ip, dst_ip, ip_id, offset, more, data}, see ip.lua.
+--- Takes one IP fragment: {frame, time_ns, src_ip, dst_ip, ip_id, offset, more, data, cut}, see ip.lua.
 function Analysis:fragment(fragment)
   self.result, self.last_call, self.last_pdu = nil, nil, nil
   self.last_frame = fragment.frame
   self.pairing.touched_count = 0
   local packet = self.reassembly:feed(fragment)
+  local given_up = self.reassembly:take_given_up()
+  if given_up then
+    tell_given_up(self, given_up, "IP")
+  end
   if packet ~= nil then
     self:packet(packet)
+    return
+  end
+  local first = self.reassembly.begun(fragment)
+  if first then
+    begun(self, rpc.parse(first))
   end
 end
 
@@ -259,17 +301,11 @@ end
 
 function Analysis:_finish()
   self.findings.frames_dropped = self.options.frames_dropped or false
-  for _, part in ipairs(self.fragments:unfinished()) do
-    self.records:incomplete(part.pdu, part.have, "RPC")
-  end
-  for _, part in ipairs(self.reassembly:unfinished()) do
-    local pdu = rpc.parse(part.packet)
-    if pdu ~= nil then
-      self.records:incomplete(pdu, part.have, "IP")
-    end
-  end
+  tell_given_up(self, self.fragments:unfinished(), "RPC")
+  tell_given_up(self, self.reassembly:unfinished(), "IP")
   self.calls:finish()
   self.pairing:finish()
+  self.records:finish()
   local numbered = self.finished_jobs:numbered()
   local found, diagnoses = self.findings:result(numbered, self.finished_jobs)
   return {
@@ -295,9 +331,9 @@ function Analysis:response(call)
   self.records:response(call)
 end
 
-function Analysis:orphan_response(pdu)
+function Analysis:orphan_response(pdu, certain)
   self.last_pdu = pdu
-  self.records:orphan_response(pdu)
+  self.records:orphan_response(pdu, certain)
 end
 
 function Analysis:retransmission(call, pdu)
@@ -314,6 +350,10 @@ function Analysis:lost(call)
   self.records:lost(call)
 end
 
+function Analysis:pushed_out(call, limit)
+  self.records:pushed_out(call, limit)
+end
+
 -- What pairing and the record calls tell
 
 --- A transport finding.
@@ -322,6 +362,21 @@ function Analysis:remark(remark)
     remark.job:note_call(remark.rule, remark.frame)
   end
   self.findings:add(remark)
+end
+
+--- A Write asks for something.
+function Analysis:asked(job)
+  self.judge:asked(job)
+end
+
+--- A Write was refused.
+function Analysis:refused(job)
+  self.judge:refused(job)
+end
+
+--- A Connect to a device.
+function Analysis:connected(device, frame)
+  self.judge:connected(device, frame)
 end
 
 --- A job has its response.
@@ -342,6 +397,9 @@ function Analysis:closed(job)
     self.answers[job] = nil
   else
     remarks = self.judge:unanswered(job, self.findings.frames_dropped)
+    if job.limit and job:write_request() then
+      self.records:limit_reached(job.limit, job:write_request().frame)
+    end
     self.findings:foresee(remarks)
   end
   self.findings:keep(remarks)
@@ -364,9 +422,8 @@ end
 --- A Read without record on a channel that has no request (docs/pairing.md P33).
 function Analysis:nothing_to_read(record)
   local half = record.response
-  if half ~= nil then
-    local text = half.status and status.status_hex(half.status)
-    self.findings:add(rules.remark("DS206", half.frame, {status = text}))
+  if half ~= nil and half.status ~= nil then -- without a status it is DS108, the cause
+    self.findings:add(rules.remark("DS206", half.frame, {status = status.status_hex(half.status)}))
   end
 end
 

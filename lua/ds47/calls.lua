@@ -3,7 +3,8 @@
 -- Tells copies, retransmissions and reused numbers apart and hands each call on exactly once. What a call
 -- carries is records.lua's business; what it means for the parameter channel is pairing.lua's.
 --
--- A call is {request = pdu, response = pdu or nil, context = whatever the layer above keeps with it}.
+-- A call is {request = pdu, response = pdu or nil, in_part = true where fragments of a response were seen,
+-- context = whatever the layer above keeps with it}.
 
 local ordered = require("ds47.ordered")
 
@@ -15,15 +16,18 @@ M.CallTracker = CallTracker
 
 --- Feeds on whole RPC messages in the order of the capture.
 --
--- Memory is bounded by the limits; a call without response is reported as lost when it expires, when it is
--- pushed out, or at `finish`.
+-- Memory is bounded by the limits; a call without response is reported as lost when it expires or at
+-- `finish`, and as pushed out when there are too many.
 -- @param limits the flat table of tables.lua (copy_ns, retransmission_ns, call_expiry_ns, datagrams,
---   activities, calls, answered_calls)
--- @param handlers a table with methods request(call), response(call), orphan_response(pdu),
---   retransmission(call, pdu), fault(call, pdu), lost(call); each is called at most once for one event
+--   activities, calls, answered_calls, rpc_messages)
+-- @param handlers a table with methods request(call), response(call), orphan_response(pdu, certain),
+--   retransmission(call, pdu), fault(call, pdu), lost(call), pushed_out(call, limit); each is called at most
+--   once for one event. `certain`: that the request is not in the capture; `limit`: the name of the one that
+--   pushed the call out, whose response may still come
 function CallTracker.new(limits, handlers)
   return setmetatable({
     limits = limits, handlers = handlers, activities = ordered.new(),
+    begun_requests = ordered.new(), -- requests of which fragments were seen, as far as is known
     datagrams = {}, datagram_count = 0, -- the newest ones by a key (`find_datagram`)
     -- Their keys in the order in which they came, from `first` to `last`. A key that came again stands there
     -- twice: `pdu.place` tells which is the right one.
@@ -138,11 +142,43 @@ function CallTracker:feed(pdu)
   end
 end
 
+local function begun_key(pdu)
+  return pdu.conversation .. pdu.seq
+end
+
+--- Takes a fragment that completes no message: its call is not without request or response.
+function CallTracker:begun(pdu)
+  if pdu.ptype == 0 then
+    local begun = self.begun_requests
+    begun:set(begun_key(pdu), true)
+    if begun.length > self.limits.rpc_messages then
+      begun:pop_first()
+    end
+  elseif pdu.ptype == 2 then
+    local activity = self.activities:get(pdu.conversation)
+    local call = activity and activity.calls:get(pdu.seq)
+    if call then
+      call.in_part = true
+    end
+  end
+end
+
+--- The call without a response to which a part of one belongs; nil for none.
+function CallTracker:open_call(pdu)
+  local activity = pdu.ptype == 2 and self.activities:get(pdu.conversation)
+  local call = activity and activity.calls:get(pdu.seq)
+  return call and call.response == nil and call or nil
+end
+
 --- The capture is over: every open call is lost.
 function CallTracker:finish()
   while self.activities.length > 0 do
     local _, activity = self.activities:pop_first()
-    self:_drop(activity)
+    for _, call in activity.calls:iterate() do
+      if not call.response then
+        self:_lose(call)
+      end
+    end
   end
 end
 
@@ -200,12 +236,12 @@ function CallTracker:_response(pdu)
     call = activity.calls:get(pdu.seq)
   end
   if not call then
-    self.handlers:orphan_response(pdu)
+    self.handlers:orphan_response(pdu, self.begun_requests:get(begun_key(pdu)) == nil)
   elseif not call.response then
     call.response = pdu
     self.handlers:response(call)
   elseif call.response.body ~= pdu.body then
-    self.handlers:orphan_response(pdu)
+    self.handlers:orphan_response(pdu, true)
   end
 end
 
@@ -230,22 +266,22 @@ function CallTracker:_expire(calls, now)
     and now - oldest.request.time_ns <= limits.call_expiry_ns then
     return
   end
-  self:_expire_unanswered(calls, now - limits.call_expiry_ns)
+  self:_expire_unanswered(calls, now)
   while calls.length > most do
     local _, call = calls:pop_first()
     if not call.response then
-      self:_lose(call)
+      self.handlers:pushed_out(call, "calls")
     end
   end
 end
 
---- Loses the unanswered calls from before `earliest` and forgets all but the newest answered ones.
-function CallTracker:_expire_unanswered(calls, earliest)
-  local late, answered = {}, {}
+--- Loses the unanswered calls that are too old and forgets all but the newest answered ones.
+function CallTracker:_expire_unanswered(calls, now)
+  local late, answered, expiry = {}, {}, self.limits.call_expiry_ns
   for seq, call in calls:iterate() do
     if call.response then
       answered[#answered + 1] = seq
-    elseif call.request.time_ns < earliest then
+    elseif now - call.request.time_ns > expiry then
       late[#late + 1] = seq
     end
   end
@@ -260,14 +296,10 @@ end
 function CallTracker:_make_room()
   while self.activities.length > self.limits.activities do
     local _, activity = self.activities:pop_first()
-    self:_drop(activity)
-  end
-end
-
-function CallTracker:_drop(activity)
-  for _, call in activity.calls:iterate() do
-    if not call.response then
-      self:_lose(call)
+    for _, call in activity.calls:iterate() do
+      if not call.response then
+        self.handlers:pushed_out(call, "activities")
+      end
     end
   end
 end

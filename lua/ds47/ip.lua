@@ -58,14 +58,16 @@ end
 --   total                      nil until the last fragment was seen
 --   pieces                     offset -> {data = captured bytes, length = on the wire}
 --   count, bytes               of the pieces, and of their captured bytes
+--   cut                        the first frame that the capture cut, as rpc.parse takes it
 --   reach, beyond              there is no hole up to `reach`; a heap of the offsets behind it
 
-local function add(entry, offset, data, length, more)
+local function add(entry, offset, data, length, more, cut)
   local known = entry.pieces[offset]
   if not known or known.length < length then
     entry.pieces[offset] = {data = data, length = length}
     entry.bytes = entry.bytes + #data - (known and #known.data or 0)
     push(entry.beyond, offset)
+    entry.cut = entry.cut or cut
   end
   if not more and not entry.total then
     entry.total = offset + length
@@ -118,6 +120,7 @@ local function have(entry)
 end
 
 --- The UDP payload of a datagram as a packet; nil without a whole UDP header.
+-- @param entry {frame, time_ns, src_ip, dst_ip, ip_id, cut}
 -- @param length bytes of the datagram on the wire, of which `data` was captured
 local function packet_of(entry, data, length)
   local l1, l2 = byte(data, 5, 6)
@@ -132,7 +135,7 @@ local function packet_of(entry, data, length)
   return {
     payload = payload, frame = entry.frame, time_ns = entry.time_ns, src_ip = entry.src_ip,
     dst_ip = entry.dst_ip, ip_id = entry.ip_id, src_mac = nil,
-    missing = math.max(0, stated - 8 - #payload),
+    missing = math.max(0, stated - 8 - #payload), cut = entry.cut,
   }
 end
 
@@ -143,15 +146,15 @@ M.Reassembly = Reassembly
 --- Puts fragments together, whatever their order; copies of a fragment are tolerated.
 --
 -- Memory is bounded: the oldest unfinished datagram goes first. One that is not whole `fragment_expiry_ns` of
--- capture time after its first fragment is given up. What is given up is kept for `unfinished`, the newest
--- `ip_datagrams`.
+-- capture time after its first fragment is given up. Whoever feeds takes what `take_given_up` gives; what he
+-- leaves there stays.
 -- @param limits the flat table of tables.lua (fragment_expiry_ns, ip_datagrams, ip_fragments, fragment_bytes)
 function Reassembly.new(limits)
   return setmetatable({
     expiry_ns = limits.fragment_expiry_ns, most_datagrams = limits.ip_datagrams,
     most_fragments = limits.ip_fragments, most_bytes = limits.fragment_bytes,
     open = ordered.new(), done = ordered.new(), fragments = 0, bytes = 0, now_ns = nil,
-    lost = {}, lost_ever = 0, -- a ring of the newest `most_datagrams`, and how many there ever were
+    given_up = {},
   }, Reassembly)
 end
 
@@ -167,10 +170,10 @@ local function is_copy(self, key, offset, data, length)
 end
 
 --- Takes a fragment; the packet (as rpc.parse takes it) when this one completes the datagram, else nil.
--- @param part {frame, time_ns, src_ip, dst_ip, ip_id, src_mac, offset, more, data, missing}: `offset` in
+-- @param part {frame, time_ns, src_ip, dst_ip, ip_id, src_mac, offset, more, data, missing, cut}: `offset` in
 --   bytes, `more` the flag that more fragments follow, `data` the IP payload as it was captured, `missing`
---   (nil for 0) the bytes at its end that were not; where the snap length cut fragments, the payload ends at
---   the first cut
+--   (nil for 0) the bytes at its end that were not, `cut` as rpc.parse takes it; where the snap length cut
+--   fragments, the payload ends at the first cut
 function Reassembly:feed(part)
   local time_ns, offset, data = part.time_ns, part.offset, part.data
   local length = #data + (part.missing or 0)
@@ -189,7 +192,7 @@ function Reassembly:feed(part)
     self.open:set(key, entry)
   end
   local before, bytes_before = entry.count, entry.bytes
-  add(entry, offset, data, length, part.more)
+  add(entry, offset, data, length, part.more, part.cut)
   self.fragments = self.fragments + entry.count - before
   self.bytes = self.bytes + entry.bytes - bytes_before
   entry.frame, entry.time_ns = part.frame, time_ns
@@ -209,23 +212,43 @@ function Reassembly:feed(part)
   return packet
 end
 
---- What never became whole, given up and still open, oldest first: an array of {packet, have}.
+--- Adds {packet, have, limit} to an array, if the datagram is one of UDP as far as it goes.
+local function tell(found, entry)
+  local packet = packet_of(entry, head(entry), entry.total or have(entry))
+  if packet then
+    found[#found + 1] = {packet = packet, have = entry.count, limit = entry.limit}
+  end
+end
+
+--- What a fragment that completes no datagram tells alone: a packet; nil where it is not the beginning.
+function Reassembly.begun(part)
+  if part.offset ~= 0 then
+    return nil
+  end
+  return packet_of(part, part.data, #part.data + (part.missing or 0))
+end
+
+--- What is not waited for any more, each told once: an array as of `unfinished`; `limit` is the name of the
+-- one that pushed it out, nil where its time was over. Nil for none.
+function Reassembly:take_given_up()
+  local given_up, found = self.given_up, {}
+  if given_up[1] == nil then
+    return nil
+  end
+  self.given_up = {}
+  for _, entry in ipairs(given_up) do
+    tell(found, entry)
+  end
+  return found
+end
+
+--- What is still waited for, oldest first: an array of {packet, have}.
 -- The packet holds the payload up to the first hole, its frame and time are those of the last fragment seen
--- and its MAC address is not kept; `have` counts the bytes seen.
+-- and its MAC address is not kept; `have` counts the fragments seen.
 function Reassembly:unfinished()
   local found = {}
-  local function tell(entry)
-    local bytes = have(entry)
-    local packet = packet_of(entry, head(entry), entry.total or bytes)
-    if packet then
-      found[#found + 1] = {packet = packet, have = bytes}
-    end
-  end
-  for number = math.max(0, self.lost_ever - self.most_datagrams), self.lost_ever - 1 do
-    tell(self.lost[number % self.most_datagrams + 1])
-  end
   for _, entry in self.open:iterate() do
-    tell(entry)
+    tell(found, entry)
   end
   return found
 end
@@ -245,23 +268,33 @@ function Reassembly:_expire()
     if math.abs(self.now_ns - entry.first_ns) <= self.expiry_ns then
       return
     end
-    self:_give_up(key)
+    self:_give_up(key, nil)
   end
+end
+
+--- The name of the limit that is passed, nil for none.
+function Reassembly:_over()
+  if self.open.length > self.most_datagrams then
+    return "ip_datagrams"
+  elseif self.fragments > self.most_fragments then
+    return "ip_fragments"
+  end
+  return self.bytes > self.most_bytes and "fragment_bytes" or nil
 end
 
 function Reassembly:_make_room(newest)
-  local open = self.open
-  while (open.length > self.most_datagrams or self.fragments > self.most_fragments
-    or self.bytes > self.most_bytes) and open.oldest ~= newest do
-    self:_give_up(open.oldest)
+  local open, limit = self.open, self:_over()
+  while limit and open.oldest ~= newest do
+    self:_give_up(open.oldest, limit)
+    limit = self:_over()
   end
 end
 
-function Reassembly:_give_up(key)
+function Reassembly:_give_up(key, limit)
   local entry = self:_close(key)
   if entry.pieces[0] then -- without the beginning nobody can tell whose it was
-    self.lost[self.lost_ever % self.most_datagrams + 1] = entry
-    self.lost_ever = self.lost_ever + 1
+    entry.limit = limit
+    self.given_up[#self.given_up + 1] = entry
   end
 end
 

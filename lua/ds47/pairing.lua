@@ -42,6 +42,8 @@ Job.accepted = false
 --   rival: whose request was open when this one was turned away as in conflict with another; the same
 --   repeats: frame of an earlier answer that was read once more where a new one was due
 --   ended: frame that ended the connection while the request was open
+--   limit: name of the limit that pushed it out: a response may still come
+--   uncertain: true for an orphan whose request a limit may have pushed out
 
 local function new_job(peer, record, message, order)
   return setmetatable({
@@ -133,9 +135,10 @@ M.Pairing = Pairing
 
 --- Takes record calls in the order of the capture and keeps the jobs of every channel.
 -- @param limits    the numbers of tables.limits
--- @param listener  told `answered(job)`, once, when a job has its response; `closed(job)`, once, when nothing
---   more can come; `late(job)` before a Write response changes a closed one; `nothing_to_read(record)` for a
---   Read without record on a channel that has no request
+-- @param listener  told `asked(job)` of each Write request; `refused(job)` when a Write was refused;
+--   `connected(device, frame)` of each Connect; `answered(job)`, once, when a job has its response;
+--   `closed(job)`, once, when nothing more can come; `late(job)` before a Write response changes a closed
+--   one; `nothing_to_read(record)` for a Read without record on a channel that has no request
 function M.new(limits, listener)
   return setmetatable({
     limits = limits,
@@ -144,6 +147,7 @@ function M.new(limits, listener)
     of_ar = {}, -- AR key -> its channel keys, in the order of first sight
     newest = ordered.new(), -- place -> its newest accepted request, whoever asked
     connects = ordered.new(), -- controller and device -> frame of the newest Connect between them
+    forgot_requests = false, -- whether a limit pushed out requests whose responses may still come
     count = 0,
     -- What the caller's last step touched; he sets the count to 0 before it.
     touched_count = 0,
@@ -191,25 +195,40 @@ local function lose(self, job, reason, ended)
   end_job(self, job, "lost")
 end
 
-local function close_channel(self, channel, reason, ended)
+-- Nothing more is known of a job from now on, and not because nothing came.
+local function push_out(self, job, limit)
+  if job.read_response == nil and not job:write_refused() then
+    job.limit, self.forgot_requests = limit, true
+  end
+  lose(self, job, "")
+end
+
+local function close_channel(self, channel, reason, ended, limit)
   local siblings = self.of_ar[channel.ar_key]
   siblings:pop(channel.key)
   if siblings.length == 0 then
     self.of_ar[channel.ar_key] = nil
   end
   self.channels:pop(channel.key)
+  local function over(job)
+    if limit then
+      push_out(self, job, limit)
+    else
+      lose(self, job, reason, ended)
+    end
+  end
   local last, refused, open = channel.last, channel.refused, channel.open
   if last then
-    lose(self, last, reason, ended)
+    over(last)
   end
   if refused then
-    lose(self, refused, reason, ended)
+    over(refused)
   end
   if open then
-    lose(self, open, reason, ended)
+    over(open)
   end
   for _, job in ipairs(channel.asked) do
-    lose(self, job, reason, ended)
+    over(job)
   end
 end
 
@@ -252,10 +271,11 @@ local function channel_of(self, peer, record, now)
     if oldest_key == key then
       return channel
     end
-    if now - oldest.touched <= expiry and channels.length <= self.limits.channels then
+    local old = now - oldest.touched > expiry
+    if not old and channels.length <= self.limits.channels then
       return channel
     end
-    close_channel(self, oldest, "expired")
+    close_channel(self, oldest, "expired", nil, not old and "channels" or nil)
   end
 end
 
@@ -411,8 +431,9 @@ function Pairing:write_request(peer, record, message)
   local asked = channel.asked
   asked[#asked + 1] = job
   touch(self, job, "write_request", record.request)
+  self.listener:asked(job)
   if #asked > self.limits.pending_writes then
-    lose(self, table.remove(asked, 1), "expired")
+    push_out(self, table.remove(asked, 1), "pending_writes")
   end
   return job
 end
@@ -440,6 +461,9 @@ function Pairing:write_response(job, response, fault)
     accept(self, channel, job)
   else
     refuse(self, channel, job)
+    if job.phase == "refused" then
+      self.listener:refused(job)
+    end
   end
 end
 
@@ -469,7 +493,7 @@ function Pairing:read_response(peer, record)
     return last
   end
   job = make_job(self, peer, record, nil)
-  job.phase = "open"
+  job.phase, job.uncertain = "open", self.forgot_requests or nil
   read(self, channel, job, event, record)
   return job
 end
@@ -511,6 +535,7 @@ function Pairing:connected(controller, device, frame)
   if connects.length > self.limits.channels then
     connects:pop_first()
   end
+  self.listener:connected(device, frame)
 end
 
 --- The capture is over.

@@ -199,8 +199,10 @@ local function error_block(body, start, count)
   for i = 1, floor(#raw / 2) do words[i] = reader.u16(raw, 2 * i - 2) end
   if count < 1 or count > 2 then flaw(body.flaws, "DS318", start + 1, {count = count}) end
   local failure = {words = words}
-  if words[1] and not body.vendor then -- a vendor's words are no error numbers of the profile
-    failure.code, failure.info = words[1] % 256, words[2]
+  -- The whole word is the number: 0x0811 of one maker is not the profile's 0x11. In a vendor message a word
+  -- up to 0xFF would be taken for a number of the profile: it has none.
+  if words[1] and not (body.vendor and words[1] <= 0xFF) then
+    failure.code, failure.info = words[1], words[2]
   end
   body.blocks[#body.blocks + 1] = {
     format = ERROR, value_count = count, values = {}, error = failure, raw = raw, offset = start, pad = "",
@@ -441,7 +443,8 @@ local function response_body(response, data, known, request, options)
   if not known then flaw(flaws, "DS319", 1, {id = format("0x%02X", id)}) end
   local unsupported = id == REQUEST_NOT_SUPPORTED
   if count == 0 and not unsupported then flaw(flaws, "DS303", 3) end
-  local vendor = known and known.vendor or request and request.operation == "vendor"
+  -- What a drive answers that does not know the request is the profile's.
+  local vendor = known and known.vendor or not unsupported and request and request.operation == "vendor"
   local kind = unsupported and "all" or known and known.body or "free"
   decode_blocks(response, data, HEADER, kind, vendor, options)
   if known and not unsupported then sign(response, known.negative) end
@@ -450,7 +453,8 @@ end
 --- Decodes the data of a Read record (docs/protocol.md A.2). Never raises.
 -- @param data string: the record, without the 64-byte header of the record block
 -- @param request the Request it answers, or nil. The error words in the answer to a vendor request are no
---   error numbers of the profile. Reference, axis and count are not compared here.
+--   error numbers of the profile, unless the answer is that it is not supported. Reference, axis and count
+--   are not compared here.
 -- @param options {legacy_g120_formats, profile_v3_types} or nil: dialects
 -- @return Response; header fields are nil where the message ends before them
 function M.decode_response(data, request, options)

@@ -16,8 +16,8 @@ M.NOT_READY = 0xDE80B500 -- the STATUS of a poll: state conflict on a Read
 local NEGATIVE = 0x80 -- the bit of byte 1 of a response that says that it is a negative one
 
 -- Rules about a call that brought no record, and what the call ended with.
-local LEFT_OUT = { DS101 = "unseen", DS104 = "fault", DS108 = "bare", DS207 = "empty" }
-local CUT = "DS106"
+local LEFT_OUT = { DS101 = "unseen", DS105 = "unseen", DS104 = "fault", DS108 = "bare", DS207 = "empty" }
+local IN_PART, CUT = "DS105", "DS106"
 -- The bytes of a request that its response mirrors, but for byte 2, from 1.
 local HEADER = { { "mirror_reference", 1 }, { "mirror_axis", 3 }, { "mirror_count", 4 } }
 
@@ -59,8 +59,8 @@ function M.witness(result)
     if LEFT_OUT[each.rule] and owner then
       calls[owner] = calls[owner] or {}
       table.insert(calls[owner], each)
-    elseif each.rule == CUT then
-      lengths[each.frame] = each.args and each.args.original
+    elseif each.rule == CUT and each.args.completed then
+      lengths[each.args.completed] = each.args.length
     end
   end
   return setmetatable({
@@ -81,22 +81,26 @@ function M.witness_of(item, job)
   end
   local read = job.read_response
   if read and read.cut then
-    findings[#findings + 1] = { rule = CUT, frame = read.frame, args = { original = read.stated } }
+    findings[#findings + 1] = { rule = CUT, frame = read.frame, args = { completed = read.frame, length = read.stated } }
   end
   return M.witness({ transactions = { item }, findings = findings })
 end
 
--- The Reads that brought no record and are none of the frames of a transaction.
+-- The Reads that brought no record and are none of the frames of a transaction; and whether a part of the
+-- response is there to the Read that is one of them.
 local function left_out_of(item, found)
   local frames, list = item.frames, {}
+  local waits, in_part = frames.read_request and not frames.read_response, false
   for _, each in ipairs(found) do
     local frame = each.frame
-    if frame ~= frames.write_request and frame ~= frames.write_response and frame ~= frames.read_request
+    if waits and not in_part and each.rule == IN_PART then
+      in_part = true
+    elseif frame ~= frames.write_request and frame ~= frames.write_response and frame ~= frames.read_request
       and frame ~= frames.read_response then
       list[#list + 1] = { frame = frame, outcome = LEFT_OUT[each.rule], order = #list }
     end
   end
-  return list
+  return list, in_part
 end
 
 -- The Reads before the last one: polls, and those that brought nothing.
@@ -177,7 +181,8 @@ end
 -- in Python.
 function Witness:saw(item)
   local found = self.calls[item.id] or {}
-  local left_out, wait = left_out_of(item, found), self.waits[item.id] or "unseen"
+  local left_out, in_part = left_out_of(item, found)
+  local wait = not in_part and self.waits[item.id] or "unseen"
   local captured = item.response and #item.response or 0
   local length = self.lengths[item.frames.read_response or 0] or captured
   local calls = { write(item, found, left_out, wait) }

@@ -8,9 +8,11 @@
 -- that has to wait. The record of a Write knows the job that was made of it (`record.job`).
 
 local json = require("ds47.json")
+local ordered = require("ds47.ordered")
 local parameter = require("ds47.parameter")
 local records = require("ds47.records")
 local rpc = require("ds47.rpc")
+local tables = require("ds47.tables")
 
 local byte = string.byte
 local ar_key, half_of, parse_request = records.ar_key, records.half, records.parse_request
@@ -36,20 +38,61 @@ function RecordCalls.new(gate, pairing, codec, listener)
   return setmetatable({
     gate = gate, pairing = pairing, codec = codec, listener = listener, newest_ns = nil, counts = {},
     decode_request = parameter.remembering(codec),
+    forgot_requests = false, -- whether a limit pushed out a request whose response may still come
+    limits = ordered.new(), -- name of a limit -> what it pushed out: {frame = of the first, count}
   }, RecordCalls)
 end
 
---- A message whose fragments never became whole; `have` of them are there, `kind` is "RPC" or "IP".
-function RecordCalls:incomplete(pdu, have, kind)
+--- The first record in the beginning of a message; nil where that tells of none that can be ours.
+function RecordCalls:first_record(pdu)
   local record
-  if pdu.ptype == 0 then
+  if pdu.fragment ~= 0 then
+    return nil
+  elseif pdu.ptype == 0 then
     record = parse_request(pdu).records[1]
   elseif pdu.ptype == 2 then
     local _, answers = parse_response(pdu)
     record = answers[1]
   end
-  if record then
-    self:_about(pdu, record, {rule = "DS105", frame = pdu.frame, args = {have = have, kind = kind}})
+  return record and self.gate:concerns(record.index) and record or nil
+end
+
+--- A message whose fragments did not become whole.
+-- @param pdu its beginning
+-- @param have number of its fragments
+-- @param kind "RPC" or "IP"
+-- @param limit name of the limit that pushed it out: the others may have come later; nil for none
+-- @param call  the call that it answers, as far as that is known; nil for none
+function RecordCalls:incomplete(pdu, have, kind, limit, call)
+  local record = self:first_record(pdu)
+  if not record then
+    return
+  end
+  if limit then
+    self:_pass("_event_pushed_out", false, pdu, record, limit)
+    self.forgot_requests = self.forgot_requests or pdu.ptype == 0
+  else
+    local remark = {rule = "DS105", frame = pdu.frame, args = {have = have, kind = kind}}
+    local asked = call and call.context and not record.write and call.context.records[1]
+    self:_pass(asked and "_event_call_remark" or "_event_remark", false, pdu, asked or record, remark)
+  end
+end
+
+--- A limit pushed out something of ours that began in this frame.
+function RecordCalls:limit_reached(limit, frame)
+  local pushed = self.limits:get(limit)
+  if not pushed then
+    pushed = {frame = frame, count = 0}
+    self.limits:set(limit, pushed)
+  end
+  pushed.count = pushed.count + 1
+end
+
+--- The capture is over: tells of each limit that pushed something out, once.
+function RecordCalls:finish()
+  for name, pushed in self.limits:iterate() do
+    local args = {limit = name, most = tables.limits[name], count = pushed.count}
+    self.listener:remark({rule = "DS109", frame = pushed.frame, args = args})
   end
 end
 
@@ -134,13 +177,16 @@ function RecordCalls:_length(pdu, record, half)
   if half.missing == 0 then
     return
   end
-  local remark = {frame = half.frame}
-  if pdu.missing ~= 0 then
-    remark.rule, remark.args = "DS106", {captured = #half.data, original = half.stated}
+  local cut = pdu.missing ~= 0 and pdu.cut
+  if cut then
+    local args = {
+      captured = cut.captured, original = cut.original, length = half.stated, completed = half.frame,
+    }
+    self:_about(pdu, record, {rule = "DS106", frame = cut.frame, args = args})
   else
-    remark.rule, remark.args = "DS202", {stated = half.stated, present = #half.data}
+    local args = {stated = half.stated, present = #half.data}
+    self:_about(pdu, record, {rule = "DS202", frame = half.frame, args = args})
   end
-  self:_about(pdu, record, remark)
 end
 
 -- Requests
@@ -196,8 +242,30 @@ function RecordCalls:lost(call)
   if not context then
     return
   end
-  local args = {operation = OPERATIONS[pdu.opnum]}
-  self:_about_call(call, {rule = "DS101", frame = pdu.frame, args = args})
+  if not call.in_part then -- DS105 says what there is
+    local args = {operation = OPERATIONS[pdu.opnum]}
+    self:_about_call(call, {rule = "DS101", frame = pdu.frame, args = args})
+  end
+  self:_reads_lost(pdu, context)
+end
+
+--- A call without a response that a limit pushed out: one may still come.
+function RecordCalls:pushed_out(call, limit)
+  local context, pdu = call.context, call.request
+  if not context then
+    return
+  end
+  for _, record in ipairs(context.records) do
+    if self.gate:concerns(record.index) then
+      self.forgot_requests = true
+      self:_pass("_event_pushed_out", false, pdu, record, limit)
+      break
+    end
+  end
+  self:_reads_lost(pdu, context)
+end
+
+function RecordCalls:_reads_lost(pdu, context)
   for _, record in ipairs(context.records) do
     if not record.write and self.gate:concerns(record.index) then
       self:_pass("_event_read_lost", false, pdu, record)
@@ -234,7 +302,7 @@ function RecordCalls:response(call)
 end
 
 function RecordCalls:_read_answered(pdu, record, half)
-  if half.missing ~= 0 and pdu.missing ~= 0 then
+  if half.missing ~= 0 and pdu.missing ~= 0 and pdu.cut then
     half.cut = true -- by the capture, not by the sender
   end
   self:_length(pdu, record, half)
@@ -246,7 +314,8 @@ function RecordCalls:_read_answered(pdu, record, half)
   self:_pass("_event_read_answered", shaped, pdu, record)
 end
 
-function RecordCalls:orphan_response(pdu)
+--- A response to no known call; `certain`: that its request is not in the capture.
+function RecordCalls:orphan_response(pdu, certain)
   local operation = OPERATIONS[pdu.opnum]
   if not operation then
     return
@@ -254,7 +323,9 @@ function RecordCalls:orphan_response(pdu)
   local _, answers = parse_response(pdu)
   for _, record in ipairs(answers) do
     if self.gate:concerns(record.index) then
-      self:_about(pdu, record, {rule = "DS102", frame = pdu.frame, args = {operation = operation}})
+      if certain and not self.forgot_requests then
+        self:_about(pdu, record, {rule = "DS102", frame = pdu.frame, args = {operation = operation}})
+      end
       if not record.write then
         self:_read_answered(pdu, record, record.response)
       end
@@ -299,6 +370,10 @@ end
 
 function RecordCalls:_event_remark(_, _, remark)
   self.listener:remark(remark)
+end
+
+function RecordCalls:_event_pushed_out(pdu, _, limit)
+  self:limit_reached(limit, pdu.frame)
 end
 
 function RecordCalls:_event_call_remark(_, record, remark)

@@ -4,6 +4,7 @@
 -- could see is an escape, so that a row is a line. Opens no file.
 
 local numbers = require("ds47.numbers")
+local times = require("ds47.times")
 local words = require("ds47.report_words")
 
 local M = {}
@@ -57,10 +58,9 @@ end
 
 --- A time as ISO 8601 in UTC with nine digits.
 -- @param base_seconds seconds since 1970 to which time_ns is relative
--- @param time_ns nanoseconds
+-- @param time_ns as times.lua has it
 function M.timestamp(base_seconds, time_ns)
-  local more = floor(time_ns / 1e9)
-  local nanoseconds = time_ns - more * 1e9
+  local more, nanoseconds = times.split(time_ns)
   local seconds = base_seconds + more
   local days = floor(seconds / 86400)
   seconds = seconds - days * 86400

@@ -4,6 +4,7 @@
 local tables = require("ds47.tables")
 local numbers = require("ds47.numbers")
 local sentences = require("ds47.sentences")
+local spec = require("ds47.spec")
 
 local M = {}
 
@@ -234,7 +235,7 @@ end
 
 --- `error 0x11: request cannot be executed (info 3)`; `lang` as in `values`.
 function M.error(item, lang)
-  local text = M.say(lang, "parameter_error") .. (item.code and format(" 0x%02X", item.code) or "")
+  local text = M.say(lang, "parameter_error") .. (item.code and " " .. spec.error_hex(item.code) or "")
   if item.text and item.text ~= "" then
     text = M.joined(lang, { text, M.escape(item.text) }, ": ", "：")
   end

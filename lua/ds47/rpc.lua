@@ -84,10 +84,12 @@ end
 
 --- The PDU in a UDP packet; nil where it is not PNIO RPC or its header is cut off.
 --
--- `body` is what follows the 80-byte header, `missing` the bytes of it that the capture cut off. UUIDs are in
+-- `body` is what follows the 80-byte header, `missing` the bytes of it that are not there, and `cut` the
+-- frame that the capture cut, if it did; else the header says more than the datagram holds. UUIDs are in
 -- network order whatever the PDU used; `little` tells the order of the NDR header; `conversation` names
 -- client and activity. What a conversation repeats stands in the metatable of the PDU.
--- @param packet {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac}: a whole UDP payload. Where
+-- @param packet {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac, cut}: a whole UDP payload. `cut` is
+--   nil, or {frame = number, captured = bytes, original = bytes} of a frame that the capture cut. Where
 --   `payload` is more than that, `at` and `stop` are the 0-based offsets of its beginning and its end. It is
 --   not kept.
 function M.parse(packet)
@@ -120,7 +122,7 @@ function M.parse(packet)
     frame = packet.frame, time_ns = packet.time_ns, ip_id = packet.ip_id,
   }, head)
   if stated > stop then
-    pdu.missing = stated - stop
+    pdu.missing, pdu.cut = stated - stop, packet.cut
   end
   if fragment ~= 0 then
     pdu.fragment = fragment
@@ -143,8 +145,8 @@ M.Fragments = Fragments
 
 --- Puts fragmented RPC messages together; bounded in number and in capture time.
 -- @param expiry_ns how long an incomplete message is kept, nanoseconds of capture time
--- @param limit how many incomplete messages are kept, and how many given up ones; nil (here and below) for
---   the shipped limit
+-- Whoever feeds takes what `take_given_up` gives; what he leaves there stays.
+-- @param limit how many incomplete messages are kept; nil (here and below) for the shipped limit
 -- @param fragments how many fragments of incomplete messages are kept; the oldest message goes first
 -- @param most_bytes how many bytes of such fragments
 function Fragments.new(expiry_ns, limit, fragments, most_bytes)
@@ -153,7 +155,7 @@ function Fragments.new(expiry_ns, limit, fragments, most_bytes)
     expiry_ns = expiry_ns, limit = limit or limits.rpc_messages,
     most_fragments = fragments or limits.rpc_fragments, most_bytes = most_bytes or limits.fragment_bytes,
     partial = ordered.new(), fragments = 0, bytes = 0,
-    given_up = {}, gave_up = 0, -- a ring: the newest `limit` messages, and how many there ever were
+    given_up = {},
   }, Fragments)
 end
 
@@ -179,12 +181,13 @@ local function add(partial, pdu)
 end
 
 local function join(partial, newest)
-  local parts, bodies, length, cut = partial.parts, {}, 0, false
+  local parts, bodies, length, cut, first_cut = partial.parts, {}, 0, false, nil
   for number = 0, partial.last do
     local part = parts[number]
     -- What stands behind a hole is at no known place in the record: it counts as missing too.
     bodies[number + 1] = cut and "" or part.body
     length, cut = length + #part.body + part.missing, cut or part.missing > 0
+    first_cut = first_cut or part.cut
   end
   local whole = setmetatable({}, getmetatable(parts[0]))
   for name, value in pairs(parts[0]) do -- the fragment itself is still needed to know its copies
@@ -192,6 +195,7 @@ local function join(partial, newest)
   end
   whole.body = table.concat(bodies)
   whole.missing = length - #whole.body
+  whole.cut = first_cut
   whole.frame, whole.time_ns = newest.frame, newest.time_ns
   whole.fragmented = false
   return whole
@@ -205,7 +209,7 @@ function Fragments:feed(pdu)
   local key = pdu.source .. "\0" .. pdu.activity .. pdu.seq .. "\0" .. pdu.ptype
   local partial = self.partial:get(key)
   if partial and self:_is_old(partial, pdu.time_ns) then
-    self:_give_up(key) -- the sequence number came round: this is another message
+    self:_give_up(key, nil) -- the sequence number came round: this is another message
     partial = nil
   end
   if not partial then
@@ -218,8 +222,10 @@ function Fragments:feed(pdu)
   self.fragments = self.fragments + partial.count - before
   self.bytes = self.bytes + partial.bytes - bytes_before
   if not partial.last or partial.count <= partial.last then
-    while self.fragments > self.most_fragments or self.bytes > self.most_bytes do
-      self:_give_up(self.partial.oldest)
+    local limit = self:_over()
+    while limit do
+      self:_give_up(self.partial.oldest, limit)
+      limit = self:_over()
     end
     return nil
   end
@@ -238,31 +244,47 @@ function Fragments:_make_room(now)
   local partials = self.partial
   while partials.length > 0 do
     local key, oldest = partials:first()
-    if not self:_is_old(oldest, now) and partials.length < self.limit then
+    local old = self:_is_old(oldest, now)
+    if not old and partials.length < self.limit then
       return
     end
-    self:_give_up(key)
+    self:_give_up(key, not old and "rpc_messages" or nil)
   end
 end
 
-local function beginning(partial)
-  return {pdu = partial.parts[0] or partial.first, have = partial.count}
+--- The name of the limit that is passed, nil for none.
+function Fragments:_over()
+  if self.fragments > self.most_fragments then
+    return "rpc_fragments"
+  end
+  return self.bytes > self.most_bytes and "fragment_bytes" or nil
 end
 
-function Fragments:_give_up(key)
+local function beginning(partial, limit)
+  return {pdu = partial.parts[0] or partial.first, have = partial.count, limit = limit}
+end
+
+function Fragments:_give_up(key, limit)
   local partial = self.partial:pop(key)
   self.fragments = self.fragments - partial.count
   self.bytes = self.bytes - partial.bytes
-  self.given_up[self.gave_up % self.limit + 1] = beginning(partial)
-  self.gave_up = self.gave_up + 1
+  self.given_up[#self.given_up + 1] = beginning(partial, limit)
 end
 
---- What never became whole, oldest first: an array of {pdu = first fragment (or first seen), have = number}.
+--- What is not waited for any more, each told once: an array as of `unfinished`; `limit` is the name of the
+-- one that pushed it out, nil where its time was over. Nil for none.
+function Fragments:take_given_up()
+  local given_up = self.given_up
+  if given_up[1] == nil then
+    return nil
+  end
+  self.given_up = {}
+  return given_up
+end
+
+--- What is still waited for, oldest first: an array of {pdu = first fragment (or first seen), have = number}.
 function Fragments:unfinished()
   local found = {}
-  for number = math.max(0, self.gave_up - self.limit), self.gave_up - 1 do
-    found[#found + 1] = self.given_up[number % self.limit + 1]
-  end
   for _, partial in self.partial:iterate() do
     found[#found + 1] = beginning(partial)
   end

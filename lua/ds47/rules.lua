@@ -7,13 +7,12 @@
 -- A remark is a finding in the making: {rule, frame, args, offset, job}. The args of each rule are in
 -- spec/rules.toml.
 
-local formats = require("ds47.formats")
 local json = require("ds47.json")
-local ordered = require("ds47.ordered")
+local readback = require("ds47.readback")
 local status = require("ds47.status")
 local tables = require("ds47.tables")
 
-local char, floor, max, sub = string.char, math.floor, math.max, string.sub
+local floor, max = math.floor, math.max
 
 local M = {}
 
@@ -25,7 +24,6 @@ M.NOT_SUPPORTED = 0x80
 local PNU_ACCESS_IDENTIFICATION, NOT_SUPPORTED = M.PNU_ACCESS_IDENTIFICATION, M.NOT_SUPPORTED
 local VALUE = 0x10 -- attribute (docs/protocol.md A.4)
 local NONE = {} -- no remarks; most jobs have none
-local SUBINDICES = 131072 -- more than a subindex and the elements behind it can be
 
 --- A remark. `args` may be nil; `offset` is the 0-based byte of the message, nil where there is none.
 function M.remark(rule, frame, args, offset)
@@ -77,11 +75,11 @@ function M.drive_time_ns(job)
       break
     end
   end
-  local pause = 0
-  if first and job.write_response then
-    pause = max(0, first.time_ns - job.write_response.time_ns)
+  local accepted = job.write_response
+  if first and accepted and first.time_ns > accepted.time_ns then -- the parts are exact, whatever the pause
+    return read.time_ns - first.time_ns + (accepted.time_ns - write.time_ns)
   end
-  return read.time_ns - write.time_ns - pause
+  return read.time_ns - write.time_ns
 end
 
 local function put_flaws(remarks, flaws, frame)
@@ -89,30 +87,6 @@ local function put_flaws(remarks, flaws, frame)
     local flaw = flaws[number]
     put(remarks, flaw.rule, frame, flaw.args, flaw.offset)
   end
-end
-
--- Where a parameter lives: a channel of a device and the axis, whoever asks.
-local function place_of(job)
-  local axis = job.message.axis
-  return job.peer.device .. job.record.spot .. (axis and char(axis) or "")
-end
-
--- The number of elements and the bytes of each, for a block whose elements can be told apart; nil for errors,
--- texts and strings.
-local function elements(address, block)
-  local count = block.value_count
-  if address.attribute ~= VALUE or block.error ~= nil or not count or count == 0 then
-    return nil
-  end
-  if #block.values ~= count or #block.raw % count ~= 0 then
-    return nil
-  end
-  return count, floor(#block.raw / count)
-end
-
--- A value as an argument of a finding.
-local function argument(value, block)
-  return type(value) == "string" and value or json.raw(formats.value_text(value, block))
 end
 
 -- The judge
@@ -128,9 +102,7 @@ function M.new(limits, slow_ns)
   return setmetatable({
     limits = limits,
     slow_ns = slow_ns,
-    -- What was written last: place -> number of the element -> {raw, value, block, place, element}.
-    places = {},
-    written = ordered.new(), -- the same entries in the order of writing
+    written = readback.new(limits.written_values),
     longest = {}, -- device -> longest message it takes
     longest_count = 0,
     blank = {}, -- where the remarks of the next job go; made anew only when it had some
@@ -139,8 +111,7 @@ end
 
 --- For a copy of the analysis that only plays the end of the capture: nothing is read back there.
 function Judge:copied(known)
-  known[self.places] = {}
-  known[self.written] = ordered.new()
+  known[self.written] = readback.new(self.limits.written_values)
   known[self.longest] = self.longest
 end
 
@@ -157,6 +128,27 @@ local function owned(self, job)
   return remarks
 end
 
+local function is_change(job)
+  return job.message ~= nil and job.message.operation == "change"
+end
+
+--- A Write request asks for something. To be called in the order of the capture.
+function Judge:asked(job)
+  self.written:asked(job)
+end
+
+--- A Write was refused.
+function Judge:refused(job)
+  if is_change(job) then
+    self.written:settled(job, false)
+  end
+end
+
+--- A Connect to a device.
+function Judge:connected(device, frame)
+  self.written:connected(device, frame)
+end
+
 --- What its response, and the values in it, say of a job: an array of remarks.
 -- To be called in the order of the capture.
 function Judge:answered(job)
@@ -165,6 +157,9 @@ function Judge:answered(job)
   self:_reads(remarks, job)
   self:_response(remarks, job, stray)
   self:_time(remarks, job)
+  if is_change(job) then
+    self.written:settled(job, stray)
+  end
   if not stray then
     self:_read_back(remarks, job)
     self:_learn_limit(job)
@@ -178,16 +173,16 @@ function Judge:unanswered(job, dropped)
   local remarks = self.blank
   self:_request(remarks, job)
   self:_reads(remarks, job)
+  if is_change(job) then
+    self.written:settled(job, false)
+  end
   local write = job:write_request()
   if write and not job:write_refused() then
-    local change = job.message.operation == "change"
-    if change then
-      self:_forget(job)
-    end
+    local change = is_change(job)
     if job.superseded_by ~= nil then
       local args = {request = write.frame, by = job.superseded_by}
       put(remarks, change and "DS414" or "DS413", job.superseded_by, args)
-    else
+    elseif not job.limit then -- else a response may have come later
       local args = {reason = job.reason ~= "" and job.reason or nil, dropped = dropped}
       put(remarks, change and "DS402" or "DS401", write.frame, args)
     end
@@ -248,7 +243,9 @@ function Judge:_response(remarks, job, stray)
   end
   put_flaws(remarks, response.flaws, half.frame)
   if job.message == nil then
-    put(remarks, "DS403", half.frame)
+    if not job.uncertain then
+      put(remarks, "DS403", half.frame)
+    end
   else
     self:_mirror(remarks, half.frame, job)
   end
@@ -338,119 +335,21 @@ function Judge:_time(remarks, job)
   end
 end
 
--- Remembers what was written, element by element, and compares what is read later.
+-- Compares what is read with what was written last.
 function Judge:_read_back(remarks, job)
-  local request, response = job.message, job.response
-  if request == nil or response == nil or job.read_response == nil then
-    return
-  end
-  if request.operation == "change" then
-    self:_remember(place_of(job), request, response.blocks)
-  elseif request.operation == "read" and self.written.length > 0 then
-    local place = self.places[place_of(job)]
-    for number, block in ipairs(place and response.blocks or NONE) do
-      local address = request.addresses[number]
-      if address == nil then
-        return
-      end
-      self:_compare(remarks, job.read_response.frame, place, address, block)
-    end
-  end
-end
-
-function Judge:_compare(remarks, frame, place, address, block)
-  local count, size = elements(address, block)
-  local first = address.pnu * SUBINDICES
-  for number = 0, (count or 0) - 1 do
-    local subindex = address.subindex + number
-    local entry = place[first + subindex]
-    local raw = entry and sub(block.raw, number * size + 1, (number + 1) * size)
-    if entry and #entry.raw == size and entry.raw ~= raw then
-      self:_drop(entry)
-      local args = {
-        pnu = address.pnu, subindex = subindex,
-        written = argument(entry.value, entry.block), read = argument(block.values[number + 1], block),
-      }
-      put(remarks, "DS417", frame, args, block.offset)
-    end
-  end
-end
-
-function Judge:_remember(where, request, answers)
-  for number, block in ipairs(request.blocks) do
-    local address = request.addresses[number]
-    if address == nil then
-      break
-    end
-    local answer, pnu = answers[number], tables.parameters[address.pnu]
-    local failed = answer and answer.error ~= nil
-    if not failed and not (pnu and pnu.volatile) then
-      self:_keep(where, address, block)
-    end
-  end
-  while self.written.length > self.limits.written_values do
-    self:_drop((self.written:first()))
-  end
-end
-
-function Judge:_keep(where, address, block)
-  local count, size = elements(address, block)
-  for number = 0, (count or 0) - 1 do
-    local place = self.places[where]
-    if place == nil then
-      place = {}
-      self.places[where] = place
-    end
-    local element = address.pnu * SUBINDICES + address.subindex + number
-    local entry = place[element]
-    if entry == nil then
-      entry = {place = where, element = element}
-      place[element] = entry
-      self.written:set(entry, true)
-    else
-      self.written:move_to_end(entry)
-    end
-    entry.raw = sub(block.raw, number * size + 1, (number + 1) * size)
-    entry.value, entry.block = block.values[number + 1], block
+  local found = self.written:read(job)
+  for number = 1, #found do
+    put(remarks, "DS417", job.read_response.frame, found[number].args, found[number].offset)
   end
 end
 
 --- The PNUs of which something is remembered that was written: a set.
 function Judge:written_pnus()
   local pnus = {}
-  for _, place in pairs(self.places) do
-    for element in pairs(place) do
-      pnus[floor(element / SUBINDICES)] = true
-    end
+  for pnu in pairs(self.written.pnus) do
+    pnus[pnu] = true
   end
   return pnus
-end
-
-function Judge:_drop(entry)
-  local place = self.places[entry.place]
-  place[entry.element] = nil
-  self.written:pop(entry)
-  if next(place) == nil then
-    self.places[entry.place] = nil
-  end
-end
-
--- A change whose response nobody read: what its parameters hold now is not known.
-function Judge:_forget(job)
-  local where = place_of(job)
-  for number, block in ipairs(job.message.blocks) do
-    local address = job.message.addresses[number]
-    if address == nil then
-      return
-    end
-    for element = 0, (elements(address, block) or 0) - 1 do
-      local place = self.places[where]
-      local entry = place and place[address.pnu * SUBINDICES + address.subindex + element]
-      if entry then
-        self:_drop(entry)
-      end
-    end
-  end
 end
 
 function Judge:_learn_limit(job)

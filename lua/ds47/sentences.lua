@@ -52,19 +52,14 @@ local function values(items)
   return #shown > 0 and concat(shown, ", ") or "-"
 end
 
---- An id or an error number: 0x6B; a whole word where it is longer: 0x0811.
-function M.hexadecimal(number)
-  return format(number < 0x100 and "0x%02X" or "0x%04X", number)
-end
-
 --- A record index as people write it: 47, 0xB02E.
 function M.record_index(index)
   return index < 0x100 and integer(index) or format("0x%04X", index)
 end
 
 local SHOW = {
-  hex = M.hexadecimal,
-  code = M.hexadecimal,
+  hex = spec.error_hex,
+  code = spec.error_hex,
   hex32 = function(number) return format("0x%08X", number) end,
   index = M.record_index,
   ms = function(number) return format("%.1f", tonumber(plain(number))) end,

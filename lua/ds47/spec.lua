@@ -30,9 +30,14 @@ function M.fill(template, args)
   return (gsub(template, "{([%w_]+):?0?(%d*)X?}", field))
 end
 
+--- An error number as people write it: `0x11`, and above one byte `0x0811`.
+function M.error_hex(code)
+  return format(code <= 0xFF and "0x%02X" or "0x%04X", code)
+end
+
 local function words(entry, code, lang)
   local text = lang == "zh" and entry.zh or entry.en
-  return M.fill(text, {code = code, above = code - (entry.code or code)})
+  return M.fill(text, {code = M.error_hex(code), above = code - (entry.code or code)})
 end
 
 local by_id = entries(function(id)
@@ -56,7 +61,7 @@ end
 local texts, held = {}, 0
 
 --- What an error number means, in words (docs/protocol.md B).
--- @param code error value 1
+-- @param code error value 1, 0..0xFFFF
 -- @param lang "en" or "zh"; anything else gives English
 -- @param vendor_id PROFINET vendor id of the device or nil. Numbers from 0x65 on belong to the vendor:
 --   without an id the meaning on SINAMICS is given as such, and a vendor without a table gets no meaning

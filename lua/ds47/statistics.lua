@@ -3,6 +3,7 @@
 -- `compute` counts, `text` prints. Takes the result of Analysis:ended(); opens no file.
 
 local report_text = require("ds47.report_text")
+local spec = require("ds47.spec")
 local status = require("ds47.status")
 local tables = require("ds47.tables")
 local todo = require("ds47.todo")
@@ -152,7 +153,7 @@ local function errors(transactions)
     for _, parameter in ipairs(item.parameters) do
       local failed = parameter.error
       if failed then
-        local code = failed.code and format("0x%02X", failed.code) or "-"
+        local code = failed.code and spec.error_hex(failed.code) or "-"
         local text, frame = failed.text or "", item.frames.read_response
         local row = { device = item.device, code = code, text = text, frame = frame }
         add(concat({ item.device, code, text }, "\0"), row)

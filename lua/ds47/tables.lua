@@ -196,7 +196,7 @@ M.response_ids = {
   [0xD2] = {code = 210, name = "VLT change, double words, with errors", body = "blocks", vendor = true, negative = true},
 }
 
-M.error_fallback = {en = "Manufacturer-specific error 0x{code:02X}", zh = "制造商特定错误 0x{code:02X}"}
+M.error_fallback = {en = "Manufacturer-specific error {code}", zh = "制造商特定错误 {code}"}
 
 later.errors = [=[
 M.errors = {
@@ -240,7 +240,7 @@ M.vendors = {
   {name = "SINAMICS", id = 42},
   {name = "ABB", id = 26},
   {name = "KEB"},
-  {name = "SEW"},
+  {name = "SEW", id = 266},
 }
 M.vendors[1].errors = {
   [0x65] = {code = 101, en = "Parameter currently deactivated", zh = "参数当前未激活", info = "unknown"},
@@ -306,6 +306,54 @@ M.vendors[3].errors = {
   [0x6B] = {code = 107, en = "Invalid operation", zh = "操作无效", info = "unknown"},
 }
 M.vendors[4].errors = {
+  [0x500] = {code = 1280, en = "Service failed, cause not known", zh = "服务失败，原因不明", info = "unknown"},
+  [0x501] = {code = 1281, en = "Service not permitted", zh = "服务不允许", info = "unknown"},
+  [0x502] = {code = 1282, en = "No response", zh = "无响应", info = "unknown"},
+  [0x503] = {code = 1283, en = "Response with another address", zh = "响应的地址不同", info = "unknown"},
+  [0x504] = {code = 1284, en = "Response with another type", zh = "响应的类型不同", info = "unknown"},
+  [0x505] = {code = 1285, en = "Response for another index", zh = "响应的索引不同", info = "unknown"},
+  [0x506] = {code = 1286, en = "Response for another service", zh = "响应的服务不同", info = "unknown"},
+  [0x507] = {code = 1287, en = "Response on another channel", zh = "响应的通道不同", info = "unknown"},
+  [0x508] = {code = 1288, en = "Response for another block", zh = "响应的块不同", info = "unknown"},
+  [0x509] = {code = 1289, en = "No trace (scope) data there", zh = "没有跟踪（示波）数据", info = "unknown"},
+  [0x50A] = {code = 1290, en = "Length not permitted", zh = "长度不允许", info = "unknown"},
+  [0x50B] = {code = 1291, en = "Address not permitted", zh = "地址不允许", info = "unknown"},
+  [0x50C] = {code = 1292, en = "Pointer not permitted", zh = "指针不允许", info = "unknown"},
+  [0x50D] = {code = 1293, en = "Memory too small", zh = "内存不足", info = "unknown"},
+  [0x50E] = {code = 1294, en = "System error", zh = "系统错误", info = "unknown"},
+  [0x50F] = {code = 1295, en = "Communication connection does not exist", zh = "通信连接不存在", info = "unknown"},
+  [0x510] = {code = 1296, en = "Communication not initialised", zh = "通信未初始化", info = "unknown"},
+  [0x511] = {code = 1297, en = "Mouse conflict", zh = "鼠标冲突", info = "unknown"},
+  [0x512] = {code = 1298, en = "Bus not permitted", zh = "总线不允许", info = "unknown"},
+  [0x513] = {code = 1299, en = "Frame check sequence (FCS) wrong", zh = "帧校验（FCS）错误", info = "unknown"},
+  [0x514] = {code = 1300, en = "PROFIBUS initialisation (PB init)", zh = "PROFIBUS 初始化（PB init）", info = "unknown"},
+  [0x515] = {code = 1301, en = "SBus: number of fragments not permitted", zh = "SBus：分段数不允许", info = "unknown"},
+  [0x516] = {code = 1302, en = "SBus: type of fragment not permitted", zh = "SBus：分段类型不允许", info = "unknown"},
+  [0x517] = {code = 1303, en = "Access denied", zh = "访问被拒绝", info = "unknown"},
+  [0x800] = {code = 2048, en = "No error", zh = "无错误", info = "unknown"},
+  [0x810] = {code = 2064, en = "Index not permitted", zh = "索引不允许", info = "unknown"},
+  [0x811] = {code = 2065, en = "Function or parameter not implemented", zh = "功能或参数未实现", info = "unknown"},
+  [0x812] = {code = 2066, en = "Read access only", zh = "只允许读取", info = "unknown"},
+  [0x813] = {code = 2067, en = "Parameter lock is active", zh = "参数锁定已激活", info = "unknown"},
+  [0x814] = {code = 2068, en = "Factory setting is running", zh = "正在执行出厂设置", info = "unknown"},
+  [0x815] = {code = 2069, en = "Value too large", zh = "数值过大", info = "unknown"},
+  [0x816] = {code = 2070, en = "Value too small", zh = "数值过小", info = "unknown"},
+  [0x817] = {code = 2071, en = "Hardware that it needs is missing", zh = "缺少所需的硬件", info = "unknown"},
+  [0x818] = {code = 2072, en = "Internal error", zh = "内部错误", info = "unknown"},
+  [0x819] = {code = 2073, en = "Access only by RS485 (X13)", zh = "只能通过 RS485（X13）访问", info = "unknown"},
+  [0x81A] = {code = 2074, en = "Access only by RS485 (XT)", zh = "只能通过 RS485（XT）访问", info = "unknown"},
+  [0x81B] = {code = 2075, en = "Parameter is protected", zh = "参数受保护", info = "unknown"},
+  [0x81C] = {code = 2076, en = "Only with controller inhibit", zh = "只能在控制器禁止时执行", info = "unknown"},
+  [0x81D] = {code = 2077, en = "Value not permitted", zh = "数值不允许", info = "unknown"},
+  [0x81E] = {code = 2078, en = "Factory setting was started", zh = "已启动出厂设置", info = "unknown"},
+  [0x81F] = {code = 2079, en = "Buffer overflow, or parameter not saved in the EEPROM", zh = "缓冲区溢出，或参数未保存到 EEPROM", info = "unknown"},
+  [0x820] = {code = 2080, en = "Only without enable", zh = "只能在未使能时执行", info = "unknown"},
+  [0x821] = {code = 2081, en = "End of the file", zh = "文件结束", info = "unknown"},
+  [0x822] = {code = 2082, en = "Wrong order of communication", zh = "通信顺序错误", info = "unknown"},
+  [0x823] = {code = 2083, en = "Only while the IPOS program is stopped", zh = "只能在 IPOS 程序停止时执行", info = "unknown"},
+  [0x824] = {code = 2084, en = "Automatic setup", zh = "自动设置", info = "unknown"},
+  [0x825] = {code = 2085, en = "Encoder nameplate wrong", zh = "编码器铭牌错误", info = "unknown"},
+  [0x829] = {code = 2089, en = "State of the PLC does not allow it", zh = "PLC 状态不允许", info = "unknown"},
 }
 spread(M.vendors[4].errors, 0x80, 0xFF, {code = 128, en = "MOVILINK additional code 0x{above:02X}", zh = "MOVILINK 附加代码 0x{above:02X}", info = "unknown"})
 ]=]
@@ -539,6 +587,7 @@ M.experts = {
   {id = "DS106", name = "truncated-frame", severity = "warning"},
   {id = "DS107", name = "time-steps-back", severity = "note"},
   {id = "DS108", name = "empty-rpc-body", severity = "warning"},
+  {id = "DS109", name = "limit-reached", severity = "warning"},
   {id = "DS201", name = "read-refused", severity = "error"},
   {id = "DS202", name = "record-length", severity = "warning"},
   {id = "DS203", name = "write-refused", severity = "error"},
@@ -622,6 +671,7 @@ M.rules = {
   DS106 = {id = "DS106", name = "truncated-frame", severity = "warning", scope = "transport", anchor = "frame", message = "Frame cut by the capture: {captured} of {original} bytes are there", cause = "The capture was made with a snap length that is shorter than the frame.", advice = "Capture again with the snap length at its default (dumpcap and tcpdump: -s 0; Wireshark: capture options, no limit on packet length).", message_zh = "帧被抓包截短：{original} 字节中只有 {captured} 字节", cause_zh = "抓包时设置的截取长度（snap length）小于帧长。", advice_zh = "用默认截取长度重新抓包（dumpcap 和 tcpdump：-s 0；Wireshark：捕获选项中不限制包长度）。"},
   DS107 = {id = "DS107", name = "time-steps-back", severity = "note", scope = "capture", anchor = "frame", message = "Time steps back by {milliseconds} ms in the capture", cause = "The clock of the capturing computer was set during the capture, or the file was merged from several interfaces and is not in order of time.", advice = "Times across this frame are not reliable; the order in the file is kept. A merged file can be put in order with reordercap or mergecap. Switch off time synchronisation of the computer during a capture.", message_zh = "抓包中的时间倒退了 {milliseconds} ms", cause_zh = "抓包期间修改了计算机时钟，或文件由多个接口合并而成且未按时间排序。", advice_zh = "跨过该帧的时间不可靠；分析保持文件中的顺序。合并的文件可用 reordercap 或 mergecap 重新排序。抓包期间请关闭计算机的时间同步。"},
   DS108 = {id = "DS108", name = "empty-rpc-body", severity = "warning", scope = "transport", anchor = "frame", message = "RPC body is empty or too short for a record call", cause = "The sender built a call without argument or record header, or the frame is damaged. Some device stacks respond like this when they do not know the API; fuzzers and security scanners do it too.", advice = "See which station sends it. Check the API of the call (PROFIdrive is 0x3A00 on some drives and 0 on others). If controller and drive do it in normal operation, compare their firmware version with the release notes; if it is any other station, ask why it calls the RPC port of the drive.", message_zh = "RPC 报文体为空或过短，不构成数据记录调用", cause_zh = "发送方的调用缺少参数头或记录头，或帧已损坏。有些设备协议栈在不认识 API 时会这样应答；模糊测试工具和安全扫描器也会这样做。", advice_zh = "查明是哪个站点发送的。检查调用的 API（PROFIdrive 在有些驱动器上为 0x3A00，在另一些上为 0）。如果控制器或驱动器在正常运行中如此，核对其固件版本和版本说明；如果是其他站点，查清它为何访问驱动器的 RPC 端口。"},
+  DS109 = {id = "DS109", name = "limit-reached", severity = "warning", scope = "capture", anchor = "frame", message = "Limit {limit} = {most} of ds47 reached: {count} given up, the first in this frame", cause = "More calls, fragments or channels are open at once than ds47 keeps: the capture holds one direction of a busy line, a load test or a scanner, or very many stations.", advice = "Do not conclude anything from the silence about calls from this frame on: a response may be in the capture. Capture at the drive, or cut the capture into parts by station or by time (editcap, tshark -Y) and look at each.", message_zh = "达到 ds47 的限制 {limit} = {most}：放弃了 {count} 个，第一个在该帧", cause_zh = "同时未完成的调用、分片或通道多于 ds47 所保留的数量：抓包只含繁忙线路的一个方向、正在进行负载测试或扫描，或站点非常多。", advice_zh = "不要因为该帧之后的调用没有提示就下结论：应答可能就在抓包中。请在驱动器处抓包，或按站点或时间拆分抓包文件（editcap、tshark -Y）后分别查看。"},
   DS201 = {id = "DS201", name = "read-refused", severity = "error", scope = "record", anchor = "read_response", message = "Read refused with status {status}: {text}", cause = "The record was read at the wrong place (ID, slot, subslot or INDEX), MLEN does not fit, the response is no longer there, or the drive could not execute the request.", advice = "Read STATUS of RDREC and look the code up. ID and INDEX must be the same as at WRREC, MLEN at least as long as the response. B0: no parameter channel at this index; B2: wrong slot or subslot; B7: error in the header of the DS47 request, check the bytes that WRREC sent.", message_zh = "读取被拒绝，状态 {status}：{text}", cause_zh = "读取位置错误（ID、插槽、子插槽或 INDEX），MLEN 不合适，应答已不存在，或驱动器无法执行该任务。", advice_zh = "查看 RDREC 的 STATUS 并查询该代码。ID 和 INDEX 必须与 WRREC 相同，MLEN 至少等于应答长度。B0：该索引没有参数通道；B2：插槽或子插槽错误；B7：DS47 请求报头有错误，检查 WRREC 发送的字节。"},
   DS202 = {id = "DS202", name = "record-length", severity = "warning", scope = "record", anchor = "frame", message = "Record length does not match: header says {stated} bytes, {present} are there", cause = "The capture cut the frame, or the sender fills the length field of the record header wrongly. What is there is decoded.", advice = "If the frame is complete in the capture, report it to the maker of the sending device with its firmware version. Otherwise capture again without a snap length.", message_zh = "记录长度不符：报头为 {stated} 字节，实际为 {present} 字节", cause_zh = "抓包截短了帧，或发送方填写的记录头长度不正确。已有的数据仍会被解码。", advice_zh = "如果抓包中的帧是完整的，请将此问题连同固件版本反馈给发送设备的制造商。否则请不限截取长度重新抓包。"},
   DS203 = {id = "DS203", name = "write-refused", severity = "error", scope = "record", anchor = "write_response", message = "Write refused with status {status}: {text}", cause = "The drive did not take the parameter request: wrong slot, subslot or index, wrong length, an error in the DS47 header, or a request of the same or another client is still being processed.", advice = "Read STATUS of WRREC. B0/B2: check ID and INDEX = 47 (or 16#B02E/16#B02F); B1: check LEN; B5: wait for the response of the last request, fetch it with RDREC, then send again; B7: check reference, request ID, DO-ID and number of parameters in the first four bytes.", message_zh = "写入被拒绝，状态 {status}：{text}", cause_zh = "驱动器没有接受参数任务：插槽、子插槽或索引错误，长度错误，DS47 报头有错误，或同一客户端、其他客户端的任务仍在处理中。", advice_zh = "查看 WRREC 的 STATUS。B0/B2：检查 ID 和 INDEX = 47（或 16#B02E/16#B02F）；B1：检查 LEN；B5：等待上一个任务的应答并用 RDREC 取走后再发送；B7：检查前四个字节中的请求参考、请求 ID、DO-ID 和参数数量。"},
@@ -665,7 +715,7 @@ M.rules = {
   DS414 = {id = "DS414", name = "change-superseded", severity = "note", scope = "transaction", anchor = "superseding_request", message = "Response to the parameter change in frame {request} was not fetched: a new request followed in frame {by}", cause = "The PLC program writes several changes one after another without reading the responses. The changes are usually executed, but whether they were is not known.", advice = "Where the result matters, read the response with RDREC before the next WRREC, or put several parameters into one change request.", message_zh = "第 {request} 帧的参数修改的应答未被取走：第 {by} 帧有新的请求", cause_zh = "PLC 程序连续写入多个修改而不读取应答。修改通常会被执行，但无法确认。", advice_zh = "如果结果重要，请在下一个 WRREC 之前用 RDREC 读取应答，或将多个参数放入一个修改任务。"},
   DS415 = {id = "DS415", name = "reference-constant", severity = "note", scope = "transaction", anchor = "request", message = "Request reference {reference} is the same as in the request before", cause = "The PLC program writes a constant into byte 0. Many programs and application examples do this, and drives do not mind.", advice = "Nothing to repair. A reference that counts up (1 to 255) lets the PLC program notice a response that belongs to an older request.", message_zh = "请求参考 {reference} 与上一个请求相同", cause_zh = "PLC 程序在字节 0 中写入常数。许多程序和应用示例都这样做，驱动器也不介意。", advice_zh = "无需处理。如果请求参考逐次递增（1 到 255），PLC 程序就能识别属于旧请求的应答。"},
   DS416 = {id = "DS416", name = "slow", severity = "warning", scope = "transaction", anchor = "read_response", message = "Drive took {milliseconds} ms for the request (limit {limit} ms)", cause = "The drive is busy (start-up, saving, download), the request holds many parameters, or other clients access the same drive. Network delays are in this time too.", advice = "Compare the times of the four frames: a gap before the Read is the PLC program (slow cycle, late REQ) and no fault of the drive, polls with DE80B500 are the drive, a gap before a response is drive or network. For fast values use cyclic process data instead.", message_zh = "驱动器处理任务用时 {milliseconds} ms（限值 {limit} ms）", cause_zh = "驱动器忙（启动、保存、下载），任务中的参数过多，或有其他客户端访问同一驱动器。网络延迟也包含在该时间内。", advice_zh = "比较四个帧的时间：读取之前的间隔来自 PLC 程序（周期慢、REQ 晚）而不是驱动器，DE80B500 轮询来自驱动器，应答之前的间隔来自驱动器或网络。需要快速更新的数值请改用周期性过程数据。"},
-  DS417 = {id = "DS417", name = "read-back-differs", severity = "warning", scope = "transaction", anchor = "read_response", message = "Parameter {pnu}[{subindex}] reads back {read}, but {written} was written last", cause = "The drive rounds or limits the value, a data set was switched, another client or the drive itself changed it since, or the change was sent in the wrong format.", advice = "Compare format and scaling of the change with the parameter list. Look for a second writer (HMI, engineering tool, another PLC block) and for limits that depend on other parameters.", message_zh = "参数 {pnu}[{subindex}] 回读为 {read}，而上次写入的是 {written}", cause_zh = "驱动器对数值进行了取整或限幅，切换了数据组，此后被其他客户端或驱动器自身修改，或修改时使用了错误的格式。", advice_zh = "将修改任务的格式和定标与参数表核对。查找是否有第二个写入方（HMI、工程工具、另一个 PLC 程序块），以及依赖其他参数的限值。"},
+  DS417 = {id = "DS417", name = "read-back-differs", severity = "warning", scope = "transaction", anchor = "read_response", message = "Parameter {pnu}[{subindex}] reads back {read}, but {written} is the last value that this capture shows being written to it (frame {by})", cause = "The drive rounds or limits the value, a data set was switched, another client or the drive itself changed it since without a frame in this capture, or the change was sent in the wrong format.", advice = "Compare format and scaling of the change with the parameter list. Look for a second writer (HMI, engineering tool, another PLC block) and for limits that depend on other parameters.", message_zh = "参数 {pnu}[{subindex}] 回读为 {read}，而本抓包中最后写入的值是 {written}（第 {by} 帧）", cause_zh = "驱动器对数值进行了取整或限幅，切换了数据组，此后被其他客户端（其帧不在本抓包中）或驱动器自身修改，或修改时使用了错误的格式。", advice_zh = "将修改任务的格式和定标与参数表核对。查找是否有第二个写入方（HMI、工程工具、另一个 PLC 程序块），以及依赖其他参数的限值。"},
   DS418 = {id = "DS418", name = "request-not-supported", severity = "error", scope = "transaction", anchor = "read_response", message = "Drive does not support request ID {id} (response ID 0x80)", cause = "Byte 1 of the request holds a service that this drive does not know: a vendor service of another make, or bytes shifted in the buffer.", advice = "Use request ID 16#01 (read) or 16#02 (change) and check that the RECORD buffer of WRREC starts with the reference.", message_zh = "驱动器不支持请求 ID {id}（应答 ID 0x80）", cause_zh = "请求的字节 1 是该驱动器不支持的服务：其他制造商的服务，或缓冲区中字节错位。", advice_zh = "使用请求 ID 16#01（读取）或 16#02（修改），并检查 WRREC 的 RECORD 缓冲区是否从请求参考开始。"},
   DS601 = {id = "DS601", name = "engines-differ", severity = "error", scope = "capture", anchor = "frame", message = "Native engine (was) and Wireshark plugin (is) differ: {difference}", cause = "The two decoders of ds47 disagree about the same frames: a fault of one of them, or a plugin of another version in Wireshark's own folder. The drive and the capture are not to blame.", advice = "Check with ds47 plugin doctor that only the plugin of this version is loaded. If it is, report the difference together with the frames of the transaction; until then compare the bytes with the manual of the drive.", message_zh = "原生引擎（原为）与 Wireshark 插件（现为）的结果不同：{difference}", cause_zh = "ds47 的两个解码器对相同的帧得出不同结果：其中一个有错误，或者 Wireshark 自己的文件夹中有其他版本的插件。与驱动器和抓包无关。", advice_zh = "用 ds47 plugin doctor 检查是否只加载了本版本的插件。如果是，请将差异与该任务的帧一起报告；在此之前请将字节与驱动器手册核对。"},
   DS701 = {id = "DS701", name = "refusal-not-seen", severity = "warning", scope = "transaction", anchor = "read_response", message = "The drive refused (response ID {id}, {code} {text}), but every STATUS the program gets is 0", cause = "The record calls succeeded, so WRREC and RDREC report success; the refusal stands inside the record, in byte 1 of the response and in its error block.", advice = "STATUS 0 is not success: check byte 1 of the RDREC buffer. 16#81 or 16#82 is a refusal, the error number stands behind format 16#44.", message_zh = "驱动器拒绝了任务（应答 ID {id}，{code} {text}），但程序得到的 STATUS 全部为 0", cause_zh = "记录调用本身成功，因此 WRREC 和 RDREC 报告成功；拒绝信息在记录内部：应答的字节 1 及其错误块中。", advice_zh = "STATUS 0 不等于成功：检查 RDREC 缓冲区的字节 1。16#81 或 16#82 表示拒绝，错误号位于格式 16#44 之后。"},
@@ -699,8 +749,9 @@ M.rules.DS102.args = {operation = "text"}
 M.rules.DS103.args = {operation = "text", first = "frame"}
 M.rules.DS104.args = {kind = "text", fault = "hex32"}
 M.rules.DS105.args = {kind = "text", have = "number"}
-M.rules.DS106.args = {captured = "number", original = "number"}
+M.rules.DS106.args = {captured = "number", original = "number", length = "number", completed = "frame"}
 M.rules.DS107.args = {milliseconds = "ms3"}
+M.rules.DS109.args = {limit = "text", most = "number", count = "number"}
 M.rules.DS201.args = {status = "status"}
 M.rules.DS202.args = {stated = "number", present = "number"}
 M.rules.DS203.args = {status = "status"}
@@ -736,7 +787,7 @@ M.rules.DS413.args = {request = "frame", by = "frame"}
 M.rules.DS414.args = {request = "frame", by = "frame"}
 M.rules.DS415.args = {reference = "number"}
 M.rules.DS416.args = {milliseconds = "ms", limit = "number"}
-M.rules.DS417.args = {pnu = "number", subindex = "number", read = "value", written = "value"}
+M.rules.DS417.args = {pnu = "number", subindex = "number", read = "value", written = "value", by = "frame"}
 M.rules.DS418.args = {id = "hex"}
 M.rules.DS601.args = {difference = "text"}
 M.rules.DS701.group = {}
@@ -812,6 +863,8 @@ M.known = {
   index_errors = {[3] = true, [4] = true, [22] = true, [24] = true},
   type_errors = {[2] = true, [5] = true, [23] = true},
   connectors = {[840] = true, [844] = true, [845] = true, [848] = true, [849] = true, [852] = true, [854] = true, [1055] = true, [1056] = true, [1070] = true, [1075] = true, [1113] = true, [1140] = true, [1141] = true, [1142] = true, [2051] = true, [2061] = true, [2103] = true, [2104] = true},
+  global_pnus = {[964] = true, [974] = true, [976] = true, [977] = true, [978] = true, [61000] = true, [61001] = true, [61002] = true, [61003] = true, [61004] = true},
+  recomputing = {[10] = true, [15] = true, [340] = true, [809] = true, [819] = true, [970] = true, [976] = true, [3900] = true},
   axis_error = 25,
   too_long = 21,
   connector_error = 131,

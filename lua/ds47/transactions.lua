@@ -287,6 +287,7 @@ function M.build(job, lang)
     write_status = job.write_response and job.write_response.status,
     read_status = read and read.status,
     parameters = parameters,
+    stray = is_mismatch(job), -- its response is the one of another request
     position = record.position,
     findings = {},
   }

@@ -1,7 +1,7 @@
 --- The verdict on a capture, and what the capture cannot show (Python: ds47.report.verdict).
 -- Counted from the result of an analysis; the words are those of tables.report_words.
 
-local records = require("ds47.records")
+local WRITE_MULTIPLE = require("ds47.records").WRITE_MULTIPLE
 local words = require("ds47.report_words")
 
 local say = words.say
@@ -111,9 +111,10 @@ function M.verdict(counts, lang)
   return head .. (lang == "zh" and "：" or ": ") .. words.joined(lang, parts)
 end
 
--- Record calls on indices that carried no parameter channel. A Write of several records is counted by these.
+-- Record calls on indices that carried no parameter channel. An IODWriteMultiple is none: it is opened, and
+-- what is in it counts by its own index.
 local function other_records(result)
-  local ours, number = { [words.integer(records.WRITE_MULTIPLE)] = true }, 0
+  local ours, number = { [words.integer(WRITE_MULTIPLE)] = true }, 0
   for _, each in ipairs(result.transactions) do
     ours[words.integer(each.index)] = true
   end

@@ -139,14 +139,13 @@ class Analysis:
         self._findings = Findings(options.select, options.ignore, found)
         self._judge = Judge(bounds, slow_ns)
         self._diagnoses = Diagnoses(options.codec)
-        refused = self._refused if early is not None else None
         self._pairing = Pairing(
-            bounds, self._answered, self._closed, self._nothing_to_read, refused, self._request,
-            self._recalled,
+            bounds, self._answered, self._closed, self._nothing_to_read, self._refused, self._request,
+            self._recalled, self._judge.asked, self._judge.connected,
         )  # fmt: skip
         gate = Gate(options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars)
         self._records = RecordCalls(
-            gate, self._pairing, options.codec, self._remark, self._diagnoses.foreign
+            gate, self._pairing, options.codec, self._remark, self._diagnoses.foreign, bounds
         )
         self._calls = CallTracker(bounds, self._records.handlers())
         self._fragments = rpc.Fragments(
@@ -165,8 +164,8 @@ class Analysis:
         self._written: dict[int, Line] = {}
         """Instead of them, where lines are wanted."""
         self._summary: dict[str, int] = {"transactions": 0}
-        self._usual_jobs: dict[str, int] = {}
-        """Closed usual jobs by operation that are not in the summary yet."""
+        self._usual_reads: int | None = None
+        """Closed usual jobs that are not in the summary yet; None before the first one."""
         self._usual: UsualWay | None = None
         if early is None:  # who is told everything at once saves nothing
             self._usual = UsualWay(
@@ -176,23 +175,24 @@ class Analysis:
 
     def run(self, capture: Capture | Series) -> CaptureResult:
         """Reads the capture to its end and sums up."""
-        packets = PacketSource(capture, self._datagrams)
+        packets = PacketSource(capture, self._datagrams, self._begun)
         self._frames(capture, packets)
         if self._usual is not None:
             self._usual.settle()
         self._findings.frames_dropped = capture.gaps
         for pdu, have in self._fragments.unfinished():
-            self._records.incomplete(pdu, have, "RPC")
+            self._records.incomplete(pdu, have, "RPC", call=self._calls.open_call(pdu))
         for packet, have in packets.unfinished():
             part = rpc.parse(packet)
             if part is not None:
-                self._records.incomplete(part, have, "IP")
+                self._records.incomplete(part, have, "IP", call=self._calls.open_call(part))
         self._calls.finish()
         self._pairing.finish()
+        self._records.finish()
         self._diagnose(capture)
-        for operation, number in self._usual_jobs.items():
-            for key in ("transactions", "ok", operation):
-                self._summary[key] += number
+        if self._usual_reads:
+            for key in ("transactions", "ok", "read"):
+                self._summary[key] += self._usual_reads
         counts = self._records.counts
         return CaptureResult(
             path=capture.path,
@@ -225,8 +225,22 @@ class Analysis:
                     usual.learn(frame, pdu)
                 continue
             packet = packets.packet(frame)
+            if self._datagrams.given_up:
+                self._tell_given_up(packets)
             if packet is not None:
                 self._packet(packet)
+
+    def _begun(self, packet: Packet) -> None:
+        """The first IP fragment of a message."""
+        pdu = rpc.parse(packet)
+        if pdu is not None and self._records.first_record(pdu) is not None:
+            self._calls.begun(pdu)
+
+    def _tell_given_up(self, packets: PacketSource) -> None:
+        for packet, have, limit in packets.given_up():
+            pdu = rpc.parse(packet)
+            if pdu is not None:
+                self._records.incomplete(pdu, have, "IP", limit, self._calls.open_call(pdu))
 
     def _packet(self, packet: Packet) -> None:
         if packet.kind != "udp":
@@ -235,7 +249,7 @@ class Analysis:
         pdu = rpc.parse(packet)
         if pdu is not None:
             self._pdu(pdu)
-        elif packet.missing:
+        elif packet.missing and packet.cut is not None:
             self._diagnoses.cut(packet.frame)
 
     def _pdu(self, pdu: rpc.Pdu) -> None:
@@ -243,12 +257,25 @@ class Analysis:
             self._usual.settle()
         if self._calls.is_copy(pdu):
             return
-        if pdu.missing and pdu.opnum in _RECORD_CALLS:
+        if pdu.missing and pdu.cut is not None and pdu.opnum in _RECORD_CALLS:
             self._diagnoses.cut(pdu.frame)
-        whole = self._fragments.feed(pdu) if pdu.fragmented else pdu
+        whole = self._joined(pdu) if pdu.fragmented else pdu
         if whole is not None:
             self._naming.message(whole)
             self._calls.feed(whole)
+
+    def _joined(self, pdu: rpc.Pdu) -> rpc.Pdu | None:
+        """The message that an RPC fragment completes."""
+        fragments = self._fragments
+        whole = fragments.feed(pdu)
+        if fragments.given_up:
+            given_up, fragments.given_up = fragments.given_up, []
+            for beginning, have, limit in given_up:
+                call = self._calls.open_call(beginning)
+                self._records.incomplete(beginning, have, "RPC", limit, call)
+        if whole is None and self._records.first_record(pdu) is not None:
+            self._calls.begun(pdu)
+        return whole
 
     def _diagnose(self, capture: Capture | Series) -> None:
         """What only the whole capture can show."""
@@ -282,6 +309,7 @@ class Analysis:
             self._settled(job, self._answers[job], self._early)
 
     def _refused(self, job: Job) -> None:
+        self._judge.refused(job)
         if self._early is not None:
             self._settled(job, self._judge.closed(job), self._early)
 
@@ -293,6 +321,8 @@ class Analysis:
         remarks = self._answers.pop(job, None)
         if remarks is None:
             remarks = self._judge.unanswered(job, dropped=self._findings.frames_dropped)
+            if job.limit and job.write_request is not None:
+                self._records.pushed_out(job.limit, job.write_request.frame)
         remarks += self._judge.closed(job)
         remarks += self._diagnoses.closed(job)
         remarks += self._transport.pop(job, [])
@@ -326,11 +356,13 @@ class Analysis:
         assert job.alike is not None
         for remark in self._diagnoses.usual(job, job.alike, self._careful):
             self._findings.add(remark)
-        if job.alike.operation in self._usual_jobs:
-            self._usual_jobs[job.alike.operation] += 1
-        else:  # the first one: its keys stand where the long way would have put them
-            self._usual_jobs[job.alike.operation] = 0
-            summarise(self._summary, "ok", job.alike.operation)
+        if (
+            self._usual_reads is None
+        ):  # the first one: its keys stand where the long way would have put them
+            self._usual_reads = 0
+            summarise(self._summary, "ok", "read")
+        else:
+            self._usual_reads += 1
         self._written[job.order] = self._lines.usual(job)
 
     def _careful(self, usual: UsualJob) -> Job:
@@ -355,9 +387,8 @@ class Analysis:
     def _nothing_to_read(self, peer: Peer, record: Record) -> None:
         self._diagnoses.nothing_to_read(peer, record)
         half = record.response
-        if half is not None:
-            status = None if half.status is None else status_hex(half.status)
-            self._findings.add(Remark("DS206", half.frame, {"status": status}))
+        if half is not None and half.status is not None:  # without a status it is DS108, the cause
+            self._findings.add(Remark("DS206", half.frame, {"status": status_hex(half.status)}))
 
     def _numbered(self) -> list[Transaction]:
         """The transactions in the order of their first frame, then of the position inside it."""

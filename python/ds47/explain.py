@@ -263,8 +263,10 @@ def _meanings(
         if kind in (None, "status"):
             yield _status(value, lang)
     elif reading.size == WORD:
+        errors = list(_wide_errors(value, kind, lang, vendor))
+        yield from errors
         if kind in (None, "status", "index"):
-            yield from _word(value, kind, lang)
+            yield from (each for each in _word(value, kind, lang) if each.known or not errors)
     elif reading.decimal and kind is None:
         yield from _decimal_byte(value, lang, vendor)
     else:
@@ -511,10 +513,11 @@ def _rank_of(kind: str, value: int) -> str:
 
 
 def _size(code: int, words: Mapping[str, str]) -> str:
-    size = spec.formats()[code].size
-    if size is None:
+    row = spec.formats()[code]
+    if row.size is None:
         return words["size_unknown"]
-    return words["size_1" if size == 1 else "size_many"].format(size=size)
+    text = words["size_1" if row.size == 1 else "size_many"].format(size=row.size)
+    return text if row.confirmed else words["size_unconfirmed"].format(size=text)
 
 
 def _other_names(code: int, words: Mapping[str, str]) -> tuple[Part, ...]:
@@ -541,6 +544,15 @@ def _errors(value: int, lang: str, vendor: Maker | None) -> Iterator[Meaning]:
         yield _error(value, spec.error_text(value, lang, _NOBODY), None, lang)
 
 
+def _wide_errors(
+    value: int, kind: str | None, lang: str, vendor: Maker | None
+) -> Iterator[Meaning]:
+    """An error number beyond a byte: of the vendors that have it; of anyone's only where asked for one."""
+    known = any(value in each.errors for each in spec.vendors())
+    if kind == "error" or (kind is None and known):
+        yield from _errors(value, lang, vendor)
+
+
 _NOBODY = -1
 """No vendor's id: the text of the profile, or that of any manufacturer's number."""
 
@@ -549,7 +561,7 @@ def _error(
     value: int, text: str, maker: str | None, lang: str, whole_range: bool = False
 ) -> Meaning:
     words = explanations.words(lang)
-    code = f"0x{value:02X}"
+    code = spec.error_hex(value)
     entry = explanations.of_error(value, maker)
     if maker is None:
         title = words["error"].format(code=code, decimal=value, text=text)

@@ -71,6 +71,10 @@ class Job:
     """Frame of an earlier answer that was read once more where a new one was due."""
     ended: int | None
     """Frame that ended the connection while the request was open."""
+    limit: str
+    """Name of the limit that pushed it out (spec/limits.toml): a response may still come. "" for none."""
+    certain: bool
+    """False for an orphan whose request a limit may have pushed out."""
 
     def __init__(
         self,
@@ -113,6 +117,8 @@ class Job:
         self.rival = None
         self.repeats = None
         self.ended = None
+        self.limit = ""
+        self.certain = True
 
     @property
     def write_request(self) -> Half | None:
@@ -148,8 +154,8 @@ class Place:
     """The same whoever asks."""
     counts: dict[str, int]
     """Record requests of the index, by "read" and "write"."""
-    heads: dict[str, str]
-    """What the lines of a report say of the place, by operation, as soon as somebody has made it."""
+    head: str | None
+    """What the lines of a report say of the place, as soon as somebody has made it."""
     channel: Channel | None
     """The one of `key`, while `ds47.usual` is in a stretch in which the place was used."""
     proven: bool
@@ -188,7 +194,7 @@ class Place:
         self.ar_key = (peer.controller, peer.device, ar)
         self.spot = (peer.device, api, slot, subslot, index)
         self.counts = counts
-        self.heads = {}
+        self.head = None
         self.reads = self.writes = 0
         self.leave()
 
@@ -213,16 +219,12 @@ class Alike:
     """What usual jobs have in common that differ in nothing but their reference and their values.
 
     Args:
-        change: whether they write the values; else they read them.
         pnus: the parameters that they ask for, in their order.
     """
 
-    __slots__ = ("change", "operation", "pnus")
+    __slots__ = ("pnus",)
 
-    def __init__(self, change: bool, pnus: tuple[int, ...]) -> None:
-        self.change = change
-        self.operation = "change" if change else "read"
-        """As that of a request."""
+    def __init__(self, pnus: tuple[int, ...]) -> None:
         self.pnus = pnus
 
 
@@ -342,6 +344,8 @@ class Pairing:
         refused: called when a Write is refused: what comes after that is seldom of interest.
         decode: the request in the data of a usual job, when that becomes a `Job`;
         recalled: called with it then, if it is answered.
+        asked: called for each Write that asks for something, but those of usual jobs.
+        connected: called for each Connect, with the device and its frame.
     """
 
     def __init__(
@@ -353,11 +357,15 @@ class Pairing:
         refused: Callable[[Job], None] | None = None,
         decode: Callable[[bytes], Request] = decode_request,
         recalled: Callable[[Job], None] | None = None,
+        asked: Callable[[Job], None] | None = None,
+        connected: Callable[[str, int], None] | None = None,
     ) -> None:
         self._limits = limits
         self._tell_refused = refused
         self._decode = decode
         self._recalled = recalled
+        self._asked = asked
+        self._tell_connected = connected
         self._answered = answered
         self._closed = closed
         self._nothing_to_read = nothing_to_read
@@ -371,6 +379,8 @@ class Pairing:
         self._of_ar: dict[tuple[str, str, bytes], dict[ChannelKey, None]] = {}
         self._newest: OrderedDict[tuple[str, int, int, int, int], Job | UsualJob] = OrderedDict()
         """The newest accepted request of a place, whoever asked."""
+        self._pushed_out = False
+        """Whether a limit pushed out requests whose responses may still come."""
         self._connects: OrderedDict[tuple[str, str], int] = OrderedDict()
         """The newest Connect between two stations, by its frame."""
         self._count = 0
@@ -382,8 +392,10 @@ class Pairing:
         job = self._job(peer, record, message)
         job.previous_reference, channel.reference = channel.reference, message.request_reference
         channel.asked.append(job)
+        if self._asked is not None:
+            self._asked(job)
         if len(channel.asked) > self._limits.pending_writes:
-            self._lose(channel.asked.pop(0), "expired")
+            self._push_out(channel.asked.pop(0), "pending_writes")
         return job
 
     def write_response(self, job: Job, response: Half | None, *, fault: bool = False) -> None:
@@ -425,7 +437,7 @@ class Pairing:
             self._keep(channel.last.rereads, (record.request, half))
             return channel.last
         job = self._job(peer, record, None)
-        job.phase = "open"
+        job.phase, job.certain = "open", not self._pushed_out
         self._read(channel, job, event, record)
         return job
 
@@ -559,6 +571,8 @@ class Pairing:
         connects.move_to_end((controller, device))
         if len(connects) > self._limits.channels:
             connects.popitem(last=False)
+        if self._tell_connected is not None:
+            self._tell_connected(device, frame)
 
     def finish(self) -> None:
         """The capture is over."""
@@ -588,7 +602,8 @@ class Pairing:
                 now - oldest.touched <= expiry and len(channels) <= self._limits.channels
             ):
                 return channel
-            self._close_channel(next(iter(channels)), "expired")
+            old = now - oldest.touched > expiry
+            self._close_channel(next(iter(channels)), "expired", limit="" if old else "channels")
 
     def _accept(self, channel: Channel, job: Job) -> None:
         """An accepted Write opens; it displaces what was open and ends the grace of a refused one."""
@@ -706,7 +721,15 @@ class Pairing:
         self._closed(job)
         job.superseding = job.rival = None  # or each would keep the next one alive
 
-    def _close_channel(self, key: ChannelKey, reason: str, frame: int | None = None) -> None:
+    def _push_out(self, job: Job, limit: str) -> None:
+        """Nothing more is known of a job from now on, and not because nothing came."""
+        if job.read_response is None and not job.write_refused:
+            job.limit, self._pushed_out = limit, True
+        self._lose(job, "")
+
+    def _close_channel(
+        self, key: ChannelKey, reason: str, frame: int | None = None, limit: str = ""
+    ) -> None:
         siblings = self._of_ar[key[:3]]
         del siblings[key]
         if not siblings:
@@ -714,6 +737,9 @@ class Pairing:
         channel = self.channels.pop(key)
         self._recall(channel)
         for job in channel.jobs():
+            if limit:
+                self._push_out(job, limit)
+                continue
             job.ended = frame
             self._lose(job, reason)
 

@@ -1,13 +1,15 @@
-"""pytest plugin: captures with a stored result as tests, and the analysis of a capture as a fixture.
+"""pytest plugin: captures with their stored results as tests, and the analysis of a capture as a fixture.
 
-`pytest --ds47 captures/` makes a test of each capture beside which `NAME.ds47.json` stands, with
-`--ds47-series` of each series of files (the file of the test is its first one). The fixture
-`ds47_capture` gives the analysis to a project's own tests. Loaded by pytest wherever ds47 is
-installed, so nothing of ds47 is imported before it is used.
+`pytest --ds47 captures/` makes a test of each capture (with `--ds47-series` of each series of files: the
+file of the test is its first one) and of each stored result without a capture. What there is to check
+is what `ds47 check` looks at, so a capture without a stored result fails. The fixture `ds47_capture`
+gives the analysis to a project's own tests. Loaded by pytest wherever ds47 is installed, so nothing of
+ds47 is imported before it is used.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
@@ -18,8 +20,10 @@ import pytest
 if TYPE_CHECKING:
     from ds47.batch.tasks import Task
     from ds47.model import CaptureResult, Finding, Parameter, Transaction
-    from ds47.regression.run import Outcome
+    from ds47.regression.run import Lonely, Outcome
 
+_Folders = pytest.StashKey[list[Path]]()
+"""The folders that were searched."""
 _SHOWN = 50
 """Changes of one capture that a failure lists."""
 
@@ -30,7 +34,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption(
         "--ds47",
         action="store_true",
-        help="collect captures that have a stored result (NAME.ds47.json) as tests",
+        help="collect captures as tests: each is to be as stored (NAME.ds47.json)",
     )
     group.addoption(
         "--ds47-series",
@@ -44,72 +48,125 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """With --ds47 a folder that is named and has neither captures nor tests is wrong use."""
+    if not config.getoption("--ds47") or hasattr(config, "workerinput"):
+        return
+    from ds47.batch.tasks import in_folders
+    from ds47.regression.baseline import SUFFIX
+
+    accept = in_folders(config.getoption("--ds47-series"))
+    for name in config.args:
+        folder = Path(config.invocation_params.dir, name)
+        files = (each for _, _, names in os.walk(folder) for each in names)
+        if folder.is_dir() and not any(
+            accept(each) or each.endswith((SUFFIX, ".py")) for each in files
+        ):
+            raise pytest.UsageError(f"--ds47: {name}: no capture in this folder")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collect_directory(path: Path, parent: pytest.Collector) -> None:
+    """Remembers the folders of this run; collecting them is left to others."""
+    session = parent.session
+    if parent.config.getoption("--ds47") and any(map(session.isinitpath, (path, *path.parents))):
+        session.stash.setdefault(_Folders, []).append(path)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.Item]) -> None:
+    """Adds what pytest does not take for a file: a capture that is a link to nothing."""
+    series = session.config.getoption("--ds47-series")
+    folders: list[Path] = session.stash.setdefault(_Folders, [])
+    for folder in dict.fromkeys(folders):
+        for path, subject in _content(folder, series)[0].items():
+            if not path.exists():
+                items.extend(_collected(session, path, subject).collect())
+
+
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
-    """A capture is collected with --ds47, and only where a result of it is stored."""
+    """With --ds47 all that `ds47 check` of the folder looks at is collected: it fails where that fails."""
     if not parent.config.getoption("--ds47"):
         return None
-    from ds47.capture.names import is_capture, is_export
-    from ds47.regression.run import place_of
-
-    task = None
-    if parent.config.getoption("--ds47-series"):
-        task = _in_its_folder(file_path)
-    elif is_capture(file_path.name) or is_export(file_path.name):
-        task = _alone(file_path)
-    if task is None or not place_of(task).exists():
+    subject = _subject(file_path, parent.session, parent.config.getoption("--ds47-series"))
+    if subject is None:
         return None
-    collected: CaptureFile = CaptureFile.from_parent(parent, path=file_path)
-    collected.task = task
+    return _collected(parent, file_path, subject)
+
+
+def _collected(parent: pytest.Collector, path: Path, subject: Task | Lonely) -> CaptureFile:
+    collected: CaptureFile = CaptureFile.from_parent(parent, path=path)
+    collected.subject = subject
     return collected
 
 
-def _alone(path: Path) -> Task:
+def _subject(path: Path, session: pytest.Session, series: bool) -> Task | Lonely | None:
+    """What there is to check about a file; of a series that is about its first one, or the one that is named."""
+    subjects, tasks = _content(path.parent, series)
+    if path in subjects:
+        return subjects[path]
     from ds47.batch.tasks import plan
+    from ds47.capture.names import is_capture, is_export
 
-    return plan([str(path)], series=False)[0]
-
-
-def _in_its_folder(path: Path) -> Task | None:
-    """The capture or series that begins with a file."""
-    return _tasks_in(path.parent).get(str(path))
+    if not session.isinitpath(path):
+        return None
+    if path in tasks:
+        task = tasks[path]
+        named = [each for each in task.sources if session.isinitpath(each.place)]
+        return task if len(named) == 1 else None
+    if is_capture(path.name) or is_export(path.name):
+        return plan([str(path)], series=False)[0]
+    return None
 
 
 @cache
-def _tasks_in(folder: Path) -> dict[str, Task]:
-    from ds47.batch.tasks import names_in, plan
+def _content(folder: Path, series: bool) -> tuple[dict[Path, Task | Lonely], dict[Path, Task]]:
+    """What there is to check in a folder: by the file that is collected for it, by any file of a task."""
+    from ds47.regression.run import content
 
-    paths = [str(folder / name) for name in names_in(folder)]
-    return {task.path: task for task in plan(paths, series=True)}
+    names = [each.name for each in folder.iterdir() if not each.is_dir()]
+    found = content(folder, names, series=series)
+    subjects: dict[Path, Task | Lonely] = {Path(task.path): task for task in found.tasks}
+    subjects |= {each.place: each for each in found.lonely}
+    return subjects, {Path(part.place): task for task in found.tasks for part in task.sources}
 
 
 class CaptureFile(pytest.File):
-    """A capture, or the first file of a series; holds one test."""
+    """A capture, the first file of a series, or a stored result without a capture; holds one test."""
 
-    task: Task
+    subject: Task | Lonely
 
     def collect(self) -> Iterator[pytest.Item]:
         """The comparison with the stored result."""
         item: CaptureItem = CaptureItem.from_parent(self, name="as-stored")
-        item.task = self.task
+        item.subject = self.subject
         yield item
 
 
 class CaptureItem(pytest.Item):
     """The test that a capture gives the result that is stored."""
 
-    task: Task
+    subject: Task | Lonely
 
     def runtest(self) -> None:
         """Analyses and compares.
 
         Raises:
-            Changed: something is not as it was stored, or cannot be read.
+            Changed: something is not as it was stored, or cannot be read or compared.
         """
-        from ds47.regression.run import check
+        from ds47.regression.config import ConfigError
+        from ds47.regression.run import Lonely, check
 
-        outcome = check(self.task, fail_on=self.config.getoption("--ds47-fail-on"))
+        fail_on = self.config.getoption("--ds47-fail-on")
+        try:
+            if isinstance(self.subject, Lonely):
+                outcome = self.subject.outcome(fail_on)
+            else:
+                outcome = check(self.subject, fail_on=fail_on)
+        except ConfigError as problem:
+            raise Changed(str(problem)) from problem
         if outcome.failed or outcome.unreadable:
-            raise Changed(outcome)
+            raise Changed(_failure(outcome))
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
         """What changed, as people read it; everything else as pytest shows it."""
@@ -123,22 +180,30 @@ class CaptureItem(pytest.Item):
 
 
 class Changed(Exception):
-    """A capture is not as it was stored; the text says what changed and how to take it over."""
+    """A capture is not as it was stored; the text says what is the matter, and what to do."""
 
-    def __init__(self, outcome: Outcome) -> None:
-        lines = [f"{outcome.path} is not as it was stored:"]
-        if outcome.error is not None:
-            lines.append(f"  {outcome.error}")
-        elif outcome.unreadable:
-            lines.append("  the capture could be read only in part")
-        failures = outcome.failures
-        lines += [f"  {change.text}" for change in failures[:_SHOWN]]
-        if len(failures) > _SHOWN:
-            lines.append(f"  ... and {len(failures) - _SHOWN} more")
-        if failures:
-            option = "--series " if outcome.series else ""
-            lines.append(f"to take this over: ds47 accept {option}{outcome.path}")
-        super().__init__("\n".join(lines))
+
+def _failure(outcome: Outcome) -> str:
+    """What `ds47 check` says of a capture that failed, and how to take it over."""
+    if outcome.error is not None:
+        return _line(outcome.path, outcome.error)
+    lines = [f"{outcome.path} is not as it was stored:"]
+    if outcome.unreadable:
+        lines.append("  the capture could be read only in part")
+    failures = outcome.failures
+    lines += [f"  {change.text}" for change in failures[:_SHOWN]]
+    if len(failures) > _SHOWN:
+        lines.append(f"  ... and {len(failures) - _SHOWN} more")
+    if failures:
+        option = "--series " if outcome.series else ""
+        lines.append(f"to take this over: ds47 accept {option}{outcome.path}")
+    return "\n".join(lines)
+
+
+def _line(path: str, problem: str) -> str:
+    from ds47.cli.paths import about
+
+    return about(path, problem)
 
 
 class CaptureUnderTest:
@@ -210,10 +275,16 @@ def ds47_capture(request: pytest.FixtureRequest) -> Callable[..., CaptureUnderTe
 
     def analysis(path: str | Path, **options: Any) -> CaptureUnderTest:
         from ds47.analysis import AnalysisOptions, analyze
+        from ds47.capture import CaptureError
 
-        result = analyze(request.path.parent / path, AnalysisOptions(**options))
-        if result.lacking:
-            pytest.fail(f"{path}: {result.lacking}", pytrace=False)
+        settings, result = AnalysisOptions(**options), None
+        try:
+            result = analyze(request.path.parent / path, settings)
+            lacking = result.lacking
+        except CaptureError as problem:
+            lacking = str(problem)
+        if result is None or lacking:  # out here: pytest would show the causes of the failure
+            pytest.fail(_line(str(path), str(lacking)), pytrace=False)
         return CaptureUnderTest(result)
 
     return analysis

@@ -27,6 +27,7 @@ from ds47.profinet.records import (
     released_ar,
 )
 from ds47.rules import Remark
+from ds47.spec.semantics import Limits
 
 _PLACE: Final = struct.Struct(">16sIHHHH")
 _OPERATIONS: Final = {rpc.READ: "Read", rpc.WRITE: "Write", rpc.READ_IMPLICIT: "ReadImplicit"}
@@ -58,6 +59,14 @@ class _Context:
         self.expected = {}
 
 
+@dataclass(slots=True)
+class _PushedOut:
+    """What one limit pushed out: where the first of it began, and how much."""
+
+    frame: int
+    count: int = 0
+
+
 class RecordCalls:
     """The handlers of a `CallTracker`.
 
@@ -67,6 +76,7 @@ class RecordCalls:
         codec: dialects of the messages.
         remark: takes the transport findings.
         foreign: hears of every answered Write to an index that cannot be ours.
+        limits: the numbers of spec/limits.toml.
     """
 
     def __init__(
@@ -76,7 +86,9 @@ class RecordCalls:
         codec: Options,
         remark: Callable[[Remark], None],
         foreign: Callable[[Peer, Record], None],
+        limits: Limits,
     ) -> None:
+        self._limits = limits
         self._gate = gate
         self._pairing = pairing
         self._codec = codec
@@ -86,22 +98,64 @@ class RecordCalls:
         self._requests: dict[bytes, Request] = {}
         self.counts: dict[int, dict[str, int]] = {}
         """Record requests by index: {"read": n, "write": n}."""
+        self._forgot_requests = False
+        """Whether a limit pushed out a request whose response may still come."""
+        self._pushed_out: dict[str, _PushedOut] = {}
+        """By the name of the limit."""
 
     def handlers(self) -> Handlers:
         """What to give to the `CallTracker`."""
         return Handlers(
             self._request, self._response, self._orphan_response, self._retransmission,
-            self._fault, self._lost,
+            self._fault, self._lost, self._call_pushed_out,
         )  # fmt: skip
 
-    def incomplete(self, pdu: rpc.Pdu, have: int, kind: str) -> None:
-        """A message whose fragments never became whole; `kind` is "RPC" or "IP"."""
-        if pdu.ptype == 0:
-            records = parse_request(pdu).records
+    def finish(self) -> None:
+        """The capture is over: tells of each limit that pushed something out, once."""
+        for name, pushed in self._pushed_out.items():
+            most = getattr(self._limits, name)
+            args = {"limit": name, "most": most, "count": pushed.count}
+            self._remark(Remark("DS109", pushed.frame, args))
+
+    def pushed_out(self, limit: str, frame: int) -> None:
+        """A limit pushed out something of ours that began in this frame."""
+        pushed = self._pushed_out.get(limit)
+        if pushed is None:
+            pushed = self._pushed_out[limit] = _PushedOut(frame)
+        pushed.count += 1
+
+    def incomplete(
+        self, pdu: rpc.Pdu, have: int, kind: str, limit: str = "", call: Call | None = None
+    ) -> None:
+        """A message whose fragments did not become whole.
+
+        Args:
+            pdu: its beginning.
+            have: number of its fragments.
+            kind: "RPC" or "IP".
+            limit: name of the limit that pushed it out: the others may have come later.
+            call: the call that it answers, as far as that is known.
+        """
+        record = self.first_record(pdu)
+        if record is None:
+            return
+        if limit:
+            self._pass(pdu, record, partial(self.pushed_out, limit, pdu.frame))
+            self._forgot_requests |= pdu.ptype == 0
         else:
-            records = parse_response(pdu)[1] if pdu.ptype == 2 else []
-        for record in records[:1]:
-            self._about(pdu, record, Remark("DS105", pdu.frame, {"have": have, "kind": kind}))
+            remark = Remark("DS105", pdu.frame, {"have": have, "kind": kind})
+            context = self._context(call) if call is not None and not record.write else None
+            if context is None:
+                self._about(pdu, record, remark)
+            else:
+                self._pass(pdu, record, partial(self._call_remark, remark, record, context))
+
+    def first_record(self, pdu: rpc.Pdu) -> Record | None:
+        """The first record in the beginning of a message; None where that tells of none that can be ours."""
+        if pdu.fragment or pdu.ptype not in (0, 2):
+            return None
+        records = parse_request(pdu).records if pdu.ptype == 0 else parse_response(pdu)[1]
+        return records[0] if records and self._gate.concerns(records[0].index) else None
 
     def _context(self, call: Call) -> _Context | None:
         """What the call carries; made now of a call that `ds47.usual` took."""
@@ -202,8 +256,24 @@ class RecordCalls:
         context = self._context(call)
         if context is None:
             return
-        operation = _OPERATIONS[call.request.opnum]
-        self._about_call(call, Remark("DS101", call.request.frame, {"operation": operation}))
+        if not call.in_part:  # DS105 says what there is
+            operation = _OPERATIONS[call.request.opnum]
+            self._about_call(call, Remark("DS101", call.request.frame, {"operation": operation}))
+        self._reads_lost(call, context)
+
+    def _call_pushed_out(self, call: Call, limit: str) -> None:
+        context = self._context(call)
+        if context is None:
+            return
+        pdu = call.request
+        for record in context.body.records:
+            if self._gate.concerns(record.index):
+                self._forgot_requests = True
+                self._pass(pdu, record, partial(self.pushed_out, limit, pdu.frame))
+                break
+        self._reads_lost(call, context)
+
+    def _reads_lost(self, call: Call, context: _Context) -> None:
         for record in context.body.records:
             if not record.write and self._gate.concerns(record.index):
                 event = partial(self._pairing.read_lost, peer(call.request), record)
@@ -245,7 +315,7 @@ class RecordCalls:
 
     def _read_answered(self, pdu: rpc.Pdu, record: Record, half: Half) -> None:
         if half.missing:
-            half.cut = pdu.missing > 0
+            half.cut = pdu.missing > 0 and pdu.cut is not None
             self._length(pdu, record, half)
         if self._gate.passes((pdu.client, pdu.server, record.ar), record.index):
             self._read(pdu, record)
@@ -259,15 +329,15 @@ class RecordCalls:
         self._clock(pdu)
         self._pairing.read_response(peer(pdu), record)
 
-    def _orphan_response(self, pdu: rpc.Pdu) -> None:
+    def _orphan_response(self, pdu: rpc.Pdu, certain: bool) -> None:
         if pdu.opnum not in _OPERATIONS:
             return
         for record in parse_response(pdu)[1]:
             if not self._gate.concerns(record.index) or record.response is None:
                 continue
-            self._about(
-                pdu, record, Remark("DS102", pdu.frame, {"operation": _OPERATIONS[pdu.opnum]})
-            )
+            if certain and not self._forgot_requests:
+                args = {"operation": _OPERATIONS[pdu.opnum]}
+                self._about(pdu, record, Remark("DS102", pdu.frame, args))
             if not record.write:
                 self._read_answered(pdu, record, record.response)
 
@@ -290,9 +360,13 @@ class RecordCalls:
     # Findings and small things
 
     def _length(self, pdu: rpc.Pdu, record: Record, half: Half) -> None:
-        if pdu.missing:
-            args = {"captured": len(half.data), "original": half.stated}
-            self._about(pdu, record, Remark("DS106", half.frame, args))
+        if pdu.missing and pdu.cut is not None:
+            frame, captured, original = pdu.cut
+            args = {
+                "captured": captured, "original": original, "length": half.stated,
+                "completed": half.frame,
+            }  # fmt: skip
+            self._about(pdu, record, Remark("DS106", frame, args))
         else:
             args = {"stated": half.stated, "present": len(half.data)}
             self._about(pdu, record, Remark("DS202", half.frame, args))

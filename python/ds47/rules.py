@@ -8,18 +8,18 @@ the transport is reported by `ds47.analysis`.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
 
 from ds47.capture import Frame
+from ds47.drive_objects import DO_IDENTIFICATION
 from ds47.pairing import Job, UsualJob
 from ds47.profidrive import Address, Block, Flaw, Request, Response
-from ds47.profidrive.formats import Codec
-from ds47.profidrive.model import VALUE, Value
+from ds47.profidrive.model import VALUE
 from ds47.profinet.status import status_hex
-from ds47.spec import parameters, request_ids
+from ds47.readback import ReadBack
+from ds47.spec import request_ids
 from ds47.spec.semantics import Limits
 
 PNU_ACCESS_IDENTIFICATION: Final = 974
@@ -93,30 +93,6 @@ def drive_time_ns(job: Job) -> int | None:
     return read.time_ns - write.time_ns - pause
 
 
-class Change:
-    """What is to be remembered of changes that are alike: of some addresses and of the blocks with their values.
-
-    `elements` are the number of a block among the parts of the message (1, 3, 5: each stands behind something
-    else), where in it an element begins and ends, PNU, subindex and codec.
-    """
-
-    __slots__ = ("elements", "pnus")
-
-    def __init__(self, addresses: list[Address], blocks: list[Block], codecs: list[Codec]) -> None:
-        self.pnus: set[int] = set()
-        self.elements: list[tuple[int, int, int, int, int, Codec]] = []
-        for number, (address, block) in enumerate(zip(addresses, blocks, strict=True)):
-            if _is_volatile(address):
-                continue
-            self.pnus.add(address.pnu)
-            start = 0
-            for element, raw, _value in _elements(address, block):
-                end = start + len(raw)
-                row = (2 * number + 1, start, end, address.pnu, element, codecs[number])
-                self.elements.append(row)
-                start = end
-
-
 class Judge:
     """Judges jobs; keeps the little history that some rules need.
 
@@ -128,11 +104,21 @@ class Judge:
     def __init__(self, limits: Limits, slow_ns: int) -> None:
         self._limits = limits
         self._slow_ns = slow_ns
-        self._written: OrderedDict[tuple[Any, ...], tuple[bytes, Value | Codec]] = OrderedDict()
-        """The bytes of an element, and its value or who decodes it when somebody asks."""
-        self._written_pnus: set[int] = set()
-        """Every PNU that was ever in `_written`: most reads ask for others."""
+        self._written = ReadBack(limits.written_values)
         self._longest: OrderedDict[str, int] = OrderedDict()
+
+    def asked(self, job: Job) -> None:
+        """A Write request asks for something. Call in the order of the capture."""
+        self._written.asked(job)
+
+    def refused(self, job: Job) -> None:
+        """A Write was refused."""
+        if _is_change(job):
+            self._written.settled(job, stray=False)
+
+    def connected(self, device: str, frame: int) -> None:
+        """A Connect to a device."""
+        self._written.connected(device, frame)
 
     def answered(self, job: Job) -> list[Remark]:
         """What its response, and the values in it, say of a job. Call in the order of the capture."""
@@ -142,6 +128,8 @@ class Judge:
         self._reads(job, remarks)
         self._response(job, stray, remarks)
         self._time(job, remarks)
+        if _is_change(job):
+            self._written.settled(job, stray=stray)
         if not stray:
             self._read_back(job, remarks)
             self._learn_limit(job)
@@ -165,23 +153,10 @@ class Judge:
             job.previous_reference != job.data[0]
             and accepted.number < read.number
             and answered.time_ns - job.asked.time_ns - pause <= self._slow_ns
-            and self._written_pnus.isdisjoint(reads)
+            and self._written.pnus.isdisjoint(reads)
             and PNU_ACCESS_IDENTIFICATION not in reads
+            and DO_IDENTIFICATION not in reads
         )
-
-    def changed(self, job: UsualJob, change: Change, parts: tuple[bytes, ...]) -> None:
-        """What `answered` remembers of a usual job that changes parameters, all of them with success.
-
-        `parts` are the bytes of its blocks, each behind something else (`Change`).
-        """
-        place, axis, written = job.place, job.data[2], self._written
-        device = place.peer.device
-        self._written_pnus |= change.pnus
-        for part, start, end, pnu, element, codec in change.elements:
-            key = (device, place.slot, place.subslot, place.index, axis, pnu, element)
-            written[key] = parts[part][start:end], codec
-            written.move_to_end(key)
-        self._forget_oldest()
 
     def unanswered(self, job: Job, *, dropped: bool) -> list[Remark]:
         """What is to be said of a job that is closed without a response.
@@ -191,16 +166,16 @@ class Judge:
         remarks: list[Remark] = []
         self._request(job, remarks)
         self._reads(job, remarks)
+        if _is_change(job):
+            self._written.settled(job, stray=False)
         write = job.write_request
         if write is not None and not job.write_refused:
             change = _is_change(job)
-            if change:
-                self._forget(job)
             if job.superseded_by is not None:
                 rule = "DS414" if change else "DS413"
                 displaced = {"request": write.frame, "by": job.superseded_by}
                 remarks.append(Remark(rule, job.superseded_by, displaced))
-            else:
+            elif not job.limit:  # else a response may have come later
                 rule = "DS402" if change else "DS401"
                 args = {"reason": job.reason or None, "dropped": dropped}
                 remarks.append(Remark(rule, write.frame, args))
@@ -243,7 +218,8 @@ class Judge:
         if response.flaws:
             _flaws(response.flaws, half.frame, remarks)
         if request is None:
-            remarks.append(Remark("DS403", half.frame))
+            if job.certain:
+                remarks.append(Remark("DS403", half.frame))
         else:
             self._mirror(half.frame, request, response, remarks)
         self._blocks(half.frame, job, stray, remarks)
@@ -287,7 +263,7 @@ class Judge:
             if block.error is not None:
                 args = self._error_args(job, block, address)
                 remarks.append(Remark("DS410", frame, args, block.offset))
-            elif address and read and block.value_count != address.element_count:
+            elif address and read and block.value_count != (address.element_count or 1):
                 _element_count(frame, block, address, remarks)
 
     def _error_args(self, job: Job, block: Block, address: Address | None) -> dict[str, Any]:
@@ -319,59 +295,11 @@ class Judge:
             remarks.append(Remark("DS416", half.frame, args))
 
     def _read_back(self, job: Job, remarks: list[Remark]) -> None:
-        """Remembers what was written, element by element, and compares what is read later."""
-        request, response = job.message, job.response
-        if request is None or response is None or job.read_response is None:
-            return
-        operation = request.operation
-        if operation == "change":
-            self._remember(_place(job), request.addresses, request.blocks, response.blocks)
-        if operation != "read":
-            return
-        for address, block in zip(request.addresses, response.blocks, strict=False):
-            if address.pnu not in self._written_pnus:
-                continue
-            where = _place(job)
-            for element, raw, value in _elements(address, block):
-                written, meant = self._written.get((*where, address.pnu, element), (b"", ""))
-                if len(written) != len(raw) or written == raw:
-                    continue
-                del self._written[(*where, address.pnu, element)]
-                where_read = {"pnu": address.pnu, "subindex": element}
-                if isinstance(meant, Codec):
-                    meant = meant.decode(written, 1)[0]
-                args = {**where_read, "written": meant, "read": value}
-                remarks.append(Remark("DS417", job.read_response.frame, args, block.offset))
-
-    def _remember(
-        self,
-        where: tuple[Any, ...],
-        addresses: list[Address],
-        blocks: list[Block],
-        answers: list[Block],
-    ) -> None:
-        for number, (address, block) in enumerate(zip(addresses, blocks, strict=False)):
-            failed = number < len(answers) and answers[number].error is not None
-            if failed or _is_volatile(address):
-                continue
-            self._written_pnus.add(address.pnu)
-            for element, raw, value in _elements(address, block):
-                key = (*where, address.pnu, element)
-                self._written[key] = raw, value
-                self._written.move_to_end(key)
-        self._forget_oldest()
-
-    def _forget_oldest(self) -> None:
-        while len(self._written) > self._limits.written_values:
-            self._written.popitem(last=False)
-
-    def _forget(self, job: Job) -> None:
-        """A change whose response nobody read: what its parameters hold now is not known."""
-        assert job.message is not None
-        where = _place(job)
-        for address, block in zip(job.message.addresses, job.message.blocks, strict=False):
-            for element, _raw, _value in _elements(address, block):
-                self._written.pop((*where, address.pnu, element), None)
+        """Compares what is read with what was written last."""
+        for args in self._written.read(job):
+            assert job.read_response is not None
+            offset = args.pop("offset")
+            remarks.append(Remark("DS417", job.read_response.frame, args, offset))
 
     def _learn_limit(self, job: Job) -> None:
         request, response = job.message, job.response
@@ -393,24 +321,12 @@ def _flaws(flaws: list[Flaw], frame: int, remarks: list[Remark]) -> None:
         remarks.append(Remark(flaw.rule, frame, flaw.args, flaw.offset))
 
 
-def _place(job: Job) -> tuple[Any, ...]:
-    """Where a parameter lives: a channel of a device and the axis, whoever asks."""
-    record, axis = job.record, job.message.axis if job.message else None
-    return (job.peer.device, record.slot, record.subslot, record.index, axis)
-
-
-def _is_volatile(address: Address) -> bool:
-    """Whether the drive changes the parameter itself."""
-    row = parameters().get(address.pnu)
-    return bool(row and row.volatile)
-
-
 def _is_change(job: Job) -> bool:
     return job.message is not None and job.message.operation == "change"
 
 
 def _element_count(frame: int, block: Block, address: Address, remarks: list[Remark]) -> None:
-    asked = max(1, address.element_count)
+    asked = address.element_count or 1  # 0 asks for one value too: an empty block has fewer
     if block.value_count == asked or address.attribute != VALUE:
         return
     if address.element_count == 0 and block.value_count > 1:
@@ -418,15 +334,3 @@ def _element_count(frame: int, block: Block, address: Address, remarks: list[Rem
     rule = "DS408" if block.value_count < asked else "DS409"
     args = {"asked": asked, "got": block.value_count, "pnu": address.pnu}
     remarks.append(Remark(rule, frame, args, block.offset))
-
-
-def _elements(address: Address, block: Block) -> Iterator[tuple[int, bytes, Value]]:
-    """Subindex, bytes and value of each element of a block; nothing for errors, texts and strings."""
-    count = block.value_count
-    if address.attribute != VALUE or block.error is not None or not count:
-        return
-    if len(block.values) != count or len(block.raw) % count:
-        return
-    size = len(block.raw) // count
-    for number, value in enumerate(block.values):
-        yield address.subindex + number, block.raw[number * size : (number + 1) * size], value

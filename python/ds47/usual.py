@@ -58,6 +58,9 @@ from ds47.rules import Judge
 _OWN_STATUS: Final = 186
 """Of a Write response block."""
 _OK: Final = bytes(4)
+_READ_PARAMETERS: Final = 0x01
+"""Request id: the drive is asked for values. What changes a drive goes the long way."""
+_LEAST: Final = 2
 _MULTIPLE: Final = WRITE_MULTIPLE.to_bytes(2, "big")
 _MOST_KNOWN: Final = 65_536
 """Sides and places together."""
@@ -307,7 +310,7 @@ class UsualWay:
         if now > pairing.quiet_until and not self._is_fresh(channel, now):
             return False
         data = frame.data[DATA_START : DATA_START + stated]
-        if not data or not data[0]:
+        if len(data) < _LEAST or not data[0] or data[1] != _READ_PARAMETERS:
             return False
         job = pairing.usual_write(channel, place, frame, data)
         self._asked(side, activity, old, seq, key, Call(None, frame, job, now), place)

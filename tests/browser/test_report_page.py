@@ -9,7 +9,11 @@ from pathlib import Path
 import pytest
 
 from ds47.analysis import analyze
+from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
+from ds47.lab import message
+from ds47.lab.client import Client
+from ds47.lab.stage import Stage
 from ds47.model import CaptureResult, Device, Finding, Frames, Parameter, Transaction
 
 JOBS = "[data-part=transactions]"
@@ -468,6 +472,22 @@ def test_hostile_text_stays_text(browser, write):
     assert not browser.all("main img, main b")
     assert evil in browser.one(f"{JOBS} tr.row").text
     assert evil in browser.one("h2.verdict + p").text
+
+
+def test_an_error_number_of_two_bytes_has_four_digits(browser, write, tmp_path):
+    stage = Stage()
+    answer = bytes.fromhex("01810101 4401 0811")
+    Client(stage).exchange(message.read(1, 1, message.address(4711)), answer)
+    path = tmp_path / "wide.pcapng"
+    with PcapngWriter(path) as writer:
+        for shot in stage.shots:
+            writer.write(shot.time_ns, shot.data)
+    browser.open(write("wide", analyze(path)))
+    browser.click(f"{JOBS} .expander")
+    rows = browser.texts(f"{JOBS} .frame-card:last-of-type .bytes tbody tr.wrong")
+    assert "6 08 11 error 0x0811: Manufacturer-specific error 0x0811" in rows
+    text = browser.one("main").text
+    assert "0x811" not in text
 
 
 def test_several_captures_stand_behind_an_overview(browser, write, captures):

@@ -2,7 +2,7 @@
 -- Usage: lua analysis.lua INPUT. Input is a JSON object a line, its `kind` says what it is:
 --   begin          {lang, look}: a new analysis; `look`: ended() after every packet, which must not matter
 --   udp, fragment  a packet, as Analysis:packet and Analysis:fragment take it, bytes in hex, the time as
---                  seconds and nanoseconds
+--                  seconds and nanoseconds; of a frame that is cut its lengths as `captured` and `original`
 --   dcp, lldp      {payload, src_mac, dst_mac}
 --   end            {dropped}: prints the result as one line of JSON, keys as in schema ds47.report/2, but
 --                  `start` as [second, nanosecond] and `duration_ns` instead of `duration_ms`
@@ -16,6 +16,7 @@ local json = require("ds47.json")
 local unhex = require("ds47.reader").unhex
 local sentences = require("ds47.sentences")
 local status = require("ds47.status")
+local times = require("ds47.times")
 
 local function hex(bytes)
   return bytes and (bytes:gsub(".", function(byte) return ("%02x"):format(byte:byte()) end))
@@ -72,13 +73,16 @@ local function transaction(item, base_seconds)
     .. "request_reference axis duration_ns")
   result.frames = object(item.frames, "write_request write_response read_request read_response")
   result.frames.polls, result.frames.rereads = reads(item.frames.polls), reads(item.frames.rereads)
-  result.start = {base_seconds + math.floor(item.start_ns / 1000000000), item.start_ns % 1000000000}
+  local seconds, nanoseconds = times.split(item.start_ns)
+  result.start = {base_seconds + seconds, nanoseconds}
   result.bytes = {request = null(hex(item.request)), response = null(hex(item.response))}
   result.status = {write = word(item.write_status), read = word(item.read_status)}
   result.parameters = list(item.parameters, parameter)
   result.findings = json.array(item.findings)
   return result
 end
+
+local run -- the analysis
 
 local function finding(item)
   local result = object(item, "rule severity frame transaction offset")
@@ -94,7 +98,7 @@ local function diagnosis(item)
   return result
 end
 
-local function capture(run)
+local function capture()
   local result, records = run:ended(), {}
   for index, counts in pairs(result.records) do
     records[("%d"):format(index)] = counts
@@ -112,7 +116,7 @@ local function capture(run)
   }
 end
 
-local run, look
+local look
 
 local function fed(line)
   for key, value in pairs(line) do
@@ -121,6 +125,9 @@ local function fed(line)
     end
   end
   line.time_ns = run:time_ns(line.seconds, line.nanoseconds)
+  if line.original then
+    line.cut = {frame = line.frame, captured = line.captured, original = line.original}
+  end
   return line
 end
 
@@ -151,7 +158,7 @@ take.lldp = take.dcp
 take["end"] = function(line)
   run.options.frames_dropped = line.dropped
   run.result = nil
-  print(json.encode(capture(run)))
+  print(json.encode(capture()))
 end
 
 for text in io.lines(arg[1]) do

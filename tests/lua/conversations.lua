@@ -10,7 +10,6 @@ local analysis = require("ds47.analysis")
 local json = require("ds47.json")
 local unhex = require("ds47.reader").unhex
 local status = require("ds47.status")
-local tables = require("ds47.tables")
 
 local failures = {}
 
@@ -121,9 +120,12 @@ local function feed(run, step, frame)
   if step.direction == "response" then
     source, destination = destination, source
   end
+  local payload = unhex(step.bytes)
+  local captured = 42 + #payload
   run:packet({
-    payload = unhex(step.bytes), frame = frame, time_ns = run:time_ns(1767254400, step.t),
+    payload = payload, frame = frame, time_ns = run:time_ns(1767254400, step.t),
     src_ip = source, dst_ip = destination, ip_id = step.ip_id,
+    cut = step.cut and {frame = frame, captured = captured, original = captured + step.cut} or nil,
   })
 end
 

@@ -55,7 +55,7 @@ end
 
 -- What a frame shows when it is analysed: its text and its findings; nil where it is none of our business.
 local function fed(track, line, clock, alone)
-  if not track.feed(run.frames, line.data, line.offset, clock, alone) then
+  if not track.feed(run.frames, line.data, line.offset, clock, alone, #line.data) then
     return nil
   end
   local views, findings = track.live_views(false)

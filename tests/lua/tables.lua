@@ -33,8 +33,10 @@ end
 
 local function flatten(where, value, decimal)
   if type(value) ~= "table" then return put(where, value) end
+  local arguments = where:find("%.args$") -- whose names may be those of columns
   for key, item in pairs(value) do
-    if not SAME_AS_KEY[key] then flatten(where .. "." .. name_of(key, decimal), item, decimal) end
+    local shown = arguments or not SAME_AS_KEY[key]
+    if shown then flatten(where .. "." .. name_of(key, decimal), item, decimal) end
   end
 end
 

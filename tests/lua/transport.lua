@@ -192,26 +192,34 @@ local function test_rpc_fragment_bounds()
   for seq = 1, 5 do
     fragments:feed(part(seq == 4 and 1 or 0, false, {seq = seq}))
   end
-  local left = fragments:unfinished()
-  check("two given up, two open", #left, 4)
-  check("the oldest goes first", left[1].pdu.seq, 2)
-  check("the newest is last", left[4].pdu.seq, 5)
-  check("the first seen where the beginning lacks", left[3].pdu.fragment, 1)
+  local gone, left = fragments:take_given_up(), fragments:unfinished()
+  check("three given up", #gone, 3)
+  check("the oldest goes first", gone[1].pdu.seq, 1)
+  check("for this limit", gone[1].limit, "rpc_messages")
+  check("told once", fragments:take_given_up(), nil)
+  check("two open", #left, 2)
+  check("the newest is last", left[2].pdu.seq, 5)
+  check("the first seen where the beginning lacks", left[1].pdu.fragment, 1)
   fragments = rpc.Fragments.new(30 * SECOND)
   fragments:feed(part(0, false, {seq = 1}))
   fragments:feed(part(0, false, {seq = 2, time_ns = 30 * SECOND + 1}))
   check("expired", fragments.partial.length, 1)
-  check("and told", fragments:unfinished()[1].have, 1)
+  gone = fragments:take_given_up()
+  check("and told", gone[1].have, 1)
+  check("for no limit", gone[1].limit, nil)
   fragments = rpc.Fragments.new(30 * SECOND, 9, 3)
   for number = 0, 3 do
     fragments:feed(part(number))
   end
   check("too many fragments", fragments.fragments, 0)
+  check("of which limit", fragments:take_given_up()[1].limit, "rpc_fragments")
   fragments = rpc.Fragments.new(30 * SECOND, 9, 100, 10)
   fragments:feed(part(0, false, {seq = 1, body = "12345"}))
   fragments:feed(part(0, false, {seq = 2, body = "123456"}))
   check("too many bytes", fragments.bytes, 6)
-  check("the oldest goes", fragments:unfinished()[1].pdu.seq, 1)
+  gone = fragments:take_given_up()
+  check("the oldest goes", gone[1].pdu.seq, 1)
+  check("for its bytes", gone[1].limit, "fragment_bytes")
 end
 
 -- IP
@@ -271,14 +279,18 @@ local function test_ip_incomplete()
   feed_all(reassembly, {piece(0, 24), piece(48, 98, {frame = 9, time_ns = 5})})
   local left = reassembly:unfinished()
   check("one", #left, 1)
-  check("bytes seen", left[1].have, 74)
+  check("fragments seen", left[1].have, 2)
   check("up to the hole", left[1].packet.payload, UDP_PAYLOAD:sub(1, 16))
   check("missing", left[1].packet.missing, 74)
   check("frame", left[1].packet.frame, 9)
   reassembly:feed(piece(0, 24, {time_ns = 2000, ip_id = 8}))
-  check("expired, and still told", #reassembly:unfinished(), 2)
+  local gone = reassembly:take_given_up()
+  check("expired, and told", gone[1].have, 2)
+  check("for no limit", gone[1].limit, nil)
+  check("told once", reassembly:take_given_up(), nil)
+  check("one is open", #reassembly:unfinished(), 1)
   check("too late", reassembly:feed(piece(24, 48, {time_ns = 2001})), nil)
-  check("without a beginning it tells nothing", #reassembly:unfinished(), 2)
+  check("without a beginning it tells nothing", #reassembly:unfinished(), 1)
   local cut = feed_all(ip.Reassembly.new(LIMITS), {piece(0, 48, {cut = 10}), piece(48, 98)})
   check("cut", cut.payload, UDP_PAYLOAD:sub(1, 30))
   check("cut", cut.missing, 60)
@@ -326,9 +338,10 @@ end
 local function tracker_of(limits)
   local heard = {}
   local handlers = {}
-  for _, name in ipairs({"request", "response", "retransmission", "fault", "lost", "orphan_response"}) do
-    handlers[name] = function(_, call, pdu)
-      heard[#heard + 1] = name .. ":" .. (pdu or call.request or call).seq
+  for _, name in ipairs({"request", "response", "retransmission", "fault", "lost", "orphan_response",
+    "pushed_out"}) do
+    handlers[name] = function(_, call, more)
+      heard[#heard + 1] = name .. ":" .. (type(more) == "table" and more or call.request or call).seq
     end
   end
   local tracker = calls.CallTracker.new(limits or LIMITS, handlers)
@@ -421,9 +434,10 @@ local function test_expiry()
     datagrams = 256, answered_calls = 8,
   })
   feed_calls(tracker, {{seq = 1}, {seq = 2}, {seq = 3}, {seq = 4}})
-  check("calls are bounded", heard(), "request:1 request:2 request:3 lost:1 request:4")
+  check("calls are bounded", heard(), "request:1 request:2 request:3 pushed_out:1 request:4")
+  check("and that is none without a response", tracker.counts.unanswered, 0)
   feed_calls(tracker, {{activity = ("x"):rep(16)}, {seq = 4}, {activity = ("y"):rep(16), seq = 9}})
-  check("activities are bounded", heard(), "request:7 lost:2 retransmission:4 lost:7 request:9")
+  check("activities are bounded", heard(), "request:7 pushed_out:2 retransmission:4 pushed_out:7 request:9")
   tracker:finish()
   tracker:finish()
   check("finish loses once", heard(), "lost:3 lost:4 lost:9")

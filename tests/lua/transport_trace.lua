@@ -3,8 +3,8 @@
 -- lines with what the Python modules say.
 --
 -- Input: tab-separated lines; bytes are hexadecimal, "-" stands for nil.
---   packet    frame time_ns src_ip dst_ip ip_id src_mac payload
---   fragment  frame time_ns src_ip dst_ip ip_id src_mac offset more(0/1) missing data
+--   packet    frame time_ns src_ip dst_ip ip_id src_mac captured original payload
+--   fragment  frame time_ns src_ip dst_ip ip_id src_mac captured original offset more(0/1) missing data
 --   station   kind src_mac dst_mac payload
 --   end       the capture is over; what follows is another one
 -- Usage: lua transport_trace.lua LUA_FOLDER [forbid_47]
@@ -155,17 +155,22 @@ local function feed(run, packet)
 end
 
 local function finish(run)
-  for _, part in ipairs(run.fragments:unfinished()) do
-    run.records:incomplete(part.pdu, part.have, "RPC")
+  for _, parts in ipairs({run.fragments:take_given_up() or {}, run.fragments:unfinished()}) do
+    for _, part in ipairs(parts) do
+      run.records:incomplete(part.pdu, part.have, "RPC", part.limit)
+    end
   end
-  for _, part in ipairs(run.reassembly:unfinished()) do
-    local pdu = rpc.parse(part.packet)
-    if pdu then
-      tell_pdu(pdu, "unfinished")
-      run.records:incomplete(pdu, part.have, "IP")
+  for _, parts in ipairs({run.reassembly:take_given_up() or {}, run.reassembly:unfinished()}) do
+    for _, part in ipairs(parts) do
+      local pdu = rpc.parse(part.packet)
+      if pdu then
+        tell_pdu(pdu, "unfinished")
+        run.records:incomplete(pdu, part.have, "IP", part.limit)
+      end
     end
   end
   run.calls:finish()
+  run.records:finish()
   local counts = {}
   for index, count in pairs(run.records.counts) do
     counts[tostring(index)] = count
@@ -205,12 +210,14 @@ for line in io.lines() do
       frame = whole_number(f[2]), time_ns = whole_number(f[3]), src_ip = f[4], dst_ip = f[5],
       ip_id = whole_number(f[6]), src_mac = text_or_nil(f[7]),
     }
+    local captured, original = whole_number(f[8]), whole_number(f[9])
+    part.cut = original > captured and {frame = part.frame, captured = captured, original = original} or nil
     if f[1] == "packet" then
-      part.payload = bytes(f[8])
+      part.payload = bytes(f[10])
       feed(run, part)
     else
-      part.offset, part.more = whole_number(f[8]), f[9] == "1"
-      part.missing, part.data = whole_number(f[10]), bytes(f[11])
+      part.offset, part.more = whole_number(f[10]), f[11] == "1"
+      part.missing, part.data = whole_number(f[12]), bytes(f[13])
       local packet = run.reassembly:feed(part)
       if packet then
         feed(run, packet)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
-from ds47.model import Frames, Transaction
+from ds47.model import Diagnosis, Finding, Frames, Transaction
 
 
 def transaction(**changes: Any) -> Transaction:
@@ -34,3 +35,32 @@ def transaction(**changes: Any) -> Transaction:
     for key, value in changes.items():
         setattr(item, key, value)
     return item
+
+
+def finding(
+    rule: str,
+    severity: str,
+    said: str,
+    frame: int,
+    transaction: int | None = None,
+    offset: int | None = None,
+    **args: Any,
+) -> Finding:
+    """A finding that says these words, as one of an older result does."""
+    return Finding(rule, severity, frame, None, transaction, offset, args, said)
+
+
+def diagnosis(
+    rule: str,
+    severity: str,
+    said: str,
+    device: str | None = None,
+    count: int = 0,
+    frames: Sequence[int] = (),
+    transactions: Sequence[int] = (),
+    **args: Any,
+) -> Diagnosis:
+    """A diagnosis that says these words."""
+    return Diagnosis(
+        rule, severity, args, device, count, list(frames), list(transactions), said=said
+    )

@@ -57,14 +57,14 @@ def request(data: bytes):  # type: ignore[no-untyped-def]
 
 def job(
     asked: bytes | None, answer: bytes | None = None, *, frame: int = 1, device: str = "d",
-    vendor: int | None = 0x002A, **changes: object,
+    vendor: int | None = 0x002A, at: tuple[int, int, int] = (1, 1, 47), **changes: object,
 ) -> Job:  # fmt: skip
-    """A closed job: Write in frames n and n+1, Read in n+2 and n+3, 1 ms apart."""
+    """A closed job: Write in frames n and n+1, Read in n+2 and n+3, 1 ms apart; `at` slot, subslot, index."""
 
     def half(number: int, data: bytes = b"", status: int | None = None) -> Half:
         return Half(frame + number, (frame + number) * 1_000_000, data, len(data), status=status)
 
-    record = Record(True, False, bytes(range(16)), 0, 1, 1, 47, 0)
+    record = Record(True, False, bytes(range(16)), 0, *at, 0)
     message = None if asked is None else decode_request(asked)
     made = Job(Peer("c", device, vendor, 0x0501), record, message, phase="closed")
     if asked is not None:

@@ -19,6 +19,7 @@ from ds47.lab import message, scenarios
 from ds47.lab.client import Client
 from ds47.lab.stage import Stage
 from ds47.model import Finding, Transaction
+from ds47.report.sentences import sentence
 
 READ = message.read(1, 1, message.address(21))
 ANSWER = message.answer(1, 1, 1, message.real(10.0))
@@ -49,7 +50,7 @@ def place(transaction: Transaction) -> tuple[int, int]:
 
 
 def told(finding: Finding) -> tuple[Any, ...]:
-    return finding.rule, finding.severity, finding.message, finding.frame, finding.offset
+    return finding.rule, finding.severity, sentence(finding), finding.frame, finding.offset
 
 
 @pytest.mark.parametrize("name", list(scenarios()))

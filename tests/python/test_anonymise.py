@@ -282,6 +282,38 @@ def test_values_stay_equal_and_different(tmp_path: Path) -> None:
     assert "4 41200000" in json.loads((tmp_path / "key.json").read_text())["value"]
 
 
+def test_only_the_numbers_of_the_limits_stay(tmp_path: Path) -> None:
+    """PNU 974 says how long a message may be; a text that stands there is one like any other."""
+    stage = Stage()
+    client = Client(stage)
+    secret = b"customer-recipe-A1"
+    wide = b"".join(bytes((0, char)) for char in secret)
+    limits = struct.pack(">3H", 240, 39, 100)
+    for number, (attribute, elements, answer) in enumerate(
+        (
+            (0x10, 3, block(0x06, 3, limits)),
+            (0x10, 18, block(0x09, 18, secret)),
+            (0x10, 18, block(0x05, 18, secret)),
+            (0x10, 18, block(0x06, 18, wide)),
+            (0x20, 18, block(0x0A, 18, secret)),
+            (0x30, 18, block(0x09, 18, secret)),
+        ),
+        1,
+    ):
+        asked = message.address(974, 0, elements, attribute)
+        client.exchange(message.read(number, 1, asked), message.answer(number, 1, 1, answer))
+    asked = message.address(974, 0, 18)
+    client.exchange(message.change(9, 1, (asked, block(0x09, 18, secret))), message.changed(9, 1))
+    source, target = shoot(stage, tmp_path / "in.pcapng"), tmp_path / "out.pcapng"
+    anonymised(source, target, everything=True)
+    data = target.read_bytes()
+    assert secret not in data
+    assert wide not in data
+    first, *others = analyze(target).transactions
+    assert first.parameters[0].values == [240, 39, 100]
+    assert [each.state for each in (first, *others)] == ["ok"] * 7
+
+
 def test_time_stamps_lengths_and_order_stay(tmp_path: Path) -> None:
     source, target = CAPTURES / "transport-ip-fragments-disorder.pcapng", tmp_path / "out.pcapng"
     outcome, _ = anonymised(source, target)

@@ -33,7 +33,11 @@ FOREIGN = 4711
 NAMES = (8920, 61000, 199, 8900)
 """Parameters that hold a name, whatever is asked for; on a Siemens drive."""
 TEXT = 7000
-OCTETS, BYTES, WORDS = 0x0A, 0x41, 0x42
+LIMITS = 974
+"""Its numbers stay, whatever is asked for; nothing else of it does."""
+PARTS = (0x10, 0x20, 0x30)
+"""Attributes: value, description, text."""
+OCTETS, BYTES, WORDS, UNSIGNED8, UNSIGNED16 = 0x0A, 0x41, 0x42, 0x05, 0x06
 
 
 def forms(chance: random.Random) -> bytes:
@@ -44,8 +48,9 @@ def forms(chance: random.Random) -> bytes:
 def values(chance: random.Random, text: bytes) -> bytes:
     """A value block with the text, of characters of one byte or of two."""
     if chance.random() < 0.25:
-        return message.raw_block(WORDS, len(text), b"".join(bytes((0, char)) for char in text))
-    return message.raw_block(chance.choice((OCTETS, BYTES)), len(text), text)
+        wide = b"".join(bytes((0, char)) for char in text)
+        return message.raw_block(chance.choice((WORDS, UNSIGNED16)), len(text), wide)
+    return message.raw_block(chance.choice((OCTETS, BYTES, UNSIGNED8)), len(text), text)
 
 
 def exchange(client: Client, chance: random.Random, number: int, pnus: list[int]) -> None:
@@ -56,7 +61,8 @@ def exchange(client: Client, chance: random.Random, number: int, pnus: list[int]
         blocks.append(message.real(chance.choice((0.5, 1500.0))))
     for pnu in pnus:
         text = forms(chance)
-        addresses.append(message.address(pnu, 0, len(text)))
+        part = chance.choice(PARTS) if pnu == LIMITS else PARTS[0]
+        addresses.append(message.address(pnu, 0, len(text), part))
         blocks.append(values(chance, text))
     if chance.random() < 0.5:
         request = message.read(number, 1, *addresses)
@@ -99,7 +105,7 @@ def machine(chance: random.Random, everything: bool) -> Stage:
             ports = FOREIGN, FOREIGN
             stage.send(client.host, client.device, forms(chance) * chance.choice((1, 9)), ports)
         else:
-            known = (*NAMES, TEXT) if everything else NAMES
+            known = (*NAMES, TEXT, LIMITS) if everything else NAMES
             pnus = [chance.choice(known) for _ in range(chance.randrange(1, 5))]
             exchange(client, chance, number, pnus)
     return stage

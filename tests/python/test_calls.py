@@ -27,13 +27,13 @@ class Heard:
 
     def __post_init__(self) -> None:
         def note(name: str) -> Callable[..., None]:
-            def handler(call: object, pdu: Pdu | None = None) -> None:
-                about = pdu or getattr(call, "request", call)
+            def handler(call: object, more: object = None) -> None:
+                about = more if isinstance(more, Pdu) else getattr(call, "request", call)
                 self.events.append((name, about.seq, about.frame))  # type: ignore[union-attr]
 
             return handler
 
-        names = ("request", "response", "orphan", "retransmission", "fault", "lost")
+        names = ("request", "response", "orphan", "retransmission", "fault", "lost", "pushed out")
         self.tracker = CallTracker(self.bounds, Handlers(*map(note, names)))
 
     def feed(self, *sequence: Pdu) -> Heard:
@@ -199,15 +199,17 @@ def test_open_calls_of_an_activity_are_bounded() -> None:
     requests = calls(5)[::2]
     heard = Heard(LIMITS.but(calls=2)).feed(*requests)
     heard.tracker.finish()
-    assert [seq for event, seq, _ in heard.events if event == "lost"] == [0, 1, 2, 3, 4]
+    assert [seq for event, seq, _ in heard.events if event == "pushed out"] == [0, 1]
+    assert [seq for event, seq, _ in heard.events if event == "lost"] == [2, 3, 4]
     assert len(heard.events) == 10
+    assert heard.tracker.counts["unanswered"] == 3
 
 
 def test_activities_are_bounded_and_the_one_that_spoke_last_stays() -> None:
     request = calls()[0]
     one, two, three = (replace(request, activity=bytes([n]) * 16, seq=n) for n in (1, 2, 3))
     heard = Heard(LIMITS.but(activities=2)).feed(one, two, later(one, 1), three)
-    assert heard.names == ["request", "request", "retransmission", "lost", "request"]
+    assert heard.names == ["request", "request", "retransmission", "pushed out", "request"]
     assert heard.events[3][1] == 2
 
 
@@ -217,7 +219,7 @@ def test_the_context_of_the_layer_above_stays_with_the_call() -> None:
 
     got: list[object] = []
     ignore = lambda *_: None  # noqa: E731
-    handlers = Handlers(ask, lambda call: got.append(call.context), ignore, ignore, ignore, ignore)
+    handlers = Handlers(ask, lambda call: got.append(call.context), *[ignore] * 5)
     tracker = CallTracker(LIMITS, handlers)
     for pdu in pdus(lambda client: client.read(b"data", client.at(index=CHANNEL.index))):
         tracker.feed(pdu)

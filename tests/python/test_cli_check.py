@@ -447,6 +447,17 @@ def test_the_files_of_tcpdump(plant, capsys):
     assert "t.ds47.json: this is the result of 4 files as one capture; use --series" in out
 
 
+def test_files_that_only_tcpdump_names_are_not_overlooked(plant, capsys):
+    for number, path in enumerate(sorted(plant.iterdir()), 1):
+        path.rename(plant / f"t.pcapng{number}")
+    assert run(capsys, "baseline", "--series", plant)[0] == 0
+    assert run(capsys, "check", "--series", plant)[0] == 0
+    status, out, err = run(capsys, "check", plant)
+    assert status == 3
+    assert "t.ds47.json: its captures are the files of a series; use --series" in out
+    assert "no capture in this folder" in err
+
+
 def test_without_the_option_nobody_is_sent_the_wrong_way(kept, capsys):
     status, out, _ = run(capsys, "check", kept)
     assert status == 1

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -220,6 +221,50 @@ def test_ctrl_c_leaves_whole_results(captures: Path, cluster: Cluster, tmp_path:
         json.loads(path.read_bytes())
 
 
+@pytest.mark.parametrize("stored", [True, False])
+def test_a_lost_scheduler_ends_the_run_and_says_how_to_go_on(
+    captures: Path, tmp_path: Path, stored: bool
+) -> None:
+    many, results = tmp_path / "many", tmp_path / "r"
+    many.mkdir()
+    one = tmp_path / "one.pcapng"
+    one.write_bytes((captures / "tour-machine.pcapng").read_bytes() * 60)
+    for number in range(60):
+        os.link(one, many / f"{number:04}.pcapng")
+    (tmp_path / "dask").mkdir()
+    cluster = Cluster(tmp_path / "dask")
+    command = [sys.executable, "-m", "ds47", "report", str(many)]
+    more = ["--results", str(results)] if stored else ["-f", "ndjson", "-o", str(tmp_path / "o")]
+    try:
+        cluster.add(1)
+        process = subprocess.Popen(
+            [*command, *more, "--scheduler", cluster.address],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        if stored:
+            wait_until(lambda: process.poll() or len(list(results.glob("*.pcapng.json"))) > 2)
+        else:
+            wait_until(lambda: process.poll() or any(map(os.path.getsize, tmp_path.glob(".o.*"))))
+    finally:
+        cluster.end()
+    _, errors = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 3, errors
+    said = f"ds47: the Dask scheduler at {cluster.address} is gone: "
+    if not stored:
+        assert re.fullmatch(
+            re.escape(said) + r"\d+ of 60 captures were reported; "
+            r"a run with --results FOLDER can be gone on with\n", errors,
+        )  # fmt: skip
+        return
+    found = list(results.iterdir())
+    assert errors == (
+        f"{said}{len(found)} of 60 results are in {results}; "
+        "to go on: the same command with --resume\n"
+    )
+    assert main([*command[3:], *more, "--resume"]) == 0
+    assert len(list(results.iterdir())) == 61
+
+
 def test_a_capture_that_kills_every_worker_is_named(tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.setitem(ENVIRONMENT, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "1")
     monkeypatch.setitem(ENVIRONMENT, "PYTHONPATH", str(Path(__file__).parent))
@@ -359,6 +404,129 @@ def test_resume_knows_whether_a_url_has_changed(
     assert run(capsys, *arguments) == first
     os.utime(folder / "cut.pcapng", (1, 1))
     assert "ds47: 1 capture done again: changed" in run(capsys, *arguments)[2]
+
+
+@pytest.fixture
+def bucket() -> Iterator[Any]:
+    """A place for results in what fsspec calls memory."""
+    import fsspec
+
+    system = fsspec.filesystem("memory")
+    system.makedirs("/out", exist_ok=True)
+    yield system
+    system.rm("/out", recursive=True)
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_results_behind_a_url(
+    capsys: Any, folder: Path, bucket: Any, tmp_path: Path, monkeypatch: Any, jobs: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    here = run(capsys, folder, "--results", tmp_path / "r", "-j", jobs)
+    bucket.pipe("/out/line 1/no.pcap.json", b"of a time when it could be read")
+    arguments = (folder, "--results", "memory://out/line 1", "-j", jobs)
+    assert run(capsys, *arguments) == here
+    names = {
+        path.relative_to(tmp_path / "r").as_posix() for path in (tmp_path / "r").rglob("*.json")
+    }
+    assert len(names) > 4
+
+    def there() -> dict[str, bytes]:
+        prefix = "/out/line 1/"
+        return {name.removeprefix(prefix): bucket.cat_file(name) for name in bucket.find(prefix)}
+
+    assert there() == {name: (tmp_path / "r" / name).read_bytes() for name in names}
+    assert not list(tmp_path.glob("memory*"))
+    made = {name: bucket.created(f"/out/line 1/{name}") for name in names}
+    cut = "/out/line 1/tour-machine.pcapng.json"
+    bucket.pipe(cut, bucket.cat_file(cut)[:1500])
+    bucket.rm("/out/line 1/format-change.pcapng.json")
+    status, text, problems = run(capsys, *arguments, "--resume", "-f", "text")
+    assert (
+        "ds47: 1 capture done again: damaged result, memory://out/line 1/tour-machine"
+        in problems[0]
+    )
+    assert text == run(capsys, folder, "-f", "text")[1]
+    assert {name for name in names if bucket.created(f"/out/line 1/{name}") != made[name]} == {
+        "tour-machine.pcapng.json", "format-change.pcapng.json", "overview.json",
+    }  # fmt: skip
+    assert there() == {name: (tmp_path / "r" / name).read_bytes() for name in names}
+    assert status == here[0]
+
+
+def test_results_in_a_folder_by_its_url(capsys: Any, memory: str, tmp_path: Path) -> None:
+    assert run(capsys, memory, "--results", f"file://{tmp_path}/r")[0] == 0
+    assert (tmp_path / "r" / "overview.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [("no-such-protocol://x/y", "Protocol not known"), ("http://127.0.0.1:9/x", "a web server")],
+)
+def test_results_that_cannot_be_written_are_said_first(
+    capsys: Any, folder: Path, tmp_path: Path, monkeypatch: Any, url: str, words: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("ds47.batch.runner.make_here", None)
+    before = set(tmp_path.iterdir())
+    status, _, problems = run(capsys, folder, "--results", url)
+    assert status == 2
+    assert len(problems) == 1
+    assert words in problems[0]
+    assert set(tmp_path.iterdir()) == before
+
+
+def test_a_url_that_takes_no_more_results_ends_the_run(
+    capsys: Any, folder: Path, bucket: Any, monkeypatch: Any
+) -> None:
+    put, room = bucket.put_file, [4]  # the first is the overview that tries it
+
+    def put_file(*arguments: Any) -> None:
+        room[0] -= 1
+        if room[0] < 0:
+            raise PermissionError("the token has expired")
+        put(*arguments)
+
+    arguments = (folder, "--results", "memory://out", "-j", "1")
+    monkeypatch.setattr(type(bucket), "put_file", staticmethod(put_file))
+    status, _, problems = run(capsys, *arguments)
+    assert status == 3
+    assert "cannot write memory://out/" in problems[-1]
+    assert "the token has expired: 3 of 7 results are in memory://out; " in problems[-1]
+    assert problems[-1].endswith("to go on: the same command with --resume")
+    room[0] = 99
+    assert run(capsys, *arguments, "--resume")[1] == run(capsys, folder, "-f", "overview")[1]
+
+
+def test_ctrl_c_writes_what_is_finished_to_the_url(
+    capsys: Any, folder: Path, bucket: Any, monkeypatch: Any
+) -> None:
+    put, calls = bucket.put_file, []
+
+    def put_file(*arguments: Any) -> None:
+        calls.append(arguments)
+        if len(calls) == 4:
+            raise KeyboardInterrupt
+        put(*arguments)
+
+    monkeypatch.setattr(type(bucket), "put_file", staticmethod(put_file))
+    status, _, problems = run(capsys, folder, "--results", "memory://out", "-j", "1")
+    assert status == 130
+    said = "ds47: interrupted: 3 of 7 results are in memory://out; "
+    assert any(line.startswith(said) for line in problems)
+    assert len(bucket.find("/out")) == 3
+
+
+@pytest.mark.parametrize("command", ["baseline", "check", "accept"])
+def test_stored_results_stand_in_folders(
+    capsys: Any, memory: str, tmp_path: Path, monkeypatch: Any, command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main([command, memory]) == 2
+    shown = capsys.readouterr()
+    assert f"{memory}: stored results stand beside captures in a folder" in shown.err
+    assert shown.out == ""
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_single_url(web: str, captures: Path) -> None:

@@ -47,18 +47,22 @@ def frame(step: dict[str, Any]) -> bytes:
     ends = (step["client"], step["server"])
     if step["direction"] == "response":
         ports, ends = ports[::-1], ends[::-1]
-    payload = udp(bytes.fromhex(step["bytes"]), ports)
+    cut = step.get("cut", 0)
+    payload = udp(bytes.fromhex(step["bytes"]) + bytes(cut), ports)
     head = bytearray(bytes.fromhex("4500 0000 0000 0000 4011 0000"))
     head[2:4] = (20 + len(payload)).to_bytes(2, "big")
     head[4:6] = step["ip_id"].to_bytes(2, "big")
-    return ethernet(0x0800, bytes(head) + b"".join(IPv4Address(ip).packed for ip in ends) + payload)
+    packed = b"".join(IPv4Address(ip).packed for ip in ends)
+    whole = ethernet(0x0800, bytes(head) + packed + payload)
+    return whole[: len(whole) - cut]
 
 
 def capture(case: dict[str, Any]) -> io.BytesIO:
     target = io.BytesIO()
     with PcapngWriter(target) as writer:
         for step in case["steps"]:
-            writer.write(START_NS + step["t"], frame(step))
+            data = frame(step)
+            writer.write(START_NS + step["t"], data, len(data) + step.get("cut", 0))
     if "dropped" in case:
         lost = option(5, case["dropped"].to_bytes(8, "little")) + option(0, b"")
         target.write(block(5, bytes(12) + lost))

@@ -25,6 +25,7 @@ from ds47.lab.client import Client
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult, Diagnosis
 from ds47.profidrive import decode_request
+from ds47.report.sentences import sentence
 from ds47.spec import rules
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -149,7 +150,7 @@ def test_what_a_diagnosis_says(name: str, tmp_path: Path) -> None:
     frame, text = SAYS[name.removeprefix(TOPIC)]
     (diagnosis,) = diagnoses_of(name, tmp_path)
     assert diagnosis.frames[0] == frame
-    assert text in diagnosis.message
+    assert text in sentence(diagnosis)
 
 
 # The request as it should have been, typed by hand.
@@ -443,7 +444,7 @@ def test_details(
     found = result_of(stage, tmp_path / "x.pcapng").diagnoses
     assert [each.rule for each in found] == list(expected)
     for each in found:
-        assert expected[each.rule] in each.message
+        assert expected[each.rule] in sentence(each)
 
 
 def test_corrected_requests_of_details(tmp_path: Path) -> None:
@@ -470,6 +471,19 @@ def test_an_axis_that_does_not_exist_is_never_suggested(tmp_path: Path) -> None:
     assert corrected == [message.read(2, 3, SPEED), message.read(3, 3, SPEED)]
 
 
+@pytest.mark.parametrize("code", [0x0011, 0x0811, 0x0819, 0x016B])
+def test_a_number_of_a_maker_is_not_that_of_its_low_byte(code: int, tmp_path: Path) -> None:
+    stage = Stage()
+    _refused(Client(stage), code, FIXED, TEN)
+    result = result_of(stage, tmp_path / "x.pcapng")
+    assert [each.rule for each in result.diagnoses] == ["DS719" if code == 0x11 else "DS701"]
+    (item,) = result.transactions
+    assert item.parameters[0].error is not None
+    assert item.parameters[0].error.code == code
+    (told,) = [each.message for each in result.findings if each.rule == "DS410"]
+    assert f"0x{code:04X} Manufacturer" in told.replace(":", "") or code == 0x11
+
+
 # Both languages, JSON, and the page
 
 
@@ -477,8 +491,8 @@ def test_an_axis_that_does_not_exist_is_never_suggested(tmp_path: Path) -> None:
 def test_every_diagnosis_in_chinese(name: str, tmp_path: Path) -> None:
     lab.write(name, tmp_path / "x.pcapng")
     (diagnosis,) = analyze(tmp_path / "x.pcapng", AnalysisOptions(lang="zh")).diagnoses
-    assert any("\u4e00" <= letter <= "\u9fff" for letter in diagnosis.message)
-    assert "{" not in diagnosis.message
+    assert any("\u4e00" <= letter <= "\u9fff" for letter in sentence(diagnosis, "zh"))
+    assert "{" not in sentence(diagnosis, "zh")
 
 
 def test_the_page_is_what_the_captures_say() -> None:

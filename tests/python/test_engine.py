@@ -10,10 +10,12 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 import pytest
+import troubles
 from fake_tshark import real_tshark
 
 from ds47 import spec
@@ -25,6 +27,7 @@ from ds47.model import CaptureResult, Finding, Transaction
 from ds47.profidrive import Options
 from ds47.report import json as report
 from ds47.report import load
+from ds47.report.sentences import sentence
 from ds47.spec.semantics import limits, reasons
 from ds47.wireshark import engine, shark
 from ds47.wireshark.engine import Engine
@@ -262,6 +265,19 @@ def test_times_before_1970(ready: Callable[..., Engine], tmp_path: Path) -> None
         assert as_json(ready(name).analyze(path)) == as_json(native)
 
 
+def test_a_clock_that_is_set_by_decades(ready: Callable[..., Engine], tmp_path: Path) -> None:
+    """More than a double holds in nanoseconds, forth and back, between transactions and within one."""
+    path = tmp_path / "decades.pcapng"
+    path.write_bytes(troubles.clock_set_by_decades())
+    assert as_json(ready().analyze(path)) == as_json(analyze(path))
+    frames = count()
+    back = troubles.DECADES // 2 + 1
+    moved = at_times(tmp_path / "often.pcapng", lambda ns: ns - back * (next(frames) // 3 % 2))
+    native = analyze(moved)
+    assert min(each.duration_ns or 0 for each in native.transactions) < -(2**53)
+    assert as_json(ready().analyze(moved)) == as_json(native)  # not one DS601
+
+
 def test_a_single_time_before_1970(ready: Callable[..., Engine], tmp_path: Path) -> None:
     """The first frames say 1970 and later; one does not."""
     first = analyze(CAPTURES / "tour-machine.pcapng").transactions[0].start_ns
@@ -277,7 +293,7 @@ def test_a_single_time_before_1970(ready: Callable[..., Engine], tmp_path: Path)
         assert next(frame.number for frame in capture if frame.time_ns < 0) == number
     both = ready("both").analyze(path)
     (said,) = [each for each in both.findings if each.rule == "DS601"]
-    assert f"not compared, the time of frame {number} is too far" in said.message
+    assert f"not compared, the time of frame {number} is too far" in sentence(said)
     both.findings.remove(said)
     assert as_json(both) == as_json(native)
 
@@ -294,7 +310,7 @@ def test_a_capture_that_lost_frames_says_so(ready: Callable[..., Engine], tmp_pa
         path.write_bytes((CAPTURES / path.name).read_bytes() + statistics)
         native = analyze(path)
         assert native.dropped == 7
-        assert reasons("en")["dropped"] in "".join(f.message for f in native.findings)
+        assert reasons("en")["dropped"] in "".join(sentence(f) for f in native.findings)
         assert as_json(ready("tshark").analyze(path)) == as_json(native)
 
 
@@ -365,7 +381,7 @@ def test_a_difference_is_a_finding(
     path = CAPTURES / "tour-machine.pcapng"
     result, native = ready().analyze(path), analyze(path)
     found = [f for f in result.findings if f.rule == "DS601"]
-    assert any(re.search(words, f.message) for f in found), [f.message for f in found]
+    assert any(re.search(words, sentence(f)) for f in found), list(map(sentence, found))
     assert {f.severity for f in found} == {"error"}
     frames = {frame for t in native.transactions for frame in t.frames.all()}
     assert {f.frame for f in found} <= frames
@@ -381,7 +397,7 @@ def test_a_difference_that_nobody_wants(
     assert not ready("both", AnalysisOptions(select=("DS2",))).analyze(path).findings[1:]
     chinese = ready("both", AnalysisOptions(lang="zh", select=("DS601",))).analyze(path)
     assert [f.rule for f in chinese.findings] == ["DS601"]
-    assert re.search("插件（现为）.*：事务 .*原为 .*，现为 ", chinese.findings[0].message)
+    assert re.search("插件（现为）.*：事务 .*原为 .*，现为 ", sentence(chinese.findings[0], "zh"))
 
 
 def test_an_error_of_the_plugin_shows(ready: Callable[..., Engine], tmp_path: Path) -> None:
@@ -396,7 +412,7 @@ def test_an_error_of_the_plugin_shows(ready: Callable[..., Engine], tmp_path: Pa
     both, alone = ready("both"), ready("tshark")
     for each in (both, alone):
         each._tshark = replace(each._tshark, script=entry)
-    texts = [f.message for f in both.analyze(path).findings if f.rule == "DS601"]
+    texts = [sentence(f) for f in both.analyze(path).findings if f.rule == "DS601"]
     assert any("<no>" in text for text in texts)
     with pytest.raises(CaptureError, match="<no>"):
         alone.analyze(path)
@@ -434,7 +450,7 @@ def test_a_tshark_that_stops(program: str, tmp_path: Path, rest: str, words: str
         Engine("tshark", AnalysisOptions(), broken).analyze(path)
     (found,) = Engine("both", AnalysisOptions(), broken).analyze(path).findings
     assert found.rule == "DS601"
-    assert words in found.message
+    assert words in sentence(found)
 
 
 # -- what is missing --------------------------------------------------------------------------------

@@ -173,7 +173,7 @@ def test_the_other_names_of_a_format(capsys: pytest.CaptureFixture[str]) -> None
 
 @pytest.mark.parametrize(
     "text", ["", " ", "xyz", "16#", "0x", "DE80B50011", "4294967296", "-2147483649", "1.5", "error",
-             "error 0x2B1", "format DE80B500", "DS4100", "DS4", "two users", "16#6G", "٣"],
+             "format 0x2B1", "format DE80B500", "DS4100", "DS4", "two users", "16#6G", "٣"],
 )  # fmt: skip
 def test_what_is_no_code_is_refused(text: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(UnknownFormError):
@@ -553,3 +553,48 @@ def test_the_page_shows_what_happens(
 
 def test_readings_are_compared_by_value() -> None:
     assert Reading("byte", 1) == Reading("byte", 1, False)
+
+
+# ------------------------------------------------------------------- numbers beyond a byte, doubts
+
+
+@pytest.mark.parametrize("code", ["0x0811", "16#0811", "0811h", "2065", "error 0x0811"])
+def test_a_number_of_two_bytes_is_that_of_its_maker(code: str) -> None:
+    meaning = explain(code)[0]
+    assert (meaning.kind, meaning.code, meaning.vendor) == ("error", "0x0811", "SEW")
+    assert meaning.title.endswith("Function or parameter not implemented")
+    assert meaning.plugin_filter == "ds47.error.code == 0x0811"
+    assert "功能或参数未实现" in explain(code, "zh")[0].title
+
+
+def test_a_number_of_two_bytes_that_nobody_has_is_a_word_unless_asked_for() -> None:
+    assert [each.kind for each in explain("0x0911")] == ["word"]
+    (meaning,) = explain("error 0x0911")
+    assert not meaning.known
+    assert meaning.title.endswith("Manufacturer-specific error 0x0911")
+    (other,) = explain("error 0x0811", "en", find_vendor("ABB"))
+    assert other.title.endswith("Manufacturer-specific error 0x0811")
+
+
+@pytest.mark.parametrize("code", [0x6D, 0x78, 0x79, 0x7A, 0x7B, 0x7C])
+def test_what_no_source_prints_is_not_called_documented(code: int) -> None:
+    (meaning,) = explain(f"error 0x{code:02X}", "en", find_vendor("SINAMICS"))
+    assert meaning.causes[0].basis == "unconfirmed"
+
+
+@pytest.mark.parametrize("code", [0x71, 0x75, 0x7E, 0x7F])
+def test_an_answer_about_one_number_speaks_of_no_other(code: int) -> None:
+    for lang in LANGUAGES:
+        (meaning,) = explain(f"error 0x{code:02X}", lang, find_vendor("SINAMICS"))
+        (cause,) = meaning.causes
+        assert "0x" not in cause.text
+        assert ("p0010" in cause.text) is (code < 0x78)
+        assert ("p0009" in cause.text) is (code > 0x78)
+
+
+@pytest.mark.parametrize(("code", "doubted"), [(0x10, True), (0x15, True), (0x08, False)])
+def test_a_size_that_no_source_prints_is_called_unconfirmed(code: int, doubted: bool) -> None:
+    (meaning,) = explain(f"format 0x{code:02X}")
+    assert ("unconfirmed" in meaning.title) is doubted
+    (chinese,) = explain(f"format 0x{code:02X}", "zh")
+    assert ("未确认" in chinese.title) is doubted

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import re
 import shutil
@@ -24,6 +25,7 @@ from ds47.capture.series import Part
 from ds47.cli import main
 from ds47.export import Key, Selection, SelectionError, display_filter, export, first_time
 from ds47.export.datagrams import MOST_COPIES, Datagram, Entry
+from ds47.export.earlier import OF_THE_ORIGINAL, is_earlier_export
 from ds47.export.messages import Copy, Message, Tracker
 from ds47.lab import wire
 from ds47.lab.wire import Call
@@ -356,6 +358,63 @@ def test_an_earlier_export_is_replaced(folder: Path) -> None:
         for chosen, frames in (("5", 2), ("7-8", 6)):
             assert main(["export", "captures/tour-machine.pcapng", "-t", chosen, *more]) == 0
             assert len(list(raw_frames("tour-machine.ds47.pcapng"))) == frames
+
+
+def test_a_recording_of_that_name_is_no_earlier_export(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    target = folder / "tour-machine.ds47.pcapng"
+    recording = (CAPTURES / "record-polls.pcapng").read_bytes()
+    assert main(["export", "captures/tour-machine.pcapng", "-t", "5"]) == 0
+    ours = target.read_bytes()
+    for data in (recording, ours + recording, gzip.compress(recording)):
+        target.write_bytes(data)
+        assert main(["export", "captures/tour-machine.pcapng", "-t", "5"]) == 2
+        assert "tour-machine.ds47.pcapng is a capture" in capsys.readouterr().err
+        assert target.read_bytes() == data
+    assert main(["export", "captures/tour-machine.pcapng", "-t", "5", "--force"]) == 0
+    assert "over the capture that was there (--force)" in capsys.readouterr().out
+    assert target.read_bytes() == ours
+    assert main(["export", "captures/tour-machine.pcapng", "-t", "5", "--force"]) == 0
+    assert "over the capture" not in capsys.readouterr().out
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need rights there")
+@pytest.mark.parametrize("more", [[], ["--force"], ["-o", "tour-machine.ds47.pcapng"]])
+@pytest.mark.parametrize("there", [True, False])
+def test_a_link_is_not_followed(
+    folder: Path, there: bool, more: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = folder / "recording.pcapng"
+    if there:
+        shutil.copy(CAPTURES / "record-polls.pcapng", recording)
+    link = folder / "tour-machine.ds47.pcapng"
+    link.symlink_to(recording)
+    assert main(["export", "captures/tour-machine.pcapng", "-t", "5", *more]) == 2
+    said = capsys.readouterr().err
+    assert f"it is a link to {recording}, and links are not followed" in said
+    assert link.is_symlink()
+    assert recording.exists() == there
+    if there:
+        assert recording.read_bytes() == (CAPTURES / "record-polls.pcapng").read_bytes()
+    with pytest.raises(OSError, match="links are not followed"):
+        export(TOUR, link, Selection())
+
+
+def test_a_link_to_a_device_is_no_file(folder: Path) -> None:
+    (folder / "nowhere").symlink_to("/dev/null")
+    assert main(["export", "captures/tour-machine.pcapng", "-t", "5", "-o", "nowhere"]) == 0
+    assert (folder / "nowhere").is_symlink()
+
+
+def test_a_long_comment_loses_its_end(folder: Path) -> None:
+    with PcapngWriter(folder / "x.pcapng", application="ds47 1.0") as writer:
+        writer.write(0, b"frame", comments=["é" * 40_000 + OF_THE_ORIGINAL])
+        writer.write(0, b"frame", comments=[f"frame 2{OF_THE_ORIGINAL}"])
+    assert is_earlier_export(folder / "x.pcapng")
+    with PcapngWriter(folder / "x.pcapng", application="ds47 1.0") as writer:
+        writer.write(0, b"frame", comments=["frame 2"])
+    assert not is_earlier_export(folder / "x.pcapng")
 
 
 def test_several_captures_into_a_folder(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

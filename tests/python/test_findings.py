@@ -7,7 +7,9 @@ from talk import job
 
 from ds47.findings import Findings
 from ds47.lab import message
+from ds47.report.sentences import renumbered, sentence, words
 from ds47.rules import Remark
+from ds47.spec import rules
 from ds47.spec.semantics import reasons
 from ds47.transactions import build
 
@@ -28,7 +30,7 @@ READ = message.read(1, 1, message.address(21))
 def test_select_and_ignore(
     select: tuple[str, ...], ignore: tuple[str, ...], wanted: list[str]
 ) -> None:
-    findings = Findings("en", select, ignore)
+    findings = Findings(select, ignore)
     for rule in ("DS101", "DS401", "DS403", "DS417"):
         assert findings.wanted(rule) == (rule in wanted)
         findings.add(Remark(rule, 1))
@@ -41,7 +43,7 @@ def test_order_and_owner() -> None:
     other.order = 3
     owners = {2: build(second), 1: build(first)}
     owners[1].id, owners[2].id = 1, 2
-    findings = Findings("en", (), ())
+    findings = Findings((), ())
     for remark in (
         Remark("DS403", 9),
         Remark("DS401", 2, job=second),
@@ -65,16 +67,33 @@ def test_order_and_owner() -> None:
 
 @pytest.mark.parametrize("lang", ["en", "zh"])
 def test_dropped_frames_are_named_where_something_is_missing(lang: str) -> None:
-    findings, words = Findings(lang, (), ()), reasons(lang)
-    assert findings.reason("end") == words["end"]
-    plain = findings.word(Remark("DS403", 1)).message
+    findings, said = Findings((), ()), reasons(lang)
+    plain = sentence(findings.finding(Remark("DS403", 1)), lang)
     findings.frames_dropped = True
-    assert findings.word(Remark("DS403", 1)).message == f"{plain} ({words['dropped']})"
-    assert findings.reason("end") == f"{words['end']}; {words['dropped']}"
-    assert words["dropped"] not in findings.word(Remark("DS404", 1)).message
+    assert sentence(findings.finding(Remark("DS403", 1)), lang) == f"{plain} ({said['dropped']})"
+    assert said["dropped"] not in sentence(findings.finding(Remark("DS404", 1)), lang)
+    args = {"reason": "end", "dropped": True}
+    assert f"{said['end']}; {said['dropped']}" in words("DS401", args, lang)
+    assert said["dropped"] not in words("DS401", args | {"dropped": False}, lang)
 
 
 def test_an_argument_that_is_not_known_is_a_question_mark() -> None:
-    finding = Findings("en", (), ()).word(Remark("DS404", 3, {"sent": 1}))
-    assert "?" in finding.message
+    finding = Findings((), ()).finding(Remark("DS404", 3, {"sent": 1}))
+    assert "?" in sentence(finding)
     assert finding.filter == "frame.number == 3"
+
+
+def test_a_finding_is_about_the_frames_of_its_arguments_too() -> None:
+    args = {"request": 413, "by": 415}
+    finding = Findings((), ()).finding(Remark("DS414", 415, args))
+    assert finding.frames == [413, 415]
+    assert finding.filter == "frame.number == 413 or frame.number == 415"
+    assert renumbered("DS414", args, lambda number: number + 100) == {"request": 513, "by": 515}
+
+
+@pytest.mark.parametrize("lang", ["en", "zh"])
+@pytest.mark.parametrize("rule", rules())
+def test_every_rule_can_be_worded_from_nothing_but_its_rule(rule: str, lang: str) -> None:
+    """An older or a damaged result may lack any argument."""
+    assert words(rule, {}, lang)
+    assert "{" not in words(rule, dict.fromkeys(rules()[rule].args), lang)

@@ -22,17 +22,19 @@ from typing import Any
 import jsonschema
 import pytest
 from batch_products import Names
+from handmade import finding
 
 from ds47 import __version__, report
 from ds47.analysis import AnalysisOptions, analyze
+from ds47.batch.endings import Failed
 from ds47.batch.jobs import useful_jobs
 from ds47.batch.local import Local
 from ds47.batch.results import Results
-from ds47.batch.runner import Failed, Here
+from ds47.batch.runner import Here
 from ds47.batch.tasks import Source, Task, plan
 from ds47.capture import CaptureError
 from ds47.cli import main
-from ds47.model import CaptureResult, Finding, Report
+from ds47.model import CaptureResult, Report
 from ds47.report import json as contract
 from ds47.report import load
 from ds47.report.overview import Row, table
@@ -192,11 +194,75 @@ def test_resume_does_again_what_changed_and_nothing_else(
     assert text == first[1]
     assert problems[:2] == [
         "ds47: 1 capture done again: changed",
-        "ds47: 1 capture done again: no whole result",
+        f"ds47: 1 capture done again: damaged result, {results / 'cut.pcapng.json'}",
     ]
     assert {name for name, stamp in stamps(results).items() if before.get(name) != stamp} == {
         "overview.json", "tour-machine.pcapng.json", "cut.pcapng.json", "format-change.pcapng.json",
     }  # fmt: skip
+
+
+def reshaped(data: bytes) -> bytes:
+    """Whole JSON, but the line of the overview has other keys."""
+    document = json.loads(data)
+    document["run"]["row"]["colour"] = document["run"]["row"].pop("frames")
+    return json.dumps(document).encode()
+
+
+def without_a_row(data: bytes) -> bytes:
+    document = json.loads(data)
+    document["run"] = []
+    return json.dumps(document).encode()
+
+
+@pytest.mark.parametrize("format_name", ["overview", "text", "json", "csv"])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda data: data[:1500],
+        lambda data: data[:-100] + b"x" * 100,
+        lambda data: data.replace(b'"operation"', b'"operations"', 1),
+        lambda data: data.replace(b'"frames": 35', b'"frames": 36'),
+        lambda data: data.replace(b'"seal": "', b'"seal": "0'),
+        lambda data: data.replace(b'"tool": {', b'"tool": {}, "t": {'),
+        lambda data: b"[" * 100_000,
+        reshaped,
+        without_a_row,
+    ],
+)
+def test_a_damaged_result_is_made_again(
+    capsys: Any, folder: Path, tmp_path: Path, damage: Any, format_name: str
+) -> None:
+    results = tmp_path / "r"
+    arguments = (folder / "line 1", "--results", results, "--resume", "-f", format_name)
+    first = run(capsys, *arguments)
+    assert first[0] == 0
+    place = results / "tour-machine.pcapng.json"
+    whole, before = place.read_bytes(), stamps(results)
+    place.write_bytes(damage(whole))
+    assert place.read_bytes() != whole
+    status, text, problems = run(capsys, *arguments)
+    assert problems == [f"ds47: 1 capture done again: damaged result, {place}"]
+    assert (status, text) == first[:2]
+    assert place.read_bytes() == whole
+    after = stamps(results)
+    assert {name for name in after if after[name] != before[name]} == {place.name, "overview.json"}
+
+
+def test_the_result_that_a_reviewer_damaged_is_made_again(
+    capsys: Any, captures: Path, tmp_path: Path
+) -> None:
+    damaged = captures.parent.parent / "shared" / "captures" / "reproducers" / "damaged-result.json"
+    if not damaged.exists():
+        pytest.skip("needs ../shared beside the checkout")
+    shutil.copy(captures / "seed-g120-read.pcapng", tmp_path)
+    (tmp_path / "r").mkdir()
+    shutil.copy(damaged, tmp_path / "r" / "seed-g120-read.pcapng.json")
+    capture = tmp_path / "seed-g120-read.pcapng"
+    status, text, problems = run(capsys, capture, "--results", tmp_path / "r", "--resume")
+    assert status == 0
+    assert len(problems) == 1
+    assert "1 capture done again: " in problems[0]
+    assert "All 1 captures" in text or "1 capture" in text
 
 
 def test_resume_does_again_what_other_options_or_another_version_made(
@@ -572,7 +638,7 @@ def test_an_overview_of_results_given_as_a_whole() -> None:
 
 
 def test_columns_of_the_overview_line_up_in_chinese() -> None:
-    findings = [Finding("DS410", "error", "x", 1)] * 12345
+    findings = [finding("DS410", "error", "x", 1)] * 12345
     bad = CaptureResult("b", problem="cut", complete=False, dropped=2, findings=findings)
     rows = [Row.of(CaptureResult("a", complete=False)), Row.of(bad), Row.unreadable("c", "why")]
     title, *lines, more = table(rows, "zh", 2)

@@ -91,10 +91,10 @@ def test_expiry_and_what_was_never_whole() -> None:
     assert reassembler.feed(first, 1, 0) is None
     assert reassembler.feed(second, 2, 900) is None
     assert reassembler.feed(fragments(ident=8)[0], 3, 1500) is None
-    lost = reassembler.unfinished()
-    assert [(u.identification, u.have, u.frame, u.total) for u in lost] == [
-        (7, 48, 2, None),
-        (8, 24, 3, None),
+    lost = [*reassembler.given_up, *reassembler.unfinished()]
+    assert [(u.identification, u.have, u.frame, u.total, u.limit) for u in lost] == [
+        (7, 48, 2, None, ""),
+        (8, 24, 3, None, ""),
     ]
     # its other fragments come too late: they begin a new one, without a head
     assert [reassembler.feed(part, 4, 1600) for part in fragments()[2:]] == [None] * 3
@@ -106,7 +106,8 @@ def test_memory_is_bounded() -> None:
         for part in fragments()[:4]:
             reassembler.feed(part, 1, 0)
         reassembler.feed(fragments(ident=ident)[0], 1, 0)
-    assert len(reassembler.unfinished()) <= 8
+    assert len(reassembler.unfinished()) <= 4
+    assert {each.limit for each in reassembler.given_up} == {"ip_datagrams"}
 
 
 def test_bytes_are_bounded() -> None:

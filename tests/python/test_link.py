@@ -109,7 +109,7 @@ def test_unfinished_lists_ours_only() -> None:
         source = PacketSource(capture)
         assert list(source) == []
     ((packet, have),) = source.unfinished()
-    assert (packet.frame, packet.src_port, have) == (1, 34964, 80)
+    assert (packet.frame, packet.src_port, have) == (1, 34964, 1)
     assert packet.payload == RPC[:72]
     assert packet.missing == len(RPC) - 72
 

@@ -59,7 +59,10 @@ def lua(version: str) -> str:
 
 def instant(frame: Frame) -> dict[str, int]:
     seconds, nanoseconds = divmod(frame.time_ns, 10**9)
-    return {"frame": frame.number, "seconds": seconds, "nanoseconds": nanoseconds}
+    found = {"frame": frame.number, "seconds": seconds, "nanoseconds": nanoseconds}
+    if frame.original_length > len(frame.data):
+        found |= {"captured": len(frame.data), "original": frame.original_length}
+    return found
 
 
 def fragment(frame: Frame) -> dict[str, Any] | None:

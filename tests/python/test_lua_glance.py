@@ -135,6 +135,18 @@ def test_little_memory(tmp_path: Path) -> None:
     assert told[0]["glanced"] == 0
 
 
+@pytest.mark.parametrize("lua", LUAS)
+def test_a_clock_that_is_set_by_decades(lua: str, tmp_path: Path) -> None:
+    """Nothing is told at a glance where a double does not hold the time."""
+    shots = plant(60)
+    half = len(shots) // 2
+    moved = [
+        (time + 2**60 * (half <= at < half + 99), data) for at, (time, data) in enumerate(shots)
+    ]
+    told = run(lua, lines("decades", moved, random.Random(1)), tmp_path)
+    assert 0.3 * len(shots) < told[0]["glanced"] < len(shots) - 99
+
+
 def reads(counts: Sequence[int]) -> Shots:
     """One conversation: reads of so many parameters each; of the last one of them fails."""
     stage = Stage()

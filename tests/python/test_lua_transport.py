@@ -68,10 +68,10 @@ def lines_of(frames: Iterable[Frame]) -> Iterator[str]:
 
 
 def _line(frame: Frame) -> tuple[object, ...] | None:
-    packet = dissect(frame)
+    packet, lengths = dissect(frame), (len(frame.data), frame.original_length)
     if packet is not None and packet.kind == "udp":
         return ("packet", packet.frame, packet.time_ns, packet.src_ip, packet.dst_ip,
-                packet.ip_id, packet.src_mac, packet.payload.hex())  # fmt: skip
+                packet.ip_id, packet.src_mac, *lengths, packet.payload.hex())  # fmt: skip
     if packet is not None:
         return "station", packet.kind, packet.src_mac, packet.dst_mac, packet.payload.hex()
     kind, at = network_layer(frame.data, 0, len(frame.data), frame.link_type)
@@ -79,7 +79,7 @@ def _line(frame: Frame) -> tuple[object, ...] | None:
     if part is None or part.protocol != ip.UDP or part.whole:
         return None
     return ("fragment", frame.number, frame.time_ns, part.source, part.destination,
-            part.identification, mac(frame.data[6:12]), part.offset, int(part.more),
+            part.identification, mac(frame.data[6:12]), *lengths, part.offset, int(part.more),
             part.missing, part.payload.hex())  # fmt: skip
 
 
@@ -189,21 +189,27 @@ class Run:
         self.ear = Ear()
         self.naming = Naming()
         self.fragments = rpc.Fragments(limits().fragment_expiry_ns)
-        self.records = RecordCalls(gate, self.ear, Options(), self.ear.remark, _ignore)  # type: ignore[arg-type]
+        self.records = RecordCalls(gate, self.ear, Options(), self.ear.remark, _ignore, limits())  # type: ignore[arg-type]
         self.calls = CallTracker(limits(), self.records.handlers())
 
     def run(self, frames: Iterable[Frame]) -> list[dict[str, Any]]:
         source = PacketSource(frames)
         for packet in source:
             self.packet(packet)
+        for first, have, limit in self.fragments.given_up:
+            self.records.incomplete(first, have, "RPC", limit)
         for first, have in self.fragments.unfinished():
             self.records.incomplete(first, have, "RPC")
-        for packet, have in source.unfinished():
+        for packet, have, limit in [
+            *source.given_up(),
+            *((*each, "") for each in source.unfinished()),
+        ]:
             pdu = rpc.parse(packet)
             if pdu is not None:
                 self.ear.pdu("unfinished", pdu)
-                self.records.incomplete(pdu, have, "IP")
+                self.records.incomplete(pdu, have, "IP", limit)
         self.calls.finish()
+        self.records.finish()
         counts = {str(index): count for index, count in self.records.counts.items()}
         devices = [
             _known(ip=device.ip, mac=device.mac, station=device.station,

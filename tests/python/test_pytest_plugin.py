@@ -20,25 +20,119 @@ def folder(pytester, captures):
 
     place = pytester.path / "captures"
     place.mkdir()
-    for name in ("seed-g120-read.pcapng", "conversation-error.pcapng", "record-polls.pcapng"):
+    for name in ("seed-g120-read.pcapng", "record-polls.pcapng"):
         shutil.copy(captures / name, place / name)
-    assert (
-        main(["baseline", str(place / "seed-g120-read.pcapng"), str(place / "record-polls.pcapng")])
-        == 0
-    )
+    assert main(["baseline", str(place)]) == 0
     return place
 
 
-def test_captures_with_a_stored_result_are_tests(pytester, folder):
+def test_captures_are_tests(pytester, folder):
     pytester.runpytest_subprocess("--ds47", "captures").assert_outcomes(passed=2)
     result = pytester.runpytest_subprocess("captures")
     result.assert_outcomes()
 
 
-def test_an_export_with_a_stored_result_is_one(pytester, folder):
+def without_result(folder, captures):
+    shutil.copy(captures / "conversation-error.pcapng", folder)
+    return 1
+
+
+def without_capture(folder, captures):
+    (folder / "record-polls.pcapng").unlink()
+    return 1
+
+
+def with_nothing_but_results(folder, captures):
+    for path in folder.glob("*.pcapng"):
+        path.unlink()
+    return 2
+
+
+def with_a_link_to_nothing(folder, captures):
+    (folder / "record-polls.pcapng").unlink()
+    (folder / "record-polls.pcapng").symlink_to("no-such-file")
+    (folder / "other.pcapng").symlink_to("no-such-file")
+    return 2
+
+
+def with_an_export(folder, captures):
     for name in ("record-polls.pcapng", "record-polls.ds47.json"):
         (folder / name).rename(folder / name.replace(".", ".ds47.", 1))
-    pytester.runpytest_subprocess("--ds47", "captures").assert_outcomes(passed=2)
+    return 1
+
+
+def with_a_series(folder, captures):
+    from ds47.cli import main
+
+    recording(folder / "below", captures)
+    assert main(["baseline", "--series", str(folder / "below")]) == 0
+    return 4
+
+
+def with_a_series_of_other_names(folder, captures):
+    from ds47.cli import main
+
+    for number, path in enumerate(sorted(recording(folder / "below", captures).iterdir())):
+        path.rename(folder / "below" / f"t.pcapng{number + 1}")
+    assert main(["baseline", "--series", str(folder / "below")]) == 0
+    return 1
+
+
+def with_a_changed_one(folder, captures):
+    stored = folder / "seed-g120-read.ds47.json"
+    stored.write_text(stored.read_text("utf-8").replace("[0.0]", "[12.0]"), "utf-8")
+    return 1
+
+
+def with_an_unreadable_one(folder, captures):
+    (folder / "record-polls.pcapng").write_text("no capture")
+    (folder / "empty.pcapng").write_bytes(b"")
+    return 2
+
+
+@pytest.mark.parametrize(
+    "make",
+    [without_result, without_capture, with_nothing_but_results, with_a_link_to_nothing,
+     with_an_export, with_a_series, with_a_series_of_other_names, with_a_changed_one,
+     with_an_unreadable_one],
+)  # fmt: skip
+def test_it_fails_where_check_fails_and_says_the_same(pytester, folder, captures, capsys, make):
+    from ds47.cli import main
+
+    failed = make(folder, captures)
+    (folder / "test_own.py").write_text("def test_own():\n    pass\n")
+    capsys.readouterr()
+    assert main(["check", str(folder)]) != 0
+    shown = capsys.readouterr().out.splitlines()
+    said = [line.removeprefix("FAILED").strip() for line in shown if line.startswith("FAILED")]
+    result = pytester.runpytest_subprocess("--ds47", "captures")
+    assert result.parseoutcomes()["failed"] == failed
+    for line in said:
+        assert line in result.outlines
+
+
+def test_a_folder_without_captures_is_wrong_use(pytester, folder):
+    (pytester.path / "empty" / "below").mkdir(parents=True)
+    result = pytester.runpytest_subprocess("--ds47", "captures", "empty")
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["*--ds47: empty: no capture in this folder"])
+    (pytester.path / "empty" / "test_x.py").write_text("def test_x():\n    pass\n")
+    pytester.runpytest_subprocess("--ds47", "captures", "empty").assert_outcomes(passed=3)
+
+
+def test_an_export_that_is_named_is_looked_at(pytester, folder):
+    with_an_export(folder, None)
+    pytester.runpytest_subprocess("--ds47", "captures/record-polls.ds47.pcapng").assert_outcomes(
+        passed=1
+    )
+
+
+def test_a_wrong_configuration_is_one_line(pytester, folder):
+    (folder / "ds47.toml").write_text("[check]\nfail_on = 'sometimes'\n")
+    result = pytester.runpytest_subprocess("--ds47", "captures")
+    result.assert_outcomes(failed=2)
+    assert any(line.startswith(str(folder / "ds47.toml")) for line in result.outlines)
+    assert "Traceback" not in result.stdout.str()
 
 
 def test_a_failure_says_what_changed(pytester, folder):
@@ -57,7 +151,8 @@ def test_a_cut_capture_fails(pytester, folder):
     pytester.runpytest_subprocess("--ds47", "captures").assert_outcomes(passed=1, failed=1)
 
 
-def test_the_fixture(pytester, folder):
+def test_the_fixture(pytester, folder, captures):
+    shutil.copy(captures / "conversation-error.pcapng", folder)
     pytester.makepyfile(
         """
         import pytest
@@ -73,6 +168,9 @@ def test_the_fixture(pytester, folder):
             with pytest.raises(ValueError):
                 cap.findings("fatal")
 
+        def test_missing(ds47_capture):
+            ds47_capture("captures/none.pcapng")
+
         def test_error(ds47_capture):
             cap = ds47_capture("captures/conversation-error.pcapng", lang="zh")
             assert [each.rule for each in cap.findings("error")] == ["DS410"]
@@ -80,7 +178,12 @@ def test_the_fixture(pytester, folder):
             assert cap.findings(rule="DS1") == []
         """
     )
-    pytester.runpytest_subprocess().assert_outcomes(passed=2)
+    result = pytester.runpytest_subprocess()
+    result.assert_outcomes(passed=2, failed=1)
+    assert (
+        "captures/none.pcapng: cannot be opened: No such file or directory" in result.stdout.str()
+    )
+    assert "exception" not in result.stdout.str()
 
 
 def test_the_example_of_the_documentation(pytester, folder):
@@ -98,7 +201,9 @@ def test_a_series_with_a_stored_result_is_one_test(pytester, captures):
     folder = recording(pytester.path / "plant", captures)
     assert main(["baseline", "--series", str(folder)]) == 0
     pytester.runpytest_subprocess("--ds47", "--ds47-series", "plant").assert_outcomes(passed=1)
-    pytester.runpytest_subprocess("--ds47", "plant").assert_outcomes()
+    pytester.runpytest_subprocess("--ds47", "plant").assert_outcomes(failed=4)
+    named = "plant/" + sorted(path.name for path in folder.glob("*.pcapng"))[1]
+    pytester.runpytest_subprocess("--ds47", "--ds47-series", named).assert_outcomes(passed=1)
     stored = folder / "ring.ds47.json"
     stored.write_text(stored.read_text("utf-8").replace("[60.0]", "[12.0]"), "utf-8")
     result = pytester.runpytest_subprocess("--ds47", "--ds47-series", "plant")

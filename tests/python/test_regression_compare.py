@@ -120,6 +120,19 @@ def test_masks(stored, now):
     assert len(texts(stored, now, Config(masks=(mask,)))) == 1, "only values are masked"
 
 
+def test_what_no_request_names_has_no_number(stored, now):
+    """As in a report: a response whose request is not in the capture."""
+    new = deepcopy(now["transactions"][1])
+    new |= {"state": "orphan", "id": len(now["transactions"]) + 1}
+    new["parameters"][0] |= dict.fromkeys(("pnu", "subindex", "attribute", "element_count"))
+    now["transactions"].append(new)
+    (text,) = texts(stored, now)
+    assert "None" not in text
+    assert f"{new['operation']} p?, orphan" in text
+    (text,) = texts(now, stored)
+    assert "None" not in text
+
+
 @pytest.mark.parametrize("place", [0, 3, -1])
 def test_a_transaction_more_is_one_change(stored, now, place):
     new = deepcopy(now["transactions"][1])

@@ -19,6 +19,7 @@ from xml.etree import ElementTree as ET
 import handmade
 import jsonschema
 import pytest
+from handmade import finding
 
 from ds47 import cli, report, spec
 from ds47.analysis import analyze
@@ -182,7 +183,7 @@ def test_sarif_of_nothing_is_valid(check_sarif):
 
 
 def test_sarif_result():
-    item = capture(Finding("DS410", "error", "no", 4, 1, 10), transactions=[transaction()])
+    item = capture(finding("DS410", "error", "no", 4, 1, 10), transactions=[transaction()])
     (result,) = run_of(written("sarif", [item]))["results"]
     assert result["level"] == "error"
     assert result["message"] == {"text": "Frame 4: offset 10: no"}
@@ -202,29 +203,29 @@ def fingerprints(*captures: CaptureResult) -> list[str]:
 
 def test_fingerprints_stay_when_a_test_is_recorded_again():
     first = capture(
-        Finding("DS410", "error", "took 12.1 ms", 4, 1),
-        Finding("DS410", "error", "took 12.1 ms", 8, 2),
+        finding("DS410", "error", "took 12.1 ms", 4, 1),
+        finding("DS410", "error", "took 12.1 ms", 8, 2),
         transactions=[transaction(1), transaction(2)],
     )
     again = capture(
-        Finding("DS410", "error", "took 13.7 ms", 104, 3),
-        Finding("DS410", "error", "took 14.0 ms", 108, 4),
+        finding("DS410", "error", "took 13.7 ms", 104, 3),
+        finding("DS410", "error", "took 14.0 ms", 108, 4),
         transactions=[transaction(3, start_ns=10**9, request_reference=77), transaction(4)],
     )
     assert fingerprints(first) == fingerprints(again)
     assert len(set(fingerprints(first))) == 2
     for other in (
-        capture(Finding("DS411", "error", "no", 4, 1), transactions=[transaction()]),
-        capture(Finding("DS410", "error", "no", 4, 1), transactions=[transaction(axis=3)]),
-        capture(Finding("DS410", "error", "no", 4, 1), transactions=[transaction()], path="b.pcap"),
-        capture(Finding("DS410", "error", "no", 4)),
+        capture(finding("DS411", "error", "no", 4, 1), transactions=[transaction()]),
+        capture(finding("DS410", "error", "no", 4, 1), transactions=[transaction(axis=3)]),
+        capture(finding("DS410", "error", "no", 4, 1), transactions=[transaction()], path="b.pcap"),
+        capture(finding("DS410", "error", "no", 4)),
     ):
         assert not set(fingerprints(other)) & set(fingerprints(first))
 
 
 def test_sarif_message_is_text(check_sarif):
     hostile = "[click](http://example.org) {0} p2902[3] <b>\x1b[2J\u202e\ud800"
-    log = json.loads(written("sarif", [capture(Finding("DS410", "error", hostile, 4))]))
+    log = json.loads(written("sarif", [capture(finding("DS410", "error", hostile, 4))]))
     check_sarif.validate(log)
     assert log["runs"][0]["results"][0]["message"]["text"] == (
         "Frame 4: \\[click](http://example.org) {{0}} p2902[3] <b>\x1b[2J\u202e\ud800"
@@ -316,10 +317,10 @@ def test_junit_of_nothing_is_valid(check_junit):
 
 def test_junit_case(check_junit):
     item = capture(
-        Finding("DS410", "error", "p901: no", 8, 2, 4),
-        Finding("DS410", "error", "p901: no", 4, 1, 4),
-        Finding("DS415", "note", "same reference", 5, 2),
-        Finding("DS205", "error", "nothing to read", 2),
+        finding("DS410", "error", "p901: no", 8, 2, 4),
+        finding("DS410", "error", "p901: no", 4, 1, 4),
+        finding("DS415", "note", "same reference", 5, 2),
+        finding("DS205", "error", "nothing to read", 2),
         transactions=[transaction(1), transaction(2)],
         dropped=3,
     )
@@ -345,7 +346,7 @@ def test_junit_case(check_junit):
 
 
 def test_junit_does_not_fill_the_server(check_junit):
-    many = [Finding("DS410", "error", "no", frame) for frame in range(1, 1001)]
+    many = [finding("DS410", "error", "no", frame) for frame in range(1, 1001)]
     (case,) = check_junit(written("junit", [capture(*many)]))
     failure = case.find("failure")
     assert failure is not None
@@ -357,7 +358,7 @@ def test_junit_does_not_fill_the_server(check_junit):
 
 def test_junit_text_is_text(check_junit):
     hostile = "]]><script>&\x00\x1b[2J\x7f\x9b\ufffe\ud800\u202e\"'\ttab\r\nline"
-    item = capture(Finding("DS410", "error", hostile, 4), path='a\udc80\x01<>&".pcapng')
+    item = capture(finding("DS410", "error", hostile, 4), path='a\udc80\x01<>&".pcapng')
     (case,) = check_junit(written("junit", [item]))
     assert case.get("name") == 'a\\udc80\\x01<>&".pcapng'
     failure = case.find("failure")

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 import handmade
 import jsonschema
 import pytest
+from handmade import finding
 
 from ds47 import report
 from ds47.model import (
@@ -19,7 +20,6 @@ from ds47.model import (
     STATES,
     CaptureResult,
     Device,
-    Finding,
     Frames,
     Parameter,
     ParameterError,
@@ -32,7 +32,7 @@ VALIDATOR = jsonschema.Draft202012Validator(report.schema())
 
 
 def definition(name):
-    return VALIDATOR.evolve(schema={"$ref": f"urn:ds47:report:1#/$defs/{name}"})
+    return VALIDATOR.evolve(schema={"$ref": f"urn:ds47:report:2#/$defs/{name}"})
 
 
 def make_transaction(number=12, **changes):
@@ -91,8 +91,8 @@ def hard_capture():
         ],
     )
     findings = [
-        Finding("DS410", "error", "p901: no", 6, 2, 4),
-        Finding("DS102", "warning", "without request", 20),
+        finding("DS410", "error", "p901: no", 6, 2, 4),
+        finding("DS102", "warning", "without request", 20),
     ]
     return make_capture(make_transaction(1), odd, strange, findings=findings, complete=False)
 
@@ -132,9 +132,9 @@ def test_json_is_the_contract():
 
 
 def test_json_finding_has_the_offset_in_its_message():
-    finding = json.finding(Finding("DS315", "error", "2 bytes missing", 6, 2, 4))
-    assert finding["message"] == "offset 4: 2 bytes missing"
-    assert finding["filter"] == "frame.number == 6"
+    plain = json.finding(finding("DS315", "error", "2 bytes missing", 6, 2, 4))
+    assert plain["message"] == "offset 4: 2 bytes missing"
+    assert plain["filter"] == "frame.number == 6"
 
 
 def test_schema_is_strict():
@@ -271,8 +271,8 @@ def test_text_puts_many_parameters_below_the_line():
 
 
 def test_text_groups_findings_with_one_filter_and_says_what_it_left_out():
-    findings = [Finding("DS204", "note", "polled", 2 * n) for n in range(1, 81)]
-    findings.append(Finding("DS101", "error", "gone", 7))
+    findings = [finding("DS204", "note", "polled", 2 * n) for n in range(1, 81)]
+    findings.append(finding("DS101", "error", "gone", 7))
     rules = {"DS204": SimpleNamespace(name="polled", advice="wait", advice_zh="")}
     options = report.Options(rules=rules)
     content = written(text, make_capture(findings=findings), options=options)

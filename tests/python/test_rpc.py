@@ -158,8 +158,8 @@ def test_an_old_message_is_given_up_and_told() -> None:
     assert feed(fragments, [pieces[1], pieces[0]]) == []
     late = replace(pieces[0], seq=7, time_ns=pieces[0].time_ns + 10**9 + 1)
     assert feed(fragments, [late]) == []
-    told = [(pdu.seq, pdu.fragment, have) for pdu, have in fragments.unfinished()]
-    assert told == [(0, 0, 2), (7, 0, 1)]
+    assert [(gone.pdu.seq, gone.have, gone.limit) for gone in fragments.given_up] == [(0, 2, "")]
+    assert [(pdu.seq, have) for pdu, have in fragments.unfinished()] == [(7, 1)]
     assert feed(fragments, pieces[2:]) == []  # what was given up does not become whole
 
 
@@ -175,7 +175,8 @@ def test_the_oldest_goes_first_at_the_limit() -> None:
     head = parts()[0]
     fragments = rpc.Fragments(10**9, limit=2)
     assert feed(fragments, [replace(head, seq=number) for number in range(3)]) == []
-    assert [pdu.seq for pdu, _ in fragments.unfinished()] == [0, 1, 2]
+    assert [(gone.pdu.seq, gone.limit) for gone in fragments.given_up] == [(0, "rpc_messages")]
+    assert [pdu.seq for pdu, _ in fragments.unfinished()] == [1, 2]
     rest = parts()[1:]
     assert feed(fragments, rest) == []  # of seq 0, which is gone
 
@@ -184,7 +185,8 @@ def test_the_number_of_fragments_is_bounded() -> None:
     pieces = parts(size=2)  # twenty of them
     fragments = rpc.Fragments(10**12, fragments=15)
     assert feed(fragments, pieces) == []
-    assert sum(have for _, have in fragments.unfinished()) == 20
+    assert [(gone.have, gone.limit) for gone in fragments.given_up] == [(16, "rpc_fragments")]
+    assert [have for _, have in fragments.unfinished()] == [4]
 
 
 def test_the_bytes_of_fragments_are_bounded() -> None:

@@ -29,6 +29,7 @@ DS105 warning incomplete-fragments have kind
 DS106 warning truncated-frame captured original
 DS107 note time-steps-back milliseconds
 DS108 warning empty-rpc-body
+DS109 warning limit-reached count limit most
 DS201 error read-refused status text
 DS202 warning record-length present stated
 DS203 error write-refused status text

@@ -23,6 +23,7 @@ from ds47.capture.series import Part
 from ds47.cli import main
 from ds47.model import CaptureFile, CaptureResult
 from ds47.report.places import Places
+from ds47.report.sentences import sentence
 
 # -- names ----------------------------------------------------------------------------------------
 
@@ -201,7 +202,7 @@ def test_an_orphan_behind_a_gap_says_why(captures: Path, tmp_path: Path) -> None
     with Series([Part("a", str(parts[0])), Part("c", str(parts[2]), missing=1)]) as series:
         result = analyze(series)
     (finding,) = (each for each in result.findings if each.rule == "DS403")
-    assert "dropped" in finding.message
+    assert "dropped" in sentence(finding)
 
 
 def test_a_damaged_file_costs_only_itself(captures: Path, tmp_path: Path) -> None:

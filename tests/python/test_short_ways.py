@@ -114,7 +114,7 @@ def _calls() -> RecordCalls:
         pass
 
     pairing = Pairing(limits(), ignore, ignore, ignore)
-    return RecordCalls(Gate(frozenset(), 16), pairing, Options(), ignore, ignore)
+    return RecordCalls(Gate(frozenset(), 16), pairing, Options(), ignore, ignore, limits())
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.binary(max_size=30)), max_size=12))

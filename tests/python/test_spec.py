@@ -41,6 +41,18 @@ def test_error_texts() -> None:
     assert 0x85 in sew.errors
 
 
+def test_the_error_number_is_the_whole_word() -> None:
+    assert spec.error_text(0x0811, "en", 0x010A) == "Function or parameter not implemented"
+    assert spec.error_text(0x0811, "zh", 0x010A) == "功能或参数未实现"
+    for vendor in (None, 0x002A, 0x0493):
+        assert spec.error_text(0x0811, "en", vendor) == "Manufacturer-specific error 0x0811"
+    assert (spec.error_hex(0x11), spec.error_hex(0xFF), spec.error_hex(0x100)) == (
+        "0x11",
+        "0xFF",
+        "0x0100",
+    )
+
+
 def test_every_text_can_be_shown() -> None:
     for vendor in (None, 0x002A, 0x001A, 0x0493):
         for lang in ("en", "zh"):

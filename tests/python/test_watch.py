@@ -22,6 +22,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from handmade import finding
 from test_readme import Command, read_commands, run
 
 from ds47.analysis import AnalysisOptions, analyze
@@ -34,6 +35,7 @@ from ds47.lab.ether import Host
 from ds47.lab.stage import Stage
 from ds47.model import Finding, Transaction
 from ds47.report import schema
+from ds47.report.sentences import sentence
 from ds47.watch import dumpcap
 from ds47.watch.live import Live
 from ds47.watch.show import NdjsonShow, Tally
@@ -233,7 +235,7 @@ class Told:
     def changed(self, before: Transaction, after: Transaction, findings: list[Finding]) -> None: ...
 
     def found(self, finding: Finding) -> None:
-        self.findings.append((finding.rule, finding.frame, finding.message))
+        self.findings.append((finding.rule, finding.frame, sentence(finding)))
 
 
 def test_diagnoses_are_told_as_findings_and_counted_at_the_end() -> None:
@@ -250,7 +252,7 @@ def test_diagnoses_are_told_as_findings_and_counted_at_the_end() -> None:
         with open_capture(path) as capture:
             result = Live(AnalysisOptions(), listener).watch(capture)
         wanted = [
-            (each.rule, each.frame, each.message)
+            (each.rule, each.frame, sentence(each))
             for each in expected + report.findings
             if each.rule.startswith("DS7")
         ]
@@ -540,7 +542,7 @@ def test_a_controller_that_never_uses_an_activity_twice_takes_little_memory() ->
 def test_a_summary_on_demand_is_chinese_where_the_lines_are_for_programs() -> None:
     lines, aside = io.StringIO(), io.StringIO()
     show = NdjsonShow(lines, "eth0", aside, "zh")
-    show.found(Finding("DS105", "warning", "文", 1))
+    show.found(finding("DS105", "warning", "文", 1))
     show.summary(3)
     assert aside.getvalue() == "3 帧的汇总\n  0 个事务\n  1 个结论：1 警告；DS105 1\n"
     assert json.loads(lines.getvalue())["finding"]["severity"] == "warning"

@@ -228,6 +228,29 @@ def test_an_error_may_have_no_number() -> None:
     assert parameter(item("error.text", ""))["error"] == {"code": None, "text": "", "info": None}
 
 
+def test_the_format_of_an_error_block_is_no_format_of_values() -> None:
+    found = parameter(item("format", "Error"), item("value_count", 2), item("error.text", ""))
+    assert (found["format"], found["value_count"]) == (None, None)
+
+
+@pytest.mark.parametrize("on_the_wire", ["Zero", "Error"])
+def test_a_change_has_the_format_that_its_request_wrote(on_the_wire: str) -> None:
+    """Beneath the response stand its own block and copies of what was written."""
+    block = [item("format", on_the_wire), item("value_count", 2)]
+    copies = [
+        item("written.format", "Unsigned16"),
+        item("written.value_count", 1),
+        item("value", 7),
+    ]
+    done = transaction(1, write_request=1, read_response=4)
+    done[2][0] = item("operation", "change")
+    for below, wanted in ((block, (None, None, [])), (block + copies, ("Unsigned16", 1, [7]))):
+        tree = [item("parameter", "p1", *below), done]
+        (found,) = pdml(packet(4, tree)).transactions
+        (only,) = found["parameters"]
+        assert (only["format"], only["value_count"], only["values"]) == wanted
+
+
 def test_an_attribute_without_a_name_is_its_code() -> None:
     assert parameter(item("attribute", "0x5f"))["attribute"] == "0x5F"
     assert parameter(item("attribute", "0x30"))["attribute"] == "text"

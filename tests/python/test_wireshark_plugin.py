@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import subprocess
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -25,6 +26,7 @@ from ds47.lab.client import Client
 from ds47.lab.stage import Stage
 from ds47.report import json as report
 from ds47.report.html.views.findings import groups
+from ds47.report.sentences import sentence
 from ds47.spec import rules
 from ds47.spec.semantics import reasons
 from ds47.wireshark import fields
@@ -271,7 +273,7 @@ def test_no_filter_is_offered_for_what_the_plugin_has_not(rule: str) -> None:
 def test_findings_are_expert_infos(tshark: Tshark) -> None:
     path = CAPTURES["tour-machine.pcapng"]
     findings = analyze(path).findings
-    told = of_transactions({"rule": each.rule, "message": each.message} for each in findings)
+    told = of_transactions({"rule": each.rule, "message": sentence(each)} for each in findings)
     found = tshark("-r", path, *COMPLETE, "-q", "-z", "expert")
     assert {each["rule"][:3] for each in told} >= {"DS4", "DS7"}
     assert all(each["message"] in found for each in told)
@@ -374,6 +376,124 @@ def test_values_in_fragments_are_marked_where_they_were_put_together(
     assert 'size="4" pos=' in output.partition("ds47.value.float")[2].partition("/>")[0]
 
 
+# What is in a frame, and what its request says
+
+
+def changes(client: Client) -> None:
+    """A change that is done, and one of which a part failed."""
+    values = message.real(10.0), message.real(20.0)
+    places = message.address(4711), message.address(4712)
+    client.exchange(
+        message.change(1, 2, *zip(places, values, strict=True)), bytes.fromhex("01020202")
+    )
+    client.exchange(
+        message.change(2, 2, *zip(places, values, strict=True)),
+        bytes.fromhex("02820202 4000 4402 0811 0003"),
+    )
+
+
+OF_A_BLOCK = ("format", "value_count", "error.code", "error.info")
+WRITTEN = ("written.format", "written.value_count", "value", "pnu")
+
+
+def test_a_change_response_has_the_fields_of_its_own_bytes(tshark: Tshark, make: Any) -> None:
+    names = map("ds47.{}".format, (*OF_A_BLOCK, *WRITTEN))
+    output = tshark("-r", make(changes), *COMPLETE, "-Y", "ds47.response_id", *columns(*names))
+    copied = ["Float32,Float32", "1,1", "10.0,20.0", "4711,4712"]
+    assert rows(output) == [
+        ["", "", "", "", *copied],
+        ["Zero,Error", "0,2", "0x0811", "3", *copied],
+    ]
+
+
+def test_a_format_matches_where_it_is_in_the_frame(tshark: Tshark, make: Any) -> None:
+    path = make(changes)
+    numbers = columns("frame.number")
+    found = tshark("-r", path, *COMPLETE, "-Y", 'ds47.format == "Float32"', *numbers).split()
+    asked = tshark("-r", path, *COMPLETE, "-Y", "ds47.request_id", *numbers).split()
+    assert found == asked
+    failed = tshark("-r", path, *COMPLETE, "-Y", "ds47.error.code == 0x0811", *numbers).split()
+    assert len(failed) == 1
+    assert tshark("-r", path, *COMPLETE, "-Y", "ds47.error.code == 0x11", *numbers) == ""
+
+
+@pytest.mark.parametrize("name", ["o1_profinetpy062_be.pcapng", "o3_two_controllers.pcapng"])
+def test_change_responses_of_real_stacks_have_what_they_carry(name: str, tshark: Tshark) -> None:
+    names = ("ds47.response_id", "ds47.format", "ds47.value_count", "ds47.error.code")
+    wanted = "ds47.response_id == 2 && !ds47.finding"
+    done = rows(tshark("-r", CAPTURES[name], *COMPLETE, "-Y", wanted, *columns(*names)))
+    assert done
+    assert all(row[1:] == ["", "", ""] for row in done)
+    failed = 'ds47.response_id == 0x82 && !(ds47.state == "mismatch")'
+    found = rows(tshark("-r", CAPTURES[name], *COMPLETE, "-Y", failed, *columns(*names)))
+    assert found
+    for _, formats, counts, codes in found:
+        assert set(formats.split(",")) <= {"Zero", "Error"}
+        assert len(counts.split(",")) == len(formats.split(","))
+        assert len(codes.split(",")) == formats.split(",").count("Error")
+
+
+def test_what_the_request_wrote_stands_in_brackets(tshark: Tshark, make: Any) -> None:
+    output = tshark("-r", make(changes), *COMPLETE, "-Y", "ds47.error.code", "-V", "-O", "ds47")
+    lines = [line.strip() for line in output.splitlines()]
+    start = lines.index("Number of parameters: 2") + 1
+    assert lines[start:][:23] == [
+        "[Parameter: p4711[0] := 10.0]",
+        "[Attribute: value (0x10)]",
+        "[Number of elements: 1]",
+        "[Parameter number (PNU): 4711]",
+        "[Subindex: 0]",
+        "Format: Zero (0x40)",
+        "Number of values: 0",
+        "[Format written: Float32]",
+        "[Number of values written: 1]",
+        "[Value: 10.0]",
+        "[Parameter: p4712[0] := 20.0 error 0x0811: Manufacturer-specific error 0x0811 (info 3)]",
+        "[Attribute: value (0x10)]",
+        "[Number of elements: 1]",
+        "[Parameter number (PNU): 4712]",
+        "[Subindex: 0]",
+        "Format: Error (0x44)",
+        "Number of values: 2",
+        "[Format written: Float32]",
+        "[Number of values written: 1]",
+        "[Value: 20.0]",
+        "Error number: 0x0811",
+        "Error: Manufacturer-specific error 0x0811",
+        "Additional information: 3",
+    ]
+
+
+def test_every_byte_of_an_error_block_has_its_field(tshark: Tshark, make: Any) -> None:
+    output = tshark(
+        "-r", make(changes), *COMPLETE, "-Y", "ds47.error.code", "-T", "pdml", "-J", "ds47"
+    )
+    tree = output[output.index('name="ds47"') :]
+    for name, value in (("format", "40"), ("format", "44"), ("value_count", "02")):
+        assert re.search(rf'name="ds47.{name}" [^>]*value="{value}"', tree)
+    assert re.search(r'name="ds47.error.code" [^>]*size="2"[^>]*value="0811"', tree)
+    assert re.search(r'name="ds47.error.info" [^>]*size="2"[^>]*value="0003"', tree)
+
+
+def test_a_request_id_that_is_not_supported_has_its_number(tshark: Tshark, make: Any) -> None:
+    def play(client: Client) -> None:
+        client.exchange(bytes.fromhex("6a400201 100100020000"), bytes.fromhex("6a800201 44010021"))
+
+    names = ("ds47.error.code", "ds47.error.text", "ds47.raw", "ds47.format")
+    found = rows(tshark("-r", make(play), *COMPLETE, "-Y", "ds47.response_id", *columns(*names)))
+    assert found == [["0x0021", "Service not supported: illegal request ID", "", "Error"]]
+
+
+def test_blocks_of_another_request_belong_to_no_parameter(tshark: Tshark, make: Any) -> None:
+    def play(client: Client) -> None:
+        place, value = message.address(50303), message.real(10.0)
+        client.exchange(message.change(1, 2, (place, value)), bytes.fromhex("09820201 4401 0002"))
+
+    names = ("ds47.error.code", "ds47.error.text", "ds47.format", "ds47.value")
+    found = rows(tshark("-r", make(play), *COMPLETE, "-Y", "ds47.response_id", *columns(*names)))
+    assert found == [["0x0002", "", "Error", "10.0"]]
+
+
 # Which records are ours
 
 
@@ -435,7 +555,7 @@ def test_preferences_change_formats_texts_and_limits(tshark: Tshark, make: Any) 
         "-o", "ds47.profile_v3_types:TRUE", "-o", "ds47.language:zh", "-o", "ds47.slow_ms:1",
     )  # fmt: skip
     ((name, text, rules),) = rows(found)
-    assert name == "N2"
+    assert name == "N2,Error"
     assert not text.isascii()
     assert rules == "DS410,DS416,DS701"
 

@@ -7,6 +7,7 @@ columns, colours and filters without a warning.
 from __future__ import annotations
 
 import csv
+import gzip
 import io
 import os
 import re
@@ -203,6 +204,34 @@ def test_a_file_that_cannot_be_written_is_said(
     assert "ds47: cannot write" in said.err
     assert "such" in said.err
     assert said.out.startswith("DS47 statistics\n")
+
+
+@pytest.mark.parametrize("kind", ["report", "csv", "statistics"])
+def test_a_capture_is_not_written_over(
+    shark: Run, plugin: list[str], tour: Path, tmp_path: Path, kind: str
+) -> None:
+    data = tour.read_bytes()
+    pcap = bytes.fromhex("d4c3b2a1")
+    packed = gzip.compress(data), bytes.fromhex("28b52ffd") + b"zstd"
+    target = tmp_path / "recording"
+    for content in (data, pcap, pcap[::-1], *packed):
+        target.write_bytes(content)
+        said = shark("-q", *plugin, *asked(f"{kind}={target}"), "-r", tour)
+        assert f"ds47: cannot write {target}: a capture or a packed file" in said.err
+        assert target.read_bytes() == content
+    target.write_text("an older report")
+    shark("-q", *plugin, *asked(f"{kind}={target}"), "-r", tour)
+    assert "older" not in target.read_text("utf-8")
+
+
+def test_a_report_into_a_pipe(shark: Run, plugin: list[str], tour: Path, tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    pipe.chmod(0o666)
+    with subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE) as reader:
+        shark("-q", *plugin, *asked(f"statistics={pipe}"), "-r", tour)
+        text, _ = reader.communicate(timeout=60)
+    assert text.startswith(b"DS47 statistics")
 
 
 # The profile

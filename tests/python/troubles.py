@@ -7,15 +7,28 @@ which the end was lost. The values are their own numbers, so that a wrong place 
 from __future__ import annotations
 
 import io
+import struct
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from ipaddress import IPv4Address
+from uuid import UUID
+
+from frames import ethernet, udp
 
 from ds47.capture.writer import PcapngWriter
 from ds47.lab import message
 from ds47.lab.client import Client
+from ds47.lab.ether import Host
 from ds47.lab.stage import Stage
 
 PNU, COUNT = 100, 120
 """What is read, and how many values of it."""
+AT_ONCE = 2_100
+"""Calls at once: more than the limit `activities`."""
+DECADES = 1_767_254_400 * 10**9 + 123_456_789
+"""Nanoseconds from 1970 to 2026."""
+QUARTER = 105 * 86_400 * 10**9 + 1
+"""A little more than a double holds exactly."""
 
 
 def request(reference: int) -> bytes:
@@ -90,9 +103,136 @@ def old_rpc_fragments() -> bytes:
     return _written(stage)
 
 
+@dataclass(slots=True)
+class Quick(Stage):
+    """A stage for thousands of frames: without scapy."""
+
+    sent: list[tuple[int, bytes]] = field(default_factory=list)
+    first: int | None = None
+    """Only so many bytes of each datagram are sent, as its first fragment."""
+    ip_id: int = 0
+
+    def send(
+        self, source: Host, target: Host, payload: bytes, ports: tuple[int, int] | None = None
+    ) -> None:
+        """A UDP datagram goes past; ports are (source, target)."""
+        whole = udp(payload, ports or (source.port, target.port))
+        data = whole if self.first is None else whole[: self.first]
+        more = 0x2000 if self.first is not None else 0
+        self.ip_id = self.ip_id % 65_535 + 1
+        head = struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(data), self.ip_id, more, 64, 17, 0)
+        hosts = IPv4Address(source.ip).packed + IPv4Address(target.ip).packed
+        if not self.deaf:
+            self.sent.append((self.now_ns, ethernet(0x0800, head + hosts + data)))
+        self.now_ns += self.gap_ns
+
+    def written(self) -> bytes:
+        """The capture."""
+        target = io.BytesIO()
+        with PcapngWriter(target) as writer:
+            for time_ns, data in self.sent:
+                writer.write(time_ns, data)
+        return target.getvalue()
+
+
+def _askers(stage: Stage, number: int) -> list[tuple[Client, bytes]]:
+    """Clients with an RPC activity and a slot of their own, and what each asks."""
+    clients = []
+    for each in range(number):
+        client = Client(stage, activity=UUID(int=each + 1))
+        client.channel = client.at(slot=each + 1)
+        clients.append((client, message.read(each % 255 + 1, 1, message.address(PNU))))
+    return clients
+
+
+def calls_at_once() -> bytes:
+    """More Writes than RPC activities are kept, then the responses to all of them."""
+    stage = Quick()
+    calls = [(client, client.ask_write(data), data) for client, data in _askers(stage, AT_ONCE)]
+    for client, call, data in calls:
+        client.accept_write(call, data)
+    return stage.written()
+
+
+def writes_at_once() -> bytes:
+    """More Writes on one channel, and in one RPC activity, than are kept; then their responses and a Read."""
+    stage = Quick()
+    client = Client(stage)
+    calls = [(client.ask_write(data), data) for data in map(request, range(1, 101))]
+    for call, data in calls:
+        client.accept_write(call, data)
+    client.read(answer(1, 0))
+    client.read(answer(2, 0))
+    return stage.written()
+
+
+def ip_fragments_at_once() -> bytes:
+    """The beginnings of more IP datagrams than are kept, behind a transaction that shows whose they are."""
+    stage = Quick()
+    ask(Client(stage), 1)
+    stage.first = 240
+    for client, _ in _askers(stage, 300):
+        client.ask_write(request(1))
+    return stage.written()
+
+
+def rpc_fragments_at_once() -> bytes:
+    """The beginnings of more RPC messages than are kept, then what answers them."""
+    stage = Quick()
+    ask(Client(stage), 1)
+    calls = []
+    for client, data in _askers(stage, 1100):
+        client.fragment = 92
+        calls.append((client, client.ask_write(data), data))
+        del stage.sent[-1]
+        client.fragment = None
+    for client, call, data in calls:
+        client.accept_write(call, data)
+    return stage.written()
+
+
+def fragments_one_after_the_other() -> bytes:
+    """The beginnings of 400 IP datagrams, each given up before the next one comes."""
+    stage = Quick()
+    ask(Client(stage), 1)
+    stage.first = 240
+    for client, _ in _askers(stage, 400):
+        client.ask_write(request(1))
+        stage.wait(40_000)
+    return stage.written()
+
+
+def clock_set_by_decades() -> bytes:
+    """The clock begins in 1970, is set to 2026 and back again; there are fragments, polls and lost answers."""
+    stage = Quick(now_ns=5 * 10**9 + 7)
+    client = Client(stage)
+    for number in range(24):
+        client.fragment = 200 if number % 3 == 0 else None
+        client.write(request(number + 1))
+        if number % 4 == 1:
+            client.poll()
+        if number % 5 == 2:
+            stage.wait(2500)
+        client.read(answer(number + 1, number))
+        if number % 7 == 3:
+            del stage.sent[-1]
+        stage.now_ns += 700_000_001 * (number + 1)
+        if number in (5, 11, 17):
+            stage.now_ns += (-1 if number == 11 else 1) * DECADES
+        elif number == 20:
+            stage.now_ns += QUARTER
+    return stage.written()
+
+
 ALL: tuple[Callable[[], bytes], ...] = (
     clock_back_with_lost_answers,
     clock_back_with_ip_fragments,
     cut_rpc_fragments,
     old_rpc_fragments,
+    calls_at_once,
+    writes_at_once,
+    ip_fragments_at_once,
+    rpc_fragments_at_once,
+    fragments_one_after_the_other,
+    clock_set_by_decades,
 )

@@ -10,14 +10,16 @@ from __future__ import annotations
 import io
 import logging
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from importlib import metadata
 from types import TracebackType
 from typing import Any
 
 from ds47 import __version__
+from ds47.batch.endings import Failed, Lost
 from ds47.batch.products import Product, draft_of, kept_from, whole
-from ds47.batch.runner import Begun, Failed, Outcome, Place, Window
+from ds47.batch.runner import Begun, Outcome, Place, Window
 from ds47.batch.tasks import Task
 from ds47.capture import CaptureError
 from ds47.extras import install
@@ -31,12 +33,14 @@ class Cluster(Window[Any]):
 
     Raises:
         Failed: no Dask, no scheduler, no workers, or workers with another version of ds47.
+        Lost: the scheduler went away, while iterating.
     """
 
     def __init__(self, tasks: Iterable[Task], make: Product, place: Place, scheduler: str) -> None:
         super().__init__(tasks)
         self._make = make
         self._place = place
+        self._address = scheduler
         self._distributed = _distributed()
         try:
             self._client = self._distributed.Client(
@@ -45,7 +49,8 @@ class Cluster(Window[Any]):
         except (OSError, ValueError, RuntimeError) as problem:
             raise Failed(f"no Dask scheduler answers at {scheduler}: {_line(problem)}") from problem
         try:
-            self._check_workers(scheduler)
+            with self._connected():
+                self._check_workers(scheduler)
         except BaseException:
             self._client.close()
             raise
@@ -59,9 +64,22 @@ class Cluster(Window[Any]):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if self._working:
-            self._client.cancel(list(self._working), force=True)
+        with suppress(Exception):  # a scheduler that is lost has nothing to cancel
+            if self._working and self._client.status == "running":
+                self._client.cancel(list(self._working), force=True)
         self._client.close()
+
+    @contextmanager
+    def _connected(self) -> Iterator[None]:
+        """Raises Lost where what failed inside did so because the scheduler is not there any more."""
+        try:
+            yield
+        except Failed:
+            raise
+        except Exception as problem:
+            if isinstance(problem, OSError) or self._client.status != "running":
+                raise Lost(f"the Dask scheduler at {self._address} is gone") from problem
+            raise
 
     def _check_workers(self, scheduler: str) -> None:
         """Whether there are workers, all with this version; one that comes later checks itself."""
@@ -78,17 +96,23 @@ class Cluster(Window[Any]):
                 )
 
     def _wanted(self) -> int:
-        threads: int = sum(self._client.nthreads().values())
+        with self._connected():
+            threads: int = sum(self._client.nthreads().values())
         return max(2, 2 * threads)
 
     def _submit(self, task: Task) -> Any:
-        return self._client.submit(
-            _work, self._make, task, __version__, key=f"ds47-{os.urandom(8).hex()}", pure=False
-        )
+        key = f"ds47-{os.urandom(8).hex()}"
+        with self._connected():
+            return self._client.submit(_work, self._make, task, __version__, key=key, pure=False)
 
     def _any_done(self, handles: list[Any]) -> Iterable[Any]:
-        with self._client.as_current():
-            return list(self._distributed.wait(handles, return_when="FIRST_COMPLETED").done)
+        with self._client.as_current(), self._connected():
+            try:
+                return list(self._distributed.wait(handles, return_when="FIRST_COMPLETED").done)
+            except self._distributed.CancelledError:  # some of them: each says so itself
+                if self._client.status != "running":
+                    raise
+                return [each for each in handles if each.done()]
 
     def _outcome(self, begun: Begun[Any]) -> Outcome | None:
         future: Any = begun.handle
@@ -98,7 +122,10 @@ class Cluster(Window[Any]):
             return problem
         except self._distributed.KilledWorker:
             return CaptureError("every worker that analysed it was lost; is there enough memory?")
-        except self._distributed.CancelledError:  # its result went with its worker
+        except self._distributed.CancelledError as problem:  # its result went with its worker
+            with self._connected():
+                if self._client.status != "running":
+                    raise problem
             self._again(begun)
             return None
         except ImportError as problem:

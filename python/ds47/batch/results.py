@@ -1,25 +1,26 @@
 """Stored results: one file a capture, `ds47.report/2` with what it was made of; what is done already.
 
-The first line of a file holds all that `--resume` and the overview ask for, so that of ten thousand
-results nobody reads more. Not here: baselines (`ds47.regression.baseline`), which stand beside
-their captures and are compared.
+The first line of a file holds all that `--resume` and the overview ask for. With it stands the digest of
+the whole file, so that a damaged one is found before it is used. Not here: baselines
+(`ds47.regression.baseline`), which stand beside their captures and are compared.
 """
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, cast
 
 from ds47 import __version__
 from ds47.analysis import AnalysisOptions
 from ds47.batch.products import discard, draft_of, whole
 from ds47.batch.tasks import Task, read
-from ds47.capture.remote import is_url
+from ds47.capture.remote import file_system, is_url
 from ds47.model import CaptureResult
 from ds47.report import SCHEMA, load
 from ds47.report import Options as ReportOptions
@@ -27,6 +28,10 @@ from ds47.report import json as contract
 from ds47.report.overview import Row, document
 
 OVERVIEW = "overview.json"
+DAMAGED = "damaged result"
+_UNSEALED = "0" * 64
+_SEAL = b'"seal": "'
+"""Stands nowhere else in a first line: a text there has its quotes escaped."""
 _REST = "]}"
 """What makes a document of the first line of a result."""
 
@@ -44,13 +49,52 @@ class Result:
     def __call__(self, task: Task, stream: BinaryIO) -> None:
         """Writes `ds47.report/2` with the key `run`, which stands in the first line."""
         result = read(task, self.options)
-        text = io.TextIOWrapper(stream, "utf-8", errors="backslashreplace", newline="\n")
+        sealed = _Sealed(stream)
+        text = io.TextIOWrapper(
+            cast(BinaryIO, sealed), "utf-8", errors="backslashreplace", newline="\n"
+        )
         writer = contract.Writer(text, ReportOptions(lang=self.options.lang))
-        writer.about = {"run": _made_of(task, self.options) | {"row": Row.of(result).plain()}}
+        run = {"seal": _UNSEALED, **_made_of(task, self.options), "row": Row.of(result).plain()}
+        writer.about = {"run": run}
         writer.capture(result)
         writer.close()
         text.flush()
         text.detach()
+        sealed.seal()
+
+
+class _Sealed(io.BufferedIOBase):
+    """Writes to a file that has nothing yet; at last the digest of all goes to its place in the first line."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        super().__init__()
+        self._stream = stream
+        self._digest = hashlib.sha256()
+        self._place: int | None = None
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: Any, /) -> int:
+        """Writes `data`; the first of it holds the place of the digest."""
+        piece = bytes(data)
+        if self._place is None:
+            self._place = piece.index(_SEAL) + len(_SEAL)
+        self._digest.update(piece)
+        return self._stream.write(piece)
+
+    def seal(self) -> None:
+        """Writes the digest."""
+        assert self._place is not None
+        self._stream.seek(self._place)
+        self._stream.write(self._digest.hexdigest().encode())
+        self._stream.seek(0, io.SEEK_END)
+
+
+def _whole(data: bytes, seal: str) -> bool:
+    """Whether the bytes of a result are those that were written."""
+    unsealed = data.replace(_SEAL + seal.encode(), _SEAL + _UNSEALED.encode(), 1)
+    return len(seal) == len(_UNSEALED) and hashlib.sha256(unsealed).hexdigest() == seal
 
 
 def _made_of(task: Task, options: AnalysisOptions) -> dict[str, Any]:
@@ -96,18 +140,27 @@ class Results:
         """Why a task is to be done: there is no result, or it is of something else. None when done."""
         try:
             head = self._head(task)
-        except (OSError, ValueError, KeyError, TypeError):
+            version, made = head["tool"]["version"], head["run"]
+        except (OSError, *_MISSHAPEN):
             # os.path: a name that is too long is no error there
-            return "no whole result" if os.path.exists(self.place(task)) else "no result"  # noqa: PTH110
-        made = {key: head["run"].get(key) for key in ("sources", "options")}
+            return DAMAGED if os.path.exists(self.place(task)) else "no result"  # noqa: PTH110
         now = _made_of(task, self._options)
-        if head["tool"].get("version") != __version__:
+        if version != __version__:
             return "another version of ds47"
-        if made["options"] != now["options"]:
+        if not self._intact(task, made):
+            return DAMAGED
+        if made.get("options") != now["options"]:
             return "other options"
-        if made["sources"] != now["sources"] or any(each.mark is None for each in task.sources):
+        if made.get("sources") != now["sources"] or any(each.mark is None for each in task.sources):
             return "changed"
         return None
+
+    def _intact(self, task: Task, made: dict[str, Any]) -> bool:
+        """Whether all of a result is as it was written; its first line may be whole, and the rest damaged."""
+        try:
+            return _whole(self.place(task).read_bytes(), made["seal"])
+        except (OSError, *_MISSHAPEN):
+            return False
 
     def row(self, task: Task) -> Row:
         """What the overview tells of a task that is done."""
@@ -120,6 +173,23 @@ class Results:
         row = stored["run"]["row"]
         result.problem, result.dropped = row["problem"], row["dropped"]
         return result
+
+    def shown(self, task: Task | None = None) -> str:
+        """How people know the folder, or the result of a task."""
+        return str(self.folder if task is None else self.place(task))
+
+    def fetch(self, tasks: Sequence[Task]) -> None:
+        """Gets the results that are there. Here they are."""
+
+    def keep(self, task: Task) -> None:
+        """Takes a new result to where it stays. Here it does."""
+
+    def told(self, task: Task) -> None:
+        """The report has a result. Here it stays."""
+
+    def done(self, tasks: Sequence[Task]) -> int:
+        """How many results there are when a run is ended before its end."""
+        return sum(self.undone(task) is None for task in tasks)
 
     def forget(self, task: Task) -> None:
         """A capture that cannot be read any more has no result."""
@@ -150,6 +220,26 @@ class Results:
         if head["schema"] != SCHEMA:
             raise ValueError(head["schema"])
         return head
+
+
+_MISSHAPEN = (ValueError, LookupError, TypeError, AttributeError, RecursionError)
+"""What comes of reading JSON that is damaged, or is of another shape."""
+
+
+def results_at(name: str, options: AnalysisOptions) -> Results:
+    """The results in a folder of this machine, or behind a URL.
+
+    Raises:
+        ds47.capture.CaptureError: nothing opens such a URL.
+    """
+    if not is_url(name):
+        return Results(Path(name), options)
+    system, path = file_system(name)
+    if "file" in system.protocol:
+        return Results(Path(path), options)
+    from ds47.batch.remote_results import RemoteResults
+
+    return RemoteResults(name, options)
 
 
 def _below(path: str, roots: Sequence[str]) -> str:

@@ -31,10 +31,6 @@ _WAITING = 1024
 """Products that may wait for their turn."""
 
 
-class Failed(Exception):
-    """The run as a whole cannot go on; the text says why, and what to do."""
-
-
 def make_here(make: Product, task: Task, path: Path) -> Outcome:
     """Makes the product of a task in this process."""
     try:

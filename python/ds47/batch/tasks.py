@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ds47.analysis import AnalysisOptions, OnTransaction, analyze
 from ds47.capture import CaptureError, Series, open_capture, sha256
+from ds47.capture.names import is_capture
 from ds47.capture.remote import facts, is_url
 from ds47.capture.series import Part
 from ds47.model import CaptureResult
@@ -81,6 +82,15 @@ def plan(names: Sequence[str], series: bool) -> list[Task]:
         elif name in found:
             tasks.append(_series(found[name]))
     return tasks
+
+
+def in_folders(series: bool) -> Callable[[str], bool]:
+    """Which names of a folder are captures; with `series` also those that only tcpdump -C gives."""
+    if not series:
+        return is_capture
+    from ds47.capture.rings import may_be_part
+
+    return may_be_part
 
 
 def names_in(folder: Path) -> list[str]:

@@ -43,17 +43,17 @@ def open_bytes(place: str | Path) -> io.RawIOBase:
     """The bytes of a file or a URL, unbuffered. Raises OSError, ValueError, CaptureError."""
     if not is_url(str(place)):
         return Path(place).open("rb", buffering=0)
-    system, path = _system(str(place))
+    system, path = file_system(str(place))
     try:
         return _Remote(system.open(path, "rb"))
     except Exception as problem:
-        raise OSError(_reason(problem)) from problem
+        raise OSError(reason(problem)) from problem
 
 
 def facts(url: str) -> tuple[int, str | None]:
     """Bytes of what a URL names, and what changes when it does; None where nobody can tell."""
     try:
-        system, path = _system(url)
+        system, path = file_system(url)
         about = system.info(path)
     except Exception:  # noqa: BLE001 (opening it says why)
         return 0, None
@@ -69,18 +69,18 @@ def below(url: str, accept: Callable[[str], bool] = is_capture) -> list[str]:
     """
     if accept(url):
         return [url]
-    system, path = _system(url)
+    system, path = file_system(url)
     try:
         names = system.find(path)
         found = sorted(str(system.unstrip_protocol(name)) for name in names if accept(name))
         if not found and not system.isdir(path):
             return [url]
     except Exception as problem:
-        raise CaptureError(f"{url}: cannot be listed: {_reason(problem)}") from problem
+        raise CaptureError(f"{url}: cannot be listed: {reason(problem)}") from problem
     return found
 
 
-def _system(url: str) -> tuple[Any, str]:
+def file_system(url: str) -> tuple[Any, str]:
     """The file system behind a URL and the path in it. Raises CaptureError."""
     try:
         from fsspec.core import url_to_fs
@@ -89,7 +89,7 @@ def _system(url: str) -> tuple[Any, str]:
     try:
         system, path = url_to_fs(url)
     except Exception as problem:
-        raise CaptureError(f"{url}: {_reason(problem)}") from problem
+        raise CaptureError(f"{url}: {reason(problem)}") from problem
     return system, str(path)
 
 
@@ -108,7 +108,7 @@ class _Remote(io.RawIOBase):
         try:
             piece = self._file.read(len(room))
         except Exception as problem:
-            raise OSError(_reason(problem)) from problem
+            raise OSError(reason(problem)) from problem
         room[: len(piece)] = piece
         return len(piece)
 
@@ -118,7 +118,8 @@ class _Remote(io.RawIOBase):
         super().close()
 
 
-def _reason(problem: Exception) -> str:
+def reason(problem: Exception) -> str:
+    """What a file system says of a failure, in one line."""
     if isinstance(problem, FileNotFoundError):
         return "No such file or directory"
     text = getattr(problem, "strerror", None) or str(problem) or type(problem).__name__

@@ -99,6 +99,22 @@ class PcapngWriter(Closing):
         tail = _options(options) if options else b""
         self._block(ENHANCED_PACKET, header + _padded(data) + tail)
 
+    @staticmethod
+    def wrote(head: bytes, application: str) -> bool:
+        """Whether a file that begins with `head` is of this writer, for a program whose name begins so."""
+        kind, magic = struct.unpack_from("<I4xI", head) if len(head) >= 28 else (0, 0)
+        (code,) = struct.unpack_from("<H", head, 24) if kind == SECTION else (0,)
+        return (
+            magic == BYTE_ORDER_MAGIC
+            and code == _APPLICATION
+            and head[28:].startswith(application.encode())
+        )
+
+    @staticmethod
+    def is_cut(comment: str) -> bool:
+        """Whether a comment was longer than an option may be, and lost its end."""
+        return len(comment.encode()) > _LONGEST - 4
+
     def _block(self, kind: int, body: bytes) -> None:
         total = len(body) + 12
         self._file.write(struct.pack("<2I", kind, total) + body + struct.pack("<I", total))

@@ -14,7 +14,7 @@ import click
 
 from ds47.cli.common import Misses, stdout, warn
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import about
+from ds47.cli.paths import about, refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ def command(
     from ds47.regression.accept import WhereError, parse_where
     from ds47.report.bilingual import say
 
+    refuse_urls(paths)
     lang = options["lang"]
     try:
         where = parse_where(conditions)

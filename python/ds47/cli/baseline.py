@@ -11,7 +11,7 @@ import click
 
 from ds47.cli.common import Misses, stdout
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import about
+from ds47.cli.paths import about, refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
 
 
@@ -31,6 +31,7 @@ def command(paths: Sequence[str], force: bool, series: bool, **options: Any) -> 
     from ds47.regression.run import place_of, result_of
     from ds47.report.bilingual import say
 
+    refuse_urls(paths)
     analysis = options_from(**options)
     misses = Misses()
     for task in tasks(paths, series, misses):

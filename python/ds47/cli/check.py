@@ -15,7 +15,7 @@ import click
 
 from ds47.cli.common import Misses, output, stdout
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import STDIN, about
+from ds47.cli.paths import STDIN, about, refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
 from ds47.model import SEVERITIES
@@ -73,6 +73,7 @@ def command(
     stored one is gone from a folder; 3 a capture cannot be read as a whole. Tolerances, masks and
     known findings stand in ds47.toml.
     """
+    refuse_urls(paths)
     spare_captures(junit, sarif)
     outcomes, seconds, misses = _run(paths, series, fail_on, options)
     if format_name == "json":
@@ -106,18 +107,20 @@ def _run(
         outcomes.append(outcome)
         seconds.append(time.perf_counter() - begin)
         tell_lacking(outcome.path, outcome.missing_files, outcome.problem, misses)
-    gone = _gone(paths, fail_on)
+    gone = _gone(paths, series, fail_on)
     return outcomes + gone, seconds + [0.0] * len(gone), misses
 
 
-def _gone(paths: Sequence[str], fail_on: str | None) -> list[Outcome]:
+def _gone(paths: Sequence[str], series: bool, fail_on: str | None) -> list[Outcome]:
     """The stored results of the folders whose capture is not there any more, each once."""
     from ds47.regression.config import ConfigError
     from ds47.regression.run import lonely
 
     folders = (path for path in paths if path != STDIN and Path(path).is_dir())
     try:
-        found = [outcome for folder in folders for outcome in lonely(folder, fail_on)]
+        found = [
+            each.outcome(fail_on) for folder in folders for each in lonely(folder, series=series)
+        ]
     except ConfigError as problem:
         raise click.ClickException(str(problem)) from problem
     return list({os.path.normpath(outcome.path): outcome for outcome in found}.values())

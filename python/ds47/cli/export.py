@@ -23,7 +23,7 @@ from ds47.cli.common import Misses, stdout, warn
 from ds47.cli.options import analysis_options, known_rules, options_from
 from ds47.cli.paths import STDIN, about
 from ds47.cli.series import series_option, tasks, tell_lacking
-from ds47.cli.targets import spare_captures
+from ds47.cli.targets import refuse_links, replaced_captures, spare_recordings
 from ds47.model import STATES
 
 if TYPE_CHECKING:
@@ -148,8 +148,11 @@ def command(
     run = _Run(options_from(**options), selection, span, bool(everything))
     found = tasks(paths, series, run.misses)
     targets = _targets(found, output_name)
-    if not force:
-        _spare_captures(targets)
+    refuse_links(targets)
+    if force:
+        run.replaced = replaced_captures(targets)
+    else:
+        spare_recordings(targets)
     run.key_path = _key_path(key_name, targets) if anonymise else None
     run.open_key()
     for task, target in zip(found, targets, strict=True):
@@ -198,6 +201,7 @@ class _Run:
         self._everything = everything
         self._key: Key | None = None
         self.key_path: Path | None = None
+        self.replaced: Sequence[str] = ()
         self.misses = Misses()
         self.written = 0
 
@@ -257,7 +261,8 @@ class _Run:
         )
         tell(told.text(lang))
         if target != STDIN:
-            tell("  " + say("export_written", target=escape(target)).text(lang))
+            key = "export_replaced" if target in self.replaced else "export_written"
+            tell("  " + say(key, target=escape(target)).text(lang))
         if self.key_path is not None:
             tell("  " + say("export_key", path=escape(str(self.key_path))).text(lang))
         for line in _filters(done, lang):
@@ -366,12 +371,6 @@ def _targets(found: Sequence[Task], name: str | None) -> list[str]:
     if len(set(places)) < len(places):
         raise click.UsageError("captures of the same name: export them one by one, with -o")
     return targets
-
-
-def _spare_captures(targets: Sequence[str]) -> None:
-    """Raises click.ClickException for a capture; what EXPORTED says is an earlier export is none."""
-    others = (name for name in targets if not name.lower().endswith(EXPORTED))
-    spare_captures(*others, hint="choose another -o, or say --force")
 
 
 def _stem(path: str) -> str:

@@ -30,6 +30,10 @@ if TYPE_CHECKING:
     from ds47.cli.run import Analyzer, Runner
 
 
+_NOT_ALL = 3
+"""The exit status where not everything could be read."""
+
+
 class Manner(NamedTuple):
     """How the captures are analysed, and where: what the options say."""
 
@@ -58,12 +62,17 @@ class Manner(NamedTuple):
         """The folder of results, and what is not there yet."""
         if self.folder is None:
             return None, tasks
-        from ds47.batch.results import Results, SameNameError
+        from ds47.batch.results import SameNameError, results_at
+        from ds47.capture import CaptureError
 
-        results = Results(Path(self.folder), self.analysis)
         try:
+            results = results_at(self.folder, self.analysis)
             results.name(tasks, roots)
             results.begin()
+            if self.resume:
+                results.fetch(tasks)
+        except CaptureError as problem:
+            raise click.ClickException(str(problem)) from problem
         except SameNameError as problem:
             raise click.ClickException(f"{problem}; report them one at a time") from problem
         except OSError as problem:
@@ -84,7 +93,7 @@ class Manner(NamedTuple):
         if results is None and self.scheduler is None and self._jobs(tasks) == 1:
             run.here(tasks, _analyzer(self.engine, self.analysis, self.tshark, writer.lines))
             return
-        from ds47.batch.runner import Failed
+        from ds47.batch.endings import Failed, Lost
 
         try:
             if results is not None:
@@ -93,6 +102,8 @@ class Manner(NamedTuple):
                 self._spooled(run, tasks, writer)
         except Failed as problem:
             raise click.ClickException(str(problem)) from problem
+        except Lost as problem:  # was told, with how far the run came
+            raise click.exceptions.Exit(_NOT_ALL) from problem
 
     def _spooled(self, run: Run, tasks: Sequence[Task], writer: Writer) -> None:
         from tempfile import TemporaryDirectory  # only here: it takes long to import
@@ -144,10 +155,16 @@ class Manner(NamedTuple):
 
 def _todo(results: Results, tasks: Sequence[Task]) -> list[Task]:
     """What is not done; says of what was done why it is done again."""
+    from ds47.batch.results import DAMAGED
+
     reasons = {task.path: results.undone(task) for task in tasks}
     again = Counter(reason for reason in reasons.values() if reason not in (None, "no result"))
     for reason, number in sorted(again.items()):
-        warn(f"{counted(number, 'capture')} done again: {reason}")
+        text = f"{counted(number, 'capture')} done again: {reason}"
+        if reason == DAMAGED:
+            first = next(task for task in tasks if reasons[task.path] == DAMAGED)
+            text += f", {'the first is ' if number > 1 else ''}{results.shown(first)}"
+        warn(text)
     return [task for task in tasks if reasons[task.path] is not None]
 
 

@@ -9,6 +9,8 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+import click
+
 from ds47.capture import CaptureError
 from ds47.capture.names import EXPORTED, SUFFIXES, is_capture
 from ds47.capture.remote import below, is_url
@@ -53,6 +55,16 @@ def _meant(
     if not found:
         missing(f"{path}: no capture in this folder ({', '.join(SUFFIXES)}; not {EXPORTED})")
     return found
+
+
+def refuse_urls(paths: Sequence[str]) -> None:
+    """Raises click.UsageError for a URL: a stored result stands beside its capture, in a folder."""
+    for path in paths:
+        if is_url(path):
+            raise click.UsageError(
+                f"{path}: stored results stand beside captures in a folder, not behind a URL: "
+                "copy the captures, or use ds47 report --results"
+            )
 
 
 def about(path: str, problem: str) -> str:

@@ -84,7 +84,7 @@ UNREADABLE = 3
     "--results",
     "results_name",
     metavar="FOLDER",
-    help="Store a result of each capture in this folder (JSON), and an overview of all.",
+    help="Store a result of each capture in this folder or URL (JSON), and an overview of all.",
 )
 @click.option(
     "--resume",

@@ -12,6 +12,7 @@ from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING
 
+from ds47.batch.endings import Lost
 from ds47.batch.garbage import collect
 from ds47.capture import CaptureError
 from ds47.cli.common import counted
@@ -111,15 +112,17 @@ class Run:
                     collect()
                     if task.path in waiting:
                         _, outcome = next(coming)
+                        if not isinstance(outcome, CaptureError):
+                            results.keep(task)
                         self._progress.done(task.size)
                     else:
                         outcome = results.place(task)
                     kept.append(self._store(results, task, outcome, whole=rows is None))
-        except KeyboardInterrupt:
-            done = sum(results.undone(task) is None for task in tasks)
+        except (KeyboardInterrupt, Lost) as problem:
+            done = results.done(tasks)
             self._progress.warn(
-                f"interrupted: {done} of {counted(len(tasks), 'result')} are in {results.folder}; "
-                "to go on: the same command with --resume"
+                f"{_ended(problem)}: {done} of {counted(len(tasks), 'result')} are in "
+                f"{results.shown()}; to go on: the same command with --resume"
             )
             raise
         return kept
@@ -138,6 +141,7 @@ class Run:
             result = results.load(task)
             self._gaps(result)
             write_one(self._writer, result)
+        results.told(task)
         return row
 
     def _unreadable(self, task: Task, problem: CaptureError, *, told: bool = True) -> str:
@@ -166,13 +170,18 @@ class Run:
         """Says how far a run of many captures came."""
         try:
             yield
-        except KeyboardInterrupt:
-            if total > 1:
+        except (KeyboardInterrupt, Lost) as problem:
+            if total > 1 or isinstance(problem, Lost):
                 self._progress.warn(
-                    f"interrupted: {self._reported} of {counted(total, 'capture')} were reported; "
+                    f"{_ended(problem)}: {self._reported} of {counted(total, 'capture')} were reported; "
                     "a run with --results FOLDER can be gone on with"
                 )
             raise
+
+
+def _ended(problem: BaseException) -> str:
+    """Why a run ended before its end."""
+    return str(problem) if isinstance(problem, Lost) else "interrupted"
 
 
 def _taken(outcome: Outcome, _task: Task, finished: OnTransaction | None) -> CaptureResult:

@@ -37,14 +37,10 @@ def tasks(paths: Sequence[str], series: bool, missing: Callable[[str], None]) ->
         series: whether the option was given.
         missing: as for `ds47.cli.paths.captures`.
     """
-    from ds47.batch.tasks import plan
+    from ds47.batch.tasks import in_folders, plan
 
-    if not series:
-        return plan(list(captures(paths, missing)), series)
-    from ds47.capture.rings import may_be_part
-
-    named = list(_with_their_series(paths))
-    return plan(list(captures(named, missing, may_be_part)), series)
+    named = list(_with_their_series(paths)) if series else paths
+    return plan(list(captures(named, missing, in_folders(series))), series)
 
 
 def missing_files(path: str, missing: Sequence[int]) -> str | None:

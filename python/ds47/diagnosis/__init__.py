@@ -27,11 +27,6 @@ from ds47.spec.semantics import known
 _LEAST_NORMAL: Final = {0x08: 2.0**-126, 0x0F: 2.0**-1022}
 """Float32 and Float64: what is nearer to zero is no number that anybody typed."""
 _MOST: Final = 1e30
-_FLOAT32: Final = 0x08
-_LEAST_BYTE: Final = 0x01
-"""First byte of a Float32, without the sign: from 2^-125"""
-_MOST_BYTE: Final = 0x70
-"""to 2^99, which is 6e29."""
 _MOST_KNOWN: Final = 65_536
 _NOTHING: Final[tuple[Remark, ...]] = ()
 
@@ -81,7 +76,7 @@ class Diagnoses:
         """
         known_job = job.place, alike
         if known_job in self._known:
-            self._whole.usual(job, alike)
+            self._whole.usual(job)
             return _NOTHING
         if len(self._known) >= _MOST_KNOWN:
             self._known.clear()
@@ -250,13 +245,6 @@ def is_unlikely(block: Block) -> bool:
         if value and not least <= abs(value) <= _MOST:
             return True
     return False
-
-
-def is_likely(format_: int, raw: bytes) -> bool:
-    """Whether `is_unlikely` says no for sure: no such format, or by the first byte of a single Float32."""
-    if format_ not in _LEAST_NORMAL:
-        return True
-    return format_ == _FLOAT32 and len(raw) == 4 and _LEAST_BYTE <= raw[0] & 0x7F <= _MOST_BYTE
 
 
 _K = TypeVar("_K")

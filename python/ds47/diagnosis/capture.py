@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from ds47.diagnosis.repetition import Repetition, place_args
-from ds47.pairing import STATUS_NOT_READY, Alike, Job, Peer, UsualJob
+from ds47.pairing import STATUS_NOT_READY, Job, Peer, UsualJob
 from ds47.profidrive import decode_request
 from ds47.profinet.records import Record
 from ds47.profinet.status import status_hex
@@ -163,19 +163,13 @@ class WholeCapture:
         if change or job.polls or self._repetition.storms:
             self._repetition.closed(job, place)
 
-    def usual(self, job: UsualJob, alike: Alike) -> None:
+    def usual(self, job: UsualJob) -> None:
         """`closed` of a job that is like one before: only what is told of every one of them."""
         self._asked += 1
-        place, asked = job.place, job.asked
-        if alike.change:
-            self._changed(place.peer.device, asked.number, alike.pnus)
-        elif not self._repetition.storms:
-            return
-        spot = (place.api, place.slot, place.subslot, place.index)
-        channel = (place.peer.controller, place.peer.device, place.ar, spot)
-        if alike.change:
-            self._repetition.change(channel, job.data, asked.number, asked.time_ns)
-        self._repetition.calm(channel)
+        if self._repetition.storms:
+            place = job.place
+            spot = (place.api, place.slot, place.subslot, place.index)
+            self._repetition.calm((place.peer.controller, place.peer.device, place.ar, spot))
 
     def nothing_to_read(self, peer: Peer, record: Record) -> None:
         """A Read without record on a channel that has no request."""

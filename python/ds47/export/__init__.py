@@ -8,6 +8,7 @@ Nothing is printed here.
 
 from __future__ import annotations
 
+import errno
 import os
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Sequence
@@ -32,12 +33,14 @@ from ds47.report.places import Places
 
 from .anonymise import Anonymiser, Knowledge
 from .datagrams import Entry
+from .earlier import APPLICATION, OF_THE_ORIGINAL, is_earlier_export
 from .mapping import Key, KeyFileError
 from .messages import Copy, Message, Tracker
 from .original import Original
 from .selection import Chosen, Selection, SelectionError, choose
 
 __all__ = [
+    "LINK",
     "Key",
     "KeyFileError",
     "Outcome",
@@ -46,6 +49,8 @@ __all__ = [
     "display_filter",
     "export",
     "first_time",
+    "is_earlier_export",
+    "is_link_to_file",
 ]
 
 _OPERATIONS = {
@@ -104,6 +109,7 @@ def export(
     Raises:
         ds47.capture.CaptureError: nothing can be read.
         SelectionError: something is asked for that this capture does not have.
+        OSError: the target cannot be written; a link to a file is not followed.
         ValueError: frames of other protocols are wanted, and anonymised.
     """
     if key is not None and selection.all_frames:
@@ -338,6 +344,13 @@ def _finish(entries: Iterable[Entry], kept: bool) -> None:
 
 # Writing
 
+LINK = "it is a link to {target}, and links are not followed: name the file itself"
+
+
+def is_link_to_file(path: Path) -> bool:
+    """Whether writing to a path would write somewhere else. A link to a device or a pipe is none."""
+    return path.is_symlink() and (path.is_file() or not path.exists())
+
 
 def _write(
     frames: Iterable[RawFrame],
@@ -349,7 +362,9 @@ def _write(
     if not isinstance(target, str | Path):
         _write_all(frames, target, chosen, outcome, plain)
         return
-    path = Path(target).resolve()
+    path = Path(target)
+    if is_link_to_file(path):
+        raise OSError(errno.EEXIST, LINK.format(target=path.resolve()), str(path))
     special = path.exists() and not path.is_file()
     draft = path if special else path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
@@ -368,7 +383,7 @@ def _write_all(
     interfaces: dict[Interface, int] = {}
     # names of files say where somebody has measured: not in a copy without names
     places = Places(outcome.result.files if plain else ())
-    with PcapngWriter(stream, link_type=None, application=f"ds47 {__version__}") as writer:
+    with PcapngWriter(stream, link_type=None, application=APPLICATION + __version__) as writer:
         for frame in frames:
             about = frame.interface
             if about not in interfaces:
@@ -378,7 +393,7 @@ def _write_all(
                 )
             lines = [
                 *chosen.notes.get(frame.number, ()),
-                f"{places.words(frame.number)} of the original",
+                places.words(frame.number) + OF_THE_ORIGINAL,
             ]
             writer.write(
                 nearest(frame.time_ns),

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from ds47 import spec
 from ds47.profidrive import Block, Options, Request, Response, decode_request, decode_response
-from ds47.profidrive.model import ERROR
+from ds47.profidrive.model import ERROR, VALUE, Address
 from ds47.transactions import SIEMENS
 
 from .mapping import Key
@@ -28,8 +28,14 @@ _DOUBTS = frozenset(("DS303", "DS305", "DS309", "DS313", "DS315"))
 _HEADER = 4
 _ERROR_WORDS = 4
 """Bytes of an error block that say what is wrong: error number and additional information."""
-_KEPT = frozenset((974,))
-"""How long a message may be: it says nothing about the machine, and the analysis goes by it."""
+_LIMITS, _LAST_LIMIT = 974, 2
+"""How long a message may be: it says nothing about the machine, and the analysis goes by it.
+
+Subindices 0 to 2 of the profile; whatever else a drive puts there may be a text.
+"""
+_NUMBERS = frozenset(
+    ("Integer8", "Integer16", "Integer32", "Unsigned8", "Unsigned16", "Unsigned32")
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,23 +80,35 @@ class Rewriter:
         out = bytearray(data)
         addresses = question.addresses if question else []
         for number, block in enumerate(blocks):
-            pnu = addresses[number].pnu if number < len(addresses) else None
-            raw = self._block(block, pnu, vendor) + _unread(block.pad)
+            address = addresses[number] if number < len(addresses) else None
+            raw = self._block(block, address, vendor) + _unread(block.pad)
             start = block.offset + 2
             out[start : start + len(raw)] = raw
         if rest:
             out[len(out) - len(rest) :] = _unread(rest)
         return bytes(out)
 
-    def _block(self, block: Block, pnu: int | None, vendor: int | None) -> bytes:
-        """The values of a block; `pnu` is None where nobody knows which parameter they are of."""
+    def _block(self, block: Block, address: Address | None, vendor: int | None) -> bytes:
+        """The values of a block; `address` is None where nobody knows which parameter they are of."""
         if block.format == ERROR:
             return block.raw[:_ERROR_WORDS] + _unread(block.raw[_ERROR_WORDS:])
-        raw = _identity(self.key, pnu, vendor, block.raw)
+        if address is None:
+            return _values(self.key, block)
+        raw = _identity(self.key, address.pnu, vendor, block.raw)
         if raw is not None:
             return raw
-        change = (self.everything or pnu is None) and pnu not in _KEPT
+        change = self.everything and not _limits(address, block)
         return _values(self.key, block) if change else block.raw
+
+
+def _limits(address: Address, block: Block) -> bool:
+    """Whether the values are the limits of a message (PNU 974) as numbers, and nothing else."""
+    return (
+        address.pnu == _LIMITS
+        and address.attribute == VALUE
+        and block.format_name in _NUMBERS
+        and address.subindex + block.value_count <= _LAST_LIMIT + 1
+    )
 
 
 def _unread(data: bytes) -> bytes:

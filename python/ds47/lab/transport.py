@@ -116,7 +116,7 @@ def ip_fragments_disorder(stage: Stage) -> None:
     "ip-fragments-incomplete",
     "a fragment of the Read response is lost; the controller reads again",
     OK_READ,
-    rules="DS101 DS105",
+    rules="DS105",
 )
 def ip_fragments_incomplete(stage: Stage) -> None:
     """IP fragments, one of them lost."""
@@ -142,7 +142,7 @@ def rpc_fragments(stage: Stage) -> None:
     "rpc-fragments-incomplete",
     "the middle fragment of the Read response is lost; the controller reads again",
     OK_READ,
-    rules="DS101 DS105",
+    rules="DS105",
 )
 def rpc_fragments_incomplete(stage: Stage) -> None:
     """RPC fragments, one of them lost."""

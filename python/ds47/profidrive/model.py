@@ -89,8 +89,9 @@ class Address:
 class ErrorValue:
     """The words of an error block (docs/protocol.md A.7).
 
-    `code` and `info` are None where the block has no such word, and inside vendor messages, whose
-    words are no PROFIdrive error numbers. `spec.error_text` has the text.
+    `code` is the whole first word, 0..0xFFFF. `code` and `info` are None where the block has no such
+    word, and inside vendor messages where the first word is up to 0xFF: there it is no PROFIdrive
+    error number. `spec.error_text` has the text, `spec.error_hex` the number as people write it.
     """
 
     code: int | None

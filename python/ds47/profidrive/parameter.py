@@ -67,7 +67,8 @@ def decode_response(
     Args:
         data: the record, without the 64-byte header of the record block.
         request: the request it answers. The error words in the answer to a vendor request are no
-            error numbers of the profile. Reference, axis and count are not compared here.
+            error numbers of the profile, unless the answer is that it is not supported. Reference,
+            axis and count are not compared here.
         options: dialects.
     """
     head = _header(data)
@@ -83,7 +84,8 @@ def decode_response(
     if data[3] == 0 and not unsupported:
         flaws.append(Flaw("DS303", 3, {}))
     vendor = (known is not None and known.vendor) or (
-        request is not None and request.operation == "vendor"
+        # What a drive answers that does not know the request is the profile's.
+        request is not None and request.operation == "vendor" and not unsupported
     )
     if known is not None and known.body == "blocks" and not unsupported:
         blocks = _sound_blocks(data, data[3], options, vendor)
@@ -261,9 +263,13 @@ def _sound_blocks(data: bytes, count: int, options: Options, vendor: bool) -> li
 
 
 def _error_block(raw: bytes, count: int, start: int, vendor: bool) -> Block:
+    """The error number is the whole word: 0x0811 of one maker is not the profile's 0x11.
+
+    In a vendor message a word up to 0xFF would be taken for a number of the profile: it has none.
+    """
     words = [word for (word,) in struct.iter_unpack(">H", raw[: len(raw) & ~1])]
-    code = words[0] & 0xFF if words and not vendor else None
-    info = words[1] if len(words) > 1 and not vendor else None
+    code = words[0] if words and not (vendor and words[0] <= 0xFF) else None
+    info = words[1] if len(words) > 1 and code is not None else None
     return Block(ERROR, count, [], None, ErrorValue(code, info, words), raw, start)
 
 

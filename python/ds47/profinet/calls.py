@@ -25,8 +25,8 @@ class Call:
     """
 
     __slots__ = (
-        "_request", "_response", "answer", "answered", "asked", "context", "expected", "time_ns",
-        "usual",
+        "_request", "_response", "answer", "answered", "asked", "context", "expected", "in_part",
+        "time_ns", "usual",
     )  # fmt: skip
 
     def __init__(self, request: Pdu | None, asked: Frame | None, usual: Any, time_ns: int) -> None:
@@ -38,6 +38,8 @@ class Call:
         """That of the response, where the call is made of frames."""
         self.answered = False
         """Whether there was a response, or a fault."""
+        self.in_part = False
+        """Whether fragments of a response were seen."""
         self.usual = usual
         self.expected: Any = None
         """Of a Read that is made of frames: the job whose response it fetches, as far as that was known."""
@@ -103,19 +105,23 @@ class Handlers:
 
     request: Callable[[Call], None]
     response: Callable[[Call], None]
-    orphan_response: Callable[[Pdu], None]
+    orphan_response: Callable[[Pdu, bool], None]
+    """With whether it is certain that its request is not in the capture."""
     retransmission: Callable[[Call, Pdu], None]
     fault: Callable[[Call, Pdu], None]
     lost: Callable[[Call], None]
+    pushed_out: Callable[[Call, str], None]
+    """A call without a response that was given up for the limit of this name: one may still come."""
 
     def __init__(
         self,
         request: Callable[[Call], None],
         response: Callable[[Call], None],
-        orphan_response: Callable[[Pdu], None],
+        orphan_response: Callable[[Pdu, bool], None],
         retransmission: Callable[[Call, Pdu], None],
         fault: Callable[[Call, Pdu], None],
         lost: Callable[[Call], None],
+        pushed_out: Callable[[Call, str], None],
     ) -> None:
         self.request = request
         self.response = response
@@ -123,13 +129,14 @@ class Handlers:
         self.retransmission = retransmission
         self.fault = fault
         self.lost = lost
+        self.pushed_out = pushed_out
 
 
 class CallTracker:
     """Feeds on whole RPC messages in the order of the capture.
 
-    Memory is bounded by `Limits`; a call without response is reported as lost when it expires, when
-    it is pushed out, or at `finish`.
+    Memory is bounded by `Limits`; a call without response is reported as lost when it expires or at
+    `finish`, and as pushed out when there are too many.
     """
 
     def __init__(self, limits: Limits, handlers: Handlers) -> None:
@@ -141,6 +148,8 @@ class CallTracker:
         self._most_datagrams = limits.datagrams
         self.datagrams: dict[DatagramKey, int] = {}
         """The latest, and when they came."""
+        self._begun: OrderedDict[tuple[str, bytes, int], None] = OrderedDict()
+        """Requests of which fragments were seen, as far as is known."""
         self._order: deque[DatagramKey] = deque()
         """The same, the oldest first; an `OrderedDict` costs twice as much, and here every frame comes by."""
         self.counts = dict.fromkeys(
@@ -194,10 +203,31 @@ class CallTracker:
         else:
             self.counts[{1: "pings", 4: "working"}.get(pdu.ptype, "others")] += 1
 
+    def begun(self, pdu: Pdu) -> None:
+        """Takes a fragment that completes no message: its call is not without request or response."""
+        key = (pdu.client, pdu.activity)
+        if pdu.ptype == 0:
+            begun = self._begun
+            begun[*key, pdu.seq] = None
+            if len(begun) > self._limits.rpc_messages:
+                begun.popitem(last=False)
+        elif pdu.ptype == 2 and (activity := self.activities.get(key)) is not None:
+            call = activity.calls.get(pdu.seq)
+            if call is not None:
+                call.in_part = True
+
+    def open_call(self, pdu: Pdu) -> Call | None:
+        """The call without a response to which a part of one belongs; None for none."""
+        activity = self.activities.get((pdu.client, pdu.activity)) if pdu.ptype == 2 else None
+        call = activity.calls.get(pdu.seq) if activity is not None else None
+        return None if call is None or call.answered else call
+
     def finish(self) -> None:
         """The capture is over: every open call is lost."""
         while self.activities:
-            self._drop(self.activities.popitem(last=False)[1])
+            for call in self.activities.popitem(last=False)[1].calls.values():
+                if not call.answered:
+                    self._lose(call)
 
     def _request(self, pdu: Pdu) -> None:
         self.counts["requests"] += 1
@@ -240,14 +270,15 @@ class CallTracker:
                 self.expire(activity, pdu.time_ns)
             call = activity.calls.get(pdu.seq)
         if call is None:
-            self._handlers.orphan_response(pdu)
+            begun = (pdu.client, pdu.activity, pdu.seq) in self._begun
+            self._handlers.orphan_response(pdu, not begun)
             return
         before = call.response
         if before is None:
             call.response = pdu
             self._handlers.response(call)
         elif before.body != pdu.body:
-            self._handlers.orphan_response(pdu)
+            self._handlers.orphan_response(pdu, True)
 
     def _fault(self, pdu: Pdu) -> None:
         activity = self.activities.get((pdu.client, pdu.activity))
@@ -289,16 +320,13 @@ class CallTracker:
         while len(calls) > self._limits.calls:
             call = calls.pop(next(iter(calls)))
             if not call.answered:
-                self._lose(call)
+                self._handlers.pushed_out(call, "calls")
 
     def _make_room(self) -> None:
         while len(self.activities) > self._limits.activities:
-            self._drop(self.activities.popitem(last=False)[1])
-
-    def _drop(self, activity: Activity) -> None:
-        for call in activity.calls.values():
-            if not call.answered:
-                self._lose(call)
+            for call in self.activities.popitem(last=False)[1].calls.values():
+                if not call.answered:
+                    self._handlers.pushed_out(call, "activities")
 
     def _lose(self, call: Call) -> None:
         self.counts["unanswered"] += 1

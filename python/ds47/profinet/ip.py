@@ -13,6 +13,9 @@ from heapq import heappop, heappush
 
 UDP = 17
 
+Cut = tuple[int, int, int]
+"""Of a frame that the capture cut: number, captured bytes, bytes on the wire."""
+
 _HEADER = struct.Struct(">BxHHHxBxx4s4s")
 
 
@@ -21,7 +24,8 @@ class Datagram:
     """An IPv4 datagram or a fragment of one.
 
     `offset` is where `payload` lies in the whole datagram, in bytes; `more` is the flag that more
-    fragments follow. `missing` counts the bytes at the end of `payload` that were not captured.
+    fragments follow. `missing` counts the bytes at the end of `payload` that were not captured; `cut` is
+    the frame that lacks them, None where none does.
     """
 
     source: str
@@ -32,6 +36,7 @@ class Datagram:
     more: bool
     payload: bytes
     missing: int
+    cut: Cut | None
 
     def __init__(
         self,
@@ -43,6 +48,7 @@ class Datagram:
         more: bool,
         payload: bytes,
         missing: int,
+        cut: Cut | None = None,
     ) -> None:
         self.source = source
         self.destination = destination
@@ -52,6 +58,7 @@ class Datagram:
         self.more = more
         self.payload = payload
         self.missing = missing
+        self.cut = cut
 
     @property
     def whole(self) -> bool:
@@ -114,6 +121,9 @@ class Unfinished:
     pieces: dict[int, tuple[bytes, int]] = field(default_factory=dict)
     reach: int = 0
     beyond: list[int] = field(default_factory=list)
+    cut: Cut | None = None
+    limit: str = ""
+    """Name of the limit that pushed it out (spec/limits.toml); "" for none."""
 
     @property
     def have(self) -> int:
@@ -151,8 +161,8 @@ class Reassembler:
 
     Memory is bounded by `datagrams`, `fragments` and `most_bytes` of them: the oldest unfinished
     datagram goes first.
-    One that is not whole `expiry_ns` of capture time after its first fragment is given up. What is
-    given up is kept for `unfinished`, the newest `datagrams` of it.
+    One that is not whole `expiry_ns` of capture time after its first fragment is given up. Whoever
+    feeds takes `given_up` and empties it; what he leaves there stays.
     """
 
     def __init__(
@@ -168,7 +178,7 @@ class Reassembler:
         self._most_bytes = most_bytes
         self._open: OrderedDict[_Key, Unfinished] = OrderedDict()
         self._done: OrderedDict[_Key, Unfinished] = OrderedDict()
-        self._lost: list[Unfinished] = []
+        self.given_up: list[Unfinished] = []
         self._fragments = 0
         self._bytes = 0
         self._now_ns = 0
@@ -197,11 +207,12 @@ class Reassembler:
         while len(self._done) > 64:
             self._done.popitem(last=False)
         head = entry.head()
-        return Datagram(*key[:2], UDP, key[2], 0, False, head, entry.total - len(head))
+        missing = entry.total - len(head)
+        return Datagram(*key[:2], UDP, key[2], 0, False, head, missing, entry.cut)
 
     def unfinished(self) -> list[Unfinished]:
-        """What never became whole: given up, and still open; oldest first."""
-        return [*self._lost, *self._open.values()]
+        """What is still waited for, oldest first."""
+        return list(self._open.values())
 
     def _is_copy(self, key: _Key, part: Datagram) -> bool:
         """A mirror port's copy of a fragment of a datagram that just became whole.
@@ -221,6 +232,8 @@ class Reassembler:
             self._bytes += len(part.payload) - (len(known[0]) if known else 0)
             entry.pieces[part.offset] = (part.payload, part.length)
             heappush(entry.beyond, part.offset)
+            if entry.cut is None:
+                entry.cut = part.cut
         if not part.more and entry.total is None:
             entry.total = part.offset + part.length
 
@@ -239,18 +252,22 @@ class Reassembler:
             key, entry = next(iter(self._open.items()))
             if abs(self._now_ns - entry.first_ns) <= self._expiry_ns:
                 return
-            self._give_up(key)
+            self._give_up(key, "")
 
     def _make_room(self, newest: _Key) -> None:
-        while (
-            len(self._open) > self._most_datagrams
-            or self._fragments > self._most_fragments
-            or self._bytes > self._most_bytes
-        ) and next(iter(self._open)) != newest:
-            self._give_up(next(iter(self._open)))
+        while (limit := self._over()) and next(iter(self._open)) != newest:
+            self._give_up(next(iter(self._open)), limit)
 
-    def _give_up(self, key: _Key) -> None:
+    def _over(self) -> str:
+        """The limit that is passed, "" for none."""
+        if len(self._open) > self._most_datagrams:
+            return "ip_datagrams"
+        if self._fragments > self._most_fragments:
+            return "ip_fragments"
+        return "fragment_bytes" if self._bytes > self._most_bytes else ""
+
+    def _give_up(self, key: _Key, limit: str) -> None:
         entry = self._close(key)
         if 0 in entry.pieces:  # without the beginning nobody can tell whose it was
-            self._lost.append(entry)
-            del self._lost[: -self._most_datagrams]
+            entry.limit = limit
+            self.given_up.append(entry)

@@ -8,7 +8,7 @@ here: which frames are worth it (ds47.capture.scan), fragments (ip.py), what is 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -38,9 +38,9 @@ class Packet:
     * "udp": `payload` is that of the UDP datagram, a PROFINET RPC PDU (docs/protocol.md E.2);
     * "dcp": `payload` begins with the frame id;
     * "lldp": `payload` is the LLDPDU.
-    `missing` counts the payload bytes that the snap length cut off. `frame` and `time_ns`
-    (nanoseconds since 1970) are those of the frame that completes it. MAC addresses are None where
-    the link type has none.
+    `missing` counts the payload bytes that the snap length cut off, `cut` is the frame in which it did.
+    `frame` and `time_ns` (nanoseconds since 1970) are those of the frame that completes it. MAC addresses
+    are None where the link type has none.
     """
 
     kind: Kind
@@ -55,6 +55,7 @@ class Packet:
     dst_port: int
     ip_id: int
     missing: int
+    cut: ip.Cut | None
 
     def __init__(
         self,
@@ -70,6 +71,7 @@ class Packet:
         dst_port: int = 0,
         ip_id: int = 0,
         missing: int = 0,
+        cut: ip.Cut | None = None,
     ) -> None:
         self.kind = kind
         self.frame = frame
@@ -83,12 +85,18 @@ class Packet:
         self.dst_port = dst_port
         self.ip_id = ip_id
         self.missing = missing
+        self.cut = cut
 
 
-def dissect(frame: Frame, reassembler: ip.Reassembler | None = None) -> Packet | None:
+def dissect(
+    frame: Frame,
+    reassembler: ip.Reassembler | None = None,
+    begun: Callable[[Packet], None] | None = None,
+) -> Packet | None:
     """Return what the frame brings; None when it is none of our business or not whole yet.
 
-    A fragment goes into `reassembler`; without one it brings nothing. Never raises on any bytes.
+    A fragment goes into `reassembler`; without one it brings nothing. `begun` is told of one that
+    begins a datagram and does not complete it. Never raises on any bytes.
     """
     data = frame.data
     kind, at = network_layer(data, 0, len(data), frame.link_type)
@@ -96,13 +104,12 @@ def dissect(frame: Frame, reassembler: ip.Reassembler | None = None) -> Packet |
         datagram = ip.parse(data, at)
         if datagram is None or datagram.protocol != ip.UDP:
             return None
+        if frame.original_length > len(data):
+            datagram.cut = (frame.number, len(data), frame.original_length)
         if not datagram.whole:
-            if reassembler is None:
-                return None
-            datagram = reassembler.feed(datagram, frame.number, frame.time_ns)
-            if datagram is None:
-                return None
-        packet = _udp(datagram, frame.number, frame.time_ns)
+            packet = None if reassembler is None else _joined(datagram, frame, reassembler, begun)
+        else:
+            packet = _udp(datagram, frame.number, frame.time_ns)
     elif kind == PROFINET and int.from_bytes(data[at : at + 2], "big") in DCP_FRAME_IDS:
         packet = Packet("dcp", frame.number, frame.time_ns, data[at:])
     elif kind == LLDP:
@@ -114,6 +121,23 @@ def dissect(frame: Frame, reassembler: ip.Reassembler | None = None) -> Packet |
         if kind != IPV4:
             packet.missing = max(0, frame.original_length - len(data))
     return packet
+
+
+def _joined(
+    part: ip.Datagram,
+    frame: Frame,
+    reassembler: ip.Reassembler,
+    begun: Callable[[Packet], None] | None,
+) -> Packet | None:
+    """What a fragment completes; `begun` is told of it where it begins something."""
+    whole = reassembler.feed(part, frame.number, frame.time_ns)
+    if whole is not None:
+        return _udp(whole, frame.number, frame.time_ns)
+    if begun is not None and part.offset == 0:
+        first = _udp(part, frame.number, frame.time_ns)
+        if first is not None:
+            begun(first)
+    return None
 
 
 def _udp(datagram: ip.Datagram, frame: int, time_ns: int) -> Packet | None:
@@ -132,7 +156,7 @@ def _udp(datagram: ip.Datagram, frame: int, time_ns: int) -> Packet | None:
         "udp", frame, time_ns, payload,
         src_ip=datagram.source, dst_ip=datagram.destination,
         src_port=source, dst_port=destination,
-        ip_id=datagram.identification, missing=missing,
+        ip_id=datagram.identification, missing=missing, cut=datagram.cut,
     )  # fmt: skip
 
 
@@ -156,9 +180,16 @@ def mac(data: bytes) -> str:
 class PacketSource:
     """Iterates over the packets of a capture (any iterable of frames), fragments put together."""
 
-    def __init__(self, frames: Iterable[Frame], reassembler: ip.Reassembler | None = None) -> None:
+    def __init__(
+        self,
+        frames: Iterable[Frame],
+        reassembler: ip.Reassembler | None = None,
+        begun: Callable[[Packet], None] | None = None,
+    ) -> None:
+        """`begun` is told of a fragment that begins a datagram and does not complete it."""
         self._frames = frames
         self._reassembler = reassembler or ip.Reassembler()
+        self._begun = begun
 
     def __iter__(self) -> Iterator[Packet]:
         for frame in self._frames:
@@ -168,23 +199,42 @@ class PacketSource:
 
     def packet(self, frame: Frame) -> Packet | None:
         """What one frame brings; None where that is nothing, or a datagram that is not whole yet."""
-        return dissect(frame, self._reassembler)
+        return dissect(frame, self._reassembler, self._begun)
+
+    def given_up(self) -> list[tuple[Packet, int, str]]:
+        """PROFINET datagrams that are not waited for any more, each told once.
+
+        Packet and number of fragments as in `unfinished`; then the name of the limit that pushed the
+        datagram out (spec/limits.toml), "" where its time was over.
+        """
+        entries = self._reassembler.given_up
+        if not entries:
+            return []
+        self._reassembler.given_up = []
+        return [
+            (packet, len(entry.pieces), entry.limit)
+            for entry in entries
+            if (packet := _as_far_as_it_goes(entry)) is not None
+        ]
 
     def unfinished(self) -> list[tuple[Packet, int]]:
-        """PROFINET datagrams whose fragments never became whole, with the number of bytes seen.
+        """PROFINET datagrams that are still waited for, with the number of fragments seen.
 
         The packet holds the payload up to the first hole; `missing` counts what is known to lack,
         and its frame and time are those of the last fragment seen. MAC addresses are not kept.
         """
-        found = []
-        for entry in self._reassembler.unfinished():
-            head = entry.head()
-            total = entry.total if entry.total is not None else entry.have
-            datagram = ip.Datagram(
-                entry.source, entry.destination, ip.UDP, entry.identification, 0, False, head,
-                max(0, total - len(head)),
-            )  # fmt: skip
-            packet = _udp(datagram, entry.frame, entry.time_ns)
-            if packet is not None:
-                found.append((packet, entry.have))
-        return found
+        return [
+            (packet, len(entry.pieces))
+            for entry in self._reassembler.unfinished()
+            if (packet := _as_far_as_it_goes(entry)) is not None
+        ]
+
+
+def _as_far_as_it_goes(entry: ip.Unfinished) -> Packet | None:
+    head = entry.head()
+    total = entry.total if entry.total is not None else entry.have
+    datagram = ip.Datagram(
+        entry.source, entry.destination, ip.UDP, entry.identification, 0, False, head,
+        max(0, total - len(head)),
+    )  # fmt: skip
+    return _udp(datagram, entry.frame, entry.time_ns)

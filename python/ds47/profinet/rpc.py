@@ -8,15 +8,15 @@ Which response belongs to which request is decided in `calls`.
 from __future__ import annotations
 
 import struct
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 from ds47.capture import Frame
 from ds47.capture.scan import ETHERNET, IPV4, UDP, UUIDS
-from ds47.profinet.ip import address
+from ds47.profinet.ip import Cut, address
 from ds47.profinet.link import Packet, mac
 
 HEADER_LENGTH: Final = 80
@@ -53,8 +53,9 @@ _PNIO_NODE: Final = bytes.fromhex("827100a02442df7d")
 class Pdu:
     """One DCE/RPC PDU, or one message put together from its fragments.
 
-    `body` is what follows the 80-byte header, `missing` the bytes of it that the capture cut off.
-    UUIDs are in network order whatever the PDU used; `little` tells the order of the NDR header.
+    `body` is what follows the 80-byte header, `missing` the bytes of it that are not there, and `cut` the
+    frame that the capture cut, if it did; else the header says more than the datagram holds. UUIDs are in
+    network order whatever the PDU used; `little` tells the order of the NDR header.
     """
 
     ptype: int
@@ -78,6 +79,7 @@ class Pdu:
     """The IP address of the side that called."""
     server: str
     """The IP address of the side that was called."""
+    cut: Cut | None
 
     def __init__(
         self,
@@ -100,6 +102,7 @@ class Pdu:
         source_mac: str | None,
         client: str,
         server: str,
+        cut: Cut | None = None,
     ) -> None:
         self.ptype = ptype
         self.little = little
@@ -120,6 +123,7 @@ class Pdu:
         self.source_mac = source_mac
         self.client = client
         self.server = server
+        self.cut = cut
 
 
 def parse(packet: Packet) -> Pdu | None:
@@ -146,7 +150,7 @@ def parse(packet: Packet) -> Pdu | None:
         ptype, little, _UUID.pack(o1, o2, o3, o4), _UUID.pack(a1, a2, a3, a4), seq, opnum,
         fragment, flags & _LAST_FRAGMENT != 0, fragmented, body, length - len(body),
         packet.frame, packet.time_ns, packet.src_ip, packet.dst_ip, packet.ip_id, packet.src_mac,
-        client, server,
+        client, server, packet.cut if length > len(body) else None,
     )  # fmt: skip
 
 
@@ -205,11 +209,14 @@ def from_frame(frame: Frame) -> Pdu | None:
     if _BODY_START + length < end:
         end = _BODY_START + length
     body = data[_BODY_START:end]
+    cut = None
+    if length > len(body) and frame.original_length > len(data):
+        cut = (frame.number, len(data), frame.original_length)
     return Pdu(
         ptype, little, uuids[0], uuids[1], seq, opnum, fragment,
         rpc_flags & _LAST_FRAGMENT != 0, rpc_flags & _FRAGMENT != 0,
         body, length - len(body), frame.number, frame.time_ns,
-        source, destination, ip_id, station, client, server,
+        source, destination, ip_id, station, client, server, cut,
     )  # fmt: skip
 
 
@@ -282,8 +289,24 @@ class _Partial:
             self.bytes += len(pdu.body)
 
 
+class GivenUp(NamedTuple):
+    """An RPC message that is not waited for any more.
+
+    Attributes:
+        pdu: its first fragment, or the first that was seen.
+        have: number of its fragments.
+        limit: name of the limit that pushed it out (spec/limits.toml); "" where its time was over.
+    """
+
+    pdu: Pdu
+    have: int
+    limit: str
+
+
 class Fragments:
     """Puts fragmented RPC messages together; bounded in number and in capture time.
+
+    Whoever feeds takes `given_up` and empties it; what he leaves there stays.
 
     Args:
         expiry_ns: how long an incomplete message is kept, nanoseconds of capture time.
@@ -304,7 +327,7 @@ class Fragments:
         self._most_fragments = fragments
         self._most_bytes = most_bytes
         self._partial: OrderedDict[tuple[str, bytes, int, int], _Partial] = OrderedDict()
-        self._given_up: deque[tuple[Pdu, int]] = deque(maxlen=limit)
+        self.given_up: list[GivenUp] = []
         self._fragments = 0
         self._bytes = 0
 
@@ -315,7 +338,7 @@ class Fragments:
         key = (pdu.source, pdu.activity, pdu.seq, pdu.ptype)
         partial = self._partial.get(key)
         if partial is not None and self._is_old(partial, pdu.time_ns):
-            self._give_up(key)  # the sequence number came round: this is another message
+            self._give_up(key, "")  # the sequence number came round: this is another message
             partial = None
         if partial is None:
             self._make_room(pdu.time_ns)
@@ -326,8 +349,8 @@ class Fragments:
         self._fragments += len(partial.parts) - before
         self._bytes += partial.bytes - bytes_before
         if partial.last is None or len(partial.parts) <= partial.last:
-            while self._fragments > self._most_fragments or self._bytes > self._most_bytes:
-                self._give_up(next(iter(self._partial)))
+            while limit := self._over():
+                self._give_up(next(iter(self._partial)), limit)
             return None
         del self._partial[key]
         self._fragments -= len(partial.parts)
@@ -341,19 +364,26 @@ class Fragments:
     def _make_room(self, now: int) -> None:
         while self._partial:
             key, oldest = next(iter(self._partial.items()))
-            if not self._is_old(oldest, now) and len(self._partial) < self._limit:
+            old = self._is_old(oldest, now)
+            if not old and len(self._partial) < self._limit:
                 return
-            self._give_up(key)
+            self._give_up(key, "" if old else "rpc_messages")
 
-    def _give_up(self, key: tuple[str, bytes, int, int]) -> None:
+    def _over(self) -> str:
+        """The limit that is passed, "" for none."""
+        if self._fragments > self._most_fragments:
+            return "rpc_fragments"
+        return "fragment_bytes" if self._bytes > self._most_bytes else ""
+
+    def _give_up(self, key: tuple[str, bytes, int, int], limit: str) -> None:
         partial = self._partial.pop(key)
         self._fragments -= len(partial.parts)
         self._bytes -= partial.bytes
-        self._given_up.append(_beginning(partial))
+        self.given_up.append(GivenUp(*_beginning(partial), limit))
 
     def unfinished(self) -> list[tuple[Pdu, int]]:
-        """First fragment (or the first seen) and number of fragments of all that never became whole."""
-        return [*self._given_up, *map(_beginning, self._partial.values())]
+        """First fragment (or the first seen) and number of fragments of all that are still waited for."""
+        return [_beginning(partial) for partial in self._partial.values()]
 
 
 def _beginning(partial: _Partial) -> tuple[Pdu, int]:
@@ -374,6 +404,7 @@ def join(parts: Sequence[Pdu]) -> Pdu:
     What stands behind a hole is at no known place in the record: it counts as missing too.
     """
     whole = parts[0]
+    whole.cut = next((part.cut for part in parts if part.missing and part.cut), None)
     length = sum(len(part.body) + part.missing for part in parts)
     cut = next((number for number, part in enumerate(parts) if part.missing), len(parts))
     whole.body = b"".join(part.body for part in parts[: cut + 1])

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, cast
 
 from ds47 import __version__
+from ds47.batch.tasks import in_folders
 from ds47.capture.names import PACKED, SUFFIXES, is_export
 from ds47.capture.rings import common_name, may_be_part
 from ds47.model import CaptureResult
@@ -23,6 +24,7 @@ SCHEMA = "ds47.baseline/1"
 SUFFIX = ".ds47.json"
 _WIDTH = 100
 _GONE = "its capture is gone: restore it, or delete this stored result"
+_PARTS = "its captures are the files of a series; use --series (pytest: --ds47-series)"
 _EXPORT = "its capture is an export, which folders leave out: name it, or rename both"
 
 
@@ -54,19 +56,22 @@ def names_for(capture: str) -> tuple[str, ...]:
     return _stem(capture) + SUFFIX, capture + SUFFIX, common_name(capture) + SUFFIX
 
 
-def orphans(folder: Path) -> Iterator[tuple[Path, str]]:
-    """The stored results in a folder, with all below it, whose capture is not found there.
+def orphans(names: Sequence[str], *, series: bool) -> Iterator[tuple[str, str]]:
+    """The stored results among the names of one folder whose capture is not looked at there.
 
-    Each with what is the matter, and what to do.
+    Each with what is the matter, and what to do. `series`: the files of a series are one capture.
     """
-    for parent, below, names in os.walk(folder):
-        below.sort()
-        captures = (name for name in names if may_be_part(name))
-        found = {each for name in captures for each in names_for(name)}
-        exports = {each for name in names if is_export(name) for each in names_for(name)}
-        for name in sorted(names):
-            if name.endswith(SUFFIX) and name not in found:
-                yield Path(parent, name), _EXPORT if name in exports else _GONE
+    found = _results_of(filter(in_folders(series), names))
+    parts = _results_of(filter(may_be_part, names))
+    exports = _results_of(filter(is_export, names))
+    for name in sorted(names):
+        if name.endswith(SUFFIX) and name not in found:
+            why = _PARTS if name in parts else _EXPORT if name in exports else _GONE
+            yield name, why
+
+
+def _results_of(captures: Iterable[str]) -> set[str]:
+    return {each for name in captures for each in names_for(name)}
 
 
 def _stem(name: str) -> str:

@@ -17,6 +17,7 @@ from math import isclose
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ds47 import spec
 from ds47.model import SEVERITIES, CaptureFile
 from ds47.regression.config import Config, ParameterTolerance
 from ds47.report import load
@@ -273,7 +274,7 @@ class Comparison:
     # What stands beside the transactions
 
     def _alone(self, kind: str, old: int | None, new: int | None, item: Json) -> Change:
-        asked = ", ".join(f"p{each['pnu']}[{each['subindex']}]" for each in item["parameters"][:3])
+        asked = ", ".join(map(_address, item["parameters"][:3]))
         text = self._say(f"change_{kind}", number=str(item["id"]), operation=operation(item["operation"]),
                          asked=asked or "-", state=state(item["state"]))  # fmt: skip
         pnu = next((each["pnu"] for each in item["parameters"]), None)
@@ -405,9 +406,16 @@ def _order(pair: tuple[int | None, int | None]) -> tuple[int, int]:
 
 
 def _sentence(finding: Json, lang: str) -> str:
-    """What a finding of a result says, now, whatever was said when it was stored."""
-    item = load.finding(finding)
-    return message(sentence(item, lang), item.offset, lang)
+    """What a finding of a result says, now, whatever was said when it was stored.
+
+    That only where the arguments are not those of a rule of this version.
+    """
+    try:
+        item = load.finding(finding)
+        text, offset = sentence(item, lang), item.offset
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError):
+        text, offset = load.message(finding["message"])
+    return message(text, offset, lang)
 
 
 def _frozen(item: Any) -> Any:
@@ -417,6 +425,12 @@ def _frozen(item: Any) -> Any:
     return tuple(map(_frozen, item)) if isinstance(item, list) else item
 
 
+def _address(parameter: Json) -> str:
+    """`p2900[0]`; `p?` where no request names it."""
+    pnu, subindex = parameter["pnu"], parameter["subindex"]
+    return "p?" if pnu is None else f"p{pnu}[{subindex}]"
+
+
 def _outcome(parameter: Json) -> Both:
     error = parameter.get("error")
     if error is None:
@@ -424,7 +438,7 @@ def _outcome(parameter: Json) -> Both:
         if len(values) == 1:
             return say("change_outcome_value", value=_show(values[0]))
         return say("change_outcome_answered")
-    code = "-" if error["code"] is None else f"0x{error['code']:02X}"
+    code = "-" if error["code"] is None else spec.error_hex(error["code"])
     return say("change_outcome_refused", error=f"{code} {error['text']}")
 
 

@@ -15,6 +15,7 @@ from math import erf, sqrt
 from statistics import median
 from typing import Any, NamedTuple
 
+from ds47 import spec
 from ds47.regression.compare import Json
 
 SIGNIFICANT = 0.01
@@ -180,7 +181,7 @@ def _note(histories: dict[Place, History], device: str, item: Json, each: Json) 
 def _refusal(item: Json, each: Json) -> str | None:
     if each["error"] is not None:
         code = each["error"]["code"]
-        return f"{'-' if code is None else f'0x{code:02X}'} {each['error']['text']}".strip()
+        return f"{'-' if code is None else spec.error_hex(code)} {each['error']['text']}".strip()
     if item["state"] == "refused":
         status = item["status"]
         return next(

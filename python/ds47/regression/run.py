@@ -1,16 +1,18 @@
 """One capture against its stored result: analyse, load, compare, and whether that is a failure.
 
-What `ds47 check`, `ds47 accept` and the pytest plugin have in common.
+What `ds47 check`, `ds47 accept` and the pytest plugin have in common: also what of a folder there is to
+check, its captures and the stored results that have none.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ds47.analysis import AnalysisOptions
-from ds47.batch.tasks import Task, read
+from ds47.batch.tasks import Task, in_folders, plan, read
 from ds47.capture import CaptureError
 from ds47.capture.rings import common_name
 from ds47.model import SEVERITIES, CaptureResult
@@ -111,27 +113,42 @@ def readable(task: Task, options: AnalysisOptions) -> CaptureResult:
     return result
 
 
-def lonely(folder: str, fail_on: str | None = None) -> Iterator[Outcome]:
-    """A failed outcome for each stored result in a folder whose capture is not found there.
+@dataclass(frozen=True, slots=True)
+class Lonely:
+    """A stored result whose capture is not looked at: a test that lost its recording would pass for ever."""
 
-    A test that lost its recording would pass for ever.
+    place: Path
+    error: str
 
-    Args:
-        folder: searched with all below it.
-        fail_on: as in `check`.
+    def outcome(self, fail_on: str | None = None) -> Outcome:
+        """What a check says of it: it fails. `fail_on` and ConfigError as in `check`."""
+        settings = config.find(self.place)
+        label = settings.label(self.place)
+        fail_on = fail_on or settings.fail_on
+        return Outcome(str(self.place), self.place, error=self.error, label=label, fail_on=fail_on)
 
-    Raises:
-        ds47.regression.config.ConfigError: as in `check`.
-    """
-    for stored, error in baseline.orphans(Path(folder)):
-        settings = config.find(stored)
-        yield Outcome(
-            str(stored),
-            stored,
-            error=error,
-            label=settings.label(stored),
-            fail_on=fail_on or settings.fail_on,
-        )
+
+@dataclass(frozen=True, slots=True)
+class Content:
+    """What of one folder there is to check: all that a check, and a run of pytest, has to look at."""
+
+    tasks: list[Task]
+    lonely: list[Lonely]
+
+
+def content(folder: Path, names: Sequence[str], *, series: bool) -> Content:
+    """What there is to check of a folder (not of those below it) with files of these names."""
+    captures = sorted(str(folder / name) for name in names if in_folders(series)(name))
+    gone = [Lonely(folder / name, error) for name, error in baseline.orphans(names, series=series)]
+    return Content(plan(captures, series), gone)
+
+
+def lonely(folder: str, *, series: bool) -> Iterator[Lonely]:
+    """The stored results in a folder, with all below it, whose capture is not looked at."""
+    for parent, below, names in os.walk(folder):
+        below.sort()
+        for name, error in baseline.orphans(names, series=series):
+            yield Lonely(Path(parent, name), error)
 
 
 def check(

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from statistics import median
 from typing import Any
 
+from ds47 import spec
 from ds47.regression.compare import Change, Json
 from ds47.report.bilingual import Both, joined, say
 from ds47.report.wrap import columns, padded
@@ -91,7 +92,7 @@ class Summary:
                         cover[key][str(each[key])] += 1
                 if each["error"] is not None:
                     code = each["error"]["code"]
-                    cover["error"]["-" if code is None else f"0x{code:02X}"] += 1
+                    cover["error"]["-" if code is None else spec.error_hex(code)] += 1
         for finding in now["findings"]:
             cover["rule"][finding["rule"]] += 1
 

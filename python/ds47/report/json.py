@@ -65,8 +65,8 @@ def _second(seconds: int) -> str:
 
 
 def milliseconds(duration_ns: int | None) -> float | None:
-    """A duration in ms, correctly rounded from integer nanoseconds."""
-    return None if duration_ns is None else duration_ns / 1_000_000
+    """A duration in ms, correctly rounded from integer nanoseconds (beyond 2^53 rounded twice, as in Lua)."""
+    return None if duration_ns is None else duration_ns / 1e6
 
 
 def status(word: int | None) -> str | None:
@@ -183,7 +183,7 @@ def transaction_text(item: Transaction) -> str:
         f'"read_request": {_number(frames_.read_request)}, '
         f'"read_response": {_number(frames_.read_response)}, '
         f'"polls": {polls}, "rereads": {reads}}}, "start": "{timestamp(item.start_ns)}", '
-        f'"duration_ms": {_NULL if took is None else took / 1_000_000}, '
+        f'"duration_ms": {_NULL if took is None else took / 1e6}, '
         f'"bytes": {{"request": {_hex(request)}, "response": {_hex(response)}}}, '
         f'"status": {{"write": {_NULL if write is None else f"""{_QUOTE}{write:08X}{_QUOTE}"""}, '
         f'"read": {_NULL if read is None else f"""{_QUOTE}{read:08X}{_QUOTE}"""}}}, '

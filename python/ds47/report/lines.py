@@ -1,11 +1,11 @@
 """Usual transactions as lines of JSON, without decoding what was decoded before.
 
-A program asks the same parameters again and again, and the answers differ in nothing but the values; so do its
-changes. Of the first such pair of messages about which there was nothing to say (decoded and judged with care,
+A program asks the same parameters again and again, and the answers differ in nothing but the values.
+Of the first such pair of messages about which there was nothing to say (decoded and judged with care,
 `ds47.analysis`) the shape is kept: every byte that is no value, and for each value block its codec and its
 text up to the values. A pair that has the same bytes in these places differs in no other way, because
-no rule looks at the values alone, and no diagnosis at other ones than `is_unlikely` says;
-`Judge.is_plain` says when a rule looks at more than the pair.
+no rule and no diagnosis looks at the values alone; `Judge.is_plain` says when a rule looks at more than
+the pair.
 
 What a line looks like stands in `ds47.report.json`.
 """
@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from json.encoder import encode_basestring as _quoted
 
 from ds47.capture import Frame
-from ds47.diagnosis import is_likely, is_unlikely
 from ds47.model import Line, Transaction
 from ds47.pairing import Alike, Job, Place, UsualJob
 from ds47.profidrive import Block, Options
@@ -27,7 +26,7 @@ from ds47.profidrive.parameter import sound_codecs
 from ds47.profinet.records import NIL_UUID
 from ds47.report import json
 from ds47.report.json import SECOND_NS, list_text, timestamp
-from ds47.rules import Change, Judge
+from ds47.rules import Judge
 from ds47.transactions import build, uuid_text
 from ds47.usual import Lines
 
@@ -65,7 +64,6 @@ class _Values:
     """The text up to the values, from those of the block before."""
     after: str
     """What always stands behind them."""
-    format: int
     count: int
     codec: Codec
     write: Callable[[bytes], str] | None
@@ -78,7 +76,6 @@ class _Values:
         self.after = '], "scaled": null, "error": null}'
         if codec.scale is not None:
             self.after = ', "error": null}'
-        self.format = block.format
         self.count = block.value_count
         self.codec = codec
         self.write = codec.text(self.count) if codec.text is not None and self.count else None
@@ -100,49 +97,33 @@ class _Values:
         self.raw, self.text = raw, shown
         return shown
 
-    def is_unlikely(self) -> bool:
-        """`ds47.diagnosis.is_unlikely` of the block of which `read` was the last."""
-        raw, count = self.raw, self.count
-        if is_likely(self.format, raw):
-            return False
-        return is_unlikely(
-            Block(self.format, count, self.codec.decode(raw, count), None, None, raw)
-        )
-
 
 @dataclass(slots=True, eq=False, init=False)
 class _Shape:
-    """A usual request with its usual answer, and how to write them.
-
-    `values` is the message that has the values: of a change the request, else the answer.
-    """
+    """A usual question with its usual answer, which has the values, and how to write them."""
 
     alike: Alike
     values: _Mask
-    other: bytes
-    """The other message, without its reference."""
+    question: bytes
+    """Without its reference."""
     blocks: list[_Values]
     end: str
     """Of the text, behind the last values."""
-    remembered: Change | None
-    """What is to be remembered of a change."""
     reads: frozenset[int]
 
     def __init__(
         self,
-        change: bool,
         values: _Mask,
-        other: bytes,
+        question: bytes,
         blocks: list[_Values],
         pnus: tuple[int, ...],
     ) -> None:
-        self.alike = Alike(change, pnus)
+        self.alike = Alike(pnus)
         self.values = values
-        self.other = other
+        self.question = question
         self.blocks = blocks
         self.end = f"{blocks[-1].after}]"
-        self.remembered = None
-        self.reads = frozenset() if change else frozenset(self.alike.pnus)
+        self.reads = frozenset(pnus)
 
 
 class JsonLines(Lines):
@@ -162,10 +143,8 @@ class JsonLines(Lines):
         shape = self._shapes.get(_key(job, answer))
         if shape is None or accepted is None:
             return False
-        change = shape.alike.change
-        valued, other = (data, answer) if change else (answer, data)
-        parts = shape.values.unpack(valued)
-        if other[1:] != shape.other or parts[::2] != shape.values.fixed:
+        parts = shape.values.unpack(answer)
+        if data[1:] != shape.question or parts[::2] != shape.values.fixed:
             return False
         if not judge.is_plain(job, accepted, read, frame, shape.reads):
             return False
@@ -175,11 +154,6 @@ class JsonLines(Lines):
             texts.append(each.head)
             texts.append(each.read(parts[at]))
             at += 2
-        if shape.remembered is not None:
-            for each in shape.blocks:
-                if each.is_unlikely():
-                    return False
-            judge.changed(job, shape.remembered, parts)
         texts.append(shape.end)
         job.alike = shape.alike
         job.texts = texts
@@ -190,10 +164,8 @@ class JsonLines(Lines):
         if request is None or response is None or half is None:
             return
         transaction = build(job, lang)
-        change = transaction.operation == "change"
-        found = request.blocks if change else response.blocks
-        usual_kind = transaction.state == "ok" and transaction.operation in ("change", "read")
-        if not usual_kind or not found or (change and len(half.data) != _HEADER):
+        found = response.blocks
+        if transaction.state != "ok" or transaction.operation != "read" or not found:
             return
         blocks: list[_Values] = []
         for block, about in zip(found, transaction.parameters, strict=True):
@@ -202,13 +174,10 @@ class JsonLines(Lines):
                 return
             before = f"{blocks[-1].after}, " if blocks else ""
             blocks.append(_Values(before + json.parameter_head(about), block, sound[1]))
-        valued, other = (usual.data, half.data) if change else (half.data, usual.data)
         if len(self._shapes) >= _MOST_SHAPES:
             self._shapes.clear()
         pnus = tuple([each.pnu for each in request.addresses])
-        shape = _Shape(change, _Mask(valued, found), other[1:], blocks, pnus)
-        if change:
-            shape.remembered = Change(request.addresses, found, [each.codec for each in blocks])
+        shape = _Shape(_Mask(half.data, found), usual.data[1:], blocks, pnus)
         self._shapes[_key(usual, half.data)] = shape
 
     def usual(self, job: UsualJob) -> Line:
@@ -218,9 +187,9 @@ class JsonLines(Lines):
         assert read is not None
         assert answered is not None
         place = job.place
-        head = place.heads.get(job.alike.operation)
+        head = place.head
         if head is None:
-            head = place.heads[job.alike.operation] = _head(place, job.alike.operation)
+            head = place.head = _head(place)
         return Line(
             asked.number,
             0,
@@ -258,12 +227,12 @@ def _key(job: UsualJob, answer: bytes) -> tuple[bytes, int, int, int | None]:
     return question, len(data), len(answer), job.place.peer.vendor_id
 
 
-def _head(place: Place, operation: str) -> str:
+def _head(place: Place) -> str:
     """What a line says up to the request reference."""
     peer = place.peer
     ar = "null" if place.ar == NIL_UUID else f'"{uuid_text(place.ar)}"'
     return (
-        f'"operation": "{operation}", "state": "ok", '
+        '"operation": "read", "state": "ok", '
         f'"controller": {_quoted(peer.controller)}, "device": {_quoted(peer.device)}, "ar": {ar}, '
         f'"api": {place.api}, "slot": {place.slot}, "subslot": {place.subslot}, '
         f'"index": {place.index}, "request_reference": '

@@ -21,8 +21,11 @@ NOT_READY: Final = 0xDE80B500
 NEGATIVE: Final = 0x80
 """The bit of byte 1 of a response that says that it is a negative one (docs/protocol.md A.3)."""
 
-_LEFT_OUT: Final = {"DS101": "unseen", "DS104": "fault", "DS108": "bare", "DS207": "empty"}
+_LEFT_OUT: Final = {
+    "DS101": "unseen", "DS104": "fault", "DS105": "unseen", "DS108": "bare", "DS207": "empty",
+}  # fmt: skip
 """Rules about a call that brought no record, and what the call ended with."""
+_IN_PART: Final = "DS105"
 _CUT: Final = "DS106"
 _HEADER: Final = (("mirror_reference", 0), ("mirror_axis", 2), ("mirror_count", 3))
 """The bytes of a request that its response mirrors, but for byte 1."""
@@ -61,15 +64,15 @@ class Witness:
         for each in result.findings:
             if each.rule in _LEFT_OUT and each.transaction is not None:
                 self._calls.setdefault(each.transaction, []).append(each)
-            elif each.rule == _CUT and isinstance(each.args.get("original"), int):
-                self._lengths[each.frame] = each.args["original"]
+            elif each.rule == _CUT and "length" in each.args:
+                self._lengths[each.args["completed"]] = each.args["length"]
         self._waits = _waits(result.transactions)
 
     def saw(self, item: Transaction) -> list[Call]:
         """The calls of a transaction in their order."""
         found = self._calls.get(item.id, [])
-        left_out = _left_out(item, found)
-        wait = self._waits.get(item.id, "unseen")
+        left_out, in_part = _left_out(item, found)
+        wait = "unseen" if in_part else self._waits.get(item.id, "unseen")
         write = _write(item, found, left_out, wait)
         return [write, *self._reads(item, left_out, wait)]
 
@@ -129,17 +132,21 @@ def _waits(transactions: Sequence[Transaction]) -> dict[int, str]:
     return waits
 
 
-def _left_out(item: Transaction, found: Sequence[Finding]) -> list[tuple[int, Call]]:
-    """The Reads that brought no record and are none of the frames of a transaction, by their frame."""
+def _left_out(item: Transaction, found: Sequence[Finding]) -> tuple[list[tuple[int, Call]], bool]:
+    """The Reads that brought no record and are none of the frames of a transaction, by their frame.
+
+    And whether a part of the response is there to the Read that is one of them.
+    """
     frames = item.frames
     shown = (
         frames.write_request, frames.write_response, frames.read_request, frames.read_response,
     )  # fmt: skip
-    return [
-        (each.frame, Call("RDREC", _LEFT_OUT[each.rule]))
-        for each in found
-        if each.frame not in shown
-    ]
+    out = [each for each in found if each.frame not in shown]
+    part = None
+    if frames.read_request is not None and frames.read_response is None:
+        part = next((each for each in out if each.rule == _IN_PART), None)
+    calls = [(each.frame, Call("RDREC", _LEFT_OUT[each.rule])) for each in out if each is not part]
+    return calls, part is not None
 
 
 def _before(item: Transaction, left_out: Sequence[tuple[int, Call]]) -> list[Call]:

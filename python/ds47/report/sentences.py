@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from ds47.model import Diagnosis, Finding
 from ds47.profinet.status import status_text
-from ds47.spec import Rule, error_text, rules
+from ds47.spec import Rule, error_hex, error_text, rules
 from ds47.spec.semantics import diagnosis_words, reasons
 
 VALUES_SHOWN: Final = 4
@@ -110,11 +110,6 @@ def record_index(index: int) -> str:
     return str(index) if index < 0x100 else f"0x{index:04X}"
 
 
-def hexadecimal(number: int) -> str:
-    """An id or an error number: 0x6B; a whole word where it is longer: 0x0811."""
-    return f"0x{number:02X}" if number < 0x100 else f"0x{number:04X}"
-
-
 def shown(kind: str, value: Any) -> str:
     """A value of one of the types that need no words."""
     if value is None:
@@ -129,8 +124,8 @@ def _values(items: list[Any]) -> str:
 
 _ABSENT: Final = frozenset(("code", "info", "status", "value", "values"))
 _SHOW: Final[Mapping[str, Callable[[Any], str]]] = {
-    "hex": hexadecimal,
-    "code": hexadecimal,
+    "hex": error_hex,
+    "code": error_hex,
     "hex32": "0x{:08X}".format,
     "index": record_index,
     "ms": "{:.1f}".format,

@@ -152,7 +152,7 @@ def _accepted(item: Transaction) -> bool:
 def _other_records(result: CaptureResult) -> int:
     """Record calls on indices that carried no parameter channel.
 
-    A Write of several records is counted by these, whatever carried them.
+    An IODWriteMultiple is none: it is opened, and what is in it counts by its own index.
     """
     ours = {str(each.index) for each in result.transactions} | {str(WRITE_MULTIPLE)}
     return sum(

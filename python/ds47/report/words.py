@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ds47 import spec
 from ds47.model import Parameter, ParameterError, Value
 from ds47.report import is_text
 from ds47.report.bilingual import Both, say
@@ -80,7 +81,7 @@ def error(item: ParameterError, lang: str = "en") -> str:
     """`error 0x11: request cannot be executed (info 3)`."""
     told = say("parameter_error")
     if item.code is not None:
-        told = told.joined(Both.same(f"0x{item.code:02X}"), zh=" ")
+        told = told.joined(Both.same(spec.error_hex(item.code)), zh=" ")
     if item.text:
         told = told.joined(Both.same(escape(item.text)), ": ", "：")
     if item.info:

@@ -265,7 +265,12 @@ def _vendor(vendor_id: int) -> Vendor | None:
 
 def _words(error: ErrorNumber, code: int, lang: str) -> str:
     text = error.zh if lang == "zh" else error.en
-    return text.format(code=code, above=code - error.code)
+    return text.format(code=error_hex(code), above=code - error.code)
+
+
+def error_hex(code: int) -> str:
+    """An error number as people write it: `0x11`, and above one byte `0x0811`."""
+    return f"0x{code:02X}" if code <= 0xFF else f"0x{code:04X}"
 
 
 @lru_cache(maxsize=4096)
@@ -273,7 +278,7 @@ def error_text(code: int, lang: str = "en", vendor_id: int | None = None) -> str
     """What an error number means, in words (docs/protocol.md B).
 
     Args:
-        code: error value 1.
+        code: error value 1, 0..0xFFFF.
         lang: "en" or "zh"; anything else gives English.
         vendor_id: PROFINET vendor id of the device. Numbers from 0x65 on belong to the vendor:
             without an id the meaning on SINAMICS is given as such, and a vendor without a table

@@ -87,6 +87,8 @@ class Known(Row):
     index_errors: frozenset[int]
     type_errors: frozenset[int]
     connectors: frozenset[int]
+    global_pnus: frozenset[int]
+    recomputing: frozenset[int]
     axis_error: int
     too_long: int
     connector_error: int

@@ -36,6 +36,8 @@ DIFFERS = "DS601"
 _OF_A_LOSS = frozenset(("DS401", "DS402", "DS403"))
 """Rules about a frame that is not there: they tell whether the capture says that it dropped frames."""
 _MOST_MS = 2**32 - 1
+_YEARS_MS = 2**53 / 1e6
+"""Durations from which on tshark shows too few digits."""
 _HOME_NS = 2**60
 """Where the first frame goes of a capture whose own times it cannot hold: 2006."""
 
@@ -159,7 +161,17 @@ def differences(native: CaptureResult, found: CaptureResult, lang: str = "en") -
     # One file: compare() then compares frames and times too.
     one_file = {"sha256": "the same"}
     stored, now = report.capture(native) | one_file, report.capture(found) | one_file
+    for result in (stored, now):
+        _round_ages(result["transactions"])
     return compare(stored, now, Config(), Path(native.path), lang)
+
+
+def _round_ages(transactions: list[Json]) -> None:
+    """Leaves the 15 digits of tshark to durations that span years, where a clock was set."""
+    for each in transactions:
+        duration = each["duration_ms"]
+        if duration is not None and abs(duration) > _YEARS_MS:
+            each["duration_ms"] = float(f"{duration:.15g}")
 
 
 def preferences(options: AnalysisOptions) -> list[str]:

@@ -17,6 +17,7 @@ from xml.etree.ElementTree import Element, iterparse
 
 from ds47 import spec
 from ds47.profidrive.formats import codec
+from ds47.profidrive.model import ERROR
 
 _PREFIX = "ds47."
 _EXACT = 2**53
@@ -153,8 +154,13 @@ def _merge_all(
         "request": seen.get("bytes.request"),
         "response": seen.get("bytes.response"),
     }
+    frames = transaction["frames"]
+    asked = frames["read_response"] is None
+    # The values of a change stand in its request; beneath a response are copies of them.
+    written = transaction["operation"] == "change" and frames["write_request"] is not None
+    place = ("" if written else None) if asked else ("written." if written else "")
     transaction["parameters"] = [
-        _parameter(each) for each in tree.iterfind("field") if _name(each) == "parameter"
+        _parameter(each, place) for each in tree.iterfind("field") if _name(each) == "parameter"
     ]
 
 
@@ -177,9 +183,12 @@ def _formats() -> dict[str, spec.Format]:
     return {row.name: row for row in spec.formats().values()}
 
 
-def _parameter(item: Element) -> dict[str, Any]:
+def _parameter(item: Element, place: str | None) -> dict[str, Any]:
+    """A parameter; `place` is what the fields with the format of its values begin with, None without any."""
     seen = _children(item)
-    name = seen.get("format")
+    name = count = None
+    if place is not None and seen.get(f"{place}format") != spec.formats()[ERROR].name:
+        name, count = seen.get(f"{place}format"), _number(seen.get(f"{place}value_count"))
     values = [each for each in item.iterfind("field") if _name(each) == "value"]
     return {
         "pnu": _number(seen.get("pnu")),
@@ -189,7 +198,7 @@ def _parameter(item: Element) -> dict[str, Any]:
         "name": seen.get("name"),
         "unit": seen.get("unit"),
         "format": name,
-        "value_count": _number(seen.get("value_count")),
+        "value_count": count,
         "values": [_value(each, name) for each in values],
         "scaled": _scaled(values, name),
         "error": _error(seen),

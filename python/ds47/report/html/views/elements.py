@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from ds47 import spec
 from ds47.model import CaptureResult, Parameter, Transaction
 from ds47.report.html import messages
 from ds47.report.words import value
@@ -122,7 +123,7 @@ def _text(each: Parameter, number: int) -> str:
 
 def _error(item: Transaction, each: Parameter, vendor: int | None) -> list[str]:
     if each.error is not None:
-        code = "" if each.error.code is None else f" (0x{each.error.code:02X})"
+        code = "" if each.error.code is None else f" ({spec.error_hex(each.error.code)})"
         return [text + code for text in messages.error(each.error.code, each.error.text, vendor)]
     word = item.write_status or item.read_status or 0
     return [f"{text} ({word:08X})" for text in messages.status(word)]

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from ds47 import spec
 from ds47.model import DIAGNOSIS, SEVERITIES, CaptureResult, Diagnosis, Finding, Transaction
 from ds47.report.filters import display_filter
 from ds47.report.html import messages
@@ -164,8 +165,8 @@ def _drive_errors(
             continue
         code = item.error.code
         text = messages.error(code, item.error.text, vendor)
-        number = "" if code is None else f" (0x{code:02X})"
-        if code is not None and f"0x{code:02X}" in text.en:
+        number = "" if code is None else f" ({spec.error_hex(code)})"
+        if code is not None and spec.error_hex(code) in text.en:
             number = ""  # the text names it already
         key = "drive_error_change" if change else "drive_error_read"
         what = say(key, text=text.joined(Both.same(number), "", ""))

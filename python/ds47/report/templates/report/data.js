@@ -104,8 +104,13 @@ class Capture {
 
   errorText(error) {
     const [code, en, zh] = error;
-    return either([en, zh]) + (code === null ? "" : ` (0x${hex2(code)})`);
+    return either([en, zh]) + (code === null ? "" : ` (0x${hexNumber(code)})`);
   }
+}
+
+/** An error number: two digits, four where it is longer than a byte. */
+function hexNumber(number) {
+  return number > 0xFF ? number.toString(16).toUpperCase().padStart(4, "0") : hex2(number);
 }
 
 function hex2(number) {

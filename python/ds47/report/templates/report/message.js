@@ -91,7 +91,7 @@ class Parts {
     this.take(2, say("format_error", { count }), true);
     const text = item && item.error ? this.capture.errorText(item.error).replace(/ \(0x\w+\)$/, "") : "";
     if (count >= 1 && this.has(2)) {
-      this.take(2, say("error_number", { hex: hex2(this.byte(this.at) * 256 + this.byte(this.at + 1)), text }), true);
+      this.take(2, say("error_number", { hex: hexNumber(this.byte(this.at) * 256 + this.byte(this.at + 1)), text }), true);
     }
     if (count >= 2 && this.has(2)) this.take(2, say("error_info", { text: this.byte(this.at) * 256 + this.byte(this.at + 1) }));
     if (count > 2) this.take((count - 2) * 2, say("rest"));

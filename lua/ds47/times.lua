@@ -1,0 +1,60 @@
+-- Times of a capture, in nanoseconds since the second that an analysis counts from.
+--
+-- A time is a plain number as long as a double holds it exactly, which is 104 days either way: all there is
+-- in nearly every capture. A time that is further away (a clock that begins in 1970 and is set later) is a
+-- table of seconds and nanoseconds. Whoever keeps times only subtracts and compares them, which is the same
+-- for both: the difference of two times is a number, exact up to 2^53 and else the nearest one.
+
+local floor = math.floor
+local whole = rawget(math, "tointeger") or function(number) return number end -- as integers give it
+
+local M = {}
+
+local NEAR = 9007199 -- seconds; 2^53 nanoseconds are 0.25 s more
+local EXACT = 2 ^ 53
+
+local Far = {}
+
+--- Seconds and nanoseconds of a time.
+function M.split(time)
+  if type(time) == "table" then
+    return time.seconds, time.nanoseconds
+  end
+  local seconds = floor(time / 1000000000)
+  return seconds, time - seconds * 1000000000
+end
+
+-- Seconds times 1e9 is a multiple of 2^9, so a double holds it for 136 years: only the sum is rounded, once.
+function Far.__sub(later, earlier)
+  local seconds, nanoseconds = M.split(later)
+  local less_seconds, less = M.split(earlier)
+  local difference = (seconds - less_seconds) * 1e9 + (nanoseconds - less)
+  if difference <= EXACT and difference >= -EXACT then
+    return whole(difference)
+  end
+  return difference
+end
+
+function Far.__lt(one, other)
+  return one - other < 0
+end
+
+function Far.__le(one, other)
+  return one - other <= 0
+end
+
+--- A time.
+-- @param seconds, nanoseconds  whole numbers, 0 to 999999999 nanoseconds
+function M.new(seconds, nanoseconds)
+  if seconds < NEAR and seconds > -NEAR then
+    return seconds * 1000000000 + nanoseconds
+  end
+  return setmetatable({seconds = seconds, nanoseconds = nanoseconds}, Far)
+end
+
+--- Whether a time is a plain number.
+function M.is_near(time)
+  return type(time) == "number"
+end
+
+return M

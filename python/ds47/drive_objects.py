@@ -1,0 +1,157 @@
+"""Which drive object a request reaches, and whether two requests reach the same one (docs/pairing.md, P60).
+
+A parameter is (device, drive object, PNU, subindex). Index 47 and 0xB02F reach the drive object of the axis
+byte; 0xB02E that of its submodule, whatever the axis byte says. Which submodule that is, and whether a device
+looks at the axis byte at all, is known only from what the capture shows. Nothing is guessed: what is not
+proved is neither the same nor another one. No values and no findings live here.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterable
+from typing import Final, NamedTuple, TypeVar
+
+from ds47.model import Transaction
+from ds47.spec.semantics import known
+
+LOCAL: Final = 0xB02E
+"""Record index of local access: the submodule decides, not the axis byte (docs/protocol.md E.4)."""
+DO_IDENTIFICATION: Final = 975
+"""PNU of the DO identification; element 7 is the DO-ID (docs/protocol.md D.1)."""
+_DO_ID: Final = 7
+
+
+class Access(NamedTuple):
+    """How a request reaches a parameter. `axis` is that of the request; None where it has none that counts."""
+
+    device: str
+    record_index: int
+    slot: int
+    subslot: int
+    axis: int | None
+
+    @property
+    def local(self) -> bool:
+        """Whether the submodule decides."""
+        return self.record_index == LOCAL
+
+
+class DriveObjects:
+    """What a capture shows of the drive objects of its devices, up to now.
+
+    Memory is bounded: of too many the oldest is forgotten, and what it proved is unknown again.
+    """
+
+    def __init__(self) -> None:
+        self._submodules: OrderedDict[tuple[str, int, int], int | None] = OrderedDict()
+        """DO-ID of a submodule, by PNU 975; None where it was read twice and differs."""
+        self._distinguishing: OrderedDict[str, None] = OrderedDict()
+        """Devices that have refused an axis number: they look at it."""
+        self._missing: OrderedDict[tuple[str, int], None] = OrderedDict()
+        """Device and axis number that does not exist there."""
+
+    @classmethod
+    def of(cls, transactions: Iterable[Transaction]) -> DriveObjects:
+        """All that a whole capture shows."""
+        shown = cls()
+        for each in transactions:
+            shown.transaction(each)
+        return shown
+
+    # What is seen
+
+    def transaction(self, item: Transaction) -> None:
+        """A finished transaction."""
+        if item.operation != "read" and item.operation != "change":
+            return
+        access = access_of(item)
+        for each in item.parameters:
+            if each.error is not None:
+                self.refused(access, each.error.code)
+            elif each.pnu == DO_IDENTIFICATION and item.operation == "read":
+                first = each.subindex if each.attribute == "value" else None
+                if first is not None:
+                    self.identified(access, first, each.values)
+
+    def refused(self, access: Access, code: int | None) -> None:
+        """A parameter has a negative response with this error number."""
+        if code != known().axis_error or access.local:
+            return
+        _put(self._distinguishing, access.device, None)
+        if access.axis is not None:
+            _put(self._missing, (access.device, access.axis), None)
+
+    def identified(self, access: Access, first: int, values: Iterable[object]) -> None:
+        """PNU 975 was read, from element `first` on."""
+        if not access.local:
+            return
+        for element, value in enumerate(values, first):
+            if element == _DO_ID and isinstance(value, int):
+                key = access.device, access.slot, access.subslot
+                seen = self._submodules.get(key, value)
+                _put(self._submodules, key, value if seen == value else None)
+
+    # What that proves
+
+    def number(self, access: Access) -> int | None:
+        """The DO-ID of the drive object that a request reaches; None where it is not proved.
+
+        0 stands for the device itself or the one drive object that there is: it names none.
+        """
+        if access.local:
+            return self._submodules.get((access.device, access.slot, access.subslot))
+        return access.axis or None
+
+    def exists(self, device: str, number: int) -> bool:
+        """False where the device has said that there is no such drive object."""
+        return (device, number) not in self._missing
+
+    def same(self, one: Access, other: Access, pnu: int) -> bool:
+        """Whether two requests for a parameter reach the same drive object, whatever is not known."""
+        if one.device != other.device:
+            return False
+        if pnu in known().global_pnus or _is_same_way(one, other):
+            return True
+        mine, theirs = self.number(one), self.number(other)
+        if mine is None or mine != theirs:
+            return False
+        # A device that never looked at the axis byte may go by the submodule alone.
+        return (one.local and other.local) or one.device in self._distinguishing
+
+    def other(self, one: Access, other: Access, pnu: int) -> bool:
+        """Whether they reach two drive objects, whatever is not known."""
+        if one.device != other.device:
+            return True
+        mine, theirs = self.number(one), self.number(other)
+        if pnu in known().global_pnus or mine is None or theirs is None or mine == theirs:
+            return False
+        return (one.local and other.local) or one.device in self._distinguishing
+
+
+def access_of(item: Transaction) -> Access:
+    """How the request of a transaction reaches its parameters."""
+    return access(item.device, item.index, item.slot, item.subslot, item.axis)
+
+
+def access(device: str, record_index: int, slot: int, subslot: int, axis: int | None) -> Access:
+    """An access; of a local one the axis byte says nothing."""
+    return Access(device, record_index, slot, subslot, None if record_index == LOCAL else axis)
+
+
+def _is_same_way(one: Access, other: Access) -> bool:
+    """The same submodule, and where it counts the same axis byte: the same request twice."""
+    if (one.slot, one.subslot, one.local) != (other.slot, other.subslot, other.local):
+        return False
+    return one.local or one.axis == other.axis
+
+
+_K = TypeVar("_K")
+_V = TypeVar("_V")
+
+
+def _put(memory: OrderedDict[_K, _V], key: _K, value: _V) -> None:
+    memory[key] = value
+    memory.move_to_end(key)
+    if len(memory) > known().history:
+        memory.popitem(last=False)

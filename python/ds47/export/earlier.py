@@ -1,0 +1,41 @@
+"""Whether a file is what an earlier export wrote: such a file may be replaced, a recording may not.
+
+The section header names ds47, and every frame says of which one of the original it is a copy. A file
+that another program saved, or put together with a recording, is not an export any more.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ds47.capture import CaptureError, PcapngWriter
+from ds47.capture.raw import raw_frames
+
+APPLICATION = "ds47 "
+"""How the name of the program begins that stands in the section header of an export."""
+OF_THE_ORIGINAL = " of the original"
+"""How the last comment of each frame ends."""
+
+
+def is_earlier_export(path: Path) -> bool:
+    """Whether all of a file was written by `ds47.export.export`. What cannot be read is not.
+
+    A frame without the comment ends the search, so a long recording is not read.
+    """
+    try:
+        with path.open("rb") as stream:
+            if not PcapngWriter.wrote(stream.read(64), APPLICATION):
+                return False
+        frames = 0
+        for frame in raw_frames(path):
+            if not frame.comments or not _says_so(frame.comments[-1]):
+                return False
+            frames += 1
+    except (CaptureError, OSError):
+        return False
+    return frames > 0
+
+
+def _says_so(comment: str) -> bool:
+    """A comment that is too long for a file has lost its end."""
+    return comment.endswith(OF_THE_ORIGINAL) or PcapngWriter.is_cut(comment)

@@ -1,0 +1,273 @@
+"""What was written last to a parameter, and whether a later read brings something else (DS417).
+
+A parameter is that of a drive object (`ds47.drive_objects`), whoever asks and by whichever record index. A
+change takes effect between its Write request and its response; where that was not fetched, perhaps. So a
+finding speaks only where the value that was written last is the same in every order that the capture allows,
+and for every drive object that a request may have reached.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from ds47.drive_objects import DO_IDENTIFICATION, Access, DriveObjects, access
+from ds47.pairing import Job
+from ds47.profidrive import Address, Block, Response
+from ds47.profidrive.model import VALUE, Value
+from ds47.spec import parameters
+from ds47.spec.semantics import known
+
+NEVER: Final = 1 << 62
+"""Stands for a frame behind the end of every capture."""
+_KEPT: Final = 8
+"""Writes that may be the last one of a parameter; of more of them nothing is known."""
+
+Element = tuple[str, int, int]
+"""Device, PNU and subindex."""
+
+
+@dataclass(slots=True, eq=False)
+class Written:
+    """One value that was written. In force from some moment between two frames on, if it was accepted."""
+
+    access: Access
+    raw: bytes
+    format: int
+    value: Value
+    asked: int
+    """Frame of the Write request."""
+    until: int = NEVER
+    """Frame by which it is in force or never will be; NEVER while that is open."""
+    certain: bool = False
+    """Whether the response says that it was accepted."""
+
+
+@dataclass(slots=True)
+class _Device:
+    """What is known of all parameters of a device at once."""
+
+    forgotten: int = 0
+    """Frame up to which nothing that was written counts."""
+    recomputing: set[Job] = field(default_factory=set)
+    """Changes that make the drive compute other parameters anew, and have no response yet."""
+
+
+class ReadBack:
+    """Remembers what was written, and compares what is read.
+
+    Args:
+        most: parameters that are remembered; of more the one that was written longest ago is forgotten.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._objects = DriveObjects()
+        self._written: OrderedDict[Element, list[Written]] = OrderedDict()
+        self._open: dict[Job, list[tuple[Element, Written]]] = {}
+        """Changes without a response, by parameter number."""
+        self._devices: OrderedDict[str, _Device] = OrderedDict()
+        self.pnus: set[int] = set()
+        """Every PNU that was ever written: most reads ask for others."""
+
+    def asked(self, job: Job) -> None:
+        """A Write request asks for a change."""
+        message, half = job.message, job.write_request
+        if message is None or half is None or message.operation != "change":
+            return
+        reached, told = access_of(job), list[tuple[Element, Written]]()
+        for address, block in zip(message.addresses, message.blocks, strict=False):
+            if address.pnu in known().recomputing:
+                self._device(reached.device).recomputing.add(job)
+            row = parameters().get(address.pnu)
+            if row and row.volatile:
+                continue
+            for element, raw, value in elements(address, block):
+                key = reached.device, address.pnu, element
+                written = Written(reached, raw, block.format, value, half.frame)
+                told.append((key, written))
+                self._remember(key, written)
+            self.pnus.add(address.pnu)
+        if told or job in self._device(reached.device).recomputing:
+            self._open[job] = told
+
+    def _remember(self, key: Element, written: Written) -> None:
+        there = self._written.setdefault(key, [])
+        self._written.move_to_end(key)
+        if len(there) == _KEPT:
+            written = Written(written.access, b"", written.format, "", written.asked)
+            there.clear()  # too many at once: nothing is known of it any more
+        there.append(written)
+        if len(self._written) > self._most:
+            self._written.popitem(last=False)
+
+    def connected(self, device: str, frame: int) -> None:
+        """A Connect: the drive may have been switched off and on before it."""
+        self._device(device).forgotten = frame
+
+    def settled(self, job: Job, *, stray: bool) -> None:
+        """The response to a change is there, or it is over without one; `stray`: the response is another's."""
+        open_ = self._open.pop(job, None)
+        device = self._device(job.peer.device)
+        frame = _end(job)
+        if job in device.recomputing:
+            device.recomputing.discard(job)
+            device.forgotten = max(device.forgotten, min(frame, _last_frame(job)))
+        failed, sure = _outcome(job, stray)
+        if job.response is not None and not stray:
+            for block in job.response.blocks:
+                if block.error is not None:
+                    self._objects.refused(access_of(job), block.error.code)
+        for key, written in open_ or ():
+            written.until = frame
+            element = key[1], key[2]
+            if element in failed:
+                self._drop(key, written)
+            elif sure:
+                self._in_force(key, written)
+
+    def _in_force(self, key: Element, written: Written) -> None:
+        """A value was accepted: what was written in the same way before it does not count any more."""
+        written.certain = True
+        there = self._written.get(key)
+        if there is not None:
+            there[:] = [
+                each
+                for each in there
+                if each.access != written.access or each.until >= written.asked
+            ]
+
+    def _drop(self, key: Element, written: Written) -> None:
+        there = self._written.get(key)
+        if there is not None and written in there:
+            there.remove(written)
+
+    def read(self, job: Job) -> Iterator[dict[str, Any]]:
+        """The arguments of a finding, with the `offset` of its block, for each value that differs."""
+        request, response, asked = job.message, job.response, job.write_request
+        if request is None or response is None or asked is None or request.operation != "read":
+            return
+        reached = access_of(job)
+        for address, block in zip(request.addresses, response.blocks, strict=False):
+            if block.error is not None:
+                self._objects.refused(reached, block.error.code)
+            elif address.pnu == DO_IDENTIFICATION and address.attribute == VALUE:
+                self._objects.identified(reached, address.subindex, block.values)
+            if address.pnu in self.pnus:
+                yield from self._compared(reached, asked.frame, address, block)
+
+    def _compared(
+        self, reached: Access, asked: int, address: Address, block: Block
+    ) -> Iterator[dict[str, Any]]:
+        device = self._device(reached.device)
+        if device.recomputing:
+            return
+        for element, raw, value in elements(address, block):
+            key = reached.device, address.pnu, element
+            last = self._last(key, reached, asked)
+            if last is None or last.asked <= device.forgotten or len(last.raw) != len(raw):
+                continue
+            if last.raw != raw and not (last.format != block.format and last.value == value):
+                there = self._written[key]
+                there[:] = [each for each in there if each.until == NEVER]
+                yield {
+                    "pnu": address.pnu, "subindex": element, "read": value,
+                    "written": last.value, "by": last.asked, "offset": block.offset,
+                }  # fmt: skip
+
+    def _last(self, key: Element, reached: Access, asked: int) -> Written | None:
+        """What was written last before frame `asked`, as far as that is sure; None where it is not."""
+        objects, pnu = self._objects, key[1]
+        near = [
+            each
+            for each in self._written.get(key, ())
+            if not objects.other(reached, each.access, pnu)
+        ]
+        sure = [
+            each
+            for each in near
+            if each.certain and each.until < asked and objects.same(reached, each.access, pnu)
+        ]
+        if not sure:
+            return None
+        last = max(sure, key=lambda each: each.asked)
+        for each in near:
+            if each.raw != last.raw and each.until >= last.asked:
+                return None  # may have come later
+        return last
+
+    def _device(self, device: str) -> _Device:
+        found = self._devices.get(device)
+        if found is None:
+            found = self._devices[device] = _Device()
+            if len(self._devices) > known().history:
+                gone, _ = self._devices.popitem(last=False)
+                for key in [key for key in self._written if key[0] == gone]:
+                    del self._written[key]
+        return found
+
+
+def access_of(job: Job) -> Access:
+    """How the request of a job reaches its parameters."""
+    record = job.record
+    axis = job.message.axis if job.message else None
+    return access(job.peer.device, record.index, record.slot, record.subslot, axis)
+
+
+def _last_frame(job: Job) -> int:
+    """The last frame of a job that there is."""
+    halves = (job.write_request, job.write_response, job.read_response)
+    return max((half.frame for half in halves if half is not None), default=0)
+
+
+def _end(job: Job) -> int:
+    """The frame by which a change is in force or never will be."""
+    if job.read_response is not None:
+        return job.read_response.frame
+    if job.write_refused and job.write_response is not None:
+        return job.write_response.frame
+    return NEVER if job.superseded_by is None else job.superseded_by
+
+
+def _outcome(job: Job, stray: bool) -> tuple[set[tuple[int, int]], bool]:
+    """PNU and subindex of what did not take effect, and whether the rest is sure to have taken effect."""
+    message, response = job.message, job.response
+    assert message is not None
+    written = [
+        ((address.pnu, element), number)
+        for number, (address, block) in enumerate(
+            zip(message.addresses, message.blocks, strict=False)
+        )
+        for element, _raw, _value in elements(address, block)
+    ]
+    if job.write_refused:
+        return {key for key, _ in written}, False
+    if response is None or stray or _is_doubtful(job, response):
+        return set(), False
+    blocks = response.blocks
+    failed = {
+        key for key, number in written if number < len(blocks) and blocks[number].error is not None
+    }
+    negative = bool((response.response_id or 0) & 0x80)
+    return failed, not negative or len(blocks) == len(message.addresses)
+
+
+def _is_doubtful(job: Job, response: Response) -> bool:
+    """Whether the response does not say for sure what became of the change."""
+    half = job.read_response
+    cut = any(flaw.rule in ("DS309", "DS315") for flaw in response.flaws)
+    return cut or half is None or bool(half.missing or half.status)
+
+
+def elements(address: Address, block: Block) -> Iterator[tuple[int, bytes, Value]]:
+    """Subindex, bytes and value of each element of a block; nothing for errors, texts and strings."""
+    count = block.value_count
+    if address.attribute != VALUE or block.error is not None or not count:
+        return
+    if len(block.values) != count or len(block.raw) % count:
+        return
+    size = len(block.raw) // count
+    for number, value in enumerate(block.values):
+        yield address.subindex + number, block.raw[number * size : (number + 1) * size], value
