@@ -81,7 +81,8 @@ function M.witness_of(item, job)
   end
   local read = job.read_response
   if read and read.cut then
-    findings[#findings + 1] = { rule = CUT, frame = read.frame, args = { completed = read.frame, length = read.stated } }
+    local args = { completed = read.frame, length = read.stated }
+    findings[#findings + 1] = { rule = CUT, frame = read.frame, args = args }
   end
   return M.witness({ transactions = { item }, findings = findings })
 end
@@ -180,6 +181,10 @@ end
 --- The calls of a transaction in their order: array of {block, outcome, status, times, length, captured}, as
 -- in Python.
 function Witness:saw(item)
+  if item.ar == nil and not item.frames.write_request then -- a Read without an AR, which no block makes
+    local length = item.response and #item.response or 0
+    return { { block = "RDREC", outcome = "implicit", status = item.read_status, length = length } }
+  end
   local found = self.calls[item.id] or {}
   local left_out, in_part = left_out_of(item, found)
   local wait = not in_part and self.waits[item.id] or "unseen"

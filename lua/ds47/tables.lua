@@ -983,6 +983,7 @@ M.report_words = {
   plc_read_given_up = {en = "RDREC not started again in this capture", zh = "RDREC 在本抓包中未再次启动"},
   plc_read_superseded = {en = "no response by RDREC before the next WRREC", zh = "在下一个 WRREC 之前 RDREC 没有读到应答"},
   plc_read_again = {en = "RDREC VALID once more, LEN {length}|RDREC {n} x VALID once more, LEN {length}", zh = "RDREC 又 {n} 次 VALID，LEN {length}"},
+  plc_read_implicit = {en = "a Read without an AR (ReadImplicit), no call of RDREC: STATUS {status}, LEN {length}", zh = "无 AR 的读取（ReadImplicit），不是 RDREC 调用：STATUS {status}，LEN {length}"},
   plc_negative = {en = "byte 1 is 16#{id}: negative response", zh = "字节 1 为 16#{id}：否定应答"},
   plc_negative_partial = {en = "byte 1 is 16#{id}: negative response, in part", zh = "字节 1 为 16#{id}：部分参数为否定应答"},
   plc_other = {en = "the record does not mirror the request ({what})", zh = "记录与请求不对应（{what}）"},

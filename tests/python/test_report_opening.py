@@ -330,7 +330,7 @@ def test_causes_keep_their_order():
             "WRREC, its response is not in the capture; RDREC VALID, STATUS 00000000, LEN 4",
         ),
         (
-            {"frames": Frames(None, None, 3, 4), "write_status": None, "state": "orphan"},
+            {"frames": Frames(None, None, 3, 4), "write_status": None, "state": "orphan", "ar": "01"},
             "WRREC not in the capture; RDREC VALID, STATUS 00000000, LEN 4",
         ),
         (
@@ -570,6 +570,15 @@ def test_a_read_that_is_there_is_started(captures: Path):
 def test_the_plc_got_the_record_whole(captures: Path):
     assert "RDREC VALID, STATUS 00000000, LEN 46 (24 of them captured)" in _saw(
         captures, "diagnosis-half-captured-cut"
+    )
+
+
+def test_a_read_without_an_ar_is_no_call_of_a_block():
+    item = handmade.transaction(
+        state="orphan", frames=Frames(None, None, 1, 2), write_status=None, response=b"\x01\x01\x01"
+    )
+    assert plc.Witness(capture(item)).text(item).en == (
+        "a Read without an AR (ReadImplicit), no call of RDREC: STATUS 00000000, LEN 3"
     )
 
 

@@ -40,7 +40,7 @@ class Call(NamedTuple):
     record), `busy` (until the block gives up), `ends` (no response before the capture ends), `unseen` (the
     response, or a part of it, is not in the capture), `missing` (not in the capture), `polled` (ERROR with
     DE80B500), `again` (VALID once more), `never`, `given_up` (not started, not started again),
-    `superseded` (no response before the next WRREC).
+    `superseded` (no response before the next WRREC), `implicit` (a Read without an AR, which no block makes).
     """
 
     block: str
@@ -70,6 +70,9 @@ class Witness:
 
     def saw(self, item: Transaction) -> list[Call]:
         """The calls of a transaction in their order."""
+        if item.ar is None and item.frames.write_request is None:
+            length = len(item.response or b"")
+            return [Call("RDREC", "implicit", item.read_status, length=length)]
         found = self._calls.get(item.id, [])
         left_out, in_part = _left_out(item, found)
         wait = "unseen" if in_part else self._waits.get(item.id, "unseen")
