@@ -748,15 +748,19 @@ def test_a_parameter_keeps_its_last_value_and_its_last_refusal():
             5, **change, state="refused", write_status=0xDF80B500, parameters=[parameter()]
         ),
         transaction(6, state="mismatch", parameters=[parameter(pnu=None)]),
+        transaction(7, operation="vendor", parameters=[parameter(values=(8.0,))]),
+        transaction(8, state="refused", read_status=0xDE80B700, parameters=[parameter()]),
+        transaction(9, parameters=[failed(values=())]),
+        transaction(10, **change, state="superseded", parameters=[parameter(values=(9.0,))]),
     ]
     table, left_out = elements(capture(*items), {DRIVE: 0x2A})
     assert left_out == 0
     one = row_of(table, 50303, 0)
     assert (one["reads"], one["accepted"]) == (1, 1)
-    assert (one["negative"], one["sent"], one["refused"]) == ([0, 1], [0, 1], [0, 1])
+    assert (one["negative"], one["sent"], one["refused"]) == ([1, 1], [0, 2], [1, 1])
     assert (one["last"], one["written"], one["last_in"]) == ("5.0", 1, 2)
-    assert one["error_in"] == 5
-    assert one["error"][0].endswith("(DF80B500)")
+    assert one["error_in"] == 9
+    assert one["error"][0].endswith("(0x6B)")
     two = row_of(table, 50303, 1)
     assert (two["reads"], two["accepted"], two["last"]) == (1, 0, "2.0")
 

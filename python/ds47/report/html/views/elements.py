@@ -55,6 +55,8 @@ def elements(
     for item in result.transactions:
         if item.state in ("mismatch", "orphan"):
             continue  # whose values these are is not known
+        if item.operation not in ("read", "change"):
+            continue  # what a service of a vendor does with a parameter is not known either
         for each in item.parameters:
             if each.pnu is not None and each.attribute == "value":
                 _note(found, left_out, item, each)

@@ -210,7 +210,7 @@ class Plots {
     const found = new Map();
     for (const row of capture.rows) {
       const state = capture.state(row);
-      if (state === "mismatch" || state === "orphan") continue;
+      if (state === "mismatch" || state === "orphan" || !["read", "change"].includes(capture.operation(row))) continue;
       const change = capture.operation(row) === "change";
       for (const item of capture.parameters(row)) {
         if (item.pnu === null || item.attribute !== "value") continue;
