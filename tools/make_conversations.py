@@ -252,6 +252,14 @@ def release(client: Client) -> None:
     client.accept(call, 0, block(0x8114, 8))
 
 
+def implicit(client: Client, record: bytes, index: int = 0xB02F) -> None:
+    """A ReadImplicit brings a record."""
+    nowhere = client.at(ar=wire.NIL, index=index)
+    call = client.call(wire.READ_IMPLICIT)
+    client.ask(call, wire.read_request(call.sequence, nowhere))
+    client.accept_read(call, record, at=nowhere)
+
+
 def again(client: Client, call: wire.Call, record: bytes) -> None:
     """The Write request of a call is sent once more, with an IP id of its own."""
     client.ask(call, wire.write_request(call.sequence, client.channel, record))
@@ -738,6 +746,72 @@ def _(tape: Tape) -> None:
     client.ask(call, wire.read_request(call.sequence, nowhere))
     client.accept_read(call, tell(7, 9.5), at=nowhere)
     client.read(tell(1, 1.5), at=place)
+
+
+@case(
+    "P55-implicit-reread",
+    "P55",
+    "implicit reread",
+    [
+        tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(1, 0)), index=0xB02F, rereads=[(5, 6)]),
+        tx(2, "ok", (7, 8, 9, 10), 3, real(2.5), ref=2, index=0xB02F),
+    ],
+    "DS410@4#1",
+    diagnoses="DS701@4#1 DS704@6#1",
+)
+def _(tape: Tape) -> None:
+    """Another station reads the response of an AR without one: nothing was asked, nothing fails once more."""
+    client = Client(tape)
+    place = client.at(index=0xB02F)
+    failed = message.answer(1, 0x81, 1, message.error(1))
+    client.exchange(ask(), failed, at=place)
+    implicit(second(tape), failed)
+    client.exchange(ask(2), tell(2, 2.5), at=place)
+
+
+@case(
+    "P55-implicit-of-another-ar",
+    "P55",
+    "implicit reread",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), index=0xB02F),
+        tx(2, "ok", (5, 6, 7, 8), 3, real(2.5), index=0xB02F, rereads=[(9, 10)], **HOME2),
+        tx(3, "orphan", (None, None, 11, 12), None, real(1.5, pnu=None),
+           write=None, index=0xB02F, ar=None),
+    ],
+    "DS403@12#3",
+    diagnoses="DS704@10#2",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """Of two that asked at a place the last one counts; the response before it is nobody's any more."""
+    client, other = Client(tape), second(tape)
+    client.exchange(ask(), tell(1, 1.5), at=client.at(index=0xB02F))
+    other.exchange(ask(), tell(1, 2.5), at=other.at(index=0xB02F))
+    implicit(client, tell(1, 2.5))
+    implicit(client, tell(1, 1.5))
+
+
+@case(
+    "P55-implicit-after-release",
+    "P55 P38",
+    "implicit orphan release reread",
+    [
+        tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(1, 0)), index=0xB02F),
+        tx(2, "orphan", (None, None, 7, 8), None, par(None, error=(1, 0)),
+           write=None, index=0xB02F, ar=None, rereads=[(9, 10)]),
+    ],
+    "DS410@4#1 DS403@8#2",
+    diagnoses="DS701@4#1 DS704@8#2 DS704@10#2",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """The transaction was over when its response was read again; its error is not told twice."""
+    client = Client(tape)
+    place = client.at(index=0xB02F)
+    failed = message.answer(1, 0x81, 1, message.error(1))
+    client.exchange(ask(), failed, at=place)
+    release(client)
+    implicit(client, failed)
+    implicit(client, failed)
 
 
 @case(
@@ -1710,10 +1784,10 @@ def _(tape: Tape) -> None:
 
 @case(
     "P53-frame-cut",
-    "P53 P55",
+    "P53 P67",
     "malformed",
     [tx(1, "ok", (1, 2, 3, 4), 3, real())],
-    "DS106@4 DS315@4#1",
+    "DS106@4",
 )
 def _(tape: Tape) -> None:
     """The frame of the Read response lacks its last two bytes, half of the only value."""
@@ -1741,7 +1815,7 @@ def _(tape: Tape) -> None:
     "P3 P53",
     "fragments malformed",
     [tx(1, "ok", (2, 3, 4, 6), 4, real())],
-    "DS106@5 DS315@6#1",
+    "DS106@5",
 )
 def _(tape: Tape) -> None:
     """The frame with the first of two fragments of the Read response is cut: that one is named."""
@@ -1969,11 +2043,11 @@ def _(tape: Tape) -> None:
 
 
 @case(
-    "P55-negative-frame-cut",
-    "P55",
+    "P67-negative-frame-cut",
+    "P67",
     "malformed",
     [tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, "Float32"))],
-    "DS106@4 DS315@4#1",
+    "DS106@4",
 )
 def _(tape: Tape) -> None:
     """One value was captured, the other half; the response id says that something failed."""
@@ -1983,11 +2057,11 @@ def _(tape: Tape) -> None:
 
 
 @case(
-    "P55-blocks-not-captured",
-    "P55",
+    "P67-blocks-not-captured",
+    "P67",
     "malformed",
     [tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), par(27))],
-    "DS106@4 DS315@4#1",
+    "DS106@4",
 )
 def _(tape: Tape) -> None:
     """The capture lacks the second block, and the response id says that nothing failed."""

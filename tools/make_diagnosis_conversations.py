@@ -176,10 +176,9 @@ def _(tape: Tape) -> None:
         tx(2, "ok", (5, None, 6, 7), 2, real(1.5, pnu=27), write=None),
     ],
     "DS101@5#2 DS415@5#2",
-    "DS704@7#2",
 )
 def _(tape: Tape) -> None:
-    """Another parameter with the same reference, no Write response, and the answer of before."""
+    """Near miss: two parameters may have the same value; only the Write response could say more."""
     client = Client(tape)
     client.exchange(ask(1), tell(1, 1.5))
     client.ask_write(ask(1, 27))
@@ -201,6 +200,20 @@ def _(tape: Tape) -> None:
     client.exchange(ask(1), tell(1, 1.5))
     client.ask_write(ask(1))
     client.read(tell(1, 1.5))
+
+
+@case(
+    "DS704-without-ar",
+    "implicit reread",
+    [tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(1, 0)), index=0xB02F, rereads=[(5, 6)])],
+    "DS410@4#1",
+    "DS701@4#1 DS704@6#1",
+)
+def _(tape: Tape) -> None:
+    """A ReadImplicit brings the response once more: one transaction, one refusal."""
+    client = Client(tape)
+    client.exchange(ask(), refused(1, 0x01), at=client.at(index=0xB02F))
+    base.implicit(client, refused(1, 0x01))
 
 
 @case(

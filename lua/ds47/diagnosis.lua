@@ -29,10 +29,17 @@ local USUAL = {[0x01] = true, [0x02] = true} -- response ids without a refusal
 local LEARNT = {[0x01] = true, [0x02] = true, [0x81] = true, [0x82] = true}
 
 local NONE = {}
+local LENGTH = 0 -- second key of a memory that needs none
 
 local codes = {} -- name of a format -> its code
 for code, row in pairs(tables.formats) do
   codes[row.name] = code
+end
+
+-- The format of a parameter by the list of parameters; nil where there is none.
+local function listed(pnu)
+  local row = tables.parameters[pnu]
+  return row and codes[(row.type:gsub("%[%]$", ""))]
 end
 
 local Diagnoses = {}
@@ -44,8 +51,10 @@ M.Diagnoses = Diagnoses
 function M.new(codec)
   return setmetatable({
     codec = codec,
-    formats = memory.new(tables.known.history), -- device, PNU -> format in which it was read last
+    -- device, PNU -> {format, frame}: the format in which it was read last, and where first
+    formats = memory.new(tables.known.history),
     limits = memory.new(tables.known.history), -- device, PNU 974 -> bytes of its longest message
+    longest = memory.new(tables.known.history), -- device, LENGTH -> bytes of its longest response
   }, Diagnoses)
 end
 
@@ -53,6 +62,7 @@ end
 function Diagnoses:copied(known)
   known[self.formats] = self.formats:on_top()
   known[self.limits] = self.limits:on_top()
+  known[self.longest] = self.longest:on_top()
 end
 
 -- Whether a job that was answered well may have something to be repaired all the same.
@@ -86,6 +96,9 @@ end
 
 --- What a closed job shows, and the findings it has, were caused by: an array of remarks, for reading only.
 function Diagnoses:closed(job)
+  if job.read_response then
+    self:_learn_length(job.peer.device, #job.read_response.data)
+  end
   local in_order, well = order.is_usual(job), is_answered_well(job)
   local remarks = NONE
   if not (in_order and well) then
@@ -106,22 +119,24 @@ function Diagnoses:closed(job)
   return remarks
 end
 
--- One cause explains a job: a repair all of it, then lengths, then each refusal by its number.
+-- One cause explains a job: a repair all of it, or lengths; else each refusal has its own.
 function Diagnoses:_cause(remarks, job)
   local refused = refusal.refusals(job)
-  local repaired = self:_repair(job, refused)
-  if repaired then
-    remarks[#remarks + 1] = repaired
+  local found, device, before = self:_repair(job, refused), job.peer.device, #remarks
+  if found and not found.each then
+    found.args.what = found.what
+    remarks[#remarks + 1] = rules.remark(found.rule, job:write_request().frame, found.args)
     return
+  elseif found then
+    refused = self:_retyped(remarks, job, found, refused)
   end
-  local device = job.peer.device
   local function size_of(pnu)
     return self:_size(device, pnu)
   end
-  local before = #remarks
   length.request_too_short(remarks, job, refused)
   length.answer_cut(remarks, job, size_of)
-  length.answer_too_long(remarks, job, self.limits:get(device, PNU_ACCESS_IDENTIFICATION), size_of)
+  local stated = self.limits:get(device, PNU_ACCESS_IDENTIFICATION)
+  length.answer_too_long(remarks, job, stated, self.longest:get(device, LENGTH) or 0, size_of)
   refusal.add(remarks, job, refused)
   if #remarks == before then
     refusal.not_seen(remarks, job)
@@ -147,14 +162,31 @@ function Diagnoses:_repair(job, refused)
     legacy_g120_formats = self.codec.legacy_g120_formats, profile_v3_types = self.codec.profile_v3_types,
     vendor_id = job.peer.vendor_id,
   }
-  local found = repair.find(half.data, message, errors, is_known, format_of, options)
-  if found == nil then
-    return nil
+  return repair.find(half.data, message, errors, is_known, format_of, options)
+end
+
+-- Adds the values under a format that is not that of the parameter, each by itself (DS714).
+-- @return the parameters that were refused besides
+function Diagnoses:_retyped(remarks, job, found, refused)
+  local frame, told, errors, others = job:write_request().frame, {}, {}, {}
+  for _, each in ipairs(refused) do
+    errors[each.number] = each.code
   end
-  if found.what ~= "" then
-    found.args.what = found.what
+  for _, each in ipairs(found.each) do
+    local args = each.args
+    local seen = self.formats:get(job.peer.device, args.pnu)
+    told[each.number] = true
+    args.better_code, args.bits, args.code = args.code, each.bits, errors[each.number]
+    args.seen = seen and seen.frame
+    args.case = seen and "format_read" or listed(args.pnu) and "format_listed" or "format_bits"
+    remarks[#remarks + 1] = rules.remark(found.rule, frame, args)
   end
-  return rules.remark(found.rule, half.frame, found.args)
+  for _, each in ipairs(refused) do
+    if not told[each.number] then
+      others[#others + 1] = each
+    end
+  end
+  return others
 end
 
 -- What was seen before
@@ -170,25 +202,33 @@ function Diagnoses:_learn(job)
   for number = 1, min(#addresses, #blocks) do
     local address, block = addresses[number], blocks[number]
     local pnu = address.pnu
-    if known[pnu] ~= block.format or pnu == PNU_ACCESS_IDENTIFICATION then
+    local seen = known[pnu]
+    if not seen or seen.format ~= block.format or pnu == PNU_ACCESS_IDENTIFICATION then
       if rules.is_mismatch(job) then
         return
       end
-      self:_learn_block(device, address, block)
+      self:_learn_block(device, address, block, job.read_response.frame)
     end
   end
 end
 
-function Diagnoses:_learn_block(device, address, block)
+function Diagnoses:_learn_block(device, address, block, frame)
   local pnu = address.pnu
   if block.error ~= nil or address.attribute ~= VALUE then
     return
   end
-  if self.formats:get(device, pnu) ~= block.format then
-    self.formats:put(device, pnu, block.format)
+  local seen = self.formats:get(device, pnu)
+  if not seen or seen.format ~= block.format then
+    self.formats:put(device, pnu, {format = block.format, frame = frame})
   end
   if pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 then
     self:_learn_limit(device, block)
+  end
+end
+
+function Diagnoses:_learn_length(device, bytes)
+  if bytes > (self.longest:get(device, LENGTH) or 0) then
+    self.longest:put(device, LENGTH, bytes)
   end
 end
 
@@ -201,11 +241,7 @@ end
 
 function Diagnoses:_format(device, pnu)
   local seen = self.formats:get(device, pnu)
-  if seen then
-    return seen
-  end
-  local row = tables.parameters[pnu]
-  return row and codes[(row.type:gsub("%[%]$", ""))]
+  return seen and seen.format or listed(pnu)
 end
 
 function Diagnoses:_size(device, pnu)

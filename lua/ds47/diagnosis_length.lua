@@ -4,15 +4,17 @@
 -- known. `size_of` gives the bytes of one value of a PNU, nil where they are not known.
 
 local pairing = require("ds47.pairing")
+local parameter = require("ds47.parameter")
 local tables = require("ds47.tables")
 
-local max, min = math.max, math.min
+local char, floor, max, min = string.char, math.floor, math.max, math.min
 
 local M = {}
 
 local STATUS_NOT_READY = pairing.STATUS_NOT_READY
 local VALUE = 0x10
 local HEADER, ADDRESS = 4, 6
+local COUNT_AT = 4 -- place of the number of parameters, from 1
 local BLOCK_HEADER = 2 -- format and number of values
 local BLOCK = 4 -- the shortest value block: format, number of values, one value with its pad
 
@@ -44,6 +46,17 @@ local function need_of(message, have, more)
   return have + more + BLOCK * max(0, count - #message.blocks - 1)
 end
 
+-- Of how many parameters the bytes are a whole request, if byte 3 were wrong; nil for none.
+local function fitting_count(message, data)
+  for count = 1, min(message.parameter_count or 0, floor(#data / ADDRESS) + 1) - 1 do
+    local other = parameter.decode_request(data:sub(1, COUNT_AT - 1) .. char(count) .. data:sub(COUNT_AT + 1))
+    if other.shaped and not other.flaws[1] then
+      return count
+    end
+  end
+  return nil
+end
+
 --- LEN of WRREC is too small: the record is whole, the request in it is not.
 -- A drive that refused a value for its type has read it: then the format is wrong, and not the length.
 -- @param refused  the parameters that were refused, by diagnosis_refusal.lua
@@ -60,8 +73,12 @@ function M.request_too_short(remarks, job, refused)
   local flaw = missing(message.flaws)
   if flaw then
     local have = #half.data
-    local need = need_of(message, have, flaw.args.need)
-    put(remarks, "DS711", half.frame, {have = have, need = need}, flaw.offset)
+    local fits = fitting_count(message, half.data)
+    local count = message.parameter_count
+    put(remarks, "DS711", half.frame, {
+      have = have, need = need_of(message, have, flaw.args.need), count = count and count > 0 and count or 1,
+      fits = fits, case = fits and "length_or_count" or "length_short",
+    }, flaw.offset)
   end
 end
 
@@ -104,36 +121,61 @@ function M.answer_cut(remarks, job, size_of)
   end
 end
 
--- How many parameters found room; nil where room is not what was missing.
-local function answered(request, blocks, length, most, size_of)
+-- How the device says that there was no room, and the first parameter of which it says so (from 1); nil
+-- where room is not what was missing.
+local function without_room(request, blocks, length, most, size_of)
   local count, refused = #request.addresses, false
   for number = 1, min(#blocks, count) do
     local failure = blocks[number].error
     if failure then
       refused = true
       if failure.code == tables.known.too_long then
-        return number - 1
+        return "too_long", number
       end
     end
   end
   if refused or #blocks >= count then
     return nil
   end
-  local following = least_block(request.addresses[#blocks + 1], size_of)
-  return length + following > most and #blocks or nil
+  local number = #blocks + 1
+  local following = least_block(request.addresses[number], size_of)
+  if length + following > most then
+    return "left_out", number
+  end
+  return nil
+end
+
+-- How many parameters have their values.
+local function answered(request, blocks)
+  local count = 0
+  for number = 1, min(#blocks, #request.addresses) do
+    count = count + (blocks[number].error and 0 or 1)
+  end
+  return count
 end
 
 --- More was asked than one response can carry.
--- @param limit  r0974 of the device, bytes, if it was read; nil for the usual length of a channel
-function M.answer_too_long(remarks, job, limit, size_of)
+-- @param stated   r0974 of the device, bytes, if it was read; else nil
+-- @param longest  bytes of the longest response of the device so far
+function M.answer_too_long(remarks, job, stated, longest, size_of)
   local half, request, response = job.read_response, job.message, job.response
   if half == nil or request == nil or response == nil or request.operation ~= "read" then
     return
   end
-  local most = limit or tables.known.channel_bytes
-  local number = answered(request, response.blocks, #half.data, most, size_of)
-  if number then
-    put(remarks, "DS713", half.frame, {parameters = #request.addresses, limit = most, number = number})
+  if half.missing ~= 0 then
+    return
+  end
+  longest = max(longest, #half.data)
+  local limit = stated and stated >= longest and stated or nil
+  local most = limit or max(longest, tables.known.channel_bytes)
+  local what, number = without_room(request, response.blocks, #half.data, most, size_of)
+  if what then
+    local address = request.addresses[number]
+    put(remarks, "DS713", half.frame, {
+      parameters = #request.addresses, number = answered(request, response.blocks), what = what,
+      pnu = address.pnu, subindex = address.subindex,
+      room = limit and "room_stated" or "room_seen", limit = limit or longest,
+    })
   end
 end
 

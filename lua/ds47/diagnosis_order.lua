@@ -36,17 +36,23 @@ local function read_too_early(remarks, job)
   end
 end
 
+-- `write` is the frame of the Write that was refused between the two Reads.
+local function put_again(remarks, case, frame, first, write)
+  put(remarks, "DS704", frame, {case = case, frame = frame, first = first, write = write})
+end
+
 local function old_answer(remarks, job)
   local read = job.read_response
   if read == nil then
     return
   end
   if job.repeats ~= nil then
-    put(remarks, "DS704", read.frame, {frame = read.frame, first = job.repeats})
+    local refused = job:write_request()
+    local case = refused and "again_after_refusal" or "again_without_ar"
+    put_again(remarks, case, read.frame, job.repeats, refused and refused.frame)
   end
   if job.rereads[1] then
-    local again = job.rereads[1].response.frame
-    put(remarks, "DS704", again, {frame = again, first = read.frame})
+    put_again(remarks, job.again, job.rereads[1].response.frame, read.frame)
   end
 end
 

@@ -11,6 +11,8 @@ local transactions = require("ds47.transactions")
 
 local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, rules.NOT_SUPPORTED
 
+local floor = math.floor
+
 local M = {}
 
 local SIEMENS = transactions.SIEMENS
@@ -84,9 +86,19 @@ local function value_of(block)
   return json.raw(formats.value_text(value, block))
 end
 
+-- The PNU of the source that a connector was given; nil where it was given a number.
+local function source_of(value)
+  if value == nil or value.format_name ~= UNSIGNED_32 or value.values[1] == nil then
+    return nil
+  end
+  local pnu = floor(value.values[1] / 65536)
+  return pnu > 0 and pnu <= tables.known.source_most and pnu or nil
+end
+
 -- What the rule carries, of all that a refusal shows.
 local function args_of(job, rule, refusal)
   local address, value = refusal.address, refusal.value
+  local source = source_of(value)
   local facts, args = {
     axis = job.message.axis,
     device = job.peer.device,
@@ -95,6 +107,8 @@ local function args_of(job, rule, refusal)
     elements = address.element_count,
     format = value and value.format_name,
     value = value_of(value),
+    case = source and "source_refused" or "no_source",
+    source = source,
     state = tables.known.commissioning[refusal.code],
     code = refusal.code,
     vendor_id = job.peer.vendor_id,
@@ -105,19 +119,18 @@ local function args_of(job, rule, refusal)
   return args
 end
 
---- Adds what the refusals of a job say, each cause once.
+--- Adds what the refusals of a job say: each parameter by itself, a missing drive object once.
 -- @param refused  what `refusals` gave
 function M.add(remarks, job, refused)
-  local half, given = job.read_response, {}
+  local half, missing = job.read_response, false
   if half == nil then
     return
   end
   local siemens = job.peer.vendor_id == SIEMENS
   for _, refusal in ipairs(refused) do
     local rule = rule_of(refusal, siemens)
-    local cause = rule and rule .. refusal.code
-    if rule and not given[cause] then
-      given[cause] = true
+    if rule and not (rule == "DS709" and missing) then
+      missing = missing or rule == "DS709"
       local args = args_of(job, rule, refusal)
       remarks[#remarks + 1] = rules.remark(rule, half.frame, args, refusal.answer.offset)
     end
@@ -135,13 +148,17 @@ function M.not_seen(remarks, job)
   if half == nil or id == nil or id < 0x80 or id == NOT_SUPPORTED or is_mismatch(job) then
     return
   end
-  if not positive(half) or not positive(job.write_response) then
+  if half.status ~= 0 or not positive(job.write_response) then
     return
+  end
+  if job.message == nil and job.repeats then
+    return -- told of the transaction that it repeats
   end
   for _, block in ipairs(response.blocks) do
     if block.error then
       remarks[#remarks + 1] = rules.remark("DS701", half.frame, {
         id = id, code = block.error.code, vendor_id = job.peer.vendor_id,
+        case = job.polls[1] and "status_zero_at_last" or "status_zero", polls = #job.polls,
       })
       return
     end

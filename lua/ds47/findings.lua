@@ -104,7 +104,7 @@ end
 function Findings:finding(remark, transaction)
   local args = remark.args
   if remark.rule == WITHOUT_REQUEST then
-    args = {dropped = self.frames_dropped}
+    args = {case = args.case, dropped = self.frames_dropped}
   end
   return {
     rule = remark.rule,

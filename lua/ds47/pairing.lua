@@ -36,11 +36,13 @@ Job.rereads = NONE -- the same
 Job.empty_reads = NONE -- array of halves
 Job.calls = NONE -- what was said of its calls (DS101, DS103, DS104, DS108): array of {rule, frame}
 Job.reason = ""
+Job.again = "" -- of the first re-read, how it came about: a key of tables.diagnosis_words
 Job.accepted = false
 -- Further: write_response, read_request, read_response, response, previous_reference, superseded_by; and
+--   previous: frame of the request before it on its channel, whose reference that is
 --   superseding: the request that displaced this one; until it is closed
 --   rival: whose request was open when this one was turned away as in conflict with another; the same
---   repeats: frame of an earlier answer that was read once more where a new one was due
+--   repeats: frame of an earlier response that was read once more where a new one was due
 --   ended: frame that ended the connection while the request was open
 --   limit: name of the limit that pushed it out: a response may still come
 --   uncertain: true for an orphan whose request a limit may have pushed out
@@ -146,6 +148,7 @@ function M.new(limits, listener)
     channels = ordered.new(), -- channel key -> channel, the one that was touched last goes last
     of_ar = {}, -- AR key -> its channel keys, in the order of first sight
     newest = ordered.new(), -- place -> its newest accepted request, whoever asked
+    delivered = ordered.new(), -- place -> the newest of them whose response was read
     connects = ordered.new(), -- controller and device -> frame of the newest Connect between them
     forgot_requests = false, -- whether a limit pushed out requests whose responses may still come
     count = 0,
@@ -160,6 +163,7 @@ end
 --- For a copy of the analysis that only plays the end of the capture: nobody asks or connects there.
 function Pairing:copied(known)
   known[self.newest] = ordered.new()
+  known[self.delivered] = ordered.new()
   known[self.connects] = self.connects
 end
 
@@ -227,8 +231,13 @@ local function close_channel(self, channel, reason, ended, limit)
   if open then
     over(open)
   end
-  for _, job in ipairs(channel.asked) do
-    over(job)
+  for number, job in ipairs(channel.asked) do
+    if limit then
+      push_out(self, job, limit)
+    else
+      local passed = reason == "end" and number < #channel.asked -- the channel went on
+      lose(self, job, passed and "unseen" or reason, ended)
+    end
   end
 end
 
@@ -243,7 +252,8 @@ local function new_channel(self, key, peer, record)
     open = nil, -- the accepted request that nothing was read for
     refused = nil, -- the latest refused Write, until something is read
     last = nil, -- the job that was answered last
-    reference = nil, -- that of the newest Write
+    reference = nil, -- that of the newest Write,
+    written = nil, -- and its frame
   }
   self.channels:set(key, channel)
   local siblings = self.of_ar[of_ar]
@@ -284,8 +294,8 @@ local function make_job(self, peer, record, message)
   return new_job(peer, record, message, self.count)
 end
 
-local function remember(self, place, job)
-  local newest = self.newest
+-- Keeps a job as the newest of its place; `newest` is one of the two memories of that.
+local function remember(self, newest, place, job)
   newest:set(place, job)
   newest:move_to_end(place)
   if newest.length > self.limits.channels then
@@ -309,7 +319,7 @@ local function accept(self, channel, job)
       channel.refused = nil
     end
     channel.open = job
-    remember(self, channel.place, job)
+    remember(self, self.newest, channel.place, job)
   end
   job.phase = PHASES[job.phase].write_accepted
 end
@@ -382,25 +392,22 @@ local function answer(self, channel, job, record)
     lose(self, channel.last, "")
   end
   channel.last = job
+  if job.message and not job:write_refused() then
+    remember(self, self.delivered, channel.place, job)
+  end
 end
 
--- Whether a request that failed, or another one than before, is answered as the last one was.
+-- Whether a request that was refused is answered as the last one was. Of a Write without a Write response
+-- nothing follows: two questions may have the same answer.
 local function compare(last, job, half)
-  if bytes(last) ~= half.data then
-    return
+  if bytes(last) == half.data then
+    job.repeats = last.read_response.frame
   end
-  if job.phase == "asked" then
-    local asked, before = job:write_request(), last:write_request()
-    if asked == nil or before == nil or asked.data:sub(2) == before.data:sub(2) then
-      return -- the same question may well have the same answer
-    end
-  end
-  job.repeats = last.read_response.frame
 end
 
 local function read(self, channel, job, event, record)
   local half = record.response
-  if event == "read_record" and (job.phase == "asked" or job.phase == "refused") then
+  if event == "read_record" and job.phase == "refused" then
     compare(channel.last, job, half)
   end
   if job.phase == "asked" then
@@ -422,12 +429,32 @@ local function read(self, channel, job, event, record)
   end
 end
 
+-- Whose response a Read without a request may bring once more: that of its channel; without an AR that of
+-- the place, whoever asked there.
+local function last_response(self, channel, record)
+  local last, delivered, data = channel.last, self.delivered:get(channel.place), record.response.data
+  if not record.implicit or bytes(delivered) ~= data then
+    return last
+  end
+  return delivered.phase == "closed" and bytes(last) == data and last or delivered
+end
+
+local function reread(self, job, record)
+  job.phase = PHASES[job.phase].reread
+  if not job.rereads[1] then
+    job.again = record.implicit and "again_without_ar" or "again"
+  end
+  keep(job, "rereads", {request = record.request, response = record.response})
+  touch(self, job, "reread", record.response)
+end
+
 --- A Write that asks for something. Returns the job, for `write_response`.
 function Pairing:write_request(peer, record, message)
   local channel = channel_of(self, peer, record, record.request.time_ns)
   local job = make_job(self, peer, record, message)
   job.channel_key = channel.key
   job.previous_reference, channel.reference = channel.reference, message.request_reference
+  job.previous, channel.written = channel.written, record.request.frame
   local asked = channel.asked
   asked[#asked + 1] = job
   touch(self, job, "write_request", record.request)
@@ -485,15 +512,16 @@ function Pairing:read_response(peer, record)
     self.listener:nothing_to_read(record)
     return nil
   end
-  local last = channel.last
-  if last and bytes(last) == half.data then
-    last.phase = PHASES[last.phase].reread
-    keep(last, "rereads", {request = record.request, response = half})
-    touch(self, last, "reread", half)
+  local last = last_response(self, channel, record)
+  if bytes(last) == half.data and last.phase ~= "closed" then
+    reread(self, last, record)
     return last
   end
   job = make_job(self, peer, record, nil)
   job.phase, job.uncertain = "open", self.forgot_requests or nil
+  if bytes(last) == half.data then
+    job.repeats = last.read_response.frame
+  end
   read(self, channel, job, event, record)
   return job
 end

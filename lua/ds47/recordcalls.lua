@@ -179,6 +179,7 @@ function RecordCalls:_length(pdu, record, half)
   end
   local cut = pdu.missing ~= 0 and pdu.cut
   if cut then
+    half.cut = true -- by the capture
     local args = {
       captured = cut.captured, original = cut.original, length = half.stated, completed = half.frame,
     }
@@ -302,9 +303,6 @@ function RecordCalls:response(call)
 end
 
 function RecordCalls:_read_answered(pdu, record, half)
-  if half.missing ~= 0 and pdu.missing ~= 0 and pdu.cut then
-    half.cut = true -- by the capture, not by the sender
-  end
   self:_length(pdu, record, half)
   local shaped = false
   if half.data ~= "" and half.missing == 0

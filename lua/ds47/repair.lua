@@ -475,14 +475,32 @@ local function with_blocks(job, changed)
   return concat(parts) .. job.message.rest
 end
 
-local function type_repair(job, number, new, data)
+-- How the values of two blocks hang together: a key of tables.diagnosis_words.
+local function kinship(old, new)
+  if new.raw == old.raw then return "bits_same" end
+  return same_values(new.values, numbers_of(old)) and "number_same" or "number_other"
+end
+
+local function described(job, number, new)
   local old, address = job.message.blocks[number], job.message.addresses[number]
   return {
-    rule = "DS714", what = "", request = data, number = number,
+    number = number, bits = kinship(old, new),
     args = {
       pnu = address.pnu, subindex = address.subindex, format = old.format_name, values = values_of(old),
       better = new.format_name, code = new.format, meant = values_of(new),
     },
+  }
+end
+
+-- `each` are all parameters that stand under another format now; the first of them is in the fields too.
+local function type_repair(job, changed, data)
+  local each = {}
+  for number = 1, #job.message.blocks do
+    if changed[number] then each[#each + 1] = described(job, number, changed[number]) end
+  end
+  local first = each[1]
+  return {
+    rule = "DS714", what = "", request = data, number = first.number, args = first.args, each = each,
   }
 end
 
@@ -492,14 +510,14 @@ local function other_format(job)
   for number, block in ipairs(job.message.blocks) do
     changed[number] = retyped(job, number, block)
     if changed[number] then
-      first = first or number
+      first = true
       for _, value in ipairs(changed[number].values) do longest = max(longest, digits_of(value) or 0) end
     end
   end
   if not first then return nil end
   local fixed, data = settled(with_blocks(job, changed), job.options)
   if not fixed or absurd_inside(fixed) then return nil end
-  return {repair = type_repair(job, first, changed[first], data), digits = longest}
+  return {repair = type_repair(job, changed, data), digits = longest}
 end
 
 -- The one of two guesses; where both are left the one with clearly shorter numbers.

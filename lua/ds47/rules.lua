@@ -24,6 +24,9 @@ M.NOT_SUPPORTED = 0x80
 local PNU_ACCESS_IDENTIFICATION, NOT_SUPPORTED = M.PNU_ACCESS_IDENTIFICATION, M.NOT_SUPPORTED
 local VALUE = 0x10 -- attribute (docs/protocol.md A.4)
 local NONE = {} -- no remarks; most jobs have none
+-- Flaws that say that something is not there: pad, bytes, error block.
+local TOO_MANY = "DS304" -- more parameters than usual
+local ABSENT = {DS311 = true, DS315 = true, DS412 = true}
 
 --- A remark. `args` may be nil; `offset` is the 0-based byte of the message, nil where there is none.
 function M.remark(rule, frame, args, offset)
@@ -82,10 +85,19 @@ function M.drive_time_ns(job)
   return read.time_ns - write.time_ns
 end
 
-local function put_flaws(remarks, flaws, frame)
+-- What is wrong inside a message; what the capture cut off is no fault of it.
+-- `most`: how many parameters the device has shown to take; nil for the usual number.
+local function put_flaws(remarks, flaws, half, most)
   for number = 1, #flaws do
     local flaw = flaws[number]
-    put(remarks, flaw.rule, frame, flaw.args, flaw.offset)
+    local args, silent = flaw.args, half.cut and ABSENT[flaw.rule]
+    if flaw.rule == TOO_MANY and most then
+      silent = silent or args.count <= most
+      args = {count = args.count, limit = most}
+    end
+    if not silent then
+      put(remarks, flaw.rule, half.frame, args, flaw.offset)
+    end
   end
 end
 
@@ -104,7 +116,8 @@ function M.new(limits, slow_ns)
     slow_ns = slow_ns,
     written = readback.new(limits.written_values),
     longest = {}, -- device -> longest message it takes
-    longest_count = 0,
+    most = {}, -- device -> most parameters of one request
+    counts = {longest = 0, most = 0}, -- devices in each of the two
     blank = {}, -- where the remarks of the next job go; made anew only when it had some
   }, Judge)
 end
@@ -112,7 +125,7 @@ end
 --- For a copy of the analysis that only plays the end of the capture: nothing is read back there.
 function Judge:copied(known)
   known[self.written] = readback.new(self.limits.written_values)
-  known[self.longest] = self.longest
+  known[self.longest], known[self.most] = self.longest, self.most
 end
 
 -- The remarks in `blank`, as those of the job.
@@ -194,6 +207,11 @@ end
 function Judge:certain(job)
   local remarks = self.blank
   self:_request(remarks, job)
+  for number = #remarks, 1, -1 do
+    if remarks[number].rule == TOO_MANY then
+      table.remove(remarks, number) -- the drive may yet answer all of them
+    end
+  end
   self:_reads(remarks, job)
   remarks[#remarks + 1] = self:closed(job)
   return owned(self, job)
@@ -210,18 +228,32 @@ function Judge:closed(job)
   return remark
 end
 
+-- How many parameters of one request the device takes, as far as it has shown; nil: not at all.
+function Judge:_most_parameters(job)
+  local request, response, most = job.message, job.response, self.most[job.peer.device]
+  if request == nil or response == nil or is_mismatch(job) then
+    return most
+  end
+  local answered = #response.blocks
+  if answered == #request.addresses and answered == request.parameter_count then
+    return answered
+  end
+  return most
+end
+
 function Judge:_request(remarks, job)
   local half, message = job:write_request(), job.message
   if half == nil then
     return
   end
-  put_flaws(remarks, message.flaws, half.frame)
+  put_flaws(remarks, message.flaws, half, self:_most_parameters(job))
   local limit = self.longest[job.peer.device]
   if limit and #half.data > limit then
     put(remarks, "DS316", half.frame, {length = #half.data, limit = limit}, 0)
   end
   if job.previous_reference ~= nil and job.previous_reference == message.request_reference then
-    put(remarks, "DS415", half.frame, {reference = message.request_reference})
+    local args = {reference = message.request_reference, first = job.previous}
+    put(remarks, "DS415", half.frame, args)
   end
 end
 
@@ -236,15 +268,23 @@ function Judge:_reads(remarks, job)
   end
 end
 
+-- How a response comes to stand alone: a key of tables.diagnosis_words.
+local function unasked(job)
+  if not job.record.implicit then
+    return "unasked"
+  end
+  return job.repeats and "unasked_again" or "unasked_without_ar"
+end
+
 function Judge:_response(remarks, job, stray)
   local half, response = job.read_response, job.response
   if half == nil or response == nil then
     return
   end
-  put_flaws(remarks, response.flaws, half.frame)
+  put_flaws(remarks, response.flaws, half, self:_most_parameters(job))
   if job.message == nil then
     if not job.uncertain then
-      put(remarks, "DS403", half.frame)
+      put(remarks, "DS403", half.frame, {case = unasked(job)})
     end
   else
     self:_mirror(remarks, half.frame, job)
@@ -291,10 +331,11 @@ function Judge:_blocks(remarks, frame, job, stray)
   local request, blocks = job.message, job.response.blocks
   local addresses = request and not stray and request.addresses
   local counted = addresses and request.operation == "read"
+  local told = request == nil and job.repeats ~= nil
   for number = 1, #blocks do
     local block = blocks[number]
     local address = addresses and addresses[number] or nil
-    if block.error ~= nil then
+    if block.error ~= nil and not told then
       put(remarks, "DS410", frame, self:_error_args(job, block, address), block.offset)
     elseif address and counted then
       element_count(remarks, frame, block, address)
@@ -363,22 +404,24 @@ function Judge:_learn_limit(job)
     if address == nil then
       return
     end
-    if address.pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 and address.attribute == VALUE then
-      self:_learn(job.peer.device, block)
+    if address.pnu == PNU_ACCESS_IDENTIFICATION and address.attribute == VALUE and not block.float then
+      self:_learn("longest", job.peer.device, block.values[1 - address.subindex])
+      self:_learn("most", job.peer.device, block.values[2 - address.subindex])
     end
   end
 end
 
-function Judge:_learn(device, block)
-  local value = block.values[1]
-  if type(value) ~= "number" or block.float or value <= 0 then
+-- Keeps a value of r0974 in one of the two memories of that.
+function Judge:_learn(name, device, value)
+  if type(value) ~= "number" or value <= 0 then
     return
   end
-  if self.longest_count < self.limits.activities then
-    if self.longest[device] == nil then
-      self.longest_count = self.longest_count + 1
+  local memory, counts = self[name], self.counts
+  if counts[name] < self.limits.activities then
+    if memory[device] == nil then
+      counts[name] = counts[name] + 1
     end
-    self.longest[device] = value
+    memory[device] = value
   end
 end
 

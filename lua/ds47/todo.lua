@@ -9,18 +9,37 @@ local M = {}
 local SERIOUS = { error = 1, warning = 2, note = 3 }
 
 local WRONG_DRIVE_OBJECT = "DS709"
+local LOCAL = 0xB02E -- under this index the slot decides who answers, not the axis byte
 local ANSWERED = { ok = true, partial = true }
+
+-- Whether the device said of a transaction that there is no such drive object.
+local function is_missing(transaction)
+  for _, each in ipairs(transaction.parameters) do
+    if each.error and each.error.code == tables.known.axis_error then
+      return true
+    end
+  end
+  return false
+end
 
 --- The drive objects of its device that answer, for a request to one that does not exist; else nil.
 function M.answering(all, item)
   if item.rule ~= WRONG_DRIVE_OBJECT then
     return nil
   end
-  local seen, axes = {}, {}
+  local missing, seen, axes = { [item.args.axis or -1] = true }, {}, {}
   for _, each in ipairs(all) do
     local axis = each.axis
-    if each.device == item.device and ANSWERED[each.state] and axis and not seen[axis] then
-      seen[axis] = true
+    if axis and each.device == item.device and each.index ~= LOCAL then
+      if is_missing(each) then
+        missing[axis] = true
+      elseif ANSWERED[each.state] then
+        seen[axis] = true
+      end
+    end
+  end
+  for axis in pairs(seen) do
+    if not missing[axis] then
       axes[#axes + 1] = axis
     end
   end

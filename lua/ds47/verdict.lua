@@ -160,12 +160,14 @@ function M.blind(result, counts, lang)
     nameless = nameless + ((each.station == nil or each.station == "") and 1 or 0)
   end
   local unseen = open(counts)
-  local orphans = count(result.transactions, orphaned)
+  local orphans = counts.states.orphan or 0
+  local without_ar = orphans - count(result.transactions, orphaned)
   add(count(result.transactions, accepted) > 0, "blind_effect")
   add(result.dropped == nil, "blind_drops")
   add(nameless > 0, "blind_names", nameless)
   add(unseen > 0, "blind_open", unseen)
-  add(orphans > 0, "blind_before", orphans)
+  add(orphans > without_ar, "blind_before", orphans - without_ar)
+  add(without_ar > 0, "blind_without_ar", without_ar)
   add(other > 0, "blind_records", other)
   return lines
 end

@@ -62,8 +62,8 @@ class DriveObjects:
     # What is seen
 
     def transaction(self, item: Transaction) -> None:
-        """A finished transaction."""
-        if item.operation != "read" and item.operation != "change":
+        """A finished transaction; the response to another request proves nothing."""
+        if item.operation not in ("read", "change") or item.state == "mismatch":
             return
         access = access_of(item)
         for each in item.parameters:
@@ -106,6 +106,10 @@ class DriveObjects:
     def exists(self, device: str, number: int) -> bool:
         """False where the device has said that there is no such drive object."""
         return (device, number) not in self._missing
+
+    def looks_at_axis(self, device: str) -> bool:
+        """Whether the device has refused an axis number, and so looks at it."""
+        return device in self._distinguishing
 
     def same(self, one: Access, other: Access, pnu: int) -> bool:
         """Whether two requests for a parameter reach the same drive object, whatever is not known."""

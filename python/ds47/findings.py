@@ -73,10 +73,10 @@ class Findings:
 
     def finding(self, remark: Remark, transaction: int | None = None) -> Finding:
         """The finding of a remark."""
-        args = remark.args
-        if remark.rule == _WITHOUT_REQUEST:
-            args = {**args, "dropped": self.frames_dropped}
         row = rules()[remark.rule]
+        args = row.carried(remark.args)
+        if remark.rule == _WITHOUT_REQUEST:
+            args["dropped"] = self.frames_dropped
         return Finding(
             remark.rule, row.severity, remark.frame, _frames(row, remark.frame, args), transaction,
             remark.offset, args,

@@ -59,6 +59,8 @@ class Job:
     response: Response | None
     """Decoded by whoever is told of the answer."""
     previous_reference: int | None
+    previous: int | None
+    """Frame of the request before it on its channel, whose reference that is."""
     superseded_by: int | None
     reason: str
     accepted: bool
@@ -68,7 +70,9 @@ class Job:
     rival: Job | None
     """Whose request was open when this one was turned away as in conflict with another."""
     repeats: int | None
-    """Frame of an earlier answer that was read once more where a new one was due."""
+    """Frame of an earlier response that was read once more where a new one was due."""
+    again: str
+    """Of the first re-read, how it came about: a key of diagnoses.toml."""
     ended: int | None
     """Frame that ended the connection while the request was open."""
     limit: str
@@ -91,6 +95,7 @@ class Job:
         empty_reads: list[Half] | None = None,
         response: Response | None = None,
         previous_reference: int | None = None,
+        previous: int | None = None,
         superseded_by: int | None = None,
         reason: str = "",
         accepted: bool = False,
@@ -109,6 +114,7 @@ class Job:
         self.empty_reads = [] if empty_reads is None else empty_reads
         self.response = response
         self.previous_reference = previous_reference
+        self.previous = previous
         self.superseded_by = superseded_by
         self.reason = reason
         self.accepted = accepted
@@ -116,6 +122,7 @@ class Job:
         self.superseding = None
         self.rival = None
         self.repeats = None
+        self.again = ""
         self.ended = None
         self.limit = ""
         self.certain = True
@@ -168,6 +175,10 @@ class Place:
     """and of the last request that was accepted:"""
     newest: UsualJob | None
     """that one."""
+    answered: int
+    """The same, of the last request whose response was read:"""
+    delivered: UsualJob | None
+    """that one."""
     reads: int
     """Requests that are not among `counts` yet."""
     writes: int
@@ -205,8 +216,9 @@ class Place:
         self.reads = self.writes = 0
         self.channel = None
         self.proven = False
-        self.spoke = self.touched = self.accepted = 0
+        self.spoke = self.touched = self.accepted = self.answered = 0
         self.newest = None
+        self.delivered = None
 
     def record(self, request: Half | None, response: Half | None, *, write: bool) -> Record:
         """A record call that goes there."""
@@ -241,6 +253,7 @@ class UsualJob:
     asked: Frame
     data: bytes
     previous_reference: int | None
+    previous: int | None
     accepted: Frame | None
     read: Frame | None
     wanted: int
@@ -261,12 +274,14 @@ class UsualJob:
         asked: Frame,
         data: bytes,
         previous_reference: int | None,
+        previous: int | None,
     ) -> None:
         self.place = place
         self.order = order
         self.asked = asked
         self.data = data
         self.previous_reference = previous_reference
+        self.previous = previous
         self.accepted = None
         self.read = None
         self.wanted = 0
@@ -296,6 +311,8 @@ class Channel:
     refused: Job | None
     last: Job | None
     reference: int | None
+    written: int | None
+    """The frame of the newest Write; `reference` is that of its request."""
     usual: UsualJob | None
     """Asked or open."""
     usual_last: UsualJob | None
@@ -316,6 +333,7 @@ class Channel:
         self.refused = refused
         self.last = last
         self.reference = reference
+        self.written = None
         self.usual = None
         self.usual_last = None
 
@@ -381,6 +399,8 @@ class Pairing:
         """The newest accepted request of a place, whoever asked."""
         self._pushed_out = False
         """Whether a limit pushed out requests whose responses may still come."""
+        self._delivered: OrderedDict[tuple[str, int, int, int, int], Job | UsualJob] = OrderedDict()
+        """The newest accepted request of a place whose response was read, whoever asked."""
         self._connects: OrderedDict[tuple[str, str], int] = OrderedDict()
         """The newest Connect between two stations, by its frame."""
         self._count = 0
@@ -391,6 +411,7 @@ class Pairing:
         channel = self._channel(peer, record, record.request.time_ns)
         job = self._job(peer, record, message)
         job.previous_reference, channel.reference = channel.reference, message.request_reference
+        job.previous, channel.written = channel.written, record.request.frame
         channel.asked.append(job)
         if self._asked is not None:
             self._asked(job)
@@ -432,14 +453,39 @@ class Pairing:
         if event != "read_record":
             self._nothing_to_read(peer, record)
             return None
-        if channel.last is not None and _bytes(channel.last) == half.data:
-            self._step(channel.last, "reread")
-            self._keep(channel.last.rereads, (record.request, half))
-            return channel.last
+        read = self._last_response(peer, channel, record)
+        if read is not None and _bytes(read) == half.data and read.phase != "closed":
+            self._reread(read, record)
+            return read
         job = self._job(peer, record, None)
         job.phase, job.certain = "open", not self._pushed_out
+        if read is not None and read.read_response is not None and _bytes(read) == half.data:
+            job.repeats = read.read_response.frame
         self._read(channel, job, event, record)
         return job
+
+    def _last_response(self, peer: Peer, channel: Channel, record: Record) -> Job | None:
+        """Whose response a Read without a request may bring once more.
+
+        That of its channel; without an AR that of the place, whoever asked there.
+        """
+        if not record.implicit or record.response is None:
+            return channel.last
+        spot = (peer.device, record.api, record.slot, record.subslot, record.index)
+        delivered = self._delivered.get(spot)
+        if isinstance(delivered, UsualJob):
+            delivered = self.job(delivered)
+        if delivered is None or _bytes(delivered) != record.response.data:
+            return channel.last
+        again = delivered.phase == "closed" and _bytes(channel.last) == record.response.data
+        return channel.last if again else delivered
+
+    def _reread(self, job: Job, record: Record) -> None:
+        assert record.response is not None
+        self._step(job, "reread")
+        if not job.rereads:
+            job.again = "again_without_ar" if record.implicit else "again"
+        self._keep(job.rereads, (record.request, record.response))
 
     # Usual jobs: `ds47.usual` has them, and gives them back as soon as anything is out of the ordinary
 
@@ -469,8 +515,8 @@ class Pairing:
     def usual_write(self, channel: Channel, place: Place, asked: Frame, data: bytes) -> UsualJob:
         """`write_request`, on a channel that is free."""
         self._count += 1
-        job = UsualJob(place, self._count, asked, data, channel.reference)
-        channel.reference = data[0]
+        job = UsualJob(place, self._count, asked, data, channel.reference, channel.written)
+        channel.reference, channel.written = data[0], asked.number
         channel.usual = job
         return job
 
@@ -515,7 +561,8 @@ class Pairing:
         request = Half(asked.number, asked.time_ns, usual.data, len(usual.data))
         job = usual.job = Job(
             place.peer, place.record(request, None, write=True), self._decode(usual.data),
-            phase=usual.phase(), previous_reference=usual.previous_reference, order=usual.order,
+            phase=usual.phase(), previous_reference=usual.previous_reference,
+            previous=usual.previous, order=usual.order,
         )  # fmt: skip
         if accepted is not None:
             job.accepted = True
@@ -631,6 +678,14 @@ class Pairing:
         if len(newest) > self._limits.channels:
             newest.popitem(last=False)
 
+    def deliver(self, place: tuple[str, int, int, int, int], job: Job | UsualJob) -> None:
+        """The newest accepted request of a place whose response was read."""
+        delivered = self._delivered
+        delivered[place] = job
+        delivered.move_to_end(place)
+        if len(delivered) > self._limits.channels:
+            delivered.popitem(last=False)
+
     def _rival(self, job: Job) -> Job | None:
         """The request that is open at the place of another one."""
         newest = self._newest.get(_place(job))
@@ -673,7 +728,7 @@ class Pairing:
     def _read(self, channel: Channel, job: Job, event: str, record: Record) -> None:
         half = record.response
         assert half is not None
-        if event == "read_record" and job.phase in ("asked", "refused"):
+        if event == "read_record" and job.phase == "refused":
             _compare(channel.last, job, half)
         if job.phase == "asked":
             self._accept(channel, job)
@@ -697,6 +752,8 @@ class Pairing:
             if channel.last is not None:
                 self._lose(channel.last, "")
             channel.last = job
+            if job.message is not None and not job.write_refused:
+                self.deliver(_place(job), job)
 
     def _keep(self, reads: list[_T], read: _T) -> None:
         """The reads of one transaction: of more than `Limits.reads` the first and the newest are kept."""
@@ -736,12 +793,14 @@ class Pairing:
             del self._of_ar[key[:3]]
         channel = self.channels.pop(key)
         self._recall(channel)
+        newest = channel.asked[-1] if channel.asked else None
         for job in channel.jobs():
             if limit:
                 self._push_out(job, limit)
                 continue
             job.ended = frame
-            self._lose(job, reason)
+            passed = reason == "end" and job.phase == "asked" and job is not newest
+            self._lose(job, "unseen" if passed else reason)
 
 
 def _key(peer: Peer, record: Record) -> ChannelKey:
@@ -762,12 +821,12 @@ def _place(job: Job) -> tuple[str, int, int, int, int]:
 
 
 def _compare(last: Job | None, job: Job, half: Half) -> None:
-    """Whether a request that failed, or another one than before, is answered as the last one was."""
+    """Whether a request that was refused is answered as the last one was.
+
+    Of a Write without a Write response nothing follows: two questions may have the same answer.
+    """
     if last is None or last.read_response is None or last.read_response.data != half.data:
         return
-    asked, before = job.write_request, last.write_request
-    if job.phase == "asked" and (not asked or not before or asked.data[1:] == before.data[1:]):
-        return  # the same question may well have the same answer
     job.repeats = last.read_response.frame
 
 

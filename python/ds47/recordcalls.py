@@ -315,7 +315,6 @@ class RecordCalls:
 
     def _read_answered(self, pdu: rpc.Pdu, record: Record, half: Half) -> None:
         if half.missing:
-            half.cut = pdu.missing > 0 and pdu.cut is not None
             self._length(pdu, record, half)
         if self._gate.passes((pdu.client, pdu.server, record.ar), record.index):
             self._read(pdu, record)
@@ -361,6 +360,7 @@ class RecordCalls:
 
     def _length(self, pdu: rpc.Pdu, record: Record, half: Half) -> None:
         if pdu.missing and pdu.cut is not None:
+            half.cut = True
             frame, captured, original = pdu.cut
             args = {
                 "captured": captured, "original": original, "length": half.stated,

@@ -8,6 +8,7 @@ the transport is reported by `ds47.analysis`.
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
@@ -17,6 +18,7 @@ from ds47.drive_objects import DO_IDENTIFICATION
 from ds47.pairing import Job, UsualJob
 from ds47.profidrive import Address, Block, Flaw, Request, Response
 from ds47.profidrive.model import VALUE
+from ds47.profinet.records import Half
 from ds47.profinet.status import status_hex
 from ds47.readback import ReadBack
 from ds47.spec import request_ids
@@ -24,8 +26,15 @@ from ds47.spec.semantics import Limits
 
 PNU_ACCESS_IDENTIFICATION: Final = 974
 """r0974[0] is the longest message the device takes (docs/protocol.md A.5, D.1)."""
+TOO_MANY: Final = "DS304"
+"""More parameters than usual."""
+ABSENT: Final = frozenset(("DS311", "DS315", "DS412"))
+"""Flaws that say that something is not there: pad, bytes, error block."""
 NOT_SUPPORTED: Final = 0x80
 """Response id of a device that does not know the request id."""
+
+
+Corrected = bytes | Callable[[], bytes | None] | None
 
 
 @dataclass(slots=True, init=False)
@@ -37,8 +46,8 @@ class Remark:
     args: dict[str, Any]
     offset: int | None
     job: Job | None
-    corrected: bytes | None
-    """Of a diagnosis: the request as it should have been."""
+    corrected: Corrected
+    """Of a diagnosis: the request as it should have been, or who knows it when the capture is over."""
 
     def __init__(
         self,
@@ -47,7 +56,7 @@ class Remark:
         args: dict[str, Any] | None = None,
         offset: int | None = None,
         job: Job | None = None,
-        corrected: bytes | None = None,
+        corrected: Corrected = None,
     ) -> None:
         self.rule = rule
         self.frame = frame
@@ -106,6 +115,9 @@ class Judge:
         self._slow_ns = slow_ns
         self._written = ReadBack(limits.written_values)
         self._longest: OrderedDict[str, int] = OrderedDict()
+        """r0974[0] of a device,"""
+        self._most: OrderedDict[str, int] = OrderedDict()
+        """and r0974[1]: parameters of one request."""
 
     def asked(self, job: Job) -> None:
         """A Write request asks for something. Call in the order of the capture."""
@@ -188,14 +200,24 @@ class Judge:
         if half is None or message is None:
             return
         if message.flaws:
-            _flaws(message.flaws, half.frame, remarks)
+            _flaws(message.flaws, half, remarks, self._most_parameters(job))
         limit = self._longest.get(job.peer.device)
         if limit and len(half.data) > limit:
-            args = {"length": len(half.data), "limit": limit}
-            remarks.append(Remark("DS316", half.frame, args, 0))
+            length = {"length": len(half.data), "limit": limit}
+            remarks.append(Remark("DS316", half.frame, length, 0))
         reference = message.request_reference
         if job.previous_reference is not None and job.previous_reference == reference:
-            remarks.append(Remark("DS415", half.frame, {"reference": reference}))
+            args = {"reference": reference, "first": job.previous}
+            remarks.append(Remark("DS415", half.frame, args))
+
+    def _most_parameters(self, job: Job) -> int | None:
+        """How many parameters of one request the device takes, as far as it has shown; None: not at all."""
+        request, response = job.message, job.response
+        most = self._most.get(job.peer.device)
+        if request is None or response is None or is_mismatch(job):
+            return most
+        answered = len(response.blocks)
+        return answered if answered == len(request.addresses) == request.parameter_count else most
 
     def closed(self, job: Job) -> list[Remark]:
         """What its Write response says of a job; it may come after the Read."""
@@ -216,10 +238,10 @@ class Judge:
         if half is None or response is None:
             return
         if response.flaws:
-            _flaws(response.flaws, half.frame, remarks)
+            _flaws(response.flaws, half, remarks, self._most_parameters(job))
         if request is None:
             if job.certain:
-                remarks.append(Remark("DS403", half.frame))
+                remarks.append(Remark("DS403", half.frame, {"case": _unasked(job)}))
         else:
             self._mirror(half.frame, request, response, remarks)
         self._blocks(half.frame, job, stray, remarks)
@@ -258,9 +280,10 @@ class Judge:
         assert response is not None
         addresses = request.addresses if request and not stray else []
         read = request is not None and request.operation == "read"
+        told = request is None and job.repeats is not None
         for number, block in enumerate(response.blocks):
             address = addresses[number] if number < len(addresses) else None
-            if block.error is not None:
+            if block.error is not None and not told:
                 args = self._error_args(job, block, address)
                 remarks.append(Remark("DS410", frame, args, block.offset))
             elif address and read and block.value_count != (address.element_count or 1):
@@ -306,19 +329,40 @@ class Judge:
         if request is None or response is None or request.operation != "read":
             return
         for address, block in zip(request.addresses, response.blocks, strict=False):
-            if address.pnu != PNU_ACCESS_IDENTIFICATION or address.subindex != 0:
+            if address.pnu != PNU_ACCESS_IDENTIFICATION or address.attribute != VALUE:
                 continue
-            value = block.values[0] if address.attribute == VALUE and block.values else None
-            if isinstance(value, int) and value > 0:
-                self._longest[job.peer.device] = value
-                self._longest.move_to_end(job.peer.device)
-                if len(self._longest) > self._limits.longest_messages:
-                    self._longest.popitem(last=False)
+            for subindex, value in enumerate(block.values, address.subindex):
+                memory = (self._longest, self._most)[subindex] if subindex < 2 else None
+                if memory is not None and isinstance(value, int) and value > 0:
+                    self._learn(memory, job.peer.device, value)
+
+    def _learn(self, memory: OrderedDict[str, int], device: str, value: int) -> None:
+        memory[device] = value
+        memory.move_to_end(device)
+        if len(memory) > self._limits.longest_messages:
+            memory.popitem(last=False)
 
 
-def _flaws(flaws: list[Flaw], frame: int, remarks: list[Remark]) -> None:
+def _unasked(job: Job) -> str:
+    """How a response comes to stand alone: a key of diagnoses.toml."""
+    if not job.record.implicit:
+        return "unasked"
+    return "unasked_without_ar" if job.repeats is None else "unasked_again"
+
+
+def _flaws(flaws: list[Flaw], half: Half, remarks: list[Remark], most: int | None) -> None:
+    """What is wrong inside a message; what the capture cut off is no fault of it.
+
+    `most`: how many parameters the device has shown to take; None for the usual number.
+    """
     for flaw in flaws:
-        remarks.append(Remark(flaw.rule, frame, flaw.args, flaw.offset))
+        args = flaw.args
+        if flaw.rule == TOO_MANY and most is not None:
+            if args["count"] <= most:
+                continue
+            args = {**args, "limit": most}
+        if not half.cut or flaw.rule not in ABSENT:
+            remarks.append(Remark(flaw.rule, half.frame, args, flaw.offset))
 
 
 def _is_change(job: Job) -> bool:

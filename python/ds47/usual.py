@@ -67,6 +67,7 @@ _MOST_KNOWN: Final = 65_536
 _SPOKE: Final = attrgetter("spoke")
 _TOUCHED: Final = attrgetter("touched")
 _ACCEPTED: Final = attrgetter("accepted")
+_DELIVERED: Final = attrgetter("answered")
 
 
 class Lines:
@@ -288,6 +289,10 @@ class UsualWay:
             if place.newest is not None:
                 self._pairing.remember(place.spot, place.newest)
                 place.newest = None
+        for place in sorted(places, key=_DELIVERED):
+            if place.delivered is not None:
+                self._pairing.deliver(place.spot, place.delivered)
+                place.delivered = None
 
     def _is_fresh(self, channel: Channel, now: int) -> bool:
         """`Pairing.fresh`, which looks at the channels in their order."""
@@ -378,7 +383,8 @@ class UsualWay:
             return False
         self._answer(activity, old, frame, key, call, place)
         pairing.touch(channel, now)
-        place.touched = self._taken
+        place.touched = place.answered = self._taken
+        place.delivered = job
         wanted = int.from_bytes(asked.data[STATED : STATED + 4], "big")
         lines = self._lines
         if lines is not None and lines.answered(job, asked, frame, answer, self._judge):

@@ -360,9 +360,9 @@ def test_a_phone_shows_it_without_scrolling_sideways(browser, tour, dark):
 def test_a_difference_on_a_phone_breaks_no_number(browser, captures, tmp_path):
     page = tmp_path / "difference.html"
     folder = captures / "real-stacks"
-    names = ("o1_profinetpy062_be.pcapng", "o2_pyprofinet_le.pcapng")
+    names = ("o1_profinetpy062_be.pcapng", "o3_two_controllers.pcapng")
     with page.open("w", encoding="utf-8") as stream, redirect_stdout(stream):
-        main(["diff", "-f", "html", *(str(folder / name) for name in names)])
+        main(["diff", "-f", "html", "--all", *(str(folder / name) for name in names)])
     browser.look((400, 844), touch=True)
     browser.driver.get(page.as_uri())
     numbers, broken = browser.run("""

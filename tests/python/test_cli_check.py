@@ -303,7 +303,9 @@ def test_diff(captures, capsys, tmp_path):
     a, b = captures / "conversation-error.pcapng", captures / "seed-g120-read.pcapng"
     status, out, _ = run(capsys, "diff", a, b)
     assert status == 0
-    assert "parameters that differ:" in out
+    assert "No parameter element is shown by both captures" in out
+    assert "p2900[0]" not in out
+    assert "p2900[0]" in run(capsys, "diff", a, b, "--all")[1]
     assert run(capsys, "diff", a, b, "--exit-code")[0] == 1
     assert run(capsys, "diff", a, a, "--exit-code")[0] == 0
     status, _, err = run(capsys, "diff", a, tmp_path / "none.json")
@@ -311,7 +313,7 @@ def test_diff(captures, capsys, tmp_path):
     assert "none.json" in err
     page = tmp_path / "d.html"
     assert run(capsys, "diff", a, b, "-f", "html", "-o", page)[0] == 0
-    assert "What changed" in page.read_text(encoding="utf-8")
+    assert "What differs" in page.read_text(encoding="utf-8")
 
 
 def test_a_capture_that_is_cut_is_named_and_compared(stored, capsys):
@@ -524,7 +526,7 @@ def test_diff_takes_a_series_for_a_side(kept, captures, capsys):
     for side in (kept, kept / ring(2, NIGHT), kept / "ring.ds47.json"):
         status, out, _ = run(capsys, "diff", "--series", side, whole, "--exit-code")
         assert status == 0
-        assert "8 of 8 parameter elements are the same in both" in out
+        assert "None of the 8 parameter elements that both captures show differs." in out
     status, _, err = run(capsys, "diff", "--series", captures, kept)
     assert status == 2
     assert "captures and series; diff needs one: name its first file" in err

@@ -366,7 +366,7 @@ def test_decode_json_is_the_contract(capsys, arguments, kind):
     status, out, err = run(capsys, "decode", "-f", "json", *arguments)
     message = json.loads(out)
     validator = jsonschema.Draft202012Validator(schema())
-    validator.evolve(schema={"$ref": "urn:ds47:report:1#/$defs/message"}).validate(message)
+    validator.evolve(schema={"$ref": "urn:ds47:report:2#/$defs/message"}).validate(message)
     assert (status, err, message["kind"]) == (0, "", kind)
 
 

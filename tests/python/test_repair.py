@@ -94,6 +94,7 @@ def test_each_candidate_has_hits_and_near_misses(kind: str) -> None:
 def test_a_repair_fills_its_rule_and_is_sound_itself(case: dict[str, Any]) -> None:
     expect = case["expect"]
     words = {"what": diagnosis_words("en")[expect["what"]]} if expect["what"] else {}
+    words |= {"case": "", "bits": ""}  # of DS714: known where the capture is
     rule = spec.rules()[expect["rule"]]
     assert "{" not in rule.message.format(**words, **expect["args"])
     request = bytes.fromhex(expect["request"])
@@ -273,12 +274,34 @@ def test_no_line_for_what_no_line_can_say(request_hex: str) -> None:
 TWO = bytes.fromhex("02020102 1001039a0000 10030b560001 06010001 08033f8000004000000040400000")
 
 
-def test_the_first_parameters() -> None:
+def test_some_of_the_parameters() -> None:
     message = decode_request(TWO)
-    assert suggest.first_parameters(message, TWO, 1).hex() == "020201011001039a000006010001"
-    assert suggest.first_parameters(message, TWO, 0).hex() == "020201011001039a000006010001"
-    assert suggest.first_parameters(message, TWO, 2) == TWO
-    assert suggest.first_parameters(message, TWO, 9) == TWO
+    assert suggest.only(message, [0]).hex() == "020201011001039a000006010001"
+    assert suggest.only(message, [1]).hex() == ("0202010110030b56000108033f8000004000000040400000")
+    assert suggest.only(message, [0, 1]) == TWO
+
+
+def change_of(pnu: int, value: int):  # type: ignore[no-untyped-def]
+    block = bytes((0x06, 1)) + value.to_bytes(2)
+    return decode_request(bytes.fromhex("02020101 1001") + pnu.to_bytes(2) + bytes(2) + block)
+
+
+@pytest.mark.parametrize("pnu", [9300, 9399, 9500, 9601, 9899, 9900, 9949, 10_000, 10_299])
+def test_what_is_never_written(pnu: int) -> None:
+    assert not suggest.is_harmless(change_of(pnu, 1))
+    assert suggest.is_harmless(
+        decode_request(bytes((1, 1, 1, 1, 16, 1)) + pnu.to_bytes(2) + bytes(2))
+    )
+
+
+@pytest.mark.parametrize("pnu", [9299, 9400, 9499, 9950, 9999, 10_300])
+def test_what_may_be_written(pnu: int) -> None:
+    assert suggest.is_harmless(change_of(pnu, 1))
+
+
+def test_safety_is_never_commissioned() -> None:
+    assert not suggest.is_harmless(change_of(10, 95))
+    assert suggest.is_harmless(change_of(10, 1))
 
 
 def test_another_axis() -> None:

@@ -24,7 +24,7 @@ from ds47.analysis import Analysis, AnalysisOptions, analyze
 from ds47.capture import Frame, open_capture
 from ds47.capture.errors import CaptureError
 from ds47.capture.writer import PcapngWriter
-from ds47.lab import message
+from ds47.lab import message, wire
 from ds47.lab.client import Client, drive
 from ds47.lab.stage import Stage
 from ds47.lab.wire import Channel
@@ -177,6 +177,34 @@ def test_all_captures_in_one(stored: list[Path], tmp_path: Path) -> None:
 def test_a_plant(options: AnalysisOptions, tmp_path: Path) -> None:
     path = written(plant(60), tmp_path)
     assert_same(lambda: str(path), options)
+
+
+def implicit(client: Client, record: bytes) -> None:
+    """A ReadImplicit brings a record."""
+    nowhere = client.at(ar=wire.NIL)
+    call = client.call(wire.READ_IMPLICIT)
+    client.ask(call, wire.read_request(call.sequence, nowhere))
+    client.accept_read(call, record, at=nowhere)
+
+
+def test_a_read_without_an_ar_between_usual_jobs(tmp_path: Path) -> None:
+    """Its bytes are those of the last response of the place, of whichever AR that was."""
+    stage = Stage()
+    clients = [
+        Client(stage),
+        Client(stage, activity=UUID(int=0x48), channel=Channel(UUID(int=0x48 << 64))),
+    ]
+    answers = []
+    for number in range(60):
+        client, reference = clients[number // 3 % 2], number % 255 + 1
+        answers.append(message.answer(reference, 1, 1, message.real(float(number % 7))))
+        client.exchange(message.read(reference, 1, message.address(21)), answers[-1])
+        if number % 4 == 3:
+            implicit(clients[number % 2], answers[-1 - number % 3])
+    path = written([(shot.time_ns, shot.data) for shot in stage.shots], tmp_path)
+    assert_same(lambda: path)
+    rereads = [each for each in analyze(path).transactions if each.frames.rereads]
+    assert len(rereads) == 5
 
 
 def test_the_usual_way_is_taken(tmp_path: Path) -> None:

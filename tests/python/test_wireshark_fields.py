@@ -266,7 +266,15 @@ def test_findings_come_in_the_order_of_the_report() -> None:
     early = packet(
         2,
         [finding("DS415", item("finding.transaction", 1)), transaction(1, write_request=2)],
-        [finding("DS301", item("finding.offset", 4), item("finding.transaction", 1))],
+        [
+            finding(
+                "DS301",
+                item("finding.offset", 4),
+                item("finding.transaction", 1),
+                item("finding.args", '{"count":2}'),
+                item("finding.frame", 1),
+            )
+        ],
     )
     result = pdml(late, early)
     assert [(each["frame"], each["rule"]) for each in result.findings] == [
@@ -277,10 +285,12 @@ def test_findings_come_in_the_order_of_the_report() -> None:
     assert result.findings[0] == {
         "rule": "DS301",
         "severity": "warning",
-        "message": "offset 4: words",
+        "message": "words",
+        "args": {"count": 2},
         "frame": 2,
+        "frames": [1, 2],
         "transaction": 1,
-        "filter": "frame.number == 2",
+        "offset": 4,
     }
     assert result.findings[2]["transaction"] is None
     assert result.transactions[0]["findings"] == ["DS301", "DS415"]

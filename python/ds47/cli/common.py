@@ -135,6 +135,8 @@ class RuleText(NamedTuple):
     message: str
     cause: str
     advice: str
+    args: str
+    """What a finding carries: names and types."""
 
 
 def rule_text(rule: Rule, lang: str) -> RuleText:
@@ -145,8 +147,9 @@ def rule_text(rule: Rule, lang: str) -> RuleText:
         return str(own or getattr(rule, key))
 
     return RuleText(
-        rule.id, rule.name, rule.severity, text("message"), text("cause"), text("advice")
-    )
+        rule.id, rule.name, rule.severity, text("message"), text("cause"), text("advice"),
+        ", ".join(f"{name} ({kind})" for name, kind in rule.args.items()),
+    )  # fmt: skip
 
 
 def flaw_text(flaw: Flaw, lang: str = "en") -> str:

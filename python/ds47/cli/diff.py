@@ -30,7 +30,12 @@ if TYPE_CHECKING:
     show_default=True,
 )
 @click.option("-o", "--output", "output_name", metavar="FILE", default="-", help="Write to a file.")
-@click.option("--exit-code", is_flag=True, help="Exit with 1 if parameters or refusals differ.")
+@click.option("--all", "everything", is_flag=True, help="List also what only one capture shows.")
+@click.option(
+    "--exit-code",
+    is_flag=True,
+    help="Exit with 1 if a parameter differs, or only one capture asks for it.",
+)
 @series_option
 @analysis_options
 def command(
@@ -38,11 +43,12 @@ def command(
     b: str,
     format_name: str,
     output_name: str,
+    everything: bool,
     exit_code: bool,
     series: bool,
     **options: Any,
 ) -> int:
-    """Show what changed from A to B: parameters, values, refusals, findings, latency.
+    """Show what differs between A and B: values, negative responses, states, findings, latency.
 
     A and B are captures, stored results (NAME.ds47.json), or reports (-f json) of one capture. With
     --series also the folder of a ring buffer.
@@ -56,10 +62,10 @@ def command(
     other, other_whole = _side(b, series, analysis)
     found = difference(one, other, (a, b))
     with output(output_name) as stream:
-        write(found, format_name, stream, analysis.lang)
+        write(found, format_name, stream, analysis.lang, everything=everything)
     if not (one_whole and other_whole):
         return 3
-    return int(exit_code and bool(found.changed or found.errors))
+    return int(exit_code and bool(found.changed))
 
 
 def _side(path: str, series: bool, analysis: AnalysisOptions) -> tuple[dict[str, Any], bool]:

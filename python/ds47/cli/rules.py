@@ -73,9 +73,12 @@ def _explained(rule: RuleText, lang: str) -> str:
     lines = [say("rules_entry", rule=rule.id, name=rule.name, severity=severity).text(lang)]
     for key, text in (
         ("rules_message", rule.message),
+        ("rules_args", rule.args),
         ("rules_cause", rule.cause),
         ("rules_advice", rule.advice),
     ):
+        if not text:
+            continue
         told = say(key, text=" ".join(text.split())).text(lang)
         lines += ("  " + line for line in wrap(told, _WIDTH - 2, 2))
     return "\n".join(lines) + "\n"

@@ -12,17 +12,21 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, partial
-from typing import Final, TypeVar
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeVar
 
 from ds47.diagnosis import length, order, refusal
 from ds47.diagnosis.capture import WholeCapture
+from ds47.diagnosis.targets import LOCAL, Target, target_of
 from ds47.pairing import Alike, Job, Peer, Place, UsualJob
-from ds47.profidrive import Options, Request, Response
+from ds47.profidrive import Options, Request, Response, decode_request
 from ds47.profidrive.model import VALUE, Block
 from ds47.profinet.records import Record
-from ds47.rules import PNU_ACCESS_IDENTIFICATION, Remark, is_mismatch
+from ds47.rules import PNU_ACCESS_IDENTIFICATION, Corrected, Remark, is_mismatch
 from ds47.spec import formats, parameters
 from ds47.spec.semantics import known
+
+if TYPE_CHECKING:
+    from ds47.diagnosis.repair import Repair
 
 _LEAST_NORMAL: Final = {0x08: 2.0**-126, 0x0F: 2.0**-1022}
 """Float32 and Float64: what is nearer to zero is no number that anybody typed."""
@@ -43,16 +47,24 @@ class Diagnoses:
         self._known: set[tuple[Place, Alike]] = set()
         """Usual jobs that showed nothing; one more of them adds nothing, as long as nothing is forgotten."""
         self._whole = WholeCapture(self._known.clear)
-        self._formats: OrderedDict[tuple[str, int], int] = OrderedDict()
+        self._formats: OrderedDict[tuple[str, int], Seen] = OrderedDict()
         """Format in which a parameter of a device was read last."""
         self._limits: OrderedDict[str, int] = OrderedDict()
         """r0974 of a device: bytes of its longest message."""
+        self._longest: OrderedDict[str, int] = OrderedDict()
+        """Bytes of the longest response of a device."""
         self._axes: OrderedDict[str, set[int]] = OrderedDict()
-        """Axes of a device that answered."""
+        """Axes of a device that answered where the axis byte counts,"""
+        self._missing: OrderedDict[str, set[int]] = OrderedDict()
+        """and those of which it said that there is no such drive object."""
+        self._refused: OrderedDict[Asked, None] = OrderedDict()
+        """Parameters that were refused, each with its value."""
 
     def closed(self, job: Job) -> list[Remark]:
         """What a closed job shows, and the findings it has, were caused by."""
         self._whole.closed(job)
+        if job.read_response is not None:
+            self._learn_length(job.peer.device, len(job.read_response.data))
         remarks = [] if order.is_usual(job) else list(order.of(job))
         response = job.response
         usual = response is not None and not response.flaws and response.response_id in (1, 2)
@@ -61,6 +73,8 @@ class Diagnoses:
         self._learn(job)
         for remark in remarks:
             remark.job = job
+            if remark.corrected is not None:
+                remark.corrected = self._offer(job, remark.corrected)
         return remarks
 
     def usual(
@@ -77,6 +91,7 @@ class Diagnoses:
         known_job = job.place, alike
         if known_job in self._known:
             self._whole.usual(job)
+            self._learn_length(job.place.peer.device, len(job.answer))
             return _NOTHING
         if len(self._known) >= _MOST_KNOWN:
             self._known.clear()
@@ -108,26 +123,35 @@ class Diagnoses:
         return self._whole.finish(dropped, gaps, requests, responses)
 
     def _cause(self, job: Job) -> Iterator[Remark]:
-        """One cause explains a job: a repair all of it, then lengths, then each refusal by its number."""
+        """One cause explains a job: a repair all of it, or lengths; else each refusal has its own."""
         refused = refusal.refusals(job)
-        repaired = self._repair(job, refused)
-        if repaired is not None:
-            yield repaired
+        if refused:
+            self._learn_refused(job, refused)
+        found = self._repair(job, refused)
+        if found is not None and not found.each:
+            yield self._repaired(job, found)
             return
+        remarks = [] if found is None else list(self._retyped(job, found, refused))
+        told = set() if found is None else {each.number for each in found.each}
+        others = [each for each in refused if each.number not in told]
         device = job.peer.device
         size_of = partial(self._size, device)
-        remarks = [
-            *length.request_too_short(job, [each.code for each in refused]),
+        remarks += [
+            *length.request_too_short(job, [each.code for each in others]),
             *length.answer_cut(job, size_of),
-            *length.answer_too_long(job, self._limits.get(device), size_of),
-            *refusal.of(job, refused),
+            *length.answer_too_long(
+                job, self._limits.get(device), self._longest.get(device, 0), size_of
+            ),
         ]
-        for remark in remarks:
+        for each, remark in refusal.of(job, others):
             if remark.rule == "DS709":
                 self._suggest_axis(job, remark)
+            elif remark.rule == "DS717" and each.code == known().no_array:
+                remark.corrected = self._simple(job, refused, each.number)
+            remarks.append(remark)
         yield from remarks or refusal.not_seen(job)
 
-    def _repair(self, job: Job, refused: list[refusal.Refusal]) -> Remark | None:
+    def _repair(self, job: Job, refused: list[refusal.Refusal]) -> Repair | None:
         half, message = job.write_request, job.message
         if half is None or message is None or half.missing:
             return None
@@ -135,22 +159,104 @@ class Diagnoses:
 
         device = job.peer.device
         errors = {each.number: each.code for each in refused}
-        found = repair.find(
+        return repair.find(
             half.data, message, errors, partial(self._is_known, device),
             partial(self._format, device), replace(self._codec, vendor_id=job.peer.vendor_id),
         )  # fmt: skip
-        if found is None:
+
+    def _repaired(self, job: Job, found: Repair) -> Remark:
+        """Of a request that was meant as a whole in another way (DS715, DS716)."""
+        half = job.write_request
+        assert half is not None
+        request = decode_request(found.request, self._codec)
+        proven = found.what != "values" and all(
+            self._is_proven(job, request, number) for number in range(len(request.blocks))
+        )
+        corrected = found.request if request.operation == "read" or proven else None
+        return Remark(
+            found.rule, half.frame, {"what": found.what, **found.args}, corrected=corrected
+        )
+
+    def _retyped(self, job: Job, found: Repair, refused: list[refusal.Refusal]) -> Iterator[Remark]:
+        """A value under a format that is not that of the parameter, each by itself (DS714)."""
+        half, errors = job.write_request, {each.number: each.code for each in refused}
+        assert half is not None
+        from ds47.diagnosis import suggest
+
+        request = decode_request(found.request, self._codec)
+        sure = {
+            each.number: each.bits != "number_other" and self._is_proven(job, request, each.number)
+            for each in found.each
+        }
+        whole = all(sure.values()) and sure.keys() >= errors.keys()
+        for each in found.each:
+            args = {**each.args, "better_code": each.args["code"], "bits": each.bits}
+            args["code"] = errors.get(each.number)
+            seen = self._formats.get((job.peer.device, args["pnu"]))
+            args["seen"] = None if seen is None else seen.frame
+            args["case"] = _format_case(seen, args["pnu"])
+            corrected = None
+            if sure[each.number]:
+                corrected = found.request if whole else suggest.only(request, [each.number])
+            yield Remark(found.rule, half.frame, args, corrected=corrected)
+
+    def _is_proven(self, job: Job, request: Request, number: int) -> bool:
+        """Whether the parameter was read in this format, of the drive object that the request goes to."""
+        address, block = request.addresses[number], request.blocks[number]
+        seen = self._formats.get((job.peer.device, address.pnu))
+        target = target_of(job.record, request.axis)
+        return seen is not None and (seen.format, seen.target) == (block.format, target)
+
+    def _simple(self, job: Job, refused: list[refusal.Refusal], number: int) -> bytes | None:
+        """The request for a parameter that is no array; a change only where its format is proven."""
+        request = job.message
+        if request is None or (request.blocks and not self._is_proven(job, request, number)):
             return None
-        args = {"what": found.what, **found.args} if found.what else found.args
-        return Remark(found.rule, half.frame, args, corrected=found.request)
+        return refusal.without_index(job, refused, number)
 
     def _suggest_axis(self, job: Job, remark: Remark) -> None:
-        """Where exactly one axis of the device answered, it is the one to ask."""
-        axes, half = self._axes.get(job.peer.device, set()), job.write_request
-        if len(axes) == 1 and half is not None:
-            from ds47.diagnosis import suggest
+        """A read may be asked of the only drive object that answers; a change never goes elsewhere."""
+        half, message = job.write_request, job.message
+        if half is None or message is None or message.operation != "read":
+            return
+        if job.record.index != LOCAL:
+            remark.corrected = partial(self._only_axis, job, half.data)
 
-            remark.corrected = suggest.with_axis(half.data, next(iter(axes)))
+    def _only_axis(self, job: Job, request: bytes) -> bytes | None:
+        """The request for the only drive object that answered up to now; 0 names none."""
+        device = job.peer.device
+        axes = self._axes.get(device, set()) - self._missing.get(device, set())
+        if len(axes) != 1 or axes == {0}:
+            return None
+        from ds47.diagnosis import suggest
+
+        there = suggest.with_axis(request, *axes)
+        return self._unless_refused(there, _asked(job, decode_request(there, self._codec)))
+
+    # What may be offered instead
+
+    def _offer(self, job: Job, corrected: Corrected) -> Corrected:
+        """A corrected request, as far as the capture does not speak against it to its end."""
+        from ds47.diagnosis import suggest
+
+        if not isinstance(corrected, bytes):
+            return corrected
+        request = decode_request(corrected, self._codec)
+        if not suggest.is_harmless(request):
+            return None
+        return partial(self._unless_refused, corrected, _asked(job, request))
+
+    def _unless_refused(self, corrected: bytes, asked: list[Asked]) -> bytes | None:
+        return None if any(each in self._refused for each in asked) else corrected
+
+    def _learn_refused(self, job: Job, refused: list[refusal.Refusal]) -> None:
+        request = job.message
+        if request is None:
+            return
+        asked = _asked(job, request)
+        for each in refused:
+            if each.code != known().too_long:
+                _put(self._refused, asked[each.number], None)
 
     # What was seen before
 
@@ -159,10 +265,11 @@ class Diagnoses:
         if request is None or response is None or response.response_id not in (1, 2, 0x81, 0x82):
             return
         device, formats_ = job.peer.device, self._formats
-        if not self._is_new(device, request, response) or is_mismatch(job):
+        axis = None if job.record.index == LOCAL else request.axis
+        if not self._is_new(device, axis, request, response) or is_mismatch(job):
             return
-        if request.axis is not None:
-            self._learn_axis(device, request.axis, response.blocks)
+        if axis is not None:
+            self._learn_axis(device, axis, response.blocks)
         if request.operation != "read":
             return
         for address, block in zip(request.addresses, response.blocks, strict=False):
@@ -170,29 +277,37 @@ class Diagnoses:
                 continue
             key = device, address.pnu
             before = formats_.get(key)
-            if before != block.format:
+            if before is None or before.format != block.format:
                 if before is not None or len(formats_) >= known().history:
                     self._known.clear()
-                _put(formats_, key, block.format)
+                target, frame = target_of(job.record, request.axis), job.read_response
+                _put(formats_, key, Seen(block.format, frame.frame if frame else 0, target))
             if address.pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 and block.values:
                 longest = block.values[0]
                 if isinstance(longest, int) and longest > 0:
                     _put(self._limits, device, longest)
 
-    def _is_new(self, device: str, request: Request, response: Response) -> bool:
+    def _is_new(self, device: str, axis: int | None, request: Request, response: Response) -> bool:
         """Whether there is something to learn if the response belongs to the request; most often not."""
         axes, formats_ = self._axes.get(device), self._formats
-        if axes is None or request.axis not in axes:
+        if axis is not None and (axes is None or axis not in axes):
+            return True
+        if response.response_id in (0x81, 0x82):
             return True
         if request.operation == "read":
             for address, block in zip(request.addresses, response.blocks, strict=False):
                 if address.attribute == VALUE and block.error is None:
                     pnu = address.pnu
-                    if formats_.get((device, pnu)) != block.format:
+                    seen = formats_.get((device, pnu))
+                    if seen is None or seen.format != block.format:
                         return True
                     if pnu == PNU_ACCESS_IDENTIFICATION:
                         return True
         return False
+
+    def _learn_length(self, device: str, length: int) -> None:
+        if length > self._longest.get(device, 0):
+            _put(self._longest, device, length)
 
     def _learn_axis(self, device: str, axis: int, blocks: list[Block]) -> None:
         axes = self._axes.get(device)
@@ -200,11 +315,12 @@ class Diagnoses:
             if len(self._axes) >= known().history:
                 self._known.clear()
             axes = _put(self._axes, device, set())
-        if axis in axes:
-            return
         error = known().axis_error
         if all(block.error is None or block.error.code != error for block in blocks):
             axes.add(axis)
+        else:
+            missing = self._missing.get(device)
+            (_put(self._missing, device, set()) if missing is None else missing).add(axis)
 
     def _is_known(self, device: str, pnu: int) -> bool:
         return pnu in parameters() or (device, pnu) in self._formats
@@ -212,14 +328,41 @@ class Diagnoses:
     def _format(self, device: str, pnu: int) -> int | None:
         seen = self._formats.get((device, pnu))
         if seen is not None:
-            return seen
-        row = parameters().get(pnu)
-        return _codes().get(row.type.removesuffix("[]")) if row else None
+            return seen.format
+        return _listed(pnu)
 
     def _size(self, device: str, pnu: int) -> int | None:
         code = self._format(device, pnu)
         row = formats().get(code) if code is not None else None
         return row.size if row else None
+
+
+class Seen(NamedTuple):
+    """In which format a parameter of a device was read, first where, and of which drive object."""
+
+    format: int
+    frame: int
+    target: Target
+
+
+def _format_case(seen: Seen | None, pnu: int) -> str:
+    """Where the format of a parameter is known from: a key of diagnoses.toml."""
+    if seen is not None:
+        return "format_read"
+    return "format_listed" if _listed(pnu) is not None else "format_bits"
+
+
+Asked = tuple[str, int, int, int, int, int | None, bytes]
+"""Device, API, slot, subslot, index, axis, and a parameter as `suggest.parameters_of` gives it."""
+
+
+def _asked(job: Job, request: Request) -> list[Asked]:
+    """The parameters of a request, each with the place to which it goes."""
+    from ds47.diagnosis import suggest
+
+    at = job.record
+    place = job.peer.device, at.api, at.slot, at.subslot, at.index, request.axis
+    return [(*place, each) for each in suggest.parameters_of(request)]
 
 
 def _is_odd(job: Job) -> bool:
@@ -257,6 +400,12 @@ def _put(memory: OrderedDict[_K, _V], key: _K, value: _V) -> _V:
     if len(memory) > known().history:
         memory.popitem(last=False)
     return value
+
+
+def _listed(pnu: int) -> int | None:
+    """The format of a parameter by parameters.toml."""
+    row = parameters().get(pnu)
+    return _codes().get(row.type.removesuffix("[]")) if row else None
 
 
 @cache

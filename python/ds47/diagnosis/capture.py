@@ -12,16 +12,18 @@ from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from ds47.diagnosis.repetition import Repetition, place_args
+from ds47.diagnosis.saving import Unsaved
+from ds47.diagnosis.targets import LOCAL, Target, target_of
 from ds47.pairing import STATUS_NOT_READY, Job, Peer, UsualJob
-from ds47.profidrive import decode_request
+from ds47.profidrive import Request, Response, decode_request
 from ds47.profinet.records import Record
 from ds47.profinet.status import status_hex
-from ds47.rules import Remark
+from ds47.rules import Remark, is_mismatch
 from ds47.spec import parameters
 from ds47.spec.semantics import known
 
-LOCAL = 0xB02E
-"""Record index of local access: the slot decides, not the axis byte (docs/protocol.md E.4)."""
+CHANGED, CHANGED_IN_PART = 0x02, 0x82
+"""Response ids of a change."""
 _INVALID_SLOT = 0xB2
 _NO_ACCESS = 0xDF80B600
 
@@ -75,32 +77,6 @@ class _Read(NamedTuple):
     frame: int
 
 
-class _Unsaved:
-    """The changes of a device after its newest save, by the frames of their Writes.
-
-    Jobs are heard of when they are over, which is not the order in which they were asked.
-    """
-
-    __slots__ = ("frames", "more", "saved")
-
-    def __init__(self) -> None:
-        self.frames: list[int] = []
-        self.more = self.saved = 0
-
-    def change(self, frame: int) -> None:
-        if frame < self.saved:
-            return
-        self.frames.append(frame)
-        if len(self.frames) > known().history:  # the first and the newest are enough to name
-            del self.frames[1]
-            self.more += 1
-
-    def save(self, frame: int) -> None:
-        self.saved = max(self.saved, frame)
-        self.frames = [each for each in self.frames if each > self.saved]
-        self.more = 0
-
-
 class _Tally:
     """How often, and where first and last."""
 
@@ -130,7 +106,7 @@ class WholeCapture:
         self._answering: _Memory[Place] = _Memory(forgot)
         self._refusing: _Memory[tuple[_Tally, int]] = _Memory()
         self._axes: _Memory[dict[int, int]] = _Memory(forgot)
-        self._unsaved: _Memory[_Unsaved] = _Memory()
+        self._unsaved: _Memory[Unsaved] = _Memory()
         self._asking: _Memory[bool] = _Memory(forgot)
         self._repetition = Repetition()
         self._asked = self._all_orphans = 0
@@ -296,8 +272,8 @@ class WholeCapture:
 
     def _axis(self, device: str, place: Place, job: Job) -> None:
         message, response, read = job.message, job.response, job.read_response
-        if message is None or message.axis is None or response is None or read is None:
-            return
+        if message is None or not message.axis or response is None or read is None:
+            return  # axis 0 names no drive object
         axes = self._axes.get((device, place))
         if axes is not None and message.axis in axes:
             return
@@ -318,31 +294,42 @@ class WholeCapture:
     # Changes that are not saved (DS721)
 
     def _change(self, job: Job) -> None:
-        message, response, asked = job.message, job.response, job.write_request
-        if message is None or asked is None or not (job.accepted or response):
+        message, asked = job.message, job.write_request
+        if message is None or asked is None or job.write_refused:
             return
-        blocks = response.blocks if response else []
-        done = [
-            address.pnu
-            for number, address in enumerate(message.addresses)
-            if number >= len(blocks) or blocks[number].error is None
-        ]
-        self._changed(job.peer.device, asked.frame, tuple(done))
+        read = job.read_response
+        if read is not None and read.status:
+            return
+        done, unknown = _outcome(message, None if is_mismatch(job) else job.response)
+        target = target_of(job.record, message.axis)
+        self._changed(job.peer.device, asked.frame, target, done)
+        if unknown:
+            self._changed(job.peer.device, asked.frame, target, unknown, seen=False)
 
-    def _changed(self, device: str, frame: int, pnus: tuple[int, ...]) -> None:
-        unsaved = self._unsaved.get(device) or self._unsaved.put(device, _Unsaved())
-        saves, lasts = _effect(pnus)
-        if saves:
-            unsaved.save(frame)
-        elif lasts:
-            unsaved.change(frame)
+    def _changed(
+        self, device: str, frame: int, to: Target, pnus: tuple[int, ...], *, seen: bool = True
+    ) -> None:
+        saves_all, saves, lasts = _effect(pnus)
+        if not (saves_all or saves or lasts):
+            return
+        unsaved = self._unsaved.get(device) or self._unsaved.put(device, Unsaved())
+        if saves_all:
+            unsaved.save_all(frame)
+        elif saves:
+            unsaved.save(frame, to)
+        else:
+            unsaved.change(frame, to, seen=seen)
 
     def _lost(self) -> Iterator[Remark]:
         for device, unsaved in self._unsaved.items():
-            frames = sorted(unsaved.frames)
-            if frames:
-                args = {"count": len(frames) + unsaved.more, "device": device, "last": frames[-1]}
-                yield Remark("DS721", frames[0], args)
+            facts = unsaved.told()
+            if facts is not None:
+                first = facts.pop("first")
+                case = "unsaved" if facts["targets"] == 1 else "unsaved_targets"
+                more = "all_known" if not facts["unknown"] else "some_unknown"
+                yield Remark(
+                    "DS721", first, {"device": device, "case": case, "more": more, **facts}
+                )
 
     # What the capture does not have (DS725)
 
@@ -365,12 +352,33 @@ class WholeCapture:
         return Remark("DS725", frame, {"what": what, "count": count})
 
 
+def _outcome(
+    message: Request, response: Response | None
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """The parameters of a change that were changed, and those of which that is not known."""
+    pnus = tuple(address.pnu for address in message.addresses)
+    if response is None:
+        return (), pnus
+    if response.response_id == CHANGED:
+        blocks = response.blocks
+        return tuple(
+            pnu for number, pnu in enumerate(pnus)
+            if number >= len(blocks) or blocks[number].error is None
+        ), ()  # fmt: skip
+    if response.response_id != CHANGED_IN_PART:
+        return (), ()
+    done = zip(pnus, response.blocks, strict=False)
+    missing = pnus[len(response.blocks) :]
+    return tuple(pnu for pnu, block in done if block.error is None), missing
+
+
 @lru_cache(maxsize=4096)
-def _effect(pnus: tuple[int, ...]) -> tuple[bool, bool]:
-    """Of a change: whether it saves all that was changed, and whether it changes what can be saved."""
+def _effect(pnus: tuple[int, ...]) -> tuple[bool, bool, bool]:
+    """Of a change: whether it saves all that was changed, or one drive object, or changes what can be saved."""
     rows = map(parameters().get, pnus)
-    saving = known().saving
-    return any(pnu in saving for pnu in pnus), any(not (row and row.volatile) for row in rows)
+    saving, whole = known().saving, known().saving_all
+    lasts = any(not (row and row.volatile) for row in rows)
+    return whole in pnus, any(pnu in saving for pnu in pnus), lasts
 
 
 def _place(record: Record) -> Place:

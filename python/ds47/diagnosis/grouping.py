@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ds47.model import SEVERITIES, Diagnosis, Finding
+from ds47.rules import Corrected
 from ds47.spec import rules
 from ds47.spec.semantics import known
 
@@ -34,8 +35,10 @@ class Grouping:
 
     def __init__(self) -> None:
         self._groups: dict[Cause, Diagnosis] = {}
+        self._corrected: dict[Cause, list[Corrected]] = {}
+        """The first of each group; which of them holds is known when the capture is over."""
 
-    def add(self, about: Cause, finding: Finding, corrected: bytes | None = None) -> None:
+    def add(self, about: Cause, finding: Finding, corrected: Corrected = None) -> None:
         """A finding of a cause, with its transaction where it has one."""
         group = self._groups.get(about)
         if group is None:
@@ -46,7 +49,10 @@ class Grouping:
                 group = Diagnosis(finding.rule, finding.severity, finding.args, about.device)
                 self._groups[about] = group
         group.count += 1
-        group.corrected = group.corrected or corrected
+        if corrected is not None:
+            offered = self._corrected.setdefault(about, [])
+            if len(offered) < known().frames:
+                offered.append(corrected)
         _insert(group.frames, finding.frame)
         if finding.transaction is not None:
             _insert(group.transactions, finding.transaction)
@@ -59,6 +65,9 @@ class Grouping:
             severity = -SEVERITIES.index(each.severity)
             return severity, -each.count, each.rule, each.frames, about.device or "", about.key
 
+        for about, offered in self._corrected.items():
+            made = (each() if callable(each) else each for each in offered)
+            self._groups[about].corrected = next((each for each in made if each is not None), None)
         return [each for _, each in sorted(self._groups.items(), key=order)]
 
 

@@ -9,12 +9,14 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
 from ds47.pairing import STATUS_NOT_READY, Job
-from ds47.profidrive import Address, Request
+from ds47.profidrive import Address, Request, decode_request
 from ds47.profidrive.model import VALUE, Block
 from ds47.rules import Remark
 from ds47.spec.semantics import known
 
 HEADER: Final = 4
+COUNT_AT: Final = 3
+"""Byte of the number of parameters."""
 ADDRESS: Final = 6
 BLOCK: Final = 4
 """The shortest value block: format, number of values and one value, filled up to an even length."""
@@ -38,8 +40,22 @@ def request_too_short(job: Job, errors: Iterable[int]) -> Iterator[Remark]:
         return
     flaw = next((flaw for flaw in message.flaws if flaw.rule == MISSING), None)
     if flaw is not None:
-        args = {"have": len(half.data), "need": _need(message, len(half.data), flaw.args["need"])}
+        fits = _fitting_count(message, half.data)
+        args = {
+            "have": len(half.data), "need": _need(message, len(half.data), flaw.args["need"]),
+            "count": message.parameter_count or 1, "fits": fits,
+            "case": "length_short" if fits is None else "length_or_count",
+        }  # fmt: skip
         yield Remark("DS711", half.frame, args, flaw.offset)
+
+
+def _fitting_count(message: Request, data: bytes) -> int | None:
+    """Of how many parameters the bytes are a whole request, if byte 3 were wrong; None for none."""
+    for count in range(1, min(message.parameter_count or 0, len(data) // ADDRESS + 1)):
+        other = decode_request(data[:COUNT_AT] + bytes((count,)) + data[COUNT_AT + 1 :])
+        if other.shaped and not other.flaws:
+            return count
+    return None
 
 
 def _need(message: Request, have: int, more: int) -> int:
@@ -82,38 +98,62 @@ def _least_block(address: Address, size_of: SizeOf) -> int:
     return 2 + size + size % 2
 
 
-def answer_too_long(job: Job, limit: int | None, size_of: SizeOf) -> Iterator[Remark]:
+def answer_too_long(
+    job: Job, stated: int | None, longest: int, size_of: SizeOf
+) -> Iterator[Remark]:
     """More was asked than one response can carry.
 
     Args:
         job: closed.
-        limit: r0974 of the device, bytes, if it was read; None for the usual length of a channel.
+        stated: r0974 of the device, bytes, if it was read.
+        longest: bytes of the longest response of the device so far.
         size_of: bytes of one value of a PNU.
     """
     half, request, response = job.read_response, job.message, job.response
     if half is None or request is None or response is None or request.operation != "read":
         return
-    most = limit or known().channel_bytes
-    answered = _answered(request, response.blocks, len(half.data), most, size_of)
-    if answered is None:
+    longest = max(longest, len(half.data))
+    limit = stated if stated is not None and stated >= longest else None
+    most = limit or max(longest, known().channel_bytes)
+    found = (
+        None
+        if half.missing
+        else _without_room(request, response.blocks, len(half.data), most, size_of)
+    )
+    if found is None:
         return
-    args: dict[str, Any] = {"parameters": len(request.addresses), "limit": most, "number": answered}
-    corrected, write = None, job.write_request
-    if write is not None and len(request.addresses) > 1:
+    what, number = found
+    address, good = request.addresses[number], answered(request, response.blocks)
+    args: dict[str, Any] = {
+        "parameters": len(request.addresses), "number": len(good), "what": what,
+        "pnu": address.pnu, "subindex": address.subindex,
+        "room": "room_seen" if limit is None else "room_stated", "limit": limit or longest,
+    }  # fmt: skip
+    corrected = None
+    if 0 < len(good) < len(request.addresses):
         from ds47.diagnosis import suggest  # only here: most captures need no correction
 
-        corrected = suggest.first_parameters(request, write.data, max(1, answered))
+        corrected = suggest.only(request, good)
     yield Remark("DS713", half.frame, args, corrected=corrected)
 
 
-def _answered(
+def answered(request: Request, blocks: list[Block]) -> list[int]:
+    """The numbers, from 0, of the parameters that have their values: one response could carry those."""
+    count = len(request.addresses)
+    return [number for number, block in enumerate(blocks[:count]) if block.error is None]
+
+
+def _without_room(
     request: Request, blocks: list[Block], length: int, most: int, size_of: SizeOf
-) -> int | None:
-    """How many parameters found room; None where room is not what was missing."""
+) -> tuple[str, int] | None:
+    """How the device says that there was no room, and the first parameter of which it says so.
+
+    None where room is not what was missing.
+    """
     for number, block in enumerate(blocks[: len(request.addresses)]):
         if block.error is not None and block.error.code == known().too_long:
-            return number
+            return "too_long", number
     if len(blocks) >= len(request.addresses) or any(block.error is not None for block in blocks):
         return None
     following = _least_block(request.addresses[len(blocks)], size_of)
-    return len(blocks) if length + following > most else None
+    return ("left_out", len(blocks)) if length + following > most else None

@@ -52,10 +52,17 @@ def _old_answer(job: Job) -> Iterator[Remark]:
     if read is None:
         return
     if job.repeats is not None:
-        yield Remark("DS704", read.frame, {"frame": read.frame, "first": job.repeats})
+        refused = job.write_request
+        case = "again_without_ar" if refused is None else "again_after_refusal"
+        yield _again(case, read.frame, job.repeats, refused.frame if refused else None)
     if job.rereads:
-        again = job.rereads[0][1].frame
-        yield Remark("DS704", again, {"frame": again, "first": read.frame})
+        yield _again(job.again, job.rereads[0][1].frame, read.frame)
+
+
+def _again(case: str, frame: int, first: int, write: int | None = None) -> Remark:
+    """`write` is the frame of the Write that was refused between the two Reads."""
+    args = {"case": case, "frame": frame, "first": first, "write": write}
+    return Remark("DS704", frame, args)
 
 
 def _two_users(job: Job) -> Iterator[Remark]:

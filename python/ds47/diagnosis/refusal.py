@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
 from ds47.pairing import Job
-from ds47.profidrive import Address
+from ds47.profidrive import Address, decode_request
 from ds47.profidrive.model import Block
 from ds47.rules import NOT_SUPPORTED, Remark, is_mismatch
 from ds47.spec import rules
@@ -49,18 +49,18 @@ def _value(blocks: list[Block], number: int) -> Block | None:
     return blocks[number] if number < len(blocks) else None
 
 
-def of(job: Job, refused: list[Refusal]) -> Iterator[Remark]:
-    """What the refusals of a job say, each cause once."""
-    half, given = job.read_response, set()
+def of(job: Job, refused: list[Refusal]) -> Iterator[tuple[Refusal, Remark]]:
+    """What the refusals of a job say: each parameter by itself, a missing drive object once."""
+    half, given = job.read_response, set[str]()
     if half is None:
         return
     for refusal in refused:
         rule = _rule(job, refusal)
-        if rule is None or (rule, refusal.code) in given:
+        if rule is None or (rule == "DS709" and rule in given):
             continue
-        given.add((rule, refusal.code))
-        args, corrected = _args(job, rule, refusal), _corrected(job, rule, refusal)
-        yield Remark(rule, half.frame, args, refusal.answer.offset, corrected=corrected)
+        given.add(rule)
+        args = _args(job, rule, refusal)
+        yield refusal, Remark(rule, half.frame, args, refusal.answer.offset)
 
 
 def not_seen(job: Job) -> Iterator[Remark]:
@@ -68,13 +68,19 @@ def not_seen(job: Job) -> Iterator[Remark]:
     half, response = job.read_response, job.response
     if half is None or response is None or response.response_id is None or is_mismatch(job):
         return
-    quiet = not half.status and not (job.write_response and job.write_response.status)
+    if job.message is None and job.repeats is not None:  # told of the transaction that it repeats
+        return
+    quiet = half.status == 0 and not (job.write_response and job.write_response.status)
     if not response.response_id & 0x80 or response.response_id == NOT_SUPPORTED or not quiet:
         return
     error = next((block.error for block in response.blocks if block.error is not None), None)
     if error is None:
         return
-    args = {"id": response.response_id, "code": error.code, "vendor_id": job.peer.vendor_id}
+    polls = len(job.polls)
+    args = {
+        "id": response.response_id, "code": error.code, "vendor_id": job.peer.vendor_id,
+        "case": "status_zero_at_last" if polls else "status_zero", "polls": polls,
+    }  # fmt: skip
     yield Remark("DS701", half.frame, args)
 
 
@@ -119,6 +125,7 @@ def _index_and_count(refusal: Refusal) -> bool:
 def _args(job: Job, rule: str, refusal: Refusal) -> dict[str, Any]:
     """What the rule carries, of all that a refusal shows."""
     address, value = refusal.address, refusal.value
+    source = _source(value)
     facts = {
         "axis": job.message.axis if job.message else None,
         "device": job.peer.device,
@@ -127,6 +134,8 @@ def _args(job: Job, rule: str, refusal: Refusal) -> dict[str, Any]:
         "elements": address.element_count,
         "format": value.format_name if value else None,
         "value": value.values[0] if value and value.values else None,
+        "case": "no_source" if source is None else "source_refused",
+        "source": source,
         "state": known().commissioning.get(refusal.code),
         "code": refusal.code,
         "vendor_id": job.peer.vendor_id,
@@ -134,16 +143,27 @@ def _args(job: Job, rule: str, refusal: Refusal) -> dict[str, Any]:
     return {name: facts[name] for name in rules()[rule].args}
 
 
-def _corrected(job: Job, rule: str, refusal: Refusal) -> bytes | None:
-    write, message = job.write_request, job.message
-    if rule != "DS717" or write is None or message is None:
+def _source(value: Block | None) -> int | None:
+    """The PNU of the source that a connector was given; None where it was given a number."""
+    if value is None or value.format_name != UNSIGNED_32 or not value.values:
         return None
-    if refusal.code == 0x18 and refusal.value is not None:
-        subindex, elements = refusal.address.subindex, refusal.value.value_count
-    elif refusal.code == 0x04:
-        subindex, elements = 0, 1
-    else:
+    pnu = int(value.values[0]) >> 16
+    return pnu if 0 < pnu <= known().source_most else None
+
+
+def without_index(job: Job, refused: list[Refusal], number: int) -> bytes | None:
+    """The request for a parameter that is no array, as that of a simple one; None where it is none.
+
+    Where other parameters were refused, that one alone. Of several values it is not known which is meant.
+    """
+    write, message = job.write_request, job.message
+    if write is None or message is None:
+        return None
+    if number < len(message.blocks) and message.blocks[number].value_count != 1:
         return None
     from ds47.diagnosis import suggest  # only here: most captures need no correction
 
-    return suggest.with_elements(message, write.data, refusal.number, subindex, elements)
+    whole = suggest.with_elements(message, write.data, number, 0, 1)
+    if whole is None or all(each.number == number for each in refused):
+        return whole
+    return suggest.only(decode_request(whole), [number])

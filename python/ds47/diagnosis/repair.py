@@ -44,6 +44,21 @@ _MARGIN: Final = 2
 
 
 @dataclass(frozen=True, slots=True)
+class Retyped:
+    """One parameter under another format (DS714).
+
+    Attributes:
+        number: of the parameter, from 0.
+        args: what was written, and what it is under the format.
+        bits: how the two values hang together: a key of diagnoses.toml.
+    """
+
+    number: int
+    args: dict[str, Any]
+    bits: str
+
+
+@dataclass(frozen=True, slots=True)
 class Repair:
     """The one change that makes sense of a request.
 
@@ -53,6 +68,7 @@ class Repair:
         request: the corrected request.
         args: those of the rule, `what` left out.
         number: the parameter concerned, from 0; the first of several.
+        each: of DS714 all of them.
     """
 
     rule: str
@@ -60,6 +76,7 @@ class Repair:
     request: bytes
     args: dict[str, Any]
     number: int
+    each: tuple[Retyped, ...] = ()
 
 
 def find(
@@ -367,8 +384,16 @@ class _Change:
         fixed = _settled(with_blocks(self._message, changed), self._options) if changed else None
         if fixed is None or _absurd_inside(fixed[1]):
             return None
-        number, new = next(iter(changed.items()))
+        each = tuple(self._described(number, new) for number, new in changed.items())
+        counts = [_digits(value) or 0 for block in changed.values() for value in block.values]
+        first = each[0]
+        return _Guess(Repair("DS714", "", fixed[0], first.args, first.number, each), max(counts))
+
+    def _described(self, number: int, new: Block) -> Retyped:
         old, address = self._message.blocks[number], self._message.addresses[number]
+        bits = "bits_same" if new.raw == old.raw else "number_other"
+        if bits != "bits_same" and new.values == _numbers(old):
+            bits = "number_same"
         args = {
             "pnu": address.pnu,
             "subindex": address.subindex,
@@ -378,8 +403,7 @@ class _Change:
             "code": new.format,
             "meant": list(new.values),
         }
-        counts = [_digits(value) or 0 for block in changed.values() for value in block.values]
-        return _Guess(Repair("DS714", "", fixed[0], args, number), max(counts))
+        return Retyped(number, args, bits)
 
     def _wrong(self, number: int) -> bool:
         """Whether values are absurd by themselves, or the drive refused numbers that nobody types."""

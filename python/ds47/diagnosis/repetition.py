@@ -51,10 +51,12 @@ class _Run:
 class _Storm:
     """Transactions in a row that were polled many times."""
 
-    __slots__ = ("first", "jobs", "polling_ns", "polls", "taken_ns", "total")
+    __slots__ = ("first", "gaps", "gaps_ns", "jobs", "polls", "taken_ns", "total")
 
     def __init__(self) -> None:
-        self.jobs = self.polls = self.polling_ns = self.taken_ns = self.first = self.total = 0
+        self.jobs = self.polls = self.taken_ns = self.first = self.total = 0
+        self.gaps = self.gaps_ns = 0
+        """Between the Reads: their number and their sum."""
 
 
 class Repetition:
@@ -127,7 +129,11 @@ class Repetition:
         storm.first = storm.first or (first[0] or first[1]).frame
         storm.jobs += 1
         storm.polls += len(job.polls)
-        storm.polling_ns += max(0, read.time_ns - began)
+        reads = [request or answer for request, answer in job.polls]
+        if job.read_response is not None:
+            reads.append(job.read_request or job.read_response)
+        storm.gaps += len(reads) - 1
+        storm.gaps_ns += max(0, reads[-1].time_ns - reads[0].time_ns)
         storm.taken_ns += max(0, read.time_ns - (asked.time_ns if asked else began))
         storm.total = max(storm.total, len(job.polls))
 
@@ -138,7 +144,7 @@ class Repetition:
             args = {
                 "count": storm.polls,
                 "device": key[1],
-                "period": storm.polling_ns / storm.polls / _MS,
+                "period": storm.gaps_ns / storm.gaps / _MS,
                 "time": storm.taken_ns / storm.jobs / _MS,
             }
             self._found.append(Remark("DS724", storm.first, args))

@@ -6,8 +6,9 @@ Which correction a request needs is decided elsewhere (`repair`, `refusal`, `len
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Final
 
 from ds47 import spec
@@ -21,6 +22,7 @@ from ds47.profidrive import (
     make_block,
 )
 from ds47.profidrive.notation import format_request_line, parse_request_line
+from ds47.spec.semantics import never_written
 
 _PER_ROW: Final = 4
 _AXIS: Final = 2
@@ -82,6 +84,33 @@ def with_blocks(message: Request, blocks: Mapping[int, Block]) -> bytes:
     return _encoded(message, message.addresses, kept, message.rest)
 
 
+def is_harmless(request: Request) -> bool:
+    """Whether a request changes nothing that must never be changed on somebody's advice."""
+    if request.operation == "read":
+        return True
+    pnus, values = never_written()
+    written = zip_longest(request.addresses, request.blocks)
+    return request.operation == "change" and not any(
+        any(address.pnu in each for each in pnus)
+        or (block is not None and any((address.pnu, value) in values for value in block.values))
+        for address, block in written
+        if address is not None
+    )
+
+
+def parameters_of(request: Request) -> list[bytes]:
+    """Each parameter of a request with its value, as bytes that are the same in equal ones."""
+    kind = bytes((request.request_id or 0,))
+    written = zip_longest(request.addresses, request.blocks)
+    return [kind + _parameter(address, block) for address, block in written if address is not None]
+
+
+def _parameter(address: Address, block: Block | None) -> bytes:
+    head = bytes((address.attribute, address.element_count))
+    head += address.pnu.to_bytes(2) + address.subindex.to_bytes(2)
+    return head if block is None else head + bytes((block.format, block.value_count)) + block.raw
+
+
 def as_format(format_code: int, values: list[Value]) -> Block | None:
     """The same numbers as a block of another format; None where that cannot hold them exactly."""
     try:
@@ -91,18 +120,16 @@ def as_format(format_code: int, values: list[Value]) -> Block | None:
     return block if block.values == values else None
 
 
-def first_parameters(message: Request, data: bytes, n: int) -> bytes:
-    """The request with its first n parameters, 1 at least, and nothing behind them.
+def only(message: Request, numbers: Sequence[int]) -> bytes:
+    """The request with some of its parameters, numbered from 0, and nothing behind them.
 
     Args:
-        message: a decoded request with a whole header.
-        data: its bytes, given back where it has no more than n parameters.
-        n: how many to keep.
+        message: a decoded request with a whole header; a change with a block for each parameter.
+        numbers: which to keep, in their order.
     """
-    n = max(n, 1)
-    if len(message.addresses) <= n:
-        return data
-    return _encoded(message, message.addresses[:n], message.blocks[:n])
+    addresses = [message.addresses[number] for number in numbers]
+    blocks = [message.blocks[number] for number in numbers if number < len(message.blocks)]
+    return _encoded(message, addresses, blocks)
 
 
 def with_axis(data: bytes, axis: int) -> bytes:

@@ -216,7 +216,7 @@ def half_captured_reads(stage: Stage) -> None:
     "half-captured-cut",
     "the capture keeps 230 bytes of each frame: of ten values of an array four are there",
     OK_READ,
-    rules="DS106 DS315 DS725",
+    rules="DS106 DS725",
 )
 def half_captured_cut(stage: Stage) -> None:
     """Frames cut by the snap length: the values."""

@@ -37,11 +37,11 @@ class Half:
     stated: int
     """RecordDataLength: bytes that follow; in a Read request the most that is wanted."""
     missing: int
-    """Bytes that are stated and not there."""
+    """Bytes that are not there: cut off by the capture, or never sent."""
+    cut: bool
+    """Whether the capture cut them off, as far as somebody has looked."""
     status: int | None
     """PNIOStatus, ErrorCode first; None where the PDU carries none."""
-    cut: bool
-    """Whether `missing` is the capture's doing (snap length), not the sender's."""
 
     def __init__(
         self,
@@ -57,8 +57,8 @@ class Half:
         self.data = data
         self.stated = stated
         self.missing = missing
-        self.status = status
         self.cut = False
+        self.status = status
 
 
 @dataclass(slots=True, init=False)

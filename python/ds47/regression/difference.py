@@ -1,52 +1,55 @@
-"""Two captures (or results) side by side: parameters, errors, findings, latency.
+"""Two captures (or results) side by side: parameters, states, findings, latency.
 
 What an engineer asks after a firmware update. Pure: capture objects of `ds47.report/1` or `/2` in, a
-`Difference` out; how it looks is in `ds47.report.difference`.
+`Difference` out; how it looks is in `ds47.report.difference`. Reads are compared with reads and changes with
+changes, and only facts are compared: the last value, the kinds of negative response, never a sequence.
 
 Unlike `ds47.regression.compare` this does not expect the same requests in the same order.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from math import erf, sqrt
 from statistics import median
-from typing import Any, NamedTuple
+from typing import Final, NamedTuple
 
-from ds47 import spec
-from ds47.regression.compare import Json
+from ds47.regression.elements import OPERATIONS, Element, History, Outcomes, Shown, equal, shown
+from ds47.regression.places import Json, Place, Places
 
 SIGNIFICANT = 0.01
 """From this probability down a shift of the latency is taken for real."""
 _FEW = 8
 """Below this many durations on one side the normal approximation says nothing."""
 
+SAME: Final = "same"
+DIFFERENT: Final = "different"
+"""The last values differ, or the same request had another kind of outcome."""
+OTHER_REQUESTS: Final = "other requests"
+"""The kinds of negative response differ, and the requests were not the same: by another way, number of
+elements, value or format."""
+OPEN: Final = "open"
+"""One of the captures does not show what came of it."""
+ONLY: Final = "only"
+"""Only one of the captures asked for this element at all."""
+OTHER_OPERATION: Final = "other operation"
+"""The other capture asked for the element, but did not read it (or did not change it)."""
+OTHER_WAY: Final = "other way"
+"""The other capture asked for this PNU and subindex at what may be the same drive object, or another one."""
 
-class Place(NamedTuple):
-    """One element of a parameter of one drive object."""
 
-    device: str
-    slot: int
-    axis: int | None
-    pnu: int
-    subindex: int
+class Row(NamedTuple):
+    """The reads, or the changes, of one element in both captures; None where there are none."""
 
-
-@dataclass(slots=True)
-class History:
-    """What one capture says of one element."""
-
-    reads: int = 0
-    writes: int = 0
-    refused: int = 0
-    last: Any = None
-    """Last value read or successfully written; None where there is none."""
-    error: str | None = None
-    """The last refusal, when nothing came after it."""
-    name: str | None = None
-    unit: str | None = None
+    element: Element
+    operation: str
+    result: str
+    a: Outcomes | None
+    b: Outcomes | None
+    name: str | None
+    unit: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,30 +78,34 @@ class Difference:
     """All that `ds47 diff` says."""
 
     names: tuple[str, str]
-    parameters: list[tuple[Place, History | None, History | None]] = field(default_factory=list)
+    rows: list[Row] = field(default_factory=list)
     findings: list[tuple[str, int, int]] = field(default_factory=list)
     """Rule, count in the first, count in the second."""
     states: list[tuple[str, int, int]] = field(default_factory=list)
     latencies: list[Latency] = field(default_factory=list)
+    unknown: tuple[int, int] = (0, 0)
+    """For each capture: transactions that asked for something that it does not show."""
+    texts: dict[tuple[str, int | None], str] = field(default_factory=dict)
+    """The words of error numbers, by device and number."""
+
+    def of(self, *results: str) -> list[Row]:
+        """The rows with one of these results."""
+        return [row for row in self.rows if row.result in results]
 
     @property
-    def changed(self) -> list[tuple[Place, History | None, History | None]]:
-        """The elements whose last value or refusal differs, or that only one capture has."""
-        return [row for row in self.parameters if differs(row[1], row[2])]
+    def compared(self) -> int:
+        """Elements that can be compared: both captures asked for them in the same way, and show an outcome."""
+        return len({row.element for row in self.of(SAME, DIFFERENT)})
 
     @property
-    def errors(self) -> list[tuple[Place, History | None, History | None]]:
-        """The elements refused in one capture and not, not asked, or otherwise in the other."""
-        return [
-            (place, a, b)
-            for place, a, b in self.parameters
-            if (a.error if a else None) != (b.error if b else None)
-        ]
+    def different(self) -> int:
+        """Elements of which something differs, asked for in the same way."""
+        return len({row.element for row in self.of(DIFFERENT)})
 
-
-def differs(a: History | None, b: History | None) -> bool:
-    """Whether two captures say something else of an element, or only one of them asked for it."""
-    return a is None or b is None or a.last != b.last or a.error != b.error
+    @property
+    def changed(self) -> list[Row]:
+        """The rows that are not the same, or not in both captures."""
+        return [row for row in self.rows if row.result not in (SAME, OPEN)]
 
 
 def difference(a: Json, b: Json, names: tuple[str, str]) -> Difference:
@@ -108,12 +115,12 @@ def difference(a: Json, b: Json, names: tuple[str, str]) -> Difference:
     these two are the same whatever they are called.
     """
     called = _devices(a, b)
-    histories = [_histories(capture, name) for capture, name in zip((a, b), called, strict=True)]
-    places = sorted(histories[0].keys() | histories[1].keys(), key=_sort_key)
+    places = Places((a, b), called)
+    sides = [shown(capture, name, places) for capture, name in zip((a, b), called, strict=True)]
     result = Difference(names)
-    result.parameters = [
-        (place, histories[0].get(place), histories[1].get(place)) for place in places
-    ]
+    result.rows = list(_rows(sides[0], sides[1], places))
+    result.unknown = sides[0].unknown, sides[1].unknown
+    result.texts = sides[1].texts | sides[0].texts
     result.findings = _counts(
         *((each["rule"] for each in capture["findings"]) for capture in (a, b))
     )
@@ -124,71 +131,89 @@ def difference(a: Json, b: Json, names: tuple[str, str]) -> Difference:
     return result
 
 
-def _sort_key(place: Place) -> tuple[Any, ...]:
-    return (
-        place.device,
-        place.slot,
-        -1 if place.axis is None else place.axis,
-        place.pnu,
-        place.subindex,
-    )
-
-
 def _devices(a: Json, b: Json) -> tuple[dict[str, str], dict[str, str]]:
     """For each capture: the common name of each device, by IP address."""
-    found = []
-    for capture in (a, b):
-        stations = {each["ip"]: each.get("station") for each in capture.get("devices", [])}
-        ips = {each["device"] for each in capture["transactions"]}
-        found.append({ip: stations.get(ip) or ip for ip in ips})
-    one, other = found
+    one, other = _named(a), _named(b)
     if len(one) == len(other) == 1:
         name, second = *one.values(), *other.values()
         both = name if name == second else f"{name} / {second}"
         return dict.fromkeys(one, both), dict.fromkeys(other, both)
-    return one, other
+    return _completed(one, other), _completed(other, one)
 
 
-def _histories(capture: Json, names: dict[str, str]) -> dict[Place, History]:
-    histories: dict[Place, History] = {}
-    for item in capture["transactions"]:
-        if item["state"] in ("mismatch", "orphan"):
-            continue  # nobody can say whose values these are
-        for each in item["parameters"]:
-            if each["pnu"] is not None and each["attribute"] == "value":
-                _note(histories, names[item["device"]], item, each)
-    return histories
+def _completed(names: dict[str, str], others: dict[str, str]) -> dict[str, str]:
+    """The names; an address without one has that of the other capture."""
+    taken = set(names.values())
+    return {
+        ip: others[ip] if name == ip and others.get(ip, ip) not in taken else name
+        for ip, name in names.items()
+    }
 
 
-def _note(histories: dict[Place, History], device: str, item: Json, each: Json) -> None:
-    first = each["subindex"] or 0
-    change = item["operation"] == "change"
-    refusal = _refusal(item, each)
-    values = each["values"] if isinstance(each["values"], list) and each["values"] else [None]
-    for step, value in enumerate(values):
-        place = Place(device, item["slot"], item["axis"], each["pnu"], first + step)
-        history = histories.setdefault(place, History())
-        history.name, history.unit = each["name"], each["unit"]
-        history.writes += change
-        history.reads += not change
-        if refusal is not None:
-            history.refused += 1
-            history.error = refusal
-        elif value is not None and item["state"] in ("ok", "partial", "error"):
-            history.last, history.error = value, None
+def _named(capture: Json) -> dict[str, str]:
+    """Station names by IP address; the address where there is none, or where two devices have the same."""
+    stations = {each["ip"]: each.get("station") for each in capture.get("devices", [])}
+    ips = sorted({each["device"] for each in capture["transactions"]})
+    often = Counter(stations.get(ip) for ip in ips)
+    return {ip: (often[stations.get(ip)] == 1 and stations.get(ip)) or ip for ip in ips}
 
 
-def _refusal(item: Json, each: Json) -> str | None:
-    if each["error"] is not None:
-        code = each["error"]["code"]
-        return f"{'-' if code is None else spec.error_hex(code)} {each['error']['text']}".strip()
-    if item["state"] == "refused":
-        status = item["status"]
-        return next(
-            (word for word in (status["write"], status["read"]) if word not in (None, "00000000")),
-            "refused",
-        )
-    return None
+def _rows(a: Shown, b: Shown, places: Places) -> Iterator[Row]:
+    near = _near(a), _near(b)
+    for element in sorted(a.elements.keys() | b.elements.keys(), key=_sort_key):
+        mine, theirs = a.elements.get(element), b.elements.get(element)
+        name, unit = _about(mine, theirs)
+        for operation in OPERATIONS:
+            one = None if mine is None else mine.of(operation)
+            other = None if theirs is None else theirs.of(operation)
+            if one is None and other is None:
+                continue
+            if one is not None and other is not None:
+                result = compare(one, other)
+            elif mine is not None and theirs is not None:
+                result = OTHER_OPERATION
+            else:
+                lacking = near[1] if one else near[0]
+                result = _one_sided(element, lacking[element[1:]], places)
+            yield Row(element, operation, result, one, other, name, unit)
+
+
+def compare(a: Outcomes, b: Outcomes) -> str:
+    """SAME, DIFFERENT, OTHER_REQUESTS or OPEN: what two captures show of the reads or changes of an element."""
+    if a.values and b.values and not equal(a.last, a.format, b.last, b.format):
+        return DIFFERENT
+    if not a.kinds or not b.kinds:
+        return OPEN
+    if a.kinds == b.kinds:
+        return SAME
+    shared = a.of_requests.keys() & b.of_requests.keys()
+    same = all(a.of_requests[each] == b.of_requests[each] for each in shared)
+    return OTHER_REQUESTS if same else DIFFERENT
+
+
+def _one_sided(element: Element, asked: Iterable[Place], places: Places) -> str:
+    """`asked`: where the other capture asked for the same PNU and subindex."""
+    unclear = any(not places.are_different(place, element.place) for place in asked)
+    return OTHER_WAY if unclear else ONLY
+
+
+def _near(side: Shown) -> Mapping[tuple[int, int], list[Place]]:
+    """The places at which a capture asked for a PNU and subindex."""
+    found = defaultdict[tuple[int, int], list[Place]](list)
+    for element in side.elements:
+        found[element[1:]].append(element.place)
+    return found
+
+
+def _about(*histories: History | None) -> tuple[str | None, str | None]:
+    """Name and unit of an element, where either capture has them."""
+    known = [each for each in histories if each is not None]
+    name = next((each.name for each in known if each.name), None)
+    return name, next((each.unit for each in known if each.unit), None)
+
+
+def _sort_key(element: Element) -> tuple[object, ...]:
+    return *element.place.sort_key, element.pnu, element.subindex
 
 
 def _counts(a: Iterable[str], b: Iterable[str]) -> list[tuple[str, int, int]]:
@@ -200,7 +225,7 @@ def _latencies(a: Json, b: Json, called: tuple[dict[str, str], dict[str, str]]) 
     groups: dict[tuple[str, str], tuple[list[float], list[float]]] = {}
     for side, (capture, names) in enumerate(zip((a, b), called, strict=True)):
         for item in capture["transactions"]:
-            if item["duration_ms"] is not None:
+            if item["duration_ms"] is not None and item["duration_ms"] >= 0:  # no clock set back
                 key = names[item["device"]], item["operation"]
                 groups.setdefault(key, ([], []))[side].append(item["duration_ms"])
     return [_latency(*key, *sides) for key, sides in sorted(groups.items()) if all(sides)]
@@ -212,14 +237,14 @@ def _latency(device: str, operation: str, a: list[float], b: list[float]) -> Lat
         operation,
         (len(a), len(b)),
         (median(a), median(b)),
-        (_percentile(a, 0.95), _percentile(b, 0.95)),
+        (_percentile(a, 95), _percentile(b, 95)),
         mann_whitney(a, b) if min(len(a), len(b)) >= _FEW else None,
     )
 
 
-def _percentile(values: list[float], part: float) -> float:
-    ordered = sorted(values)
-    return ordered[min(len(ordered) - 1, int(part * len(ordered)))]
+def _percentile(values: list[float], percent: int) -> float:
+    """The nearest-rank percentile: always one that was measured."""
+    return sorted(values)[max(0, -(-percent * len(values) // 100) - 1)]
 
 
 def mann_whitney(a: list[float], b: list[float]) -> float:

@@ -1,112 +1,290 @@
 """How a difference between two captures looks: text, JSON and HTML.
 
-What differs is found in `ds47.regression.difference`; the page is `templates/difference.html.j2`.
+What differs is found in `ds47.regression.difference`; the page is `templates/difference.html.j2`. All three say
+the same, what a drive did otherwise first, and durations last.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from typing import Any, TextIO
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple, TextIO
 
 from ds47 import __version__, spec
-from ds47.regression.difference import Difference, History, Latency, Place, differs
-from ds47.report.bilingual import Both, operation, say, state
-from ds47.report.words import escape
+from ds47.regression import difference as kinds
+from ds47.regression.difference import Difference, Latency, Row
+from ds47.regression.elements import Outcomes, is_whole
+from ds47.regression.places import Place
+from ds47.report.bilingual import Both, joined, operation, say, state
+from ds47.report.words import escape, values
+from ds47.spec import error_hex
 
-SCHEMA = "ds47.diff/1"
+SCHEMA = "ds47.diff/2"
 FORMATS = ("text", "json", "html")
+_REST = (
+    (kinds.ONLY, "diff_only"),
+    (kinds.OTHER_OPERATION, "diff_operation"),
+    (kinds.OTHER_WAY, "diff_way"),
+    (kinds.OPEN, "diff_open"),
+)
+"""What was not compared, and its heading."""
+_VALUES = {
+    "read": ("diff_read", "diff_read_several"),
+    "change": ("diff_change", "diff_change_several"),
+}
+"""How a side tells its values, and how where they were not always the same."""
 
 
-def write(found: Difference, format_name: str, stream: TextIO, lang: str = "en") -> None:
-    """Writes a difference in one of FORMATS; `lang` ("en", "zh") is that of text and HTML."""
+class Run(NamedTuple):
+    """Rows of elements that follow one another, of which the captures show the same but for the values."""
+
+    rows: tuple[Row, ...]
+
+    @property
+    def first(self) -> Row:
+        """The row of the first element."""
+        return self.rows[0]
+
+
+class Section(NamedTuple):
+    """Runs under a heading."""
+
+    title: Both
+    runs: list[Run]
+
+
+def write(
+    found: Difference,
+    format_name: str,
+    stream: TextIO,
+    lang: str = "en",
+    *,
+    everything: bool = False,
+) -> None:
+    """Writes a difference.
+
+    Args:
+        found: what differs.
+        format_name: one of FORMATS.
+        stream: where to.
+        lang: "en" or "zh", the language of text and page.
+        everything: list also what was not compared, which is else one line of text (JSON has it always).
+    """
     if format_name == "json":
         stream.write(
             json.dumps(document(found), ensure_ascii=False, indent=1, allow_nan=False) + "\n"
         )
     elif format_name == "html":
-        stream.write(_page(found, lang))
+        stream.write(_page(found, lang, everything))
     else:
-        stream.writelines(f"{line}\n" for line in lines(found, lang))
+        stream.writelines(f"{line}\n" for line in lines(found, lang, everything=everything))
 
 
-def lines(found: Difference, lang: str = "en") -> Iterator[str]:
-    """The difference as lines of text, what changed first."""
+def lines(found: Difference, lang: str = "en", *, everything: bool = False) -> Iterator[str]:
+    """The difference as lines of text: the verdict, what differs, what was not compared, durations."""
     a, b = found.names
     yield f"A {escape(a)}"
     yield f"B {escape(b)}"
     yield ""
-    findings = [row for row in found.findings if row[1] != row[2]]
-    sections = (
-        ("diff_parameters", [_parameter(row) for row in found.changed]),
-        ("diff_refusals", [_error(row) for row in found.errors]),
-        ("diff_findings", [_finding(*row) for row in findings]),
-        ("diff_states", [_state(*row) for row in found.states if row[1] != row[2]]),
-        ("diff_durations", [_latency(each) for each in found.latencies]),
+    yield verdict(found).text(lang)
+    for section in sections(found):
+        yield from _section(section.title, [_line(run, found) for run in section.runs], lang)
+    yield from _section(
+        say("diff_states"),
+        [_count(state(name), was, now) for name, was, now in _changed(found.states)],
+        lang,
     )
-    for title, rows in sections:
-        yield say("diff_section" if rows else "diff_none", title=say(title)).text(lang)
-        yield from (f"  {row.text(lang)}" for row in rows)
-        yield ""
-    total = len(found.parameters)
-    yield say("diff_same", same=str(total - len(found.changed)), total=str(total)).text(lang)
+    yield from _section(
+        say("diff_findings"), [_finding(*row) for row in _changed(found.findings)], lang
+    )
+    yield from _rest_lines(found, lang, everything)
+    yield from _section(say("diff_durations"), [_latency(each) for each in found.latencies], lang)
+
+
+def verdict(found: Difference) -> Both:
+    """How many parameter elements differ, of how many."""
+    if not found.compared:
+        return say("diff_nothing")
+    if not found.different:
+        return say("diff_equal", n=found.compared)
+    return say("diff_differ", n=found.different, total=f"{found.compared:,}")
+
+
+def sections(found: Difference) -> list[Section]:
+    """What differs, asked for by the same requests and by others; where there is something."""
+    headings = ((kinds.DIFFERENT, "diff_parameters"), (kinds.OTHER_REQUESTS, "diff_requests"))
+    all_ = [Section(say(title), runs(found.of(kind))) for kind, title in headings]
+    return [section for section in all_ if section.runs]
+
+
+def rest(found: Difference) -> list[Section]:
+    """What was not compared."""
+    all_ = [Section(say(title), runs(found.of(kind))) for kind, title in _REST]
+    return [section for section in all_ if section.runs]
+
+
+def rest_text(section: Section) -> Both:
+    """How much of it there is: `12 elements in A, 3 elements in B`."""
+    rows = [row for run in section.runs for row in run.rows]
+    sides = [{row.element for row in rows if side(row)} for side in (_in_a, _in_b)]
+    if sides[0] == sides[1]:
+        return say("diff_elements", n=len(sides[0]))
+    told = (("diff_in_a", len(sides[0])), ("diff_in_b", len(sides[1])))
+    return joined([say(key, text=say("diff_elements", n=count)) for key, count in told if count])
+
+
+def notes(found: Difference) -> list[Both]:
+    """What a capture does not show of its requests, where that limits what is said of "one capture only"."""
+    if not found.of(kinds.ONLY, kinds.OTHER_OPERATION, kinds.OTHER_WAY):
+        return []
+    sides = zip("AB", found.unknown, strict=True)
+    return [say("diff_unknown", capture=name, n=count) for name, count in sides if count]
+
+
+def _rest_lines(found: Difference, lang: str, everything: bool) -> Iterator[str]:
+    left = rest(found)
+    if not left:
+        return
+    yield ""
+    for section in left:
+        yield say("diff_row", what=section.title, text=rest_text(section)).text(lang)
+        if everything:
+            yield from (f"  {_line(run, found).text(lang)}" for run in section.runs)
+    yield from (each.text(lang) for each in notes(found))
+    if not everything:
+        yield say("diff_list").text(lang)
+
+
+def _section(title: Both, rows: list[Both], lang: str) -> Iterator[str]:
+    yield ""
+    yield say("diff_section" if rows else "diff_none", title=title).text(lang)
+    yield from (f"  {row.text(lang)}" for row in rows)
+
+
+def _in_a(row: Row) -> bool:
+    return row.a is not None
+
+
+def _in_b(row: Row) -> bool:
+    return row.b is not None
+
+
+def runs(rows: Iterable[Row]) -> list[Run]:
+    """Rows put together to runs, in the order of their parameters."""
+    found: list[list[Row]] = []
+    ordered = sorted(
+        rows, key=lambda row: (row.element.place.sort_key, row.element.pnu, row.operation)
+    )
+    for row in ordered:
+        if found and _follows(found[-1][-1], row):
+            found[-1].append(row)
+        else:
+            found.append([row])
+    return [Run(tuple(each)) for each in found]
+
+
+def _follows(one: Row, other: Row) -> bool:
+    mine, theirs = one.element, other.element
+    return (
+        mine._replace(subindex=mine.subindex + 1) == theirs
+        and (one.operation, one.result, one.unit) == (other.operation, other.result, other.unit)
+        and _kind(one.a) == _kind(other.a)
+        and _kind(one.b) == _kind(other.b)
+    )
+
+
+def _kind(side: Outcomes | None) -> tuple[object, ...] | None:
+    """What a line says of one side, but for the last value."""
+    if side is None:
+        return None
+    return side.asked, side.values, side.distinct, side.format, side.negative, side.refused
 
 
 def place_text(place: Place) -> str:
-    """A parameter element as people write it: `192.168.0.1 slot 1 DO 2 p2900[0]`."""
-    axis = "" if place.axis is None else f" DO {place.axis}"
-    return f"{escape(place.device)} slot {place.slot}{axis} p{place.pnu}[{place.subindex}]"
+    """A place as people write it: `press-1-drive DO 2`, `192.168.0.1 slot 1.1 axis 2`. No two have the same."""
+    words = [escape(place.device)]
+    if place.drive_object is not None:
+        words.append(f"DO {place.drive_object}")
+    if place.slot is not None:
+        words.append(f"slot {place.slot}.{place.subslot}")
+    if place.axis is not None:
+        words.append(f"axis {place.axis}")
+    if place.local:
+        words.append("(0xB02E)")
+    return " ".join(words)
 
 
-def history_text(history: History | None) -> Both:
-    """The last word about an element in one capture."""
-    if history is None:
-        return say("diff_not_asked")
-    if history.error is not None:
-        return say("diff_refused", error=escape(history.error))
-    if history.last is None:
-        return say("diff_no_value")
-    return Both.same(escape(str(history.last)) + (f" {history.unit}" if history.unit else ""))
+def parameter_text(run: Run) -> str:
+    """The parameter elements of a run: `192.168.0.1 DO 2 p2900[0]`, `.. p2902[2..5]`."""
+    element, last = run.first.element, run.rows[-1].element.subindex
+    index = f"{element.subindex}" if len(run.rows) == 1 else f"{element.subindex}..{last}"
+    return f"{place_text(element.place)} p{element.pnu}[{index}]"
 
 
-def _parameter(row: tuple[Place, History | None, History | None]) -> Both:
-    place, a, b = row
-    return _became(f"{place_text(place)}  ", history_text(a), history_text(b))
+def side_text(run: Run, side: str, found: Difference) -> Both:
+    """What capture "a" or "b" shows of a run."""
+    all_ = [getattr(row, side) for row in run.rows]
+    first: Outcomes | None = all_[0]
+    if first is None:
+        return say("diff_absent")
+    device = run.first.element.place.device
+    parts = [_values(run, all_)] if first.values else []
+    parts += [
+        say("diff_negative_bare", n=count)
+        if code is None
+        else say("diff_negative", n=count, error=_error(code, device, found))
+        for code, count in sorted(first.negative.items(), key=lambda each: each[0] or 0)
+    ]
+    parts += [
+        say("diff_refused", n=count, status=escape(status))
+        for status, count in sorted(first.refused.items())
+    ]
+    parts += [say("diff_unseen", n=first.open)] if first.open else []
+    return joined(parts)
 
 
-def refusal_text(history: History | None) -> Both:
-    """How a drive took the last request for an element."""
-    if history is None:
-        return say("diff_not_asked")
-    return Both.same(escape(history.error)) if history.error else say("diff_accepted")
+def _error(code: int, device: str, found: Difference) -> str:
+    return f"{error_hex(code)} {escape(found.texts.get((device, code), ''))}".strip()
 
 
-def _error(row: tuple[Place, History | None, History | None]) -> Both:
-    place, a, b = row
-    what = (
-        "diff_gone"
-        if b is None or b.error is None
-        else "diff_new"
-        if a is None or a.error is None
-        else "diff_other"
+def _values(run: Run, sides: list[Outcomes]) -> Both:
+    """How often there was a value, and the last one."""
+    row, first = run.first, sides[0]
+    last = [each.last for each in sides]
+    if is_whole(first.format):
+        last = ["".join(map(str, last))]
+    unit = f" {escape(row.unit)}" if row.unit else ""
+    formats = {each.format for each in (row.a, row.b) if each is not None and each.values}
+    kind = f" ({escape(str(first.format))})" if len(formats) > 1 else ""
+    shown = Both(*(values(last, first.format, lang) + unit + kind for lang in ("en", "zh")))
+    once, often = _VALUES[row.operation]
+    if first.distinct > 1:
+        return say(often, n=first.values, values=str(first.distinct), value=shown)
+    return say(once, n=first.values, value=shown)
+
+
+def _line(run: Run, found: Difference) -> Both:
+    return say(
+        "diff_sides",
+        parameter=parameter_text(run),
+        operation=operation(run.first.operation),
+        a=side_text(run, "a", found),
+        b=side_text(run, "b", found),
     )
-    text = _became(f"{place_text(place)}  ", refusal_text(a), refusal_text(b))
-    return say("diff_row", what=say(what), text=text)
+
+
+def _changed(rows: list[tuple[str, int, int]]) -> list[tuple[str, int, int]]:
+    return [row for row in rows if row[1] != row[2]]
 
 
 def _finding(rule: str, was: int, now: int) -> Both:
-    what = "new" if not was else "gone" if not now else "more" if now > was else "fewer"
     known = spec.rules().get(rule)
-    counts = say("diff_row", what=f"{rule} {known.name if known else ''}", text=f"{was} -> {now}")
-    return say("diff_row", what=say(f"diff_{what}"), text=counts)
+    name = f"{escape(rule)} {known.name if known else ''}".strip()
+    return _count(Both.same(name), was, now)
 
 
-def _state(name: str, was: int, now: int) -> Both:
-    return say("diff_row", what=state(name), text=f"{was} -> {now}")
-
-
-def _became(text: str, was: Both, now: Both) -> Both:
-    return Both.same(text).joined(was, "", "").joined(now, " -> ", " -> ")
+def _count(name: Both, was: int, now: int) -> Both:
+    return say("diff_row", what=name, text=f"{was:,} -> {now:,}")
 
 
 def shift_text(each: Latency) -> Both:
@@ -133,18 +311,18 @@ def _latency(each: Latency) -> Both:
 
 
 def document(found: Difference) -> dict[str, Any]:
-    """The difference as plain dictionaries."""
+    """The difference as plain dictionaries (docs/regression.md says what the keys mean)."""
     return {
         "schema": SCHEMA,
         "tool": {"name": "ds47", "version": __version__},
         "a": found.names[0],
         "b": found.names[1],
-        "parameters": [
-            {**place._asdict(), "changed": differs(a, b), "a": _history(a), "b": _history(b)}
-            for place, a, b in found.parameters
-        ],
-        "findings": [{"rule": rule, "a": was, "b": now} for rule, was, now in found.findings],
+        "compared": found.compared,
+        "different": found.different,
+        "parameters": [_parameter(row, found) for row in found.rows],
+        "unknown_requests": list(found.unknown),
         "states": [{"state": name, "a": was, "b": now} for name, was, now in found.states],
+        "findings": [{"rule": rule, "a": was, "b": now} for rule, was, now in found.findings],
         "latency": [
             {
                 "device": each.device,
@@ -160,22 +338,46 @@ def document(found: Difference) -> dict[str, Any]:
     }
 
 
-def _history(history: History | None) -> dict[str, Any] | None:
-    if history is None:
-        return None
+def _parameter(row: Row, found: Difference) -> dict[str, Any]:
+    place, pnu, subindex = row.element
     return {
-        "reads": history.reads,
-        "writes": history.writes,
-        "refused": history.refused,
-        "last": history.last,
-        "error": history.error,
-        "name": history.name,
-        "unit": history.unit,
+        "device": place.device,
+        "drive_object": place.drive_object,
+        "slot": place.slot,
+        "subslot": place.subslot,
+        "axis": place.axis,
+        "local": place.local,
+        "pnu": pnu,
+        "subindex": subindex,
+        "name": row.name,
+        "unit": row.unit,
+        "operation": row.operation,
+        "result": row.result,
+        "a": _outcomes(row.a, place.device, found),
+        "b": _outcomes(row.b, place.device, found),
     }
 
 
-def _page(found: Difference, lang: str) -> str:
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # only for this format
+def _outcomes(side: Outcomes | None, device: str, found: Difference) -> dict[str, Any] | None:
+    if side is None:
+        return None
+    return {
+        "asked": side.asked,
+        "values": side.values,
+        "distinct": side.distinct,
+        "last": side.last,
+        "format": side.format,
+        "negative": [
+            {"code": code, "text": found.texts.get((device, code), ""), "count": count}
+            for code, count in side.negative.items()
+        ],
+        "refused": [{"status": status, "count": count} for status, count in side.refused.items()],
+        "open": side.open,
+    }
+
+
+def _page(found: Difference, lang: str, everything: bool) -> str:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
 
     def word(key: str, **values: Any) -> str:
         return say(key, **values).text(lang)
@@ -187,13 +389,19 @@ def _page(found: Difference, lang: str) -> str:
     return environment.get_template("difference.html.j2").render(
         found=found,
         lang=lang,
+        everything=everything,
         word=word,
-        state=state,
+        state=lambda each: state(each).text(lang),
         operation=lambda each: operation(each).text(lang),
         rules=spec.rules(),
         version=__version__,
-        place_text=place_text,
-        history_text=lambda history: history_text(history).text(lang),
-        refusal_text=lambda history: refusal_text(history).text(lang),
+        verdict=verdict(found).text(lang),
+        sections=sections(found),
+        rest=rest(found),
+        notes=[each.text(lang) for each in notes(found)],
+        changed=_changed,
+        rest_text=lambda section: rest_text(section).text(lang),
+        parameter_text=parameter_text,
+        side_text=lambda run, side: side_text(run, side, found).text(lang),
         shift_text=lambda each: shift_text(each).text(lang),
     )

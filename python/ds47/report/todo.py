@@ -9,8 +9,10 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
+from ds47.diagnosis.targets import LOCAL
 from ds47.model import DIAGNOSIS, SEVERITIES, CaptureResult, Diagnosis, Finding
 from ds47.spec.reporting import covers
+from ds47.spec.semantics import known
 
 _WRONG_DRIVE_OBJECT = "DS709"
 _ANSWERED = ("ok", "partial")
@@ -80,12 +82,15 @@ def answering(result: CaptureResult, item: Diagnosis) -> str:
     """The drive objects of its device that answer, for a request to one that does not exist; else empty."""
     if item.rule != _WRONG_DRIVE_OBJECT:
         return ""
-    axes = {
-        each.axis
-        for each in result.transactions
-        if each.device == item.device and each.state in _ANSWERED and each.axis is not None
-    }
-    return ", ".join(map(str, sorted(axes)))
+    missing, axes = {item.args.get("axis")}, set()
+    for each in result.transactions:
+        if each.device != item.device or each.index == LOCAL or each.axis is None:
+            continue  # under 0xB02E the slot decides who answers
+        if any(p.error and p.error.code == known().axis_error for p in each.parameters):
+            missing.add(each.axis)
+        elif each.state in _ANSWERED:
+            axes.add(each.axis)
+    return ", ".join(map(str, sorted(axes - missing)))
 
 
 class More(NamedTuple):

@@ -133,11 +133,12 @@ def blind(result: CaptureResult) -> list[Both]:
     unseen = sum(1 for each in result.transactions if each.state in OPEN)
     if unseen:
         lines.append(say("blind_open", n=unseen))
-    orphans = sum(
-        1 for each in result.transactions if each.state == "orphan" and each.ar is not None
-    )
-    if orphans:
-        lines.append(say("blind_before", n=orphans))
+    orphans = [each for each in result.transactions if each.state == "orphan"]
+    without_ar = sum(1 for each in orphans if each.ar is None)
+    if len(orphans) > without_ar:
+        lines.append(say("blind_before", n=len(orphans) - without_ar))
+    if without_ar:
+        lines.append(say("blind_without_ar", n=without_ar))
     other = _other_records(result)
     if other:
         lines.append(say("blind_records", n=other))

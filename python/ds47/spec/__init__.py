@@ -137,6 +137,10 @@ class Rule(Row):
     group: tuple[str, ...] = ()
     args: Mapping[str, str] = MappingProxyType({})
 
+    def carried(self, args: Mapping[str, Any]) -> dict[str, Any]:
+        """Its arguments, each of them and in their order; None for what is not known."""
+        return {name: args.get(name) for name in self.args}
+
     @property
     def frames(self) -> tuple[str, ...]:
         """The names of those of its arguments that are frames."""

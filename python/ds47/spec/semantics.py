@@ -80,7 +80,9 @@ class Known(Row):
     plausible_digits: int
     plausible_least: int
     plausible_most: int
+    source_most: int
     saving: frozenset[int]
+    saving_all: int
     confused_indices: frozenset[int]
     running: frozenset[int]
     running_siemens: frozenset[int]
@@ -91,6 +93,7 @@ class Known(Row):
     recomputing: frozenset[int]
     axis_error: int
     too_long: int
+    no_array: int
     connector_error: int
     commissioning: dict[int, str]
 
@@ -105,6 +108,14 @@ def known() -> Known:
     }
     states = {int(code): text for code, text in table["commissioning"].items()}
     return Known(**table["limits"], **numbers, commissioning=states)
+
+
+@cache
+def never_written() -> tuple[tuple[range, ...], frozenset[tuple[int, int]]]:
+    """What no corrected request writes: PNUs, and single values of a PNU."""
+    table = _load("diagnoses.toml")["never_written"]
+    pnus = tuple(range(first, last + 1) for first, last in table["ranges"])
+    return pnus, frozenset((pnu, value) for pnu, value in table["values"])
 
 
 @cache

@@ -269,7 +269,8 @@ class _Original:
         finding = load.finding(item)
         finding.frame = self._numbers[finding.frame - 1]
         finding.frames = [self._numbers[frame - 1] for frame in finding.frames]
-        finding.args = renumbered(finding.rule, finding.args, lambda n: self._numbers[n - 1])
+        args = spec.rules()[finding.rule].carried(finding.args)
+        finding.args = renumbered(finding.rule, args, lambda n: self._numbers[n - 1])
         if finding.rule in _OF_A_LOSS:
             last = finding.args.get("reason") in (None, "end")
             finding.args["dropped"] = self._dropped and last

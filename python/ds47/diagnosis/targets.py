@@ -1,0 +1,42 @@
+"""Which drive object a request goes to, as far as the request itself says it.
+
+Under 0xB02E the slot decides, under every other index the axis byte. Which slot holds which axis is not known
+here.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from ds47.profinet.records import Record
+
+LOCAL: Final = 0xB02E
+"""Record index of local access: the slot decides, not the axis byte (docs/protocol.md E.4)."""
+
+
+class Target(NamedTuple):
+    """A drive object of a device: by its slot (`local`), else by its axis number."""
+
+    local: bool
+    first: int
+    second: int = 0
+
+    def is_known(self) -> bool:
+        """Whether two requests to it go to the same drive object."""
+        return self.local or self.first != 0
+
+    def may_be(self, other: Target) -> bool:
+        """Whether both may be the same drive object: axis 0 names none, and a slot may hold any."""
+        if self.local != other.local:
+            return True
+        return self == other or (not self.local and 0 in (self.first, other.first))
+
+
+def target_of(record: Record, axis: int | None) -> Target:
+    """Whom a request addresses."""
+    return target(record.slot, record.subslot, record.index, axis)
+
+
+def target(slot: int, subslot: int, index: int, axis: int | None) -> Target:
+    """The same, of a place and an axis byte."""
+    return Target(True, slot, subslot) if index == LOCAL else Target(False, axis or 0)

@@ -1,0 +1,490 @@
+"""What findings and diagnoses claim, where they once claimed more than the capture shows.
+
+Each conversation is played by the lab's client; what may be said of it is typed by hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("scapy")
+
+from ds47.analysis import analyze
+from ds47.capture.writer import PcapngWriter
+from ds47.lab import message
+from ds47.lab.client import Client
+from ds47.lab.stage import Stage
+from ds47.model import CaptureResult, Diagnosis, Finding
+from ds47.report.sentences import sentence
+from ds47.report.todo import answering
+from ds47.report.verdict import blind
+
+Talk = Callable[[Client], object]
+SPEED, FIXED = message.address(21), message.address(2900)
+TEN = message.real(10.0)
+
+
+def result_of(talk: Talk, tmp_path: Path, snap: int | None = None) -> CaptureResult:
+    """The analysis of what a client does; `snap` bytes of each frame are captured."""
+    stage = Stage()
+    stage.snap = snap or stage.snap
+    talk(Client(stage))
+    path = tmp_path / "x.pcapng"
+    with PcapngWriter(path, link_type=stage.link) as writer:
+        for shot in stage.shots:
+            writer.write(shot.time_ns, shot.data, original_length=shot.original_length)
+    return analyze(path)
+
+
+def told(talk: Talk, rule: str, tmp_path: Path) -> list[str]:
+    """The sentences of a rule."""
+    return [sentence(each) for each in of(result_of(talk, tmp_path), rule)]
+
+
+def of(result: CaptureResult, rule: str) -> list[Finding]:
+    return [each for each in result.findings if each.rule == rule]
+
+
+def diagnosed(talk: Talk, rule: str, tmp_path: Path) -> Diagnosis:
+    """The only diagnosis of a rule."""
+    (found,) = (each for each in result_of(talk, tmp_path).diagnoses if each.rule == rule)
+    return found
+
+
+def refused(reference: int, *blocks: bytes, change: bool = False) -> bytes:
+    """A response in which at least one parameter failed."""
+    return message.answer(reference, 0x82 if change else 0x81, 1, *blocks)
+
+
+# STATUS (DS701), what the capture cut (DS106), what it does not have (DS401)
+
+
+def polled(client: Client) -> None:
+    client.exchange(message.read(1, 1, SPEED), refused(1, message.error(0x01)), polls=3)
+
+
+def test_a_status_that_was_not_zero_is_not_called_zero(tmp_path: Path) -> None:
+    (text,) = told(polled, "DS701", tmp_path)
+    assert text.endswith(
+        "but the STATUS of the RDREC that brought it is 0 (after 3 x DE80B500: not ready yet)"
+    )
+
+
+def long_read(client: Client) -> None:
+    answer = message.answer(1, 1, 1, message.real(*range(50)))
+    client.exchange(message.read(1, 1, message.address(2902, 0, 50)), answer)
+
+
+def test_what_the_capture_cut_is_no_fault_of_the_message(tmp_path: Path) -> None:
+    rules = {each.rule for each in result_of(long_read, tmp_path, 260).findings}
+    assert rules == {"DS106", "DS725"}
+
+
+def requests_only(client: Client) -> None:
+    client.ask_write(message.read(1, 1, SPEED))
+    client.ask_write(message.read(2, 1, SPEED))
+
+
+def test_a_capture_that_goes_on_has_not_ended(tmp_path: Path) -> None:
+    first, last = told(requests_only, "DS401", tmp_path)
+    assert first.endswith("its responses are not in the capture")
+    assert last.endswith("the capture ends")
+
+
+def read_without_ar(client: Client) -> None:
+    from ds47.lab import wire
+
+    nowhere = client.at(ar=wire.NIL, index=0xB02F)
+    call = client.call(wire.READ_IMPLICIT)
+    client.ask(call, wire.read_request(call.sequence, nowhere))
+    client.accept_read(call, message.answer(7, 1, 1, TEN), at=nowhere)
+
+
+def test_a_response_without_an_ar_did_not_begin_before_the_capture(tmp_path: Path) -> None:
+    result = result_of(read_without_ar, tmp_path)
+    (finding,) = of(result, "DS403")
+    assert sentence(finding).startswith("Response read without an AR (ReadImplicit)")
+    lines = [line.en for line in blind(result)]
+    assert not [line for line in lines if "before the capture" in line]
+    assert [line for line in lines if "without an AR" in line]
+
+
+# What does not fit into a response (DS713)
+
+
+def no_room_in_the_middle(client: Client) -> None:
+    """Of three parameters the first fills most of 566 bytes, the second does not fit, the third does."""
+    asked = [message.address(6000, 0, 140), message.address(6001, 0, 128), message.address(2)]
+    found = [message.real(*range(140)), message.error(0x15), message.word(43)]
+    client.exchange(message.read(1, 1, *asked), refused(1, *found))
+
+
+def test_room_is_what_the_device_has_shown(tmp_path: Path) -> None:
+    found = diagnosed(no_room_in_the_middle, "DS713", tmp_path)
+    assert sentence(found) == (
+        "2 of 3 parameter(s) were answered, p6001[0] was refused with 0x15 (response too long); "
+        "its longest response so far has 576 bytes"
+    )
+    assert found.corrected == message.read(1, 1, message.address(6000, 0, 140), message.address(2))
+
+
+def limit_read_before(client: Client) -> None:
+    limits = message.answer(1, 1, 1, message.word(600))
+    client.exchange(message.read(1, 1, message.address(974)), limits)
+    no_room_in_the_middle(client)
+
+
+def test_room_is_what_the_device_said(tmp_path: Path) -> None:
+    found = diagnosed(limit_read_before, "DS713", tmp_path)
+    assert sentence(found).endswith("; PNU 974[0] of the device is 600 bytes")
+
+
+def cut_by_the_capture(client: Client) -> None:
+    long_read(client)
+    asked = [message.address(2902, 0, 20)] * 3
+    found = [message.real(*range(20))] * 3
+    client.exchange(message.read(2, 1, *asked), message.answer(2, 1, 1, *found))
+
+
+def test_what_the_capture_cut_was_not_left_out(tmp_path: Path) -> None:
+    result = result_of(cut_by_the_capture, tmp_path, 260)
+    assert {each.rule for each in result.findings} == {"DS106", "DS725"}
+
+
+# Another drive object (DS709)
+
+LOCAL = 0xB02E
+
+
+def no_object(client: Client, request: bytes, axis: int) -> None:
+    """The device has no drive object of that number."""
+    response_id = 0x80 | request[1]
+    client.exchange(request, message.answer(request[0], response_id, axis, message.error(0x19)))
+
+
+def found_object(client: Client, axis: int, index: int = 47) -> None:
+    request = message.read(9, axis, message.address(27))
+    client.exchange(request, message.answer(9, 1, axis, TEN), at=client.at(index=index))
+
+
+def change_of_a_missing_object(client: Client) -> None:
+    found_object(client, 2)
+    no_object(client, message.change(1, 9, (FIXED, TEN)), 9)
+
+
+def read_of_a_missing_object(client: Client) -> None:
+    """What answers under 0xB02E is the slot, whatever the axis byte says."""
+    found_object(client, 9, LOCAL)
+    no_object(client, message.read(1, 9, SPEED), 9)
+    found_object(client, 2)
+
+
+def two_objects(client: Client) -> None:
+    found_object(client, 2)
+    no_object(client, message.read(1, 9, SPEED), 9)
+    found_object(client, 3)
+
+
+def refused_there(client: Client) -> None:
+    read_of_a_missing_object(client)
+    request = message.read(2, 2, SPEED)
+    client.exchange(request, message.answer(2, 0x81, 2, message.error(0x01)))
+
+
+def read_under_local_access(client: Client) -> None:
+    found_object(client, 2)
+    request = message.read(1, 9, SPEED)
+    answer = message.answer(1, 0x81, 9, message.error(0x19))
+    client.exchange(request, answer, at=client.at(index=LOCAL))
+
+
+@pytest.mark.parametrize(
+    ("talk", "corrected", "others"),
+    [
+        (change_of_a_missing_object, None, "2"),
+        (read_of_a_missing_object, message.read(1, 2, SPEED), "2"),
+        (two_objects, None, "2, 3"),
+        (refused_there, None, "2"),
+        (read_under_local_access, None, "2"),
+    ],
+)
+def test_another_drive_object(
+    talk: Talk, corrected: bytes | None, others: str, tmp_path: Path
+) -> None:
+    result = result_of(talk, tmp_path)
+    (found,) = (each for each in result.diagnoses if each.rule == "DS709")
+    assert found.corrected == corrected
+    assert answering(result, found) == others
+
+
+# Another format, and what to send instead (DS714, DS717)
+
+
+def seen_as_real(client: Client) -> None:
+    client.exchange(message.read(7, 1, FIXED), message.answer(7, 1, 1, TEN))
+
+
+def changed_as(client: Client, value: bytes, *more: tuple[bytes, bytes, int]) -> None:
+    """P2900 under a wrong format is refused with 0x05; further changes with their error number, 0 for none."""
+    request = message.change(1, 1, (FIXED, value), *(each[:2] for each in more))
+    done = [message.error(each[2]) if each[2] else message.zero() for each in more]
+    client.exchange(request, refused(1, message.error(0x05), *done, change=True))
+
+
+def bits(client: Client) -> None:
+    seen_as_real(client)
+    changed_as(client, message.block(0x07, "I", 0x41200000))
+
+
+def number(client: Client) -> None:
+    seen_as_real(client)
+    changed_as(client, message.block(0x06, "H", 10))
+
+
+def never_read(client: Client) -> None:
+    changed_as(client, message.block(0x07, "I", 0x41200000))
+
+
+def read_of_another_object(client: Client) -> None:
+    client.exchange(message.read(7, 2, FIXED), message.answer(7, 1, 2, TEN))
+    changed_as(client, message.block(0x07, "I", 0x41200000))
+
+
+def refused_besides(client: Client) -> None:
+    seen_as_real(client)
+    other = (message.address(304), message.real(5.0), 0x11)
+    changed_as(client, message.block(0x07, "I", 0x41200000), other)
+
+
+def refused_as_well(client: Client) -> None:
+    """What would be sent instead was tried, and refused."""
+    bits(client)
+    changed_as(client, TEN)
+
+
+WHOLE = message.change(1, 1, (FIXED, TEN))
+
+
+@pytest.mark.parametrize(
+    ("talk", "says", "corrected"),
+    [
+        (bits, "is read as Float32 (0x08) in frame 4, the same bits are 10.0 there", WHOLE),
+        (number, "is read as Float32 (0x08) in frame 4, the same number is 10.0 there", WHOLE),
+        (never_read, "by the list of parameters it is Float32 (0x08), the same bits are", None),
+        (read_of_another_object, "is read as Float32 (0x08) in frame 4", None),
+        (refused_besides, "is read as Float32 (0x08) in frame 4", WHOLE),
+        (refused_as_well, "is read as Float32 (0x08) in frame 4", None),
+    ],
+)
+def test_a_format_is_a_fact_where_it_was_read(
+    talk: Talk, says: str, corrected: bytes | None, tmp_path: Path
+) -> None:
+    found = diagnosed(talk, "DS714", tmp_path)
+    assert says in sentence(found)
+    assert found.corrected == corrected
+
+
+def test_what_was_refused_besides_has_its_own_cause(tmp_path: Path) -> None:
+    result = result_of(refused_besides, tmp_path)
+    assert [each.args["pnu"] for each in of(result, "DS719")] == [304]
+
+
+def two_refused(client: Client) -> None:
+    asked = [message.address(304, 2), message.address(305, 3), message.address(21)]
+    found = [message.error(0x04), message.error(0x03), TEN]
+    client.exchange(message.read(1, 1, *asked), refused(1, *found))
+
+
+def test_each_refused_parameter_has_its_cause_and_is_asked_alone(tmp_path: Path) -> None:
+    result = result_of(two_refused, tmp_path)
+    assert [(each.args["pnu"], each.args["code"]) for each in of(result, "DS717")] == [
+        (304, 0x04), (305, 0x03),
+    ]  # fmt: skip
+    corrected = [each.corrected for each in result.diagnoses if each.corrected]
+    assert corrected == [message.read(1, 1, message.address(304))]
+
+
+def other_counts(client: Client) -> None:
+    request = message.change(1, 1, (message.address(46, 0, 2), message.real(5.0)))
+    client.exchange(request, refused(1, message.error(0x18), change=True))
+
+
+def test_which_count_is_meant_is_not_guessed(tmp_path: Path) -> None:
+    assert diagnosed(other_counts, "DS717", tmp_path).corrected is None
+
+
+def safety(client: Client) -> None:
+    """p9601 was read as a simple parameter, and is written as an array."""
+    place = message.address(9601)
+    client.exchange(message.read(7, 1, place), message.answer(7, 1, 1, message.word(1)))
+    request = message.change(1, 1, (message.address(9601, 1), message.word(1)))
+    client.exchange(request, refused(1, message.error(0x04), change=True))
+
+
+def test_safety_is_never_written_on_advice(tmp_path: Path) -> None:
+    assert diagnosed(safety, "DS717", tmp_path).corrected is None
+
+
+# Sources of connectors (DS720), lengths of requests (DS711), ignored axes (DS710)
+
+
+def written_connector(client: Client, value: bytes, code: int) -> None:
+    request = message.change(1, 1, (message.address(1070), value))
+    client.exchange(request, refused(1, message.error(code), change=True))
+
+
+@pytest.mark.parametrize(
+    ("value", "code", "says"),
+    [
+        (message.block(0x07, "I", 52 << 16), 0x83, "its source p52 was not accepted: 0x83"),
+        (message.block(0x07, "I", 1), 0x83, "Unsigned32 1 is the number of no source: 0x83"),
+        (message.word(1), 0x05, "Unsigned16 1 is the number of no source: 0x05"),
+    ],
+)
+def test_a_source_is_no_number(value: bytes, code: int, says: str, tmp_path: Path) -> None:
+    (text,) = told(lambda client: written_connector(client, value, code), "DS720", tmp_path)
+    assert says in text
+
+
+def too_short(client: Client, asked: bytes) -> None:
+    client.write(asked, status=0xDF80B700)
+
+
+THREE = message.read(1, 2, *[SPEED] * 3)
+
+
+@pytest.mark.parametrize(
+    ("asked", "says"),
+    [
+        (THREE[:10], "after 10 bytes: 3 parameter(s) need 22, but it is just as long as a request for 1"),
+        (THREE[:16], "after 16 bytes: 3 parameter(s) need 22, but it is just as long as a request for 2"),
+        (THREE[:12], "after 12 bytes: 3 parameter(s) need 22"),
+    ],
+)  # fmt: skip
+def test_a_length_that_fits_another_number(asked: bytes, says: str, tmp_path: Path) -> None:
+    def talk(client: Client) -> None:
+        client.exchange(message.read(9, 1, SPEED), message.answer(9, 1, 1, TEN))
+        too_short(client, asked)
+
+    (text,) = told(talk, "DS711", tmp_path)
+    assert text.endswith(says)
+
+
+def two_ways(client: Client) -> None:
+    for axis in (0, 2):
+        found_object(client, axis, LOCAL)
+
+
+def test_axis_zero_is_no_other_axis(tmp_path: Path) -> None:
+    assert not told(two_ways, "DS710", tmp_path)
+
+
+# Changes that nobody saved: DS721
+
+
+def changed(client: Client, reference: int, axis: int, pnu: int = 2900, index: int = 47) -> None:
+    value = message.word(1) if pnu in (971, 977) else TEN
+    request = message.change(reference, axis, (message.address(pnu), value))
+    client.exchange(request, message.changed(reference, axis), at=client.at(index=index))
+
+
+def unknown_outcome(client: Client) -> None:
+    changed(client, 1, 2)
+    client.write(message.change(2, 2, (FIXED, TEN)))
+    changed(client, 3, 2)
+
+
+def one_object_saved(client: Client) -> None:
+    changed(client, 1, 2)
+    changed(client, 2, 3)
+    changed(client, 3, 2, 971)
+
+
+def all_saved(client: Client) -> None:
+    one_object_saved(client)
+    changed(client, 4, 2, 977)
+
+
+def perhaps_saved(client: Client) -> None:
+    """The drive object of a slot may be any of the axes."""
+    changed(client, 1, 2)
+    changed(client, 2, 3)
+    changed(client, 3, 9, 971, LOCAL)
+    changed(client, 4, 3)
+
+
+def two_objects_changed(client: Client) -> None:
+    changed(client, 1, 2)
+    changed(client, 2, 3)
+
+
+@pytest.mark.parametrize(
+    ("talk", "count", "unknown", "targets", "last"),
+    [
+        (unknown_outcome, 2, 1, 1, 7),
+        (one_object_saved, 1, 0, 1, 5),
+        (perhaps_saved, 1, 2, 1, 13),
+        (two_objects_changed, 2, 0, 2, 5),
+    ],
+)
+def test_what_is_not_saved(
+    talk: Talk, count: int, unknown: int, targets: int, last: int, tmp_path: Path
+) -> None:
+    args = diagnosed(talk, "DS721", tmp_path).args
+    assert (args["count"], args["unknown"], args["targets"], args["last"]) == (
+        count, unknown, targets, last,
+    )  # fmt: skip
+
+
+def test_what_is_saved(tmp_path: Path) -> None:
+    assert not told(all_saved, "DS721", tmp_path)
+
+
+# The number of parameters (DS304), the reference of a channel (DS415)
+
+MANY = [SPEED] * 45
+
+
+def all_answered(client: Client) -> None:
+    client.exchange(message.read(1, 1, *MANY), message.answer(1, 1, 1, *[message.word(1)] * 45))
+
+
+def refused_for_its_number(client: Client) -> None:
+    client.exchange(message.read(9, 1, SPEED), message.answer(9, 1, 1, TEN))
+    client.write(message.read(1, 1, *MANY), status=0xDF80B700)
+
+
+def allowed(client: Client, most: int) -> None:
+    limits = message.answer(9, 1, 1, message.word(600, most, 0))
+    client.exchange(message.read(9, 1, message.address(974, 0, 3)), limits)
+    refused_for_its_number(client)
+
+
+@pytest.mark.parametrize(
+    ("talk", "limits"),
+    [
+        (all_answered, []),
+        (refused_for_its_number, [39]),
+        (lambda client: allowed(client, 45), []),
+        (lambda client: allowed(client, 40), [40]),
+    ],
+)
+def test_a_number_that_the_drive_takes_is_not_too_high(
+    talk: Talk, limits: list[int], tmp_path: Path
+) -> None:
+    assert [each.args["limit"] for each in of(result_of(talk, tmp_path), "DS304")] == limits
+
+
+def another_channel_between(client: Client) -> None:
+    client.exchange(message.read(5, 1, SPEED), message.answer(5, 1, 1, TEN))
+    there = client.at(slot=2)
+    client.exchange(message.read(6, 1, SPEED), message.answer(6, 1, 1, TEN), at=there)
+    client.exchange(message.read(5, 1, SPEED), message.answer(5, 1, 1, TEN))
+
+
+def test_the_request_before_is_that_of_the_channel(tmp_path: Path) -> None:
+    (finding,) = of(result_of(another_channel_between, tmp_path), "DS415")
+    assert (finding.frame, finding.args["first"], finding.frames) == (9, 1, [1, 9])

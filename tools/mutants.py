@@ -1,0 +1,258 @@
+"""Changes one thing in the rules, the totals or the statistics, and looks whether a test notices.
+
+    .venv/bin/python tools/mutants.py --number 100 --seed 1      prints a line for each that lives, and the sums
+
+A mutant is one change of one file: a comparison turned round, a number one more, `and` for `or`, a condition
+never true, a statement left out. Each runs the tests that are about its file (`TESTS`), the quick ones first, in a
+copy of the checkout. Which mutants there are depends on the seed alone. Nothing is changed in the checkout itself.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Queue
+
+ROOT = Path(__file__).resolve().parent.parent
+LEFT_OUT = shutil.ignore_patterns(
+    ".git", ".venv", "build", "dist", "data", "__pycache__", ".*_cache", ".hypothesis", "images"
+)
+RULES = ("test_rules", "test_readback", "test_findings", "test_conversations", "test_real_stacks")
+DIAGNOSES = ("test_diagnoses", "test_conversations", "test_repair", "test_real_stacks")
+REPORT = ("test_report_opening", "test_report_html", "test_report_formats", "test_audit")
+LUA = ("test_lua_conversations", "test_lua_analysis")
+TESTS: dict[str, tuple[str, ...]] = {
+    "python/ds47/rules.py": RULES,
+    "python/ds47/readback.py": RULES,
+    "python/ds47/drive_objects.py": RULES,
+    "python/ds47/findings.py": RULES,
+    "python/ds47/transactions.py": ("test_transactions", *RULES),
+    "python/ds47/diagnosis/__init__.py": DIAGNOSES,
+    "python/ds47/diagnosis/capture.py": DIAGNOSES,
+    "python/ds47/diagnosis/grouping.py": (*DIAGNOSES, "test_report_opening"),
+    "python/ds47/diagnosis/length.py": DIAGNOSES,
+    "python/ds47/diagnosis/order.py": DIAGNOSES,
+    "python/ds47/diagnosis/refusal.py": DIAGNOSES,
+    "python/ds47/diagnosis/repetition.py": DIAGNOSES,
+    "python/ds47/report/todo.py": REPORT,
+    "python/ds47/report/verdict.py": REPORT,
+    "python/ds47/report/latency.py": REPORT,
+    "python/ds47/report/overview.py": ("test_folders", *REPORT),
+    "python/ds47/report/html/views/drives.py": REPORT,
+    "python/ds47/report/html/views/elements.py": REPORT,
+    "lua/ds47/rules.lua": LUA,
+    "lua/ds47/readback.lua": LUA,
+    "lua/ds47/drive_objects.lua": LUA,
+    "lua/ds47/statistics.lua": ("test_wireshark_statistics",),
+}
+TIMEOUT = 300
+"""Seconds; a mutant that never ends is noticed as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mutant:
+    """A file with one change; `what` says which, `line` where."""
+
+    path: str
+    line: int
+    what: str
+    text: str
+
+
+# Python
+
+
+_COMPARED: dict[type[ast.cmpop], type[ast.cmpop]] = {
+    ast.Lt: ast.LtE, ast.LtE: ast.Lt, ast.Gt: ast.GtE, ast.GtE: ast.Gt, ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq, ast.In: ast.NotIn, ast.NotIn: ast.In, ast.Is: ast.IsNot, ast.IsNot: ast.Is,
+}  # fmt: skip
+_COUNTED: dict[type[ast.operator], type[ast.operator]] = {
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.FloorDiv, ast.FloorDiv: ast.Mult,
+}  # fmt: skip
+
+
+def _changed(node: ast.AST) -> Iterator[tuple[str, ast.AST]]:
+    """What a node may become, with a word for each."""
+    if isinstance(node, ast.Compare) and len(node.ops) == 1:
+        other = _COMPARED.get(type(node.ops[0]))
+        if other is not None:
+            yield "comparison", ast.Compare(node.left, [other()], node.comparators)
+    elif isinstance(node, ast.BoolOp):
+        op = ast.Or() if isinstance(node.op, ast.And) else ast.And()
+        yield "and/or", ast.BoolOp(op, node.values)
+    elif isinstance(node, ast.BinOp) and type(node.op) in _COUNTED:
+        yield "operator", ast.BinOp(node.left, _COUNTED[type(node.op)](), node.right)
+    elif isinstance(node, ast.Constant) and type(node.value) is int:
+        yield "number", ast.Constant(node.value + 1)
+    elif isinstance(node, ast.If):
+        yield "condition", ast.If(ast.Constant(False), node.body, node.orelse)
+    elif isinstance(node, ast.AugAssign):
+        yield "left out", ast.Pass()
+
+
+def of_python(path: str) -> Iterator[Mutant]:
+    """Each change inside a function; the file is written out anew, so comments are gone."""
+    source = (ROOT / path).read_text(encoding="utf-8")
+    tree = ast.parse(source)
+    inside = [
+        node
+        for function in ast.walk(tree)
+        if isinstance(function, ast.FunctionDef)
+        for statement in function.body
+        for node in ast.walk(statement)
+    ]
+    for node in dict.fromkeys(inside):
+        for what, other in _changed(node):
+            kept = dict(vars(node)), type(node)
+            line: int = node.lineno  # type: ignore[attr-defined]
+            yield Mutant(path, line, what, _with(tree, node, other))
+            assert (dict(vars(node)), type(node)) == kept
+
+
+class _Put(ast.NodeTransformer):
+    def __init__(self, old: ast.AST, new: ast.AST) -> None:
+        self._old, self._new = old, new
+
+    def visit(self, node: ast.AST) -> ast.AST:
+        return self._new if node is self._old else super().visit(node)
+
+
+def _with(tree: ast.Module, node: ast.AST, other: ast.AST) -> str:
+    """The source with one node changed; the tree stays as it is."""
+    ast.copy_location(other, node)
+    changed = _Put(node, other).visit(tree)
+    text = ast.unparse(ast.fix_missing_locations(changed))
+    _Put(other, node).visit(changed)
+    return text
+
+
+# Lua
+
+
+_LUA = (
+    (re.compile(r"(?<![<>=~])<(?![<=])"), "<=", "comparison"), (re.compile(r"<="), "<", "comparison"),
+    (re.compile(r"(?<![<>=~-])>(?![>=])"), ">=", "comparison"), (re.compile(r">="), ">", "comparison"),
+    (re.compile(r"=="), "~=", "comparison"), (re.compile(r"~="), "==", "comparison"),
+    (re.compile(r"\band\b"), "or", "and/or"), (re.compile(r"\bor\b"), "and", "and/or"),
+    (re.compile(r" \+ "), " - ", "operator"), (re.compile(r" - "), " + ", "operator"),
+    (re.compile(r"\bif\b (?!false)"), "if false and ", "condition"),
+)  # fmt: skip
+_NUMBER = re.compile(r"(?<![\w.\"'])(\d+)(?![\w.\"'])")
+
+
+def of_lua(path: str) -> Iterator[Mutant]:
+    """Each change of a line that is code inside a function."""
+    lines = (ROOT / path).read_text(encoding="utf-8").split("\n")
+    for number, line in enumerate(lines):
+        code = line.split("--")[0]
+        if not code.startswith("  "):
+            continue
+        for pattern, other, what in _LUA:
+            for found in pattern.finditer(code):
+                yield _lua_mutant(path, lines, number, found, other, what)
+        for found in _NUMBER.finditer(code):
+            yield _lua_mutant(path, lines, number, found, str(int(found[1]) + 1), "number")
+
+
+def _lua_mutant(
+    path: str, lines: list[str], number: int, found: re.Match[str], other: str, what: str
+) -> Mutant:
+    line = lines[number]
+    changed = line[: found.start()] + other + line[found.end() :]
+    return Mutant(
+        path, number + 1, what, "\n".join([*lines[:number], changed, *lines[number + 1 :]])
+    )
+
+
+# Running them
+
+
+def chosen(number: int, seed: int, only: str) -> list[Mutant]:
+    """So many of all, as many of each file as it has a share of them, and one at least."""
+    chance = random.Random(seed)
+    paths = [path for path in TESTS if only in path and (ROOT / path).exists()]
+    all_of = {path: list((of_lua if path.endswith(".lua") else of_python)(path)) for path in paths}
+    total = sum(map(len, all_of.values()))
+    picked = []
+    for mutants in all_of.values():
+        share = min(len(mutants), max(1, round(number * len(mutants) / max(1, total))))
+        picked += chance.sample(mutants, share)
+    return picked
+
+
+def survives(mutant: Mutant, copy: Path) -> bool:
+    """Whether all tests about its file pass in a copy of the checkout."""
+    target = copy / mutant.path
+    original = target.read_text(encoding="utf-8")
+    target.write_text(mutant.text, encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(copy / "python"), "PYTHONDONTWRITEBYTECODE": "1"}
+    try:
+        for name in TESTS[mutant.path]:
+            test = copy / "tests/python" / f"{name}.py"
+            if not test.exists():
+                continue
+            command = [sys.executable, "-m", "pytest", "-qx", "-p", "no:cacheprovider", str(test)]
+            try:
+                ended = subprocess.run(
+                    command, cwd=copy, env=environment, capture_output=True, timeout=TIMEOUT
+                )
+            except subprocess.TimeoutExpired:
+                return False
+            if ended.returncode not in (0, 5):
+                return False
+        return True
+    finally:
+        target.write_text(original, encoding="utf-8")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--number", type=int, default=100, help="how many mutants")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--only", default="", help="only of files whose path holds this")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    options = parser.parse_args()
+    mutants = chosen(options.number, options.seed, options.only)
+    copies: Queue[Path] = Queue()
+    tried, lived = Counter[str](), Counter[str]()
+
+    def run(mutant: Mutant) -> None:
+        copy = copies.get()
+        alive = survives(mutant, copy)
+        copies.put(copy)
+        tried[mutant.path] += 1
+        if alive:
+            lived[mutant.path] += 1
+            print(f"lives: {mutant.path}:{mutant.line} {mutant.what}", flush=True)
+
+    with tempfile.TemporaryDirectory(prefix="ds47-mutants-") as folder:
+        for number in range(options.jobs):
+            copies.put(
+                Path(shutil.copytree(ROOT, Path(folder, str(number), "ds47"), ignore=LEFT_OUT))
+            )
+            beside = ROOT.parent / "shared"
+            if beside.exists():
+                Path(folder, str(number), "shared").symlink_to(beside)
+        with ThreadPoolExecutor(options.jobs) as pool:
+            list(pool.map(run, mutants))
+    for path in sorted(tried):
+        print(f"{path}: {tried[path]} tried, {tried[path] - lived[path]} killed")
+    killed = tried.total() - lived.total()
+    print(f"{tried.total()} tried, {killed} killed, {100 * killed / max(1, tried.total()):.1f} %")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
