@@ -609,7 +609,7 @@ def _(tape: Tape) -> None:
     "P11 P38 P42",
     "lost",
     [tx(1, "unanswered", (1, 2, 3, None), None, NOTHING, read=None)],
-    "DS401@1#1 DS101@3",
+    "DS401@1#1 DS101@3#1",
 )
 def _(tape: Tape) -> None:
     """The capture ends after the Read request: call and transaction are unanswered."""
@@ -1756,7 +1756,7 @@ def _(tape: Tape) -> None:
     "P12 P29 P53",
     "fault",
     [tx(1, "ok", (1, 2, 5, 6), 5, real(1.5))],
-    "DS104@4",
+    "DS104@4#1",
 )
 def _(tape: Tape) -> None:
     """The drive rejects the first Read on the RPC level: the next one brings the response."""
@@ -1771,7 +1771,7 @@ def _(tape: Tape) -> None:
     "P3 P11 P12 P29 P48",
     "fragments lost",
     [tx(1, "ok", (2, 4, 9, 11), 10, real(1.5))],
-    "DS105@7",
+    "DS105@7#1",
 )
 def _(tape: Tape) -> None:
     """The last fragment of the Read response is lost, and the record is read again: it is there in part."""
@@ -1784,7 +1784,7 @@ def _(tape: Tape) -> None:
 
 @case(
     "P53-frame-cut",
-    "P53",
+    "P53 P67",
     "malformed",
     [tx(1, "ok", (1, 2, 3, 4), 3, real())],
     "DS106@4",
@@ -1800,7 +1800,7 @@ def _(tape: Tape) -> None:
     "P53-pdu-longer-than-its-datagram",
     "P53",
     "malformed",
-    [tx(1, "ok", (1, 2, 3, 4), 3, real())],
+    [tx(1, "error", (1, 2, 3, 4), 3, real())],
     "DS202@4 DS315@4#1",
 )
 def _(tape: Tape) -> None:
@@ -1815,7 +1815,7 @@ def _(tape: Tape) -> None:
     "P3 P53",
     "fragments malformed",
     [tx(1, "ok", (2, 3, 4, 6), 4, real())],
-    "DS106@5 DS315@6#1",
+    "DS106@5",
 )
 def _(tape: Tape) -> None:
     """The frame with the first of two fragments of the Read response is cut: that one is named."""
@@ -1863,7 +1863,7 @@ def _(tape: Tape) -> None:
     "P12 P29 P53",
     "malformed",
     [tx(1, "ok", (1, 2, 5, 6), 5, real(1.5))],
-    "DS108@4",
+    "DS108@4#1",
 )
 def _(tape: Tape) -> None:
     """The response to the first Read has no body at all; the second one brings the record."""
@@ -1995,15 +1995,79 @@ def _(tape: Tape) -> None:
 
 
 @case(
-    "P46-negative-id",
-    "P46",
+    "P44-negative-id",
+    "P44",
     "malformed",
-    [tx(1, "ok", (1, 2, 3, 4), 3, real(1.5))],
+    [tx(1, "error", (1, 2, 3, 4), 3, real(1.5))],
     "DS412@4#1",
 )
 def _(tape: Tape) -> None:
-    """Nothing failed, and the response id says that something did."""
+    """No block holds an error, and the response id says that something failed."""
     Client(tape).exchange(ask(), tell(1, 1.5, identifier=0x81))
+
+
+@case(
+    "P44-negative-id-change",
+    "P44",
+    "malformed",
+    [tx(1, "error", (1, 2, 3, 4), 3, real(10.0, pnu=1120), operation="change")],
+    "DS412@4#1",
+)
+def _(tape: Tape) -> None:
+    """The same of a change: done, says the block, and the response id says that something failed."""
+    Client(tape).exchange(put(1, 10.0), message.answer(1, 0x82, 1, message.done()))
+
+
+@case(
+    "P44-response-cut",
+    "P44",
+    "malformed",
+    [tx(1, "error", (1, 2, 3, 4), 3, real())],
+    "DS315@4#1",
+)
+def _(tape: Tape) -> None:
+    """The device sent half of the only value."""
+    Client(tape).exchange(ask(), tell(1, 1.5)[:-2])
+
+
+@case(
+    "P45-response-cut",
+    "P45",
+    "malformed",
+    [tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, "Float32"))],
+    "DS315@4#1",
+)
+def _(tape: Tape) -> None:
+    """The device sent the first of two values, and half of the second."""
+    Client(tape).exchange(ask(1, 21, 27), tell(1, 1.5, 2.5)[:-2])
+
+
+@case(
+    "P67-negative-frame-cut",
+    "P67",
+    "malformed",
+    [tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, "Float32"))],
+    "DS106@4",
+)
+def _(tape: Tape) -> None:
+    """One value was captured, the other half; the response id says that something failed."""
+    client = Client(tape)
+    client.exchange(ask(1, 21, 27), tell(1, 1.5, 2.5, identifier=0x81))
+    tape.cut(2)
+
+
+@case(
+    "P67-blocks-not-captured",
+    "P67",
+    "malformed",
+    [tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), par(27))],
+    "DS106@4",
+)
+def _(tape: Tape) -> None:
+    """The capture lacks the second block, and the response id says that nothing failed."""
+    client = Client(tape)
+    client.exchange(ask(1, 21, 27), tell(1, 1.5, 2.5))
+    tape.cut(6)
 
 
 @case(

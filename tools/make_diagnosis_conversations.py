@@ -388,7 +388,7 @@ def _(tape: Tape) -> None:
 @case(
     "DS712-cut",
     "malformed",
-    [tx(1, "ok", (1, 2, 3, 4), 3, real())],
+    [tx(1, "error", (1, 2, 3, 4), 3, real())],
     "DS315@4#1",
     "DS712@4#1",
 )
@@ -402,7 +402,7 @@ def _(tape: Tape) -> None:
 @case(
     "DS712-cut-by-itself",
     "malformed",
-    [tx(1, "ok", (1, 2, 3, 4), 3, real())],
+    [tx(1, "error", (1, 2, 3, 4), 3, real())],
     "DS315@4#1",
 )
 def _(tape: Tape) -> None:
@@ -695,7 +695,7 @@ def _(tape: Tape) -> None:
     "DS722-read-under-way",
     "unanswered lost",
     [tx(1, "unanswered", (1, 2, 3, None), None, NOTHING, read=None)],
-    "DS101@3 DS401@1#1",
+    "DS101@3#1 DS401@1#1",
     "DS722@1#1",
 )
 def _(tape: Tape) -> None:

@@ -163,7 +163,7 @@ function sentences.poll(view)
   return "read poll ref " .. reference(view.item) .. ": not ready"
 end
 
--- How a record of the drive is called: refused where no parameter of it was done.
+-- How a record of the drive is called: where parameters failed by the state that comes of it.
 local function outcome(view)
   local item, response = view.item, view.response
   local failed, done = 0, 0
@@ -177,7 +177,8 @@ local function outcome(view)
   if failed == 0 then
     return asked(view) .. " response " .. head(item)
   end
-  return asked(view) .. (done > 0 and " partly refused" or " refused") .. M.drive_object(item.axis)
+  local state = words.state("en", done > 0 and "partial" or "error")
+  return asked(view) .. " " .. state .. M.drive_object(item.axis)
 end
 
 function sentences.read_response(view)

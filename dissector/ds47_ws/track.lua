@@ -11,6 +11,7 @@ local analysis = require("ds47.analysis")
 local glances = require("ds47_ws.glance")
 local info = require("ds47_ws.info")
 local parameter = require("ds47.parameter")
+local plc = require("ds47.plc")
 local rpc = require("ds47.rpc")
 local transactions = require("ds47.transactions")
 
@@ -295,8 +296,8 @@ local function whole_view(job, role)
   transactions.restore(job, current.codec) -- a Write response may come late
   local item = transactions.build(job, lang)
   return {
-    role = role, item = item, message = job.message, response = job.response, parameters = item.parameters,
-    complete = false,
+    role = role, item = item, job = job, message = job.message, response = job.response,
+    parameters = item.parameters, complete = false,
   }
 end
 
@@ -410,11 +411,13 @@ local function by_frames(result)
     end
     there[#there + 1] = finding
   end
-  return { places = places, findings = findings }
+  return { places = places, findings = findings, witness = plc.witness(result) }
 end
 
 local function complete_view(item, role)
-  local view = { role = role, item = item, complete = true, parameters = item.parameters }
+  local view = {
+    role = role, item = item, complete = true, parameters = item.parameters, witness = complete.witness,
+  }
   local codec = current.codec
   if item.request then
     view.message = parameter.decode_request(item.request, codec)

@@ -365,7 +365,8 @@ end
 -- What WRREC and RDREC showed, once it is known how the transaction ended.
 local function add_plc(parent, view, lang)
   if is_main(view) and (view.complete or view.item.frames.read_response) then
-    derive(parent, "plc", plc.text(view.item, lang))
+    local witness = view.witness or plc.witness_of(view.item, view.job)
+    derive(parent, "plc", witness:text(view.item, lang))
   end
 end
 

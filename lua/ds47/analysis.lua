@@ -99,7 +99,7 @@ local function tell_given_up(self, given_up, kind)
   for _, part in ipairs(given_up) do
     local pdu = part.pdu or rpc.parse(part.packet)
     if pdu ~= nil then
-      self.records:incomplete(pdu, part.have, kind, part.limit)
+      self.records:incomplete(pdu, part.have, kind, part.limit, self.calls:open_call(pdu))
     end
   end
 end
@@ -358,6 +358,9 @@ end
 
 --- A transport finding.
 function Analysis:remark(remark)
+  if remark.job then -- what is said of a call of its own
+    remark.job:note_call(remark.rule, remark.frame)
+  end
   self.findings:add(remark)
 end
 

@@ -163,6 +163,13 @@ function CallTracker:begun(pdu)
   end
 end
 
+--- The call without a response to which a part of one belongs; nil for none.
+function CallTracker:open_call(pdu)
+  local activity = pdu.ptype == 2 and self.activities:get(pdu.conversation)
+  local call = activity and activity.calls:get(pdu.seq)
+  return call and call.response == nil and call or nil
+end
+
 --- The capture is over: every open call is lost.
 function CallTracker:finish()
   while self.activities.length > 0 do

@@ -34,6 +34,7 @@ Job.write_fault = false
 Job.polls = NONE -- array of {request = half or nil, response = half}
 Job.rereads = NONE -- the same
 Job.empty_reads = NONE -- array of halves
+Job.calls = NONE -- what was said of its calls (DS101, DS103, DS104, DS108): array of {rule, frame}
 Job.reason = ""
 Job.again = "" -- of the first re-read, how it came about: a key of tables.diagnosis_words
 Job.accepted = false
@@ -55,6 +56,14 @@ local function new_job(peer, record, message, order)
     order = order,
     channel_key = nil, write_response = nil, read_request = nil, -- named here to be given room at once
   }, Job)
+end
+
+--- Notes what is said of a call of this job.
+function Job:note_call(rule, frame)
+  if self.calls == NONE then
+    self.calls = {}
+  end
+  self.calls[math.min(#self.calls + 1, MOST_READS)] = {rule = rule, frame = frame}
 end
 
 --- The half of the Write request that asked; nil for an orphan.
@@ -534,7 +543,7 @@ function Pairing:expected(peer, record)
   if channel == nil then
     return nil
   end
-  return channel.open or channel.asked[#channel.asked] or channel.refused
+  return channel.open or channel.asked[#channel.asked] or channel.refused or nil
 end
 
 --- The AR is over with this frame: what is open on its channels stays unanswered.

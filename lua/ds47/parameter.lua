@@ -188,6 +188,7 @@ local function take(body, start, size)
   local there = #raw
   body.offset = start + 2 + there
   if there == size then return raw, true end
+  body.cut = true
   missing(body.flaws, body.offset, size - there, format("values of block %d", #body.blocks + 1))
   return raw, false
 end
@@ -355,10 +356,11 @@ local the_body = {} -- of the message that is being decoded: there is only one a
 local function decode_blocks(message, data, offset, kind, vendor, options)
   local body = the_body
   body.data, body.size, body.offset, body.count = data, #data, offset, message.parameter_count
-  body.vendor, body.dialect, body.chosen, body.rest = vendor, dialect_of(options), nil, ""
+  body.vendor, body.dialect, body.chosen, body.rest, body.cut = vendor, dialect_of(options), nil, "", nil
   body.flaws, body.blocks = message.flaws, message.blocks
   decode_body(body, kind)
   if body.rest ~= "" then message.rest = body.rest end
+  if body.cut then message.cut = true end
 end
 
 local function request_body(request, data, known, options)

@@ -1,78 +1,248 @@
---- What the PLC saw of a job: the outputs of WRREC and RDREC as a program would see them (Python:
--- ds47.report.plc). Derived from the transaction alone: every call of a block with DONE or VALID, ERROR,
--- STATUS and LEN. The words are those of tables.report_words.
+--- What the PLC saw of a transaction: the outputs of WRREC and RDREC as a program would see them (Python:
+-- ds47.report.plc). Derived from the transaction, from findings about calls that it does not show, and from
+-- what comes after it on its channel: every call of a block with DONE or VALID, ERROR, STATUS and LEN. The
+-- words are those of tables.report_words.
 
+local rules = require("ds47.rules")
+local tables = require("ds47.tables")
 local words = require("ds47.report_words")
 
-local byte, format = string.byte, string.format
+local byte, concat, format = string.byte, table.concat, string.format
 local say = words.say
 
 local M = {}
 
 M.NOT_READY = 0xDE80B500 -- the STATUS of a poll: state conflict on a Read
-local REFUSED = 0x80 -- the bit of byte 1 of a response that says that something was refused
+local NEGATIVE = 0x80 -- the bit of byte 1 of a response that says that it is a negative one
 
-local function write(item)
-  local frames = item.frames
-  if not frames.write_request then
-    return { block = "WRREC", outcome = "missing" }
-  elseif item.write_status then
-    local outcome = item.write_status == 0 and "done" or "error"
-    return { block = "WRREC", outcome = outcome, status = item.write_status }
-  elseif frames.write_response then
-    return { block = "WRREC", outcome = "fault" }
-  elseif frames.read_response or #(frames.polls or {}) > 0 then
-    return { block = "WRREC", outcome = "assumed" }
+-- Rules about a call that brought no record, and what the call ended with.
+local LEFT_OUT = { DS101 = "unseen", DS105 = "unseen", DS104 = "fault", DS108 = "bare", DS207 = "empty" }
+local IN_PART, CUT = "DS105", "DS106"
+-- The bytes of a request that its response mirrors, but for byte 2, from 1.
+local HEADER = { { "mirror_reference", 1 }, { "mirror_axis", 3 }, { "mirror_count", 4 } }
+
+-- How long transactions without a response were waited for, by their id: "ends" where nothing comes after it
+-- on its channel, "busy" where the capture is known to go on for the time after which a request is given up
+-- and nothing more came on the channel, else "unseen".
+local function waits_of(transactions)
+  local expiry, last = tables.limits.transaction_expiry_ns, -math.huge
+  for _, each in ipairs(transactions) do
+    last = math.max(last, each.start_ns + (each.duration_ns or 0))
   end
-  return { block = "WRREC", outcome = "busy" }
+  local after, waits = {}, {}
+  for place = #transactions, 1, -1 do
+    local item = transactions[place]
+    local channel = concat({
+      item.controller, item.device, item.ar or "", words.integer(item.api), item.slot, item.subslot,
+      item.index,
+    }, "\0")
+    local following = after[channel]
+    after[channel] = item.start_ns
+    if item.state == "unanswered" then
+      local quiet = (following or last) - item.start_ns > expiry
+      waits[item.id] = quiet and "busy" or following and "unseen" or "ends"
+    end
+  end
+  return waits
 end
 
-local function last_read(item, polls, length)
+-- Witnesses
+
+local Witness = {}
+Witness.__index = Witness
+
+--- Tells what the PLC saw of each transaction of a result {transactions, findings}.
+function M.witness(result)
+  local calls, lengths = {}, {}
+  for _, each in ipairs(result.findings) do
+    local owner = each.transaction
+    if LEFT_OUT[each.rule] and owner then
+      calls[owner] = calls[owner] or {}
+      table.insert(calls[owner], each)
+    elseif each.rule == CUT and each.args.completed then
+      lengths[each.args.completed] = each.args.length
+    end
+  end
+  return setmetatable({
+    calls = calls, -- transaction -> the findings about calls that brought no record
+    lengths = lengths, -- frame of a Read response -> bytes of its record, which the capture cut
+    waits = waits_of(result.transactions),
+  }, Witness)
+end
+
+--- The same of one transaction while the capture goes on: what its job has learnt so far.
+function M.witness_of(item, job)
+  local findings = {}
+  for _, call in ipairs(job.calls) do
+    findings[#findings + 1] = { rule = call.rule, frame = call.frame, transaction = item.id }
+  end
+  for _, half in ipairs(job.empty_reads) do
+    findings[#findings + 1] = { rule = "DS207", frame = half.frame, transaction = item.id }
+  end
+  local read = job.read_response
+  if read and read.cut then
+    local args = { completed = read.frame, length = read.stated }
+    findings[#findings + 1] = { rule = CUT, frame = read.frame, args = args }
+  end
+  return M.witness({ transactions = { item }, findings = findings })
+end
+
+-- The Reads that brought no record and are none of the frames of a transaction; and whether a part of the
+-- response is there to the Read that is one of them.
+local function left_out_of(item, found)
+  local frames, list = item.frames, {}
+  local waits, in_part = frames.read_request and not frames.read_response, false
+  for _, each in ipairs(found) do
+    local frame = each.frame
+    if waits and not in_part and each.rule == IN_PART then
+      in_part = true
+    elseif frame ~= frames.write_request and frame ~= frames.write_response and frame ~= frames.read_request
+      and frame ~= frames.read_response then
+      list[#list + 1] = { frame = frame, outcome = LEFT_OUT[each.rule], order = #list }
+    end
+  end
+  return list, in_part
+end
+
+-- The Reads before the last one: polls, and those that brought nothing.
+local function before(item, left_out)
+  local polls, calls = item.frames.polls or {}, {}
+  if #left_out == 0 then
+    if #polls > 0 then
+      calls[1] = { block = "RDREC", outcome = "polled", status = M.NOT_READY, times = #polls }
+    end
+    return calls
+  end
+  local all = {}
+  for place, poll in ipairs(polls) do
+    local order = place - 1 - #polls
+    all[place] = { frame = poll.response or 0, outcome = "polled", status = M.NOT_READY, order = order }
+  end
+  for _, each in ipairs(left_out) do
+    all[#all + 1] = each
+  end
+  table.sort(all, function(a, b)
+    return a.frame < b.frame or a.frame == b.frame and a.order < b.order
+  end)
+  for _, each in ipairs(all) do
+    local newest = calls[#calls]
+    if newest and newest.outcome == each.outcome then
+      newest.times = newest.times + 1
+    else
+      calls[#calls + 1] = { block = "RDREC", outcome = each.outcome, status = each.status, times = 1 }
+    end
+  end
+  return calls
+end
+
+local function is_bare(item, found)
+  for _, each in ipairs(found) do
+    if each.rule == "DS108" and each.frame == item.frames.write_response then
+      return true
+    end
+  end
+  return false
+end
+
+local function write(item, found, left_out, wait)
+  local frames = item.frames
+  local outcome = wait
+  if not frames.write_request then
+    outcome = "missing"
+  elseif item.write_status then
+    outcome = item.write_status == 0 and "done" or "error"
+  elseif frames.write_response then
+    outcome = is_bare(item, found) and "bare" or "fault"
+  elseif #left_out > 0 or frames.read_request or frames.read_response or #(frames.polls or {}) > 0 then
+    outcome = "unseen"
+  end
+  return { block = "WRREC", outcome = outcome, status = item.write_status }
+end
+
+-- The Read that a transaction ended with; nil where all are told already.
+local function last_read(item, left_out, wait, length)
   local frames = item.frames
   if frames.read_response and item.read_status and item.read_status ~= 0 then
     return { block = "RDREC", outcome = "error", status = item.read_status }
   elseif frames.read_response then
-    return { block = "RDREC", outcome = "done", status = 0, length = length }
+    local captured = item.response and #item.response or 0
+    local outcome = captured < length and "cut" or "done"
+    return { block = "RDREC", outcome = outcome, status = 0, length = length, captured = captured }
   elseif frames.read_request then
-    return { block = "RDREC", outcome = "busy" }
+    return { block = "RDREC", outcome = wait == "busy" and "unseen" or wait }
+  elseif item.state == "superseded" then
+    return { block = "RDREC", outcome = "superseded" }
+  elseif #left_out == 0 then
+    return { block = "RDREC", outcome = #(frames.polls or {}) > 0 and "given_up" or "never" }
   end
-  return { block = "RDREC", outcome = polls > 0 and "given_up" or "never" }
+  return nil
 end
 
---- The calls of a job in their order: array of {block, outcome, status, times, length}, as in Python.
-function M.saw(item)
-  local polls, rereads = #(item.frames.polls or {}), #(item.frames.rereads or {})
-  local length = item.response and #item.response or 0
-  local calls = { write(item) }
-  if polls > 0 then
-    calls[2] = { block = "RDREC", outcome = "polled", status = M.NOT_READY, times = polls }
+--- The calls of a transaction in their order: array of {block, outcome, status, times, length, captured}, as
+-- in Python.
+function Witness:saw(item)
+  if item.ar == nil and not item.frames.write_request then -- a Read without an AR, which no block makes
+    local length = item.response and #item.response or 0
+    return { { block = "RDREC", outcome = "implicit", status = item.read_status, length = length } }
   end
-  calls[#calls + 1] = last_read(item, polls, length)
+  local found = self.calls[item.id] or {}
+  local left_out, in_part = left_out_of(item, found)
+  local wait = not in_part and self.waits[item.id] or "unseen"
+  local captured = item.response and #item.response or 0
+  local length = self.lengths[item.frames.read_response or 0] or captured
+  local calls = { write(item, found, left_out, wait) }
+  for _, call in ipairs(before(item, left_out)) do
+    calls[#calls + 1] = call
+  end
+  calls[#calls + 1] = last_read(item, left_out, wait, length)
+  local rereads = #(item.frames.rereads or {})
   if rereads > 0 then
     calls[#calls + 1] = { block = "RDREC", outcome = "again", status = 0, times = rereads, length = length }
   end
   return calls
 end
 
---- What STATUS does not tell: that the record refuses, or belongs to another request. Nil where it does not.
+-- What the response of a mismatch has otherwise than the request: reference, DO, count, ID.
+local function not_mirrored(item, lang)
+  local request, response, parts = item.request or "", item.response or "", {}
+  for _, row in ipairs(HEADER) do
+    local sent, got = byte(request, row[2]), byte(response, row[2])
+    if sent and got and sent ~= got then
+      parts[#parts + 1] = say(lang, row[1])
+    end
+  end
+  local sent, got = byte(request, 2), byte(response, 2)
+  if sent and got and not rules.family_fits(sent, got) then
+    parts[#parts + 1] = say(lang, "mirror_id")
+  end
+  return words.joined(lang, #parts > 0 and parts or { say(lang, "mirror_count") })
+end
+
+--- What STATUS does not tell: that the record does not mirror the request, or is a negative response. Nil
+-- where it is neither.
 function M.remark(item, lang)
   local response = item.response
   if response == nil or (item.read_status or 0) ~= 0 then
     return nil
   elseif item.state == "mismatch" then
-    return say(lang, "plc_other")
+    return say(lang, "plc_other", { what = not_mirrored(item, lang) })
   end
   local id = byte(response, 2) or 0
-  return id >= REFUSED and say(lang, "plc_refused", { id = format("%02X", id) }) or nil
+  if id < NEGATIVE then
+    return nil
+  end
+  local key = item.state == "partial" and "plc_negative_partial" or "plc_negative"
+  return say(lang, key, { id = format("%02X", id) })
 end
 
 --- `WRREC DONE, STATUS 00000000; RDREC 3 x ERROR, STATUS DE80B500; RDREC VALID ...`
-function M.text(item, lang)
+function Witness:text(item, lang)
   local parts = {}
-  for number, call in ipairs(M.saw(item)) do
+  for number, call in ipairs(self:saw(item)) do
     local kind = call.block == "WRREC" and "write" or "read"
     parts[number] = say(lang, "plc_" .. kind .. "_" .. call.outcome, {
       n = call.times or 1, status = format("%08X", call.status or 0), length = call.length,
+      captured = call.captured,
     })
   end
   local text = words.joined(lang, parts, "; ", "；")
@@ -84,8 +254,8 @@ function M.text(item, lang)
 end
 
 --- The same with `PLC: ` in front.
-function M.line(item, lang)
-  return say(lang, "plc_line", { calls = M.text(item, lang) })
+function Witness:line(item, lang)
+  return say(lang, "plc_line", { calls = self:text(item, lang) })
 end
 
 return M

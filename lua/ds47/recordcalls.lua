@@ -62,7 +62,8 @@ end
 -- @param have number of its fragments
 -- @param kind "RPC" or "IP"
 -- @param limit name of the limit that pushed it out: the others may have come later; nil for none
-function RecordCalls:incomplete(pdu, have, kind, limit)
+-- @param call  the call that it answers, as far as that is known; nil for none
+function RecordCalls:incomplete(pdu, have, kind, limit, call)
   local record = self:first_record(pdu)
   if not record then
     return
@@ -71,7 +72,9 @@ function RecordCalls:incomplete(pdu, have, kind, limit)
     self:_pass("_event_pushed_out", false, pdu, record, limit)
     self.forgot_requests = self.forgot_requests or pdu.ptype == 0
   else
-    self:_about(pdu, record, {rule = "DS105", frame = pdu.frame, args = {have = have, kind = kind}})
+    local remark = {rule = "DS105", frame = pdu.frame, args = {have = have, kind = kind}}
+    local asked = call and call.context and not record.write and call.context.records[1]
+    self:_pass(asked and "_event_call_remark" or "_event_remark", false, pdu, asked or record, remark)
   end
 end
 
@@ -177,7 +180,9 @@ function RecordCalls:_length(pdu, record, half)
   local cut = pdu.missing ~= 0 and pdu.cut
   if cut then
     half.cut = true -- by the capture
-    local args = {captured = cut.captured, original = cut.original}
+    local args = {
+      captured = cut.captured, original = cut.original, length = half.stated, completed = half.frame,
+    }
     self:_about(pdu, record, {rule = "DS106", frame = cut.frame, args = args})
   else
     local args = {stated = half.stated, present = #half.data}
@@ -285,7 +290,8 @@ function RecordCalls:response(call)
       local half = halves[number] or half_of(pdu.frame, pdu.time_ns, status)
       record.response = half
       if not half.status then
-        self:_about(pdu, record, {rule = "DS108", frame = pdu.frame, args = {}})
+        local remark = {rule = "DS108", frame = pdu.frame, args = {}}
+        self:_pass("_event_call_remark", false, pdu, record, remark)
       end
       if record.write then
         self:_pass("_event_write_answered", false, pdu, record)
@@ -373,8 +379,9 @@ function RecordCalls:_event_call_remark(_, record, remark)
   self.listener:remark(remark)
 end
 
-function RecordCalls:_event_read_request(pdu)
+function RecordCalls:_event_read_request(pdu, record)
   clock(self, pdu)
+  record.job = self.pairing:expected(peer_of(pdu), record) -- for what is said of the call
 end
 
 function RecordCalls:_event_write_request(pdu, record, message)

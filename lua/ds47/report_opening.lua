@@ -45,14 +45,14 @@ function M.about(device, lang)
   return concat(parts)
 end
 
--- `  8 jobs, 1 refused`: what became of the jobs of a drive.
-local function counts_of(states, errors, lang)
+-- `  8 transactions, 1 refused`: what became of the transactions of a drive.
+local function counts_of(states, smooth, lang)
   local number = 0
   for _, count in pairs(states) do
     number = number + count
   end
-  local parts = verdict.told(states, errors, lang)
-  table.insert(parts, 1, say(lang, "jobs", { n = number }))
+  local parts = verdict.told(states, smooth, lang)
+  table.insert(parts, 1, say(lang, "transactions", { n = number }))
   return "  " .. words.joined(lang, parts)
 end
 
@@ -76,7 +76,7 @@ local function list_devices(add, lang, keys, items, texts)
   end
 end
 
-local function drives(add, result, errors, lang)
+local function drives(add, result, smooth, lang)
   local states, known, found, counts, others = {}, {}, {}, {}, {}
   for _, each in ipairs(result.devices or {}) do
     known[each.ip] = each
@@ -90,7 +90,7 @@ local function drives(add, result, errors, lang)
     mine[each.state] = (mine[each.state] or 0) + 1
   end
   for number, each in ipairs(found) do
-    counts[number] = counts_of(states[each.ip], errors, lang)
+    counts[number] = counts_of(states[each.ip], smooth, lang)
   end
   for _, each in ipairs(result.devices or {}) do
     if not states[each.ip] then
@@ -254,7 +254,7 @@ end
 -- @param counts  what verdict.counts says of it
 -- @param context {lang, rules}
 function M.lines(add, result, counts, context)
-  drives(add, result, counts.severities.error, context.lang)
+  drives(add, result, verdict.smooth(counts), context.lang)
   local diagnoses = result.diagnoses or {}
   local rest = todo.uncovered(result)
   context.several, context.transactions = several_drives(result.transactions), result.transactions

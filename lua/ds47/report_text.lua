@@ -22,7 +22,7 @@ local concat, format, sort = table.concat, string.format, table.sort
 M.LINE_LENGTH = 120 -- parameters that make a line longer than this stand below it, one a line
 M.FINDINGS_PER_RULE = 12
 M.OPERATIONS = { "read", "change", "vendor", "unknown" }
-M.STATES = { "ok", "partial", "error", "mismatch", "refused", "unanswered", "superseded", "orphan" }
+M.STATES = verdict.STATES
 M.SEVERITIES = { "error", "warning", "note" } -- from serious to harmless
 
 local RPC_COUNTS = {
@@ -62,12 +62,12 @@ function M.percentile(ordered, percent)
   return ordered[math.max(1, math.ceil(percent * #ordered / 100))]
 end
 
---- `4 ok, 1 error`: the counts that are not zero, in the order given. `shown` gives the word for a key.
-local function told_counts(lang, order, counts, shown)
+--- `4 ok, 1 error`: the counts that are not zero, in the order given. `kind` begins the keys of their words.
+local function told_counts(lang, order, counts, kind)
   local parts = {}
   for _, key in ipairs(order) do
     if counts[key] and counts[key] > 0 then
-      parts[#parts + 1] = integer(counts[key]) .. " " .. (shown and shown(key) or key)
+      parts[#parts + 1] = integer(counts[key]) .. " " .. say(lang, kind .. key)
     end
   end
   return joined(lang, parts)
@@ -153,7 +153,7 @@ local function differ(list, key)
 end
 
 --- What the transactions of one capture need to be told apart, and how wide that is.
-local function columns_of(transactions)
+local function columns_of(transactions, lang)
   local columns = { operation = 0, number = 0, route = 0, targets = targets.new(transactions) }
   columns.controllers = differ(transactions, function(each)
     return each.controller
@@ -162,7 +162,7 @@ local function columns_of(transactions)
     return format("%.0f.%d.%d", each.api, each.slot, each.subslot)
   end)
   for _, each in ipairs(transactions) do
-    columns.operation = math.max(columns.operation, #each.operation)
+    columns.operation = math.max(columns.operation, words.width(words.operation(lang, each.operation)))
     columns.number = math.max(columns.number, #integer(each.id) + 1)
     columns.route = math.max(columns.route, words.length(M.route(each, columns)))
   end
@@ -180,8 +180,8 @@ function M.route(item, columns)
   return place == "" and text or text .. " " .. place
 end
 
-local function state_mark(item)
-  local parts = { item.state }
+local function state_mark(item, lang)
+  local parts = { words.state(lang, item.state) }
   if item.state == "refused" then
     for _, key in ipairs({ "write_status", "read_status" }) do
       local status = item[key]
@@ -209,7 +209,9 @@ local function timing(item, lang)
 end
 
 local function transaction_lines(add, item, columns, lang)
-  local left = pad("#" .. integer(item.id), columns.number) .. " " .. pad(item.operation, columns.operation)
+  local operation = words.operation(lang, item.operation)
+  local blanks = (" "):rep(columns.operation - words.width(operation))
+  local left = pad("#" .. integer(item.id), columns.number) .. " " .. operation .. blanks
     .. "  " .. pad(M.route(item, columns), columns.route)
   local parts, length = {}, words.length(left)
   for i, each in ipairs(item.parameters) do
@@ -224,7 +226,7 @@ local function transaction_lines(add, item, columns, lang)
     line[2] = concat(parts, "; ")
   end
   if item.state ~= "ok" then
-    line[#line + 1] = state_mark(item)
+    line[#line + 1] = state_mark(item, lang)
   end
   line[#line + 1] = timing(item, lang)
   add(concat(line, "  "))
@@ -233,17 +235,19 @@ local function transaction_lines(add, item, columns, lang)
   end
 end
 
-local function transaction_table(add, transactions, options)
+local function transaction_table(add, result, options)
+  local transactions = result.transactions
   if #transactions == 0 then
     return
   end
+  local witness = plc.witness(result)
   add("")
   add(say(options.lang, "transactions_head"))
-  local columns = columns_of(transactions)
+  local columns = columns_of(transactions, options.lang)
   for _, each in ipairs(transactions) do
     transaction_lines(add, each, columns, options.lang)
     if options.plc or each.state ~= "ok" then
-      add("      " .. plc.line(each, options.lang))
+      add("      " .. witness:line(each, options.lang))
     end
   end
 end
@@ -313,15 +317,13 @@ local function summary(result, lang)
   local list = result.transactions
   local transactions = { say(lang, "transactions", { n = #list }) }
   if #list > 0 then
-    local states = told_counts(lang, M.STATES, M.tally(list, "state"))
-    local operations = told_counts(lang, M.OPERATIONS, M.tally(list, "operation"))
+    local states = told_counts(lang, M.STATES, M.tally(list, "state"), "state_")
+    local operations = told_counts(lang, M.OPERATIONS, M.tally(list, "operation"), "operation_")
     transactions[2] = joined(lang, { states, operations }, "; ", "；")
   end
   local findings_told = { say(lang, "findings", { n = #result.findings }) }
   if #result.findings > 0 then
-    findings_told[2] = told_counts(lang, M.SEVERITIES, M.tally(result.findings, "severity"), function(key)
-      return say(lang, "severity_" .. key)
-    end)
+    findings_told[2] = told_counts(lang, M.SEVERITIES, M.tally(result.findings, "severity"), "severity_")
   end
   return joined(lang, transactions, ": ", "："), joined(lang, findings_told, ": ", "：")
 end
@@ -340,7 +342,7 @@ function M.report(result, options)
   end
   header(add, result, counts, options)
   opening.lines(add, result, counts, { lang = options.lang, rules = rules })
-  transaction_table(add, result.transactions, options)
+  transaction_table(add, result, options)
   findings(add, result.findings, rules, options.lang)
   add("")
   add(say(options.lang, "summary_head"))

@@ -127,6 +127,16 @@ function M.say(lang, key, values)
   end))
 end
 
+--- The name of a state of a transaction: one and the same in every report.
+function M.state(lang, word)
+  return M.say(lang, "state_" .. word)
+end
+
+--- The name of what a transaction asks.
+function M.operation(lang, word)
+  return M.say(lang, "operation_" .. word)
+end
+
 --- A text and a note behind it, in Chinese without a blank; the text alone where there is no note.
 function M.noted(lang, text, note)
   return note and M.joined(lang, { text, note }, " ", "") or text

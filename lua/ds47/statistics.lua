@@ -8,6 +8,7 @@ local status = require("ds47.status")
 local tables = require("ds47.tables")
 local targets = require("ds47.targets")
 local todo = require("ds47.todo")
+local verdict = require("ds47.verdict")
 local words = require("ds47.report_words")
 
 local M = {}
@@ -21,6 +22,7 @@ M.ASKED_WIDTH = 60 -- columns for what was asked
 
 local TEXTS = {
   en = {
+    lang = "en",
     title = "DS47 statistics", frames = "%s frames", transactions = "%s transactions",
     findings = "%s findings", none = "none", more = "and %s more", all = "all",
     duration = "Response time in ms: from the Write request to the Read response",
@@ -28,33 +30,32 @@ local TEXTS = {
     negative = "%s negative times left out: the clock was set back",
     device = "Device", operation = "Operation", number = "Count", timed = "Timed", min = "Min", mean = "Mean",
     max = "Max",
-    errors = "Errors of parameters", code = "Code", first = "First in frame", text = "Meaning",
+    errors = "Negative responses by error number", code = "Code", first = "First in frame", text = "Meaning",
+    calls = { read = "read", write = "write" },
     refusals = "Refused record calls", status = "Status", call = "Call",
     slowest = "Slowest transactions", transaction = "No.", frame = "Frame", took = "ms", share = "Drive",
     state = "State", asked = "Asked",
-    unanswered = "Unanswered requests", rules = "Findings by rule", rule = "Rule", severity = "Severity",
+    unanswered = "Requests without a response (unanswered, superseded)",
+    rules = "Findings by rule", rule = "Rule", severity = "Severity",
     name = "Name",
-    words = {}, -- the words of the report are English already
   },
   zh = {
-    title = "DS47 统计", frames = "%s 帧", transactions = "%s 个事务", findings = "%s 条诊断",
+    lang = "zh",
+    title = "DS47 统计", frames = "%s 帧", transactions = "%s 个任务", findings = "%s 个结论",
     none = "无", more = "还有 %s 条", all = "全部",
     duration = "响应时间（ms）：从写请求到读响应",
     drive = "驱动器所占时间（ms）：不含程序在第一次读之前的停顿",
     negative = "%s 个负时间未计入：时钟被调回",
     device = "设备", operation = "操作", number = "数量", timed = "计时", min = "最小", mean = "平均",
     max = "最大",
-    errors = "参数错误", code = "代码", first = "首次出现帧", text = "含义",
+    errors = "按错误号统计的否定应答", code = "代码", first = "首次出现帧", text = "含义",
+    calls = { read = "读", write = "写" },
     refusals = "被拒绝的记录调用", status = "状态字", call = "调用",
-    slowest = "最慢的事务", transaction = "编号", frame = "帧", took = "ms", share = "驱动器",
+    slowest = "最慢的任务", transaction = "编号", frame = "帧", took = "ms", share = "驱动器",
     state = "状态", asked = "请求内容",
-    unanswered = "未应答的请求", rules = "按规则统计的诊断", rule = "规则", severity = "严重程度",
+    unanswered = "没有应答的请求（无应答、被取代）",
+    rules = "按规则统计的结论", rule = "规则", severity = "严重程度",
     name = "名称",
-    words = {
-      read = "读取", write = "写", change = "修改", vendor = "厂商", unknown = "未知",
-      ok = "成功", partial = "部分成功", error = "错误", mismatch = "不匹配", refused = "被拒绝",
-      unanswered = "未应答", superseded = "被取代", orphan = "无请求", warning = "警告", note = "提示",
-    },
   },
 }
 
@@ -223,7 +224,7 @@ function M.compute(result, options)
     rules[i] = { rule = group[1].rule, severity = group[1].severity, count = #group, frame = group[1].frame }
   end
   return {
-    transactions = #list, findings = #result.findings, states = report_text.tally(list, "state"),
+    transactions = #list, findings = #result.findings, states = verdict.counts(result).states,
     response_times = response_times(list), errors = errors(list),
     refusals = refusals(list, options and options.lang or "en"),
     slowest = slowest(list), unanswered = unanswered(list), rules = rules,
@@ -321,9 +322,8 @@ local function asked(item)
   return shortened(#parts > 0 and concat(parts, "; ") or "-", M.ASKED_WIDTH)
 end
 
---- A word of the report (operation, state, severity) in the language of the texts.
-local function word(texts, key)
-  return texts.words[key] or key
+local function operation_of(texts, key)
+  return words.operation(texts.lang, key)
 end
 
 -- The device, and what of it a request addresses, as far as that is known.
@@ -341,8 +341,9 @@ local function response_time_section(add, texts, rows, key)
   section(add, texts, texts[key], columns, rows, function(row)
     local times = row[key]
     negative = math.max(negative, times.negative)
+    local operation = row.operation == "" and "" or operation_of(texts, row.operation)
     return {
-      row.device == "" and texts.all or escape(row.device), word(texts, row.operation), integer(row.count),
+      row.device == "" and texts.all or escape(row.device), operation, integer(row.count),
       integer(times.timed), milliseconds(times.min), milliseconds(times.mean), milliseconds(times.p50),
       milliseconds(times.p95), milliseconds(times.max),
     }
@@ -362,7 +363,7 @@ local function error_sections(add, texts, statistics)
   columns[1] = { texts.status }
   table.insert(columns, 2, { texts.call })
   section(add, texts, texts.refusals, columns, statistics.refusals, function(row)
-    local call = word(texts, row.call)
+    local call = texts.calls[row.call]
     return { row.status, call, integer(row.count), number(row.frame), escape(row.device), escape(row.text) }
   end)
 end
@@ -375,7 +376,7 @@ local function transaction_sections(add, texts, statistics, names)
   section(add, texts, texts.slowest, columns, statistics.slowest, function(item)
     return {
       milliseconds(item.duration_ns), milliseconds(item.drive_ns), "#" .. integer(item.id),
-      number(item.frames.read_response), word(texts, item.operation), place(names, item), asked(item),
+      number(item.frames.read_response), operation_of(texts, item.operation), place(names, item), asked(item),
     }
   end)
   columns = {
@@ -384,8 +385,8 @@ local function transaction_sections(add, texts, statistics, names)
   }
   section(add, texts, texts.unanswered, columns, statistics.unanswered, function(item)
     return {
-      number(item.frames.write_request), "#" .. integer(item.id), word(texts, item.state),
-      word(texts, item.operation), place(names, item), asked(item),
+      number(item.frames.write_request), "#" .. integer(item.id), words.state(texts.lang, item.state),
+      operation_of(texts, item.operation), place(names, item), asked(item),
     }
   end)
 end
@@ -397,7 +398,8 @@ local function rule_section(add, texts, rows, rules)
   section(add, texts, texts.rules, columns, rows, function(row)
     local rule = rules[row.rule]
     return {
-      row.rule, word(texts, row.severity), integer(row.count), number(row.frame), rule and rule.name or "",
+      row.rule, words.say(texts.lang, "severity_" .. row.severity), integer(row.count), number(row.frame),
+      rule and rule.name or "",
     }
   end)
 end
@@ -410,12 +412,7 @@ local function heading(add, texts, statistics, options)
     parts[1] = format(texts.frames, integer(options.frames))
   end
   parts[#parts + 1] = format(texts.transactions, integer(statistics.transactions))
-  local states = {}
-  for _, state in ipairs(report_text.STATES) do
-    if statistics.states[state] then
-      states[#states + 1] = integer(statistics.states[state]) .. " " .. word(texts, state)
-    end
-  end
+  local states = verdict.by_state(statistics.states, texts.lang)
   if #states > 0 then
     parts[#parts] = parts[#parts] .. " (" .. concat(states, ", ") .. ")"
   end

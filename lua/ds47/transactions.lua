@@ -66,6 +66,14 @@ local function refused(job)
   return job:write_refused() or (read ~= nil and read.status ~= nil and read.status ~= 0)
 end
 
+-- That of a response whose end the capture cut off; what stood there is not known.
+local function outcome_as_far_as_seen(done, failed, negative)
+  if failed == 0 and not negative then
+    return "ok"
+  end
+  return done > 0 and "partial" or "error"
+end
+
 local function outcome(job, parameters)
   local response = job.response
   if response == nil or response.response_id == NOT_SUPPORTED then
@@ -73,18 +81,26 @@ local function outcome(job, parameters)
   end
   local blocks = response.blocks
   local known = tables.response_ids[response.response_id or 0]
-  if #blocks == 0 and known and known.body ~= "blocks" and not known.negative then
+  local negative = known ~= nil and known.negative or false
+  if #blocks == 0 and known and known.body ~= "blocks" and not negative then
     return "ok" -- a positive response that has nothing to carry
   end
-  local done = 0
+  local failed = 0
   for _, block in ipairs(blocks) do
-    if block.error == nil then
-      done = done + 1
+    if block.error ~= nil then
+      failed = failed + 1
     end
+  end
+  local done = #blocks - failed
+  if response.cut and blocks[#blocks].error == nil then
+    done = done - 1 -- the last value did not arrive whole
+  end
+  if job.read_response.cut then
+    return outcome_as_far_as_seen(done, failed, negative)
   end
   local asked = math.max(#parameters, job.message and #job.message.addresses or 0)
   if done == asked then
-    return "ok"
+    return negative and "error" or "ok"
   end
   return done > 0 and "partial" or "error"
 end

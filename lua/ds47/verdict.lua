@@ -8,17 +8,20 @@ local say = words.say
 
 local M = {}
 
--- States of a job that did not do what it was meant to do.
+--- The states of a transaction, in the order in which they are told.
+M.STATES = { "ok", "partial", "error", "mismatch", "refused", "unanswered", "superseded", "orphan" }
+-- States of a transaction that did not do what it was meant to do.
 local FAILED = { "refused", "error", "partial", "mismatch" }
--- States of a job of which nobody knows what became of it.
+-- States of a transaction of which nobody knows what became of it.
 local OPEN = { "unanswered", "superseded" }
-local TOLD = { "refused", "error", "partial", "mismatch", "unanswered", "superseded", "orphan" }
+-- Rules about a record call that brought nothing: where one did, not all is done.
+local CALLS = { DS101 = true, DS104 = true, DS105 = true, DS108 = true, DS207 = true }
 
 local function bump(counts, key)
   counts[key] = (counts[key] or 0) + 1
 end
 
--- Jobs whose answer nobody has seen.
+-- Transactions whose response nobody has seen.
 local function open(counts)
   local number = 0
   for _, state in ipairs(OPEN) do
@@ -27,12 +30,12 @@ local function open(counts)
   return number
 end
 
---- What a verdict rests on: {unreadable, drives, jobs, states, operations, severities}.
+--- What a verdict rests on: {unreadable, drives, jobs, states, operations, severities, calls}.
 function M.counts(result)
   local seen = {}
   local counts = {
     unreadable = result.complete == false and 1 or 0, drives = 0, jobs = #result.transactions,
-    states = {}, operations = {}, severities = {},
+    states = {}, operations = {}, severities = {}, calls = 0,
   }
   for _, each in ipairs(result.transactions) do
     bump(counts.states, each.state)
@@ -44,8 +47,14 @@ function M.counts(result)
   end
   for _, each in ipairs(result.findings) do
     bump(counts.severities, each.severity)
+    counts.calls = counts.calls + (CALLS[each.rule] and 1 or 0)
   end
   return counts
+end
+
+--- Whether nothing went wrong on the way: no finding of severity error, every record call with its record.
+function M.smooth(counts)
+  return not counts.severities.error and counts.calls == 0
 end
 
 --- "none", "good", "warn" or "bad".
@@ -64,29 +73,35 @@ function M.level(counts)
   return counts.jobs > 0 and "good" or "none"
 end
 
---- What became of jobs that did not end well; where all did, that they are done: array of texts.
--- Of a capture with findings of severity error (`errors`) no more is said than that they were answered.
-function M.told(states, errors, lang)
+--- `84 ok`, `3 error`: how many transactions have each state, in the order of the table; `but` is left out.
+function M.by_state(states, lang, but)
   local parts = {}
-  for _, state in ipairs(TOLD) do
-    if states[state] then
-      parts[#parts + 1] = say(lang, "told_" .. state, { n = states[state] })
+  for _, state in ipairs(M.STATES) do
+    if states[state] and state ~= but then
+      parts[#parts + 1] = say(lang, "told_state", { n = states[state], state = words.state(lang, state) })
     end
-  end
-  if #parts == 0 then
-    parts[1] = say(lang, errors and "told_all_answered" or "told_all_done")
   end
   return parts
 end
 
---- One line: `NOT OK: 1 drive, 452 jobs, 412 refused`.
+--- What became of transactions that did not end well; where all did, that they are done: array of texts.
+-- Of a capture that is not `smooth` no more is said than that all have a response.
+function M.told(states, smooth, lang)
+  local parts = M.by_state(states, lang, "ok")
+  if #parts == 0 then
+    parts[1] = say(lang, smooth and "told_all_done" or "told_all_answered")
+  end
+  return parts
+end
+
+--- One line: `NOT OK: 1 drive, 452 transactions, 412 refused`.
 function M.verdict(counts, lang)
   local parts = {}
   if counts.jobs == 0 then
     parts[1] = say(lang, "verdict_no_jobs")
   else
-    parts = M.told(counts.states, counts.severities.error, lang)
-    table.insert(parts, 1, say(lang, "jobs", { n = counts.jobs }))
+    parts = M.told(counts.states, M.smooth(counts), lang)
+    table.insert(parts, 1, say(lang, "transactions", { n = counts.jobs }))
     table.insert(parts, 1, say(lang, "drives", { n = counts.drives }))
   end
   if counts.unreadable > 0 then
@@ -113,6 +128,25 @@ local function other_records(result)
   return number
 end
 
+-- How many transactions a test holds for.
+local function count(transactions, test)
+  local number = 0
+  for _, each in ipairs(transactions) do
+    number = number + (test(each) and 1 or 0)
+  end
+  return number
+end
+
+-- Whether the drive accepted at least one value that was written.
+local function accepted(item)
+  return item.operation == "change" and (item.state == "ok" or item.state == "partial")
+end
+
+-- Whether the request was sent before the capture or lost by it. A Read without an AR has none of its own.
+local function orphaned(item)
+  return item.state == "orphan" and item.ar ~= nil
+end
+
 --- What this capture, other than another one, cannot show: array of texts.
 function M.blind(result, counts, lang)
   local lines = {}
@@ -126,11 +160,9 @@ function M.blind(result, counts, lang)
     nameless = nameless + ((each.station == nil or each.station == "") and 1 or 0)
   end
   local unseen = open(counts)
-  local orphans, without_ar = counts.states.orphan or 0, 0
-  for _, each in ipairs(orphans > 0 and result.transactions or {}) do
-    without_ar = without_ar + (each.state == "orphan" and each.ar == nil and 1 or 0)
-  end
-  add(counts.operations.change, "blind_effect")
+  local orphans = counts.states.orphan or 0
+  local without_ar = orphans - count(result.transactions, orphaned)
+  add(count(result.transactions, accepted) > 0, "blind_effect")
   add(result.dropped == nil, "blind_drops")
   add(nameless > 0, "blind_names", nameless)
   add(unseen > 0, "blind_open", unseen)

@@ -181,11 +181,11 @@ class Analysis:
             self._usual.settle()
         self._findings.frames_dropped = capture.gaps
         for pdu, have in self._fragments.unfinished():
-            self._records.incomplete(pdu, have, "RPC")
+            self._records.incomplete(pdu, have, "RPC", call=self._calls.open_call(pdu))
         for packet, have in packets.unfinished():
             part = rpc.parse(packet)
             if part is not None:
-                self._records.incomplete(part, have, "IP")
+                self._records.incomplete(part, have, "IP", call=self._calls.open_call(part))
         self._calls.finish()
         self._pairing.finish()
         self._records.finish()
@@ -240,7 +240,7 @@ class Analysis:
         for packet, have, limit in packets.given_up():
             pdu = rpc.parse(packet)
             if pdu is not None:
-                self._records.incomplete(pdu, have, "IP", limit)
+                self._records.incomplete(pdu, have, "IP", limit, self._calls.open_call(pdu))
 
     def _packet(self, packet: Packet) -> None:
         if packet.kind != "udp":
@@ -271,7 +271,8 @@ class Analysis:
         if fragments.given_up:
             given_up, fragments.given_up = fragments.given_up, []
             for beginning, have, limit in given_up:
-                self._records.incomplete(beginning, have, "RPC", limit)
+                call = self._calls.open_call(beginning)
+                self._records.incomplete(beginning, have, "RPC", limit, call)
         if whole is None and self._records.first_record(pdu) is not None:
             self._calls.begun(pdu)
         return whole

@@ -341,6 +341,11 @@ class Channel:
         """Whether nothing waits for a response or for the end of its grace."""
         return not (self.usual or self.asked or self.open or self.refused)
 
+    def expected(self) -> Job | UsualJob | None:
+        """The job that a Read request asks for, as far as is known before its response."""
+        asked = self.asked[-1] if self.asked else None
+        return self.usual or self.open or asked or self.refused
+
     def jobs(self) -> list[Job]:
         """All of them, none of which is a usual one."""
         return [job for job in (self.last, self.refused, self.open) if job] + self.asked
@@ -584,6 +589,11 @@ class Pairing:
         if channel.usual_last is not None:
             channel.last = self.job(channel.usual_last)
             channel.usual_last = None
+
+    def expected(self, peer: Peer, record: Record) -> Job | UsualJob | None:
+        """The job whose response a Read will fetch, as far as is known. Changes nothing."""
+        channel = self.channels.get(_key(peer, record))
+        return None if channel is None else channel.expected()
 
     def read_lost(self, peer: Peer, record: Record) -> Job | None:
         """A Read that never got its RPC response."""

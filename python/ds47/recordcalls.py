@@ -40,10 +40,14 @@ _LONGEST_SHARED: Final = 512
 
 @dataclass(slots=True, init=False)
 class _Context:
-    """What an RPC call carries: its record calls, and the jobs of its Writes by position."""
+    """What an RPC call carries: its record calls, and the jobs of its Writes by position.
+
+    `expected` has, by position too, the jobs whose responses its Reads were to fetch.
+    """
 
     body: RequestBody
     jobs: dict[int, Job]
+    expected: dict[int, Job | UsualJob]
 
     def __init__(
         self,
@@ -52,6 +56,7 @@ class _Context:
     ) -> None:
         self.body = body
         self.jobs = {} if jobs is None else jobs
+        self.expected = {}
 
 
 @dataclass(slots=True)
@@ -119,7 +124,9 @@ class RecordCalls:
             pushed = self._pushed_out[limit] = _PushedOut(frame)
         pushed.count += 1
 
-    def incomplete(self, pdu: rpc.Pdu, have: int, kind: str, limit: str = "") -> None:
+    def incomplete(
+        self, pdu: rpc.Pdu, have: int, kind: str, limit: str = "", call: Call | None = None
+    ) -> None:
         """A message whose fragments did not become whole.
 
         Args:
@@ -127,6 +134,7 @@ class RecordCalls:
             have: number of its fragments.
             kind: "RPC" or "IP".
             limit: name of the limit that pushed it out: the others may have come later.
+            call: the call that it answers, as far as that is known.
         """
         record = self.first_record(pdu)
         if record is None:
@@ -135,7 +143,12 @@ class RecordCalls:
             self._pass(pdu, record, partial(self.pushed_out, limit, pdu.frame))
             self._forgot_requests |= pdu.ptype == 0
         else:
-            self._about(pdu, record, Remark("DS105", pdu.frame, {"have": have, "kind": kind}))
+            remark = Remark("DS105", pdu.frame, {"have": have, "kind": kind})
+            context = self._context(call) if call is not None and not record.write else None
+            if context is None:
+                self._about(pdu, record, remark)
+            else:
+                self._pass(pdu, record, partial(self._call_remark, remark, record, context))
 
     def first_record(self, pdu: rpc.Pdu) -> Record | None:
         """The first record in the beginning of a message; None where that tells of none that can be ours."""
@@ -154,6 +167,8 @@ class RecordCalls:
         job = call.usual
         jobs = {0: self._pairing.job(job)} if isinstance(job, UsualJob) else None
         made = call.context = _Context(parse_request(call.request), jobs)
+        if call.expected is not None:
+            made.expected[0] = call.expected
         return made
 
     # Requests
@@ -186,9 +201,9 @@ class RecordCalls:
         passes = self._gate.passes((pdu.client, pdu.server, record.ar), record.index)
         if not record.write:
             if passes:
-                self._clock(pdu)
+                self._read_asked(pdu, record, context)
             else:
-                self._pass(pdu, record, partial(self._clock, pdu))
+                self._pass(pdu, record, partial(self._read_asked, pdu, record, context))
             return
         message = self.decoded(half.data)
         if passes:
@@ -196,6 +211,12 @@ class RecordCalls:
         else:
             event = partial(self._write, pdu, record, context, message)
             self._pass(pdu, record, event, shaped=message.shaped)
+
+    def _read_asked(self, pdu: rpc.Pdu, record: Record, context: _Context) -> None:
+        self._clock(pdu)
+        job = self._pairing.expected(peer(pdu), record)
+        if job is not None:
+            context.expected[record.position] = job
 
     def _write(self, pdu: rpc.Pdu, record: Record, context: _Context, message: Request) -> None:
         self._clock(pdu)
@@ -277,7 +298,8 @@ class RecordCalls:
                 self._foreign(peer(pdu), record)
                 continue
             if half.status is None:
-                self._about(pdu, record, Remark("DS108", pdu.frame))
+                event = partial(self._call_remark, Remark("DS108", pdu.frame), record, context)
+                self._pass(pdu, record, event)
             if not record.write:
                 self._read_answered(pdu, record, half)
             elif self._gate.passes((pdu.client, pdu.server, record.ar), record.index):
@@ -340,7 +362,10 @@ class RecordCalls:
         if pdu.missing and pdu.cut is not None:
             half.cut = True
             frame, captured, original = pdu.cut
-            args = {"captured": captured, "original": original}
+            args = {
+                "captured": captured, "original": original, "length": half.stated,
+                "completed": half.frame,
+            }  # fmt: skip
             self._about(pdu, record, Remark("DS106", frame, args))
         else:
             args = {"stated": half.stated, "present": len(half.data)}
@@ -366,7 +391,9 @@ class RecordCalls:
                 return
 
     def _call_remark(self, remark: Remark, record: Record, context: _Context) -> None:
-        remark.job = context.jobs.get(record.position)
+        job: Job | UsualJob | None = context.jobs.get(record.position)
+        job = job or context.expected.get(record.position)
+        remark.job = self._pairing.job(job) if isinstance(job, UsualJob) else job
         self._remark(remark)
 
     def _about(self, pdu: rpc.Pdu, record: Record, remark: Remark) -> None:

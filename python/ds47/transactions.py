@@ -100,13 +100,27 @@ def _outcome(job: Job, parameters_: list[Parameter]) -> str:
         return "error"
     blocks = response.blocks
     known = response_ids().get(response.response_id or 0)
-    if not blocks and known and known.body != "blocks" and not known.negative:
+    negative = known is not None and bool(known.negative)
+    if not blocks and known and known.body != "blocks" and not negative:
         return "ok"  # a positive response that has nothing to carry
-    done = 0
+    failed = 0
     for block in blocks:
-        done += block.error is None
+        failed += block.error is not None
+    done = len(blocks) - failed
+    if response.cut and blocks[-1].error is None:
+        done -= 1  # the last value did not arrive whole
+    half = job.read_response
+    if half is not None and half.cut:
+        return _outcome_as_far_as_seen(done, failed, negative)
     asked = max(len(parameters_), len(job.message.addresses) if job.message else 0)
     if done == asked:
+        return "error" if negative else "ok"
+    return "partial" if done else "error"
+
+
+def _outcome_as_far_as_seen(done: int, failed: int, negative: bool) -> str:
+    """That of a response whose end the capture cut off; what stood there is not known."""
+    if not failed and not negative:
         return "ok"
     return "partial" if done else "error"
 

@@ -351,9 +351,12 @@ class UsualWay:
         place = side.places.get(frame.data[AR_START:STATED])
         if place is None or seq in activity.calls:
             return False
-        if place.channel is None and self._channel(place) is None:
+        channel = self._channel(place) if place.channel is None else place.channel
+        if channel is None:
             return False
-        self._asked(side, activity, old, seq, key, Call(None, frame, place, frame.time_ns), place)
+        call = Call(None, frame, place, frame.time_ns)
+        call.expected = channel.expected()
+        self._asked(side, activity, old, seq, key, call, place)
         place.reads += 1
         return True
 
@@ -424,5 +427,5 @@ class UsualWay:
         place.spoke = self._taken
         if old:
             self._calls.expire(activity, frame.time_ns)
-        call.answer, call.answered = frame, True
+        call.answer, call.answered, call.expected = frame, True, None
         self._newest_ns = frame.time_ns

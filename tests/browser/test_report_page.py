@@ -48,7 +48,7 @@ def test_the_first_screen_needs_no_script(browser, tour):
         text = browser.one("main").text
     finally:
         browser.command("Emulation.setScriptExecutionDisabled", value=False)
-    assert text.startswith("NOT OK: 1 drive, 8 jobs, 1 refused")
+    assert text.startswith("NOT OK: 1 drive, 8 transactions, 1 partial")
     assert "No change access while the controller is enabled" in text
     assert "Scripts are switched off here" in text
 
@@ -105,7 +105,7 @@ def test_a_job_opens_to_its_frames_with_bytes_beside_their_meaning(browser, tour
     assert "6 00 6b error 0x6B: No change access while the controller is enabled" in answer
     drawing = browser.one(f"{JOBS} svg.sequence")
     assert drawing.get_attribute("role") == "img"
-    assert "Read response: failed" in drawing.get_attribute("aria-label")
+    assert "Read response: error" in drawing.get_attribute("aria-label")
     assert len(browser.all(f"{JOBS} svg .arrow")) == 4
     browser.click(f"{JOBS} tr.row:nth-child(6) .expander")
     assert not browser.all(f"{JOBS} tr.detail")
@@ -144,7 +144,7 @@ def test_keys_alone_open_a_job(browser, tour):
     browser.one(f"{JOBS} tr.row:nth-child(2) .expander").send_keys(Keys.ENTER)
     assert len(browser.all(f"{JOBS} tr.detail")) == 1
     focused = browser.run("return document.activeElement.getAttribute('aria-label')")
-    assert focused == "Details of job 2"
+    assert focused == "Details of transaction 2"
     assert browser.run("return document.activeElement.getAttribute('aria-expanded')") == "true"
 
 
@@ -199,7 +199,7 @@ def test_the_language_changes_everywhere_and_keeps_the_place(browser, tour):
     assert browser.run("return document.documentElement.lang") == "zh"
     assert browser.one("h1").text.startswith("不正常：1 台驱动器，8 个任务")
     assert browser.texts(f"{JOBS} thead th")[6] == "结果"
-    assert column(browser, JOBS, 7) == ["正常", "被拒绝", "失败", "部分失败", "没有应答"]
+    assert column(browser, JOBS, 7) == ["正常", "被拒绝", "错误", "部分失败", "无应答"]
     assert "控制器使能时无修改权限" in browser.one(JOBS).text
     assert browser.texts(".plot figcaption")[0] == "任务耗时分布"
     assert browser.one("button[data-lang=zh]").get_attribute("aria-pressed") == "true"
@@ -271,7 +271,10 @@ def test_a_corrected_request_is_copied_in_every_form(browser, write, captures):
 def test_an_opened_job_tells_what_the_plc_saw(browser, tour):
     browser.open(tour, "#job-1-6")
     browser.wait("return !!document.querySelector('tr.detail')")
-    expected = "PLC: WRREC DONE, STATUS 00000000; RDREC VALID, STATUS 00000000, LEN 10 - byte 1 is 16#82: refused"
+    expected = (
+        "PLC: WRREC DONE, STATUS 00000000; RDREC VALID, STATUS 00000000, LEN 10"
+        " - byte 1 is 16#82: negative response"
+    )
     assert browser.texts("tr.detail .plc") == [expected]
     assert browser.texts("tr.detail .facts .copyable") == ["frame.number in {26..29}"]
     browser.click("button[data-lang=zh]")
@@ -282,6 +285,8 @@ def test_parameters_with_their_last_value(browser, tour):
     browser.open(tour)
     rows = browser.texts(f"{PARAMETERS} tr.row")
     assert any("p50303[0]" in row and "10.0 s #7" in row and "DF80B500" in row for row in rows)
+    (failed,) = [row for row in rows if "p50076[1]" in row]
+    assert "1 change" in failed
     browser.one(f"{PARAMETERS} input[type=search]").send_keys("fault")
     browser.until(lambda: len(browser.all(f"{PARAMETERS} tr.row")) == 4, "the search")
 
@@ -293,8 +298,12 @@ def test_plots_are_drawn_and_another_parameter_can_be_picked(browser, tour):
         "return [...document.querySelectorAll('.plot .canvas')].map((each) => each.getAttribute('aria-label'))"
     )
     assert "half within 3.0 ms" in labels[0]
-    assert "3 failed or refused, 1 without an answer" in labels[2]
-    assert "p50303[0]: 4 points: 2 read, 1 written, 1 not taken" in labels[3]
+    assert "8 transactions in" in labels[2]
+    assert "s: 4 ok, 1 partial, 1 error, 1 refused, 1 unanswered." in labels[2]
+    assert (
+        "p50303[0]: 4 points: 2 read, 0 written and accepted, 1 written with unknown outcome, 1 not accepted"
+        in labels[3]
+    )
     browser.run(
         "const select = document.querySelector('[data-picker]');"
         "select.value = [...select.options].find((each) => each.text.includes('p50304[0]')).value;"
@@ -303,7 +312,8 @@ def test_plots_are_drawn_and_another_parameter_can_be_picked(browser, tour):
     label = browser.run(
         "return [...document.querySelectorAll('.plot .canvas')].at(-1).getAttribute('aria-label')"
     )
-    assert "p50304[0]: 2 points: 1 read, 1 written, 0 not taken; from 60 s to 100 s" in label
+    assert "p50304[0]: 2 points: 1 read, 1 written and accepted, 0 written with" in label
+    assert label.endswith("0 not accepted; from 60 s to 100 s.")
 
 
 def test_paper_holds_the_findings_unfolded(browser, tour):
@@ -516,7 +526,7 @@ def test_an_error_number_of_two_bytes_has_four_digits(browser, write, tmp_path):
 def test_several_captures_stand_behind_an_overview(browser, write, captures):
     results = [analyze(captures / name) for name in ("record-polls.pcapng", "tour-machine.pcapng")]
     browser.open(write("two", *results))
-    assert browser.one("h1").text.startswith("NOT OK: 1 drive, 9 jobs")
+    assert browser.one("h1").text.startswith("NOT OK: 1 drive, 9 transactions")
     assert not browser.one("#capture-2 article").is_displayed()
     browser.click("a[href='#capture-2']")
     browser.wait("return !!document.querySelector('#capture-2 tr.row')")

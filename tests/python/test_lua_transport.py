@@ -133,6 +133,9 @@ class Ear:
     def read_response(self, peer: Peer, record: Record) -> None:
         self.tell("read_response", peer=_peer(peer), record=_record(record))
 
+    def expected(self, peer: Peer, record: Record) -> None:
+        return None
+
     def read_lost(self, peer: Peer, record: Record) -> None:
         self.tell("read_lost", peer=_peer(peer), record=_record(record))
 

@@ -148,17 +148,17 @@ class Elements(HTMLParser):
 @pytest.mark.parametrize(
     ("states", "severities", "expected"),
     [
-        (["ok", "ok"], [], "OK: 1 drive, 2 jobs, all done"),
-        (["ok"], ["note"], "OK: 1 drive, 1 job, all done"),
-        (["ok"], ["warning"], "LOOK AT IT: 1 drive, 1 job, all done"),
-        (["refused"] * 3 + ["ok"], [], "NOT OK: 1 drive, 4 jobs, 3 refused"),
-        (["partial"], ["error"], "NOT OK: 1 drive, 1 job, 1 failed in part"),
+        (["ok", "ok"], [], "OK: 1 drive, 2 transactions, all done"),
+        (["ok"], ["note"], "OK: 1 drive, 1 transaction, all done"),
+        (["ok"], ["warning"], "LOOK AT IT: 1 drive, 1 transaction, all done"),
+        (["refused"] * 3 + ["ok"], [], "NOT OK: 1 drive, 4 transactions, 3 refused"),
+        (["partial"], ["error"], "NOT OK: 1 drive, 1 transaction, 1 partial"),
         (["unanswered", "orphan"], [],
-         "LOOK AT IT: 1 drive, 2 jobs, 1 without an answer, 1 answer without its request"),
-        (["superseded", "ok"], ["note"], "LOOK AT IT: 1 drive, 2 jobs, 1 overtaken"),
-        (["ok"], ["error"], "NOT OK: 1 drive, 1 job, all answered"),
-        ([], ["error"], "NOT OK: no drive parameter job in this capture"),
-        ([], [], "NOTHING TO JUDGE: no drive parameter job in this capture"),
+         "LOOK AT IT: 1 drive, 2 transactions, 1 unanswered, 1 orphan"),
+        (["superseded", "ok"], ["note"], "LOOK AT IT: 1 drive, 2 transactions, 1 superseded"),
+        (["ok"], ["error"], "NOT OK: 1 drive, 1 transaction, all with a response"),
+        ([], ["error"], "NOT OK: no drive parameter transaction in this capture"),
+        ([], [], "NOTHING TO JUDGE: no drive parameter transaction in this capture"),
     ],
 )  # fmt: skip
 def test_the_verdict_counts_what_went_wrong(states, severities, expected):
@@ -185,7 +185,7 @@ def test_several_captures_count_each_drive_once():
         capture(transaction(), transaction(2, device="10.0.0.1")),
     ):
         total.add(Counts.of(result))
-    assert verdict(total).en == "OK: 2 drives, 3 jobs, all done"
+    assert verdict(total).en == "OK: 2 drives, 3 transactions, all done"
 
 
 def test_a_capture_that_cannot_be_read_stands_in_the_overview():
@@ -196,7 +196,7 @@ def test_a_capture_that_cannot_be_read_stands_in_the_overview():
     writer.close()
     text = "".join(Elements(stream.getvalue()).text)
     assert f"NOT READ: {HOSTILE}" in text
-    assert "LOOK AT IT: 1 drive, 1 job, all done, 1 capture not read to its end" in text
+    assert "LOOK AT IT: 1 drive, 1 transaction, all done, 1 capture not read to its end" in text
 
 
 def test_a_capture_that_cannot_be_read_can_be_the_only_one():
@@ -219,6 +219,33 @@ def test_captures_that_cannot_be_read_are_none_that_were_left_out():
     assert "stand in this overview only" not in stream.getvalue()
 
 
+def test_one_place_counts_for_tiles_verdict_drives_and_plots():
+    states = ["ok", "ok", "partial", "refused", "unanswered", "superseded", "orphan", "orphan"]
+    seen = Elements(
+        page(capture(*(transaction(n, state=each) for n, each in enumerate(states, 1))))
+    )
+    text = " ".join("".join(seen.text).split())
+    told = "1 partial, 1 refused, 1 unanswered, 1 superseded, 2 orphan"
+    assert f"NOT OK: 1 drive, 8 transactions, {told}" in text
+    assert f"2 ok, {told}" in text
+    data = seen.data("data-1")
+    assert data["totals"] == {
+        "transactions": 8,
+        "states": {
+            "ok": 2,
+            "partial": 1,
+            "refused": 1,
+            "unanswered": 1,
+            "superseded": 1,
+            "orphan": 2,
+        },
+    }
+    assert set(data["kinds"]) == set(data["states"])
+    tiles = page(capture(transaction(state="orphan"))).split('<dl class="tiles">')[1]
+    (tile,) = re.findall(r'<div class="warn"[^>]*title="([^"]+)"', tiles.split("</dl>")[0])
+    assert tile == "A response whose request is not in the capture."
+
+
 # The quality of the capture
 
 
@@ -234,11 +261,11 @@ def test_captures_that_cannot_be_read_are_none_that_were_left_out():
         ({"files": [CaptureFile("a", 1, 2), CaptureFile("b", 3, 4)]}, "good", "2 files of a ring"),
         ({"files": [CaptureFile("a", 1), CaptureFile("d", 3, missing_before=2)]}, "bad", "2 files of the"),
         ({"rpc": {"requests": 5, "responses": 0}}, "bad", "Only requests (5)"),
-        ({"rpc": {"requests": 0, "responses": 5}}, "bad", "Only answers (5)"),
-        ({"rpc": {"requests": 5, "responses": 4, "unanswered": 1}}, "warn", "1 of 5 calls has no answer"),
+        ({"rpc": {"requests": 0, "responses": 5}}, "bad", "Only responses (5)"),
+        ({"rpc": {"requests": 5, "responses": 4, "unanswered": 1}}, "warn", "1 of 5 calls has no response"),
         ({"rpc": {}}, "none", "No acyclic PROFINET call"),
         ({"findings": [Finding("DS106", "warning", "m", 1)]}, "warn", "1 frame was cut"),
-        ({"findings": [Finding("DS403", "warning", "m", 1)] * 2}, "warn", "2 answers have no request"),
+        ({"findings": [Finding("DS403", "warning", "m", 1)] * 2}, "warn", "2 responses have no request"),
     ],
 )  # fmt: skip
 def test_the_quality_of_a_capture(changes, level, text):
@@ -249,7 +276,7 @@ def test_the_quality_of_a_capture(changes, level, text):
 def test_what_a_capture_cannot_show_depends_on_what_is_in_it():
     plain = [each.en for each in blind(capture(transaction(), dropped=0))]
     assert not any("in force later" in line or "lost frames" in line for line in plain)
-    assert not any("whose answer" in line for line in plain)
+    assert not any("What the drive made" in line for line in plain)
     item = transaction(operation="change")
     more = [
         each.en
@@ -262,7 +289,9 @@ def test_what_a_capture_cannot_show_depends_on_what_is_in_it():
     container = capture(item, records={"47": {"write": 2}, "57408": {"write": 1}})
     assert not any("other record call" in each.en for each in blind(container))
     jobs = [transaction(1, state="unanswered"), transaction(2, state="superseded")]
-    assert any("2 jobs whose answers nobody fetched" in each.en for each in blind(capture(*jobs)))
+    assert any(
+        "2 requests: their responses were not fetched" in each.en for each in blind(capture(*jobs))
+    )
 
 
 # What went wrong
@@ -424,13 +453,15 @@ def test_every_text_is_used_and_every_text_used_is_there():
     used |= set(re.findall(r"label\(\"[\w-]+\", \"(\w+)\"\)", pages))
     used |= {f"js_{key}" for key in re.findall(r"\bsay\(\"(\w+)\"", scripts)}
     assert used <= set(texts.texts())
+    names = texts.Words("en").for_script()["en"]
+    for state in html.views.rows.STATES:
+        assert {f"state_{state}", f"about_{state}"} <= set(names)
     known = set(texts.texts()) - set(report_words())
     quoted = set(re.findall(r"\"(\w+)\"", python + pages + scripts))
     made = ("verdict_", "told_", "level_", "severity_", "js_theme_")
-    states = {f"js_{name}" for name in (*html.views.rows.STATES, *html.views.rows.OPERATIONS)}
     unused = {
         key
-        for key in known - used - states
+        for key in known - used
         if not key.startswith(made) and key not in quoted and key.removeprefix("js_") not in quoted
     }
     assert not unused - {f"js_{key}" for key in re.findall(r"words: \"(\w+)\"", scripts)}
@@ -570,9 +601,9 @@ def test_half_a_surrogate_in_a_path_is_no_exception():
 def test_the_first_screen_says_what_matters(captures):
     text = " ".join("".join(Elements(page(analyze(captures / "tour-machine.pcapng"))).text).split())
     for part in (
-        "NOT OK: 1 drive, 8 jobs, 1 refused, 1 failed, 1 failed in part, 1 without an answer",
+        "NOT OK: 1 drive, 8 transactions, 1 partial, 1 error, 1 refused, 1 unanswered",
         "The file was read to its end: 35 frames.",
-        "Both directions are there: 17 calls, 17 answers.",
+        "Both directions are there: 17 calls, 17 responses.",
         "press-1-drive",
         DRIVE,
         "p50076[1] cannot be changed now: 0x6B No change access while the controller is enabled",
@@ -682,8 +713,8 @@ def test_where_not_all_jobs_fit_those_that_went_wrong_stay(monkeypatch):
     text = page(capture(*(transaction(n, state=state) for n, state in enumerate(states, 1))))
     data = Elements(text).data("data-1")
     assert [row[0] for row in data["rows"]] == [1, 6, 10]
-    assert "3 of 10 jobs are listed" in text
-    assert "NOT OK: 1 drive, 10 jobs, 1 refused, 1 failed" in text
+    assert "3 of 10 transactions are listed" in text
+    assert "NOT OK: 1 drive, 10 transactions, 1 error, 1 refused" in text
 
 
 def test_long_lists_of_findings_are_cut_with_their_number():
@@ -700,8 +731,8 @@ def test_long_lists_of_findings_are_cut_with_their_number():
 
 
 def row_of(table, pnu, subindex):
-    names = ("device", "object", "pnu", "subindex", "en", "zh", "unit", "reads", "writes", "refused",
-             "last", "written", "last_in", "error", "error_in")  # fmt: skip
+    names = ("device", "object", "pnu", "subindex", "en", "zh", "unit", "reads", "accepted",
+             "negative", "sent", "refused", "last", "written", "last_in", "error", "error_in")  # fmt: skip
     (found,) = [row for row in table["rows"] if row[2:4] == [pnu, subindex]]
     return dict(zip(names, found, strict=True))
 
@@ -717,16 +748,21 @@ def test_a_parameter_keeps_its_last_value_and_its_last_refusal():
             5, **change, state="refused", write_status=0xDF80B500, parameters=[parameter()]
         ),
         transaction(6, state="mismatch", parameters=[parameter(pnu=None)]),
+        transaction(7, operation="vendor", parameters=[parameter(values=(8.0,))]),
+        transaction(8, state="refused", read_status=0xDE80B700, parameters=[parameter()]),
+        transaction(9, parameters=[failed(values=())]),
+        transaction(10, **change, state="superseded", parameters=[parameter(values=(9.0,))]),
     ]
     table, left_out = elements(capture(*items), {DRIVE: 0x2A})
     assert left_out == 0
     one = row_of(table, 50303, 0)
-    assert (one["reads"], one["writes"], one["refused"]) == (1, 4, 2)
+    assert (one["reads"], one["accepted"]) == (1, 1)
+    assert (one["negative"], one["sent"], one["refused"]) == ([1, 1], [0, 2], [1, 1])
     assert (one["last"], one["written"], one["last_in"]) == ("5.0", 1, 2)
-    assert one["error_in"] == 5
-    assert one["error"][0].endswith("(DF80B500)")
+    assert one["error_in"] == 9
+    assert one["error"][0].endswith("(0x6B)")
     two = row_of(table, 50303, 1)
-    assert (two["reads"], two["writes"], two["last"]) == (1, 0, "2.0")
+    assert (two["reads"], two["accepted"], two["last"]) == (1, 0, "2.0")
 
 
 def test_a_text_is_one_value():
@@ -736,7 +772,7 @@ def test_a_text_is_one_value():
         )
     ]
     table, _ = elements(capture(*items), {})
-    assert [row[10] for row in table["rows"]] == ['"abc"']
+    assert [row[12] for row in table["rows"]] == ['"abc"']
 
 
 # Plots

@@ -57,24 +57,26 @@ def diagnosis(rule="DS719", message="p76[1] cannot be changed now: 0x6B no", **c
 def test_a_capture_in_which_all_is_well_has_a_verdict_and_drives_and_no_more():
     assert opening(capture(handmade.transaction())) == [
         "line.pcapng: 9 frames",
-        "OK: 1 drive, 1 job, all done",
+        "OK: 1 drive, 1 transaction, all done",
         "",
         "Drives",
-        f'  {DRIVE}  "press-1"  1 job, all done',
+        f'  {DRIVE}  "press-1"  1 transaction, all done',
     ]
 
 
 def test_a_change_of_which_nobody_read_the_answer_is_not_ok(captures: Path):
     lines = opening(analyze(captures / "conversation-change-unread.pcapng"))
-    assert lines[1] == "LOOK AT IT: 1 drive, 1 job, 1 without an answer"
+    assert lines[1] == "LOOK AT IT: 1 drive, 1 transaction, 1 unanswered"
     shown = lines[lines.index("What this capture cannot show") + 1 :]
-    assert any(line.startswith("  What the drive made of 1 job whose answer") for line in shown)
+    assert any(
+        line.startswith("  What the drive made of 1 request: its response") for line in shown
+    )
 
 
 def test_where_there_are_errors_jobs_are_answered_and_not_done(captures: Path):
-    lines = opening(analyze(captures / "diagnosis-read-length.pcapng"))
-    assert lines[1] == "NOT OK: 1 drive, 1 job, all answered"
-    assert lines[4].endswith("1 job, all answered")
+    lines = opening(analyze(captures / "transport-reject.pcapng"))
+    assert lines[1] == "NOT OK: 1 drive, 1 transaction, all with a response"
+    assert lines[4].endswith("1 transaction, all with a response")
 
 
 def test_every_drive_has_its_counts_and_other_devices_stand_below():
@@ -84,10 +86,10 @@ def test_every_drive_has_its_counts_and_other_devices_stand_below():
         handmade.transaction(id=3, device="192.168.133.40"),
     ]
     lines = opening(capture(*jobs, devices=[Device("192.168.133.50"), Device(DRIVE)]))
-    assert lines[1] == "NOT OK: 2 drives, 3 jobs, 1 refused"
+    assert lines[1] == "NOT OK: 2 drives, 3 transactions, 1 refused"
     assert lines[4:9] == [
-        f"  {DRIVE}  2 jobs, 1 refused",
-        "  192.168.133.40  1 job, all done",
+        f"  {DRIVE}  2 transactions, 1 refused",
+        "  192.168.133.40  1 transaction, all done",
         "",
         "Other devices",
         "  192.168.133.50",
@@ -176,12 +178,12 @@ def test_a_corrected_request_stands_below_its_diagnosis():
 def test_what_a_capture_cannot_show_is_told_where_something_is_wrong_and_only_what_applies():
     well = written(capture(handmade.transaction(operation="change"), dropped=None))
     assert "cannot show" not in well
-    job = handmade.transaction(operation="change", state="error")
+    job = handmade.transaction(operation="change", state="partial")
     lines = opening(capture(job, dropped=None))
     shown = lines[lines.index("What this capture cannot show") + 1 :]
     assert [line for line in shown if not line.startswith("   ")] == [
-        "  Whether a value that the drive took is still in force later, or was stored to survive power off;",
-        "  Whether the capturing computer lost frames: a missing answer may have been there.",
+        "  Whether an accepted value is still in force later: a later read shows that. Whether it was",
+        "  Whether the capturing computer lost frames: a missing response may have been there.",
     ]
     assert "cannot show" not in written(capture(handmade.transaction(state="error")))
 
@@ -190,7 +192,7 @@ def test_the_opening_is_chinese_where_that_is_asked_for():
     findings = [Finding("DS401", "warning", "从未得到应答", 1, 1)]
     job = handmade.transaction(state="unanswered", frames=Frames(1, 2))
     lines = opening(capture(job, findings=findings, dropped=None), lang="zh")
-    assert lines[:2] == ["line.pcapng: 9 帧", "需要检查：1 台驱动器，1 个任务，1 个没有应答"]
+    assert lines[:2] == ["line.pcapng: 9 帧", "需要检查：1 台驱动器，1 个任务，1 个无应答"]
     assert "怎么处理" in lines
     assert any(line.startswith("  DS401 警告") for line in lines)
     words = {line for line in lines if re.search(r"\b(error|warning|look|What|Drives)\b", line)}
@@ -205,7 +207,7 @@ def test_several_captures_end_with_the_verdict_over_all():
     writer.capture(capture(handmade.transaction(state="refused", write_status=0xDF80B500)))
     writer.close()
     last = stream.getvalue().split("All 3 captures\n")[1].splitlines()
-    assert last[0] == "  NOT OK: 1 drive, 2 jobs, 1 refused, 1 capture not read to its end"
+    assert last[0] == "  NOT OK: 1 drive, 2 transactions, 1 refused, 1 capture not read to its end"
 
 
 def test_colours_are_those_of_the_severity():
@@ -305,7 +307,7 @@ def test_causes_keep_their_order():
         (
             {"frames": Frames(1, 2, 9, 10, [(3, 4), (5, 6), (7, 8)]), "response": b"\x01\x82\x01\x01"},
             "WRREC DONE, STATUS 00000000; RDREC 3 x ERROR, STATUS DE80B500; RDREC VALID, STATUS 00000000, LEN 4"
-            " - byte 1 is 16#82: refused",
+            " - byte 1 is 16#82: negative response",
         ),
         (
             {"frames": Frames(1, 2, 3, 4), "read_status": 0xDE80B700, "response": None},
@@ -313,23 +315,22 @@ def test_causes_keep_their_order():
         ),
         (
             {"frames": Frames(1, None), "write_status": None, "read_status": None, "response": None},
-            "WRREC BUSY until its timeout, then ERROR (no response in the capture);"
-            " RDREC not started in this capture",
+            "WRREC, no response before the capture ends; RDREC not started in this capture",
         ),
         (
             {"frames": Frames(1, 2, 3, None), "read_status": None, "response": None},
-            "WRREC DONE, STATUS 00000000; RDREC BUSY until its timeout, then ERROR (no response in the capture)",
+            "WRREC DONE, STATUS 00000000; RDREC, no response before the capture ends",
         ),
         (
             {"frames": Frames(1, 2), "write_status": None, "read_status": None, "response": None},
-            "WRREC ERROR with a STATUS of the PLC itself (RPC fault); RDREC not started in this capture",
+            "WRREC ERROR with a STATUS of the PLC itself (RPC fault or reject); RDREC not started in this capture",
         ),
         (
             {"frames": Frames(1, None, 3, 4), "write_status": None},
-            "WRREC DONE (its response is not in the capture); RDREC VALID, STATUS 00000000, LEN 4",
+            "WRREC, its response is not in the capture; RDREC VALID, STATUS 00000000, LEN 4",
         ),
         (
-            {"frames": Frames(None, None, 3, 4), "write_status": None, "state": "orphan"},
+            {"frames": Frames(None, None, 3, 4), "write_status": None, "state": "orphan", "ar": "01"},
             "WRREC not in the capture; RDREC VALID, STATUS 00000000, LEN 4",
         ),
         (
@@ -341,17 +342,34 @@ def test_causes_keep_their_order():
             "WRREC DONE, STATUS 00000000; RDREC VALID, STATUS 00000000, LEN 4; RDREC 2 x VALID once more, LEN 4",
         ),
         (
-            {"state": "mismatch"},
+            {"state": "superseded", "frames": Frames(1, 2), "read_status": None, "response": None},
+            "WRREC DONE, STATUS 00000000; no response by RDREC before the next WRREC",
+        ),
+        (
+            {"state": "partial", "response": b"\x01\x81\x01\x01"},
             "WRREC DONE, STATUS 00000000; RDREC VALID, STATUS 00000000, LEN 4"
-            " - the record answers another request",
+            " - byte 1 is 16#81: negative response, in part",
+        ),
+        (
+            {"state": "mismatch", "request": b"\x02\x01\x01\x01"},
+            "WRREC DONE, STATUS 00000000; RDREC VALID, STATUS 00000000, LEN 4"
+            " - the record does not mirror the request (reference)",
+        ),
+        (
+            {"state": "mismatch", "request": b"\x01\x02\x03\x02"},
+            "WRREC DONE, STATUS 00000000; RDREC VALID, STATUS 00000000, LEN 4"
+            " - the record does not mirror the request (DO, count, ID)",
         ),
     ],
 )  # fmt: skip
 def test_what_the_plc_saw(changes, expected):
     item = handmade.transaction(**({"response": b"\x01\x01\x01\x01"} | changes))
-    assert plc.text(item).en == expected
-    assert plc.line(item).en == f"PLC: {expected}"
-    chinese = plc.line(item).zh
+    if item.frames.read_response is None and item.state == "ok":
+        item.state = "unanswered"
+    witness = plc.Witness(capture(item))
+    assert witness.text(item).en == expected
+    assert witness.line(item).en == f"PLC: {expected}"
+    chinese = witness.line(item).zh
     assert chinese.startswith("PLC：WRREC")
     numbers = r"[0-9A-F]{8}|16#\w+|LEN \d+"
     assert re.findall(numbers, chinese) == re.findall(numbers, expected)
@@ -375,17 +393,17 @@ def test_the_option_plc_tells_it_of_every_job(captures: Path, capsys):
 def test_the_lines_below_the_opening_are_chinese_too(captures: Path, capsys):
     assert main(["report", "--lang", "zh", str(captures / "tour-machine.pcapng")]) == 0
     lines = capsys.readouterr().out.splitlines()
-    (place,) = (number for number, line in enumerate(lines) if line == "事务")
+    (place,) = (number for number, line in enumerate(lines) if line == "任务")
     assert lines[place + 2].endswith(":= 100.0 s  8 帧 27.0 ms，轮询 2 次")
     assert lines[place + 7].endswith(
-        "p50076[1] := 100.0 错误 0x6B：控制器使能时无修改权限  [error]  4 帧 3.0 ms"
+        "p50076[1] := 100.0 错误 0x6B：控制器使能时无修改权限  [错误]  4 帧 3.0 ms"
     )
     (place,) = (number for number, line in enumerate(lines) if line == "结论")
     assert lines[place + 4] == "  DS410 错误 drive-error：2 个结论"
     assert lines[place + 5].startswith("    帧 29 #6：偏移 4：参数 50076[1] 失败")
     assert lines[-4:] == [
         "汇总",
-        "  8 个事务：4 ok，1 partial，1 error，1 refused，1 unanswered；4 read，4 change",
+        "  8 个任务：4 正常，1 部分失败，1 错误，1 被拒绝，1 无应答；4 读，4 修改",
         "  9 个结论：5 错误，2 警告，2 提示",
         "  耗时 p50 3.0 ms，p95 27.0 ms，最长 27.0 ms",
     ]
@@ -405,7 +423,9 @@ def test_wireshark_shows_what_the_plc_saw(tshark, repository: Path, captures: Pa
     ]
     wanted = ["-Y", "ds47.plc", "-T", "fields", "-e", "ds47.transaction", "-e", "ds47.plc"]
     shown = [line.split("\t") for line in tshark(*plugin, "-2", "-r", path, *wanted).splitlines()]
-    expected = {str(each.id): plc.text(each).text(lang) for each in analyze(path).transactions}
+    result = analyze(path)
+    witness = plc.Witness(result)
+    expected = {str(each.id): witness.text(each).text(lang) for each in result.transactions}
     assert expected
     assert {number.split(",")[0]: told for number, told in shown} == expected
 
@@ -459,7 +479,16 @@ def test_every_word_is_there_in_both_languages_and_used():
     sources = "".join(
         path.read_text("utf-8") for path in package.rglob("*") if path.suffix in (".py", ".j2")
     )
-    made = ("verdict_", "told_", "severity_", "plc_write_", "plc_read_")
+    made = (
+        "verdict_",
+        "told_",
+        "severity_",
+        "plc_write_",
+        "plc_read_",
+        "state_",
+        "about_",
+        "operation_",
+    )
     for key, texts in report_words().items():
         assert set(texts) == {"en", "zh"}, key
         assert all(texts.values()), key
@@ -498,7 +527,109 @@ def test_a_wrong_drive_object_is_told_with_those_that_answer():
         handmade.transaction(id=4, axis=5, device="192.168.133.40"),
     ]
     lines = opening(capture(*jobs, diagnoses=[diagnosis("DS709")]))
-    assert "    these answer here: DO 1, 2" in lines
+    assert "    these respond here: DO 1, 2" in lines
     assert not any(
-        "answer here" in line for line in opening(capture(*jobs, diagnoses=[diagnosis()]))
+        "respond here" in line for line in opening(capture(*jobs, diagnoses=[diagnosis()]))
     )
+
+
+def _saw(captures: Path, name: str, number: int = 1) -> str:
+    """What the PLC saw of a transaction of a stored capture."""
+    result = analyze(captures / f"{name}.pcapng")
+    return plc.Witness(result).text(result.transactions[number - 1]).en
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("transport-reject", "RDREC ERROR with a STATUS of the PLC itself (RPC fault or reject)"),
+        ("transport-empty-body", "RDREC, a response without STATUS and record"),
+        ("transport-rpc-fragments-incomplete", "RDREC, its whole response is not in the capture"),
+        ("transport-ip-fragments-incomplete", "RDREC, its whole response is not in the capture"),
+    ],
+)
+def test_no_call_is_left_out(captures: Path, name: str, expected: str):
+    calls = _saw(captures, name).split("; ")
+    assert [calls[0], calls[1]] == ["WRREC DONE, STATUS 00000000", expected]
+    assert calls[2].startswith("RDREC VALID, STATUS 00000000, LEN ")
+    assert not written(analyze(captures / f"{name}.pcapng")).splitlines()[1].endswith("all done")
+
+
+def test_what_came_before_the_capture_ended_is_not_known(captures: Path):
+    assert _saw(captures, "transport-ends-in-call", 2).startswith(
+        "WRREC, no response before the capture ends"
+    )
+
+
+def test_a_read_that_is_there_is_started(captures: Path):
+    assert _saw(captures, "diagnosis-half-captured") == (
+        "WRREC, its response is not in the capture; RDREC, its whole response is not in the capture"
+    )
+
+
+def test_the_plc_got_the_record_whole(captures: Path):
+    assert "RDREC VALID, STATUS 00000000, LEN 46 (24 of them captured)" in _saw(
+        captures, "diagnosis-half-captured-cut"
+    )
+
+
+def test_a_read_without_an_ar_is_no_call_of_a_block():
+    item = handmade.transaction(
+        state="orphan", frames=Frames(None, None, 1, 2), write_status=None, response=b"\x01\x01\x01"
+    )
+    assert plc.Witness(capture(item)).text(item).en == (
+        "a Read without an AR (ReadImplicit), no call of RDREC: STATUS 00000000, LEN 3"
+    )
+
+
+def test_calls_that_brought_nothing_stand_between_the_polls():
+    item = handmade.transaction(frames=Frames(1, 2, 11, 12, [(3, 4), (7, 8), (9, 10)]))
+    failed = Finding("DS104", "error", 6, None, 1, args={"kind": "reject"})
+    told = plc.Witness(capture(item, findings=[failed])).text(item).en.split("; ")
+    assert told[1:4] == [
+        "RDREC ERROR, STATUS DE80B500",
+        "RDREC ERROR with a STATUS of the PLC itself (RPC fault or reject)",
+        "RDREC 2 x ERROR, STATUS DE80B500",
+    ]
+
+
+def test_a_request_that_nothing_follows_for_long_ran_into_its_timeout():
+    alone = handmade.transaction(
+        state="unanswered", frames=Frames(1), write_status=None, read_status=None
+    )
+    second = handmade.transaction(id=2, index=0xB02F, frames=Frames(3, 4, 5, 6))
+    second.start_ns = alone.start_ns + 700_000_000_000
+    for items, expected in (
+        ([alone, second], "WRREC BUSY until its timeout, then ERROR"),
+        ([alone], "WRREC, no response before the capture ends"),
+        ([alone, handmade.transaction(id=2)], "WRREC, its response is not in the capture"),
+    ):
+        assert plc.Witness(capture(*items)).text(alone).en.startswith(expected)
+
+
+def test_one_without_an_ar_asks_nothing_of_its_own():
+    """A ReadImplicit fetches what another request asked for."""
+    from ds47.report.verdict import blind
+
+    orphan = handmade.transaction(state="orphan", frames=Frames(None, None, 1, 2))
+    words = "What 1 response belongs to"
+    assert not any(each.en.startswith(words) for each in blind(capture(orphan)))
+    orphan.ar = "00010203-0405-0607-0809-0a0b0c0d0e0f"
+    assert any(each.en.startswith(words) for each in blind(capture(orphan)))
+
+
+def test_nothing_was_accepted_where_every_change_failed():
+    from ds47.report.verdict import blind
+
+    for state, expected in (("error", False), ("refused", False), ("partial", True), ("ok", True)):
+        item = handmade.transaction(operation="change", state=state)
+        told = [each.en for each in blind(capture(item))]
+        assert any(each.startswith("Whether an accepted value") for each in told) == expected
+
+
+def test_a_write_of_several_records_is_no_other_call():
+    from ds47.report.verdict import blind
+
+    calls = {"47": {"write": 2, "read": 2}, "57408": {"write": 1, "read": 0}}
+    told = [each.en for each in blind(capture(handmade.transaction(), records=calls))]
+    assert not any("other record call" in each for each in told)

@@ -610,13 +610,13 @@ SENTENCES = [
     "DS47 fetch response ref 4, DO 2",
     "DS47 read poll ref 4: not ready",
     "DS47 fetch response ref 4, DO 2",
-    "DS47 change refused, DO 2: p50304[0]: 0x02 Below or above the value limit",
+    "DS47 change error, DO 2: p50304[0]: 0x02 Below or above the value limit",
     "DS47 read request ref 5, DO 2: p1[2..4]",
     "DS47 write refused ref 5: DF80B700 write: access: invalid range",
     "DS47 read request ref 6, DO 2: p1[0], p2[0], p3[0], p4[0], p5[0], p6[0], ... and 14 more",
     "DS47 write accepted ref 6",
     "DS47 fetch response ref 6, DO 2",
-    "DS47 read partly refused, DO 2: p1[0] = 7, "
+    "DS47 read partial, DO 2: p1[0] = 7, "
     + "".join(f"p{n}[0]: 0x01 Parameter value cannot be changed (info 2), " for n in range(2, 7))
     + "... and 14 more",
 ]

@@ -232,6 +232,8 @@ class Response:
     flaws: list[Flaw]
     rest: bytes
     length: int
+    cut: bool
+    """Whether the last block lacks bytes of its values."""
 
     def __init__(
         self,
@@ -252,6 +254,7 @@ class Response:
         self.flaws = [] if flaws is None else flaws
         self.rest = rest
         self.length = length
+        self.cut = False
 
     @property
     def shaped(self) -> bool:

@@ -95,7 +95,7 @@ def decode_response(
             return response
     body = _Body(data, _HEADER, data[3], options, flaws, vendor)
     body.decode("all" if unsupported else known.body if known else "free")
-    response.blocks, response.rest = body.blocks, body.rest
+    response.blocks, response.rest, response.cut = body.blocks, body.rest, body.cut
     if known and not unsupported:
         _sign(response, known.negative)
     return response
@@ -285,6 +285,7 @@ class _Body:
         "_sense",
         "_vendor",
         "blocks",
+        "cut",
         "flaws",
         "offset",
         "rest",
@@ -308,6 +309,7 @@ class _Body:
         self.flaws = flaws
         self.blocks: list[Block] = []
         self.rest = b""
+        self.cut = False
 
     def decode(self, body: str) -> None:
         """Decodes by the kind of spec/ids.toml; "all" means blocks while bytes remain."""
@@ -380,6 +382,7 @@ class _Body:
             return raw, True
         what = f"values of block {len(self.blocks) + 1}"
         _missing(self.flaws, self.offset, size - len(raw), what)
+        self.cut = True
         return raw, False
 
     def _pad(self, block: Block) -> bool:

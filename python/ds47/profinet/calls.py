@@ -25,7 +25,8 @@ class Call:
     """
 
     __slots__ = (
-        "_request", "_response", "answer", "answered", "asked", "context", "in_part", "time_ns", "usual",
+        "_request", "_response", "answer", "answered", "asked", "context", "expected", "in_part",
+        "time_ns", "usual",
     )  # fmt: skip
 
     def __init__(self, request: Pdu | None, asked: Frame | None, usual: Any, time_ns: int) -> None:
@@ -40,6 +41,8 @@ class Call:
         self.in_part = False
         """Whether fragments of a response were seen."""
         self.usual = usual
+        self.expected: Any = None
+        """Of a Read that is made of frames: the job whose response it fetches, as far as that was known."""
         self.time_ns = time_ns
         """Of the request."""
         self.context: Any = None
@@ -212,6 +215,12 @@ class CallTracker:
             call = activity.calls.get(pdu.seq)
             if call is not None:
                 call.in_part = True
+
+    def open_call(self, pdu: Pdu) -> Call | None:
+        """The call without a response to which a part of one belongs; None for none."""
+        activity = self.activities.get((pdu.client, pdu.activity)) if pdu.ptype == 2 else None
+        call = activity.calls.get(pdu.seq) if activity is not None else None
+        return None if call is None or call.answered else call
 
     def finish(self) -> None:
         """The capture is over: every open call is lost."""

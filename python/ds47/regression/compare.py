@@ -21,7 +21,7 @@ from ds47 import spec
 from ds47.model import SEVERITIES, CaptureFile
 from ds47.regression.config import Config, ParameterTolerance
 from ds47.report import load
-from ds47.report.bilingual import Both, say
+from ds47.report.bilingual import Both, operation, say, state
 from ds47.report.places import Places
 from ds47.report.sentences import sentence
 from ds47.report.words import message
@@ -275,8 +275,8 @@ class Comparison:
 
     def _alone(self, kind: str, old: int | None, new: int | None, item: Json) -> Change:
         asked = ", ".join(map(_address, item["parameters"][:3]))
-        text = self._say(f"change_{kind}", number=str(item["id"]), operation=item["operation"],
-                         asked=asked or "-", state=item["state"])  # fmt: skip
+        text = self._say(f"change_{kind}", number=str(item["id"]), operation=operation(item["operation"]),
+                         asked=asked or "-", state=state(item["state"]))  # fmt: skip
         pnu = next((each["pnu"] for each in item["parameters"]), None)
         return Change(kind, text, stored=old, now=new, was=None if old is None else item,
                       is_now=None if new is None else item, pnu=pnu, device=item["device"])  # fmt: skip

@@ -53,6 +53,16 @@ def filled(texts: Mapping[str, str], values: Mapping[str, Any]) -> Both:
     return Both(*(_fill(texts[lang], index, values) for index, lang in enumerate(LANGUAGES)))
 
 
+def state(word: str) -> Both:
+    """The name of a state of a transaction: one and the same in every report."""
+    return say(f"state_{word}")
+
+
+def operation(word: str) -> Both:
+    """The name of what a transaction asks."""
+    return say(f"operation_{word}")
+
+
 def joined(parts: Sequence[Both], en: str = ", ", zh: str = "，") -> Both:
     """Texts in a row."""
     return Both(en.join(part.en for part in parts), zh.join(part.zh for part in parts))

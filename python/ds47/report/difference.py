@@ -15,7 +15,7 @@ from ds47.regression import difference as kinds
 from ds47.regression.difference import Difference, Latency, Row
 from ds47.regression.elements import Outcomes, is_whole
 from ds47.regression.places import Place
-from ds47.report.bilingual import Both, joined, say
+from ds47.report.bilingual import Both, joined, operation, say, state
 from ds47.report.words import escape, values
 from ds47.spec import error_hex
 
@@ -89,7 +89,11 @@ def lines(found: Difference, lang: str = "en", *, everything: bool = False) -> I
     yield verdict(found).text(lang)
     for section in sections(found):
         yield from _section(section.title, [_line(run, found) for run in section.runs], lang)
-    yield from _section(say("diff_states"), [_count(*row) for row in _changed(found.states)], lang)
+    yield from _section(
+        say("diff_states"),
+        [_count(state(name), was, now) for name, was, now in _changed(found.states)],
+        lang,
+    )
     yield from _section(
         say("diff_findings"), [_finding(*row) for row in _changed(found.findings)], lang
     )
@@ -263,7 +267,7 @@ def _line(run: Run, found: Difference) -> Both:
     return say(
         "diff_sides",
         parameter=parameter_text(run),
-        operation=run.first.operation,
+        operation=operation(run.first.operation),
         a=side_text(run, "a", found),
         b=side_text(run, "b", found),
     )
@@ -275,11 +279,12 @@ def _changed(rows: list[tuple[str, int, int]]) -> list[tuple[str, int, int]]:
 
 def _finding(rule: str, was: int, now: int) -> Both:
     known = spec.rules().get(rule)
-    return _count(f"{escape(rule)} {known.name if known else ''}".strip(), was, now)
+    name = f"{escape(rule)} {known.name if known else ''}".strip()
+    return _count(Both.same(name), was, now)
 
 
-def _count(name: str, was: int, now: int) -> Both:
-    return say("diff_row", what=escape(name), text=f"{was:,} -> {now:,}")
+def _count(name: Both, was: int, now: int) -> Both:
+    return say("diff_row", what=name, text=f"{was:,} -> {now:,}")
 
 
 def shift_text(each: Latency) -> Both:
@@ -296,7 +301,7 @@ def _latency(each: Latency) -> Both:
     return say(
         "diff_latency",
         device=escape(each.device),
-        operation=each.operation,
+        operation=operation(each.operation),
         medians=f"{each.medians[0]:.1f} -> {each.medians[1]:.1f}",
         p95=f"{each.p95[0]:.1f} -> {each.p95[1]:.1f}",
         a=str(each.counts[0]),
@@ -386,6 +391,8 @@ def _page(found: Difference, lang: str, everything: bool) -> str:
         lang=lang,
         everything=everything,
         word=word,
+        state=lambda each: state(each).text(lang),
+        operation=lambda each: operation(each).text(lang),
         rules=spec.rules(),
         version=__version__,
         verdict=verdict(found).text(lang),

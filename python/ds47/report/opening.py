@@ -44,7 +44,7 @@ class Opening:
         self._paint = paint
 
     def verdict(self, counts: Counts) -> str:
-        """`NOT OK: 1 drive, 452 jobs, 412 refused`."""
+        """`NOT OK: 1 drive, 452 transactions, 412 refused`."""
         return self._paint(COLORS[counts.level], verdict(counts).text(self._lang))
 
     def lines(self, result: CaptureResult) -> Iterator[str]:
@@ -74,13 +74,13 @@ class Opening:
         known = {each.ip: each for each in result.devices}
         drives = [known.get(ip) or Device(ip) for ip in states]
         others = [each for each in result.devices if each.ip not in states]
-        errors = any(each.severity == "error" for each in result.findings)
-        counts = [self._counts(states[each.ip], errors) for each in drives]
+        smooth = Counts.of(result).smooth
+        counts = [self._counts(states[each.ip], smooth) for each in drives]
         yield from self._devices("drives_head", "more_drives", drives, counts)
         yield from self._devices("other_devices_head", "more_devices", others, [""] * len(others))
 
-    def _counts(self, states: Counter[str], errors: bool) -> str:
-        parts = [say("jobs", n=states.total()), *told(states, errors)]
+    def _counts(self, states: Counter[str], smooth: bool) -> str:
+        parts = [say("transactions", n=states.total()), *told(states, smooth=smooth)]
         return "  " + (", ", "，")[self._lang == "zh"].join(p.text(self._lang) for p in parts)
 
     def _devices(

@@ -281,7 +281,9 @@ def _sums(summed: dict[str, Any], lang: str) -> list[str]:
     states, findings = summed["states"], summed["findings"]
     work = joined([say("frames", n=summed["frames"]), say("transactions", n=sum(states.values()))])
     if states:
-        split = _words(states).joined(_words(summed["operations"]), "; ", "；")
+        split = _words(states, "state_").joined(
+            _words(summed["operations"], "operation_"), "; ", "；"
+        )
         work = work.joined(split, ": ", "：")
     found = say("findings", n=sum(findings.values()))
     if findings:
@@ -297,7 +299,7 @@ def _sums(summed: dict[str, Any], lang: str) -> list[str]:
 _ODD = ("quiet", "unreadable", "incomplete")
 
 
-def _words(counts: dict[str, int], words: str = "") -> Both:
+def _words(counts: dict[str, int], words: str) -> Both:
     return numbered({key: f"{number:,}" for key, number in counts.items()}, words)
 
 

@@ -1,33 +1,46 @@
-"""What the PLC saw of a job: the outputs of WRREC and RDREC as a program would see them.
+"""What the PLC saw of a transaction: the outputs of WRREC and RDREC as a program would see them.
 
-Derived from the transaction alone (docs/explain.md): every call of a block with DONE or VALID, ERROR,
-STATUS and LEN. What STATUS means is the business of `ds47.explain`; the words are in spec/report.toml.
+Derived from the transaction (docs/explain.md), from findings about calls that it does not show, and from
+what comes after it on its channel: every call of a block with DONE or VALID, ERROR, STATUS and LEN. What
+STATUS means is the business of `ds47.explain`; the words are in spec/report.toml.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
-from ds47.model import Transaction
+from ds47.model import CaptureResult, Finding, Transaction
 from ds47.report.bilingual import Both, joined, say
+from ds47.rules import family_fits
+from ds47.spec.semantics import limits
 
 NOT_READY: Final = 0xDE80B500
 """The STATUS of a poll: state conflict on a Read (docs/protocol.md E.1)."""
-REFUSED: Final = 0x80
-"""The bit of byte 1 of a response that says that something was refused (docs/protocol.md A.3)."""
+NEGATIVE: Final = 0x80
+"""The bit of byte 1 of a response that says that it is a negative one (docs/protocol.md A.3)."""
 
-OTHER: Final = "other"
+_LEFT_OUT: Final = {
+    "DS101": "unseen", "DS104": "fault", "DS105": "unseen", "DS108": "bare", "DS207": "empty",
+}  # fmt: skip
+"""Rules about a call that brought no record, and what the call ended with."""
+_IN_PART: Final = "DS105"
+_CUT: Final = "DS106"
+_HEADER: Final = (("mirror_reference", 0), ("mirror_axis", 2), ("mirror_count", 3))
+"""The bytes of a request that its response mirrors, but for byte 1."""
 
 
 class Call(NamedTuple):
     """One call of a block, or several that looked alike.
 
     `block` is "WRREC" or "RDREC"; `outcome` what it ended with:
-    `done` (DONE, VALID), `error`, `fault` (ERROR, the STATUS is made by the PLC), `busy` (until the block
-    gives up), `assumed` (done, though its response is not in the capture), `missing` (not in the capture),
-    `polled` (ERROR with DE80B500), `again` (VALID once more), `never`, `given_up` (not started, not
-    started again).
+    `done` (DONE, VALID), `cut` (the same, of which the capture has only a part), `error`, `fault` (ERROR,
+    the STATUS is made by the PLC), `bare` (a response without STATUS and record), `empty` (VALID without a
+    record), `busy` (until the block gives up), `ends` (no response before the capture ends), `unseen` (the
+    response, or a part of it, is not in the capture), `missing` (not in the capture), `polled` (ERROR with
+    DE80B500), `again` (VALID once more), `never`, `given_up` (not started, not started again),
+    `superseded` (no response before the next WRREC), `implicit` (a Read without an AR, which no block makes).
     """
 
     block: str
@@ -36,75 +49,178 @@ class Call(NamedTuple):
     times: int = 1
     length: int | None = None
     """LEN of RDREC: bytes in RECORD."""
+    captured: int | None = None
+    """How many of them the capture has."""
 
 
-def saw(item: Transaction) -> list[Call]:
-    """The calls of a job in their order."""
-    return [_write(item), *_reads(item)]
+class Witness:
+    """Tells what the PLC saw of each transaction of a result."""
+
+    def __init__(self, result: CaptureResult) -> None:
+        self._calls: dict[int, list[Finding]] = {}
+        """By transaction: the findings about calls that brought no record."""
+        self._lengths: dict[int, int] = {}
+        """Bytes of a record that the capture cut, by the frame of its Read response."""
+        for each in result.findings:
+            if each.rule in _LEFT_OUT and each.transaction is not None:
+                self._calls.setdefault(each.transaction, []).append(each)
+            elif each.rule == _CUT and "length" in each.args:
+                self._lengths[each.args["completed"]] = each.args["length"]
+        self._waits = _waits(result.transactions)
+
+    def saw(self, item: Transaction) -> list[Call]:
+        """The calls of a transaction in their order."""
+        if item.ar is None and item.frames.write_request is None:
+            length = len(item.response or b"")
+            return [Call("RDREC", "implicit", item.read_status, length=length)]
+        found = self._calls.get(item.id, [])
+        left_out, in_part = _left_out(item, found)
+        wait = "unseen" if in_part else self._waits.get(item.id, "unseen")
+        write = _write(item, found, left_out, wait)
+        return [write, *self._reads(item, left_out, wait)]
+
+    def text(self, item: Transaction) -> Both:
+        """`WRREC DONE, STATUS 00000000; RDREC 3 x ERROR, STATUS DE80B500; RDREC VALID ...`."""
+        return _told(tuple(self.saw(item)), remark(item))
+
+    def line(self, item: Transaction) -> Both:
+        """The same with `PLC: ` in front."""
+        return say("plc_line", calls=self.text(item))
+
+    def _reads(
+        self, item: Transaction, left_out: Sequence[tuple[int, Call]], wait: str
+    ) -> list[Call]:
+        frames = item.frames
+        calls = _before(item, left_out)
+        captured = len(item.response) if item.response is not None else 0
+        length = self._lengths.get(frames.read_response or 0, captured)
+        if frames.read_response is not None and item.read_status:
+            calls.append(Call("RDREC", "error", item.read_status))
+        elif frames.read_response is not None:
+            outcome = "cut" if captured < length else "done"
+            calls.append(Call("RDREC", outcome, 0, length=length, captured=captured))
+        elif frames.read_request is not None:
+            calls.append(Call("RDREC", "unseen" if wait == "busy" else wait))
+        elif item.state == "superseded":
+            calls.append(Call("RDREC", "superseded"))
+        elif not left_out:
+            calls.append(Call("RDREC", "given_up" if frames.polls else "never"))
+        if frames.rereads:
+            calls.append(Call("RDREC", "again", 0, len(frames.rereads), length))
+        return calls
 
 
-def _write(item: Transaction) -> Call:
+def _waits(transactions: Sequence[Transaction]) -> dict[int, str]:
+    """How long transactions without a response were waited for: "busy", "ends" or "unseen", by their id.
+
+    "ends" where nothing comes after it on its channel. "busy" where the capture is known to go on for the
+    time after which a request is given up, and nothing more came on the channel.
+    """
+    expiry = limits().transaction_expiry_ns
+    end = max((each.start_ns + (each.duration_ns or 0) for each in transactions), default=0)
+    after: dict[tuple[Any, ...], int] = {}
+    waits: dict[int, str] = {}
+    for item in reversed(transactions):
+        channel = (
+            item.controller, item.device, item.ar, item.api, item.slot, item.subslot, item.index,
+        )  # fmt: skip
+        following = after.get(channel)
+        after[channel] = item.start_ns
+        if item.state != "unanswered":
+            continue
+        known = end if following is None else following
+        waits[item.id] = "ends" if following is None else "unseen"
+        if known - item.start_ns > expiry:
+            waits[item.id] = "busy"
+    return waits
+
+
+def _left_out(item: Transaction, found: Sequence[Finding]) -> tuple[list[tuple[int, Call]], bool]:
+    """The Reads that brought no record and are none of the frames of a transaction, by their frame.
+
+    And whether a part of the response is there to the Read that is one of them.
+    """
+    frames = item.frames
+    shown = (
+        frames.write_request, frames.write_response, frames.read_request, frames.read_response,
+    )  # fmt: skip
+    out = [each for each in found if each.frame not in shown]
+    part = None
+    if frames.read_request is not None and frames.read_response is None:
+        part = next((each for each in out if each.rule == _IN_PART), None)
+    calls = [(each.frame, Call("RDREC", _LEFT_OUT[each.rule])) for each in out if each is not part]
+    return calls, part is not None
+
+
+def _before(item: Transaction, left_out: Sequence[tuple[int, Call]]) -> list[Call]:
+    """The Reads before the last one: polls, and those that brought nothing."""
+    polls = item.frames.polls
+    if not left_out:
+        return [Call("RDREC", "polled", NOT_READY, len(polls))] if polls else []
+    polled = [(frame or 0, Call("RDREC", "polled", NOT_READY)) for _, frame in polls]
+    calls: list[Call] = []
+    for _, call in sorted([*polled, *left_out], key=lambda each: each[0]):
+        if calls and calls[-1].outcome == call.outcome:
+            calls[-1] = call._replace(times=calls[-1].times + 1)
+        else:
+            calls.append(call)
+    return calls
+
+
+def _write(
+    item: Transaction, found: Sequence[Finding], left_out: Sequence[tuple[int, Call]], wait: str
+) -> Call:
     frames = item.frames
     if frames.write_request is None:
         return Call("WRREC", "missing")
     if item.write_status is not None:
         return Call("WRREC", "error" if item.write_status else "done", item.write_status)
     if frames.write_response is not None:
-        return Call("WRREC", "fault")
-    if frames.read_response is not None or frames.polls:
-        return Call("WRREC", "assumed")
-    return Call("WRREC", "busy")
+        bare = any(each.rule == "DS108" and each.frame == frames.write_response for each in found)
+        return Call("WRREC", "bare" if bare else "fault")
+    if left_out or frames.read_request is not None or frames.read_response is not None:
+        return Call("WRREC", "unseen")
+    return Call("WRREC", "unseen" if frames.polls else wait)
 
 
-def _reads(item: Transaction) -> list[Call]:
-    frames, calls = item.frames, []
-    if frames.polls:
-        calls.append(Call("RDREC", "polled", NOT_READY, len(frames.polls)))
-    length = len(item.response) if item.response is not None else 0
-    if frames.read_response is not None and item.read_status:
-        calls.append(Call("RDREC", "error", item.read_status))
-    elif frames.read_response is not None:
-        calls.append(Call("RDREC", "done", 0, length=length))
-    elif frames.read_request is not None:
-        calls.append(Call("RDREC", "busy"))
-    else:
-        calls.append(Call("RDREC", "given_up" if frames.polls else "never"))
-    if frames.rereads:
-        calls.append(Call("RDREC", "again", 0, len(frames.rereads), length))
-    return calls
+def not_mirrored(item: Transaction) -> list[Both]:
+    """What the response of a mismatch has otherwise than the request: reference, DO, count, ID."""
+    request, response = item.request or b"", item.response or b""
+    words = [
+        say(key)
+        for key, at in _HEADER
+        if at < len(request) and at < len(response) and request[at] != response[at]
+    ]
+    if len(request) > 1 and len(response) > 1 and not family_fits(request[1], response[1]):
+        words.append(say("mirror_id"))
+    return words or [say("mirror_count")]  # or there are more value blocks than addresses
 
 
-def remark(item: Transaction) -> str:
-    """What STATUS does not tell: OTHER (the record answers another request), or the response id that refuses."""
+def remark(item: Transaction) -> Both | None:
+    """What STATUS does not tell: that the record does not mirror the request, or is a negative response."""
     response = item.response
     if response is None or item.read_status:
-        return ""
+        return None
     if item.state == "mismatch":
-        return OTHER
-    return f"{response[1]:02X}" if len(response) > 1 and response[1] & REFUSED else ""
-
-
-def text(item: Transaction) -> Both:
-    """`WRREC DONE, STATUS 00000000; RDREC 3 x ERROR, STATUS DE80B500; RDREC VALID ...`."""
-    return _told(tuple(saw(item)), remark(item))
-
-
-def line(item: Transaction) -> Both:
-    """The same with `PLC: ` in front."""
-    return say("plc_line", calls=text(item))
+        return say("plc_other", what=joined(not_mirrored(item)))
+    if len(response) < 2 or not response[1] & NEGATIVE:
+        return None
+    key = "plc_negative_partial" if item.state == "partial" else "plc_negative"
+    return say(key, id=f"{response[1]:02X}")
 
 
 @lru_cache(maxsize=4096)
-def _told(calls: tuple[Call, ...], more: str) -> Both:
+def _told(calls: tuple[Call, ...], more: Both | None) -> Both:
     told = joined([_words(call) for call in calls], "; ", "；")
-    if not more:
-        return told
-    return told.joined(
-        say("plc_other") if more == OTHER else say("plc_refused", id=more), " - ", "，"
-    )
+    return told if more is None else told.joined(more, " - ", "，")
 
 
 def _words(call: Call) -> Both:
     kind = "write" if call.block == "WRREC" else "read"
-    status = f"{call.status or 0:08X}"
-    return say(f"plc_{kind}_{call.outcome}", n=call.times, status=status, length=call.length)
+    return say(
+        f"plc_{kind}_{call.outcome}",
+        n=call.times,
+        status=f"{call.status or 0:08X}",
+        length=call.length,
+        captured=call.captured,
+    )

@@ -9,6 +9,7 @@ that none of them can talk to the terminal.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, TextIO
 
 from ds47.model import (
@@ -22,7 +23,7 @@ from ds47.model import (
 from ds47.report import Options, causes, plc, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import json as contract
-from ds47.report.bilingual import Both, counted, joined, say
+from ds47.report.bilingual import Both, counted, joined, operation, say, state
 from ds47.report.filters import display_filter
 from ds47.report.latency import Latency
 from ds47.report.opening import Opening
@@ -32,6 +33,7 @@ from ds47.report.sentences import sentence
 from ds47.report.targets import Targets
 from ds47.report.verdict import Counts
 from ds47.report.words import duration, escape, message, parameter
+from ds47.report.wrap import columns
 
 LINE_LENGTH = 120
 """Parameters that make a line longer than this stand below it, one a line."""
@@ -67,7 +69,7 @@ class Writer(_Writer):
         self._header(result, counts)
         for line in self._opening.lines(result):
             self._line(line)
-        self._table(result.transactions)
+        self._table(result)
         self._findings(result.findings, Places(result.files))
         row = Row.of(result)
         durations = (each.duration_ns for each in result.transactions)
@@ -149,21 +151,23 @@ class Writer(_Writer):
             text = self._say("files_missing", n=file.missing_before, name=escape(name(file)))
             self._line("    " + self._paint("warning", text))
 
-    def _table(self, transactions: Sequence[Transaction]) -> None:
+    def _table(self, result: CaptureResult) -> None:
+        transactions = result.transactions
         if not transactions:
             return
+        witness = plc.Witness(result)
         self._line()
         self._title(self._say("transactions_head"))
-        columns = _Columns(transactions, Targets(transactions))
+        table = _Columns(transactions, Targets(transactions), self.options.lang)
         for each in transactions:
-            for line in self._transaction_lines(each, columns):
+            for line in self._transaction_lines(each, table):
                 self._line(line)
             if self.options.plc or each.state != "ok":
-                saw = plc.line(each).text(self.options.lang)
+                saw = witness.line(each).text(self.options.lang)
                 self._line("      " + self._paint("dim", saw))
 
-    def _transaction_lines(self, item: Transaction, columns: _Columns) -> list[str]:
-        left = columns.left(item)
+    def _transaction_lines(self, item: Transaction, table: _Columns) -> list[str]:
+        left = table.left(item)
         marks = [self._state(item)] if item.state != "ok" else []
         lang, written = self.options.lang, item.operation == "change"
         parts = [parameter(each, written, lang) for each in item.parameters]
@@ -183,7 +187,8 @@ class Writer(_Writer):
         ]
         words = " ".join(f"{word:08X}" for word in refusals)
         color = "error" if item.state in _SERIOUS_STATES else "warning"
-        return self._paint(color, f"[{item.state} {words}]" if words else f"[{item.state}]")
+        name = state(item.state).text(self.options.lang)
+        return self._paint(color, f"[{name} {words}]" if words else f"[{name}]")
 
     def _findings(self, findings: Sequence[Finding], places: Places) -> None:
         if not findings:
@@ -231,7 +236,7 @@ class Writer(_Writer):
         states, operations, findings = sums["states"], sums["operations"], sums["findings"]
         jobs = say("transactions", n=sum(states.values()))
         if states:
-            split = _counts(states).joined(_counts(operations), "; ", "；")
+            split = _counts(states, state).joined(_counts(operations, operation), "; ", "；")
             jobs = jobs.joined(split, ": ", "：")
         found = say("findings", n=sum(findings.values()))
         if findings:
@@ -245,9 +250,10 @@ class Writer(_Writer):
 class _Columns:
     """What the transactions of one capture need to be told apart, and how wide that is."""
 
-    def __init__(self, transactions: Sequence[Transaction], targets: Targets) -> None:
+    def __init__(self, transactions: Sequence[Transaction], targets: Targets, lang: str) -> None:
         self._targets = targets
-        self.operation = max(len(each.operation) for each in transactions)
+        self.lang = lang
+        self.operation = max(columns(_operation(each.operation, lang)) for each in transactions)
         self.number = max(len(str(each.id)) for each in transactions) + 1
         self.controllers = len({each.controller for each in transactions}) > 1
         self.slots = len({(each.api, each.slot, each.subslot) for each in transactions}) > 1
@@ -261,8 +267,14 @@ class _Columns:
     def left(self, item: Transaction) -> str:
         """The start of the line: number, operation, where to."""
         number = f"#{item.id}".ljust(self.number)
-        operation = item.operation.ljust(self.operation)
-        return f"{number} {operation}  {self._route(item).ljust(self.route)}"
+        word = _operation(item.operation, self.lang)
+        word += " " * (self.operation - columns(word))
+        return f"{number} {word}  {self._route(item).ljust(self.route)}"
+
+
+@lru_cache
+def _operation(word: str, lang: str) -> str:
+    return operation(word).text(lang)
 
 
 def _timing(item: Transaction) -> Both:
@@ -301,7 +313,7 @@ def _severity(word: str) -> Both:
     return say(f"severity_{word}")
 
 
-def _counts(counts: Mapping[str, int], shown: Callable[[str], Both] = Both.same) -> Both:
+def _counts(counts: Mapping[str, int], shown: Callable[[str], Both]) -> Both:
     """`4 ok, 1 error`; `shown` gives the words for a key."""
     told = (Both.same(str(number)).joined(shown(key), zh=" ") for key, number in counts.items())
     return joined(list(told))

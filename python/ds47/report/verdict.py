@@ -8,15 +8,23 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
-from ds47.model import CaptureResult
+from ds47.model import STATES, CaptureResult, Transaction
 from ds47.profinet.records import WRITE_MULTIPLE
-from ds47.report.bilingual import Both, joined, say
+from ds47.report.bilingual import Both, joined, say, state
 
 FAILED = ("refused", "error", "partial", "mismatch")
-"""States of a job that did not do what it was meant to do."""
+"""States of a transaction that did not do what it was meant to do."""
 OPEN = ("unanswered", "superseded")
-"""States of a job of which nobody knows what became of it."""
-_TOLD = ("refused", "error", "partial", "mismatch", "unanswered", "superseded", "orphan")
+"""States of a transaction of which nobody knows what became of it."""
+CALLS = ("DS101", "DS104", "DS105", "DS108", "DS207")
+"""Rules about a record call that brought nothing: where one did, not all is done."""
+KINDS = {
+    "ok": "good",
+    **dict.fromkeys(FAILED, "bad"),
+    **dict.fromkeys(OPEN, "open"),
+    "orphan": "orphan",
+}
+"""What each state means for who looks at a plot or at a figure."""
 LEVELS = ("none", "good", "warn", "bad")
 """From nothing to say to serious; names of classes in the style sheet of the page."""
 
@@ -33,6 +41,8 @@ class Counts:
     states: Counter[str] = field(default_factory=Counter)
     operations: Counter[str] = field(default_factory=Counter)
     severities: Counter[str] = field(default_factory=Counter)
+    calls: int = 0
+    """Findings about record calls that brought nothing."""
 
     @classmethod
     def of(cls, result: CaptureResult) -> Counts:
@@ -46,6 +56,7 @@ class Counts:
             states=Counter(each.state for each in result.transactions),
             operations=Counter(each.operation for each in result.transactions),
             severities=Counter(each.severity for each in result.findings),
+            calls=sum(each.rule in CALLS for each in result.findings),
         )
 
     def add(self, other: Counts) -> None:
@@ -58,16 +69,22 @@ class Counts:
         self.states += other.states
         self.operations += other.operations
         self.severities += other.severities
+        self.calls += other.calls
 
     @property
     def open(self) -> int:
-        """Jobs whose answer nobody has seen."""
-        return sum(self.states[state] for state in OPEN)
+        """Transactions whose response nobody has seen."""
+        return sum(self.states[word] for word in OPEN)
+
+    @property
+    def smooth(self) -> bool:
+        """Whether nothing went wrong on the way: no error was found, every record call brought its record."""
+        return not self.severities["error"] and not self.calls
 
     @property
     def level(self) -> str:
         """One of LEVELS."""
-        if self.severities["error"] or any(self.states[state] for state in FAILED):
+        if self.severities["error"] or any(self.states[word] for word in FAILED):
             return "bad"
         if self.severities["warning"] or self.unreadable or self.open:
             return "warn"
@@ -75,32 +92,38 @@ class Counts:
 
 
 def verdict(counts: Counts) -> Both:
-    """One line: `NOT OK: 1 drive, 452 jobs, 412 refused`."""
+    """One line: `NOT OK: 1 drive, 452 transactions, 412 refused`."""
     head = say(f"verdict_{counts.level}")
     if not counts.jobs:
         tail = say("verdict_no_jobs")
     else:
-        parts = [say("drives", n=len(counts.drives)), say("jobs", n=counts.jobs)]
-        tail = joined([*parts, *told(counts.states, bool(counts.severities["error"]))])
+        parts = [say("drives", n=len(counts.drives)), say("transactions", n=counts.jobs)]
+        tail = joined([*parts, *told(counts.states, smooth=counts.smooth)])
     if counts.unreadable:
         tail = joined([tail, say("told_unreadable", n=counts.unreadable)])
     return head.joined(tail, ": ", "：")
 
 
-def told(states: Counter[str], errors: bool) -> list[Both]:
-    """What became of jobs that did not end well; where all did, that they are done.
+def told(states: Counter[str], *, smooth: bool) -> list[Both]:
+    """What became of transactions that did not end well; where all did, that they are done.
 
-    Of a capture with findings of severity error no more is said than that they were answered.
+    Of a capture that is not `Counts.smooth` no more is said than that all have a response.
     """
-    parts = [say(f"told_{state}", n=states[state]) for state in _TOLD if states[state]]
-    return parts or [say("told_all_answered" if errors else "told_all_done")]
+    return by_state(states, but=("ok",)) or [
+        say("told_all_done" if smooth else "told_all_answered")
+    ]
+
+
+def by_state(states: Counter[str], but: tuple[str, ...] = ()) -> list[Both]:
+    """`84 ok`, `3 error`: how many transactions have each state, in the order of the table."""
+    words = [word for word in STATES if states[word] and word not in but]
+    return [say("told_state", n=states[word], state=state(word)) for word in words]
 
 
 def blind(result: CaptureResult) -> list[Both]:
     """What this capture, other than another one, cannot show: nobody should conclude from its silence."""
-    counts = Counter(each.operation for each in result.transactions)
     lines = []
-    if counts["change"]:
+    if any(_accepted(each) for each in result.transactions):
         lines.append(say("blind_effect"))
     if result.dropped is None:
         lines.append(say("blind_drops"))
@@ -120,6 +143,11 @@ def blind(result: CaptureResult) -> list[Both]:
     if other:
         lines.append(say("blind_records", n=other))
     return lines
+
+
+def _accepted(item: Transaction) -> bool:
+    """Whether the drive accepted at least one value that was written."""
+    return item.operation == "change" and item.state in ("ok", "partial")
 
 
 def _other_records(result: CaptureResult) -> int:

@@ -12,10 +12,11 @@ from typing import TextIO
 
 from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Finding, Transaction
 from ds47.report import Options, json, ndjson, text
-from ds47.report.bilingual import Both, joined, numbered, say
+from ds47.report.bilingual import Both, joined, numbered, operation, say
 from ds47.report.opening import about
 from ds47.report.sentences import sentence
 from ds47.report.words import duration, escape, message
+from ds47.report.wrap import columns
 
 _DIGITS = 3
 """Digits that are kept of a duration: so there is a bounded number of different ones."""
@@ -58,8 +59,8 @@ class Tally:
         """The summary after so many frames, its heading first."""
         jobs = say("transactions", n=self.states.total())
         if self.states.total():
-            split = _counts(STATES, self.states)
-            split = split.joined(_counts(OPERATIONS, self.operations), "; ", "；")
+            split = _counts(STATES, self.states, "state_")
+            split = split.joined(_counts(OPERATIONS, self.operations, "operation_"), "; ", "；")
             jobs = jobs.joined(split, ": ", "：")
         found = say("findings", n=self.severities.total())
         if self.severities.total():
@@ -91,7 +92,7 @@ class TextShow(text.Writer):
     def __init__(self, stream: TextIO, options: Options | None = None) -> None:
         super().__init__(stream, options)
         self.tally = Tally()
-        self._columns = _Growing()
+        self._columns = _Growing(self.options.lang)
 
     def finished(self, transaction: Transaction, findings: list[Finding]) -> None:
         """A transaction is finished."""
@@ -205,8 +206,9 @@ Show = TextShow | NdjsonShow
 class _Growing(text._Columns):
     """Columns for transactions that nobody has seen yet: they only get wider."""
 
-    def __init__(self) -> None:
-        self.operation = len("change")
+    def __init__(self, lang: str) -> None:
+        self.lang = lang
+        self.operation = columns(operation("change").text(lang))
         self.number = 3
         self.controllers = False
         self.slots = False
@@ -220,10 +222,10 @@ class _Growing(text._Columns):
             self._first = item.controller, place
         self.controllers = self.controllers or item.controller != self._first[0]
         self.slots = self.slots or place != self._first[1]
-        self.operation = max(self.operation, len(item.operation))
+        self.operation = max(self.operation, columns(operation(item.operation).text(self.lang)))
         self.number = max(self.number, len(str(item.id)) + 1)
         self.route = max(self.route, len(self._route(item)))
 
 
-def _counts(order: Sequence[str], counts: Counter[str], words: str = "") -> Both:
+def _counts(order: Sequence[str], counts: Counter[str], words: str) -> Both:
     return numbered({key: str(counts[key]) for key in order if counts[key]}, words)

@@ -17,7 +17,7 @@ from ds47.report.html import embed, plots
 from ds47.report.html.texts import Words
 from ds47.report.html.views import CaptureView, Overview, capture_view, to_do, worst_first
 from ds47.report.html.views.problems import FIRST_SCREEN
-from ds47.report.verdict import LEVELS
+from ds47.report.verdict import KINDS, LEVELS
 from ds47.report.words import count, duration, escape
 
 ROWS = 100_000
@@ -99,6 +99,7 @@ def page(overview: list[Overview], views: list[CaptureView], lang: str) -> str:
         "library": library,
         "words": embed.as_json(words.for_script()),
         "levels": LEVELS,
+        "kinds": KINDS,
         "overview": sorted(overview, key=worst_first),
         "to_do": to_do(overview),
         "first_screen": FIRST_SCREEN,

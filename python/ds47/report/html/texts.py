@@ -17,6 +17,8 @@ from markupsafe import Markup, escape
 from ds47.report.bilingual import LANGUAGES, Both, filled, joined
 from ds47.spec.reporting import report_words
 
+_FOR_SCRIPT = ("js_", "state_", "about_", "operation_")
+
 __all__ = ["LANGUAGES", "Both", "Words", "joined", "say", "texts"]
 
 
@@ -56,8 +58,10 @@ class Words:
         return Markup(start).format(now, *text)
 
     def for_script(self) -> dict[str, dict[str, str]]:
-        """The texts that the script needs: those whose key begins with `js_`."""
-        return {
-            lang: {key[3:]: words[lang] for key, words in texts().items() if key.startswith("js_")}
-            for lang in LANGUAGES
+        """The texts that the script needs: those whose key begins with `js_`, states and operations."""
+        found = {
+            key.removeprefix("js_"): words
+            for key, words in texts().items()
+            if key.startswith(_FOR_SCRIPT)
         }
+        return {lang: {key: words[lang] for key, words in found.items()} for lang in LANGUAGES}

@@ -26,7 +26,7 @@ from ds47.report.html.views.rows import packed_rows
 from ds47.report.latency import percentile
 from ds47.report.overview import Row
 from ds47.report.targets import Targets
-from ds47.report.verdict import LEVELS, Counts, blind, verdict
+from ds47.report.verdict import KINDS, LEVELS, Counts, blind, verdict
 from ds47.report.words import escape
 
 
@@ -114,9 +114,11 @@ def capture_view(result: CaptureResult, number: int, most_rows: int) -> CaptureV
     data = packed_rows(result, vendors, most_rows, targets)
     data["elements"] = table
     data["messages"] = _by_transaction(found)
+    counts = Counts.of(result)
+    data["totals"] = {"transactions": counts.jobs, "states": counts.states}
+    data["kinds"] = KINDS
     remarks = quality(result)
     worst = max((LEVELS.index(each.level) for each in remarks), default=0)
-    counts = Counts.of(result)
     wrong = problems(result, vendors, targets)
     told = first_screen(wrong)
     durations = sorted(

@@ -6,11 +6,11 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from ds47.model import CaptureResult, Device, Transaction
-from ds47.report.html.texts import Both, say
+from ds47.report.html.texts import Both, joined, say
 from ds47.report.json import timestamp
 from ds47.report.latency import percentile
 from ds47.report.targets import ANSWERED, Targets
-from ds47.report.verdict import FAILED
+from ds47.report.verdict import by_state
 
 
 @dataclass(slots=True)
@@ -26,18 +26,18 @@ class Drive:
     durations: list[int] = field(default_factory=list)
 
     @property
-    def failed(self) -> int:
-        """Jobs that did not do what they were meant to do, refusals aside."""
-        return sum(self.states[state] for state in FAILED if state != "refused")
+    def outcomes(self) -> Both:
+        """How many of its transactions have each state."""
+        return joined(by_state(self.states))
 
     @property
     def median(self) -> int | None:
-        """The middle of the times from request to answer, in ns."""
+        """The middle of the times from request to response, in ns."""
         return percentile(self.durations, 50) if self.durations else None
 
     @property
     def slowest(self) -> int | None:
-        """The longest time from request to answer, in ns."""
+        """The longest time from request to response, in ns."""
         return self.durations[-1] if self.durations else None
 
 
@@ -68,7 +68,7 @@ def _count(drive: Drive, item: Transaction, targets: Targets) -> None:
 
 
 def span(result: CaptureResult) -> Both | None:
-    """When the first job began and how long after it the last one did."""
+    """When the first transaction began and how long after it the last one did."""
     starts = [each.start_ns for each in result.transactions]
     if not starts:
         return None

@@ -1,4 +1,4 @@
-"""Parameter by parameter: what was read, written and refused, and what it held last.
+"""Parameter by parameter: what was read and written, with what outcome, and what it held last.
 
 An element is one subindex of a parameter on one drive object; an array is as many elements as
 were asked for.
@@ -7,7 +7,7 @@ were asked for.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from ds47 import spec
@@ -19,8 +19,6 @@ from ds47.report.words import value
 
 MOST = 20_000
 """Elements that a page lists."""
-UNSURE = ("unanswered", "superseded")
-"""States of a change after which nobody knows what the drive holds."""
 WIDEST = 256
 """Elements of one access that are told apart."""
 
@@ -32,12 +30,19 @@ class Element:
     first: Parameter
     """The access that showed it first: its name and unit."""
     reads: int = 0
-    writes: int = 0
-    refused: int = 0
+    """How often it was read."""
+    accepted: int = 0
+    """Changes that the drive accepted."""
+    negative: list[int] = field(default_factory=lambda: [0, 0])
+    """Negative responses, with an error number: of reads and of changes;"""
+    sent: list[int] = field(default_factory=lambda: [0, 0])
+    """requests whose response was not fetched, or does not say what became of it;"""
+    refused: list[int] = field(default_factory=lambda: [0, 0])
+    """and those of which the record call was refused."""
     last: tuple[Transaction, Parameter, int] | None = None
     """The last value: where it stands."""
     failed: tuple[Transaction, Parameter] | None = None
-    """The last refusal."""
+    """The last error number or negative STATUS."""
 
 
 Key = tuple[Identity, int, int]
@@ -54,6 +59,8 @@ def elements(
     for item in result.transactions:
         if item.state in ("mismatch", "orphan"):
             continue  # whose values these are is not known
+        if item.operation not in ("read", "change"):
+            continue  # what a service of a vendor does with a parameter is not known either
         for each in item.parameters:
             if each.pnu is not None and each.attribute == "value":
                 _note(found, left_out, item, each, targets.identity(item, each.pnu))
@@ -85,15 +92,19 @@ def _note(
 
 def _count(element: Element, item: Transaction, each: Parameter, number: int) -> None:
     change = item.operation == "change"
-    if change:
-        element.writes += 1
-    else:
-        element.reads += 1
-    if item.state == "refused" or each.error is not None:
-        element.refused += 1
+    if item.state == "refused":
+        element.refused[change] += 1
         element.failed = (item, each)
-    elif number < len(each.values) and not (change and item.state in UNSURE):
-        element.last = (item, each, number)
+    elif each.error is not None:
+        element.negative[change] += 1
+        element.failed = (item, each)
+    elif item.state not in ("ok", "partial"):
+        element.sent[change] += 1
+    else:
+        element.accepted += change
+        element.reads += not change
+        if number < len(each.values):
+            element.last = (item, each, number)
 
 
 def _width(each: Parameter) -> int:
@@ -110,7 +121,7 @@ def _row(key: Key, name: str, element: Element, vendor: int | None) -> list[Any]
     return [
         about.device, name, pnu, subindex,
         *messages.name(element.first), element.first.unit,
-        element.reads, element.writes, element.refused,
+        element.reads, element.accepted, element.negative, element.sent, element.refused,
         last and _text(last[1], last[2]), int(bool(last and last[0].operation == "change")), last and last[0].id,
         failed and _error(*failed, vendor), failed and failed[0].id,
     ]  # fmt: skip

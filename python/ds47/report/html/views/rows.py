@@ -44,7 +44,8 @@ def packed_rows(
     stations = {each.ip: each.station for each in result.devices}
     targets = targets or Targets(result.transactions)
     tables = _Tables(vendors, stations, targets, targets.labels(result.transactions))
-    rows = [_row(each, base, tables) for each in items]
+    witness = plc.Witness(result)
+    rows = [_row(each, base, tables, witness) for each in items]
     return {
         "row": ROW,
         "rows": rows,
@@ -122,7 +123,7 @@ def _address(
     return [address(item), pnu, subindex, attribute, count, *messages.name(item), unit, format_name]
 
 
-def _row(item: Transaction, base: int, tables: _Tables) -> list[Any]:
+def _row(item: Transaction, base: int, tables: _Tables, witness: plc.Witness) -> list[Any]:
     place = tables.place
     frames = item.frames
     vendor = tables.vendors.get(item.device)
@@ -149,7 +150,7 @@ def _row(item: Transaction, base: int, tables: _Tables) -> list[Any]:
         _hex(item.response),
         [_parameter(each, tables, vendor) for each in item.parameters],
         [place("rules", rule) for rule in item.findings],
-        place("plc", plc.line(item)),
+        place("plc", witness.line(item)),
         place("objects", tables.targets.identity(item)),
     ]
 

@@ -35,6 +35,20 @@ function say(key, values = {}) {
   return text.replace(/\{(\w+)\}/g, (all, name) => (name in values ? String(values[name]) : all));
 }
 
+/** The name of a state of a transaction, that of every report. */
+function stateName(state) {
+  return say(`state_${state}`);
+}
+
+function operationName(operation) {
+  return say(`operation_${operation}`);
+}
+
+/** `84 ok, 3 error`, of pairs of a number and a word. */
+function told(pairs) {
+  return pairs.map(([n, word]) => say("told", { n: grouped(n), word })).join(say("separator"));
+}
+
 /** One of two texts that stand side by side as [English, Chinese]. */
 function either(texts, start = 0) {
   return texts[start + (language() === "zh" ? 1 : 0)];

@@ -1,6 +1,14 @@
-// The table of parameters: what each held last, how often it was read, changed and refused.
+// The table of parameters: what each held last, how often it was read and changed, and with what outcome.
 
-const ELEMENT = ["device", "object", "pnu", "subindex", "en", "zh", "unit", "reads", "writes", "refused", "last", "written", "last_in", "error", "error_in"];
+const ELEMENT = ["device", "object", "pnu", "subindex", "en", "zh", "unit", "reads", "accepted", "negative", "sent", "refused", "last", "written", "last_in", "error", "error_in"];
+
+const KIND_OF = { negative: "error", sent: "unanswered", refused: "refused" };
+
+/** `1 read, 2 change`; 0 where there is neither. */
+function splitText([reads, changes]) {
+  const pairs = [[reads, operationName("read")], [changes, operationName("change")]].filter(([n]) => n);
+  return pairs.length ? told(pairs) : "0";
+}
 
 function parameterTable(place, capture) {
   const stations = new Map(capture.devices);
@@ -8,6 +16,11 @@ function parameterTable(place, capture) {
   const drive = (row) => (stations.get(row.device) || row.device) + (row.object ? ` ${row.object}` : "");
   const job = (id) => (id === null ? [] : [" ", el("a", { href: `#job-${capture.number}-${id}` }, `#${id}`)]);
   const count = (name, words) => ({ key: name, words, number: true, value: (row) => row[name], text: (row) => grouped(row[name]) });
+  // Pairs of reads and changes.
+  const split = (name, words) => ({
+    key: name, words, number: true, value: (row) => row[name][0] + row[name][1],
+    cell: (row) => el("span", { class: row[name][0] + row[name][1] ? `state ${KIND_OF[name]}` : null }, splitText(row[name])),
+  });
   const name = (row) => either([row.en, row.zh]);
   const choices = [...new Map(rows.map((row) => [`${row.device}/${row.object}`, drive(row)]))];
   return new Table(place, {
@@ -16,8 +29,8 @@ function parameterTable(place, capture) {
       { key: "drive", words: "col_device", class: "keep", value: (row) => drive(row), text: (row) => drive(row) },
       { key: "parameter", words: "col_parameter", class: "mono", value: (row) => row.pnu * 65536 + row.subindex, text: (row) => `p${row.pnu}[${row.subindex}]` },
       { key: "name", words: "col_name", value: name, text: name },
-      count("reads", "col_reads"), count("writes", "col_writes"),
-      { ...count("refused", "col_refused"), cell: (row) => el("span", { class: row.refused ? "state refused" : null }, grouped(row.refused)) },
+      count("reads", "col_reads"), count("accepted", "col_accepted"),
+      split("negative", "col_negative"), split("sent", "col_sent"), split("refused", "col_refused"),
       {
         key: "last", words: "col_last", class: "value", value: (row) => (row.last === null || Number.isNaN(Number(row.last)) ? row.last : Number(row.last)),
         cell: (row) => (row.last === null ? "" : el("span", {}, row.written ? ":= " : "", row.last, row.unit ? ` ${row.unit}` : "", job(row.last_in))),

@@ -2,12 +2,11 @@
 //
 // Backgrounds are transparent and the colours fit light and dark, so that a change of theme, and paper, need nothing.
 
-const COLOR = { good: "#2e9e5b", bad: "#d9483b", open: "#d08a1d", read: "#2f7fd1", change: "#9a5fd0", axis: "#7b8794", grid: "rgba(123,135,148,.28)" };
+const COLOR = { good: "#2e9e5b", bad: "#d9483b", open: "#d08a1d", read: "#2f7fd1", change: "#9a5fd0", orphan: "#9aa4ae", sent: "#d08a1d", axis: "#7b8794", grid: "rgba(123,135,148,.28)" };
 const MOST_POINTS = 6000;
 const MOST_PICKED = 3000;
 const BINS = 48;
-const UNSURE = ["unanswered", "superseded"];
-const FAILED = ["partial", "error", "mismatch", "refused"];
+const LOAD_KINDS = ["good", "orphan", "open", "bad"];
 let libraryReady = null;
 
 /** The plotting library, started once. */
@@ -137,7 +136,7 @@ class Plots {
       if (!rows.length) continue;
       const points = thinned(rows.map((row) => ({ x: capture.get(row, "start") / 1e6, y: capture.get(row, "duration") / 1000, id: capture.get(row, "id") })));
       if (points.length < rows.length) about.append(` ${say("plot_thinned", { n: grouped(points.length), all: grouped(rows.length) })}`);
-      this.points(figure, points, operation === "change" ? "change" : "read", say(operation), operation === "change" ? "diamond" : "circle", "ms");
+      this.points(figure, points, operation === "change" ? "change" : "read", operationName(operation), operation === "change" ? "diamond" : "circle", "ms");
     }
     this.legend(figure);
     this.show(figure, canvas);
@@ -153,7 +152,7 @@ class Plots {
     return new this.bokeh.ColumnDataSource({ data });
   }
 
-  /** Marks that open their job when they are clicked. */
+  /** Marks that open their transaction when they are clicked. */
   points(figure, points, color, words, marker, unit) {
     const data = { x: points.map(({ x }) => x), y: points.map(({ y }) => y), id: points.map(({ id }) => id) };
     const source = this.source(data);
@@ -178,26 +177,26 @@ class Plots {
     }
     const seconds = Math.max(end - begin, 1e-3);
     const width = (seconds * 1.0001) / BINS;
-    const kinds = { good: new Array(BINS).fill(0), open: new Array(BINS).fill(0), bad: new Array(BINS).fill(0) };
-    const sums = { good: 0, open: 0, bad: 0 };
+    const kinds = Object.fromEntries(LOAD_KINDS.map((kind) => [kind, new Array(BINS).fill(0)]));
     for (const row of capture.rows) {
-      const state = capture.state(row);
-      const kind = FAILED.includes(state) ? "bad" : state === "ok" ? "good" : "open";
-      sums[kind] += 1;
+      const kind = capture.kinds[capture.state(row)];
       kinds[kind][Math.min(BINS - 1, Math.floor((capture.get(row, "start") / 1e6 - begin) / width))] += 1;
     }
-    const text = say("plot_load_text", { n: grouped(capture.rows.length), seconds: seconds.toFixed(1), bad: grouped(sums.bad), open: grouped(sums.open) });
+    const { transactions, states } = capture.totals; // of all, listed or not
+    const seen = capture.states.filter((state) => states[state]);
+    const text = say("plot_load_text", { n: grouped(transactions), seconds: seconds.toFixed(1), states: told(seen.map((state) => [states[state], stateName(state)])) });
     const [canvas] = this.frame("plot_load", text, { broad: false });
     const figure = this.figure(say("plot_seconds"), say("plot_jobs"));
     let bottom = new Array(BINS).fill(0);
     const left = bottom.map((_, number) => begin + number * width);
     const right = bottom.map((_, number) => begin + (number + 1) * width);
-    for (const [kind, words] of [["good", "plot_good"], ["open", "plot_open"], ["bad", "plot_bad"]]) {
-      if (!sums[kind]) continue;
+    for (const kind of LOAD_KINDS) {
+      if (!kinds[kind].some(Boolean)) continue;
+      const words = seen.filter((state) => capture.kinds[state] === kind).map(stateName).join(say("separator"));
       const top = bottom.map((value, number) => value + kinds[kind][number]);
       const source = this.source({ left, right, bottom, top, count: kinds[kind] });
-      const bars = figure.quad({ field: "left" }, { field: "right" }, { field: "bottom" }, { field: "top" }, { source, fill_color: COLOR[kind], fill_alpha: 0.8, line_color: null, legend_label: say(words) });
-      this.hover(figure, [bars], [["s", "@left{0.0} – @right{0.0}"], [say(words), "@count"]]);
+      const bars = figure.quad({ field: "left" }, { field: "right" }, { field: "bottom" }, { field: "top" }, { source, fill_color: COLOR[kind], fill_alpha: 0.8, line_color: null, legend_label: words });
+      this.hover(figure, [bars], [["s", "@left{0.0} – @right{0.0}"], [words, "@count"]]);
       bottom = top;
     }
     this.legend(figure);
@@ -211,11 +210,12 @@ class Plots {
     const found = new Map();
     for (const row of capture.rows) {
       const state = capture.state(row);
-      if (state === "mismatch" || state === "orphan") continue;
+      if (state === "mismatch" || state === "orphan" || !["read", "change"].includes(capture.operation(row))) continue;
       const change = capture.operation(row) === "change";
       for (const item of capture.parameters(row)) {
         if (item.pnu === null || item.attribute !== "value") continue;
         const refused = change && (item.error !== null || state === "refused");
+        const unsure = change && !["ok", "partial"].includes(state);
         item.values.forEach((value, number) => {
           const y = item.scaled ? Number.parseFloat(item.scaled[number]) : Number(value);
           if (!Number.isFinite(y) || value === "") return;
@@ -225,8 +225,8 @@ class Plots {
           if (!found.has(key)) {
             found.set(key, { key, pnu: item.pnu, subindex, names: item.names, unit: item.unit, drive: global ? capture.drive(row) : capture.target(row), points: [], kinds: new Set() });
           }
-          const kind = refused ? "refused" : change ? "written" : "read";
-          found.get(key).points.push({ x: (capture.get(row, "start") + (capture.get(row, "duration") || 0)) / 1e6, y, id: capture.get(row, "id"), kind, unsure: UNSURE.includes(state) });
+          const kind = refused ? "refused" : unsure ? "sent" : change ? "written" : "read";
+          found.get(key).points.push({ x: (capture.get(row, "start") + (capture.get(row, "duration") || 0)) / 1e6, y, id: capture.get(row, "id"), kind });
           found.get(key).kinds.add(kind);
         });
       }
@@ -258,15 +258,15 @@ class Plots {
     let [low, high] = [Infinity, -Infinity];
     for (const { y } of series.points) [low, high] = [Math.min(low, y), Math.max(high, y)];
     const unit = series.unit ? ` ${series.unit}` : "";
-    const text = say("plot_value_text", { n: grouped(series.points.length), read: grouped(count("read")), written: grouped(count("written")), refused: grouped(count("refused")), low: low + unit, high: high + unit });
+    const text = say("plot_value_text", { n: grouped(series.points.length), read: grouped(count("read")), written: grouped(count("written")), sent: grouped(count("sent")), refused: grouped(count("refused")), low: low + unit, high: high + unit });
     canvas.setAttribute("aria-label", `${say("plot_value")}, p${series.pnu}[${series.subindex}]: ${text}`);
     this.valueAbout.textContent = text;
     const figure = this.figure(say("plot_seconds"), `p${series.pnu}[${series.subindex}]${series.unit ? ` (${series.unit})` : ""}`);
-    const taken = thinned(series.points.filter((point) => point.kind !== "refused").sort((a, b) => a.x - b.x));
-    if (taken.length > 1) {
-      figure.step({ field: "x" }, { field: "y" }, "after", { source: this.source({ x: taken.map(({ x }) => x), y: taken.map(({ y }) => y) }), line_color: COLOR.axis, line_alpha: 0.55 });
+    const known = thinned(series.points.filter((point) => point.kind === "read" || point.kind === "written").sort((a, b) => a.x - b.x));
+    if (known.length > 1) {
+      figure.step({ field: "x" }, { field: "y" }, "after", { source: this.source({ x: known.map(({ x }) => x), y: known.map(({ y }) => y) }), line_color: COLOR.axis, line_alpha: 0.55 });
     }
-    for (const [kind, color, words, marker] of [["read", "read", "plot_read", "circle"], ["written", "change", "plot_written", "diamond"], ["refused", "bad", "plot_not_taken", "x"]]) {
+    for (const [kind, color, words, marker] of [["read", "read", "plot_read", "circle"], ["written", "change", "plot_written", "diamond"], ["sent", "sent", "plot_sent", "triangle"], ["refused", "bad", "plot_not_taken", "x"]]) {
       const points = thinned(series.points.filter((point) => point.kind === kind));
       if (points.length) this.points(figure, points, color, say(words), marker, series.unit || "=");
     }

@@ -34,7 +34,7 @@ function steps(capture, row) {
 }
 
 function outcome(state) {
-  return ["ok", "partial", "error", "mismatch"].includes(state) ? say(state) : "";
+  return ["ok", "partial", "error", "mismatch"].includes(state) ? stateName(state) : "";
 }
 
 /** The drawing. */

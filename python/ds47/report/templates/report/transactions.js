@@ -1,6 +1,4 @@
-// The table of jobs, and what one of them shows when it is opened.
-
-const PROBLEM_STATES = ["partial", "error", "mismatch", "refused", "unanswered", "superseded", "orphan"];
+// The table of transactions, and what one of them shows when it is opened.
 
 function transactionTable(place, capture) {
   const get = (row, name) => capture.get(row, name);
@@ -9,11 +7,11 @@ function transactionTable(place, capture) {
     columns: [
       { key: "id", words: "col_id", value: (row) => get(row, "id"), cell: (row, open) => expander(capture, row, open) },
       { key: "start", words: "col_start", number: true, value: (row) => get(row, "start"), text: (row) => `${(get(row, "start") / 1e6).toFixed(3)} s` },
-      { key: "operation", words: "col_operation", value: (row) => capture.operation(row), text: (row) => say(capture.operation(row)) },
+      { key: "operation", words: "col_operation", value: (row) => capture.operation(row), text: (row) => operationName(capture.operation(row)) },
       { key: "device", words: "col_device", class: capture.manyControllers ? null : "keep", value: (row) => capture.drive(row), text: (row) => (capture.manyControllers ? `${capture.controller(row)} → ${capture.drive(row)}` : capture.drive(row)) },
       { key: "axis", words: "col_axis", number: true, value: (row) => get(row, "axis"), text: (row) => (get(row, "axis") === null ? "" : String(get(row, "axis"))) },
       { key: "what", words: "col_what", class: "what", value: (row) => summary(capture, row), cell: (row) => what(capture, row) },
-      { key: "state", words: "col_state", value: (row) => get(row, "state"), cell: (row) => el("span", { class: `state ${capture.state(row)}` }, say(capture.state(row))) },
+      { key: "state", words: "col_state", value: (row) => get(row, "state"), cell: (row) => stateCell(capture.state(row)) },
       { key: "duration", words: "col_duration", number: true, value: (row) => get(row, "duration"), text: (row) => (get(row, "duration") === null ? "" : duration(get(row, "duration"))) },
       { key: "frames", words: "col_frames", number: true, value: (row) => capture.frames(row)[0], text: (row) => framesText(capture.frames(row)) },
       { key: "findings", words: "col_findings", class: "mono", value: (row) => capture.rulesOf(row).map(([rule]) => rule).join(" "), cell: (row) => ruleLinks(capture, row) },
@@ -21,7 +19,7 @@ function transactionTable(place, capture) {
     filters: [
       {
         words: "outcome", choices: () => [["", say("all")], ["problems", say("problems")], ...present(capture, "state", capture.states)],
-        fits: (row, value) => (value === "problems" ? PROBLEM_STATES.includes(capture.state(row)) || get(row, "findings").length > 0 : capture.state(row) === value),
+        fits: (row, value) => (value === "problems" ? capture.state(row) !== "ok" || get(row, "findings").length > 0 : capture.state(row) === value),
       },
       { words: "operation", choices: () => [["", say("all")], ...present(capture, "operation", capture.operations)], fits: (row, value) => capture.operation(row) === value },
       { words: "drive", choices: () => [["", say("all")], ...places(capture)], fits: (row, value) => String(get(row, "object")) === value },
@@ -32,9 +30,14 @@ function transactionTable(place, capture) {
   return table;
 }
 
+/** The name of a state with what it means. */
+function stateCell(state) {
+  return el("span", { class: `state ${state}`, title: say(`about_${state}`) }, stateName(state));
+}
+
 function present(capture, field, names) {
   const found = new Set(capture.rows.map((row) => capture.get(row, field)));
-  return names.flatMap((name, place) => (found.has(place) ? [[name, say(name)]] : []));
+  return names.flatMap((name, place) => (found.has(place) ? [[name, say(`${field}_${name}`)]] : []));
 }
 
 function places(capture) {
@@ -59,7 +62,7 @@ function ruleLinks(capture, row) {
   return capture.rulesOf(row).flatMap(([rule], number) => [number ? " " : "", el("a", { href: `#finding-${capture.number}-${rule}` }, rule)]);
 }
 
-/** What a job asked and got, as nodes: the first parameters, the failed ones marked. */
+/** What a transaction asked and got, as nodes: the first parameters, the failed ones marked. */
 function what(capture, row) {
   const items = capture.parameters(row);
   const nodes = items.slice(0, 3).map((item) => el("div", {}, ...parameterNodes(capture, row, item)));
@@ -83,11 +86,11 @@ function summary(capture, row) {
 function haystack(capture, row) {
   const statuses = ["write_status", "read_status"].map((name) => capture.status(row, name)).filter((status) => status && status[0] !== "00000000").flat();
   const items = capture.parameters(row).flatMap((item) => [item.text, ...item.names, capture.valuesText(item, 64), item.error ? capture.errorText(item.error) : ""]);
-  return [`#${capture.get(row, "id")}`, capture.operation(row), capture.state(row), say(capture.state(row)), capture.controller(row),
+  return [`#${capture.get(row, "id")}`, capture.operation(row), capture.state(row), operationName(capture.operation(row)), stateName(capture.state(row)), capture.controller(row),
     ...capture.devices[capture.get(row, "device")], capture.frames(row).join(" "), ...capture.rulesOf(row).flat(), ...statuses, ...items].join(" ");
 }
 
-/** An opened job: facts and diagram on one side, its frames on the other. */
+/** An opened transaction: facts and diagram on one side, its frames on the other. */
 function detail(capture, row) {
   const id = capture.get(row, "id");
   const [, api, slot, subslot, index] = capture.channels[capture.get(row, "channel")];
