@@ -427,5 +427,5 @@ class UsualWay:
         place.spoke = self._taken
         if old:
             self._calls.expire(activity, frame.time_ns)
-        call.answer, call.answered, call.expected = frame, True, None
+        call.answer, call.answered = frame, True
         self._newest_ns = frame.time_ns

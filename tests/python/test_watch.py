@@ -544,7 +544,7 @@ def test_a_summary_on_demand_is_chinese_where_the_lines_are_for_programs() -> No
     show = NdjsonShow(lines, "eth0", aside, "zh")
     show.found(finding("DS105", "warning", "文", 1))
     show.summary(3)
-    assert aside.getvalue() == "3 帧的汇总\n  0 个事务\n  1 个结论：1 警告；DS105 1\n"
+    assert aside.getvalue() == "3 帧的汇总\n  0 个任务\n  1 个结论：1 警告；DS105 1\n"
     assert json.loads(lines.getvalue())["finding"]["severity"] == "warning"
 
 

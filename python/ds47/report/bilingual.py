@@ -55,12 +55,17 @@ def filled(texts: Mapping[str, str], values: Mapping[str, Any]) -> Both:
 
 def state(word: str) -> Both:
     """The name of a state of a transaction: one and the same in every report."""
-    return say(f"state_{word}")
+    return _named(f"state_{word}", word)
 
 
 def operation(word: str) -> Both:
     """The name of what a transaction asks."""
-    return say(f"operation_{word}")
+    return _named(f"operation_{word}", word)
+
+
+def _named(key: str, word: str) -> Both:
+    """A word of the table; one that a stored result has and the table does not know stays as it is."""
+    return say(key) if key in report_words() else Both.same(word)
 
 
 def joined(parts: Sequence[Both], en: str = ", ", zh: str = "，") -> Both:
