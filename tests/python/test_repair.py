@@ -27,6 +27,7 @@ from ds47.profidrive import (
     decode_request,
     encode_request,
 )
+from ds47.report import sentences
 from ds47.spec.semantics import diagnosis_words, known
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -217,9 +218,10 @@ def test_a_long_line_is_cut() -> None:
     request = bytes.fromhex("0300010002000a00" + "10000100c47f0000" * 10)
     repair = repair_of({"request": request.hex()})
     assert repair is not None
-    assert len(repair.args["meant"]) == 100
-    assert repair.args["meant"].startswith("read ref 3 axis 2 p50303[0] p50303[0]")
-    assert repair.args["meant"].endswith("...")
+    assert repair.args["meant"] == "read ref 3 axis 2" + " p50303[0]" * 10
+    told = sentences.words("DS716", {"what": repair.what, **repair.args})
+    assert "read ref 3 axis 2 p50303[0] p50303[0]" in told
+    assert told.endswith("p50303[...")
 
 
 # --- suggestions ----------------------------------------------------------------------------------
