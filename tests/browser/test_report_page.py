@@ -6,6 +6,7 @@ from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
 
+import handmade
 import pytest
 
 from ds47.analysis import analyze
@@ -14,7 +15,7 @@ from ds47.cli import main
 from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.stage import Stage
-from ds47.model import CaptureResult, Device, Finding, Frames, Parameter, Transaction
+from ds47.model import CaptureResult, Device, Frames, Parameter, Transaction
 
 JOBS = "[data-part=transactions]"
 PARAMETERS = "[data-part=parameters]"
@@ -494,7 +495,7 @@ def test_hostile_text_stays_text(browser, write):
     result = CaptureResult(
         path=evil, frames=4, problem=evil, devices=[Device("10.0.0.2", evil, evil, 1, 1)],
         transactions=[make(1, parameters=[parameter], operation="change", controller=evil)],
-        findings=[Finding("DS410", "error", evil, 1, 1), Finding("DS315", "error", evil, 1)],
+        findings=[handmade.finding("DS410", "error", evil, 1, 1), handmade.finding("DS315", "error", evil, 1)],
     )  # fmt: skip
     browser.open(write("evil", result, result))
     browser.run("document.querySelectorAll('details').forEach((each) => { each.open = true; })")

@@ -25,8 +25,6 @@ from ds47.diagnosis import grouping
 from ds47.model import (
     CaptureResult,
     Device,
-    Diagnosis,
-    Finding,
     Frames,
     Parameter,
     Report,
@@ -148,8 +146,8 @@ def odd_result() -> CaptureResult:
         first, state="refused", operation="unknown", parameters=[], id=1000, controller="10.0.0.3",
         duration_ns=-5, write_status=0xDF80B500, start_ns=951_868_800 * 10**9 - 1, frames=Frames(7),
     )  # fmt: skip
-    findings = [Finding("DS401", "warning", "\x07 ring", n, 1, None) for n in range(1, 80)]
-    findings += [Finding("DS999", "error", "unknown rule", 4, None, 12)]
+    findings = [handmade.finding("DS401", "warning", "\x07 ring", n, 1, None) for n in range(1, 80)]
+    findings += [handmade.finding("DS999", "error", "unknown rule", 4, None, 12)]
     return CaptureResult("a,b.pcapng", frames=1234567, complete=False, problem="ends in frame 3",
                          dropped=1, transactions=[first, second], findings=findings)  # fmt: skip
 
@@ -161,21 +159,24 @@ def diagnosed_results() -> list[CaptureResult]:
     second = dataclasses.replace(first, id=2, device="10.0.0.9", state="mismatch")
     odd = "控制器，使能时无修改权限。" * 9 + " a\x1b[1m " + "word " * 40 + "0x6B"
     findings = [
-        Finding("DS410", "error", "failed with error 0x6B: no", 3, 1, 4),
-        Finding("DS410", "error", "failed with error 0x11: no", 4, 1, 4),
-        Finding("DS403", "warning", "no request", 8, 2),
-        Finding("DS206", "warning", "nothing", 9),
-        Finding("DS417", "warning", "one", 10, 1),
-        Finding("DS417", "warning", "another", 11, 1),
-        Finding("DS719", "error", odd, 3, 1, 4),
-        Finding("DS704", "error", "again", 9, 2),
+        handmade.finding("DS410", "error", "failed with error 0x6B: no", 3, 1, 4),
+        handmade.finding("DS410", "error", "failed with error 0x11: no", 4, 1, 4),
+        handmade.finding("DS403", "warning", "no request", 8, 2),
+        handmade.finding("DS206", "warning", "nothing", 9),
+        handmade.finding("DS417", "warning", "one", 10, 1),
+        handmade.finding("DS417", "warning", "another", 11, 1),
+        handmade.finding("DS719", "error", odd, 3, 1, 4),
+        handmade.finding("DS704", "error", "again", 9, 2),
     ]
     diagnoses = [
-        Diagnosis("DS719", "error", odd, "10.0.0.9", 1, [3], [1]),
-        Diagnosis("DS704", "error", "again", None, 5000, [9, 10, 11, 12, 14], [2]),
-        *(Diagnosis("DS701", "warning", f"m{n}", "-10.0.0.2", n, [n]) for n in range(1, 7)),
-        Diagnosis("DS703", "warning", "2 x", "10.0.0.9", 1, [9]),
-        Diagnosis("DS721", "note", "2 changes", None, 1, []),
+        handmade.diagnosis("DS719", "error", odd, "10.0.0.9", 1, [3], [1]),
+        handmade.diagnosis("DS704", "error", "again", None, 5000, [9, 10, 11, 12, 14], [2]),
+        *(
+            handmade.diagnosis("DS701", "warning", f"m{n}", "-10.0.0.2", n, [n])
+            for n in range(1, 7)
+        ),
+        handmade.diagnosis("DS703", "warning", "2 x", "10.0.0.9", 1, [9]),
+        handmade.diagnosis("DS721", "note", "2 changes", None, 1, []),
     ]
     devices = [Device(f"10.0.1.{n}", None, "é" * (n % 3), n, None) for n in range(60)]
     whole = dataclasses.replace(
@@ -224,7 +225,9 @@ def test_findings_are_grouped_as_in_python(lua: Run) -> None:
         }  # fmt: skip
         owner = None if number % 4 == 3 else number // 3 + 1
         severity = spec.rules()[rule].severity
-        told.append((Finding(rule, severity, number * 7 % 450, None, owner, args=args), device))
+        told.append(
+            (handmade.finding(rule, severity, number * 7 % 450, None, owner, args=args), device)
+        )
     python = grouping.Grouping()
     for finding, device in told:
         python.add(grouping.cause(finding.rule, device, finding.args), finding)

@@ -14,6 +14,7 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
+import handmade
 import pytest
 
 from ds47 import spec
@@ -22,8 +23,6 @@ from ds47.model import (
     CaptureFile,
     CaptureResult,
     Device,
-    Diagnosis,
-    Finding,
     Frames,
     Parameter,
     ParameterError,
@@ -164,7 +163,7 @@ class Elements(HTMLParser):
 def test_the_verdict_counts_what_went_wrong(states, severities, expected):
     result = capture(
         *(transaction(number, state=state) for number, state in enumerate(states, 1)),
-        findings=[Finding("DS107", severity, "m", 1) for severity in severities],
+        findings=[handmade.finding("DS107", severity, "m", 1) for severity in severities],
     )
     assert verdict(Counts.of(result)).en == expected
 
@@ -264,8 +263,8 @@ def test_one_place_counts_for_tiles_verdict_drives_and_plots():
         ({"rpc": {"requests": 0, "responses": 5}}, "bad", "Only responses (5)"),
         ({"rpc": {"requests": 5, "responses": 4, "unanswered": 1}}, "warn", "1 of 5 calls has no response"),
         ({"rpc": {}}, "none", "No acyclic PROFINET call"),
-        ({"findings": [Finding("DS106", "warning", "m", 1)]}, "warn", "1 frame was cut"),
-        ({"findings": [Finding("DS403", "warning", "m", 1)] * 2}, "warn", "2 responses have no request"),
+        ({"findings": [handmade.finding("DS106", "warning", "m", 1)]}, "warn", "1 frame was cut"),
+        ({"findings": [handmade.finding("DS403", "warning", "m", 1)] * 2}, "warn", "2 responses have no request"),
     ],
 )  # fmt: skip
 def test_the_quality_of_a_capture(changes, level, text):
@@ -304,7 +303,7 @@ def test_drive_errors_are_put_together_by_their_number_and_direction():
         transaction(3, state="partial", parameters=[parameter(), failed(0x00, values=())]),
     ]
     findings = [
-        Finding("DS410", "error", "m", 1, number, 4)
+        handmade.finding("DS410", "error", "m", 1, number, 4)
         for number in (1, 1, 2, 3)  # the rule speaks once of every failed parameter
     ]
     found = problems(capture(*items, findings=findings), "en", {DRIVE: 0x2A})
@@ -322,7 +321,7 @@ def test_refusals_are_put_together_by_their_status():
         transaction(number, state="refused", operation="change", write_status=word)
         for number, word in enumerate(words, 1)
     ]
-    findings = [Finding("DS203", "error", "m", 1, number) for number in (1, 2, 3)]
+    findings = [handmade.finding("DS203", "error", "m", 1, number) for number in (1, 2, 3)]
     found = problems(capture(*items, findings=findings), "en", {})
     assert [each.count for each in found] == [2, 1]
     assert "(DF80B700)" in found[0].what.en
@@ -333,10 +332,10 @@ def test_refusals_are_put_together_by_their_status():
 
 def test_diagnoses_come_first_then_errors_then_warnings_and_notes_last():
     rules = [("DS417", "warning"), ("DS402", "note"), ("DS315", "error"), ("DS701", "warning")]
-    findings = [Finding(rule, severity, rule, 1) for rule, severity in rules]
+    findings = [handmade.finding(rule, severity, rule, 1) for rule, severity in rules]
     diagnoses = [
-        Diagnosis("DS701", "warning", "m", count=1),
-        Diagnosis("DS721", "note", "m", count=9),
+        handmade.diagnosis("DS701", "warning", "m", count=1),
+        handmade.diagnosis("DS721", "note", "m", count=9),
     ]
     found = problems(capture(findings=findings, diagnoses=diagnoses), "en", {})
     assert [each.rule for each in found] == ["DS701", "DS315", "DS417", "DS721"]
@@ -348,14 +347,16 @@ def diagnosis(rule="DS719", lang="en", **changes):
     values = {"pnu": 76, "subindex": 1, "code": "0x6B", "text": spec.error_text(0x6B, lang, 0x2A)}
     template = known.message_zh if lang == "zh" else known.message
     text = template.format_map(values)
-    return replace(Diagnosis(rule, known.severity, text, DRIVE, 3, [9, 13, 15], [2, 3]), **changes)
+    return replace(
+        handmade.diagnosis(rule, known.severity, text, DRIVE, 3, [9, 13, 15], [2, 3]), **changes
+    )
 
 
 @pytest.mark.parametrize("lang", ["en", "zh"])
 def test_a_diagnosis_is_told_in_both_languages_with_what_to_do(lang):
     item = diagnosis(lang=lang, corrected=bytes.fromhex("030102011001004c0001"))
-    findings = [Finding("DS410", "error", "failed with error 0x6B", 9, 2, 4),
-                Finding("DS719", "error", item.message, 9, 2, 4)]  # fmt: skip
+    findings = [handmade.finding("DS410", "error", "failed with error 0x6B", 9, 2, 4),
+                handmade.finding("DS719", "error", item.message, 9, 2, 4)]  # fmt: skip
     (found,) = problems(
         capture(transaction(2), findings=findings, diagnoses=[item]), lang, {DRIVE: 0x2A}
     )
@@ -384,7 +385,7 @@ def test_the_words_that_fill_a_diagnosis_change_their_language_too(lang):
         return moved, template.format(what=words["no_write"], count=4)
 
     items = [
-        Diagnosis(rule, "error", text)
+        handmade.diagnosis(rule, "error", text)
         for rule, text in zip(("DS708", "DS725"), told(lang), strict=True)
     ]
     both = [messages.diagnosis(item, lang) for item in items]
@@ -394,7 +395,7 @@ def test_the_words_that_fill_a_diagnosis_change_their_language_too(lang):
 
 def test_a_problem_names_a_few_places_and_counts_the_others():
     items = [transaction(n, state="error", parameters=[failed(pnu=n)]) for n in range(1, 8)]
-    findings = [Finding("DS410", "error", "m", 1, n) for n in range(1, 8)]
+    findings = [handmade.finding("DS410", "error", "m", 1, n) for n in range(1, 8)]
     (found,) = problems(capture(*items, findings=findings), "en", {})
     assert found.where is not None
     assert found.where.en.endswith("and 3 more")
@@ -403,7 +404,9 @@ def test_a_problem_names_a_few_places_and_counts_the_others():
 def test_findings_that_differ_are_told_by_an_example_with_the_places_they_name():
     template = spec.rules()["DS417"].message
     findings = [
-        Finding("DS417", "warning", template.format(pnu=pnu, subindex=0, read=1, written=2), 1, 1)
+        handmade.finding(
+            "DS417", "warning", template.format(pnu=pnu, subindex=0, read=1, written=2), 1, 1
+        )
         for pnu in (7, 8)
     ]
     (found,) = problems(capture(transaction(), findings=findings), "en", {})
@@ -415,8 +418,8 @@ def test_findings_that_differ_are_told_by_an_example_with_the_places_they_name()
 
 def test_many_problems_of_one_rule_do_not_hide_the_others():
     items = [transaction(n, state="error", parameters=[failed(n)]) for n in range(1, 9)]
-    findings = [Finding("DS410", "error", "m", 1, n) for n in range(1, 9)]
-    findings.append(Finding("DS417", "warning", "read back", 1, 1))
+    findings = [handmade.finding("DS410", "error", "m", 1, n) for n in range(1, 9)]
+    findings.append(handmade.finding("DS417", "warning", "read back", 1, 1))
     told = first_screen(problems(capture(*items, findings=findings), "en", {}))
     assert [each.rule for each in told] == ["DS410"] * 5 + ["DS417"]
     assert "3 more kinds of problem" in page(capture(*items, findings=findings))
@@ -475,7 +478,10 @@ def test_a_message_of_either_language_is_shown_in_both(rule, lang):
     known = spec.rules()[rule]
     values = {name: str(number) for number, name in enumerate(sorted(fields(known.message)))}
     both = {"en": known.message.format_map(values), "zh": known.message_zh.format_map(values)}
-    assert messages.message(Finding(rule, "error", both[lang], 1), lang) == (both["en"], both["zh"])
+    assert messages.message(handmade.finding(rule, "error", both[lang], 1), lang) == (
+        both["en"],
+        both["zh"],
+    )
 
 
 def test_texts_inside_a_message_change_their_language_too():
@@ -483,16 +489,16 @@ def test_texts_inside_a_message_change_their_language_too():
     values = {"pnu": 5, "subindex": 0, "code": "0x01", "info": 0}
     text = known.message.format(**values, text=spec.error_text(1, "en", 0x2A))
     expected = known.message_zh.format(**values, text=spec.error_text(1, "zh", 0x2A))
-    assert messages.message(Finding("DS410", "error", text, 1), "en", 0x2A).zh == expected
+    assert messages.message(handmade.finding("DS410", "error", text, 1), "en", 0x2A).zh == expected
 
 
 def test_a_message_that_fits_no_template_stays_as_it_is():
-    assert messages.message(Finding("DS410", "error", "odd", 1), "en") == ("odd", "odd")
-    assert messages.message(Finding("XX999", "error", "odd", 1), "en") == ("odd", "odd")
+    assert messages.message(handmade.finding("DS410", "error", "odd", 1), "en") == ("odd", "odd")
+    assert messages.message(handmade.finding("XX999", "error", "odd", 1), "en") == ("odd", "odd")
 
 
 def test_control_characters_and_turned_text_are_made_visible():
-    shown = messages.message(Finding("DS410", "error", "a\u202eb\x1b", 1), "en").en
+    shown = messages.message(handmade.finding("DS410", "error", "a\u202eb\x1b", 1), "en").en
     assert shown == "a\\u202eb\\x1b"
 
 
@@ -512,8 +518,8 @@ def hostile():
         complete=False,
         devices=[Device(DRIVE, HOSTILE, QUOTES, 1, 2)],
         findings=[
-            Finding("DS410", "error", HOSTILE, 1, 1, 2),
-            Finding("DS315", "error", QUOTES, 1, 1),
+            handmade.finding("DS410", "error", HOSTILE, 1, 1, 2),
+            handmade.finding("DS315", "error", QUOTES, 1, 1),
         ],
     )
 
@@ -718,7 +724,7 @@ def test_where_not_all_jobs_fit_those_that_went_wrong_stay(monkeypatch):
 
 
 def test_long_lists_of_findings_are_cut_with_their_number():
-    findings = [Finding("DS315", "error", f"m{n}", 2 * n) for n in range(1, 251)]
+    findings = [handmade.finding("DS315", "error", f"m{n}", 2 * n) for n in range(1, 251)]
     view = capture_view(capture(transaction(), findings=findings), 1, "en", 10)
     (group,) = view.groups
     assert (group.count, len(group.shown), group.left_out, group.filter_left_out) == (

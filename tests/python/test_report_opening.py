@@ -15,7 +15,7 @@ import pytest
 from ds47 import spec
 from ds47.analysis import analyze
 from ds47.cli import main
-from ds47.model import CaptureResult, Device, Diagnosis, Finding, Frames, Report
+from ds47.model import CaptureResult, Device, Frames, Report
 from ds47.report import Options, bilingual, plc, text
 from ds47.report.filters import display_filter
 from ds47.report.todo import More, causes, uncovered
@@ -48,7 +48,7 @@ def opening(result, **options):
 
 def diagnosis(rule="DS719", message="p76[1] cannot be changed now: 0x6B no", **changes):
     usual = {"count": 1, "frames": [9], "transactions": [1], "device": DRIVE}
-    return Diagnosis(rule, spec.rules()[rule].severity, message, **(usual | changes))
+    return handmade.diagnosis(rule, spec.rules()[rule].severity, message, **(usual | changes))
 
 
 # The opening
@@ -110,8 +110,10 @@ def test_five_thousand_equal_symptoms_are_one_line():
         each
         for n in range(1, 5001)
         for each in (
-            Finding("DS410", "error", "Parameter 76[1] failed with error 0x6B: no (info 0)", n, n),
-            Finding("DS719", "error", message, n, n),
+            handmade.finding(
+                "DS410", "error", "Parameter 76[1] failed with error 0x6B: no (info 0)", n, n
+            ),
+            handmade.finding("DS719", "error", message, n, n),
         )
     ]
     told = diagnosis(count=5000, frames=[1, 2, 3, 4, 5], transactions=[1, 2, 3, 4, 5])
@@ -126,11 +128,11 @@ def test_five_thousand_equal_symptoms_are_one_line():
 
 def test_what_no_diagnosis_covers_stands_behind_them_a_line_a_rule():
     findings = [
-        Finding("DS410", "error", "Parameter 1[0] failed with error 0x6B: no", 9, 1, 4),
-        Finding("DS410", "error", "Parameter 2[0] failed with error 0x11: no", 9, 1, 8),
-        Finding("DS410", "error", "Parameter 3[0] failed with error 0x11: no", 9, 1, 12),
-        Finding("DS415", "note", "same reference", 9, 1),
-        Finding("DS719", "error", "p76[1] cannot be changed now: 0x6B no", 9, 1),
+        handmade.finding("DS410", "error", "Parameter 1[0] failed with error 0x6B: no", 9, 1, 4),
+        handmade.finding("DS410", "error", "Parameter 2[0] failed with error 0x11: no", 9, 1, 8),
+        handmade.finding("DS410", "error", "Parameter 3[0] failed with error 0x11: no", 9, 1, 12),
+        handmade.finding("DS415", "note", "same reference", 9, 1),
+        handmade.finding("DS719", "error", "p76[1] cannot be changed now: 0x6B no", 9, 1),
     ]
     job = handmade.transaction(state="error")
     lines = opening(capture(job, findings=findings, diagnoses=[diagnosis()]))
@@ -189,7 +191,7 @@ def test_what_a_capture_cannot_show_is_told_where_something_is_wrong_and_only_wh
 
 
 def test_the_opening_is_chinese_where_that_is_asked_for():
-    findings = [Finding("DS401", "warning", "从未得到应答", 1, 1)]
+    findings = [handmade.finding("DS401", "warning", "从未得到应答", 1, 1)]
     job = handmade.transaction(state="unanswered", frames=Frames(1, 2))
     lines = opening(capture(job, findings=findings, dropped=None), lang="zh")
     assert lines[:2] == ["line.pcapng: 9 帧", "需要检查：1 台驱动器，1 个任务，1 个无应答"]
@@ -254,8 +256,8 @@ def test_what_is_covered_is_in_the_catalogue():
 
 def test_a_diagnosis_covers_its_own_job_only():
     findings = [
-        Finding("DS203", "error", "refused", 1, 1), Finding("DS705", "error", "clash", 1, 1),
-        Finding("DS203", "error", "refused", 5, 2), Finding("DS416", "warning", "slow", 1, 1),
+        handmade.finding("DS203", "error", "refused", 1, 1), handmade.finding("DS705", "error", "clash", 1, 1),
+        handmade.finding("DS203", "error", "refused", 5, 2), handmade.finding("DS416", "warning", "slow", 1, 1),
     ]  # fmt: skip
     jobs = [handmade.transaction(id=n) for n in (1, 2)]
     rest = uncovered(capture(*jobs, findings=findings, diagnoses=[diagnosis("DS705", "clash")]))
@@ -265,11 +267,11 @@ def test_a_diagnosis_covers_its_own_job_only():
 def test_a_diagnosis_of_the_capture_covers_its_own_device_only():
     jobs = [handmade.transaction(id=1), handmade.transaction(id=2, device="192.168.133.40")]
     findings = [
-        Finding("DS203", "error", "refused with status DF80B600: no", 1, 1),
-        Finding("DS203", "error", "refused with status DF80B700: no", 2, 1),
-        Finding("DS203", "error", "refused with status DF80B600: no", 3, 2),
-        Finding("DS206", "warning", "nothing", 4),
-        Finding("DS708", "error", "turns away", 1),
+        handmade.finding("DS203", "error", "refused with status DF80B600: no", 1, 1),
+        handmade.finding("DS203", "error", "refused with status DF80B700: no", 2, 1),
+        handmade.finding("DS203", "error", "refused with status DF80B600: no", 3, 2),
+        handmade.finding("DS206", "warning", "nothing", 4),
+        handmade.finding("DS708", "error", "turns away", 1),
     ]
     told = diagnosis(
         "DS708", f"{DRIVE} turns requests to slot 2.1 away (DF80B600); slot 1.1 answers"
@@ -282,7 +284,10 @@ def test_a_diagnosis_of_the_capture_covers_its_own_device_only():
 
 
 def test_without_diagnoses_every_serious_finding_is_told():
-    findings = [Finding("DS410", "error", "a", 1, 1), Finding("DS402", "note", "b", 1, 1)]
+    findings = [
+        handmade.finding("DS410", "error", "a", 1, 1),
+        handmade.finding("DS402", "note", "b", 1, 1),
+    ]
     assert uncovered(capture(findings=findings)) == findings[:1]
 
 
@@ -584,7 +589,7 @@ def test_a_read_without_an_ar_is_no_call_of_a_block():
 
 def test_calls_that_brought_nothing_stand_between_the_polls():
     item = handmade.transaction(frames=Frames(1, 2, 11, 12, [(3, 4), (7, 8), (9, 10)]))
-    failed = Finding("DS104", "error", 6, None, 1, args={"kind": "reject"})
+    failed = handmade.finding("DS104", "error", 6, None, 1, args={"kind": "reject"})
     told = plc.Witness(capture(item, findings=[failed])).text(item).en.split("; ")
     assert told[1:4] == [
         "RDREC ERROR, STATUS DE80B500",
