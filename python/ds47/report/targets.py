@@ -21,6 +21,10 @@ class Targets:
     def __init__(self, transactions: Iterable[Transaction]) -> None:
         self._shown = DriveObjects.of(transactions)
 
+    def transaction(self, item: Transaction) -> None:
+        """One more transaction, and what it shows."""
+        self._shown.transaction(item)
+
     def drive_object(self, item: Transaction) -> int | None:
         """The number of the drive object that a request reaches; None where it is not known or does not exist."""
         number = self._shown.number(access_of(item))

@@ -15,6 +15,7 @@ from ds47.report import Options, json, ndjson, text
 from ds47.report.bilingual import Both, joined, numbered, operation, say
 from ds47.report.opening import about
 from ds47.report.sentences import sentence
+from ds47.report.targets import Targets
 from ds47.report.words import duration, escape, message
 from ds47.report.wrap import columns
 
@@ -208,6 +209,7 @@ class _Growing(text._Columns):
 
     def __init__(self, lang: str) -> None:
         self.lang = lang
+        self._targets = Targets(())
         self.operation = columns(operation("change").text(lang))
         self.number = 3
         self.controllers = False
@@ -216,7 +218,8 @@ class _Growing(text._Columns):
         self._first: tuple[str, tuple[int, int, int]] | None = None
 
     def grow(self, item: Transaction) -> None:
-        """Makes room for one more."""
+        """Makes room for one more; what it addresses is told by what was seen until then."""
+        self._targets.transaction(item)
         place = (item.api, item.slot, item.subslot)
         if self._first is None:
             self._first = item.controller, place
