@@ -81,15 +81,15 @@ SAYS: dict[str, tuple[int, str]] = {
     "nothing-was-asked-elsewhere": (8, "1 x Read"),
     "old-answer": (8, "after the Write in frame 5 had been refused"),
     "old-answer-unsent": (6, "read once more in frame 6, without a new request"),
-    "two-users": (3, "192.168.133.2 asked in frame 3 while the request of 192.168.133.2 (frame 1)"),
+    "two-users": (3, "192.168.133.2 wrote in frame 3 while its own request of frame 1 was open"),
     "two-users-connections": (
         7,
-        "192.168.133.2 (AR 74747474-0003-4000-8000-000000000003) asked in frame 7 while the request of "
-        "192.168.133.2 (AR 47474747-0001-4000-8000-000000000001) (frame 5)",
+        "wrote in frame 7 (AR 74747474-0003-4000-8000-000000000003) while its request of frame 5 "
+        "(AR 47474747-0001-4000-8000-000000000001) was open",
     ),
     "two-users-across": (
         7,
-        "192.168.133.3 asked in frame 7 while the request of 192.168.133.2 (frame 5)",
+        "192.168.133.3 wrote in frame 7 while the request of 192.168.133.2 (frame 5) was open",
     ),
     "two-users-unknown": (1, "a station that this capture does not show"),
     "request-here-read-there": (4, "frame 1 went to slot 1.1, index 47"),

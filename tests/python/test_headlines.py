@@ -66,7 +66,7 @@ def test_a_form_of_many_names_only_what_all_cases_have(rule):
     for template, lang in ((rule.many, "en"), (rule.many_zh, "zh")):
         assert names(template) <= shared, template
         assert not template.endswith((".", "。"))
-        words = diagnosis_words(lang) if rule.args.get("case") == "key" else {}
+        words = diagnosis_words(lang) if "case" in rule.group else {}
         for word, text in words.items():
             assert not word.endswith("_many") or names(text) <= shared, text
     assert names(rule.many) == names(rule.many_zh)
@@ -89,7 +89,7 @@ def test_what_differs_is_not_named():
     assert told.args["subindex"] is None
     assert told.args["pnu"] == 2902
     assert sentence(told) == (
-        "p2902 with several subindices or numbers of elements was refused: 0x03 Invalid subindex"
+        "p2902 with several subindices or numbers of elements has negative responses: 0x03 Invalid subindex"
     )
     assert sentence(told, "zh") == "p2902（多个下标或元素数量）被拒绝：0x03 错误的子索引"
 
@@ -99,7 +99,9 @@ def test_what_nothing_names_may_differ():
     other.args["vendor_id"] = 0x2A
     (told,) = grouped(refused(5), other)
     assert told.differs == ["vendor_id"]
-    assert sentence(told).startswith("p2902[6] with number of elements 1 was refused: 0x03 ")
+    assert sentence(told).startswith(
+        "p2902[6] with number of elements 1 has a negative response: 0x03 "
+    )
 
 
 def test_an_integer_is_not_a_float():

@@ -397,7 +397,7 @@ def kept(run):
         "messages": len(partial),
         "fragments": sum(len(each.parts) for each in partial),
         "given up": len(run._fragments.given_up),
-        "written": len(run._judge._written),
+        "written": len(run._judge._written._written),
         "longest": len(run._judge._longest),
         "servers": len(run._naming._servers),
         "stations": len(run._naming._stations),

@@ -125,7 +125,7 @@ def no_room_in_the_middle(client: Client) -> None:
 def test_room_is_what_the_device_has_shown(tmp_path: Path) -> None:
     found = diagnosed(no_room_in_the_middle, "DS713", tmp_path)
     assert sentence(found) == (
-        "2 of 3 parameter(s) were answered, p6001[0] was refused with 0x15 (response too long); "
+        "2 of 3 parameter(s) were answered, p6001[0] has a negative response 0x15 (response too long); "
         "its longest response so far has 576 bytes"
     )
     assert found.corrected == message.read(1, 1, message.address(6000, 0, 140), message.address(2))

@@ -247,9 +247,12 @@ def _description(message: Message) -> str:
 
 def _knowledge(result: CaptureResult, options: AnalysisOptions, everything: bool) -> Knowledge:
     about = Knowledge(codec=options.codec, everything=everything)
+    controllers = {each.controller for each in result.transactions}
     for each in result.transactions:
         ar = NIL_UUID if each.ar is None else UUID(each.ar).bytes
         about.ours.add((each.controller, each.device, ar, each.index))
+        if each.frames.rereads:  # a Read without an AR may be one of them, from any station
+            about.ours.update((one, each.device, NIL_UUID, each.index) for one in controllers)
         if each.request is None:
             continue
         for _, response in [(None, each.frames.read_response), *each.frames.rereads]:
