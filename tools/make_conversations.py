@@ -1216,6 +1216,27 @@ def _(tape: Tape) -> None:
     client.read(tell(2, 2.5))
 
 
+@case(
+    "P28-passed",
+    "P28",
+    "lost poll",
+    [
+        tx(1, "unanswered", (1, None, None, None), None, real(1.0, pnu=1120), write=None, read=None,
+           operation="change"),
+        tx(2, "ok", (2, 3, 4, 5), 3, real(2.5, pnu=27), ref=2),
+        tx(3, "ok", (8, 9, 10, 11), 3, real(1.5), ref=3),
+    ],
+    "DS101@1#1 DS206@7 DS402@1#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """A Write without its response, then an accepted one: no later Read is that of the first."""
+    client = Client(tape)
+    client.ask_write(put(1, 1.0))
+    client.exchange(ask(2, 27), tell(2, 2.5))
+    client.poll()
+    client.exchange(ask(3), tell(3, 1.5))
+
+
 # The Read
 
 

@@ -104,6 +104,12 @@ local function read_event(half)
   return half.data ~= "" and "read_record" or "read_empty"
 end
 
+-- The newest Write without its response that a Read may ask for: none was accepted after it. nil for none.
+local function waiting_of(channel)
+  local newest = channel.asked[#channel.asked]
+  return newest and newest.order > channel.accepted and newest or nil
+end
+
 -- The bytes that were read last; nil without a job or a response.
 local function bytes(job)
   return job and job.read_response and job.read_response.data
@@ -231,11 +237,12 @@ local function close_channel(self, channel, reason, ended, limit)
   if open then
     over(open)
   end
-  for number, job in ipairs(channel.asked) do
+  local newest = waiting_of(channel)
+  for _, job in ipairs(channel.asked) do
     if limit then
       push_out(self, job, limit)
     else
-      local passed = reason == "end" and number < #channel.asked -- the channel went on
+      local passed = reason == "end" and job ~= newest -- the channel went on
       lose(self, job, passed and "unseen" or reason, ended)
     end
   end
@@ -254,6 +261,7 @@ local function new_channel(self, key, peer, record)
     last = nil, -- the job that was answered last
     reference = nil, -- that of the newest Write,
     written = nil, -- and its frame
+    accepted = 0, -- `order` of the newest Write that was accepted
   }
   self.channels:set(key, channel)
   local siblings = self.of_ar[of_ar]
@@ -306,6 +314,7 @@ end
 -- An accepted Write opens; it displaces what was open and ends the grace of a refused one.
 local function accept(self, channel, job)
   job.accepted = true
+  channel.accepted = math.max(channel.accepted, job.order)
   if job.phase == "asked" then
     remove(channel.asked, job)
     local open = channel.open
@@ -364,11 +373,12 @@ local function addressee(channel, event, data)
   if open then
     return open
   end
-  if #asked > 0 then
+  local waiting = waiting_of(channel)
+  if waiting then
     if event == "read_record" and bytes(channel.last) == data then
       return nil -- an old answer
     end
-    return asked[#asked]
+    return waiting
   end
   return channel.refused
 end
@@ -543,7 +553,7 @@ function Pairing:expected(peer, record)
   if channel == nil then
     return nil
   end
-  return channel.open or channel.asked[#channel.asked] or channel.refused or nil
+  return channel.open or waiting_of(channel) or channel.refused or nil
 end
 
 --- The AR is over with this frame: what is open on its channels stays unanswered.

@@ -317,6 +317,8 @@ class Channel:
     """Asked or open."""
     usual_last: UsualJob | None
     """Answered."""
+    accepted: int
+    """The `Job.order` of the newest Write that was accepted, as far as it was not a usual one."""
 
     def __init__(
         self,
@@ -336,6 +338,12 @@ class Channel:
         self.written = None
         self.usual = None
         self.usual_last = None
+        self.accepted = 0
+
+    def waiting(self) -> Job | None:
+        """The newest Write without its response that a Read may ask for: none was accepted after it."""
+        newest = self.asked[-1] if self.asked else None
+        return newest if newest is not None and newest.order > self.accepted else None
 
     def is_free(self) -> bool:
         """Whether nothing waits for a response or for the end of its grace."""
@@ -343,8 +351,7 @@ class Channel:
 
     def expected(self) -> Job | UsualJob | None:
         """The job that a Read request asks for, as far as is known before its response."""
-        asked = self.asked[-1] if self.asked else None
-        return self.usual or self.open or asked or self.refused
+        return self.usual or self.open or self.waiting() or self.refused
 
     def jobs(self) -> list[Job]:
         """All of them, none of which is a usual one."""
@@ -655,6 +662,7 @@ class Pairing:
     def _accept(self, channel: Channel, job: Job) -> None:
         """An accepted Write opens; it displaces what was open and ends the grace of a refused one."""
         job.accepted = True
+        channel.accepted = max(channel.accepted, job.order)
         if job.phase == "asked":
             channel.asked.remove(job)
             if channel.open is not None:
@@ -720,9 +728,10 @@ class Pairing:
                     return job
         if channel.open is not None:
             return channel.open
-        if channel.asked:
+        waiting = channel.waiting()
+        if waiting is not None:
             old_answer = event == "read_record" and _bytes(channel.last) == data
-            return None if old_answer else channel.asked[-1]
+            return None if old_answer else waiting
         return channel.refused
 
     def _read(self, channel: Channel, job: Job, event: str, record: Record) -> None:
@@ -793,7 +802,7 @@ class Pairing:
             del self._of_ar[key[:3]]
         channel = self.channels.pop(key)
         self._recall(channel)
-        newest = channel.asked[-1] if channel.asked else None
+        newest = channel.waiting()
         for job in channel.jobs():
             if limit:
                 self._push_out(job, limit)
