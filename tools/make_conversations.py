@@ -122,7 +122,7 @@ def tx(
     axis: int = 1,
     write: str | None = GOOD,
     read: str | None = GOOD,
-    polls: Sequence[tuple[int, int]] = (),
+    polls: Sequence[tuple[int | None, int]] = (),
     rereads: Sequence[tuple[int, int]] = (),
     **place: Any,
 ) -> Row:
@@ -1929,6 +1929,26 @@ def _(tape: Tape) -> None:
 def _(tape: Tape) -> None:
     """Ten polls are worth a note."""
     play_polls(tape, 10)
+
+
+@case(
+    "P34-first-poll-half-lost",
+    "P34 P48",
+    "poll lost",
+    [tx(1, "ok", (1, 2, 6, 7), 1507, real(1.5), polls=[(None, 3), (4, 5)])],
+    "DS102@3 DS205@7#1",
+)
+def _(tape: Tape) -> None:
+    """The request of the first Read is missing: how long the drive took of 1507 ms is not known."""
+    client = Client(tape)
+    client.write(ask())
+    tape.deaf = True
+    read = client.ask_read()
+    tape.deaf = False
+    client.refuse_read(read, BUSY)
+    client.poll()
+    tape.wait(1500)
+    client.read(tell(1, 1.5))
 
 
 @case(
