@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from uuid import UUID
 
 import pytest
 
@@ -417,9 +418,28 @@ def change_after_the_save(client: Client) -> None:
     client.exchange(message.read(3, 1, SPEED), message.answer(3, 1, 1, TEN))
 
 
+def slot_refused_once(client: Client) -> None:
+    """Slot 3 refuses once and takes the next request: it is the right one."""
+    there = client.at(slot=3)
+    client.write(message.read(1, 1, SPEED), status=0xDF80B200, at=there)
+    client.exchange(message.read(2, 1, SPEED), message.answer(2, 1, 1, TEN), at=there)
+    client.exchange(message.read(3, 1, SPEED), message.answer(3, 1, 1, TEN))
+
+
+def slot_refuses_twice(client: Client) -> None:
+    """The job of the Write is closed last, and its status is the first."""
+    there = client.at(slot=3, index=0xB02F)
+    client.write(message.read(1, 1, SPEED), status=0xDF80B200, at=there)
+    other = client.at(ar=UUID(int=2), slot=3, index=0xB02F)
+    client.poll(0xDE80B200, at=other)
+    client.exchange(message.read(3, 1, SPEED), message.answer(3, 1, 1, TEN))
+
+
 @pytest.mark.parametrize(
     ("talk", "arguments", "expected"),
     [
+        (slot_refused_once, (), {}),
+        (slot_refuses_twice, (), {"DS708": "(DF80B200)"}),
         (no_index, (), {"DS701": ""}),
         (no_parameter_number, (), {"DS701": ""}),
         (one_array_too_long, (), {"DS713": "0 of 1 parameter(s) were answered"}),

@@ -105,6 +105,7 @@ class WholeCapture:
         self._foreign: _Memory[tuple[_Tally, dict[str, Any]]] = _Memory()
         self._answering: _Memory[Place] = _Memory(forgot)
         self._refusing: _Memory[tuple[_Tally, int]] = _Memory()
+        self._accepting: _Memory[bool] = _Memory(forgot)
         self._axes: _Memory[dict[int, int]] = _Memory(forgot)
         self._unsaved: _Memory[Unsaved] = _Memory()
         self._asking: _Memory[bool] = _Memory(forgot)
@@ -122,6 +123,7 @@ class WholeCapture:
             self._first_frame = first.frame
         if message is None:
             self._all_orphans += 1
+            self._accept(device, place, job)
             self._orphan((job.peer.controller, device), place, job)
             return
         self._asked += 1
@@ -244,6 +246,7 @@ class WholeCapture:
     def _slot(self, device: str, place: Place, job: Job) -> None:
         answer, read = job.write_response, job.read_response
         spot = device, place[1], place[2]
+        self._accept(device, place, job)
         if read is not None and read.data and spot not in self._answering.entries:
             self._answering.put(spot, place)
         if answer is not None and answer.status:
@@ -255,11 +258,23 @@ class WholeCapture:
         if (status >> 8) & 0xFF != _INVALID_SLOT and status & 0xFFFFFF00 != _NO_ACCESS:
             return
         key = device, place
-        tally, _ = self._refusing.get(key) or self._refusing.put(key, (_Tally(), status))
+        tally, first = self._refusing.get(key) or self._refusing.put(key, (_Tally(), status))
+        if frame < tally.first:  # jobs are not closed in the order of their frames
+            first = status
+        self._refusing.entries[key] = tally, first
         tally.add(frame)
+
+    def _accept(self, device: str, place: Place, job: Job) -> None:
+        """Whether a request to the place was accepted, or a response read there."""
+        answer, read = job.write_response, job.read_response
+        taken = answer is not None and answer.status == 0
+        if (taken or (read is not None and read.data)) and not self._accepting.get((device, place)):
+            self._accepting.put((device, place), True)
 
     def _slots(self) -> Iterator[Remark]:
         for (device, place), (tally, status) in self._refusing.items():
+            if self._accepting.get((device, place)):
+                continue
             other = next(
                 (there for (who, *spot), there in self._answering.items()
                  if who == device and tuple(spot) != place[1:3]), None,
