@@ -201,7 +201,7 @@ function RecordCalls:request(call)
       self.pairing:release(pdu.client, pdu.server, ar, pdu.frame)
     end
   elseif opnum == rpc.CONNECT then
-    self.pairing:connected(pdu.client, pdu.server, pdu.frame)
+    self.pairing:connected(pdu.client, pdu.server, pdu.frame, records.connected_ar(pdu))
   end
   if not OPERATIONS[opnum] then
     return
@@ -214,6 +214,7 @@ function RecordCalls:request(call)
   end
   for number = 1, #list do
     count(self, list[number].index, list[number].write)
+    self.pairing:goes_on(ar_key(peer_of(pdu), list[number]))
   end
   if body.nested then
     self.listener:remark({rule = "DS208", frame = pdu.frame, args = {}})

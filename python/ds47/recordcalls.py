@@ -22,6 +22,7 @@ from ds47.profinet.records import (
     Half,
     Record,
     RequestBody,
+    connected_ar,
     parse_request,
     parse_response,
     released_ar,
@@ -178,7 +179,7 @@ class RecordCalls:
         if pdu.opnum == rpc.RELEASE and (ar := released_ar(pdu)):
             self._pairing.release(pdu.client, pdu.server, ar, pdu.frame)
         if pdu.opnum == rpc.CONNECT:
-            self._pairing.connected(pdu.client, pdu.server, pdu.frame)
+            self._pairing.connected(pdu.client, pdu.server, pdu.frame, connected_ar(pdu))
         if pdu.opnum not in _OPERATIONS:
             return
         body = parse_request(pdu)
@@ -187,6 +188,7 @@ class RecordCalls:
             self._count(WRITE_MULTIPLE, write=True)
         for record in body.records:
             self._count(record.index, write=record.write)
+            self._pairing.goes_on(pdu.client, pdu.server, record.ar)
         if body.nested:
             self._remark(Remark("DS208", pdu.frame))
         for record in body.records:
