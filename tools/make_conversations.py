@@ -998,6 +998,26 @@ def _(tape: Tape) -> None:
 
 
 @case(
+    "P22-late-is-no-step-back",
+    "P22 P20",
+    "malformed refused interleaved",
+    [
+        tx(1, "refused", (1, 2, None, None), None, ref=7, write="DF80B700", read=None),
+        tx(2, "ok", (3, 4, 5, 6), 3, real(1.5), **HOME2),
+        tx(3, "ok", (7, 8, 9, 10), 3, real(1.5)),
+    ],
+    "DS315@1#1 DS203@2#1",
+    diagnoses="DS711@1#1",
+)
+def _(tape: Tape) -> None:
+    """What waited for its AR to prove itself is taken in behind frames of another one: no clock stepped back."""
+    client = Client(tape)
+    client.write(CUT, status=BAD_HEADER)
+    second(tape).exchange(ask(), tell(1, 1.5))
+    client.exchange(ask(), tell(1, 1.5))
+
+
+@case(
     "P22-in-its-place",
     "P22 P27 P41",
     "malformed superseded",

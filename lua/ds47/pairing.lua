@@ -160,7 +160,7 @@ function M.new(limits, listener)
     newest = ordered.new(), -- place -> its newest accepted request, whoever asked
     delivered = ordered.new(), -- place -> the newest of them whose response was read
     connects = ordered.new(), -- AR key -> frame of its newest Connect
-    connected_ars = ordered.new(), -- controller and device -> key of the AR that they set up last and did not release
+    connected_ars = ordered.new(), -- controller and device -> their newest AR that was not released
     replaced = {}, -- key of an AR with open requests that a Connect seems to have replaced -> its frame
     forgot_requests = false, -- whether a limit pushed out requests whose responses may still come
     count = 0,

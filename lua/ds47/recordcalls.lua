@@ -359,6 +359,9 @@ end
 
 --- Time of the capture; a finding where it steps backwards.
 local function clock(self, pdu)
+  if self.gate.late then -- an AR that proved itself late: its frames came before the newest one
+    return
+  end
   local newest, now = self.newest_ns, pdu.time_ns
   if newest and now < newest then
     local args = {milliseconds = json.float((newest - now) / 1e6)}

@@ -374,6 +374,8 @@ class RecordCalls:
             self._about(pdu, record, Remark("DS202", half.frame, args))
 
     def _clock(self, pdu: rpc.Pdu) -> None:
+        if self._gate.late:  # an AR that proved itself late: its frames came before the newest one
+            return
         newest = self.newest_ns
         if newest is not None and pdu.time_ns < newest:
             back = (newest - pdu.time_ns) / 1e6
