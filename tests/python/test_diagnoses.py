@@ -418,6 +418,18 @@ def change_after_the_save(client: Client) -> None:
     client.exchange(message.read(3, 1, SPEED), message.answer(3, 1, 1, TEN))
 
 
+def held_and_not_read(client: Client) -> None:
+    """Five equal changes; the second is displaced, and so over before the first one."""
+    for reference in range(1, 6):
+        request = message.change(reference, 1, (FIXED, TEN))
+        client.write(request)
+        if reference != 2:
+            client.read(message.changed(reference, 1))
+        else:
+            client.stage.wait(2)  # as long as the Read takes
+        client.stage.wait(96)
+
+
 def slot_refused_once(client: Client) -> None:
     """Slot 3 refuses once and takes the next request: it is the right one."""
     there = client.at(slot=3)
@@ -438,6 +450,7 @@ def slot_refuses_twice(client: Client) -> None:
 @pytest.mark.parametrize(
     ("talk", "arguments", "expected"),
     [
+        (held_and_not_read, (), {"DS723": "5 times", "DS721": ""}),
         (slot_refused_once, (), {}),
         (slot_refuses_twice, (), {"DS708": "(DF80B200)"}),
         (no_index, (), {"DS701": ""}),

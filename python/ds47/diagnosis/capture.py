@@ -114,6 +114,11 @@ class WholeCapture:
         self._first_frame = 0
         self._cut = _Tally()
 
+    def asked(self, job: Job) -> None:
+        """A Write request asks for something."""
+        if job.message is not None and job.message.operation == "change":
+            self._repetition.asked(job, _place(job.record))
+
     def closed(self, job: Job) -> None:
         """A job is over."""
         message, record, device = job.message, job.record, job.peer.device
@@ -135,10 +140,9 @@ class WholeCapture:
             self._open((job.peer.controller, device), place, job)
         elif record.index == LOCAL:
             self._axis(device, place, job)
-        change = message.operation == "change"
-        if change:
+        if message.operation == "change":
             self._change(job)
-        if change or job.polls or self._repetition.storms:
+        if job.polls or self._repetition.storms:
             self._repetition.closed(job, place)
 
     def usual(self, job: UsualJob) -> None:
