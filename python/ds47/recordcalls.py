@@ -76,7 +76,7 @@ class RecordCalls:
         pairing: hears of every Write and Read that is ours.
         codec: dialects of the messages.
         remark: takes the transport findings.
-        foreign: hears of every answered Write to an index that cannot be ours.
+        foreign: hears of every answered Write to an index that cannot be ours, or without its request.
         limits: the numbers of spec/limits.toml.
     """
 
@@ -339,7 +339,9 @@ class RecordCalls:
             if certain and not self._forgot_requests:
                 args = {"operation": _OPERATIONS[pdu.opnum]}
                 self._about(pdu, record, Remark("DS102", pdu.frame, args))
-            if not record.write:
+            if record.write:
+                self._foreign(peer(pdu), record)
+            else:
                 self._read_answered(pdu, record, record.response)
 
     def _fault(self, call: Call, pdu: rpc.Pdu) -> None:

@@ -392,6 +392,26 @@ def reads_elsewhere_before(client: Client) -> None:
     client.write(message.read(2, 1, SPEED))
 
 
+def asked_there_unseen(client: Client) -> None:
+    """Slot 1.2 was asked as well: of that only the Write response is in the capture."""
+    client.exchange(SHORT, message.answer(1, 1, 1, TEN))
+    client.write(message.read(2, 1, SPEED))
+    there = client.at(subslot=2)
+    client.stage.deaf = True
+    lost = client.ask_write(message.read(3, 1, SPEED), at=there)
+    client.stage.deaf = False
+    client.accept_write(lost, message.read(3, 1, SPEED), at=there)
+    client.poll(at=there)
+
+
+def reads_elsewhere_and_before(client: Client) -> None:
+    """Two Reads for nothing, of which only that at 1.2 has to do with the request at 1.1."""
+    client.exchange(SHORT, message.answer(1, 1, 1, TEN))
+    client.poll()
+    client.write(message.read(2, 1, SPEED))
+    client.poll(at=client.at(subslot=2))
+
+
 def reads_elsewhere_after_a_refusal(client: Client) -> None:
     """A request that was turned away is not open anywhere."""
     client.exchange(SHORT, message.answer(1, 1, 1, TEN), at=client.at(slot=3))
@@ -463,6 +483,8 @@ def slot_refuses_twice(client: Client) -> None:
         (cut_change, (8,), {"DS711": "after 8 bytes: 1 parameter(s) need 14"}),
         (cut_change, (10,), {"DS711": "after 10 bytes: 1 parameter(s) need 14"}),
         (cut_change, (15,), {"DS711": "after 15 bytes: 1 parameter(s) need 16"}),
+        (asked_there_unseen, (), {"DS703": "1 x Read"}),
+        (reads_elsewhere_and_before, (), {"DS706": "slot 1.2", "DS703": "2 x Read"}),
         (reads_elsewhere_before, (), {"DS703": "1 x Read"}),
         (reads_elsewhere_after_a_refusal, (), {"DS703": "1 x Read"}),
         (release_while_a_change_is_polled, (), {"DS722": "frame 5"}),

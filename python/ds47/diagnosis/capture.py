@@ -101,6 +101,8 @@ class WholeCapture:
     def __init__(self, forgot: Callable[[], None]) -> None:
         self._opened: _Memory[list[_Open]] = _Memory()
         self._idle: _Memory[list[_Read]] = _Memory()
+        self._explained: set[Pair] = set()
+        """Whose Reads for nothing DS706 explains, all of them."""
         self._orphans: _Memory[list[_Read]] = _Memory()
         self._foreign: _Memory[tuple[_Tally, dict[str, Any]]] = _Memory()
         self._answering: _Memory[Place] = _Memory(forgot)
@@ -166,9 +168,14 @@ class WholeCapture:
             self._refusal(peer.device, place, half.status, half.frame)
 
     def foreign(self, peer: Peer, record: Record) -> None:
-        """A Write to an index that is not ours has been answered."""
+        """A Write that is no job has been answered: its index is not ours, or its request is missing."""
         asked, answer = record.request, record.response
-        if asked is None or answer is None or len(asked.data) > known().channel_bytes:
+        if asked is None:
+            asks = peer.controller, peer.device, _place(record)
+            if asks not in self._asking.entries:
+                self._asking.put(asks, True)
+            return
+        if answer is None or len(asked.data) > known().channel_bytes:
             return
         if not answer.status and record.index not in known().confused_indices:
             return
@@ -217,32 +224,40 @@ class WholeCapture:
     def _read_there(self, gaps: bool) -> Iterator[Remark]:
         """Only places where nothing is asked: elsewhere a Read may belong to a request of its own.
 
-        Where frames are missing an orphan has lost its own request.
+        Where frames are missing that request may be among them.
         """
-        for pair, opened in self._opened.items():
-            idle = self._idle.get(pair) or []
-            orphans = [] if gaps else self._orphans.get(pair) or []
-            strays = self._unasked(pair, orphans)
+        for pair, opened in [] if gaps else self._opened.items():
+            idle = list(self._idle.get(pair) or [])
+            strays = self._unasked(pair, self._orphans.get(pair) or [])
             for each in opened:
                 read = _elsewhere(each, strays, answer=True)
                 read = read or _elsewhere(each, self._unasked(pair, idle))
                 if read is None:
                     continue
-                idle[:] = [other for other in idle if other.place != read.place]
+                idle = [other for other in idle if other.place != read.place]
                 yield Remark("DS706", read.frame, {
                     "device": pair[1], "request": each.frame, "frame": read.frame,
                     "place": place_args(each.place), "other": place_args(read.place),
                 })  # fmt: skip
+            if not idle:
+                self._explained.add(pair)
 
     def _unasked(self, pair: Pair, reads: list[_Read]) -> list[_Read]:
         return [read for read in reads if self._asking.get((*pair, read.place)) is None]
 
     def _nothing(self) -> Iterator[Remark]:
+        """All of a device, unless each of them is explained."""
         tallies: dict[str, _Tally] = {}
-        for (_, device), reads in self._idle.items():
+        puzzling: set[str] = set()
+        for pair, reads in self._idle.items():
+            device = pair[1]
+            if pair not in self._explained:
+                puzzling.add(device)
             for read in reads:
                 tallies.setdefault(device, _Tally()).add(read.frame)
         for device, tally in tallies.items():
+            if device not in puzzling:
+                continue
             yield Remark("DS703", tally.first, {"count": tally.count, "device": device})
 
     # The place: slot (DS708) and axis (DS710)
