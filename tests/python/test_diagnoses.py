@@ -92,7 +92,7 @@ SAYS: dict[str, tuple[int, str]] = {
         7,
         "192.168.133.3 asked in frame 7 while the request of 192.168.133.2 (frame 5)",
     ),
-    "two-users-unknown": (1, "a station that this capture does not show"),
+    "two-users-unknown": (1, "was turned away in frame 1: another request was open"),
     "request-here-read-there": (4, "frame 1 went to slot 1.1, index 47"),
     "request-here-read-there-answered": (4, "slot 1.2, index 47 (frame 4)"),
     "wrong-record-index": (1, "record index 71 of 192.168.133.33 (DF80B000)"),
