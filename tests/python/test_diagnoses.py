@@ -458,6 +458,14 @@ def slot_refused_once(client: Client) -> None:
     client.exchange(message.read(3, 1, SPEED), message.answer(3, 1, 1, TEN))
 
 
+def api_refused(client: Client) -> None:
+    """Slot 3 refuses API 0 and takes a request of the drives' API: the slot is the right one."""
+    client.write(message.read(1, 1, SPEED), status=0xDF80B200, at=client.at(slot=3, api=0))
+    there = client.at(slot=3, api=0x3A00)
+    client.exchange(message.read(2, 1, SPEED), message.answer(2, 1, 1, TEN), at=there)
+    client.exchange(message.read(3, 1, SPEED), message.answer(3, 1, 1, TEN))
+
+
 def slot_refuses_twice(client: Client) -> None:
     """The job of the Write is closed last, and its status is the first."""
     there = client.at(slot=3, index=0xB02F)
@@ -472,6 +480,7 @@ def slot_refuses_twice(client: Client) -> None:
     [
         (held_and_not_read, (), {"DS723": "5 times", "DS721": ""}),
         (slot_refused_once, (), {}),
+        (api_refused, (), {}),
         (slot_refuses_twice, (), {"DS708": "(DF80B200)"}),
         (no_index, (), {"DS701": ""}),
         (no_parameter_number, (), {"DS701": ""}),

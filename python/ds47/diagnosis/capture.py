@@ -284,15 +284,17 @@ class WholeCapture:
         tally.add(frame)
 
     def _accept(self, device: str, place: Place, job: Job) -> None:
-        """Whether a request to the place was accepted, or a response read there."""
+        """Whether a request to the place was accepted, or a response read there, in any API: none is told."""
         answer, read = job.write_response, job.read_response
         taken = answer is not None and answer.status == 0
-        if (taken or (read is not None and read.data)) and not self._accepting.get((device, place)):
-            self._accepting.put((device, place), True)
+        if (taken or (read is not None and read.data)) and not self._accepting.get(
+            (device, place[1:])
+        ):
+            self._accepting.put((device, place[1:]), True)
 
     def _slots(self) -> Iterator[Remark]:
         for (device, place), (tally, status) in self._refusing.items():
-            if self._accepting.get((device, place)):
+            if self._accepting.get((device, place[1:])):
                 continue
             other = next(
                 (there for (who, *spot), there in self._answering.items()
