@@ -122,7 +122,7 @@ def tx(
     axis: int = 1,
     write: str | None = GOOD,
     read: str | None = GOOD,
-    polls: Sequence[tuple[int, int]] = (),
+    polls: Sequence[tuple[int | None, int]] = (),
     rereads: Sequence[tuple[int, int]] = (),
     **place: Any,
 ) -> Row:
@@ -998,6 +998,26 @@ def _(tape: Tape) -> None:
 
 
 @case(
+    "P22-late-is-no-step-back",
+    "P22 P20",
+    "malformed refused interleaved",
+    [
+        tx(1, "refused", (1, 2, None, None), None, ref=7, write="DF80B700", read=None),
+        tx(2, "ok", (3, 4, 5, 6), 3, real(1.5), **HOME2),
+        tx(3, "ok", (7, 8, 9, 10), 3, real(1.5)),
+    ],
+    "DS315@1#1 DS203@2#1",
+    diagnoses="DS711@1#1",
+)
+def _(tape: Tape) -> None:
+    """What waited for its AR to prove itself is taken in behind frames of another one: no clock stepped back."""
+    client = Client(tape)
+    client.write(CUT, status=BAD_HEADER)
+    second(tape).exchange(ask(), tell(1, 1.5))
+    client.exchange(ask(), tell(1, 1.5))
+
+
+@case(
     "P22-in-its-place",
     "P22 P27 P41",
     "malformed superseded",
@@ -1214,6 +1234,27 @@ def _(tape: Tape) -> None:
     client.write(ask())
     client.ask_write(ask(2, 27))
     client.read(tell(2, 2.5))
+
+
+@case(
+    "P28-passed",
+    "P28",
+    "lost poll",
+    [
+        tx(1, "unanswered", (1, None, None, None), None, real(1.0, pnu=1120), write=None, read=None,
+           operation="change"),
+        tx(2, "ok", (2, 3, 4, 5), 3, real(2.5, pnu=27), ref=2),
+        tx(3, "ok", (8, 9, 10, 11), 3, real(1.5), ref=3),
+    ],
+    "DS101@1#1 DS206@7 DS402@1#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """A Write without its response, then an accepted one: no later Read is that of the first."""
+    client = Client(tape)
+    client.ask_write(put(1, 1.0))
+    client.exchange(ask(2, 27), tell(2, 2.5))
+    client.poll()
+    client.exchange(ask(3), tell(3, 1.5))
 
 
 # The Read
@@ -1908,6 +1949,26 @@ def _(tape: Tape) -> None:
 def _(tape: Tape) -> None:
     """Ten polls are worth a note."""
     play_polls(tape, 10)
+
+
+@case(
+    "P34-first-poll-half-lost",
+    "P34 P48",
+    "poll lost",
+    [tx(1, "ok", (1, 2, 6, 7), 1507, real(1.5), polls=[(None, 3), (4, 5)])],
+    "DS102@3 DS205@7#1",
+)
+def _(tape: Tape) -> None:
+    """The request of the first Read is missing: how long the drive took of 1507 ms is not known."""
+    client = Client(tape)
+    client.write(ask())
+    tape.deaf = True
+    read = client.ask_read()
+    tape.deaf = False
+    client.refuse_read(read, BUSY)
+    client.poll()
+    tape.wait(1500)
+    client.read(tell(1, 1.5))
 
 
 @case(

@@ -769,6 +769,59 @@ def _(tape: Tape) -> None:
     second(tape).connect("panel")
 
 
+@case(
+    "DS722-restart",
+    "unanswered",
+    [
+        tx(1, "unanswered", (1, 2, None, None), None, NOTHING, read=None),
+        tx(2, "ok", (5, 6, 7, 8), 3, real(1.5), ar=str(AR2)),
+    ],
+    "DS401@1#1",
+    "DS722@1#1",
+)
+def _(tape: Tape) -> None:
+    """The controller sets up another AR than the only one that it had, and goes on with that."""
+    client = Client(tape)
+    client.write(ask())
+    client.channel = client.at(ar=AR2)
+    client.connect("plc")
+    client.exchange(ask(), tell(1, 1.5))
+
+
+@case(
+    "DS722-another-ar-connects",
+    "unanswered",
+    [
+        tx(1, "unanswered", (1, 2, None, None), None, NOTHING, read=None),
+        tx(2, "ok", (5, 6, 7, 8), 3, real(1.5), slot=2),
+    ],
+    "DS401@1#1",
+)
+def _(tape: Tape) -> None:
+    """Near miss: the same controller sets up another AR, and the one that asked goes on."""
+    client = Client(tape)
+    client.write(ask())
+    Client(tape, channel=client.at(ar=AR2), activity=AR2).connect("plc")
+    client.exchange(ask(), tell(1, 1.5), at=client.at(slot=2))
+
+
+@case(
+    "DS722-second-ar-connects",
+    "unanswered",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), ar=str(AR2)),
+        tx(2, "unanswered", (5, 6, None, None), None, NOTHING, read=None),
+    ],
+    "DS401@5#2",
+)
+def _(tape: Tape) -> None:
+    """Near miss: the controller has two ARs already; which one the third replaces is not known."""
+    client = Client(tape)
+    client.exchange(ask(), tell(1, 1.5), at=client.at(ar=AR2))
+    client.write(ask())
+    Client(tape, channel=client.at(ar=UUID(int=3)), activity=UUID(int=3)).connect("plc")
+
+
 @case("DS722-answered", "release", [tx(1, "ok", (1, 2, 3, 4), 3, real(1.5))])
 def _(tape: Tape) -> None:
     """Near miss: the connection ends when the response was read."""

@@ -87,6 +87,10 @@ end
 
 -- Keys
 
+local function pair_key(controller, device)
+  return controller .. "\0" .. device
+end
+
 -- What is one place of a device, whoever asks there.
 local function place_key(peer, record)
   return record.api .. record.spot .. peer.device
@@ -102,6 +106,12 @@ local function read_event(half)
     return "read_refused"
   end
   return half.data ~= "" and "read_record" or "read_empty"
+end
+
+-- The newest Write without its response that a Read may ask for: none was accepted after it. nil for none.
+local function waiting_of(channel)
+  local newest = channel.asked[#channel.asked]
+  return newest and newest.order > channel.accepted and newest or nil
 end
 
 -- The bytes that were read last; nil without a job or a response.
@@ -149,7 +159,9 @@ function M.new(limits, listener)
     of_ar = {}, -- AR key -> its channel keys, in the order of first sight
     newest = ordered.new(), -- place -> its newest accepted request, whoever asked
     delivered = ordered.new(), -- place -> the newest of them whose response was read
-    connects = ordered.new(), -- controller and device -> frame of the newest Connect between them
+    connects = ordered.new(), -- AR key -> frame of its newest Connect
+    connected_ars = ordered.new(), -- controller and device -> their newest AR that was not released
+    replaced = {}, -- key of an AR with open requests that a Connect seems to have replaced -> its frame
     forgot_requests = false, -- whether a limit pushed out requests whose responses may still come
     count = 0,
     -- What the caller's last step touched; he sets the count to 0 before it.
@@ -165,6 +177,7 @@ function Pairing:copied(known)
   known[self.newest] = ordered.new()
   known[self.delivered] = ordered.new()
   known[self.connects] = self.connects
+  known[self.connected_ars] = self.connected_ars
 end
 
 -- For `Analysis:touched`: in arrays of its own, so that nothing is made for it on the way of a frame.
@@ -184,10 +197,11 @@ local function end_job(self, job, event)
   end
 end
 
--- The frame of a Connect that came after the request of a job, nil for none.
+-- The frame of a Connect of its AR that came after the request of a job, nil for none.
 local function connected_since(self, job)
-  local asked, peer = job:write_request(), job.peer
-  local connect = asked and self.connects:get(peer.controller .. "\0" .. peer.device)
+  local asked = job:write_request()
+  local key = ar_key(job.peer, job.record)
+  local connect = asked and (self.replaced[key] or self.connects:get(key))
   return connect and connect > asked.frame and connect or nil
 end
 
@@ -231,13 +245,17 @@ local function close_channel(self, channel, reason, ended, limit)
   if open then
     over(open)
   end
-  for number, job in ipairs(channel.asked) do
+  local newest = waiting_of(channel)
+  for _, job in ipairs(channel.asked) do
     if limit then
       push_out(self, job, limit)
     else
-      local passed = reason == "end" and number < #channel.asked -- the channel went on
+      local passed = reason == "end" and job ~= newest -- the channel went on
       lose(self, job, passed and "unseen" or reason, ended)
     end
+  end
+  if self.of_ar[channel.ar_key] == nil then
+    self.replaced[channel.ar_key] = nil
   end
 end
 
@@ -247,6 +265,7 @@ local function new_channel(self, key, peer, record)
     key = key,
     ar_key = of_ar,
     place = place_key(peer, record),
+    pair = pair_key(peer.controller, peer.device),
     touched = nil, -- time of the newest call
     asked = {}, -- Writes without a Write response, oldest first
     open = nil, -- the accepted request that nothing was read for
@@ -254,6 +273,7 @@ local function new_channel(self, key, peer, record)
     last = nil, -- the job that was answered last
     reference = nil, -- that of the newest Write,
     written = nil, -- and its frame
+    accepted = 0, -- `order` of the newest Write that was accepted
   }
   self.channels:set(key, channel)
   local siblings = self.of_ar[of_ar]
@@ -267,6 +287,7 @@ end
 
 local function channel_of(self, peer, record, now)
   local key = channel_key(peer, record)
+  self:goes_on(ar_key(peer, record))
   local channels, expiry = self.channels, self.limits.transaction_expiry_ns
   local channel = channels:get(key)
   if channel ~= nil and now - channel.touched > expiry then
@@ -294,10 +315,10 @@ local function make_job(self, peer, record, message)
   return new_job(peer, record, message, self.count)
 end
 
--- Keeps a job as the newest of its place; `newest` is one of the two memories of that.
-local function remember(self, newest, place, job)
-  newest:set(place, job)
-  newest:move_to_end(place)
+-- Keeps the newest value of a key: a job of a place, an AR of two stations, the Connect of an AR.
+local function remember(self, newest, key, value)
+  newest:set(key, value)
+  newest:move_to_end(key)
   if newest.length > self.limits.channels then
     newest:pop_first()
   end
@@ -306,6 +327,7 @@ end
 -- An accepted Write opens; it displaces what was open and ends the grace of a refused one.
 local function accept(self, channel, job)
   job.accepted = true
+  channel.accepted = math.max(channel.accepted, job.order)
   if job.phase == "asked" then
     remove(channel.asked, job)
     local open = channel.open
@@ -364,11 +386,12 @@ local function addressee(channel, event, data)
   if open then
     return open
   end
-  if #asked > 0 then
+  local waiting = waiting_of(channel)
+  if waiting then
     if event == "read_record" and bytes(channel.last) == data then
       return nil -- an old answer
     end
-    return asked[#asked]
+    return waiting
   end
   return channel.refused
 end
@@ -543,7 +566,7 @@ function Pairing:expected(peer, record)
   if channel == nil then
     return nil
   end
-  return channel.open or channel.asked[#channel.asked] or channel.refused or nil
+  return channel.open or waiting_of(channel) or channel.refused or nil
 end
 
 --- The AR is over with this frame: what is open on its channels stays unanswered.
@@ -553,15 +576,47 @@ function Pairing:release(controller, device, ar, frame)
   while siblings and siblings.length > 0 do
     close_channel(self, self.channels:get((siblings:first())), "release", frame)
   end
+  local pair = pair_key(controller, device)
+  if self.connected_ars:get(pair) == of_ar then
+    self.connected_ars:pop(pair)
+  end
 end
 
---- A new AR between the two: requests that are open now have lost their connection.
-function Pairing:connected(controller, device, frame)
-  local connects, key = self.connects, controller .. "\0" .. device
-  connects:set(key, frame)
-  connects:move_to_end(key)
-  if connects.length > self.limits.channels then
-    connects:pop_first()
+--- Something is said on an AR.
+function Pairing:goes_on(ar)
+  self.replaced[ar] = nil
+end
+
+-- Whether nothing on a channel waits for a response or for the end of its grace.
+local function is_free(channel)
+  return not (channel.open or channel.refused or channel.asked[1])
+end
+
+-- An AR is set up: it replaces the only one that the two had, if nothing is said on that from now on.
+local function replace(self, pair, ar, frame)
+  local before, free = self.connected_ars:get(pair), true
+  for _, channel in self.channels:iterate() do
+    if channel.pair == pair then
+      before = before or channel.ar_key
+      if channel.ar_key ~= before then
+        return
+      end
+      free = free and is_free(channel)
+    end
+  end
+  if before ~= nil and before ~= ar and not free then
+    self.replaced[before] = frame
+  end
+end
+
+--- An AR is set up: requests of the same AR that are open now have lost their connection.
+-- @param ar  nil where it is not known
+function Pairing:connected(controller, device, frame, ar)
+  if ar then
+    local pair, key = pair_key(controller, device), records.ar_text(controller, device, ar)
+    replace(self, pair, key, frame)
+    remember(self, self.connects, key, frame)
+    remember(self, self.connected_ars, pair, key)
   end
   self.listener:connected(device, frame)
 end

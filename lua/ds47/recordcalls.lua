@@ -201,7 +201,7 @@ function RecordCalls:request(call)
       self.pairing:release(pdu.client, pdu.server, ar, pdu.frame)
     end
   elseif opnum == rpc.CONNECT then
-    self.pairing:connected(pdu.client, pdu.server, pdu.frame)
+    self.pairing:connected(pdu.client, pdu.server, pdu.frame, records.connected_ar(pdu))
   end
   if not OPERATIONS[opnum] then
     return
@@ -214,6 +214,7 @@ function RecordCalls:request(call)
   end
   for number = 1, #list do
     count(self, list[number].index, list[number].write)
+    self.pairing:goes_on(ar_key(peer_of(pdu), list[number]))
   end
   if body.nested then
     self.listener:remark({rule = "DS208", frame = pdu.frame, args = {}})
@@ -358,6 +359,9 @@ end
 
 --- Time of the capture; a finding where it steps backwards.
 local function clock(self, pdu)
+  if self.gate.late then -- an AR that proved itself late: its frames came before the newest one
+    return
+  end
   local newest, now = self.newest_ns, pdu.time_ns
   if newest and now < newest then
     local args = {milliseconds = json.float((newest - now) / 1e6)}

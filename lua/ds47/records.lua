@@ -26,6 +26,7 @@ M.BLOCK_LENGTH, M.WRITE_MULTIPLE, M.NIL_UUID = BLOCK_LENGTH, WRITE_MULTIPLE, NIL
 local WRITE, READ_IMPLICIT = rpc.WRITE, rpc.READ_IMPLICIT
 local REQUEST_BLOCKS = {[rpc.READ] = 0x0009, [READ_IMPLICIT] = 0x0009, [WRITE] = 0x0008}
 local RESPONSE_BLOCKS = {[rpc.READ] = 0x8009, [READ_IMPLICIT] = 0x8009, [WRITE] = 0x8008}
+local AR_BLOCK = 0x0101
 local RELEASE_BLOCKS = {[0x0114] = true, [0x0117] = true}
 
 local HALF = {data = "", stated = 0, missing = 0}
@@ -256,6 +257,15 @@ end
 function M.released_ar(pdu)
   local t1, t2 = byte(pdu.body, 21, 22)
   if #pdu.body < 44 or not RELEASE_BLOCKS[t1 * 256 + t2] then
+    return nil
+  end
+  return sub(pdu.body, 29, 44)
+end
+
+--- The AR that a Connect request sets up, nil where its first block is no ARBlockReq.
+function M.connected_ar(pdu)
+  local t1, t2 = byte(pdu.body, 21, 22)
+  if #pdu.body < 44 or t1 * 256 + t2 ~= AR_BLOCK then
     return nil
   end
   return sub(pdu.body, 29, 44)

@@ -65,21 +65,21 @@ end
 local is_mismatch = M.is_mismatch
 
 --- The drive's share of the duration, nanoseconds: without the pause the program made before its first Read.
--- nil where the duration is not known.
+-- nil where that is not known: the duration, or when the first Read was asked for.
 function M.drive_time_ns(job)
   local write, read = job:write_request(), job.read_response
   if write == nil or read == nil then
     return nil
   end
-  local first, polls = job.read_request, job.polls
-  for number = 1, #polls do
-    if polls[number].request then
-      first = polls[number].request
-      break
-    end
+  local first, poll = job.read_request, job.polls[1]
+  if poll then
+    first = poll.request
+  end
+  if first == nil then
+    return nil
   end
   local accepted = job.write_response
-  if first and accepted and first.time_ns > accepted.time_ns then -- the parts are exact, whatever the pause
+  if accepted and first.time_ns > accepted.time_ns then -- the parts are exact, whatever the pause
     return read.time_ns - first.time_ns + (accepted.time_ns - write.time_ns)
   end
   return read.time_ns - write.time_ns

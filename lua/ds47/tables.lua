@@ -920,11 +920,11 @@ M.diagnosis_words = {
   status_zero_at_last = {en = "the STATUS of the RDREC that brought it is 0 (after {polls} x DE80B500: not ready yet)", zh = "取得该应答的 RDREC 的 STATUS 为 0（此前 {polls} 次 DE80B500：尚未就绪）"},
   again_without_ar = {en = "without an AR (ReadImplicit)", zh = "不经 AR（ReadImplicit）"},
   again_after_refusal = {en = "after the Write in frame {write} had been refused", zh = "此前帧 {write} 的写入已被拒绝"},
-  unseen_user = {en = "{controller} was turned away in frame {frame}: a request was open that this capture does not show", zh = "{controller} 的请求（第 {frame} 帧）被拒绝：还有一个本抓包未显示的请求尚未完成"},
+  unseen_user = {en = "{controller} was turned away in frame {frame}: another request was open", zh = "{controller} 的请求（第 {frame} 帧）被拒绝：另有一个请求尚未完成"},
   two_stations_many = {en = "{controller} wrote while a request of {other} was open: two stations use one channel", zh = "{controller} 写入请求，而 {other} 的请求尚未完成：两个站使用同一通道"},
   two_ars_many = {en = "{controller} wrote while its request of another AR was open: two connections of one station use one channel", zh = "{controller} 写入请求，而它在另一 AR 上的请求尚未完成：同一个站的两个连接使用同一通道"},
   one_station_many = {en = "{controller} wrote while its own request was open: the response had not been fetched", zh = "{controller} 写入请求，而它自己的请求尚未完成：应答还没有被取走"},
-  unseen_user_many = {en = "{controller} was turned away: a request was open that this capture does not show", zh = "{controller} 的请求被拒绝：还有一个本抓包未显示的请求尚未完成"},
+  unseen_user_many = {en = "{controller} was turned away: another request was open", zh = "{controller} 的请求被拒绝：另有一个请求尚未完成"},
   different = {en = "several cases that differ, each stands in the findings", zh = "多种不同的情况，逐条见分析结论"},
 }
 ]=]

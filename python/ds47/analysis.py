@@ -141,7 +141,7 @@ class Analysis:
         self._diagnoses = Diagnoses(options.codec)
         self._pairing = Pairing(
             bounds, self._answered, self._closed, self._nothing_to_read, self._refused, self._request,
-            self._recalled, self._judge.asked, self._judge.connected,
+            self._recalled, self._asked, self._judge.connected,
         )  # fmt: skip
         gate = Gate(options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars)
         self._records = RecordCalls(
@@ -301,6 +301,10 @@ class Analysis:
         half = job.read_response
         if half is not None and half.data:
             job.response = decode_response(half.data, job.message, self._options.codec)
+
+    def _asked(self, job: Job) -> None:
+        self._judge.asked(job)
+        self._diagnoses.asked(job)
 
     def _answered(self, job: Job) -> None:
         self._decode(job)

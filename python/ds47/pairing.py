@@ -24,6 +24,7 @@ STATUS_IN_USE: Final = 0xDF80B500
 
 
 _T = TypeVar("_T")
+_K = TypeVar("_K")
 _NO_TEXTS: Final[list[str]] = []
 """Of all jobs that have none yet; nobody adds to it."""
 
@@ -317,6 +318,8 @@ class Channel:
     """Asked or open."""
     usual_last: UsualJob | None
     """Answered."""
+    accepted: int
+    """The `Job.order` of the newest Write that was accepted, as far as it was not a usual one."""
 
     def __init__(
         self,
@@ -336,6 +339,12 @@ class Channel:
         self.written = None
         self.usual = None
         self.usual_last = None
+        self.accepted = 0
+
+    def waiting(self) -> Job | None:
+        """The newest Write without its response that a Read may ask for: none was accepted after it."""
+        newest = self.asked[-1] if self.asked else None
+        return newest if newest is not None and newest.order > self.accepted else None
 
     def is_free(self) -> bool:
         """Whether nothing waits for a response or for the end of its grace."""
@@ -343,8 +352,7 @@ class Channel:
 
     def expected(self) -> Job | UsualJob | None:
         """The job that a Read request asks for, as far as is known before its response."""
-        asked = self.asked[-1] if self.asked else None
-        return self.usual or self.open or asked or self.refused
+        return self.usual or self.open or self.waiting() or self.refused
 
     def jobs(self) -> list[Job]:
         """All of them, none of which is a usual one."""
@@ -401,8 +409,12 @@ class Pairing:
         """Whether a limit pushed out requests whose responses may still come."""
         self._delivered: OrderedDict[tuple[str, int, int, int, int], Job | UsualJob] = OrderedDict()
         """The newest accepted request of a place whose response was read, whoever asked."""
-        self._connects: OrderedDict[tuple[str, str], int] = OrderedDict()
-        """The newest Connect between two stations, by its frame."""
+        self._connects: OrderedDict[tuple[str, str, bytes], int] = OrderedDict()
+        """The newest Connect of each AR, by its frame."""
+        self._connected: OrderedDict[tuple[str, str], bytes] = OrderedDict()
+        """The AR that two stations set up last and did not release."""
+        self.replaced: dict[tuple[str, str, bytes], int] = {}
+        """ARs with open requests that a Connect seems to have replaced; until anything is said on them."""
         self._count = 0
 
     def write_request(self, peer: Peer, record: Record, message: Request) -> Job:
@@ -610,16 +622,42 @@ class Pairing:
         """The AR is over: what is open on its channels stays unanswered."""
         for key in list(self._of_ar.get((controller, device, ar), ())):
             self._close_channel(key, "release", frame)
+        if self._connected.get((controller, device)) == ar:
+            del self._connected[controller, device]
 
-    def connected(self, controller: str, device: str, frame: int) -> None:
-        """A new AR between the two: requests that are open now have lost their connection."""
-        connects = self._connects
-        connects[controller, device] = frame
-        connects.move_to_end((controller, device))
-        if len(connects) > self._limits.channels:
-            connects.popitem(last=False)
+    def connected(self, controller: str, device: str, frame: int, ar: bytes | None = None) -> None:
+        """An AR is set up: requests of the same AR that are open now have lost their connection.
+
+        Another AR replaces the only one that the two had, if nothing is said on that from now on.
+        """
+        if ar is not None:
+            self._replace(controller, device, ar, frame)
+            self._put(self._connects, (controller, device, ar), frame)
+            self._put(self._connected, (controller, device), ar)
         if self._tell_connected is not None:
             self._tell_connected(device, frame)
+
+    def _replace(self, controller: str, device: str, ar: bytes, frame: int) -> None:
+        pair = controller, device
+        ars = {key[2] for key in self._of_ar if key[:2] == pair}
+        before = self._connected.get(pair)
+        if before is not None:
+            ars.add(before)
+        if len(ars) == 1 and ar not in ars:
+            key = (*pair, ars.pop())
+            if not all(self.channels[each].is_free() for each in self._of_ar.get(key, ())):
+                self.replaced[key] = frame
+
+    def _put(self, memory: OrderedDict[_K, _T], key: _K, value: _T) -> None:
+        memory[key] = value
+        memory.move_to_end(key)
+        if len(memory) > self._limits.channels:
+            memory.popitem(last=False)
+
+    def goes_on(self, controller: str, device: str, ar: bytes) -> None:
+        """Something is said on an AR."""
+        if self.replaced:
+            self.replaced.pop((controller, device, ar), None)
 
     def finish(self) -> None:
         """The capture is over."""
@@ -632,6 +670,7 @@ class Pairing:
 
     def _channel(self, peer: Peer, record: Record, now: int) -> Channel:
         key = _key(peer, record)
+        self.goes_on(*key[:3])
         channel = self.channels.get(key)
         channels, expiry = self.channels, self._limits.transaction_expiry_ns
         if channel is not None and now - channel.touched > expiry:
@@ -655,6 +694,7 @@ class Pairing:
     def _accept(self, channel: Channel, job: Job) -> None:
         """An accepted Write opens; it displaces what was open and ends the grace of a refused one."""
         job.accepted = True
+        channel.accepted = max(channel.accepted, job.order)
         if job.phase == "asked":
             channel.asked.remove(job)
             if channel.open is not None:
@@ -720,9 +760,10 @@ class Pairing:
                     return job
         if channel.open is not None:
             return channel.open
-        if channel.asked:
+        waiting = channel.waiting()
+        if waiting is not None:
             old_answer = event == "read_record" and _bytes(channel.last) == data
-            return None if old_answer else channel.asked[-1]
+            return None if old_answer else waiting
         return channel.refused
 
     def _read(self, channel: Channel, job: Job, event: str, record: Record) -> None:
@@ -768,7 +809,8 @@ class Pairing:
         job.reason = reason
         asked = job.write_request
         if asked is not None and job.ended is None and job.read_response is None:
-            connect = self._connects.get((job.peer.controller, job.peer.device))
+            key = job.peer.controller, job.peer.device, job.record.ar
+            connect = self.replaced.get(key) or self._connects.get(key)
             if connect is not None and connect > asked.frame:
                 job.ended = connect
         self._end(job, "lost")
@@ -793,7 +835,7 @@ class Pairing:
             del self._of_ar[key[:3]]
         channel = self.channels.pop(key)
         self._recall(channel)
-        newest = channel.asked[-1] if channel.asked else None
+        newest = channel.waiting()
         for job in channel.jobs():
             if limit:
                 self._push_out(job, limit)
@@ -801,6 +843,8 @@ class Pairing:
             job.ended = frame
             passed = reason == "end" and job.phase == "asked" and job is not newest
             self._lose(job, "unseen" if passed else reason)
+        if key[:3] not in self._of_ar:
+            self.replaced.pop(key[:3], None)
 
 
 def _key(peer: Peer, record: Record) -> ChannelKey:

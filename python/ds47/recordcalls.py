@@ -22,6 +22,7 @@ from ds47.profinet.records import (
     Half,
     Record,
     RequestBody,
+    connected_ar,
     parse_request,
     parse_response,
     released_ar,
@@ -75,7 +76,7 @@ class RecordCalls:
         pairing: hears of every Write and Read that is ours.
         codec: dialects of the messages.
         remark: takes the transport findings.
-        foreign: hears of every answered Write to an index that cannot be ours.
+        foreign: hears of every answered Write to an index that cannot be ours, or without its request.
         limits: the numbers of spec/limits.toml.
     """
 
@@ -178,7 +179,7 @@ class RecordCalls:
         if pdu.opnum == rpc.RELEASE and (ar := released_ar(pdu)):
             self._pairing.release(pdu.client, pdu.server, ar, pdu.frame)
         if pdu.opnum == rpc.CONNECT:
-            self._pairing.connected(pdu.client, pdu.server, pdu.frame)
+            self._pairing.connected(pdu.client, pdu.server, pdu.frame, connected_ar(pdu))
         if pdu.opnum not in _OPERATIONS:
             return
         body = parse_request(pdu)
@@ -187,6 +188,7 @@ class RecordCalls:
             self._count(WRITE_MULTIPLE, write=True)
         for record in body.records:
             self._count(record.index, write=record.write)
+            self._pairing.goes_on(pdu.client, pdu.server, record.ar)
         if body.nested:
             self._remark(Remark("DS208", pdu.frame))
         for record in body.records:
@@ -337,7 +339,9 @@ class RecordCalls:
             if certain and not self._forgot_requests:
                 args = {"operation": _OPERATIONS[pdu.opnum]}
                 self._about(pdu, record, Remark("DS102", pdu.frame, args))
-            if not record.write:
+            if record.write:
+                self._foreign(peer(pdu), record)
+            else:
                 self._read_answered(pdu, record, record.response)
 
     def _fault(self, call: Call, pdu: rpc.Pdu) -> None:
@@ -372,6 +376,8 @@ class RecordCalls:
             self._about(pdu, record, Remark("DS202", half.frame, args))
 
     def _clock(self, pdu: rpc.Pdu) -> None:
+        if self._gate.late:  # an AR that proved itself late: its frames came before the newest one
+            return
         newest = self.newest_ns
         if newest is not None and pdu.time_ns < newest:
             back = (newest - pdu.time_ns) / 1e6

@@ -202,7 +202,7 @@ class UsualWay:
         """Whether the frame was a usual one, or a copy of one; then nothing is left to do with it."""
         data = frame.data
         side = self._sides.get(data[RPC_START:IDENTITY_END])
-        if side is None or frame.link_type != ETHERNET:
+        if side is None or frame.link_type != ETHERNET or self._pairing.replaced:
             return False
         fields: Fields | None = side.headers.read(data)
         if fields is None:

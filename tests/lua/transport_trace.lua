@@ -110,6 +110,9 @@ function Ear.release(_, controller, device, ar, frame)
   tell("release", {controller = controller, device = device, ar = hex(ar), frame = frame})
 end
 
+function Ear.goes_on()
+end
+
 function Ear.connected(_, controller, device, frame)
   tell("connected", {controller = controller, device = device, frame = frame})
 end

@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from uuid import UUID
 
 import pytest
 
@@ -91,7 +92,7 @@ SAYS: dict[str, tuple[int, str]] = {
         7,
         "192.168.133.3 wrote in frame 7 while the request of 192.168.133.2 (frame 5) was open",
     ),
-    "two-users-unknown": (1, "a station that this capture does not show"),
+    "two-users-unknown": (1, "was turned away in frame 1: another request was open"),
     "request-here-read-there": (4, "frame 1 went to slot 1.1, index 47"),
     "request-here-read-there-answered": (4, "slot 1.2, index 47 (frame 4)"),
     "wrong-record-index": (1, "record index 71 of 192.168.133.33 (DF80B000)"),
@@ -391,6 +392,26 @@ def reads_elsewhere_before(client: Client) -> None:
     client.write(message.read(2, 1, SPEED))
 
 
+def asked_there_unseen(client: Client) -> None:
+    """Slot 1.2 was asked as well: of that only the Write response is in the capture."""
+    client.exchange(SHORT, message.answer(1, 1, 1, TEN))
+    client.write(message.read(2, 1, SPEED))
+    there = client.at(subslot=2)
+    client.stage.deaf = True
+    lost = client.ask_write(message.read(3, 1, SPEED), at=there)
+    client.stage.deaf = False
+    client.accept_write(lost, message.read(3, 1, SPEED), at=there)
+    client.poll(at=there)
+
+
+def reads_elsewhere_and_before(client: Client) -> None:
+    """Two Reads for nothing, of which only that at 1.2 has to do with the request at 1.1."""
+    client.exchange(SHORT, message.answer(1, 1, 1, TEN))
+    client.poll()
+    client.write(message.read(2, 1, SPEED))
+    client.poll(at=client.at(subslot=2))
+
+
 def reads_elsewhere_after_a_refusal(client: Client) -> None:
     """A request that was turned away is not open anywhere."""
     client.exchange(SHORT, message.answer(1, 1, 1, TEN), at=client.at(slot=3))
@@ -417,9 +438,50 @@ def change_after_the_save(client: Client) -> None:
     client.exchange(message.read(3, 1, SPEED), message.answer(3, 1, 1, TEN))
 
 
+def held_and_not_read(client: Client) -> None:
+    """Five equal changes; the second is displaced, and so over before the first one."""
+    for reference in range(1, 6):
+        request = message.change(reference, 1, (FIXED, TEN))
+        client.write(request)
+        if reference != 2:
+            client.read(message.changed(reference, 1))
+        else:
+            client.stage.wait(2)  # as long as the Read takes
+        client.stage.wait(96)
+
+
+def slot_refused_once(client: Client) -> None:
+    """Slot 3 refuses once and takes the next request: it is the right one."""
+    there = client.at(slot=3)
+    client.write(message.read(1, 1, SPEED), status=0xDF80B200, at=there)
+    client.exchange(message.read(2, 1, SPEED), message.answer(2, 1, 1, TEN), at=there)
+    client.exchange(message.read(3, 1, SPEED), message.answer(3, 1, 1, TEN))
+
+
+def api_refused(client: Client) -> None:
+    """Slot 3 refuses API 0 and takes a request of the drives' API: the slot is the right one."""
+    client.write(message.read(1, 1, SPEED), status=0xDF80B200, at=client.at(slot=3, api=0))
+    there = client.at(slot=3, api=0x3A00)
+    client.exchange(message.read(2, 1, SPEED), message.answer(2, 1, 1, TEN), at=there)
+    client.exchange(message.read(3, 1, SPEED), message.answer(3, 1, 1, TEN))
+
+
+def slot_refuses_twice(client: Client) -> None:
+    """The job of the Write is closed last, and its status is the first."""
+    there = client.at(slot=3, index=0xB02F)
+    client.write(message.read(1, 1, SPEED), status=0xDF80B200, at=there)
+    other = client.at(ar=UUID(int=2), slot=3, index=0xB02F)
+    client.poll(0xDE80B200, at=other)
+    client.exchange(message.read(3, 1, SPEED), message.answer(3, 1, 1, TEN))
+
+
 @pytest.mark.parametrize(
     ("talk", "arguments", "expected"),
     [
+        (held_and_not_read, (), {"DS723": "5 times", "DS721": ""}),
+        (slot_refused_once, (), {}),
+        (api_refused, (), {}),
+        (slot_refuses_twice, (), {"DS708": "(DF80B200)"}),
         (no_index, (), {"DS701": ""}),
         (no_parameter_number, (), {"DS701": ""}),
         (one_array_too_long, (), {"DS713": "0 of 1 parameter(s) were answered"}),
@@ -430,6 +492,8 @@ def change_after_the_save(client: Client) -> None:
         (cut_change, (8,), {"DS711": "after 8 bytes: 1 parameter(s) need 14"}),
         (cut_change, (10,), {"DS711": "after 10 bytes: 1 parameter(s) need 14"}),
         (cut_change, (15,), {"DS711": "after 15 bytes: 1 parameter(s) need 16"}),
+        (asked_there_unseen, (), {"DS703": "1 x Read"}),
+        (reads_elsewhere_and_before, (), {"DS706": "slot 1.2", "DS703": "2 x Read"}),
         (reads_elsewhere_before, (), {"DS703": "1 x Read"}),
         (reads_elsewhere_after_a_refusal, (), {"DS703": "1 x Read"}),
         (release_while_a_change_is_polled, (), {"DS722": "frame 5"}),

@@ -142,8 +142,11 @@ class Ear:
     def release(self, controller: str, device: str, ar: bytes, frame: int) -> None:
         self.tell("release", controller=controller, device=device, ar=ar.hex(), frame=frame)
 
-    def connected(self, controller: str, device: str, frame: int) -> None:
+    def connected(self, controller: str, device: str, frame: int, ar: bytes | None = None) -> None:
         self.tell("connected", controller=controller, device=device, frame=frame)
+
+    def goes_on(self, controller: str, device: str, ar: bytes) -> None:
+        pass
 
     def remark(self, remark: Remark) -> None:
         self.tell("remark", rule=remark.rule, frame=remark.frame, args=remark.args,

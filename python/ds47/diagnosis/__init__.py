@@ -60,6 +60,10 @@ class Diagnoses:
         self._refused: OrderedDict[Asked, None] = OrderedDict()
         """Parameters that were refused, each with its value."""
 
+    def asked(self, job: Job) -> None:
+        """A Write request asks for something. Call in the order of the capture; not of usual jobs."""
+        self._whole.asked(job)
+
     def closed(self, job: Job) -> list[Remark]:
         """What a closed job shows, and the findings it has, were caused by."""
         self._whole.closed(job)

@@ -101,10 +101,13 @@ class WholeCapture:
     def __init__(self, forgot: Callable[[], None]) -> None:
         self._opened: _Memory[list[_Open]] = _Memory()
         self._idle: _Memory[list[_Read]] = _Memory()
+        self._explained: set[Pair] = set()
+        """Whose Reads for nothing DS706 explains, all of them."""
         self._orphans: _Memory[list[_Read]] = _Memory()
         self._foreign: _Memory[tuple[_Tally, dict[str, Any]]] = _Memory()
         self._answering: _Memory[Place] = _Memory(forgot)
         self._refusing: _Memory[tuple[_Tally, int]] = _Memory()
+        self._accepting: _Memory[bool] = _Memory(forgot)
         self._axes: _Memory[dict[int, int]] = _Memory(forgot)
         self._unsaved: _Memory[Unsaved] = _Memory()
         self._asking: _Memory[bool] = _Memory(forgot)
@@ -112,6 +115,11 @@ class WholeCapture:
         self._asked = self._all_orphans = 0
         self._first_frame = 0
         self._cut = _Tally()
+
+    def asked(self, job: Job) -> None:
+        """A Write request asks for something."""
+        if job.message is not None and job.message.operation == "change":
+            self._repetition.asked(job, _place(job.record))
 
     def closed(self, job: Job) -> None:
         """A job is over."""
@@ -122,6 +130,7 @@ class WholeCapture:
             self._first_frame = first.frame
         if message is None:
             self._all_orphans += 1
+            self._accept(device, place, job)
             self._orphan((job.peer.controller, device), place, job)
             return
         self._asked += 1
@@ -133,10 +142,9 @@ class WholeCapture:
             self._open((job.peer.controller, device), place, job)
         elif record.index == LOCAL:
             self._axis(device, place, job)
-        change = message.operation == "change"
-        if change:
+        if message.operation == "change":
             self._change(job)
-        if change or job.polls or self._repetition.storms:
+        if job.polls or self._repetition.storms:
             self._repetition.closed(job, place)
 
     def usual(self, job: UsualJob) -> None:
@@ -160,9 +168,14 @@ class WholeCapture:
             self._refusal(peer.device, place, half.status, half.frame)
 
     def foreign(self, peer: Peer, record: Record) -> None:
-        """A Write to an index that is not ours has been answered."""
+        """A Write that is no job has been answered: its index is not ours, or its request is missing."""
         asked, answer = record.request, record.response
-        if asked is None or answer is None or len(asked.data) > known().channel_bytes:
+        if asked is None:
+            asks = peer.controller, peer.device, _place(record)
+            if asks not in self._asking.entries:
+                self._asking.put(asks, True)
+            return
+        if answer is None or len(asked.data) > known().channel_bytes:
             return
         if not answer.status and record.index not in known().confused_indices:
             return
@@ -211,32 +224,40 @@ class WholeCapture:
     def _read_there(self, gaps: bool) -> Iterator[Remark]:
         """Only places where nothing is asked: elsewhere a Read may belong to a request of its own.
 
-        Where frames are missing an orphan has lost its own request.
+        Where frames are missing that request may be among them.
         """
-        for pair, opened in self._opened.items():
-            idle = self._idle.get(pair) or []
-            orphans = [] if gaps else self._orphans.get(pair) or []
-            strays = self._unasked(pair, orphans)
+        for pair, opened in [] if gaps else self._opened.items():
+            idle = list(self._idle.get(pair) or [])
+            strays = self._unasked(pair, self._orphans.get(pair) or [])
             for each in opened:
                 read = _elsewhere(each, strays, answer=True)
                 read = read or _elsewhere(each, self._unasked(pair, idle))
                 if read is None:
                     continue
-                idle[:] = [other for other in idle if other.place != read.place]
+                idle = [other for other in idle if other.place != read.place]
                 yield Remark("DS706", read.frame, {
                     "device": pair[1], "request": each.frame, "frame": read.frame,
                     "place": place_args(each.place), "other": place_args(read.place),
                 })  # fmt: skip
+            if not idle:
+                self._explained.add(pair)
 
     def _unasked(self, pair: Pair, reads: list[_Read]) -> list[_Read]:
         return [read for read in reads if self._asking.get((*pair, read.place)) is None]
 
     def _nothing(self) -> Iterator[Remark]:
+        """All of a device, unless each of them is explained."""
         tallies: dict[str, _Tally] = {}
-        for (_, device), reads in self._idle.items():
+        puzzling: set[str] = set()
+        for pair, reads in self._idle.items():
+            device = pair[1]
+            if pair not in self._explained:
+                puzzling.add(device)
             for read in reads:
                 tallies.setdefault(device, _Tally()).add(read.frame)
         for device, tally in tallies.items():
+            if device not in puzzling:
+                continue
             yield Remark("DS703", tally.first, {"count": tally.count, "device": device})
 
     # The place: slot (DS708) and axis (DS710)
@@ -244,6 +265,7 @@ class WholeCapture:
     def _slot(self, device: str, place: Place, job: Job) -> None:
         answer, read = job.write_response, job.read_response
         spot = device, place[1], place[2]
+        self._accept(device, place, job)
         if read is not None and read.data and spot not in self._answering.entries:
             self._answering.put(spot, place)
         if answer is not None and answer.status:
@@ -255,11 +277,25 @@ class WholeCapture:
         if (status >> 8) & 0xFF != _INVALID_SLOT and status & 0xFFFFFF00 != _NO_ACCESS:
             return
         key = device, place
-        tally, _ = self._refusing.get(key) or self._refusing.put(key, (_Tally(), status))
+        tally, first = self._refusing.get(key) or self._refusing.put(key, (_Tally(), status))
+        if frame < tally.first:  # jobs are not closed in the order of their frames
+            first = status
+        self._refusing.entries[key] = tally, first
         tally.add(frame)
+
+    def _accept(self, device: str, place: Place, job: Job) -> None:
+        """Whether a request to the place was accepted, or a response read there, in any API: none is told."""
+        answer, read = job.write_response, job.read_response
+        taken = answer is not None and answer.status == 0
+        if (taken or (read is not None and read.data)) and not self._accepting.get(
+            (device, place[1:])
+        ):
+            self._accepting.put((device, place[1:]), True)
 
     def _slots(self) -> Iterator[Remark]:
         for (device, place), (tally, status) in self._refusing.items():
+            if self._accepting.get((device, place[1:])):
+                continue
             other = next(
                 (there for (who, *spot), there in self._answering.items()
                  if who == device and tuple(spot) != place[1:3]), None,

@@ -68,12 +68,16 @@ class Repetition:
         """Those that the next job of a channel may end."""
         self._found: list[Remark] = []
 
+    def asked(self, job: Job, place: tuple[int, int, int, int]) -> None:
+        """The Write request of a change, in the order of the capture: jobs are not closed in that order."""
+        asked = job.write_request
+        if asked is not None:
+            key = (job.peer.controller, job.peer.device, job.record.ar, place)
+            self._change(key, asked.data, asked.frame, asked.time_ns)
+
     def closed(self, job: Job, place: tuple[int, int, int, int]) -> None:
         """A job that was asked is over."""
         key = (job.peer.controller, job.peer.device, job.record.ar, place)
-        asked = job.write_request
-        if job.message is not None and job.message.operation == "change" and asked is not None:
-            self.change(key, asked.data, asked.frame, asked.time_ns)
         if len(job.polls) < known().storm_polls:
             self.calm(key)
         else:
@@ -87,8 +91,7 @@ class Repetition:
             self._end_storm(key, storm)
         yield from self._found
 
-    def change(self, key: Channel, request: bytes, frame: int, time_ns: int) -> None:
-        """A change on a channel, by its Write request."""
+    def _change(self, key: Channel, request: bytes, frame: int, time_ns: int) -> None:
         run = self._runs.get(key)
         data = request[1:]
         if run is not None and run.data == data:

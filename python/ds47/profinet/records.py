@@ -24,6 +24,7 @@ READ_RESPONSE: Final = 0x8009
 WRITE_RESPONSE: Final = 0x8008
 _REQUEST_BLOCKS: Final = {READ: READ_REQUEST, READ_IMPLICIT: READ_REQUEST, WRITE: WRITE_REQUEST}
 _READS: Final = (READ, READ_IMPLICIT)
+_AR_BLOCK: Final = 0x0101
 _RELEASE_BLOCKS: Final = (0x0114, 0x0117)
 
 
@@ -221,5 +222,13 @@ def released_ar(pdu: Pdu) -> bytes | None:
     """The AR that a Release request ends, None where its block does not parse."""
     block = pdu.body[20:44]
     if len(block) < 24 or int.from_bytes(block[:2], "big") not in _RELEASE_BLOCKS:
+        return None
+    return block[8:24]
+
+
+def connected_ar(pdu: Pdu) -> bytes | None:
+    """The AR that a Connect request sets up, None where its first block is no ARBlockReq."""
+    block = pdu.body[20:44]
+    if len(block) < 24 or int.from_bytes(block[:2], "big") != _AR_BLOCK:
         return None
     return block[8:24]
