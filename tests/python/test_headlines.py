@@ -91,7 +91,7 @@ def test_what_differs_is_not_named():
     assert sentence(told) == (
         "p2902 with several subindices or numbers of elements has negative responses: 0x03 Invalid subindex"
     )
-    assert sentence(told, "zh") == "p2902（多个下标或元素数量）被拒绝：0x03 错误的子索引"
+    assert sentence(told, "zh") == "p2902（多个下标或元素数量）得到否定应答：0x03 错误的子索引"
 
 
 def test_what_nothing_names_may_differ():
@@ -191,9 +191,11 @@ def test_two_parameters_that_are_refused_alike_are_two():
             peer=peer, message=SimpleNamespace(axis=7), write_request=None,
             read_response=SimpleNamespace(frame=4),
         )  # fmt: skip
-        return [(each.rule, each.args.get("pnu")) for each in refusal.of(job, found)]
+        return [(each.rule, each.args.get("pnu")) for _, each in refusal.of(job, found)]
 
-    assert told(0x11, [(1300, 0), (1437, 0), (1437, 1)]) == [("DS719", 1300), ("DS719", 1437)]
+    assert told(0x11, [(1300, 0), (1437, 0), (1437, 1)]) == [
+        ("DS719", 1300), ("DS719", 1437), ("DS719", 1437),
+    ]  # fmt: skip
     assert told(0x19, [(1300, 0), (1437, 0)]) == [("DS709", None)]
 
 
