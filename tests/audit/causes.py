@@ -18,7 +18,7 @@ from pathlib import Path
 from tests.audit import message, wire, words
 from tests.audit.claims import Auditor, Case, means, vendor
 from tests.audit.memory import LOCAL, MAYBE, NO_SUCH_AXIS, SURE, Memory
-from tests.audit.reading import NOT_READY, Complaint, Deal, Reading, shown
+from tests.audit.reading import NOT_READY, Complaint, Deal, Finding, Reading, shown
 
 AUDITORS: dict[str, Auditor] = {}
 SIEMENS = 0x002A
@@ -753,9 +753,8 @@ def diagnoses(reading: Reading) -> Iterator[Complaint]:
 def _diagnosis(plain: dict[str, object], reading: Reading) -> Iterator[str]:
     rule, args = str(plain["rule"]), plain["args"]
     mine = [each for each in reading.findings if each.rule == rule]
-    first = [each for each in mine if each.args == args]
-    if not first:
-        yield f"no finding has the arguments {args}"
+    assert isinstance(args, dict)
+    yield from _cases(plain, args, mine)
     frames = plain["frames"]
     assert isinstance(frames, list)
     if not set(frames) <= {frame for each in mine for frame in (each.frame, *each.frames)}:
@@ -766,5 +765,34 @@ def _diagnosis(plain: dict[str, object], reading: Reading) -> Iterator[str]:
     assert isinstance(transactions, list)
     if not set(transactions) <= {each.transaction for each in mine}:
         yield f"no finding is of the transactions {transactions}"
-    assert isinstance(args, dict)
-    yield from words.problems(rule, str(plain["message"]), args)
+
+
+def _cases(
+    plain: dict[str, object], args: dict[str, object], mine: list[Finding]
+) -> Iterator[str]:
+    """The findings that an entry sums up: how many there are, in what they differ, and what of it the entry says."""
+    rule, differs, count = str(plain["rule"]), plain["differs"], plain["count"]
+    transactions, frames = plain["transactions"], plain["frames"]
+    assert isinstance(differs, list)
+    assert isinstance(transactions, list)
+    assert isinstance(frames, list)
+    cases = [
+        each for each in mine
+        if all(each.args[name] == value for name, value in args.items() if name not in differs)
+        and each.frame in frames
+    ]  # fmt: skip
+    if not cases:
+        yield f"no finding has the arguments {args}"
+        return
+    if not plain["frames_left_out"] and len(cases) < int(str(count)):
+        yield f"count {count} is {len(cases)}"
+    for name in args:
+        values = {repr(each.args[name]) for each in cases}
+        if name in differs and (args[name] is not None or len(values) < 2):
+            yield f"{name} is said to differ, and is {values}"
+    shown_ones = set().union(*(words.named(rule, each.args) for each in cases))
+    sentence = str(plain["message"])
+    if set(differs) & shown_ones and rule in words.MANY:
+        yield from words.of_many(rule, sentence, args)
+    else:
+        yield from words.problems(rule, sentence, cases[0].args)
