@@ -137,10 +137,14 @@ def _once_more(case: Case) -> Iterator[str]:
     taken = [each.asked for each in between if each.status == 0]
     if taken:
         yield f"a new request was accepted in frame {taken[0]}"
-    yield from _how_again(case, one, [each.asked for each in between if each.status])
+    faults = [
+        each.write for each in case.reading.deals
+        if each.channel == key and each.state == "refused" and (first or 0) < (each.write or 0) < one.asked
+    ]  # fmt: skip
+    yield from _how_again(case, one, [*(each.asked for each in between if each.status), *faults])
 
 
-def _how_again(case: Case, one: wire.Record, refused: list[int]) -> Iterator[str]:
+def _how_again(case: Case, one: wire.Record, refused: list[int | None]) -> Iterator[str]:
     """How the response was read once more: after a refused Write, without an AR, or with nothing before it."""
     told, write = case.args.get("case"), case.args.get("write")
     if told == "again_after_refusal":
@@ -328,8 +332,9 @@ def _too_short(case: Case) -> Iterator[str]:
     count = asked.count or 1
     yield from case.wrong("count", count)
     just = _just_as_long(asked)
-    yield from case.wrong("case", "length_or_count" if just else "length_short")
-    yield from case.wrong("fits", just)
+    either = case.args.get("case") == "length_or_count"  # less is said of one that has other flaws
+    yield from case.wrong("case", "length_or_count" if either and just else "length_short")
+    yield from case.wrong("fits", just if either else None)
     least = 4 + 6 * count
     if asked.changes and len(asked.addresses) == count and asked.blocks:
         least = len(asked.data) + asked.missing + 4 * max(0, count - len(asked.blocks))
@@ -391,7 +396,9 @@ def _too_long(case: Case) -> Iterator[str]:
     ]  # fmt: skip
     if case.args.get("room") == "room_seen" and limit != max(lengths):
         yield f"limit {limit!r}: the longest response so far has {max(lengths)} bytes"
-    elif case.args.get("room") == "room_stated" and limit not in _longest(case.reading, deal.device):
+    elif case.args.get("room") == "room_stated" and limit not in _longest(
+        case.reading, deal.device
+    ):
         yield f"limit {limit!r} was not read from PNU 974[0]"
     elif case.args.get("room") not in ("room_seen", "room_stated"):
         yield f"room {case.args.get('room')!r} is none"
@@ -472,7 +479,9 @@ def _better(case: Case, deal: Deal) -> Iterator[str]:
         return
     yield from case.wrong("seen", None)
     listed = _listed().get(pnu)
-    if told == "format_listed" and (listed is None or message.NAMES.get(listed) != better):
+    if told == "format_listed" and (
+        listed is None or message.NAMES.get(listed.removesuffix("[]")) != better
+    ):
         yield f"the list of parameters says {listed!r}"
     elif told not in ("format_listed", "format_bits"):
         yield f"case {told!r} is none"
@@ -665,7 +674,9 @@ def _unsaved(case: Case) -> Iterator[str]:
     changes: list[tuple[int, Deal, bool]] = []
     saves: list[tuple[int, Deal, bool]] = []
     for deal in case.reading.deals:
-        known, open_ = (set(_done(deal)), set(_open(deal))) if deal.device == device else (set(), set())
+        known, open_ = (
+            (set(_done(deal)), set(_open(deal))) if deal.device == device else (set(), set())
+        )
         for pnus, seen in ((known, True), (open_, False)):
             if pnus & {SAVE_ONE, SAVE_ALL}:
                 saves.append((deal.write or 0, deal, SAVE_ALL in pnus))
@@ -887,9 +898,7 @@ def _diagnosis(plain: dict[str, object], reading: Reading) -> Iterator[str]:
         yield f"no finding is of the transactions {transactions}"
 
 
-def _cases(
-    plain: dict[str, object], args: dict[str, object], mine: list[Finding]
-) -> Iterator[str]:
+def _cases(plain: dict[str, object], args: dict[str, object], mine: list[Finding]) -> Iterator[str]:
     """The findings that an entry sums up: how many there are, in what they differ, and what of it the entry says."""
     rule, differs, count = str(plain["rule"]), plain["differs"], plain["count"]
     transactions, frames = plain["transactions"], plain["frames"]

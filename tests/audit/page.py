@@ -28,7 +28,9 @@ COUNTED = {
 TOLD = ("refused", "error", "partial", "mismatch", "unanswered", "superseded", "orphan")
 _HEAD = re.compile(r"^(DS\d{3}) (error|warning|note) ([a-z0-9-]+): (.*)$")
 _TIMES = re.compile(r" \(([\d,]+) times?(?: in ([\d,]+) frames?)?\)$")
-_REST = re.compile(r"^  (DS\d{3}) [a-z0-9-]+: ([\d,]+) more causes? of this kind, ([\d,]+) times? in all$")
+_REST = re.compile(
+    r"^  (DS\d{3}) [a-z0-9-]+: ([\d,]+) more causes? of this kind, ([\d,]+) times? in all$"
+)
 _LOOK = re.compile(r"^look at frame (\d+)(?:.*?)(?: \(#(\d+)\))?: (frame\.number.*)$")
 _MORE = re.compile(r"^(.*?)\s+\(and (\d+) frames? more\)$")
 _PNU = re.compile(r"\bp(\d+|\?)(?:\[(\d+)(?:\.\.(\d+))?\])?")
@@ -59,12 +61,16 @@ def check(reading: Reading) -> Iterator[Complaint]:
         *((("blind"), each) for each in _blind(parts.get("What this capture cannot show", []), reading)),
     ]:  # fmt: skip
         yield Complaint(rule, "", text)
-    for text in _rests(parts.get("What to do", []), reading):
-        yield Complaint("headline", "", text)
-    for item in headlines(parts.get("What to do", [])):
-        if any(each.rule == item.rule and each.message.endswith(f"({item.times} times)")
+    lines = parts.get("What to do", [])
+    items = headlines(lines)
+    for item in items:
+        if any(each.rule == item.rule and re.search(rf"\({item.times} times?\)$", each.message)
                for each in reading.findings):  # fmt: skip
+            item.text += f" ({item.times} {'time' if item.times == 1 else 'times'})"
             item.times = item.wide = 1  # a number of the sentence itself
+    for text in _rests(lines, items, reading):
+        yield Complaint("headline", "", text)
+    for item in items:
         for text in headline(item, reading):
             yield Complaint("headline", item.rule, text)
     yield from _lines(parts.get("Transactions", []), reading)
@@ -329,10 +335,10 @@ def _says(item: Headline, finding: Finding) -> bool:
     return item.rule in MANY and not list(of_many(item.rule, item.text, finding.args))
 
 
-def _rests(lines: list[str], reading: Reading) -> Iterator[str]:
+def _rests(lines: list[str], items: list[Headline], reading: Reading) -> Iterator[str]:
     """Of the diagnoses, whether those told one by one and those that are only counted are all there are."""
     told: Counter[str] = Counter()
-    for item in headlines(lines):
+    for item in items:
         told[item.rule] += item.times
     for line in lines:
         rest = _REST.match(line)

@@ -89,8 +89,8 @@ _BETTER = r"(?P<better>\w+) \((?P<better_code>0x[0-9A-F]{2})\)"
 _STATION = r"[\d.]+|[0-9a-f:]{17}"
 _WROTE = rf"^(?P<controller>{_STATION}) wrote in frame (?P<frame>\d+) "
 CLAUSES: dict[str, dict[str, str]] = {
-    "DS401": {"end": "the capture ends$", "unseen": "its responses are not in the capture$",
-              "release": "the AR was released$", "expired": "nothing came for too long$"},
+    "DS401": {"end": "the capture ends(;|$)", "unseen": "its responses are not in the capture(;|$)",
+              "release": "the AR was released(;|$)", "expired": "nothing came for too long(;|$)"},
     "DS403": {"unasked": "it is not in the capture, ", "unasked_without_ar": "none in this capture fits",
               "unasked_again": "when its transaction was over already"},
     "DS701": {"status_zero": "brought it is 0$",
@@ -163,7 +163,12 @@ FREE: dict[str, str] = {}
 """Rules whose sentence has no one form; their numbers are looked at all the same."""
 SILENT = {"vendor_id", "dropped", "place", "other", "device"}
 """Arguments that no number in the sentence shows."""
-QUIET = {"DS106": {"length", "completed"}, "DS714": {"code"}, "DS705": {"ar", "other_ar"}, "DS713": {"what"}}
+QUIET = {
+    "DS106": {"length", "completed"},
+    "DS714": {"code"},
+    "DS705": {"ar", "other_ar"},
+    "DS713": {"what"},
+}
 """Arguments of a rule that its sentence leaves out."""
 OWN = {"DS701": {"0", "0xDE80B500"}, "DS207": {"00000000"}, "DS713": {"0x15", "974", "0"}, "DS109": {"47"},
        "DS703": {"0xDE80B500"}, "DS204": {"0xDE80B500"}, "DS301": {"0"}, "DS303": {"0"},
@@ -214,7 +219,9 @@ def _clauses(rule: str, args: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 def unsaid(rule: str, args: dict[str, Any]) -> set[str]:
     """The arguments that a sentence of these leaves out: the words of clauses, and what only other clauses name."""
-    named = {name for form in CLAUSES.get(rule, {}).values() for name in re.compile(form).groupindex}
+    named = {
+        name for form in CLAUSES.get(rule, {}).values() for name in re.compile(form).groupindex
+    }
     mine = {name for form in forms(rule, args) for name in re.compile(form).groupindex}
     keys = {name for name, _ in _clauses(rule, args)}
     return (named - mine) | keys | QUIET.get(rule, set())
@@ -236,7 +243,7 @@ def of_many(rule: str, sentence: str, args: dict[str, Any]) -> Iterator[str]:
     told = {name: word for name, word in found.groupdict().items() if word is not None}
     if "what" in told:
         clause = CLAUSES[rule].get(str(args.get("what")), "$^")
-        if not re.search(clause, f"{sentence} "):
+        if not re.search(clause.removesuffix(":"), sentence):
             yield f"says what {told['what']}, which is {args.get('what')!r}"
         del told["what"]
     if rule == "DS705" and MANY_CASES.get(str(args.get("case")), "\0") not in sentence:
