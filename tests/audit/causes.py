@@ -570,6 +570,8 @@ def _rearranged(case: Case) -> Iterator[str]:
     ]  # fmt: skip
     if not str(case.args.get("meant") or ""):
         yield "does not say what is meant"
+    if case.args.get("what") not in words.CLAUSES[case.finding.rule]:
+        yield f"what {case.args.get('what')!r} is nothing"
     if not mine:
         return  # one of several of a cause: the corrected request is that of another
     line = shlex.split(mine[0]["corrected"]["encode"] or "")[2:]

@@ -175,7 +175,7 @@ OWN = {"DS701": {"0", "0xDE80B500"}, "DS207": {"00000000"}, "DS713": {"0x15", "9
        "DS306": {"0"}, "DS308": {"65535"}, "DS312": {"0"}, "DS318": {"1", "2"}, "DS317": {"2"},
        "DS418": {"0x80"}, "DS721": {"0971", "0977", "0xB02E"}}  # fmt: skip
 """Numbers that stand in the sentence of every finding of a rule."""
-_KEYS = {"case", "more", "what", "room", "bits", "reason"}
+KEYS = {"case", "more", "what", "room", "bits", "reason"}
 """Arguments whose value stands for a clause."""
 _WORDS = {"DS410", "DS201", "DS203", "DS701", "DS717", "DS718", "DS719", "DS720", "DS715", "DS716"}
 """Rules that end in the words of an error number, or in a line: numbers inside those are not looked at."""
@@ -212,7 +212,7 @@ def forms(rule: str, args: dict[str, Any]) -> list[str]:
 
 
 def _clauses(rule: str, args: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    for name in _KEYS & set(args):
+    for name in KEYS & set(args):
         if rule in CLAUSES and isinstance(args[name], str):
             yield name, CLAUSES[rule].get(args[name], rf"no clause of {args[name]}")
 
