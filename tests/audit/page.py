@@ -308,6 +308,14 @@ def headline(item: Headline, reading: Reading) -> Iterator[str]:
     if not group:
         yield f"no finding {item.rule} is in the frames {sorted(frames)}"
         return
+    if item.text.startswith("first: "):
+        words = item.text.removeprefix("first: ")
+        here = [each for each in group if each.frame == min(frames)]
+        if not any(each.message.endswith(words) for each in here):
+            yield f"the first of its frames does not say so: {words[:90]}"
+        if not item.more and len(group) < item.times:
+            yield f"{item.times} times, and there are {len(group)} findings"
+        return
     mine = [each for each in group if _says(item, each)]
     if not mine:
         yield f"says of none of its frames what is so: {item.text[:120]}"
