@@ -18,7 +18,7 @@ from pathlib import Path
 from tests.audit import message, wire, words
 from tests.audit.claims import Auditor, Case, means, vendor
 from tests.audit.memory import LOCAL, MAYBE, NO_SUCH_AXIS, SURE, Memory
-from tests.audit.reading import NOT_READY, Complaint, Deal, Reading, shown
+from tests.audit.reading import NOT_READY, Complaint, Deal, Finding, Reading, shown
 
 AUDITORS: dict[str, Auditor] = {}
 SIEMENS = 0x002A
@@ -27,7 +27,9 @@ STATES = {
     0x6E: "p0010 = 3", 0x6F: "p0010 = 2", 0x70: "p0010 = 1", 0x71: "p0010 = 0", 0x72: "p0010 = 30",
     0x73: "p0010 = 95", 0x74: "p0010 = 5", 0x75: "p0010 > 0",
 }  # fmt: skip
+TOO_LONG = 0x15
 TYPE_ERRORS = (0x02, 0x05, 0x17)
+SOURCE_MOST = 9_999
 SAVE_ONE, SAVE_ALL = 971, 977
 TABLE = Path(__file__).parents[2] / "python/ds47/spec/parameters.toml"
 
@@ -77,10 +79,8 @@ def _not_seen(case: Case) -> Iterator[str]:
         yield "the response is positive"
     if deal.write_status or deal.read_status:
         yield "a STATUS tells of it"
-    if "every STATUS" in case.finding.message and deal.polls:
-        yield f"{len(deal.polls)} polls before it ended with STATUS DE80B500"
-    if "he drive refused (" in case.finding.message and deal.state == "partial":
-        yield "says refused, where it was refused in part"
+    yield from case.wrong("polls", len(deal.polls))
+    yield from case.wrong("case", "status_zero_at_last" if deal.polls else "status_zero")
 
 
 @auditor("DS702")
@@ -130,12 +130,32 @@ def _once_more(case: Case) -> Iterator[str]:
         yield "they are not of one place, one after the other"
     ar = None if one.ar.int == 0 else str(one.ar)
     key = (one.controller, one.device, ar, *one.channel[3:])
-    taken = [
-        each.asked for each in case.reading.on_channel.get(key, [])
-        if each.write and each.status == 0 and (first or 0) < each.asked < one.asked
+    between = [
+        each for each in case.reading.on_channel.get(key, [])
+        if each.write and (first or 0) < each.asked < one.asked
     ]  # fmt: skip
-    if taken and "no new request" in case.finding.message:
+    taken = [each.asked for each in between if each.status == 0]
+    if taken:
         yield f"a new request was accepted in frame {taken[0]}"
+    faults = [
+        each.write for each in case.reading.deals
+        if each.channel == key and each.state == "refused" and (first or 0) < (each.write or 0) < one.asked
+    ]  # fmt: skip
+    yield from _how_again(case, one, [*(each.asked for each in between if each.status), *faults])
+
+
+def _how_again(case: Case, one: wire.Record, refused: list[int | None]) -> Iterator[str]:
+    """How the response was read once more: after a refused Write, without an AR, or with nothing before it."""
+    told, write = case.args.get("case"), case.args.get("write")
+    if told == "again_after_refusal":
+        if write not in refused:
+            yield f"write {write!r} is none of the refused {refused}"
+        return
+    yield from case.wrong("write", None)
+    if told not in ("again", "again_without_ar") or (told == "again") is one.implicit:
+        yield f"case {told!r} is another: ReadImplicit {one.implicit}"
+    if refused and told == "again":
+        yield f"a new request was refused in frame {refused[-1]}"
 
 
 @auditor("DS705")
@@ -310,6 +330,11 @@ def _too_short(case: Case) -> Iterator[str]:
     asked, need = deal.asked, case.args.get("need")
     yield from case.wrong("have", len(asked.data))
     count = asked.count or 1
+    yield from case.wrong("count", count)
+    just = _just_as_long(asked)
+    either = case.args.get("case") == "length_or_count"  # less is said of one that has other flaws
+    yield from case.wrong("case", "length_or_count" if either and just else "length_short")
+    yield from case.wrong("fits", just if either else None)
     least = 4 + 6 * count
     if asked.changes and len(asked.addresses) == count and asked.blocks:
         least = len(asked.data) + asked.missing + 4 * max(0, count - len(asked.blocks))
@@ -321,6 +346,15 @@ def _too_short(case: Case) -> Iterator[str]:
         yield from case.wrong("need", least)
     if not asked.missing:
         yield "nothing is missing"
+
+
+def _just_as_long(asked: message.Message) -> int | None:
+    """The number of parameters for which a request is just as long as it has to be."""
+    for number in range(1, asked.count or 1):
+        other = message.request(asked.data[:3] + bytes([number]) + asked.data[4:])
+        if other.sound and not other.missing and not other.rest:
+            return number
+    return None
 
 
 @auditor("DS712")
@@ -358,17 +392,30 @@ def _too_long(case: Case) -> Iterator[str]:
     yield from case.wrong("number", there)
     lengths = [
         len(each.answer.data) for each in case.reading.deals
-        if each.device == deal.device and each.answer is not None
+        if each.device == deal.device and each.answer is not None and (each.read or 0) <= case.frame
     ]  # fmt: skip
-    if not isinstance(limit, int) or max(lengths) > limit:
-        yield f"limit {limit!r}: {max(lengths)} bytes were answered"
-    read = _longest(case.reading, deal.device)
-    if read and limit not in read:
-        yield f"limit {limit!r}: PNU 974[0] is {read[0]}"
-    elif not read and limit != 240:
+    if case.args.get("room") == "room_seen" and limit != max(lengths):
+        yield f"limit {limit!r}: the longest response so far has {max(lengths)} bytes"
+    elif case.args.get("room") == "room_stated" and limit not in _longest(
+        case.reading, deal.device
+    ):
         yield f"limit {limit!r} was not read from PNU 974[0]"
+    elif case.args.get("room") not in ("room_seen", "room_stated"):
+        yield f"room {case.args.get('room')!r} is none"
+    yield from _no_room(case, deal.asked, deal.answer)
     if there == len(deal.asked.addresses):
         yield "all found room"
+
+
+def _no_room(case: Case, asked: message.Message, answer: message.Message) -> Iterator[str]:
+    """The first parameter that found no room, and how the drive says so."""
+    codes = [block.code for block in answer.blocks]
+    what = "too_long" if TOO_LONG in codes else "left_out"
+    yield from case.wrong("what", what)
+    at = codes.index(TOO_LONG) if what == "too_long" else len(codes)
+    address = asked.addresses[at] if at < len(asked.addresses) else None
+    yield from case.wrong("pnu", address.pnu if address else None)
+    yield from case.wrong("subindex", address.subindex if address else None)
 
 
 def _longest(reading: Reading, device: str) -> list[int]:
@@ -400,29 +447,73 @@ def _wrong_type(case: Case) -> Iterator[str]:
     given = message.NAMES.get(str(args.get("format")))
     if given != block.format and (given or block.format in message.NAMES.values()):
         yield f"format {args.get('format')!r} is 0x{block.format:02X}"
-    if message.NAMES.get(str(args.get("better"))) != args.get("code"):
-        yield f"better {args.get('better')!r} is not format {args.get('code')!r}"
+    if message.NAMES.get(str(args.get("better"))) != args.get("better_code"):
+        yield f"better {args.get('better')!r} is not format {args.get('better_code')!r}"
     if block.values() is not None and not _equal(args.get("values"), block):
         yield f"values {args.get('values')!r} are {block.values()}"
-    readings = [
-        message.Block(code, block.count, block.raw, block.offset, block.size)
-        for code in message.LETTERS if message.SIZES[code] == block.size
-    ]  # fmt: skip
-    if not any(_equal(args.get("meant"), each) for each in readings):
-        yield f"meant {args.get('meant')!r} is neither the number nor the bits"
-    if block.format == args.get("code") and args.get("meant") == args.get("values"):
+    yield from _meant(case, block)
+    if block.format == args.get("better_code") and args.get("meant") == args.get("values"):
         yield "it is written so"
-    seen = formats(case.memory, case.reading, deal, args.get("pnu"))
-    if seen and args.get("code") not in seen:
-        yield f"the drive reads it as {sorted(seen)}"
+    yield from _better(case, deal)
     answer = (
         deal.answer.blocks[number].code
         if deal.answer and number < len(deal.answer.blocks)
         else None
     )
+    yield from case.wrong("code", answer)
     odd = any(_odd(value) for value in block.values() or [])
     if answer not in TYPE_ERRORS and not odd:
         yield f"it was answered with {answer!r}, and its value is no odd one"
+
+
+def _better(case: Case, deal: Deal) -> Iterator[str]:
+    """How the better format is known: read so in a frame, by the list of parameters, or by its bits."""
+    told, better, pnu = case.args.get("case"), case.args.get("better_code"), case.args.get("pnu")
+    seen = formats(case.memory, case.reading, deal, pnu)
+    if seen and better not in seen:
+        yield f"the drive reads it as {sorted(seen)}"
+    if told == "format_read":
+        there = [each for each in case.reading.deals if each.read == case.args.get("seen")]
+        if not any(better in formats(case.memory, case.reading, deal, pnu, each) for each in there):
+            yield f"seen {case.args.get('seen')!r}: p{pnu} is not read in this format there"
+        return
+    yield from case.wrong("seen", None)
+    listed = _listed().get(pnu)
+    if told == "format_listed" and (
+        listed is None or message.NAMES.get(listed.removesuffix("[]")) != better
+    ):
+        yield f"the list of parameters says {listed!r}"
+    elif told not in ("format_listed", "format_bits"):
+        yield f"case {told!r} is none"
+
+
+def _meant(case: Case, block: message.Block) -> Iterator[str]:
+    """The values that are meant: the same bits or the same numbers under the better format, or neither."""
+    meant, better = case.args.get("meant"), case.args.get("better_code")
+    bits = message.SIZES.get(better or 0) == block.size and _as_bits(meant, block, better or 0)
+    numbers = meant == case.args.get("values")
+    true = {"bits_same": bits, "number_same": numbers}.get(str(case.args.get("bits")))
+    other = [code for code in message.LETTERS if message.SIZES[code] == block.size]
+    if case.args.get("bits") == "number_other":
+        true = not bits and not numbers and any(_as_bits(meant, block, code) for code in other)
+    if not true:
+        yield f"meant {meant!r} is not {case.args.get('bits')!r}"
+
+
+def _as_bits(told: object, block: message.Block, code: int) -> bool:
+    """Whether values are the bits of a block under another format of the same size."""
+    return _equal(told, message.Block(code, block.count, block.raw, block.offset, block.size))
+
+
+@cache
+def _listed() -> dict[object, str]:
+    """PNU -> format, of the package's own table."""
+    rows = tomllib.loads(TABLE.read_text(encoding="utf-8"))
+    flat = [row for each in rows.values() if isinstance(each, list) for row in each]
+    return {
+        pnu: row["type"] for row in flat if row.get("type")
+        for pnu in range(row["number"], row.get("last", row["number"]) + 1)
+    }  # fmt: skip
 
 
 def _equal(told: object, block: message.Block) -> bool:
@@ -453,10 +544,12 @@ def _odd(value: float) -> bool:
     )
 
 
-def formats(memory: Memory, reading: Reading, deal: Deal, pnu: object) -> set[int]:
-    """The formats in which a parameter of the drive object of a transaction was read."""
+def formats(
+    memory: Memory, reading: Reading, deal: Deal, pnu: object, only: Deal | None = None
+) -> set[int]:
+    """The formats in which a parameter of the drive object of a transaction was read, in one transaction or in any."""
     return {
-        block.format for each in reading.deals if each.operation == "read"
+        block.format for each in ([only] if only else reading.deals) if each.operation == "read"
         if memory.same(memory.target(each), memory.target(deal)) in (SURE, MAYBE)
         and each.device == deal.device
         for address, block in each.pairs()
@@ -477,6 +570,8 @@ def _rearranged(case: Case) -> Iterator[str]:
     ]  # fmt: skip
     if not str(case.args.get("meant") or ""):
         yield "does not say what is meant"
+    if case.args.get("what") not in words.CLAUSES[case.finding.rule]:
+        yield f"what {case.args.get('what')!r} is nothing"
     if not mine:
         return  # one of several of a cause: the corrected request is that of another
     line = shlex.split(mine[0]["corrected"]["encode"] or "")[2:]
@@ -551,15 +646,16 @@ def _connector(case: Case) -> Iterator[str]:
     for address, block in zip(deal.asked.addresses, deal.asked.blocks, strict=False):
         if (address.pnu, address.subindex) != (case.args.get("pnu"), case.args.get("subindex")):
             continue
-        if message.NAMES.get(str(case.args.get("format"))) != block.format:
-            yield f"format {case.args.get('format')!r} is 0x{block.format:02X}"
+        given, high = case.args.get("format"), int.from_bytes(block.raw[:2])
+        if message.NAMES.get(str(given)) != block.format:
+            yield f"format {given!r} is 0x{block.format:02X}"
         if not (
             block.elements() and means(case.args.get("value"), block.elements()[0], block.format)
         ):
             yield f"value {case.args.get('value')!r} is {block.values()}"
-        link = block.format in (0x07, 0x43) and int.from_bytes(block.raw[:2]) > 0
-        if link and "was written as" in case.finding.message:
-            yield "it is written as an interconnection, with a PNU in its high word"
+        link = block.format in (0x07, 0x43) and 0 < high <= SOURCE_MOST
+        yield from case.wrong("case", "source_refused" if link else "no_source")
+        yield from case.wrong("source", high if link else None)
         return
 
 
@@ -577,28 +673,65 @@ def volatile() -> frozenset[int]:
 @auditor("DS721")
 def _unsaved(case: Case) -> Iterator[str]:
     device = case.args.get("device")
-    changes: list[tuple[int, Deal]] = []
+    changes: list[tuple[int, Deal, bool]] = []
     saves: list[tuple[int, Deal, bool]] = []
     for deal in case.reading.deals:
-        done = [] if deal.device != device else list(_done(deal))
-        if any(pnu in (SAVE_ONE, SAVE_ALL) for pnu in done):
-            saves.append((deal.write or 0, deal, SAVE_ALL in done))
-        elif set(done) - volatile():
-            changes.append((deal.write or 0, deal))
-    kept = [
-        frame for frame, deal in changes
-        if not any(
-            at > frame and (whole or _may_be_one(case.memory, deal, by)) for at, by, whole in saves
+        known, open_ = (
+            (set(_done(deal)), set(_open(deal))) if deal.device == device else (set(), set())
         )
-    ]  # fmt: skip
+        for pnus, seen in ((known, True), (open_, False)):
+            if pnus & {SAVE_ONE, SAVE_ALL}:
+                saves.append((deal.write or 0, deal, SAVE_ALL in pnus))
+            elif pnus - volatile():
+                changes.append((deal.write or 0, deal, seen))
+    kept, perhaps = [], 0
+    for frame, deal, seen in changes:
+        after = [(by, whole) for at, by, whole in saves if at > frame]
+        if any(whole or _addressed(deal) == _addressed(by) != 0 for by, whole in after):
+            continue
+        if not seen or any(_may_be_one(deal, by) for by, _ in after):
+            perhaps += 1
+        else:
+            kept.append((frame, deal))
+            sure = [by for by, _ in after if _surely_one(case.memory, deal, by)]
+            if sure:
+                yield f"the change of frame {frame} was saved in frame {sure[0].write}"
+    frames = [frame for frame, _ in kept]
+    targets = len({_addressed(deal) for _, deal in kept})
     yield from case.wrong("count", len(kept))
-    yield from case.wrong("last", max(kept, default=None))
-    if kept and case.frame != min(kept):
-        yield f"the first of them is in frame {min(kept)}"
+    yield from case.wrong("last", max(frames, default=None))
+    yield from case.wrong("targets", targets)
+    yield from case.wrong("case", "unsaved" if targets == 1 else "unsaved_targets")
+    yield from case.wrong("unknown", perhaps)
+    yield from case.wrong("more", "some_unknown" if perhaps else "all_known")
+    if kept and case.frame != min(frames):
+        yield f"the first of them is in frame {min(frames)}"
 
 
-def _may_be_one(memory: Memory, deal: Deal, other: Deal) -> bool:
-    return memory.same(memory.target(deal), memory.target(other)) != "never"
+def _addressed(deal: Deal) -> object:
+    """What a request names: a slot under 0xB02E, else an axis; 0 is none."""
+    return (deal.slot, deal.subslot) if deal.index == LOCAL else deal.axis_told or 0
+
+
+def _may_be_one(deal: Deal, other: Deal) -> bool:
+    """Whether two requests may be to one drive object, as far as they say it themselves."""
+    one, two = _addressed(deal), _addressed(other)
+    return one == two or 0 in (one, two) or isinstance(one, tuple) is not isinstance(two, tuple)
+
+
+def _surely_one(memory: Memory, deal: Deal, other: Deal) -> bool:
+    return memory.same(memory.target(deal), memory.target(other)) == SURE
+
+
+def _open(deal: Deal) -> Iterator[int]:
+    """The parameters of a transaction of which it is not known whether they were changed."""
+    asked, answer = deal.asked, deal.answer
+    if asked is None or not asked.changes or deal.write_status or deal.read_status:
+        return
+    if answer is None or not deal.fits:
+        yield from (each.pnu for each in asked.addresses)
+    elif (answer.id or 0) & 0x80 and answer.id != 0x80:
+        yield from (each.pnu for each in asked.addresses[len(answer.blocks) :])
 
 
 def _done(deal: Deal) -> Iterator[int]:
@@ -753,9 +886,8 @@ def diagnoses(reading: Reading) -> Iterator[Complaint]:
 def _diagnosis(plain: dict[str, object], reading: Reading) -> Iterator[str]:
     rule, args = str(plain["rule"]), plain["args"]
     mine = [each for each in reading.findings if each.rule == rule]
-    first = [each for each in mine if each.args == args]
-    if not first:
-        yield f"no finding has the arguments {args}"
+    assert isinstance(args, dict)
+    yield from _cases(plain, args, mine)
     frames = plain["frames"]
     assert isinstance(frames, list)
     if not set(frames) <= {frame for each in mine for frame in (each.frame, *each.frames)}:
@@ -766,5 +898,32 @@ def _diagnosis(plain: dict[str, object], reading: Reading) -> Iterator[str]:
     assert isinstance(transactions, list)
     if not set(transactions) <= {each.transaction for each in mine}:
         yield f"no finding is of the transactions {transactions}"
-    assert isinstance(args, dict)
-    yield from words.problems(rule, str(plain["message"]), args)
+
+
+def _cases(plain: dict[str, object], args: dict[str, object], mine: list[Finding]) -> Iterator[str]:
+    """The findings that an entry sums up: how many there are, in what they differ, and what of it the entry says."""
+    rule, differs, count = str(plain["rule"]), plain["differs"], plain["count"]
+    transactions, frames = plain["transactions"], plain["frames"]
+    assert isinstance(differs, list)
+    assert isinstance(transactions, list)
+    assert isinstance(frames, list)
+    cases = [
+        each for each in mine
+        if all(each.args[name] == value for name, value in args.items() if name not in differs)
+        and each.frame in frames
+    ]  # fmt: skip
+    if not cases:
+        yield f"no finding has the arguments {args}"
+        return
+    if not plain["frames_left_out"] and len(cases) < int(str(count)):
+        yield f"count {count} is {len(cases)}"
+    for name in args:
+        values = {repr(each.args[name]) for each in cases}
+        if name in differs and (args[name] is not None or len(values) < 2):
+            yield f"{name} is said to differ, and is {values}"
+    shown_ones = set().union(*(words.named(rule, each.args) for each in cases))
+    sentence = str(plain["message"])
+    if set(differs) & shown_ones and rule in words.MANY:
+        yield from words.of_many(rule, sentence, args)
+    else:
+        yield from words.problems(rule, sentence, cases[0].args)

@@ -7,7 +7,9 @@ that it cannot find in the capture itself, so that a rule cannot pass with an ar
 from __future__ import annotations
 
 import struct
+import tomllib
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 from tests.audit import message, wire
@@ -16,6 +18,7 @@ from tests.audit.reading import NOT_READY, Deal, Finding, Reading
 
 Auditor = Callable[["Case"], Iterator[str]]
 AUDITORS: dict[str, Auditor] = {}
+LIMITS = Path(__file__).parents[2] / "python/ds47/spec/limits.toml"
 NO_CLAIM = {
     "DS601": "compares two engines; its difference is their own text, and both run only with tshark",
 }
@@ -159,6 +162,29 @@ def _cut(case: Case) -> Iterator[str]:
         return
     yield from case.wrong("captured", len(frame.data))
     yield from case.wrong("original", frame.length)
+    whole = case.args.get("completed")
+    if whole is None:
+        yield from case.wrong("length", None)
+        return
+    if not any(case.frame in each.frames for each in case.reading.by_frame.get(whole, [])):
+        yield f"no call of this frame is complete in frame {whole}"
+    records = [
+        *case.reading.asked_at.get(whole, []), *case.reading.answered_at.get(whole, []),
+    ]  # fmt: skip
+    if case.args.get("length") not in {each.stated for each in records}:
+        yield f"length {case.args.get('length')!r} is none of {[each.stated for each in records]}"
+
+
+@auditor("DS109")
+def _limit(case: Case) -> Iterator[str]:
+    tables = tomllib.loads(LIMITS.read_text(encoding="utf-8")).values()
+    limits = {name: value for table in tables for name, value in table.items()}
+    yield from case.wrong("most", limits.get(case.args.get("limit")))
+    count = case.args.get("count")
+    if not isinstance(count, int) or count < 1:
+        yield f"count {count!r} is nothing that was given up"
+    if case.reading.capture.frame(case.frame) is None:
+        yield "there is no such frame"
 
 
 @auditor("DS107")
@@ -605,10 +631,20 @@ def _reason(case: Case, deal: Deal) -> Iterator[str]:
         yield f"the channel goes on in frame {later[0]}"
     elif told == "expired" and not silent and not later:
         yield "no ten minutes passed"
+    elif told == "unseen":
+        yield from _unseen(case, deal, later)
     elif told not in (None, "release", "end", "expired", "dropped"):
         yield f"reason {told!r} is none"
     elif told is None and not later:
         yield "gives no reason"
+
+
+def _unseen(case: Case, deal: Deal, later: list[int]) -> Iterator[str]:
+    """That its responses are not in the capture: the channel went on, and neither call of it has one."""
+    if not later:
+        yield "nothing follows on this channel, the capture ends"
+    if deal.frames["write_response"] is not None or deal.polls:
+        yield "a response of it is in the capture"
 
 
 def _dropped(reading: Reading) -> bool:
@@ -626,12 +662,24 @@ def _orphan(case: Case) -> Iterator[str]:
         return
     if deal.asked is not None:
         yield f"the request is in frame {deal.write}"
+    reads = [each for each in case.answers() if not each.write and each.data == deal.answer.data]
+    over = None
     for other in case.reading.deals:
         same = other.answer is not None and other.answer.data == deal.answer.data
         near = other.device == deal.device and (other.slot, other.index) == (deal.slot, deal.index)
         if same and near and other.asked is not None and (other.read or 10**9) < case.frame:
-            yield f"the same response was read in frame {other.read}, the request is in {other.write}"
+            over = other
             break
+    told = case.args.get("case")
+    implicit = bool(reads) and all(each.implicit for each in reads)
+    if told not in ("unasked", "unasked_without_ar", "unasked_again"):
+        yield f"case {told!r} is none"
+    elif (told == "unasked") is implicit:
+        yield f"case {told!r}, but a ReadImplicit is {'here' if implicit else 'not here'}"
+    if told == "unasked_again" and over is None:
+        yield "no transaction with this response is over"
+    elif told != "unasked_again" and over is not None:
+        yield f"the same response was read in frame {over.read}, the request is in {over.write}"
     yield from case.wrong("dropped", _dropped(case.reading))
 
 
@@ -760,22 +808,13 @@ def _reference(case: Case) -> Iterator[str]:
         each for each in case.reading.deals
         if each.channel == deal.channel and each.asked and (each.write or 0) < case.frame
     ]  # fmt: skip
-    here = "channel" in case.finding.message or "frame" in case.args or "first" in case.args
-    if not here:  # then the request before means the one before, on whatever channel
-        before = [
-            each for each in case.reading.deals
-            if (each.controller, each.device) == (deal.controller, deal.device)
-            and each.asked and (each.write or 0) < case.frame
-        ]  # fmt: skip
     previous = max(before, key=lambda each: each.write or 0, default=None)
     if previous is None or previous.asked is None:
         yield "there is no request before"
         return
     if previous.asked.reference != deal.asked.reference:
         yield f"the request before (frame {previous.write}) has {previous.asked.reference}"
-    for name in ("frame", "first", "before", "previous"):
-        if name in case.args:
-            yield from case.wrong(name, previous.write)
+    yield from case.wrong("first", previous.write)
 
 
 @auditor("DS416")

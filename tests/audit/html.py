@@ -102,11 +102,15 @@ def _problem(text: str) -> Headline | None:
     code = re.search(r'<code class="copyable">(frame\.number.*?)</code>', text, re.DOTALL)
     if rule is None or what is None or code is None:
         return None
-    times = re.search(r'class="dim times">.*?([\d,]+) times', text, re.DOTALL)
+    times = re.search(
+        r'class="dim times">.*?([\d,]+) times?(?: in ([\d,]+) frames?)?', text, re.DOTALL
+    )
     job = re.search(r'href="#job-\d+-(\d+)"', text)
     words = _plain(re.sub(r'<span class="badge.*?</span></span>', "", what[1], flags=re.DOTALL))
     item = Headline(rule[1], "", words)
-    item.times = int(times[1].replace(",", "")) if times else 1
+    if times:
+        item.times = int(times[1].replace(",", ""))
+        item.wide = int((times[2] or times[1]).replace(",", ""))
     item.filters = [_plain(code[1])]
     item.job = int(job[1]) if job else None
     return item

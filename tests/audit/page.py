@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from tests.audit.reading import Complaint, Deal, Finding, Reading, shown
-from tests.audit.words import renderings
+from tests.audit.words import MANY, of_many, problems
 
 TITLES = (
     "Drives", "Other devices", "What to do", "What this capture cannot show", "Transactions", "Findings",
@@ -27,7 +27,10 @@ COUNTED = {
 """Words of a count -> the state that is counted."""
 TOLD = ("refused", "error", "partial", "mismatch", "unanswered", "superseded", "orphan")
 _HEAD = re.compile(r"^(DS\d{3}) (error|warning|note) ([a-z0-9-]+): (.*)$")
-_TIMES = re.compile(r" \(([\d,]+) times?\)$")
+_TIMES = re.compile(r" \(([\d,]+) times?(?: in ([\d,]+) frames?)?\)$")
+_REST = re.compile(
+    r"^  (DS\d{3}) [a-z0-9-]+: ([\d,]+) more causes? of this kind, ([\d,]+) times? in all$"
+)
 _LOOK = re.compile(r"^look at frame (\d+)(?:.*?)(?: \(#(\d+)\))?: (frame\.number.*)$")
 _MORE = re.compile(r"^(.*?)\s+\(and (\d+) frames? more\)$")
 _PNU = re.compile(r"\bp(\d+|\?)(?:\[(\d+)(?:\.\.(\d+))?\])?")
@@ -58,10 +61,16 @@ def check(reading: Reading) -> Iterator[Complaint]:
         *((("blind"), each) for each in _blind(parts.get("What this capture cannot show", []), reading)),
     ]:  # fmt: skip
         yield Complaint(rule, "", text)
-    for item in headlines(parts.get("What to do", [])):
-        if any(each.rule == item.rule and each.message.endswith(f"({item.times} times)")
+    lines = parts.get("What to do", [])
+    items = headlines(lines)
+    for item in items:
+        if any(each.rule == item.rule and re.search(rf"\({item.times} times?\)$", each.message)
                for each in reading.findings):  # fmt: skip
-            item.times = 1  # a number of the sentence itself
+            item.text += f" ({item.times} {'time' if item.times == 1 else 'times'})"
+            item.times = item.wide = 1  # a number of the sentence itself
+    for text in _rests(lines, items, reading):
+        yield Complaint("headline", "", text)
+    for item in items:
         for text in headline(item, reading):
             yield Complaint("headline", item.rule, text)
     yield from _lines(parts.get("Transactions", []), reading)
@@ -92,6 +101,11 @@ def _tally(text: str, deals: list[Deal], drives: int | None) -> Iterator[str]:
             bad = {state: count for state, count in states.items() if state != "ok"}
             if bad:
                 yield f"{name!r}, but {bad}"
+        elif name == "all with a response":
+            if {state for state, count in states.items() if count} - {"ok"}:
+                yield f"{name!r}, but {dict(states)}"
+            if any(each.answer is None for each in deals):
+                yield f"{name!r}, but one has none"
         elif name in TOLD or name in ("all", "drives"):
             if number != true.get(name, 0):
                 yield f"{number} {name} are {true.get(name, 0)}"
@@ -194,10 +208,15 @@ def _blind(lines: list[str], reading: Reading) -> Iterator[str]:
     found = re.search(r"drive made of ([\d,]+)", text)
     if int(found[1].replace(",", "") if found else 0) != unseen and lines:
         yield f"{found[0] if found else 'nothing'}: {unseen} are open"
-    found = re.search(r"asked in (\d+) (?:jobs?|transactions?)", text)
-    orphans = [each for each in reading.deals if each.asked is None]
-    if int(found[1] if found else 0) != len(orphans) and lines:
-        yield f"{found[0] if found else 'nothing'}: {len(orphans)} have no request"
+    orphans = [each for each in reading.deals if each.write is None]
+    alone = [each for each in orphans if _without_ar(each, reading)]
+    for form, true in (
+        (r"What ([\d,]+) responses? belongs? to", len(orphans) - len(alone)),
+        (r"Which requests? ([\d,]+) responses? belongs? to that w(?:as|ere) read without an AR", len(alone)),
+    ):  # fmt: skip
+        found = re.search(form, text)
+        if int(found[1].replace(",", "") if found else 0) != true and lines:
+            yield f"{found[0] if found else 'nothing'}: {true} have no request"
     found = re.search(r"(\d+) other record calls?", text)
     ours = {each.index for each in reading.deals}
     others = sum(
@@ -213,6 +232,12 @@ def _blind(lines: list[str], reading: Reading) -> Iterator[str]:
         yield "speaks of accepted changes: there is none"
 
 
+def _without_ar(deal: Deal, reading: Reading) -> bool:
+    """Whether a response was read with a ReadImplicit."""
+    reads = [each for each in reading.answered_at.get(deal.read or 0, []) if not each.write]
+    return bool(reads) and all(each.implicit for each in reads)
+
+
 # What to do
 
 
@@ -224,6 +249,8 @@ class Headline:
     severity: str
     text: str
     times: int = 1
+    wide: int = 1
+    """In so many frames."""
     filters: list[str] = field(default_factory=list)
     frame: int | None = None
     job: int | None = None
@@ -262,6 +289,7 @@ def headlines(lines: list[str]) -> list[Headline]:
         times = _TIMES.search(item.text)
         if times:
             item.times = int(times[1].replace(",", ""))
+            item.wide = int((times[2] or times[1]).replace(",", ""))
             item.text = item.text[: times.start()]
     return found
 
@@ -272,59 +300,66 @@ def headline(item: Headline, reading: Reading) -> Iterator[str]:
     except ValueError as problem:
         yield str(problem)
         return
-    if len(frames) + item.more != item.times and item.times > 1:
-        yield f"{item.times} times, the filter shows {len(frames)} frames: {item.text[:90]}"
+    if len(frames) + item.more != item.wide and item.times > 1:
+        yield f"{item.wide} frames, the filter shows {len(frames)}: {item.text[:90]}"
     if item.frame is not None and item.frame not in frames:
         yield f"frame {item.frame} is not among those of its filter"
     group = [each for each in reading.findings if each.rule == item.rule and _in(each, frames)]
     if not group:
         yield f"no finding {item.rule} is in the frames {sorted(frames)}"
         return
-    if item.times == 1:
-        group = [each for each in group if each.message.endswith(item.text)] or group[:1]
-    names = _named(item, group)
-    counted = [each for each in reading.findings if each.rule == item.rule and _fits(each, names)]
-    if item.times > 1 and len({each.frame for each in counted}) < item.times and not item.more:
-        yield (
-            f"of {item.times} times {len({each.frame for each in counted})} frames "
-            f"have what it names: {item.text[:90]}"
-        )
-    if item.job is not None and item.job not in {each.transaction for each in group}:
+    if item.text.startswith("first: "):
+        words = item.text.removeprefix("first: ")
+        here = [each for each in group if each.frame == min(frames)]
+        if not any(each.message.endswith(words) for each in here):
+            yield f"the first of its frames does not say so: {words[:90]}"
+        if not item.more and len(group) < item.times:
+            yield f"{item.times} times, and there are {len(group)} findings"
+        return
+    mine = [each for each in group if _says(item, each)]
+    if not mine:
+        yield f"says of none of its frames what is so: {item.text[:120]}"
+        return
+    false = frames - {each.frame for each in mine}
+    if false:
+        first = next((each.message for each in group if each.frame in false), "")
+        yield f"its words are not so in frame {min(false)} ({item.times} times): {first}"
+    if not item.more and len(mine) < item.times:
+        yield f"{item.times} times, and {len(mine)} findings are so: {item.text[:90]}"
+    if item.job is not None and item.job not in {each.transaction for each in mine}:
         yield f"#{item.job} has no such finding"
-    for each in group:
-        for name, value in names.items():
-            if each.args.get(name) != value:
-                yield (
-                    f"names {name} {value!r}, which is {each.args.get(name)!r} in frame {each.frame} "
-                    f"({item.times} times)"
-                )
-                return
     yield from _answering(item, reading)
+
+
+def _says(item: Headline, finding: Finding) -> bool:
+    """Whether a headline is true of a finding: its own sentence, or that of several cases."""
+    own = re.sub(r"^offset \d+: ", "", finding.message)
+    if item.text in (own, finding.message):
+        return True
+    if item.times == 1:
+        return False
+    if not list(problems(item.rule, item.text, finding.args)):
+        return True
+    return item.rule in MANY and not list(of_many(item.rule, item.text, finding.args))
+
+
+def _rests(lines: list[str], items: list[Headline], reading: Reading) -> Iterator[str]:
+    """Of the diagnoses, whether those told one by one and those that are only counted are all there are."""
+    told: Counter[str] = Counter()
+    for item in items:
+        told[item.rule] += item.times
+    for line in lines:
+        rest = _REST.match(line)
+        if rest:
+            told[rest[1]] += int(rest[3].replace(",", ""))
+    true = Counter(each.rule for each in reading.findings)
+    for rule, number in told.items():
+        if rule.startswith("DS7") and number != true[rule]:
+            yield f"{rule} is told {number} times, and found {true[rule]} times"
 
 
 def _in(finding: Finding, frames: set[int]) -> bool:
     return finding.frame in frames
-
-
-def _fits(finding: Finding, names: dict[str, object]) -> bool:
-    return all(finding.args.get(name) == value for name, value in names.items())
-
-
-def _named(item: Headline, group: list[Finding]) -> dict[str, object]:
-    """The arguments of the first case that a headline names: all cases must agree in them."""
-    text = item.text.removeprefix("first: ")
-    if text != item.text:
-        return {}
-    names: dict[str, object] = {}
-    first = next((each for each in group if each.message.endswith(text)), group[0])
-    for name, value in first.args.items():
-        if value is None or isinstance(value, (bool, dict)) or name in ("vendor_id", "limit"):
-            continue
-        if any(
-            re.search(rf"(?<![\w.]){re.escape(word)}(?!\w)", text) for word in renderings(value)
-        ):
-            names[name] = value
-    return names
 
 
 def _answering(item: Headline, reading: Reading) -> Iterator[str]:

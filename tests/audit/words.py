@@ -23,6 +23,7 @@ SAYS: dict[str, str] = {
     "DS104": r"RPC (?P<kind>\w+) with code (?P<fault>0x[0-9A-F]{8})",
     "DS105": r"(?P<kind>RPC|IP) fragments .* (?P<have>\d+)",
     "DS106": r"(?P<captured>\d+) of (?P<original>\d+) bytes",
+    "DS109": r"Limit (?P<limit>\w+) = (?P<most>\d+) of ds47 reached: (?P<count>\d+) given up",
     "DS107": r"by (?P<milliseconds>[\d.]+) ms",
     "DS201": STATUS,
     "DS202": r"says (?P<stated>\d+) bytes, (?P<present>\d+)",
@@ -54,45 +55,128 @@ SAYS: dict[str, str] = {
     "DS410": rf"{PARAMETER}.*error {CODE}.*\(info (?P<info>\d+|-)\)",
     "DS413": r"frame (?P<request>\d+) .*frame (?P<by>\d+)",
     "DS414": r"frame (?P<request>\d+) .*frame (?P<by>\d+)",
-    "DS415": r"reference (?P<reference>\d+) ",
+    "DS415": r"reference (?P<reference>\d+) .*\(frame (?P<first>\d+)\)$",
     "DS416": r"took (?P<milliseconds>[\d.]+) ms .*limit (?P<limit>\d+) ms",
-    "DS417": rf"{PARAMETER} reads back (?P<read>\S+), but (?P<written>\S+) was",
+    "DS417": rf"{PARAMETER} reads back (?P<read>.+), but (?P<written>.+) is the last .*\(frame (?P<by>\d+|\?)\)$",
     "DS418": r"request ID (?P<id>0x[0-9A-F]{2})",
     "DS701": rf"response ID (?P<id>0x[0-9A-F]{{2}}), {CODE}",
     "DS702": r"in frame (?P<frame>\d+), .*frame (?P<by>\d+)",
     "DS703": r"(?P<count>\d+) x .* on (?P<device>[\d.]+) ",
-    "DS704": r"in frame (?P<frame>\d+) .*of frame (?P<first>\d+)",
+    "DS704": r"of frame (?P<first>\d+) .*once more in frame (?P<frame>\d+), .*: it is the one",
     "DS706": r"in frame (?P<request>\d+) .*frame (?P<frame>\d+)\)",
     "DS707": r"index (?P<index>\d+|0x[0-9A-F]{4}) of (?P<device>[\d.]+) \((?P<status>[0-9A-F]{8}|-)\)",
     "DS708": r"^(?P<device>[\d.]+) .*\((?P<status>[0-9A-F]{8})\)",
     "DS709": r"\(axis\) (?P<axis>\d+) .* (?P<device>[\d.]+)$",
     "DS710": r"\((?P<axes>[\d, ]+)\)",
-    "DS711": r"after (?P<have>\d+) bytes but needs (?P<need>\d+)",
+    "DS711": r"ends after (?P<have>\d+) bytes: ",
     "DS712": r"for (?P<asked>\d+) bytes .*needs (?P<need>\d+)",
-    "DS713": r"all of (?P<parameters>\d+) .*into (?P<limit>\d+) bytes: (?P<number>\d+)",
-    "DS714": rf"{PARAMETER} is written as (?P<format>\w+) (?P<values>.*); .* is (?P<better>\w+) "
-             r"\((?P<code>0x[0-9A-F]{2})\) (?P<meant>.*)$",
+    "DS713": r"^(?P<number>\d+) of (?P<parameters>\d+) parameter\(s\) were answered, ",
+    "DS714": rf"^{PARAMETER} is written as (?P<format>\w+) (?P<values>.*); ",
     "DS715": r"swapped: (?P<meant>.*)$",
     "DS716": r": (?P<meant>.*)$",
     "DS717": rf"{PARAMETER} with number of elements (?P<elements>\d+) .*: {CODE} ",
     "DS718": rf"{PARAMETER} .* with (?P<state>.*?): {CODE} ",
     "DS719": rf"{PARAMETER} .*: {CODE} ",
-    "DS720": rf"{PARAMETER} .* as (?P<format>\w+) (?P<value>\S+): {CODE} ",
-    "DS721": r"(?P<count>\d+) change.* on (?P<device>[\d.]+) .*frame (?P<last>\d+)\)",
+    "DS720": rf"^{PARAMETER} is an interconnection, .*: {CODE} ",
+    "DS721": r"^(?P<count>\d+) change\(s\) on .*, the last in frame (?P<last>\d+); ",
     "DS722": r"frame (?P<frame>\d+|\?)",
     "DS723": r"(?P<count>\d+) times to (?P<device>[\d.]+), every (?P<period>[\d.]+) ms",
     "DS724": r"(?P<count>\d+) Reads on (?P<device>[\d.]+) .*every (?P<period>[\d.]+) ms.* (?P<time>[\d.]+) ms",
     "DS725": r"\((?P<count>\d+) times?\)",
 }  # fmt: skip
 """Rule -> where in its English sentence which argument stands."""
-FREE = {"DS705": "the clause of each case names its frames, its stations and its ARs"}
+_BETTER = r"(?P<better>\w+) \((?P<better_code>0x[0-9A-F]{2})\)"
+_STATION = r"[\d.]+|[0-9a-f:]{17}"
+_WROTE = rf"^(?P<controller>{_STATION}) wrote in frame (?P<frame>\d+) "
+CLAUSES: dict[str, dict[str, str]] = {
+    "DS401": {"end": "the capture ends(;|$)", "unseen": "its responses are not in the capture(;|$)",
+              "release": "the AR was released(;|$)", "expired": "nothing came for too long(;|$)"},
+    "DS403": {"unasked": "it is not in the capture, ", "unasked_without_ar": "none in this capture fits",
+              "unasked_again": "when its transaction was over already"},
+    "DS701": {"status_zero": "brought it is 0$",
+              "status_zero_at_last": r"brought it is 0 \(after (?P<polls>\d+) x DE80B500: not ready yet\)$"},
+    "DS704": {"again": "without a new request:", "again_without_ar": r"without an AR \(ReadImplicit\):",
+              "again_after_refusal": r"after the Write in frame (?P<write>\d+) had been refused:"},
+    "DS705": {
+        "two_stations": rf"{_WROTE}while the request of (?P<other>{_STATION}) \(frame (?P<first>\d+)\) was open: two s",
+        "two_ars": rf"{_WROTE}\(AR (?P<ar>\S+)\) while its request of frame (?P<first>\d+) "
+                   r"\(AR (?P<other_ar>\S+)\) was open: two c",
+        "one_station": rf"{_WROTE}while its own request of frame (?P<first>\d+) was open: ",
+        "unseen_user": rf"^(?P<controller>{_STATION}) was turned away in frame (?P<frame>\d+): a request was open"},
+    "DS711": {"length_short": r": (?P<count>\d+) parameter\(s\) need (?P<need>\d+)$",
+              "length_or_count": r": (?P<count>\d+) parameter\(s\) need (?P<need>\d+), but it is just as long "
+                                 r"as a request for (?P<fits>\d+)$"},
+    "DS713": {"too_long": rf", {PARAMETER} has a negative response 0x15 ", "left_out": rf", {PARAMETER} and what follows",
+              "room_stated": r"; PNU 974\[0\] of the device is (?P<limit>\d+) bytes$",
+              "room_seen": r"; its longest response so far has (?P<limit>\d+) bytes$"},
+    "DS714": {"format_read": rf"; p\d+ is read as {_BETTER} in frame (?P<seen>\d+), ",
+              "format_listed": rf"; by the list of parameters it is {_BETTER}, ",
+              "format_bits": rf"; as {_BETTER} it would make sense, ",
+              "bits_same": "the same bits are (?P<meant>.*) there$", "number_same": "the same number is (?P<meant>.*) there$",
+              "number_other": "number instead, are (?P<meant>.*)$"},
+    "DS715": {"all_bytes": "of every word are", "fields": "of PNU, subindex and values are", "values": "of the values are"},
+    "DS716": {"zeros": "without the zeros between the bytes:", "even_offsets": "without the fill bytes after single bytes:"},
+    "DS720": {"no_source": r", (?P<format>\w+) (?P<value>\S+) is the number of no source:",
+              "source_refused": r", its source p(?P<source>\d+) was not accepted:"},
+    "DS721": {"unsaved": r" on (?P<device>[\d.]+) that no", "all_known": "; the outcome of every change is known$",
+              "unsaved_targets": r" on (?P<device>[\d.]+), addressed in (?P<targets>\d+) ways \(",
+              "some_unknown": r"; of (?P<unknown>\d+) more it is not known"},
+    "DS725": {"one_direction": "requests without any response: ", "other_direction": "responses without any request: ",
+              "no_write": "responses are read, but no request ", "cut": "frames were cut ", "dropped": "frames were dropped "},
+}  # fmt: skip
+"""Rule -> word of an argument -> the clause that stands for it, with the arguments that this clause shows."""
+CLAUSES["DS402"] = CLAUSES["DS401"]
+MANY: dict[str, str] = {
+    "DS410": rf"^Parameters failed with error {CODE}: ",
+    "DS701": rf"^Responses are negative \(response ID (?P<id>0x[0-9A-F]{{2}}), {CODE}.*the STATUS of the call that ended each",
+    "DS702": "^Reads were sent before the Write was answered$",
+    "DS703": r"^Reads were refused with DE80B500 on (?P<device>\S+) while no request was open$",
+    "DS704": "^Responses were read once more, after they had been delivered$",
+    "DS705": rf"^(?P<controller>{_STATION}) (wrote while (a request of (?P<other>{_STATION})|its) |was turned away: )",
+    "DS706": "^Requests went to (?P<place>.*), their responses were looked for at (?P<other>.*)$",
+    "DS707": r"^Parameter requests were written to record index (?P<index>\w+) of (?P<device>\S+)$",
+    "DS708": r"^(?P<device>\S+) turns requests to (?P<place>.*) away$",
+    "DS710": "^Different axis numbers are asked at (?P<place>.*): all reach",
+    "DS711": "^Requests end before their last byte$",
+    "DS712": "^Reads ask for fewer bytes than the response needs$",
+    "DS713": "^Responses did not bring all parameters that their requests asked for$",
+    "DS714": rf"^p(?P<pnu>\d+) is written as (?P<format>\w+); the format of this parameter is {_BETTER}$",
+    "DS715": "^Requests make sense when the bytes of (?P<what>.*) are swapped$",
+    "DS716": "^Requests make sense without (?P<what>.*)$",
+    "DS717": rf"^p(?P<pnu>\d+) with several subindices or numbers of elements has negative responses: {CODE} ",
+    "DS718": rf"^p(?P<pnu>\d+) \(several subindices\) can be changed only with (?P<state>.*?): {CODE} ",
+    "DS719": rf"^p(?P<pnu>\d+) \(several subindices\) cannot be changed now: {CODE} ",
+    "DS720": rf"^p(?P<pnu>\d+) is an interconnection, and what was written to it was not accepted: {CODE} ",
+    "DS721": r"^Changes on (?P<device>\S+) that no p0971",
+    "DS722": "^The connection ended while requests were open$",
+    "DS723": r"^Equal changes were written again and again to (?P<device>\S+)$",
+    "DS724": r"^Reads on (?P<device>\S+) came before the response was ready, again and again$",
+    "DS725": "^The capture shows only a part: (?P<what>[^()]*)$",
+}  # fmt: skip
+"""Rule -> the sentence of several cases that differ in what the sentence of one names."""
+MANY_CASES = {
+    "two_stations": "two stations use one", "two_ars": "two connections of one", "one_station": "its own request was open",
+    "unseen_user": "was turned away: ",
+}  # fmt: skip
+"""The case of DS705 -> what its sentence of several cases says."""
+FREE: dict[str, str] = {}
 """Rules whose sentence has no one form; their numbers are looked at all the same."""
-SILENT = {"vendor_id", "dropped", "reason", "what", "case", "place", "other", "device"}
+SILENT = {"vendor_id", "dropped", "place", "other", "device"}
 """Arguments that no number in the sentence shows."""
-OWN = {"DS701": {"0"}, "DS703": {"0xDE80B500"}, "DS204": {"0xDE80B500"}, "DS301": {"0"}, "DS303": {"0"},
+QUIET = {
+    "DS106": {"length", "completed"},
+    "DS714": {"code"},
+    "DS705": {"ar", "other_ar"},
+    "DS713": {"what"},
+}
+"""Arguments of a rule that its sentence leaves out."""
+OWN = {"DS701": {"0", "0xDE80B500"}, "DS207": {"00000000"}, "DS713": {"0x15", "974", "0"}, "DS109": {"47"},
+       "DS703": {"0xDE80B500"}, "DS204": {"0xDE80B500"}, "DS301": {"0"}, "DS303": {"0"},
        "DS306": {"0"}, "DS308": {"65535"}, "DS312": {"0"}, "DS318": {"1", "2"}, "DS317": {"2"},
-       "DS418": {"0x80"}, "DS721": {"971", "977"}}  # fmt: skip
+       "DS418": {"0x80"}, "DS721": {"0971", "0977", "0xB02E"}}  # fmt: skip
 """Numbers that stand in the sentence of every finding of a rule."""
+KEYS = {"case", "more", "what", "room", "bits", "reason"}
+"""Arguments whose value stands for a clause."""
 _WORDS = {"DS410", "DS201", "DS203", "DS701", "DS717", "DS718", "DS719", "DS720", "DS715", "DS716"}
 """Rules that end in the words of an error number, or in a line: numbers inside those are not looked at."""
 
@@ -106,21 +190,85 @@ def check(finding: Finding, reading: Reading) -> Iterator[Complaint]:
 def problems(rule: str, sentence: str, args: dict[str, Any]) -> Iterator[str]:
     """What is wrong with a sentence of these arguments."""
     text = re.sub(r"^offset \d+: ", "", sentence)
-    form = SAYS.get(rule)
-    found = re.search(form, text) if form else None
-    if form and found is None:
-        yield f"has another form: {text!r}"
-        return
-    for name, told in found.groupdict().items() if found else ():
-        if name in args and told not in renderings(args[name]):
-            yield f"says {name} {told}, which is {args[name]!r}"
-        if name not in args:
-            yield f"says {name} {told}, which is no argument"
-    shown = set(found.groupdict()) if found else set()
-    for name in set(args) - shown - SILENT if form else ():
-        yield f"does not say {name} {args[name]!r}"
+    told: dict[str, str] = {}
+    for form in forms(rule, args):
+        found = re.search(form, text)
+        if found is None:
+            yield f"has another form: {text!r}"
+            return
+        told |= found.groupdict()
+    yield from _as_told(told, args)
+    if rule in SAYS or rule in CLAUSES:
+        for name in sorted(set(args) - set(told) - SILENT - unsaid(rule, args)):
+            yield f"does not say {name} {args[name]!r}"
     if rule not in _WORDS:
         yield from _strangers(rule, text, args)
+
+
+def forms(rule: str, args: dict[str, Any]) -> list[str]:
+    """The expressions that all must be found in a sentence of these arguments."""
+    own = [SAYS[rule]] if rule in SAYS else []
+    return own + [form for _, form in _clauses(rule, args)]
+
+
+def _clauses(rule: str, args: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    for name in KEYS & set(args):
+        if rule in CLAUSES and isinstance(args[name], str):
+            yield name, CLAUSES[rule].get(args[name], rf"no clause of {args[name]}")
+
+
+def unsaid(rule: str, args: dict[str, Any]) -> set[str]:
+    """The arguments that a sentence of these leaves out: the words of clauses, and what only other clauses name."""
+    named = {
+        name for form in CLAUSES.get(rule, {}).values() for name in re.compile(form).groupindex
+    }
+    mine = {name for form in forms(rule, args) for name in re.compile(form).groupindex}
+    keys = {name for name, _ in _clauses(rule, args)}
+    return (named - mine) | keys | QUIET.get(rule, set())
+
+
+def named(rule: str, args: dict[str, Any]) -> set[str]:
+    """The arguments that the sentence of one case shows."""
+    return {name for form in forms(rule, args) for name in re.compile(form).groupindex} | {
+        name for name, _ in _clauses(rule, args)
+    }
+
+
+def of_many(rule: str, sentence: str, args: dict[str, Any]) -> Iterator[str]:
+    """What is wrong with the sentence of several cases that agree in these arguments."""
+    found = re.search(MANY.get(rule, "$^"), sentence)
+    if found is None:
+        yield f"has another form for several cases: {sentence!r}"
+        return
+    told = {name: word for name, word in found.groupdict().items() if word is not None}
+    if "what" in told:
+        clause = CLAUSES[rule].get(str(args.get("what")), "$^")
+        if not re.search(clause.removesuffix(":"), sentence):
+            yield f"says what {told['what']}, which is {args.get('what')!r}"
+        del told["what"]
+    if rule == "DS705" and MANY_CASES.get(str(args.get("case")), "\0") not in sentence:
+        yield f"is not that of {args.get('case')!r}"
+    for name in ("place", "other"):
+        if isinstance(args.get(name), dict) and name in told:
+            if told.pop(name) != _place(args[name]):
+                yield f"says another {name} than {args[name]!r}"
+    yield from _as_told(told, args)
+    yield from _strangers(rule, sentence, args) if rule not in _WORDS else ()
+
+
+def _place(place: dict[str, Any]) -> str:
+    index = place["index"]
+    return f"slot {place['slot']}.{place['subslot']}, index " + (
+        f"0x{index:04X}" if index > 0xFF else str(index)
+    )
+
+
+def _as_told(told: dict[str, str], args: dict[str, Any]) -> Iterator[str]:
+    for name, word in told.items():
+        if name not in args:
+            yield f"says {name} {word}, which is no argument"
+        elif word not in renderings(args[name]):
+            yield f"says {name} {word}, which is {args[name]!r}"
 
 
 def _strangers(rule: str, text: str, args: dict[str, Any]) -> Iterator[str]:

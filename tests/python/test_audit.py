@@ -86,7 +86,11 @@ def test_each_rule_has_an_auditor_or_a_reason_to_have_none() -> None:
 
 def test_each_sentence_with_arguments_has_its_expression() -> None:
     shown = {rule: set(row.args) - words.SILENT for rule, row in rules().items()}
-    lacking = {rule for rule, args in shown.items() if args and rule not in words.SAYS}
+    lacking = {
+        rule
+        for rule, args in shown.items()
+        if args and not words.forms(rule, {}) and rule not in words.CLAUSES
+    }
     assert lacking - set(words.FREE) - set(run.NO_CLAIM) == set()
 
 
@@ -161,6 +165,8 @@ def test_a_sentence_of_other_arguments_is_noticed() -> None:
     missed = []
     for lie, name, item in forged():
         if lie.rule in words.FREE or name in words.SILENT or lie.rule not in words.SAYS:
+            continue
+        if name in words.unsaid(lie.rule, lie.args) - words.KEYS:
             continue
         if not list(words.problems(lie.rule, lie.message, lie.args)):
             missed.append(f"{lie.rule} {name}={lie.args[name]!r}: {lie.message} ({item.name})")
