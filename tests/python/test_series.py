@@ -260,7 +260,7 @@ def test_the_report_names_files_and_frames(capsys: Any, plant: Path) -> None:
     assert problems == [f"ds47: {first}: 1 file of this series missing"]
     lines = text.splitlines()
     at = lines.index(f"{first}: 27 frames")
-    assert lines[at + 1].startswith("NOT OK: 1 drive, 6 jobs")
+    assert lines[at + 1].startswith("NOT OK: 1 drive, 6 transactions")
     assert lines[at + 2 : at + 9] == [
         "  5 files read as one, frames numbered through all of them",
         "    10 files before the first: written over, or not here",
