@@ -632,6 +632,14 @@ def test_calls_that_brought_nothing_stand_between_the_polls():
     ]
 
 
+@pytest.mark.parametrize("args", [{"length": 46}, {"length": None, "completed": 4}, {}])
+def test_a_cut_record_of_which_a_damaged_result_lacks_facts_is_as_long_as_captured(args):
+    item = handmade.transaction(response=b"\x01\x01\x01\x01")
+    cut = Finding("DS106", "warning", 4, None, 1, None, args)
+    told = plc.Witness(capture(item, findings=[cut])).text(item).en
+    assert told.endswith("RDREC VALID, STATUS 00000000, LEN 4")
+
+
 def test_a_request_that_nothing_follows_for_long_ran_into_its_timeout():
     alone = handmade.transaction(
         state="unanswered", frames=Frames(1), write_status=None, read_status=None
