@@ -37,13 +37,28 @@ local function without_null(item)
   return item
 end
 
--- Messages are bytes in a result, and hexadecimal digits in JSON.
-local function with_bytes(result)
+-- {"float": "30.0"} is a float of the arguments of a finding, which keeps its point.
+local function with_points(item)
+  for key, value in pairs(item) do
+    if type(value) == "table" then
+      item[key] = value.float and json.raw(value.float) or with_points(value)
+    end
+  end
+  return item
+end
+
+-- Messages are bytes in a result, and hexadecimal digits in JSON; arguments keep the point of a float.
+local function as_result(result)
   for _, each in ipairs(result.transactions) do
     for _, key in ipairs({"request", "response"}) do
       each[key] = each[key] and each[key]:gsub("%x%x", function(digits)
         return string.char(tonumber(digits, 16))
       end)
+    end
+  end
+  for _, key in ipairs({"findings", "diagnoses"}) do
+    for _, each in ipairs(result[key] or {}) do
+      each.args = with_points(each.args)
     end
   end
   return result
@@ -55,7 +70,7 @@ input:close()
 
 local texts = {}
 for i, job in ipairs(jobs) do
-  texts[i] = KINDS[job.kind](with_bytes(without_null(job.result)), without_null(job.options))
+  texts[i] = KINDS[job.kind](as_result(without_null(job.result)), without_null(job.options))
 end
 
 local output = assert(io.open(arg[2], "wb"))

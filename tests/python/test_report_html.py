@@ -23,13 +23,16 @@ from ds47.model import (
     CaptureFile,
     CaptureResult,
     Device,
+    Diagnosis,
+    Finding,
     Frames,
     Parameter,
     ParameterError,
     Report,
     Transaction,
 )
-from ds47.report import causes, html
+from ds47.profinet.status import status_text
+from ds47.report import causes, html, sentences
 from ds47.report.html import embed, messages, plots, texts
 from ds47.report.html.verdict import quality
 from ds47.report.html.views import capture_view
@@ -303,12 +306,14 @@ def test_drive_errors_are_put_together_by_their_number_and_direction():
         transaction(3, state="partial", parameters=[parameter(), failed(0x00, values=())]),
     ]
     findings = [
-        handmade.finding("DS410", "error", "m", 1, number, 4)
-        for number in (1, 1, 2, 3)  # the rule speaks once of every failed parameter
+        finding(
+            "DS410", "error", 1, number, 4, pnu=pnu, subindex=0, code=code, vendor_id=0x2A, info=0
+        )
+        for number, pnu, code in ((1, 50303, 0x6B), (1, 5, 0x6B), (2, 50303, 0x6B), (3, 50303, 0))
     ]
-    found = problems(capture(*items, findings=findings), "en", {DRIVE: 0x2A})
+    found = problems(capture(*items, findings=findings), {DRIVE: 0x2A})
     assert [(each.count, each.what.en) for each in found] == [
-        (3, "The drive does not take a value: No change access while the controller is enabled (0x6B)"),
+        (3, "The drive does not accept a value: No change access while the controller is enabled (0x6B)"),
         (1, "The drive does not give a value: Illegal parameter number: the parameter does not exist (0x00)"),
     ]  # fmt: skip
     assert found[0].places == {"p50303[0] DO 2": 2, "p5[0] DO 2": 1}
@@ -322,7 +327,7 @@ def test_refusals_are_put_together_by_their_status():
         for number, word in enumerate(words, 1)
     ]
     findings = [handmade.finding("DS203", "error", "m", 1, number) for number in (1, 2, 3)]
-    found = problems(capture(*items, findings=findings), "en", {})
+    found = problems(capture(*items, findings=findings), {})
     assert [each.count for each in found] == [2, 1]
     assert "(DF80B700)" in found[0].what.en
     assert found[0].advice == texts.Both(
@@ -337,29 +342,29 @@ def test_diagnoses_come_first_then_errors_then_warnings_and_notes_last():
         handmade.diagnosis("DS701", "warning", "m", count=1),
         handmade.diagnosis("DS721", "note", "m", count=9),
     ]
-    found = problems(capture(findings=findings, diagnoses=diagnoses), "en", {})
+    found = problems(capture(findings=findings, diagnoses=diagnoses), {})
     assert [each.rule for each in found] == ["DS701", "DS315", "DS417", "DS721"]
 
 
-def diagnosis(rule="DS719", lang="en", **changes):
-    """A diagnosis whose message is that of the catalogue."""
-    known = spec.rules()[rule]
-    values = {"pnu": 76, "subindex": 1, "code": "0x6B", "text": spec.error_text(0x6B, lang, 0x2A)}
-    template = known.message_zh if lang == "zh" else known.message
-    text = template.format_map(values)
-    return replace(
-        handmade.diagnosis(rule, known.severity, text, DRIVE, 3, [9, 13, 15], [2, 3]), **changes
-    )
+def finding(rule, severity, frame, transaction=None, offset=None, /, **args):
+    """A finding as the analysis makes it: with arguments and without words."""
+    return Finding(rule, severity, frame, None, transaction, offset, args)
+
+
+RUNNING = {"pnu": 76, "subindex": 1, "code": 0x6B, "vendor_id": 0x2A}
+
+
+def diagnosis(rule="DS719", args=RUNNING, **changes):
+    """A diagnosis as the analysis makes it."""
+    item = Diagnosis(rule, spec.rules()[rule].severity, dict(args), DRIVE, 3, [9, 13, 15], [2, 3])
+    return replace(item, **changes)
 
 
 @pytest.mark.parametrize("lang", ["en", "zh"])
 def test_a_diagnosis_is_told_in_both_languages_with_what_to_do(lang):
-    item = diagnosis(lang=lang, corrected=bytes.fromhex("030102011001004c0001"))
-    findings = [handmade.finding("DS410", "error", "failed with error 0x6B", 9, 2, 4),
-                handmade.finding("DS719", "error", item.message, 9, 2, 4)]  # fmt: skip
-    (found,) = problems(
-        capture(transaction(2), findings=findings, diagnoses=[item]), lang, {DRIVE: 0x2A}
-    )
+    item = diagnosis(corrected=bytes.fromhex("030102011001004c0001"))
+    findings = [finding(rule, "error", 9, 2, 4, **RUNNING) for rule in ("DS410", "DS719")]
+    (found,) = problems(capture(transaction(2), findings=findings, diagnoses=[item]), {DRIVE: 0x2A})
     assert found.what.en.startswith("p76[1] cannot be changed now: 0x6B No change access while")
     assert found.what.zh.endswith("0x6B " + spec.error_text(0x6B, "zh", 0x2A))
     assert (found.count, found.frame, found.job) == (3, 9, 2)
@@ -373,54 +378,57 @@ def test_a_diagnosis_is_told_in_both_languages_with_what_to_do(lang):
     assert text.count('<span lang="en">') == text.count('<span lang="zh">')
 
 
-@pytest.mark.parametrize("lang", ["en", "zh"])
-def test_the_words_that_fill_a_diagnosis_change_their_language_too(lang):
-    def told(language):
-        words, rules = diagnosis_words(language), spec.rules()
-        place = words["place"].format(slot=1, subslot=2, index=47)
-        other = words["place"].format(slot=3, subslot=4, index="0xB02E")
-        template = {"en": rules["DS708"].message, "zh": rules["DS708"].message_zh}[language]
-        moved = template.format(device=DRIVE, place=place, other=other, status="DF80B600")
-        template = {"en": rules["DS725"].message, "zh": rules["DS725"].message_zh}[language]
-        return moved, template.format(what=words["no_write"], count=4)
-
-    items = [
-        handmade.diagnosis(rule, "error", text)
-        for rule, text in zip(("DS708", "DS725"), told(lang), strict=True)
-    ]
-    both = [messages.diagnosis(item, lang) for item in items]
-    assert [each.en for each in both] == list(told("en"))
-    assert [each.zh for each in both] == list(told("zh"))
+def test_the_words_that_fill_a_diagnosis_are_of_its_language():
+    place, other = (
+        {"slot": 1, "subslot": 2, "index": 47},
+        {"slot": 3, "subslot": 4, "index": 0xB02E},
+    )
+    moved = diagnosis(
+        "DS708", {"device": DRIVE, "place": place, "status": "DF80B600", "other": other}
+    )
+    part = diagnosis("DS725", {"what": "no_write", "count": 4})
+    for lang in ("en", "zh"):
+        words, row = diagnosis_words(lang), spec.rules()["DS708"]
+        template = row.message if lang == "en" else row.message_zh
+        told = template.format(
+            device=DRIVE,
+            place=words["place"].format(slot=1, subslot=2, index="47"),
+            other=words["place"].format(slot=3, subslot=4, index="0xB02E"),
+            status="DF80B600",
+        )
+        assert getattr(messages.message(moved), lang) == told
+        row = spec.rules()["DS725"]
+        template = row.message if lang == "en" else row.message_zh
+        told = template.format(what=words["no_write"].format(count=4), count=4)
+        assert getattr(messages.message(part), lang) == told
 
 
 def test_a_problem_names_a_few_places_and_counts_the_others():
     items = [transaction(n, state="error", parameters=[failed(pnu=n)]) for n in range(1, 8)]
-    findings = [handmade.finding("DS410", "error", "m", 1, n) for n in range(1, 8)]
-    (found,) = problems(capture(*items, findings=findings), "en", {})
+    findings = [finding("DS410", "error", 1, n, code=0x6B, pnu=n) for n in range(1, 8)]
+    (found,) = problems(capture(*items, findings=findings), {})
     assert found.where is not None
     assert found.where.en.endswith("and 3 more")
 
 
 def test_findings_that_differ_are_told_by_an_example_with_the_places_they_name():
-    template = spec.rules()["DS417"].message
     findings = [
-        handmade.finding(
-            "DS417", "warning", template.format(pnu=pnu, subindex=0, read=1, written=2), 1, 1
-        )
+        finding("DS417", "warning", 1, 1, pnu=pnu, subindex=0, read=1, written=2, by=3)
         for pnu in (7, 8)
     ]
-    (found,) = problems(capture(transaction(), findings=findings), "en", {})
-    assert found.title.en == "Parameter 7[0] reads back 1, but 2 was written last (for example)"
+    (found,) = problems(capture(transaction(), findings=findings), {})
+    one = "Parameter 7[0] reads back 1, but 2 is the last value that this capture shows being written to it"
+    assert found.title.en == f"{one} (frame 3) (for example)"
     assert found.places == {"p7[0] DO 2": 1, "p8[0] DO 2": 1}
-    (alone,) = problems(capture(transaction(), findings=findings[:1]), "en", {})
-    assert alone.title.en.endswith("was written last")
+    (alone,) = problems(capture(transaction(), findings=findings[:1]), {})
+    assert alone.title.en == f"{one} (frame 3)"
 
 
 def test_many_problems_of_one_rule_do_not_hide_the_others():
     items = [transaction(n, state="error", parameters=[failed(n)]) for n in range(1, 9)]
-    findings = [handmade.finding("DS410", "error", "m", 1, n) for n in range(1, 9)]
+    findings = [finding("DS410", "error", 1, n, pnu=n, code=n) for n in range(1, 9)]
     findings.append(handmade.finding("DS417", "warning", "read back", 1, 1))
-    told = first_screen(problems(capture(*items, findings=findings), "en", {}))
+    told = first_screen(problems(capture(*items, findings=findings), {}))
     assert [each.rule for each in told] == ["DS410"] * 5 + ["DS417"]
     assert "3 more kinds of problem" in page(capture(*items, findings=findings))
 
@@ -470,36 +478,63 @@ def test_every_text_is_used_and_every_text_used_is_there():
     assert not unused - {f"js_{key}" for key in re.findall(r"words: \"(\w+)\"", scripts)}
 
 
-@pytest.mark.parametrize(
-    "rule", [rule for rule, known in spec.rules().items() if "text" not in fields(known.message)]
-)
-@pytest.mark.parametrize("lang", ["en", "zh"])
-def test_a_message_of_either_language_is_shown_in_both(rule, lang):
+SAMPLES = {
+    "number": (7, "7"), "numbers": ([7, 8], "7, 8"), "frame": (9, "9"), "frames": ([9, 10], "9, 10"),
+    "hex": (0x6B, "0x6B"), "hex32": (0x1C010006, "0x1C010006"), "code": (0x11, "0x11"), "vendor": (0x2A, ""),
+    "info": (3, "3"), "status": ("DF80B700", "DF80B700"), "index": (0xB02E, "0xB02E"), "ms": (2.04, "2.0"),
+    "ms3": (2.0404, "2.040"), "text": ("10.0.0.9", "10.0.0.9"), "line": ("x" * 101, "x" * 97 + "..."),
+    "value": (1.0, "1.0"), "values": ([1, 2, 3, 4, 5], "1, 2, 3, 4, ..."), "dropped": (None, ""),
+}  # fmt: skip
+"""A value of each type of argument that needs no words, and how a sentence shows it."""
+
+
+@pytest.mark.parametrize("rule", spec.rules())
+def test_a_finding_with_arguments_is_worded_in_both_languages(rule):
     known = spec.rules()[rule]
-    values = {name: str(number) for number, name in enumerate(sorted(fields(known.message)))}
-    both = {"en": known.message.format_map(values), "zh": known.message_zh.format_map(values)}
-    assert messages.message(handmade.finding(rule, "error", both[lang], 1), lang) == (
-        both["en"],
-        both["zh"],
+    samples = {name: SAMPLES.get(kind, (None, "?")) for name, kind in known.args.items()}
+    told = {name: shown for name, (_, shown) in samples.items()}
+    args = {name: value for name, (value, _) in samples.items()}
+    both = messages.message(finding(rule, "error", 1, **args))
+    for lang, template in (("en", known.message), ("zh", known.message_zh)):
+        text = status_text(0xDF80B700, lang)
+        if "code" in args:
+            text = spec.error_text(0x11, lang, args.get("vendor_id"))
+        assert getattr(both, lang) == template.format(**told, text=text)
+        assert getattr(both, lang) == sentences.words(rule, args, lang)
+
+
+@pytest.mark.parametrize("rule", spec.rules())
+def test_a_finding_that_lacks_its_arguments_is_worded_too(rule):
+    """A stored result may be older or damaged."""
+    args = dict.fromkeys(spec.rules()[rule].args)
+    assert messages.message(finding(rule, "error", 1)) == messages.message(
+        finding(rule, "error", 1, **args)
     )
+    findings = [finding(rule, "error", 1, 1)]
+    assert page(capture(transaction(), findings=findings, diagnoses=[diagnosis(rule, {})]))
 
 
-def test_texts_inside_a_message_change_their_language_too():
+def test_the_words_of_an_error_number_are_of_either_language():
     known = spec.rules()["DS410"]
     values = {"pnu": 5, "subindex": 0, "code": "0x01", "info": 0}
-    text = known.message.format(**values, text=spec.error_text(1, "en", 0x2A))
-    expected = known.message_zh.format(**values, text=spec.error_text(1, "zh", 0x2A))
-    assert messages.message(handmade.finding("DS410", "error", text, 1), "en", 0x2A).zh == expected
+    both = messages.message(
+        finding("DS410", "error", 1, pnu=5, subindex=0, code=1, vendor_id=0x2A, info=0)
+    )
+    assert both.en == known.message.format(**values, text=spec.error_text(1, "en", 0x2A))
+    assert both.zh == known.message_zh.format(**values, text=spec.error_text(1, "zh", 0x2A))
 
 
-def test_a_message_that_fits_no_template_stays_as_it_is():
-    assert messages.message(handmade.finding("DS410", "error", "odd", 1), "en") == ("odd", "odd")
-    assert messages.message(handmade.finding("XX999", "error", "odd", 1), "en") == ("odd", "odd")
+def test_what_an_older_result_says_stays_as_it_is():
+    assert messages.message(handmade.finding("DS410", "error", "odd", 1)) == ("odd", "odd")
+    assert messages.message(handmade.finding("XX999", "error", "odd", 1)) == ("odd", "odd")
 
 
 def test_control_characters_and_turned_text_are_made_visible():
-    shown = messages.message(handmade.finding("DS410", "error", "a\u202eb\x1b", 1), "en").en
-    assert shown == "a\\u202eb\\x1b"
+    told = "a\u202eb\x1b"
+    assert messages.message(handmade.finding("DS410", "error", told, 1)).en == "a\\u202eb\\x1b"
+    both = messages.message(finding("DS101", "warning", 1, operation=told))
+    assert "a\\u202eb\\x1b" in both.en
+    assert "a\\u202eb\\x1b" in both.zh
 
 
 # Nothing in a capture can break the page
@@ -725,7 +760,7 @@ def test_where_not_all_jobs_fit_those_that_went_wrong_stay(monkeypatch):
 
 def test_long_lists_of_findings_are_cut_with_their_number():
     findings = [handmade.finding("DS315", "error", f"m{n}", 2 * n) for n in range(1, 251)]
-    view = capture_view(capture(transaction(), findings=findings), 1, "en", 10)
+    view = capture_view(capture(transaction(), findings=findings), 1, 10)
     (group,) = view.groups
     assert (group.count, len(group.shown), group.left_out, group.filter_left_out) == (
         250,

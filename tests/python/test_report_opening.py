@@ -15,7 +15,7 @@ import pytest
 from ds47 import spec
 from ds47.analysis import analyze
 from ds47.cli import main
-from ds47.model import CaptureResult, Device, Frames, Report
+from ds47.model import CaptureResult, Device, Finding, Frames, Report
 from ds47.report import Options, bilingual, plc, text
 from ds47.report.filters import display_filter
 from ds47.report.todo import More, causes, uncovered
@@ -111,37 +111,69 @@ def test_five_thousand_equal_symptoms_are_one_line():
         for n in range(1, 5001)
         for each in (
             handmade.finding(
-                "DS410", "error", "Parameter 76[1] failed with error 0x6B: no (info 0)", n, n
+                "DS410",
+                "error",
+                "Parameter 76[1] failed with error 0x6B: no (info 0)",
+                n,
+                n,
+                code=0x6B,
             ),
-            handmade.finding("DS719", "error", message, n, n),
+            handmade.finding("DS719", "error", message, n, n, code=0x6B),
         )
     ]
     told = diagnosis(count=5000, frames=[1, 2, 3, 4, 5], transactions=[1, 2, 3, 4, 5])
+    told.frames_left_out = 4995
     lines = opening(capture(*jobs, findings=findings, diagnoses=[told]))
     assert lines[6:] == [
         "What to do",
         f"  DS719 error drive-running: {message} (5,000 times)",
-        "    -> Remove the enable (OFF1, standstill) and repeat the change.",
-        "    look at frame 1 (#1): frame.number in {1..5}",
+        "    -> 0x6B: remove the enable (OFF1, standstill) and repeat the change. 0x11: see in the parameter",
+        "       list in which state the parameter can be changed, and bring the drive there.",
+        "    look at frame 1 (#1): frame.number in {1..5}  (and 4,995 frames more)",
     ]
 
 
 def test_what_no_diagnosis_covers_stands_behind_them_a_line_a_rule():
     findings = [
-        handmade.finding("DS410", "error", "Parameter 1[0] failed with error 0x6B: no", 9, 1, 4),
-        handmade.finding("DS410", "error", "Parameter 2[0] failed with error 0x11: no", 9, 1, 8),
-        handmade.finding("DS410", "error", "Parameter 3[0] failed with error 0x11: no", 9, 1, 12),
-        handmade.finding("DS415", "note", "same reference", 9, 1),
-        handmade.finding("DS719", "error", "p76[1] cannot be changed now: 0x6B no", 9, 1),
+        Finding("DS410", "error", 9, None, 1, offset, {"pnu": pnu, "subindex": 0, "code": code})
+        for offset, pnu, code in ((4, 1, 0x6B), (8, 2, 0x11), (12, 3, 0x11))
+    ]
+    back = {"read": 1, "written": 2, "by": 7}
+    findings += [
+        Finding("DS417", "warning", 9, None, 1, None, {"pnu": 4, "subindex": 0} | back),
+        Finding("DS417", "warning", 9, None, 1, None, {"pnu": 5, "subindex": 0} | back),
+        Finding("DS415", "note", 9, None, 1),
+        Finding("DS719", "error", 9, None, 1, None, {"pnu": 76, "subindex": 1, "code": 0x6B}),
     ]
     job = handmade.transaction(state="error")
     lines = opening(capture(job, findings=findings, diagnoses=[diagnosis()]))
     place = lines.index("  Other findings")
-    head = "  DS410 error drive-error: first: Parameter 2[0] failed with error 0x11: no (2 times)"
-    assert lines[place + 1] == head
+    head = "  DS410 error drive-error: Parameters failed with error 0x11: " + spec.error_text(
+        0x11, "en"
+    )
+    heads = [(line + lines[at + 1][3:]) for at, line in enumerate(lines) if line.startswith("  DS")]
+    assert heads[1:] == [
+        f"{head} (2 times in 1 frame)",
+        "  DS417 warning read-back-differs: first: Parameter 4[0] reads back 1, but 2 is the last value"
+        " that this capture shows being written to it (frame 7) (2 times in 1 frame)",
+    ]
+    assert lines[place + 1].startswith("  DS410")
     assert lines[-1] == "    look at frame 9 (#1): frame.number == 9"
+    assert sum("look at frame 9 (#1): frame.number == 9" in line for line in lines) == 3
     assert not any("DS415" in line for line in lines)
-    assert sum("-> " in line for line in lines) == 2
+    assert sum("-> " in line for line in lines) == 3
+
+
+def test_what_an_older_result_says_is_told_as_it_is_each_sentence_once():
+    findings = [
+        handmade.finding("DS410", "error", f"Parameter {pnu}[0] failed", frame, 1)
+        for frame, pnu in ((9, 1), (11, 2), (13, 2))
+    ]
+    lines = opening(capture(handmade.transaction(state="error"), findings=findings))
+    assert [line for line in lines if line.startswith("  DS410")] == [
+        "  DS410 error drive-error: Parameter 2[0] failed (2 times)",
+        "  DS410 error drive-error: Parameter 1[0] failed",
+    ]
 
 
 def test_causes_of_one_rule_do_not_hide_the_others():
@@ -164,7 +196,8 @@ def test_with_several_drives_a_diagnosis_names_its_drive():
 
 def test_a_corrected_request_stands_below_its_diagnosis():
     request = bytes.fromhex("010101011001001500000000")[:10]
-    told = diagnosis("DS717", corrected=request)
+    told = diagnosis("DS717")
+    told.corrected = request
     lines = opening(capture(handmade.transaction(state="error"), diagnoses=[told]))
     place = lines.index(f"    send instead: {request.hex()}")
     assert lines[place + 1].strip() == "16#0101 16#0101 16#1001 16#0015 16#0000"
@@ -267,11 +300,11 @@ def test_a_diagnosis_covers_its_own_job_only():
 def test_a_diagnosis_of_the_capture_covers_its_own_device_only():
     jobs = [handmade.transaction(id=1), handmade.transaction(id=2, device="192.168.133.40")]
     findings = [
-        handmade.finding("DS203", "error", "refused with status DF80B600: no", 1, 1),
-        handmade.finding("DS203", "error", "refused with status DF80B700: no", 2, 1),
-        handmade.finding("DS203", "error", "refused with status DF80B600: no", 3, 2),
+        handmade.finding("DS203", "error", "refused", 1, 1, status="DF80B600"),
+        handmade.finding("DS203", "error", "refused", 2, 1, status="DF80B700"),
+        handmade.finding("DS203", "error", "refused", 3, 2, status="DF80B600"),
         handmade.finding("DS206", "warning", "nothing", 4),
-        handmade.finding("DS708", "error", "turns away", 1),
+        handmade.finding("DS708", "error", "turns away", 1, device=DRIVE, status="DF80B600"),
     ]
     told = diagnosis(
         "DS708", f"{DRIVE} turns requests to slot 2.1 away (DF80B600); slot 1.1 answers"
@@ -279,6 +312,7 @@ def test_a_diagnosis_of_the_capture_covers_its_own_device_only():
     rest = uncovered(capture(*jobs, findings=findings, diagnoses=[told]))
     assert [each.frame for each in rest] == [2, 3, 4]
     told = diagnosis("DS703", "2 x", transactions=[])
+    findings[-1] = handmade.finding("DS703", "warning", "2 x", 4, count=2, device=DRIVE)
     rest = uncovered(capture(*jobs, findings=findings, diagnoses=[told]))
     assert [each.frame for each in rest] == [1, 2, 3]
 
@@ -589,13 +623,21 @@ def test_a_read_without_an_ar_is_no_call_of_a_block():
 
 def test_calls_that_brought_nothing_stand_between_the_polls():
     item = handmade.transaction(frames=Frames(1, 2, 11, 12, [(3, 4), (7, 8), (9, 10)]))
-    failed = handmade.finding("DS104", "error", 6, None, 1, args={"kind": "reject"})
+    failed = handmade.finding("DS104", "error", "rejected", 6, 1, kind="reject")
     told = plc.Witness(capture(item, findings=[failed])).text(item).en.split("; ")
     assert told[1:4] == [
         "RDREC ERROR, STATUS DE80B500",
         "RDREC ERROR with a STATUS of the PLC itself (RPC fault or reject)",
         "RDREC 2 x ERROR, STATUS DE80B500",
     ]
+
+
+@pytest.mark.parametrize("args", [{"length": 46}, {"length": None, "completed": 4}, {}])
+def test_a_cut_record_of_which_a_damaged_result_lacks_facts_is_as_long_as_captured(args):
+    item = handmade.transaction(response=b"\x01\x01\x01\x01")
+    cut = Finding("DS106", "warning", 4, None, 1, None, args)
+    told = plc.Witness(capture(item, findings=[cut])).text(item).en
+    assert told.endswith("RDREC VALID, STATUS 00000000, LEN 4")
 
 
 def test_a_request_that_nothing_follows_for_long_ran_into_its_timeout():

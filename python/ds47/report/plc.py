@@ -64,8 +64,10 @@ class Witness:
         for each in result.findings:
             if each.rule in _LEFT_OUT and each.transaction is not None:
                 self._calls.setdefault(each.transaction, []).append(each)
-            elif each.rule == _CUT and "length" in each.args:
-                self._lengths[each.args["completed"]] = each.args["length"]
+            elif each.rule == _CUT:
+                completed, length = each.args.get("completed"), each.args.get("length")
+                if completed is not None and length is not None:
+                    self._lengths[completed] = length
         self._waits = _waits(result.transactions)
 
     def saw(self, item: Transaction) -> list[Call]:
