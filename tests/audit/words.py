@@ -102,7 +102,7 @@ CLAUSES: dict[str, dict[str, str]] = {
         "two_ars": rf"{_WROTE}\(AR (?P<ar>\S+)\) while its request of frame (?P<first>\d+) "
                    r"\(AR (?P<other_ar>\S+)\) was open: two c",
         "one_station": rf"{_WROTE}while its own request of frame (?P<first>\d+) was open: ",
-        "unseen_user": rf"^(?P<controller>{_STATION}) was turned away in frame (?P<frame>\d+): a request was open"},
+        "unseen_user": rf"^(?P<controller>{_STATION}) was turned away in frame (?P<frame>\d+): another request was open"},
     "DS711": {"length_short": r": (?P<count>\d+) parameter\(s\) need (?P<need>\d+)$",
               "length_or_count": r": (?P<count>\d+) parameter\(s\) need (?P<need>\d+), but it is just as long "
                                  r"as a request for (?P<fits>\d+)$"},
@@ -156,7 +156,7 @@ MANY: dict[str, str] = {
 """Rule -> the sentence of several cases that differ in what the sentence of one names."""
 MANY_CASES = {
     "two_stations": "two stations use one", "two_ars": "two connections of one", "one_station": "its own request was open",
-    "unseen_user": "was turned away: ",
+    "unseen_user": "was turned away: another request was open",
 }  # fmt: skip
 """The case of DS705 -> what its sentence of several cases says."""
 FREE: dict[str, str] = {}
@@ -249,9 +249,9 @@ def of_many(rule: str, sentence: str, args: dict[str, Any]) -> Iterator[str]:
     if rule == "DS705" and MANY_CASES.get(str(args.get("case")), "\0") not in sentence:
         yield f"is not that of {args.get('case')!r}"
     for name in ("place", "other"):
-        if isinstance(args.get(name), dict) and name in told:
-            if told.pop(name) != _place(args[name]):
-                yield f"says another {name} than {args[name]!r}"
+        placed = isinstance(args.get(name), dict) and name in told
+        if placed and told.pop(name) != _place(args[name]):
+            yield f"says another {name} than {args[name]!r}"
     yield from _as_told(told, args)
     yield from _strangers(rule, sentence, args) if rule not in _WORDS else ()
 
