@@ -5,6 +5,7 @@
 
 local rules = require("ds47.rules")
 local tables = require("ds47.tables")
+local times = require("ds47.times")
 local words = require("ds47.report_words")
 
 local byte, concat, format = string.byte, table.concat, string.format
@@ -21,14 +22,21 @@ local IN_PART, CUT = "DS105", "DS106"
 -- The bytes of a request that its response mirrors, but for byte 2, from 1.
 local HEADER = { { "mirror_reference", 1 }, { "mirror_axis", 3 }, { "mirror_count", 4 } }
 
+-- When the last thing that is known of a transaction happened; nil where there is none.
+local function end_of(transactions)
+  local last
+  for _, each in ipairs(transactions) do
+    local stop = times.later(each.start_ns, each.duration_ns or 0)
+    last = (last == nil or last < stop) and stop or last
+  end
+  return last
+end
+
 -- How long transactions without a response were waited for, by their id: "ends" where nothing comes after it
 -- on its channel, "busy" where the capture is known to go on for the time after which a request is given up
 -- and nothing more came on the channel, else "unseen".
 local function waits_of(transactions)
-  local expiry, last = tables.limits.transaction_expiry_ns, -math.huge
-  for _, each in ipairs(transactions) do
-    last = math.max(last, each.start_ns + (each.duration_ns or 0))
-  end
+  local expiry, last = tables.limits.transaction_expiry_ns, end_of(transactions)
   local after, waits = {}, {}
   for place = #transactions, 1, -1 do
     local item = transactions[place]

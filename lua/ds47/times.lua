@@ -52,6 +52,13 @@ function M.new(seconds, nanoseconds)
   return setmetatable({seconds = seconds, nanoseconds = nanoseconds}, Far)
 end
 
+--- The time that is so many nanoseconds later.
+function M.later(time, duration_ns)
+  local seconds, nanoseconds = M.split(time)
+  local more = floor((nanoseconds + duration_ns) / 1000000000)
+  return M.new(seconds + more, nanoseconds + duration_ns - more * 1000000000)
+end
+
 --- Whether a time is a plain number.
 function M.is_near(time)
   return type(time) == "number"

@@ -13,6 +13,7 @@ package.path = root .. "../../dissector/?.lua;" .. root .. "../../lua/?.lua;" ..
 local glance = require("ds47_ws.glance")
 local info = require("ds47_ws.info")
 local json = require("ds47.json")
+local sentences = require("ds47.sentences")
 local unhex = require("ds47.reader").unhex
 
 local options, usually = {}, glance.MOST
@@ -66,7 +67,10 @@ end
 local function shown(findings)
   local list = {}
   for number, finding in ipairs(findings or {}) do
-    list[number] = { finding.rule, finding.severity, finding.message, finding.frame, finding.offset }
+    list[number] = {
+      finding.rule, finding.severity, finding.frame, finding.offset or false, finding.frames, finding.args,
+      sentences.sentence(finding, options.lang),
+    }
   end
   return list
 end
