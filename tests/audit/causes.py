@@ -6,6 +6,7 @@ entries of the report that sum them up.
 
 from __future__ import annotations
 
+import re
 import shlex
 import struct
 import tomllib
@@ -570,6 +571,8 @@ def _rearranged(case: Case) -> Iterator[str]:
     ]  # fmt: skip
     if not str(case.args.get("meant") or ""):
         yield "does not say what is meant"
+    elif not re.match(r"(read|change) ref \d+ axis \d+ ", str(case.args["meant"])):
+        yield f"what is meant is no request: {case.args['meant']}"
     if case.args.get("what") not in words.CLAUSES[case.finding.rule]:
         yield f"what {case.args.get('what')!r} is nothing"
     if not mine:
@@ -824,7 +827,8 @@ def _pace(case: Case, run: list[Deal]) -> Iterator[str]:
     args, time = case.args, case.reading.time
     gaps, taken = [], []
     for each in run:
-        reads = [poll["request"] for poll in each.polls] + [each.frames["read_request"]]
+        reads = [poll["request"] or poll["response"] for poll in each.polls]
+        reads.append(each.frames["read_request"] or each.read)
         times = [time(frame) or 0 for frame in reads if frame is not None]
         gaps += [b - a for a, b in pairwise(times)]
         end = time(each.read or max(each.all_frames)) or 0

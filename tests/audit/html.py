@@ -16,6 +16,7 @@ from tests.audit.reading import Complaint, Deal, Reading
 _DATA = re.compile(
     r'<script type="application/(json|gzip)" id="(data-\d+)">(.*?)</script>', re.DOTALL
 )  # fmt: skip
+_STATES = ("ok", "partial", "error", "superseded")
 _TILE = re.compile(r"<dt>(.*?)</dt><dd>(.*?)</dd>", re.DOTALL)
 _ROW = re.compile(r"<tr>(.*?)</tr>", re.DOTALL)
 _CELL = re.compile(r"<t[hd][^>]*>(.*?)</t[hd]>", re.DOTALL)
@@ -59,6 +60,8 @@ def _count(label: str, told: str, deals: list[Deal]) -> Iterator[str]:
         (r"changed?( jobs?| transactions?)?", lambda: sum(each.operation == "change" for each in deals)),
         *((form, lambda states=states: sum(each.state in states for each in deals))  # type: ignore[misc]
           for form, states in STATES.items()),
+        *((state, lambda state=state: sum(each.state == state for each in deals))  # type: ignore[misc]
+          for state in _STATES),
     ]  # fmt: skip
     for form, truth in tests:
         counts = re.fullmatch(form, label.lower()) and re.fullmatch(r"[\d,]+", told)
@@ -89,8 +92,14 @@ def _drives(body: str, reading: Reading) -> Iterator[str]:
     for row in rows[1:]:
         deals = [each for each in reading.deals if each.device == row[0]]
         for label, told in zip(rows[0], row, strict=False):
-            for text in _count(label, told, deals):
-                yield f"{row[0]}: {text}"
+            counts = [(label, told)]
+            if label == "Outcome":
+                counts = [
+                    (state, number) for number, state in re.findall(r"([\d,]+) ([a-z]+)", told)
+                ]
+            for each in counts:
+                for text in _count(*each, deals):
+                    yield f"{row[0]}: {text}"
             if label == "Drive objects":
                 for axis in {int(each) for each in re.findall(r"\d+", told)} & missing:
                     yield f"{row[0]}: lists DO {axis}, which does not exist"

@@ -18,6 +18,7 @@ KNOWN: dict[tuple[str, str], str] = {
     ("DS410", "code|info"): "the words behind response ID 0x80 are those of an error",
     ("DS416", "milliseconds"): "the pause ends with the first poll whose request is there",
     ("DS703", "count"): "the Reads that DS706 explains are left out, and the sentence speaks of all",
+    ("DS704", "none of the refused"): "which Write was refused before the response was read once more",
     ("DS706", "asked there"): "a Write whose request was lost is there, too",
     ("DS722", "another AR"): "a Connect of another AR of the same station is said to end the connection",
     ("DS723", "count|period"): "a run is counted in the order in which jobs are closed",
