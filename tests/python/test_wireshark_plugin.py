@@ -281,7 +281,7 @@ def test_a_finding_is_found_by_its_rule(tshark: Tshark) -> None:
 )
 def test_every_filter_that_the_page_offers_finds_frames(name: str, tshark: Tshark) -> None:
     """That the plugin has all other rules, capture by capture, is compared above."""
-    found = groups(analyze(CAPTURES[name]), "en", {})
+    found = groups(analyze(CAPTURES[name]))
     offered = {each.rule: each.plugin_filter for each in found if each.plugin_filter}
     wanted = " || ".join(offered.values())
     output = tshark("-r", CAPTURES[name], "-2", "-Y", wanted, *columns("ds47.finding"))
@@ -296,7 +296,7 @@ def test_no_filter_is_offered_for_what_the_plugin_has_not(rule: str) -> None:
         for each in CAPTURES.values()
         if each.name.startswith("diagnosis-") and rule in rules_of(each)
     )
-    offered = {each.rule: each.plugin_filter for each in groups(analyze(path), "en", {})}
+    offered = {each.rule: each.plugin_filter for each in groups(analyze(path))}
     assert offered[rule] is None
 
 
