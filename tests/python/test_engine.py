@@ -393,7 +393,7 @@ def test_a_difference_that_nobody_wants(
     assert not ready("both", AnalysisOptions(select=("DS2",))).analyze(path).findings[1:]
     chinese = ready("both", AnalysisOptions(lang="zh", select=("DS601",))).analyze(path)
     assert [f.rule for f in chinese.findings] == ["DS601"]
-    assert re.search("插件（现为）.*：事务 .*原为 .*，现为 ", sentence(chinese.findings[0], "zh"))
+    assert re.search("插件（现为）.*：任务 .*原为 .*，现为 ", sentence(chinese.findings[0], "zh"))
 
 
 def test_an_error_of_the_plugin_shows(ready: Callable[..., Engine], tmp_path: Path) -> None:

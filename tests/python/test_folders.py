@@ -166,7 +166,7 @@ def test_every_stored_capture_survives_the_way_through_json(captures: Path) -> N
             transaction.position = 0
         assert again == result, path.name
         corrected += sum(each.corrected is not None for each in again.diagnoses)
-    assert corrected > 10
+    assert corrected > 5
 
 
 @pytest.mark.parametrize("ns", [0, 1, -1, 10**18, -(10**19), 1 << 64, -62_135_596_800 * 10**9 - 1])
@@ -644,7 +644,7 @@ def test_columns_of_the_overview_line_up_in_chinese() -> None:
     title, *lines, more = table(rows, "zh", 2)
     assert title == "抓包，问题最严重的在前"
     head, worst, second = (line.split() for line in lines)
-    assert head == ["错误", "警告", "提示", "非", "ok", "事务", "事务总数", "抓包"]
+    assert head == ["错误", "警告", "提示", "非正常任务", "任务总数", "抓包"]
     assert worst == ["-"] * 5 + ["c", "无法读取：why"]
     assert second == ["12,345", "0", "0", "0", "0", "b", "仅部分读取：cut", "丢失", "2", "帧"]
     starts = [line.index(last) for line, last in zip(lines, ("抓包", "c", "b"), strict=True)]

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 from test_conversations import CASES, capture
-from test_wireshark_plugin import COMPLETE, WORKERS, program, run, without_dropped
+from test_wireshark_plugin import COMPLETE, WORKERS, program, run, told, with_all_args
 from whole_capture import of_transactions
 
 from ds47.analysis import AnalysisOptions, analyze
@@ -46,9 +46,7 @@ def shark(home: Path, path: Path, options: AnalysisOptions) -> fields.Fields:
 
 def native(path: Path, options: AnalysisOptions) -> fields.Fields:
     result = analyze(path, options)
-    findings = of_transactions(report.finding(each) for each in result.findings)
-    for each in findings:
-        each["message"] = without_dropped(each["message"])
+    findings = of_transactions(told(each) for each in result.findings)
     return fields.Fields([report.transaction(each) for each in result.transactions], findings)
 
 
@@ -56,7 +54,7 @@ def compare(name: str, found: fields.Fields, wanted: fields.Fields) -> None:
     for left, right in zip(found.transactions, wanted.transactions, strict=False):
         assert left == right, name
     assert len(found.transactions) == len(wanted.transactions), name
-    assert found.findings == wanted.findings, name
+    assert [with_all_args(each) for each in found.findings] == wanted.findings, name
 
 
 def of_dialect(dialect: tuple[bool, bool]) -> list[dict[str, Any]]:

@@ -50,7 +50,7 @@ EXCHANGES: tuple[tuple[str, str, str, tuple[str, str], bytes, bytes], ...] = (
     ("positive-with-error", "A positive response with an error inside", "DS410 DS411",
      ("read", "partial"), BOTH, message.answer(1, 1, 1, TEN, message.error(NO_PARAMETER))),
     ("negative-without-error", "A negative response without an error inside", "DS412",
-     ("read", "ok"),
+     ("read", "error"),
      READ, message.answer(1, 0x81, 1, TEN)),
     ("not-supported", "Response ID 0x80: only single access", "DS410 DS418", ("read", "error"),
      READ, message.answer(1, 0x80, 1, message.error(0x21))),
