@@ -65,7 +65,7 @@ ROWS = (
         READ, TEN + "00" * 30),
     Row("missing-request", "WRREC with LEN 8 for a request of 10 bytes", "DS203 DS315 DS711",
         ("read", "refused"), READ[:-5]),
-    Row("missing-response", "A response that ends inside its value", "DS315", ("read", "ok"),
+    Row("missing-response", "A response that ends inside its value", "DS315", ("read", "error"),
         READ, TEN[:-4]),
     Row("size-ambiguous", "Format 0x21 with two bytes: N2 of the older profile", "DS317",
         ("read", "ok"),
