@@ -285,7 +285,7 @@ def _four(stage: Stage, maximum: int, status: int = 0) -> None:
 @BOOK.scene(
     "read-length",
     "MLEN 10 for a response of 22 bytes: the drive sends 10",
-    (("read", "error"),),
+    ("read", "error"),
     rules="DS315 DS712",
 )
 def read_length(stage: Stage) -> None:
