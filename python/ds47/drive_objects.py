@@ -96,9 +96,9 @@ class DriveObjects:
         """A parameter has a negative response with this error number."""
         if code != known().axis_error or access.local:
             return
-        _put(self._distinguishing, access.device, None)
+        put(self._distinguishing, access.device, None)
         if access.axis is not None:
-            _put(self._missing, (access.device, access.axis), None)
+            put(self._missing, (access.device, access.axis), None)
 
     def identified(self, access: Access, first: int, values: Iterable[object]) -> None:
         """PNU 975 was read, from element `first` on."""
@@ -108,7 +108,7 @@ class DriveObjects:
             if element == _DO_ID and isinstance(value, int):
                 key = access.device, access.slot, access.subslot
                 seen = self._submodules.get(key, value)
-                _put(self._submodules, key, value if seen == value else None)
+                put(self._submodules, key, value if seen == value else None)
 
     # What that proves
 
@@ -183,8 +183,10 @@ _K = TypeVar("_K")
 _V = TypeVar("_V")
 
 
-def _put(memory: OrderedDict[_K, _V], key: _K, value: _V) -> None:
+def put(memory: OrderedDict[_K, _V], key: _K, value: _V) -> _V:
+    """Remembers a value as the newest one, and returns it; over the limit the oldest one is forgotten."""
     memory[key] = value
     memory.move_to_end(key)
     if len(memory) > known().history:
         memory.popitem(last=False)
+    return value

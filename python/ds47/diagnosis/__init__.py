@@ -12,11 +12,12 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, partial
-from typing import TYPE_CHECKING, Final, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from ds47.diagnosis import length, order, refusal
 from ds47.diagnosis.capture import WholeCapture
 from ds47.diagnosis.targets import LOCAL, Target, target_of
+from ds47.drive_objects import put
 from ds47.pairing import Alike, Job, Peer, Place, UsualJob
 from ds47.profidrive import Options, Request, Response, decode_request
 from ds47.profidrive.model import VALUE, Block
@@ -260,7 +261,7 @@ class Diagnoses:
         asked = _asked(job, request)
         for each in refused:
             if each.code != known().too_long:
-                _put(self._refused, asked[each.number], None)
+                put(self._refused, asked[each.number], None)
 
     # What was seen before
 
@@ -285,11 +286,11 @@ class Diagnoses:
                 if before is not None or len(formats_) >= known().history:
                     self._known.clear()
                 target, frame = target_of(job.record, request.axis), job.read_response
-                _put(formats_, key, Seen(block.format, frame.frame if frame else 0, target))
+                put(formats_, key, Seen(block.format, frame.frame if frame else 0, target))
             if address.pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 and block.values:
                 longest = block.values[0]
                 if isinstance(longest, int) and longest > 0:
-                    _put(self._limits, device, longest)
+                    put(self._limits, device, longest)
 
     def _is_new(self, device: str, axis: int | None, request: Request, response: Response) -> bool:
         """Whether there is something to learn if the response belongs to the request; most often not."""
@@ -311,20 +312,20 @@ class Diagnoses:
 
     def _learn_length(self, device: str, length: int) -> None:
         if length > self._longest.get(device, 0):
-            _put(self._longest, device, length)
+            put(self._longest, device, length)
 
     def _learn_axis(self, device: str, axis: int, blocks: list[Block]) -> None:
         axes = self._axes.get(device)
         if axes is None:
             if len(self._axes) >= known().history:
                 self._known.clear()
-            axes = _put(self._axes, device, set())
+            axes = put(self._axes, device, set())
         error = known().axis_error
         if all(block.error is None or block.error.code != error for block in blocks):
             axes.add(axis)
         else:
             missing = self._missing.get(device)
-            (_put(self._missing, device, set()) if missing is None else missing).add(axis)
+            (put(self._missing, device, set()) if missing is None else missing).add(axis)
 
     def _is_known(self, device: str, pnu: int) -> bool:
         return pnu in parameters() or (device, pnu) in self._formats
@@ -392,18 +393,6 @@ def is_unlikely(block: Block) -> bool:
         if value and not least <= abs(value) <= _MOST:
             return True
     return False
-
-
-_K = TypeVar("_K")
-_V = TypeVar("_V")
-
-
-def _put(memory: OrderedDict[_K, _V], key: _K, value: _V) -> _V:
-    memory[key] = value
-    memory.move_to_end(key)
-    if len(memory) > known().history:
-        memory.popitem(last=False)
-    return value
 
 
 def _listed(pnu: int) -> int | None:
