@@ -43,7 +43,7 @@ def identified(number, slot, drive_object):
 
 
 def rows(*jobs):
-    """(drive object, PNU, subindex, reads) of the table of parameters."""
+    """(drive object, PNU, subindex, reads with a value) of the table of parameters."""
     table, _ = elements(capture(*jobs), {}, Targets(jobs))
     return [(row[1], row[2], row[3], row[7]) for row in table["rows"]]
 
@@ -61,7 +61,7 @@ REFUSED = {"number": 90, "axis": 9, "error": 0x19}
 
 def test_one_parameter_through_several_access_points_is_one_row():
     ways = [job(1), job(2, index=GLOBAL), job(3, slot=2), job(4, index=LOCAL, slot=1, axis=7)]
-    assert of_2900(*ways, identified(5, 1, 2), job(**REFUSED)) == [("DO 2", 4), ("axis 9", 1)]
+    assert of_2900(*ways, identified(5, 1, 2), job(**REFUSED)) == [("DO 2", 4), ("axis 9", 0)]
 
 
 def test_without_evidence_submodules_stay_apart_and_are_told_apart_by_their_slot():
@@ -129,7 +129,7 @@ def test_a_drive_lists_the_drive_objects_that_answered():
 def test_of_a_wrong_drive_object_those_that_answer_are_named():
     told = Diagnosis("DS709", "error", {"axis": 9, "device": DRIVE}, DRIVE, 1, [9], [90])
     jobs = [job(1), job(2, axis=0), job(3, index=LOCAL, axis=8), job(**REFUSED)]
-    assert "    these answer here: DO 2" in opening(capture(*jobs, diagnoses=[told]))
+    assert "    these respond here: DO 2" in opening(capture(*jobs, diagnoses=[told]))
 
 
 # Transactions of the page

@@ -36,6 +36,7 @@ NOT_OF_THE_WIRE = frozenset({"vendor_id", "lang", "slow_ms", "select", "ignore",
 
 ELSEWHERE = {
     "DS601": "two engines disagree about one capture, which no step of a conversation makes",
+    "DS109": "more than ds47 keeps is open at once, which takes thousands of frames: test_limits.py",
     **{
         rule: "only the whole capture shows it, and only to the analyzer: test_diagnoses.py"
         for rule, row in spec.rules().items()

@@ -187,7 +187,7 @@ def old_answer_unsent(stage: Stage) -> None:
 
 @BOOK.scene(
     "nothing-was-asked-elsewhere",
-    "a change at slot 1 that nobody reads; at slot 2 a whole job, and one Read too many behind it",
+    "a change at slot 1 that nobody reads; at slot 2 a whole transaction, and one Read too many behind it",
     ("change", "superseded"),
     OK_READ,
     OK_CHANGE,

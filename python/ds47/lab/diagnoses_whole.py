@@ -289,7 +289,7 @@ def _with_a_gap(stage: Stage, dropped: int) -> None:
 
 @BOOK.scene(
     "half-captured-not",
-    "the capture starts inside a job: one response without request, then whole conversations",
+    "the capture starts inside a transaction: one response without request, then whole conversations",
     ORPHAN,
     OK_READ,
     OK_READ,
