@@ -37,7 +37,7 @@ SAYS: dict[str, str] = {
     "DS307": r"elements (?P<count>\d+) is above (?P<limit>\d+)",
     "DS308": r"Subindex (?P<subindex>\d+) with (?P<count>\d+)",
     "DS309": r"format (?P<format>0x[0-9A-F]{2})",
-    "DS310": r"(?P<values>\d+) values for (?P<elements>\d+)",
+    "DS310": r"number of values (?P<values>\d+) for number of elements (?P<elements>\d+)",
     "DS312": r"is (?P<pad>0x[0-9A-F]{2})",
     "DS313": r"(?P<count>\d+)$",
     "DS314": r"(?P<count>\d+)$",
