@@ -28,20 +28,23 @@ end
 
 local quick, careful = tracker(), tracker()
 
--- A web of tables as text, keys in order; what is met twice on one way is named only.
-local function text_of(value, above)
+-- A web of tables as text, keys in order; a table that was met before is named by its number only.
+local function text_of(value, met)
   if type(value) ~= "table" then
     return type(value) .. " " .. tostring(value)
-  elseif above[value] then
-    return "(above)"
+  elseif met[value] then
+    return "(" .. met[value] .. ")"
   end
-  above[value] = true
-  local parts = {}
-  for key, item in pairs(value) do
-    parts[#parts + 1] = tostring(key) .. "=" .. text_of(item, above)
+  met.count = (met.count or 0) + 1
+  met[value] = met.count
+  local keys, parts = {}, {}
+  for key in pairs(value) do
+    keys[#keys + 1] = key
   end
-  above[value] = nil
-  table.sort(parts)
+  table.sort(keys, function(one, other) return tostring(one) < tostring(other) end)
+  for _, key in ipairs(keys) do
+    parts[#parts + 1] = tostring(key) .. "=" .. text_of(value[key], met)
+  end
   return "{" .. table.concat(parts, ", ") .. "}"
 end
 
