@@ -179,7 +179,26 @@ def read_of_a_missing_object(client: Client) -> None:
     """What answers under 0xB02E is the slot, whatever the axis byte says."""
     found_object(client, 9, LOCAL)
     no_object(client, message.read(1, 9, SPEED), 9)
+    client.exchange(message.read(9, 2, SPEED), message.answer(9, 1, 2, TEN))
+
+
+def nothing_like_it_there(client: Client) -> None:
+    """Whether the other drive object has this parameter nobody knows."""
+    no_object(client, message.read(1, 9, SPEED), 9)
     found_object(client, 2)
+
+
+def read_there_in_another_slot(client: Client) -> None:
+    """Whether both slots reach the same drive object by its number nobody knows."""
+    no_object(client, message.read(1, 9, SPEED), 9)
+    answer = message.answer(9, 1, 2, TEN)
+    client.exchange(message.read(9, 2, SPEED), answer, at=client.at(slot=2))
+
+
+def no_text_there(client: Client) -> None:
+    text = message.address(21, attribute=0x30)
+    no_object(client, message.read(1, 9, text), 9)
+    client.exchange(message.read(9, 2, SPEED), message.answer(9, 1, 2, TEN))
 
 
 def two_objects(client: Client) -> None:
@@ -206,6 +225,9 @@ def read_under_local_access(client: Client) -> None:
     [
         (change_of_a_missing_object, None, "2"),
         (read_of_a_missing_object, message.read(1, 2, SPEED), "2"),
+        (nothing_like_it_there, None, "2"),
+        (read_there_in_another_slot, None, "2"),
+        (no_text_there, None, "2"),
         (two_objects, None, "2, 3"),
         (refused_there, None, "2"),
         (read_under_local_access, None, "2"),
@@ -274,7 +296,11 @@ WHOLE = message.change(1, 1, (FIXED, TEN))
         (bits, "is read as Float32 (0x08) in frame 4, the same bits are 10.0 there", WHOLE),
         (number, "is read as Float32 (0x08) in frame 4, the same number is 10.0 there", WHOLE),
         (never_read, "by the list of parameters it is Float32 (0x08), the same bits are", None),
-        (read_of_another_object, "is read as Float32 (0x08) in frame 4", None),
+        (
+            read_of_another_object,
+            "by the list of parameters it is Float32 (0x08), the same bits",
+            None,
+        ),
         (refused_besides, "is read as Float32 (0x08) in frame 4", WHOLE),
         (refused_as_well, "is read as Float32 (0x08) in frame 4", None),
     ],
