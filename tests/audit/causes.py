@@ -461,7 +461,7 @@ def _better(case: Case, deal: Deal) -> Iterator[str]:
     told, better, pnu = case.args.get("case"), case.args.get("better_code"), case.args.get("pnu")
     seen = formats(case.memory, case.reading, deal, pnu)
     # By the list, or by the bits: what the drive reads later nobody knows in the frame on which this stands,
-    # and a transaction is over, and what it brought is known, when its channel takes a new request.
+    # and a transaction may be read once more until the next one on its channel has its response.
     before = [each for each in case.reading.deals if _over(each, case.reading) < (deal.write or 0)]
     known = [formats(case.memory, case.reading, deal, pnu, each) for each in before]
     seen = seen if told == "format_read" else set().union(*known)
@@ -483,11 +483,10 @@ def _better(case: Case, deal: Deal) -> Iterator[str]:
 
 
 def _over(deal: Deal, reading: Reading) -> int:
-    """The frame in which a new request is accepted on the channel of a transaction."""
+    """The frame in which the response of the next transaction on the channel of another is read."""
     later = [
-        each.frames["write_response"] or each.read or 10**9 for each in reading.deals
+        each.read or 10**9 for each in reading.deals
         if each.channel == deal.channel and (each.write or 0) > (deal.read or 0)
-        and not each.write_status
     ]  # fmt: skip
     return min(later, default=10**9)
 

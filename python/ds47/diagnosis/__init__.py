@@ -223,6 +223,8 @@ class Diagnoses:
 
     def _is_proven(self, job: Job, request: Request, number: int) -> bool:
         """Whether the parameter was read in this format, in the way in which the request goes."""
+        if number >= len(request.blocks):
+            return False  # the request ends before this value
         address, block = request.addresses[number], request.blocks[number]
         seen = self._formats.get((job.peer.device, reach_of(job.record, request.axis), address.pnu))
         return seen is not None and seen.format == block.format

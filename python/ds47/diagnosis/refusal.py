@@ -214,6 +214,10 @@ def without_index(job: Job, refused: list[Refusal], number: int) -> bytes | None
     from ds47.diagnosis import suggest  # only here: most captures need no correction
 
     whole = suggest.with_elements(message, write.data, number, 0, 1)
-    if whole is None or all(each.number == number for each in refused):
-        return whole
-    return suggest.only(decode_request(whole), [number])
+    if whole is None:
+        return None
+    request = decode_request(whole)
+    if any(each.number != number for each in refused):
+        return suggest.only(request, [number])
+    # bytes behind its end belong to no request
+    return suggest.only(request, range(len(request.addresses))) if any(request.rest) else whole
