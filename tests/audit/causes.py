@@ -18,7 +18,7 @@ from pathlib import Path
 
 from tests.audit import message, wire, words
 from tests.audit.claims import Auditor, Case, means, vendor
-from tests.audit.memory import LOCAL, MAYBE, NO_SUCH_AXIS, SURE, Memory
+from tests.audit.memory import LOCAL, MAYBE, NO_SUCH_AXIS, SURE, Memory, Target
 from tests.audit.reading import NOT_READY, Complaint, Deal, Finding, Reading, shown
 
 AUDITORS: dict[str, Auditor] = {}
@@ -549,12 +549,17 @@ def _odd(value: float) -> bool:
 
 
 def formats(
-    memory: Memory, reading: Reading, deal: Deal, pnu: object, only: Deal | None = None
+    memory: Memory,
+    reading: Reading,
+    deal: Deal,
+    pnu: object,
+    only: Deal | None = None,
+    target: Target | None = None,
 ) -> set[int]:
     """The formats in which a parameter of the drive object of a transaction was read, in one transaction or in any."""
     return {
         block.format for each in ([only] if only else reading.deals) if each.operation == "read"
-        if memory.same(memory.target(each), memory.target(deal)) in (SURE, MAYBE)
+        if memory.same(memory.target(each), target or memory.target(deal)) in (SURE, MAYBE)
         and each.device == deal.device
         for address, block in each.pairs()
         if address.pnu == pnu and address.attribute == message.VALUE and not block.failed

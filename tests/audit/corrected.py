@@ -150,7 +150,8 @@ def _other_object(new: message.Message, deal: Deal, reading: Reading) -> Iterato
 def _unproven(new: message.Message, deal: Deal, reading: Reading, memory: Memory) -> Iterator[str]:
     """A change whose format the capture does not prove, by a read of the parameter or a change that was taken."""
     for address, block in zip(new.addresses, new.blocks, strict=False):
-        seen = formats(memory, reading, deal, address.pnu)
+        # what was meant may name another drive object than the bytes that were sent
+        seen = formats(memory, reading, deal, address.pnu, target=_target(deal, new))
         taken = {
             each.asked.blocks[number].format
             for each in reading.deals if each.asked and each.device == deal.device
