@@ -182,6 +182,11 @@ def read_of_a_missing_object(client: Client) -> None:
     client.exchange(message.read(9, 2, SPEED), message.answer(9, 1, 2, TEN))
 
 
+def more_behind_it(client: Client) -> None:
+    no_object(client, message.read(1, 9, SPEED) + b"\x12\x34", 9)
+    client.exchange(message.read(9, 2, SPEED), message.answer(9, 1, 2, TEN))
+
+
 def nothing_like_it_there(client: Client) -> None:
     """Whether the other drive object has this parameter nobody knows."""
     no_object(client, message.read(1, 9, SPEED), 9)
@@ -225,6 +230,7 @@ def read_under_local_access(client: Client) -> None:
     [
         (change_of_a_missing_object, None, "2"),
         (read_of_a_missing_object, message.read(1, 2, SPEED), "2"),
+        (more_behind_it, message.read(1, 2, SPEED), "2"),
         (nothing_like_it_there, None, "2"),
         (read_there_in_another_slot, None, "2"),
         (no_text_there, None, "2"),

@@ -254,6 +254,8 @@ class Diagnoses:
 
         there = suggest.with_axis(request, *axes)
         wanted = decode_request(there, self._codec)
+        if any(wanted.rest):  # bytes behind its end belong to no request
+            there = suggest.only(wanted, range(len(wanted.addresses)))
         reach = reach_of(job.record, wanted.axis)
         read = all(
             each.attribute == VALUE and (device, reach, each.pnu) in self._formats
