@@ -554,6 +554,67 @@ def _(tape: Tape) -> None:
 
 
 @case(
+    "DS714-read-in-this-way",
+    "drive-error",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, par(2900, "Unsigned16", 7)),
+        tx(
+            2, "error", (5, 6, 7, 8), 3, par(2900, "Unsigned32", 10, error=(5, 0)),
+            operation="change",
+        ),
+    ],
+    "DS410@8#2 DS415@5#2",
+    "DS714@5#2",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """The drive object reads it as Unsigned16, whatever the list of parameters says."""
+    client = Client(tape)
+    client.exchange(ask(1, 2900), message.answer(1, 1, 1, message.word(7)))
+    block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
+    client.exchange(change(2900, block), refused(1, 0x05, 0x82))
+
+
+@case(
+    "DS714-read-of-another-drive-object",
+    "drive-error",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, par(2900, "Unsigned16", 7), axis=2),
+        tx(
+            2, "error", (5, 6, 7, 8), 3, par(2900, "Unsigned32", 10, error=(5, 0)),
+            operation="change",
+        ),
+    ],
+    "DS410@8#2 DS415@5#2",
+    "DS701@8#2",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """Near miss: drive object 2 reads it in a format that is not that of the list; of 1 nobody knows."""
+    client = Client(tape)
+    client.exchange(ask(1, 2900, axis=2), message.answer(1, 1, 2, message.word(7)))
+    block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
+    client.exchange(change(2900, block), refused(1, 0x05, 0x82))
+
+
+@case(
+    "DS714-another-make",
+    "drive-error",
+    [
+        tx(
+            1, "error", (1, 2, 3, 4), 3, par(2900, "Unsigned32", 10, error=(5, 0)),
+            operation="change",
+        )
+    ],
+    "DS410@4#1",
+    "DS701@4#1",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """Near miss: p2900 is in the list of one maker, and the drive is of another."""
+    client = Client(tape, device=drive(vendor_id=ANOTHER_MAKE))
+    block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
+    client.exchange(change(2900, block), refused(1, 0x05, 0x82))
+
+
+@case(
     "DS715-values",
     "values",
     [

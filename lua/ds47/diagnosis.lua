@@ -14,11 +14,13 @@ local refusal = later("ds47.diagnosis_refusal")
 local repair = later("ds47.repair")
 local rules = require("ds47.rules")
 local tables = require("ds47.tables")
+local transactions = require("ds47.transactions")
 
 local abs, min = math.abs, math.min
 
 local M = {}
 
+local SIEMENS = transactions.SIEMENS
 local VALUE = 0x10
 local PNU_ACCESS_IDENTIFICATION = rules.PNU_ACCESS_IDENTIFICATION
 -- Float32 and Float64: what is nearer to zero is no number that anybody typed, nor is what is farther away
@@ -28,6 +30,8 @@ local MOST = 1e30
 local USUAL = {[0x01] = true, [0x02] = true} -- response ids without a refusal
 local LEARNT = {[0x01] = true, [0x02] = true, [0x81] = true, [0x82] = true}
 
+local LOCAL = 0xB02E -- index of local access: the slot decides, not the axis byte
+local SEVERAL = -1 -- in place of a format: a PNU is read in several
 local NONE = {}
 local LENGTH = 0 -- second key of a memory that needs none
 
@@ -36,10 +40,21 @@ for code, row in pairs(tables.formats) do
   codes[row.name] = code
 end
 
--- The format of a parameter by the list of parameters; nil where there is none.
-local function listed(pnu)
+-- The format of a parameter by the list of parameters; nil where the list says nothing of this device.
+local function listed(pnu, siemens)
   local row = tables.parameters[pnu]
-  return row and codes[(row.type:gsub("%[%]$", ""))]
+  if not row or row.family ~= "profile" and not siemens then
+    return nil
+  end
+  return codes[(row.type:gsub("%[%]$", ""))]
+end
+
+-- The way of a request to its drive object, as one text: device, slot, subslot, and the axis byte where it
+-- counts. Two requests that go the same way reach the same drive object, whatever the device makes of them.
+local function way_of(job)
+  local record = job.record
+  local axis = record.index ~= LOCAL and job.message.axis or -1
+  return job.peer.device .. "\0" .. (record.slot * 65536 + record.subslot) * 257 + axis
 end
 
 local Diagnoses = {}
@@ -51,8 +66,9 @@ M.Diagnoses = Diagnoses
 function M.new(codec)
   return setmetatable({
     codec = codec,
-    -- device, PNU -> {format, frame}: the format in which it was read last, and where first
+    -- way, PNU -> {format, frame}: the format in which it was read last, and where first
     formats = memory.new(tables.known.history),
+    anywhere = memory.new(tables.known.history), -- device, PNU -> the format in which it is read, or SEVERAL
     limits = memory.new(tables.known.history), -- device, PNU 974 -> bytes of its longest message
     longest = memory.new(tables.known.history), -- device, LENGTH -> bytes of its longest response
   }, Diagnoses)
@@ -61,6 +77,7 @@ end
 --- For a copy of the analysis: what is known is shared, what the copy learns stays its own.
 function Diagnoses:copied(known)
   known[self.formats] = self.formats:on_top()
+  known[self.anywhere] = self.anywhere:on_top()
   known[self.limits] = self.limits:on_top()
   known[self.longest] = self.longest:on_top()
 end
@@ -131,7 +148,7 @@ function Diagnoses:_cause(remarks, job)
     refused = self:_retyped(remarks, job, found, refused)
   end
   local function size_of(pnu)
-    return self:_size(device, pnu)
+    return self:_size(job, pnu)
   end
   length.request_too_short(remarks, job, refused)
   length.answer_cut(remarks, job, size_of)
@@ -153,10 +170,10 @@ function Diagnoses:_repair(job, refused)
     errors[each.number] = each.code
   end
   local function is_known(pnu)
-    return tables.parameters[pnu] ~= nil or self.formats:get(device, pnu) ~= nil
+    return tables.parameters[pnu] ~= nil or self.anywhere:get(device, pnu) ~= nil
   end
   local function format_of(pnu)
-    return self:_format(device, pnu)
+    return self:_format(job, pnu)
   end
   local options = {
     legacy_g120_formats = self.codec.legacy_g120_formats, profile_v3_types = self.codec.profile_v3_types,
@@ -172,14 +189,17 @@ function Diagnoses:_retyped(remarks, job, found, refused)
   for _, each in ipairs(refused) do
     errors[each.number] = each.code
   end
+  local way = way_of(job)
   for _, each in ipairs(found.each) do
     local args = each.args
-    local seen = self.formats:get(job.peer.device, args.pnu)
-    told[each.number] = true
-    args.better_code, args.bits, args.code = args.code, each.bits, errors[each.number]
-    args.seen = seen and seen.frame
-    args.case = seen and "format_read" or listed(args.pnu) and "format_listed" or "format_bits"
-    remarks[#remarks + 1] = rules.remark(found.rule, frame, args)
+    local seen = self.formats:get(way, args.pnu)
+    if seen or self:_agrees(job, args.pnu, args.code) then
+      told[each.number] = true
+      args.better_code, args.bits, args.code = args.code, each.bits, errors[each.number]
+      args.seen = seen and seen.frame
+      args.case = seen and "format_read" or self:_listed(job, args.pnu) and "format_listed" or "format_bits"
+      remarks[#remarks + 1] = rules.remark(found.rule, frame, args)
+    end
   end
   for _, each in ipairs(refused) do
     if not told[each.number] then
@@ -197,8 +217,8 @@ function Diagnoses:_learn(job)
   if request.operation ~= "read" or not LEARNT[response.response_id] then
     return
   end
-  local device, addresses, blocks = job.peer.device, request.addresses, response.blocks
-  local known = self.formats:of(device)
+  local way, addresses, blocks = way_of(job), request.addresses, response.blocks
+  local known = self.formats:of(way)
   for number = 1, min(#addresses, #blocks) do
     local address, block = addresses[number], blocks[number]
     local pnu = address.pnu
@@ -207,19 +227,21 @@ function Diagnoses:_learn(job)
       if rules.is_mismatch(job) then
         return
       end
-      self:_learn_block(device, address, block, job.read_response.frame)
+      self:_learn_block(job.peer.device, way, address, block, job.read_response.frame)
     end
   end
 end
 
-function Diagnoses:_learn_block(device, address, block, frame)
+function Diagnoses:_learn_block(device, way, address, block, frame)
   local pnu = address.pnu
   if block.error ~= nil or address.attribute ~= VALUE then
     return
   end
-  local seen = self.formats:get(device, pnu)
+  local seen = self.formats:get(way, pnu)
   if not seen or seen.format ~= block.format then
-    self.formats:put(device, pnu, {format = block.format, frame = frame})
+    self.formats:put(way, pnu, {format = block.format, frame = frame})
+    local before = self.anywhere:get(device, pnu)
+    self.anywhere:put(device, pnu, (not before or before == block.format) and block.format or SEVERAL)
   end
   if pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 then
     self:_learn_limit(device, block)
@@ -239,13 +261,25 @@ function Diagnoses:_learn_limit(device, block)
   end
 end
 
-function Diagnoses:_format(device, pnu)
-  local seen = self.formats:get(device, pnu)
-  return seen and seen.format or listed(pnu)
+-- Whether nothing that was read of the device speaks against a format.
+function Diagnoses:_agrees(job, pnu, code)
+  local read = self.anywhere:get(job.peer.device, pnu)
+  return read == nil or read == code
 end
 
-function Diagnoses:_size(device, pnu)
-  local row = tables.formats[self:_format(device, pnu)]
+-- The format by the list of parameters, where nothing that was read of the device differs from it.
+function Diagnoses:_listed(job, pnu)
+  local code = listed(pnu, job.peer.vendor_id == SIEMENS)
+  return code and self:_agrees(job, pnu, code) and code or nil
+end
+
+function Diagnoses:_format(job, pnu)
+  local seen = self.formats:get(way_of(job), pnu)
+  return seen and seen.format or self:_listed(job, pnu)
+end
+
+function Diagnoses:_size(job, pnu)
+  local row = tables.formats[self:_format(job, pnu)]
   return row and row.size
 end
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from tests.audit import message, wire, words
 from tests.audit.claims import Auditor, Case, means, vendor
-from tests.audit.memory import LOCAL, MAYBE, NO_SUCH_AXIS, SURE, Memory
+from tests.audit.memory import LOCAL, MAYBE, NO_SUCH_AXIS, SURE, Memory, Target
 from tests.audit.reading import NOT_READY, Complaint, Deal, Finding, Reading, shown
 
 AUDITORS: dict[str, Auditor] = {}
@@ -287,18 +287,7 @@ def _no_such_axis(case: Case) -> Iterator[str]:
     yield from case.wrong("device", deal.device)
     if not any(block.code == NO_SUCH_AXIS for block in deal.answer.blocks):
         yield "the error number is not 0x19"
-    if deal.index == LOCAL:
-        yield "0xB02E does not heed the axis"
-    for other in case.reading.deals:
-        same = (
-            other.device == deal.device
-            and other.index != LOCAL
-            and other.axis_told == deal.axis_told
-        )
-        blocks = other.answer.blocks if same and other.answer and other.fits else []
-        if blocks and all(block.code != NO_SUCH_AXIS for block in blocks):
-            yield f"this axis answered in frame {other.read}"
-            return
+    # What the device says in another frame does not change what it says in this one: the sentence names no more.
 
 
 @auditor("DS710")
@@ -471,6 +460,11 @@ def _better(case: Case, deal: Deal) -> Iterator[str]:
     """How the better format is known: read so in a frame, by the list of parameters, or by its bits."""
     told, better, pnu = case.args.get("case"), case.args.get("better_code"), case.args.get("pnu")
     seen = formats(case.memory, case.reading, deal, pnu)
+    # By the list, or by the bits: what the drive reads later nobody knows in the frame on which this stands,
+    # and a transaction may be read once more until the next one on its channel has its response.
+    before = [each for each in case.reading.deals if _over(each, case.reading) < (deal.write or 0)]
+    known = [formats(case.memory, case.reading, deal, pnu, each) for each in before]
+    seen = seen if told == "format_read" else set().union(*known)
     if seen and better not in seen:
         yield f"the drive reads it as {sorted(seen)}"
     if told == "format_read":
@@ -486,6 +480,15 @@ def _better(case: Case, deal: Deal) -> Iterator[str]:
         yield f"the list of parameters says {listed!r}"
     elif told not in ("format_listed", "format_bits"):
         yield f"case {told!r} is none"
+
+
+def _over(deal: Deal, reading: Reading) -> int:
+    """The frame in which the response of the next transaction on the channel of another is read."""
+    later = [
+        each.read or 10**9 for each in reading.deals
+        if each.channel == deal.channel and (each.write or 0) > (deal.read or 0)
+    ]  # fmt: skip
+    return min(later, default=10**9)
 
 
 def _meant(case: Case, block: message.Block) -> Iterator[str]:
@@ -546,12 +549,17 @@ def _odd(value: float) -> bool:
 
 
 def formats(
-    memory: Memory, reading: Reading, deal: Deal, pnu: object, only: Deal | None = None
+    memory: Memory,
+    reading: Reading,
+    deal: Deal,
+    pnu: object,
+    only: Deal | None = None,
+    target: Target | None = None,
 ) -> set[int]:
     """The formats in which a parameter of the drive object of a transaction was read, in one transaction or in any."""
     return {
         block.format for each in ([only] if only else reading.deals) if each.operation == "read"
-        if memory.same(memory.target(each), memory.target(deal)) in (SURE, MAYBE)
+        if memory.same(memory.target(each), target or memory.target(deal)) in (SURE, MAYBE)
         and each.device == deal.device
         for address, block in each.pairs()
         if address.pnu == pnu and address.attribute == message.VALUE and not block.failed
@@ -567,7 +575,7 @@ def _rearranged(case: Case) -> Iterator[str]:
     mine = [
         each for each in case.reading.plain["diagnoses"]
         if each["rule"] == case.finding.rule and each["corrected"]
-        and each["transactions"][:1] == [deal.id]
+        and each["corrected"]["transaction"] == deal.id
     ]  # fmt: skip
     if not str(case.args.get("meant") or ""):
         yield "does not say what is meant"

@@ -2,6 +2,10 @@
 
 Of a simulated drive the request is really asked. Of every other capture the auditor knows what the capture itself
 shows: a parameter that was refused is refused again where nothing of it was changed.
+
+What a drive refuses, and no capture could show before it was asked, is no complaint: that a parameter does not
+exist, or has no text, where nobody asked for it; that a parameter cannot be changed now, or not at all, where the
+drive has looked at nothing but the format up to now. A corrected request mends what is known to be wrong.
 """
 
 from __future__ import annotations
@@ -16,7 +20,7 @@ from typing import Any
 from tests.audit import message
 from tests.audit.causes import formats
 from tests.audit.drive import Drive
-from tests.audit.memory import Memory
+from tests.audit.memory import LOCAL, NEVER, NO_SUCH_AXIS, Memory, Target
 from tests.audit.reading import Complaint, Deal, Reading
 
 SAFETY = (*range(9300, 9400), *range(9500, 9950), *range(10000, 10300))
@@ -41,25 +45,26 @@ def _corrected(
     if not new.sound or any(new.rest):
         yield "does not decode"
         return
-    deals = [reading.by_id[number] for number in plain["transactions"] if number in reading.by_id]
-    deals = [each for each in deals if each.asked is not None]
-    if not deals or deals[0].asked is None:
+    deal = reading.by_id.get(plain["corrected"]["transaction"])
+    if deal is None or deal.asked is None or deal.id not in plain["transactions"]:
         yield "belongs to no request"
         return
-    deal, asked = deals[0], deals[0].asked
+    asked = deal.asked
     head = asked.data[1::-1] if plain["args"].get("what") == "all_bytes" else asked.data[:1]
     if data[:1] != head[:1] and plain["rule"] not in ("DS715", "DS716"):
         yield f"the request of #{deal.id}, to which it stands, has reference {asked.reference}"
         return
     if new.changes and new.axis != asked.axis and plain["rule"] not in ("DS715", "DS716"):
         yield f"changes drive object {new.axis} instead of {asked.axis}"
+    if plain["rule"] == "DS709":
+        yield from _other_object(new, deal, reading)
     yield from _dangerous(new)
     yield from _refused_again(new, deal)
     if new.changes:
         yield from _unproven(new, deal, reading, memory)
     device = drives.get(deal.device)
     if device is not None:
-        yield from _asked(data, deal, device, reading)
+        yield from _asked(data, deal, device, reading, memory)
 
 
 def _forms(told: dict[str, Any], data: bytes) -> Iterator[str]:
@@ -115,15 +120,38 @@ def _refused_again(new: message.Message, deal: Deal) -> Iterator[str]:
     if deal.asked is None or deal.answer is None or not deal.fits:
         return
     kept = _parts(new)
+    # 0x15 speaks of the whole response, 0x19 of the drive object
+    excused = {0x15} if new.axis == deal.asked.axis else {0x15, NO_SUCH_AXIS}
     for part, block in zip(_parts(deal.asked), deal.answer.blocks, strict=False):
-        if block.failed and block.code != 0x15 and part in kept:
+        if block.failed and block.code not in excused and part in kept:
             yield f"keeps p{part[2]}[{part[3]}], which is refused with 0x{block.code or 0:02X}"
+
+
+def _other_object(new: message.Message, deal: Deal, reading: Reading) -> Iterator[str]:
+    """A read of another drive object: the only one that answers, and it was asked for each of these parameters."""
+    there, missing, read = set(), set(), set()
+    for each in reading.deals:
+        if each.device != deal.device or each.index == LOCAL or not each.fits or not each.answer:
+            continue
+        if any(block.code == NO_SUCH_AXIS for block in each.answer.blocks):
+            missing.add(each.axis_told)
+        elif each.answer.id != 0x80:
+            there.add(each.axis_told)
+    for each in reading.deals:
+        if (each.device, each.axis_told, each.operation) == (deal.device, new.axis, "read"):
+            read |= {address.pnu for address, block in each.pairs() if not block.failed}
+    if there - missing != {new.axis}:
+        yield f"of the drive objects {sorted(there - missing)} one is chosen"
+    for address in new.addresses:
+        if address.pnu not in read:
+            yield f"nothing proves p{address.pnu} of drive object {new.axis}"
 
 
 def _unproven(new: message.Message, deal: Deal, reading: Reading, memory: Memory) -> Iterator[str]:
     """A change whose format the capture does not prove, by a read of the parameter or a change that was taken."""
     for address, block in zip(new.addresses, new.blocks, strict=False):
-        seen = formats(memory, reading, deal, address.pnu)
+        # what was meant may name another drive object than the bytes that were sent
+        seen = formats(memory, reading, deal, address.pnu, target=_target(deal, new))
         taken = {
             each.asked.blocks[number].format
             for each in reading.deals if each.asked and each.device == deal.device
@@ -143,7 +171,9 @@ def _took(deal: Deal, number: int) -> bool:
     return not answer.blocks or (number < len(answer.blocks) and not answer.blocks[number].failed)
 
 
-def _asked(data: bytes, deal: Deal, device: Drive, reading: Reading) -> Iterator[str]:
+def _asked(
+    data: bytes, deal: Deal, device: Drive, reading: Reading, memory: Memory
+) -> Iterator[str]:
     """The simulated drive is really asked, at the same place."""
     answer = copy.deepcopy(device).answer(deal.slot, deal.index, data)
     if answer is None:
@@ -151,14 +181,59 @@ def _asked(data: bytes, deal: Deal, device: Drive, reading: Reading) -> Iterator
         return
     if not answer[1] & 0x80:
         return
-    shown = {
-        (address.pnu, block.code)
-        for each in reading.deals
-        if each.device == deal.device
-        for address, block in each.pairs()
-        if block.failed
-    }
-    asked = zip(message.request(data).addresses, message.response(answer).blocks, strict=False)
-    new = {(address.pnu, block.code) for address, block in asked if block.failed}
-    known = "" if new & shown else ", of which this capture shows nothing"
-    yield f"the drive answers {answer.hex()}{known}"
+    new = message.request(data)
+    for part, block in zip(_parts(new), message.response(answer).blocks, strict=False):
+        where = _shown(new, part, block.code, deal, reading, memory) if block.failed else None
+        if where is not None:
+            yield f"the drive answers {answer.hex()}, as in frame {where}"
+
+
+def _shown(
+    new: message.Message, part: tuple[object, ...], code: int | None, deal: Deal, reading: Reading,
+    memory: Memory,
+) -> int | None:  # fmt: skip
+    """The frame in which a parameter that may be this one was refused with this error before; None where none is."""
+    for each in reading.deals:
+        asked, answer = each.asked, each.answer
+        if each.device != deal.device or asked is None or answer is None or not each.fits:
+            continue
+        if code == NO_SUCH_AXIS:
+            there = any(block.code == code for block in answer.blocks)
+            if there and asked.axis == new.axis and LOCAL not in (each.index, deal.index):
+                return each.read
+            continue
+        if asked.id != new.id or memory.same(memory.target(each), _target(deal, new)) == NEVER:
+            continue
+        for other, block in zip(_parts(asked), answer.blocks, strict=False):
+            if block.failed and block.code == code and _alike(part, other, code):
+                return each.read
+    return None
+
+
+def _target(deal: Deal, new: message.Message) -> Target:
+    place = deal.slot, deal.subslot
+    return (
+        Target(deal.device, None, place)
+        if deal.index == LOCAL
+        else Target(deal.device, new.axis, None)
+    )
+
+
+def _alike(part: tuple[object, ...], other: tuple[object, ...], code: int | None) -> bool:
+    """Whether the refusal of one parameter is that of the other, too."""
+    if part[2] != other[2]:
+        return False
+    if code == 0x03:  # no such subindex: nor one behind it
+        return _last(part) >= _last(other)
+    if code in (0x09, 0x0F):
+        return part[0] == other[0]
+    if code in (0x04, 0x16):
+        return part[:4] == other[:4]
+    return part == other if code in (0x02, 0x05, 0x17, 0x18) else True
+
+
+def _last(part: tuple[object, ...]) -> int:
+    elements, subindex = part[1], part[3]
+    assert isinstance(elements, int)
+    assert isinstance(subindex, int)
+    return subindex + max(1, elements)

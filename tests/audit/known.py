@@ -24,21 +24,13 @@ KNOWN: dict[tuple[str, str], str] = {
     ("DS723", "count|period"): "a run is counted in the order in which jobs are closed",
     ("DS705", "is in the capture"): "only the newest request of a place is remembered",
     ("DS708", "accepted in frame|no call there"): "one refusal is said to be all, or stands on another frame",
-    ("DS714", "reads it as"): "the table of parameters is believed, not what the drive reads",
     ("DS721", ""): "changes are counted whose outcome nobody knows; p0971 of one drive object counts for all",
-    ("DS709", "corrected|changes drive object|drive answers|does not decode|nothing proves|keeps"):
-        "a corrected request goes to a guessed drive object",
-    ("DS714", "drive answers|nothing proves|keeps"): "the corrected request keeps what was refused",
-    ("DS715", "drive answers|nothing proves|keeps|to which"): "the corrected request is not proven",
-    ("DS716", "drive answers|nothing proves|keeps|to which"): "the corrected request is not proven",
-    ("DS717", "does not decode|drive answers|nothing proves|keeps|to which"): "keeps what was refused",
     ("headline", ""): "headlines name what is true of the first case only; their filters show the first frames",
     ("DS413", "that followed|was fetched"): "with a lost Write response the new request is another",
     ("DS414", "that followed|was fetched"): "with a lost Write response the new request is another",
     ("DS725", "count"): "what is cut is counted by records of the channel, not by frames",
     ("line", "PLC"): "what the PLC saw: refused in part, another request, BUSY, RDREC, LEN",
     ("transaction", "state ok"): "a response that ends too early leaves the state ok",
-    ("DS714", "is not read in this format there"): "what was read of another drive object is told, or of an element",
     ("transaction", "is one of its frames"): "a Read whose response was lost is given to a later request",
 }  # fmt: skip
 

@@ -179,7 +179,31 @@ def read_of_a_missing_object(client: Client) -> None:
     """What answers under 0xB02E is the slot, whatever the axis byte says."""
     found_object(client, 9, LOCAL)
     no_object(client, message.read(1, 9, SPEED), 9)
+    client.exchange(message.read(9, 2, SPEED), message.answer(9, 1, 2, TEN))
+
+
+def more_behind_it(client: Client) -> None:
+    no_object(client, message.read(1, 9, SPEED) + b"\x12\x34", 9)
+    client.exchange(message.read(9, 2, SPEED), message.answer(9, 1, 2, TEN))
+
+
+def nothing_like_it_there(client: Client) -> None:
+    """Whether the other drive object has this parameter nobody knows."""
+    no_object(client, message.read(1, 9, SPEED), 9)
     found_object(client, 2)
+
+
+def read_there_in_another_slot(client: Client) -> None:
+    """Whether both slots reach the same drive object by its number nobody knows."""
+    no_object(client, message.read(1, 9, SPEED), 9)
+    answer = message.answer(9, 1, 2, TEN)
+    client.exchange(message.read(9, 2, SPEED), answer, at=client.at(slot=2))
+
+
+def no_text_there(client: Client) -> None:
+    text = message.address(21, attribute=0x30)
+    no_object(client, message.read(1, 9, text), 9)
+    client.exchange(message.read(9, 2, SPEED), message.answer(9, 1, 2, TEN))
 
 
 def two_objects(client: Client) -> None:
@@ -206,6 +230,10 @@ def read_under_local_access(client: Client) -> None:
     [
         (change_of_a_missing_object, None, "2"),
         (read_of_a_missing_object, message.read(1, 2, SPEED), "2"),
+        (more_behind_it, message.read(1, 2, SPEED), "2"),
+        (nothing_like_it_there, None, "2"),
+        (read_there_in_another_slot, None, "2"),
+        (no_text_there, None, "2"),
         (two_objects, None, "2, 3"),
         (refused_there, None, "2"),
         (read_under_local_access, None, "2"),
@@ -266,6 +294,8 @@ def refused_as_well(client: Client) -> None:
 
 
 WHOLE = message.change(1, 1, (FIXED, TEN))
+ZERO = message.raw_block(0x40, 0, b"")
+"""The block of a parameter that was changed, in a response in which another one failed."""
 
 
 @pytest.mark.parametrize(
@@ -274,7 +304,11 @@ WHOLE = message.change(1, 1, (FIXED, TEN))
         (bits, "is read as Float32 (0x08) in frame 4, the same bits are 10.0 there", WHOLE),
         (number, "is read as Float32 (0x08) in frame 4, the same number is 10.0 there", WHOLE),
         (never_read, "by the list of parameters it is Float32 (0x08), the same bits are", None),
-        (read_of_another_object, "is read as Float32 (0x08) in frame 4", None),
+        (
+            read_of_another_object,
+            "by the list of parameters it is Float32 (0x08), the same bits",
+            None,
+        ),
         (refused_besides, "is read as Float32 (0x08) in frame 4", WHOLE),
         (refused_as_well, "is read as Float32 (0x08) in frame 4", None),
     ],
@@ -314,6 +348,101 @@ def other_counts(client: Client) -> None:
 
 def test_which_count_is_meant_is_not_guessed(tmp_path: Path) -> None:
     assert diagnosed(other_counts, "DS717", tmp_path).corrected is None
+
+
+def value_missing(client: Client) -> None:
+    """The request ends before the value of its second parameter, which is no array."""
+    request = message.change(1, 1, (FIXED, TEN), (message.address(304, 2), b""))
+    client.exchange(request, refused(1, ZERO, message.error(0x04), change=True))
+
+
+def test_a_value_that_is_not_there_is_not_sent_again(tmp_path: Path) -> None:
+    assert diagnosed(value_missing, "DS717", tmp_path).corrected is None
+
+
+def test_what_stands_behind_a_request_is_not_sent_again(tmp_path: Path) -> None:
+    def talk(client: Client) -> None:
+        asked = message.read(1, 1, message.address(304, 2)) + b"\x12\x34"
+        client.exchange(asked, refused(1, message.error(0x04)))
+
+    wanted = message.read(1, 1, message.address(304))
+    assert diagnosed(talk, "DS717", tmp_path).corrected == wanted
+
+
+def tried(client: Client, request: bytes, answer: bytes, slot: int = 1) -> None:
+    """Another request of the same device."""
+    client.exchange(request, answer, at=client.at(slot=slot))
+
+
+def no_array(client: Client) -> None:
+    request = message.read(1, 1, message.address(304, 2))
+    client.exchange(request, refused(1, message.error(0x04)))
+
+
+def unknown_elsewhere(client: Client) -> None:
+    """p304 does not exist, says a change of another slot later."""
+    no_array(client)
+    request = message.change(2, 1, (message.address(304), TEN))
+    tried(client, request, message.answer(2, 0x82, 1, message.error(0x00)), 2)
+
+
+def another_text(client: Client) -> None:
+    """p304 has no text: that says nothing of its value."""
+    no_array(client)
+    request = message.read(2, 1, message.address(304, attribute=0x30))
+    tried(client, request, message.answer(2, 0x81, 1, message.error(0x0F)))
+
+
+def axis_missing_later(client: Client) -> None:
+    """The drive object itself is gone in the end."""
+    no_array(client)
+    no_object(client, message.read(2, 1, SPEED), 1)
+
+
+def locked_value(client: Client) -> None:
+    """The format is known, and the parameter cannot be changed at all, with whatever value."""
+    number(client)
+    request = message.change(2, 1, (FIXED, message.real(3.0)))
+    tried(client, request, message.answer(2, 0x82, 1, message.error(0x11)))
+
+
+@pytest.mark.parametrize(
+    ("talk", "rule", "corrected"),
+    [
+        (no_array, "DS717", message.read(1, 1, message.address(304))),
+        (another_text, "DS717", message.read(1, 1, message.address(304))),
+        (unknown_elsewhere, "DS717", None),
+        (axis_missing_later, "DS717", None),
+        (locked_value, "DS714", None),
+    ],
+)
+def test_what_the_capture_shows_to_be_refused_is_not_offered(
+    talk: Talk, rule: str, corrected: bytes | None, tmp_path: Path
+) -> None:
+    assert diagnosed(talk, rule, tmp_path).corrected == corrected
+
+
+def test_that_a_drive_object_does_not_exist_is_what_the_device_says(tmp_path: Path) -> None:
+    """Through another slot it may answer."""
+
+    def talk(client: Client) -> None:
+        no_object(client, message.read(1, 2, SPEED), 2)
+        tried(client, message.read(2, 2, SPEED), message.answer(2, 1, 2, TEN), 2)
+
+    (text,) = told(talk, "DS709", tmp_path)
+    assert text.endswith("192.168.133.33 says that drive object (axis) 2 does not exist")
+
+
+def test_several_values_in_a_wrong_format_name_both_formats(tmp_path: Path) -> None:
+    """Where the better one is known from is another thing in each of them."""
+
+    def talk(client: Client) -> None:
+        seen_as_real(client)
+        for value in (10, 20):
+            changed_as(client, message.block(0x06, "H", value))
+
+    found = diagnosed(talk, "DS714", tmp_path)
+    assert sentence(found) == "p2900 is written as Unsigned16, not as Float32 (0x08)"
 
 
 def safety(client: Client) -> None:

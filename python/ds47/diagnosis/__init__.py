@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from ds47.diagnosis import length, order, refusal
 from ds47.diagnosis.capture import WholeCapture
-from ds47.diagnosis.targets import LOCAL, Target, target_of
+from ds47.diagnosis.targets import LOCAL, Reach, reach_of
 from ds47.drive_objects import put
 from ds47.pairing import Alike, Job, Peer, Place, UsualJob
 from ds47.profidrive import Options, Request, Response, decode_request
@@ -25,14 +25,17 @@ from ds47.profinet.records import Record
 from ds47.rules import PNU_ACCESS_IDENTIFICATION, Corrected, Remark, is_mismatch
 from ds47.spec import formats, parameters
 from ds47.spec.semantics import known
+from ds47.transactions import SIEMENS
 
 if TYPE_CHECKING:
-    from ds47.diagnosis.repair import Repair
+    from ds47.diagnosis.repair import Repair, Retyped
 
 _LEAST_NORMAL: Final = {0x08: 2.0**-126, 0x0F: 2.0**-1022}
 """Float32 and Float64: what is nearer to zero is no number that anybody typed."""
 _MOST: Final = 1e30
 _MOST_KNOWN: Final = 65_536
+_NO_END: Final = 1 << 17
+"""Behind every subindex."""
 _NOTHING: Final[tuple[Remark, ...]] = ()
 
 
@@ -48,8 +51,10 @@ class Diagnoses:
         self._known: set[tuple[Place, Alike]] = set()
         """Usual jobs that showed nothing; one more of them adds nothing, as long as nothing is forgotten."""
         self._whole = WholeCapture(self._known.clear)
-        self._formats: OrderedDict[tuple[str, int], Seen] = OrderedDict()
-        """Format in which a parameter of a device was read last."""
+        self._formats: OrderedDict[tuple[str, Reach, int], Seen] = OrderedDict()
+        """Format in which a parameter was read last in one and the same way,"""
+        self._anywhere: OrderedDict[tuple[str, int], int | None] = OrderedDict()
+        """and that in which its PNU was read on the device; None where these are several."""
         self._limits: OrderedDict[str, int] = OrderedDict()
         """r0974 of a device: bytes of its longest message."""
         self._longest: OrderedDict[str, int] = OrderedDict()
@@ -58,8 +63,10 @@ class Diagnoses:
         """Axes of a device that answered where the axis byte counts,"""
         self._missing: OrderedDict[str, set[int]] = OrderedDict()
         """and those of which it said that there is no such drive object."""
-        self._refused: OrderedDict[Asked, None] = OrderedDict()
-        """Parameters that were refused, each with its value."""
+        self._refused: OrderedDict[refusal.Sign, None] = OrderedDict()
+        """What a device refused (`refusal.sign`),"""
+        self._ends: OrderedDict[tuple[str, int], int] = OrderedDict()
+        """and the least end of subindices with which a PNU was refused for them."""
 
     def asked(self, job: Job) -> None:
         """A Write request asks for something. Call in the order of the capture; not of usual jobs."""
@@ -136,11 +143,12 @@ class Diagnoses:
         if found is not None and not found.each:
             yield self._repaired(job, found)
             return
-        remarks = [] if found is None else list(self._retyped(job, found, refused))
-        told = set() if found is None else {each.number for each in found.each}
+        meant = [] if found is None else [each for each in found.each if self._fits(job, each)]
+        remarks = [] if found is None else list(self._retyped(job, found, meant, refused))
+        told = {each.number for each in meant}
         others = [each for each in refused if each.number not in told]
         device = job.peer.device
-        size_of = partial(self._size, device)
+        size_of = partial(self._size, job)
         remarks += [
             *length.request_too_short(job, [each.code for each in others]),
             *length.answer_cut(job, size_of),
@@ -166,7 +174,7 @@ class Diagnoses:
         errors = {each.number: each.code for each in refused}
         return repair.find(
             half.data, message, errors, partial(self._is_known, device),
-            partial(self._format, device), replace(self._codec, vendor_id=job.peer.vendor_id),
+            partial(self._format, job), replace(self._codec, vendor_id=job.peer.vendor_id),
         )  # fmt: skip
 
     def _repaired(self, job: Job, found: Repair) -> Remark:
@@ -182,7 +190,9 @@ class Diagnoses:
             found.rule, half.frame, {"what": found.what, **found.args}, corrected=corrected
         )
 
-    def _retyped(self, job: Job, found: Repair, refused: list[refusal.Refusal]) -> Iterator[Remark]:
+    def _retyped(
+        self, job: Job, found: Repair, meant: list[Retyped], refused: list[refusal.Refusal]
+    ) -> Iterator[Remark]:
         """A value under a format that is not that of the parameter, each by itself (DS714)."""
         half, errors = job.write_request, {each.number: each.code for each in refused}
         assert half is not None
@@ -194,23 +204,30 @@ class Diagnoses:
             for each in found.each
         }
         whole = all(sure.values()) and sure.keys() >= errors.keys()
-        for each in found.each:
+        for each in meant:
             args = {**each.args, "better_code": each.args["code"], "bits": each.bits}
             args["code"] = errors.get(each.number)
-            seen = self._formats.get((job.peer.device, args["pnu"]))
+            seen = self._seen(job, args["pnu"])
             args["seen"] = None if seen is None else seen.frame
-            args["case"] = _format_case(seen, args["pnu"])
+            args["case"] = _format_case(seen, self._listed(job, args["pnu"]))
             corrected = None
             if sure[each.number]:
                 corrected = found.request if whole else suggest.only(request, [each.number])
             yield Remark(found.rule, half.frame, args, corrected=corrected)
 
+    def _fits(self, job: Job, each: Retyped) -> bool:
+        """Whether nothing that was read speaks against the format that a value is meant to have."""
+        pnu, code = each.args["pnu"], each.args["code"]
+        read = self._anywhere.get((job.peer.device, pnu), code)
+        return bool(read == code) or self._seen(job, pnu) is not None
+
     def _is_proven(self, job: Job, request: Request, number: int) -> bool:
-        """Whether the parameter was read in this format, of the drive object that the request goes to."""
+        """Whether the parameter was read in this format, in the way in which the request goes."""
+        if number >= len(request.blocks):
+            return False  # the request ends before this value
         address, block = request.addresses[number], request.blocks[number]
-        seen = self._formats.get((job.peer.device, address.pnu))
-        target = target_of(job.record, request.axis)
-        return seen is not None and (seen.format, seen.target) == (block.format, target)
+        seen = self._formats.get((job.peer.device, reach_of(job.record, request.axis), address.pnu))
+        return seen is not None and seen.format == block.format
 
     def _simple(self, job: Job, refused: list[refusal.Refusal], number: int) -> bytes | None:
         """The request for a parameter that is no array; a change only where its format is proven."""
@@ -228,7 +245,7 @@ class Diagnoses:
             remark.corrected = partial(self._only_axis, job, half.data)
 
     def _only_axis(self, job: Job, request: bytes) -> bytes | None:
-        """The request for the only drive object that answered up to now; 0 names none."""
+        """The request for the only drive object that answered up to now, which read all of it; 0 names none."""
         device = job.peer.device
         axes = self._axes.get(device, set()) - self._missing.get(device, set())
         if len(axes) != 1 or axes == {0}:
@@ -236,7 +253,15 @@ class Diagnoses:
         from ds47.diagnosis import suggest
 
         there = suggest.with_axis(request, *axes)
-        return self._unless_refused(there, _asked(job, decode_request(there, self._codec)))
+        wanted = decode_request(there, self._codec)
+        if any(wanted.rest):  # bytes behind its end belong to no request
+            there = suggest.only(wanted, range(len(wanted.addresses)))
+        reach = reach_of(job.record, wanted.axis)
+        read = all(
+            each.attribute == VALUE and (device, reach, each.pnu) in self._formats
+            for each in wanted.addresses
+        )
+        return self._unless_refused(job, there, wanted) if read else None
 
     # What may be offered instead
 
@@ -249,19 +274,30 @@ class Diagnoses:
         request = decode_request(corrected, self._codec)
         if not suggest.is_harmless(request):
             return None
-        return partial(self._unless_refused, corrected, _asked(job, request))
+        return partial(self._unless_refused, job, corrected, request)
 
-    def _unless_refused(self, corrected: bytes, asked: list[Asked]) -> bytes | None:
-        return None if any(each in self._refused for each in asked) else corrected
+    def _unless_refused(self, job: Job, corrected: bytes, request: Request) -> bytes | None:
+        device = job.peer.device
+        if job.record.index != LOCAL and request.axis in self._missing.get(device, ()):
+            return None
+        refused = any(each in self._refused for each in refusal.signs(device, request))
+        behind = any(
+            refusal.end(each) >= self._ends.get((device, each.pnu), _NO_END)
+            for each in request.addresses
+        )
+        return None if refused or behind else corrected
 
     def _learn_refused(self, job: Job, refused: list[refusal.Refusal]) -> None:
-        request = job.message
-        if request is None:
+        if job.message is None or job.response is None:
             return
-        asked = _asked(job, request)
         for each in refused:
-            if each.code != known().too_long:
-                put(self._refused, asked[each.number], None)
+            device = job.peer.device
+            sign = refusal.sign(device, job.message, job.response, each)
+            if sign is not None:
+                put(self._refused, sign, None)
+            if each.code == refusal.NO_SUBINDEX:
+                key, end = (device, each.address.pnu), refusal.end(each.address)
+                put(self._ends, key, min(end, self._ends.get(key, end)))
 
     # What was seen before
 
@@ -269,9 +305,9 @@ class Diagnoses:
         request, response = job.message, job.response
         if request is None or response is None or response.response_id not in (1, 2, 0x81, 0x82):
             return
-        device, formats_ = job.peer.device, self._formats
+        device, reach = job.peer.device, reach_of(job.record, request.axis)
         axis = None if job.record.index == LOCAL else request.axis
-        if not self._is_new(device, axis, request, response) or is_mismatch(job):
+        if not self._is_new(device, reach, axis, request, response) or is_mismatch(job):
             return
         if axis is not None:
             self._learn_axis(device, axis, response.blocks)
@@ -280,19 +316,28 @@ class Diagnoses:
         for address, block in zip(request.addresses, response.blocks, strict=False):
             if address.attribute != VALUE or block.error is not None:
                 continue
-            key = device, address.pnu
-            before = formats_.get(key)
-            if before is None or before.format != block.format:
-                if before is not None or len(formats_) >= known().history:
-                    self._known.clear()
-                target, frame = target_of(job.record, request.axis), job.read_response
-                put(formats_, key, Seen(block.format, frame.frame if frame else 0, target))
+            frame = job.read_response
+            self._learn_format(
+                device, reach, address.pnu, Seen(block.format, frame.frame if frame else 0)
+            )
             if address.pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 and block.values:
                 longest = block.values[0]
                 if isinstance(longest, int) and longest > 0:
                     put(self._limits, device, longest)
 
-    def _is_new(self, device: str, axis: int | None, request: Request, response: Response) -> bool:
+    def _learn_format(self, device: str, reach: Reach, pnu: int, seen: Seen) -> None:
+        before = self._formats.get((device, reach, pnu))
+        if before is not None and before.format == seen.format:
+            return
+        if before is not None or len(self._formats) >= known().history:
+            self._known.clear()
+        put(self._formats, (device, reach, pnu), seen)
+        same = self._anywhere.get((device, pnu), seen.format) == seen.format
+        put(self._anywhere, (device, pnu), seen.format if same else None)
+
+    def _is_new(
+        self, device: str, reach: Reach, axis: int | None, request: Request, response: Response
+    ) -> bool:
         """Whether there is something to learn if the response belongs to the request; most often not."""
         axes, formats_ = self._axes.get(device), self._formats
         if axis is not None and (axes is None or axis not in axes):
@@ -303,7 +348,7 @@ class Diagnoses:
             for address, block in zip(request.addresses, response.blocks, strict=False):
                 if address.attribute == VALUE and block.error is None:
                     pnu = address.pnu
-                    seen = formats_.get((device, pnu))
+                    seen = formats_.get((device, reach, pnu))
                     if seen is None or seen.format != block.format:
                         return True
                     if pnu == PNU_ACCESS_IDENTIFICATION:
@@ -328,46 +373,40 @@ class Diagnoses:
             (put(self._missing, device, set()) if missing is None else missing).add(axis)
 
     def _is_known(self, device: str, pnu: int) -> bool:
-        return pnu in parameters() or (device, pnu) in self._formats
+        return pnu in parameters() or (device, pnu) in self._anywhere
 
-    def _format(self, device: str, pnu: int) -> int | None:
-        seen = self._formats.get((device, pnu))
-        if seen is not None:
-            return seen.format
-        return _listed(pnu)
+    def _seen(self, job: Job, pnu: int) -> Seen | None:
+        """How the parameter was read in the way in which a request goes."""
+        axis = job.message.axis if job.message else None
+        return self._formats.get((job.peer.device, reach_of(job.record, axis), pnu))
 
-    def _size(self, device: str, pnu: int) -> int | None:
-        code = self._format(device, pnu)
+    def _listed(self, job: Job, pnu: int) -> int | None:
+        """The format by the list of parameters, where nothing that was read of the device differs from it."""
+        code = _listed(pnu, job.peer.vendor_id == SIEMENS)
+        return code if self._anywhere.get((job.peer.device, pnu), code) == code else None
+
+    def _format(self, job: Job, pnu: int) -> int | None:
+        seen = self._seen(job, pnu)
+        return self._listed(job, pnu) if seen is None else seen.format
+
+    def _size(self, job: Job, pnu: int) -> int | None:
+        code = self._format(job, pnu)
         row = formats().get(code) if code is not None else None
         return row.size if row else None
 
 
 class Seen(NamedTuple):
-    """In which format a parameter of a device was read, first where, and of which drive object."""
+    """In which format a parameter was read, and first where."""
 
     format: int
     frame: int
-    target: Target
 
 
-def _format_case(seen: Seen | None, pnu: int) -> str:
+def _format_case(seen: Seen | None, listed: int | None) -> str:
     """Where the format of a parameter is known from: a key of diagnoses.toml."""
     if seen is not None:
         return "format_read"
-    return "format_listed" if _listed(pnu) is not None else "format_bits"
-
-
-Asked = tuple[str, int, int, int, int, int | None, bytes]
-"""Device, API, slot, subslot, index, axis, and a parameter as `suggest.parameters_of` gives it."""
-
-
-def _asked(job: Job, request: Request) -> list[Asked]:
-    """The parameters of a request, each with the place to which it goes."""
-    from ds47.diagnosis import suggest
-
-    at = job.record
-    place = job.peer.device, at.api, at.slot, at.subslot, at.index, request.axis
-    return [(*place, each) for each in suggest.parameters_of(request)]
+    return "format_listed" if listed is not None else "format_bits"
 
 
 def _is_odd(job: Job) -> bool:
@@ -395,10 +434,12 @@ def is_unlikely(block: Block) -> bool:
     return False
 
 
-def _listed(pnu: int) -> int | None:
-    """The format of a parameter by parameters.toml."""
+def _listed(pnu: int, siemens: bool) -> int | None:
+    """The format of a parameter by parameters.toml, where it speaks of this device."""
     row = parameters().get(pnu)
-    return _codes().get(row.type.removesuffix("[]")) if row else None
+    if row is None or (row.family != "profile" and not siemens):
+        return None
+    return _codes().get(row.type.removesuffix("[]"))
 
 
 @cache

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
 from ds47.pairing import Job
-from ds47.profidrive import Address, decode_request
+from ds47.profidrive import Address, Request, Response, decode_request
 from ds47.profidrive.model import Block
 from ds47.rules import NOT_SUPPORTED, Remark, is_mismatch
 from ds47.spec import rules
@@ -19,6 +19,12 @@ from ds47.transactions import SIEMENS
 WORD_ERRORS: Final = (0x05, 0x17)
 """Data type and format: what a connector written as a number is refused with."""
 UNSIGNED_32: Final = "Unsigned32"
+NO_PARAMETER: Final = 0x00
+NO_SUBINDEX: Final = 0x03
+WRONG_COUNT: Final = 0x18
+"""Of the errors of index and count the one that depends on the values, too."""
+NO_SUCH_ATTRIBUTE: Final = (0x09, 0x0F)
+"""No description, no text."""
 
 
 class Refusal(NamedTuple):
@@ -47,6 +53,50 @@ def refusals(job: Job) -> list[Refusal]:
 
 def _value(blocks: list[Block], number: int) -> Block | None:
     return blocks[number] if number < len(blocks) else None
+
+
+Sign = tuple[str, str, bytes]
+"""Device, operation ("": both), and of what: PNU, attribute with PNU, address, or that with the value."""
+
+
+def sign(device: str, request: Request, response: Response, refused: Refusal) -> Sign | None:
+    """What a refusal says of further requests; None where it says nothing of the parameter."""
+    code, facts = refused.code, known()
+    if code in (facts.axis_error, facts.too_long) or response.response_id == NOT_SUPPORTED:
+        return None
+    pnu, place, whole = _signs(device, request, refused.address, refused.value)
+    if code == NO_PARAMETER:
+        return device, "", pnu[2]
+    if code in facts.type_errors or code == WRONG_COUNT:
+        return whole
+    if code in NO_SUCH_ATTRIBUTE:
+        return *pnu[:2], place[2][:1] + pnu[2]
+    return place if code in facts.index_errors else pnu
+
+
+def signs(device: str, request: Request) -> Iterator[Sign]:
+    """All that `sign` may have said of the parameters of a request."""
+    for number, address in enumerate(request.addresses):
+        found = _signs(device, request, address, _value(request.blocks, number))
+        pnu = found[0]
+        yield from found
+        yield from ((device, "", pnu[2]), (*pnu[:2], bytes((address.attribute,)) + pnu[2]))
+
+
+def end(address: Address) -> int:
+    """The subindex behind the last one that is asked for."""
+    return address.subindex + max(1, address.element_count)
+
+
+def _signs(
+    device: str, request: Request, address: Address, value: Block | None
+) -> tuple[Sign, Sign, Sign]:
+    """The signs of a parameter for every request, for those with the same address, and for the same one."""
+    pnu = address.pnu.to_bytes(2)
+    place = bytes((address.attribute, address.element_count)) + pnu + address.subindex.to_bytes(2)
+    whole = b"" if value is None else bytes((value.format, value.value_count)) + value.raw
+    head = device, request.operation or ""
+    return (*head, pnu), (*head, place), (*head, place + b"=" + whole)
 
 
 def of(job: Job, refused: list[Refusal]) -> Iterator[tuple[Refusal, Remark]]:
@@ -164,6 +214,10 @@ def without_index(job: Job, refused: list[Refusal], number: int) -> bytes | None
     from ds47.diagnosis import suggest  # only here: most captures need no correction
 
     whole = suggest.with_elements(message, write.data, number, 0, 1)
-    if whole is None or all(each.number == number for each in refused):
-        return whole
-    return suggest.only(decode_request(whole), [number])
+    if whole is None:
+        return None
+    request = decode_request(whole)
+    if any(each.number != number for each in refused):
+        return suggest.only(request, [number])
+    # bytes behind its end belong to no request
+    return suggest.only(request, range(len(request.addresses))) if any(request.rest) else whole

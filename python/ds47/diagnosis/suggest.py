@@ -98,19 +98,6 @@ def is_harmless(request: Request) -> bool:
     )
 
 
-def parameters_of(request: Request) -> list[bytes]:
-    """Each parameter of a request with its value, as bytes that are the same in equal ones."""
-    kind = bytes((request.request_id or 0,))
-    written = zip_longest(request.addresses, request.blocks)
-    return [kind + _parameter(address, block) for address, block in written if address is not None]
-
-
-def _parameter(address: Address, block: Block | None) -> bytes:
-    head = bytes((address.attribute, address.element_count))
-    head += address.pnu.to_bytes(2) + address.subindex.to_bytes(2)
-    return head if block is None else head + bytes((block.format, block.value_count)) + block.raw
-
-
 def as_format(format_code: int, values: list[Value]) -> Block | None:
     """The same numbers as a block of another format; None where that cannot hold them exactly."""
     try:
