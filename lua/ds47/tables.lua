@@ -909,7 +909,7 @@ M.diagnosis_words = {
   length_or_count = {en = "{count} parameter(s) need {need}, but it is just as long as a request for {fits}", zh = "{count} 个参数需要 {need} 个字节，但其长度恰好是 {fits} 个参数的请求"},
   unsaved = {en = "{device}", zh = "{device}"},
   unsaved_targets = {en = "{device}, addressed in {targets} ways (axis, or slot under 0xB02E)", zh = "{device}（以 {targets} 种方式寻址：轴号，或 0xB02E 下的插槽）"},
-  all_known = {en = "the outcome of every change is known", zh = "每次修改的结果都已知"},
+  all_known = {en = "no other change is in doubt", zh = "没有其他存疑的修改"},
   some_unknown = {en = "of {unknown} more it is not known whether they were accepted, or saved", zh = "另有 {unknown} 次不知道是否被接受或保存"},
   too_long = {en = "p{pnu}[{subindex}] has a negative response 0x15 (response too long)", zh = "p{pnu}[{subindex}] 以 0x15（应答过长）被拒绝"},
   left_out = {en = "p{pnu}[{subindex}] and what follows it were left out", zh = "p{pnu}[{subindex}] 及其后的参数被省略"},

@@ -118,7 +118,7 @@ CLAUSES: dict[str, dict[str, str]] = {
     "DS716": {"zeros": "without the zeros between the bytes:", "even_offsets": "without the fill bytes after single bytes:"},
     "DS720": {"no_source": r", (?P<format>\w+) (?P<value>\S+) is the number of no source:",
               "source_refused": r", its source p(?P<source>\d+) was not accepted:"},
-    "DS721": {"unsaved": r" on (?P<device>[\d.]+) that no", "all_known": "; the outcome of every change is known$",
+    "DS721": {"unsaved": r" on (?P<device>[\d.]+) that no", "all_known": "; no other change is in doubt$",
               "unsaved_targets": r" on (?P<device>[\d.]+), addressed in (?P<targets>\d+) ways \(",
               "some_unknown": r"; of (?P<unknown>\d+) more it is not known"},
     "DS725": {"one_direction": "requests without any response: ", "other_direction": "responses without any request: ",
