@@ -1018,6 +1018,27 @@ def _(tape: Tape) -> None:
 
 
 @case(
+    "P22-late-step-back",
+    "P2 P22",
+    "malformed refused interleaved time-back",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), **HOME2),
+        tx(2, "refused", (5, 6, None, None), None, ref=7, write="DF80B700", read=None),
+        tx(3, "ok", (7, 8, 9, 10), 3, real(1.5)),
+    ],
+    "DS107@5 DS315@5#2 DS203@6#2",
+    diagnoses="DS711@5#2",
+)
+def _(tape: Tape) -> None:
+    """The clock steps back at a frame that waits for its AR to prove itself: there, and not behind it."""
+    second(tape).exchange(ask(), tell(1, 1.5))
+    client = Client(tape)
+    tape.wait(-50)
+    client.write(CUT, status=BAD_HEADER)
+    client.exchange(ask(), tell(1, 1.5))
+
+
+@case(
     "P22-in-its-place",
     "P22 P27 P41",
     "malformed superseded",

@@ -24,7 +24,7 @@ SAYS: dict[str, str] = {
     "DS105": r"(?P<kind>RPC|IP) fragments .* (?P<have>\d+)",
     "DS106": r"(?P<captured>\d+) of (?P<original>\d+) bytes",
     "DS109": r"Limit (?P<limit>\w+) = (?P<most>\d+) of ds47 reached: (?P<count>\d+) given up",
-    "DS107": r"by (?P<milliseconds>[\d.]+) ms",
+    "DS107": r"by (?P<milliseconds>[\d.]+) ms from frame (?P<first>\d+) to this one$",
     "DS201": STATUS,
     "DS202": r"says (?P<stated>\d+) bytes, (?P<present>\d+)",
     "DS203": STATUS,
