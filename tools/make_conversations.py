@@ -623,7 +623,7 @@ def _(tape: Tape) -> None:
     "P11 P28",
     "lost late-response",
     [tx(1, "ok", (1, None, 3, 4), 61_003, real(1.5), write=None)],
-    "DS101@1#1 DS102@2 DS416@4#1",
+    "DS101@1#1 DS102@2",
 )
 def _(tape: Tape) -> None:
     """A Write response 61 s after its request: the call was given up after 60 s."""

@@ -812,7 +812,10 @@ def _held(case: Case) -> Iterator[str]:
         return
     if not _is_place(args.get("place"), first):
         yield "the place is another"
-    same = [each for each in case.reading.deals if each.channel == first.channel and each.asked]
+    same = [
+        each for each in case.reading.deals
+        if each.channel == first.channel and each.operation == "change"
+    ]  # fmt: skip
     same.sort(key=lambda each: each.write or 0)
     run: list[Deal] = []
     for each in same[same.index(first) :]:

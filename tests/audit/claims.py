@@ -846,9 +846,12 @@ def _slow(case: Case) -> Iterator[str]:
     if asked is None or read is None:
         yield "has no request"
         return
-    pause = max(0, first - accepted) if first is not None and accepted is not None else 0
+    if accepted is None:
+        yield "when the pause of the program began is not in the capture"
+        return
+    pause = max(0, first - accepted) if first is not None else 0
     truth, told = (read - asked - pause) / 1e6, case.args.get("milliseconds")
-    lost = poll["request"] is None or accepted is None  # then only a least time is known
+    lost = poll["request"] is None  # then only a least time is known
     if not lost or not isinstance(told, float) or not truth <= told <= (read - asked) / 1e6:
         yield from _ms(case, "milliseconds", truth)
     yield from case.wrong("limit", 1000)

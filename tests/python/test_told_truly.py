@@ -13,6 +13,7 @@ import pytest
 pytest.importorskip("scapy")
 
 from ds47.analysis import analyze
+from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.lab import message
 from ds47.lab.client import Client
@@ -507,6 +508,39 @@ def test_what_is_not_saved(
 
 def test_what_is_saved(tmp_path: Path) -> None:
     assert not told(all_saved, "DS721", tmp_path)
+
+
+# What the capture cut: DS725
+
+
+def seen_twice(client: Client) -> None:
+    """A mirror port shows each frame twice."""
+    client.exchange(
+        message.read(1, 1, SPEED), message.answer(1, 1, 1, TEN), at=client.at(index=LOCAL)
+    )
+    client.stage.shots[:] = [shot for shot in client.stage.shots for _ in range(2)]
+
+
+def test_cut_frames_are_counted_with_their_copies(tmp_path: Path) -> None:
+    result = result_of(seen_twice, tmp_path, snap=200)
+    with open_capture(tmp_path / "x.pcapng") as frames:
+        cut = sum(len(each.data) < each.original_length for each in frames)
+    (found,) = of(result, "DS725")
+    assert (found.args["what"], found.args["count"]) == ("cut", cut)
+
+
+# Reads for nothing: DS703
+
+
+def never_ends(client: Client) -> None:
+    client.exchange(message.read(1, 1, SPEED), message.answer(1, 1, 1, TEN))
+    for _ in range(4200):
+        client.poll()
+
+
+def test_all_reads_for_nothing_are_counted(tmp_path: Path) -> None:
+    args = diagnosed(never_ends, "DS703", tmp_path).args
+    assert args["count"] == 4200
 
 
 # The number of parameters (DS304), the reference of a channel (DS415)

@@ -102,6 +102,8 @@ class WholeCapture:
     def __init__(self, forgot: Callable[[], None]) -> None:
         self._opened: _Memory[list[_Open]] = _Memory()
         self._idle: _Memory[list[_Read]] = _Memory()
+        self._idle_reads: _Memory[_Tally] = _Memory()
+        """All of them by device, however many are kept."""
         self._explained: set[Pair] = set()
         """Whose Reads for nothing DS706 explains, all of them."""
         self._orphans: _Memory[list[_Read]] = _Memory()
@@ -165,6 +167,8 @@ class WholeCapture:
         place = _place(record)
         if half.status == STATUS_NOT_READY:
             pair = peer.controller, peer.device
+            tally = self._idle_reads.get(peer.device)
+            (tally or self._idle_reads.put(peer.device, _Tally())).add(half.frame)
             _append(self._idle, pair, _Read(place, None, None, half.frame))
         else:
             self._refusal(peer.device, place, half.status, half.frame)
@@ -249,18 +253,13 @@ class WholeCapture:
 
     def _nothing(self) -> Iterator[Remark]:
         """All of a device, unless each of them is explained."""
-        tallies: dict[str, _Tally] = {}
-        puzzling: set[str] = set()
-        for pair, reads in self._idle.items():
-            device = pair[1]
-            if pair not in self._explained:
-                puzzling.add(device)
-            for read in reads:
-                tallies.setdefault(device, _Tally()).add(read.frame)
-        for device, tally in tallies.items():
-            if device not in puzzling:
-                continue
-            yield Remark("DS703", tally.first, {"count": tally.count, "device": device})
+        puzzling = {
+            pair[1] for pair, reads in self._idle.items()
+            if pair not in self._explained or len(reads) >= known().history
+        }  # fmt: skip
+        for device, tally in self._idle_reads.items():
+            if device in puzzling:
+                yield Remark("DS703", tally.first, {"count": tally.count, "device": device})
 
     # The place: slot (DS708) and axis (DS710)
 
