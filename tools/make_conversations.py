@@ -623,7 +623,7 @@ def _(tape: Tape) -> None:
     "P11 P28",
     "lost late-response",
     [tx(1, "ok", (1, None, 3, 4), 61_003, real(1.5), write=None)],
-    "DS101@1#1 DS102@2 DS416@4#1",
+    "DS101@1#1 DS102@2",
 )
 def _(tape: Tape) -> None:
     """A Write response 61 s after its request: the call was given up after 60 s."""
@@ -1014,6 +1014,27 @@ def _(tape: Tape) -> None:
     client = Client(tape)
     client.write(CUT, status=BAD_HEADER)
     second(tape).exchange(ask(), tell(1, 1.5))
+    client.exchange(ask(), tell(1, 1.5))
+
+
+@case(
+    "P22-late-step-back",
+    "P2 P22",
+    "malformed refused interleaved time-back",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), **HOME2),
+        tx(2, "refused", (5, 6, None, None), None, ref=7, write="DF80B700", read=None),
+        tx(3, "ok", (7, 8, 9, 10), 3, real(1.5)),
+    ],
+    "DS107@5 DS315@5#2 DS203@6#2",
+    diagnoses="DS711@5#2",
+)
+def _(tape: Tape) -> None:
+    """The clock steps back at a frame that waits for its AR to prove itself: there, and not behind it."""
+    second(tape).exchange(ask(), tell(1, 1.5))
+    client = Client(tape)
+    tape.wait(-50)
+    client.write(CUT, status=BAD_HEADER)
     client.exchange(ask(), tell(1, 1.5))
 
 

@@ -45,7 +45,6 @@ function Gate.new(extra, waiting, forbid_47, waiting_ars, proven)
     most_events = waiting * (waiting_ars or tables.limits.waiting_ars),
     most_open = proven or tables.limits.proven_ars,
     open = ordered.new(), held = ordered.new(), events = 0,
-    late = false, -- whether the events that run now are older than what ran before
   }, Gate)
 end
 
@@ -110,11 +109,9 @@ function Gate:_prove(ar, runner)
     return
   end
   self.events = self.events - math.min(held.count, waiting)
-  self.late = true
   for number = math.max(0, held.count - waiting), held.count - 1 do
     runner:run(held[number % waiting + 1])
   end
-  self.late = false
 end
 
 return M

@@ -36,7 +36,8 @@ M.RecordCalls = RecordCalls
 -- @param listener takes the transport findings: listener:remark({rule, frame, args, offset, job})
 function RecordCalls.new(gate, pairing, codec, listener)
   return setmetatable({
-    gate = gate, pairing = pairing, codec = codec, listener = listener, newest_ns = nil, counts = {},
+    gate = gate, pairing = pairing, codec = codec, listener = listener, counts = {},
+    newest_ns = nil, newest_frame = 0, -- time and number of the newest frame of a call that is ours
     decode_request = parameter.remembering(codec),
     forgot_requests = false, -- whether a limit pushed out a request whose response may still come
     limits = ordered.new(), -- name of a limit -> what it pushed out: {frame = of the first, count}
@@ -359,15 +360,15 @@ end
 
 --- Time of the capture; a finding where it steps backwards.
 local function clock(self, pdu)
-  if self.gate.late then -- an AR that proved itself late: its frames came before the newest one
+  local newest, before, now = self.newest_ns, self.newest_frame, pdu.time_ns
+  if pdu.frame < before then -- that of an AR that proved itself late
     return
   end
-  local newest, now = self.newest_ns, pdu.time_ns
   if newest and now < newest then
-    local args = {milliseconds = json.float((newest - now) / 1e6)}
+    local args = {milliseconds = json.float((newest - now) / 1e6), first = before}
     self.listener:remark({rule = "DS107", frame = pdu.frame, args = args})
   end
-  self.newest_ns = now
+  self.newest_ns, self.newest_frame = now, pdu.frame
 end
 
 function RecordCalls:_event_remark(_, _, remark)

@@ -65,10 +65,10 @@ end
 local is_mismatch = M.is_mismatch
 
 --- The drive's share of the duration, nanoseconds: without the pause the program made before its first Read.
--- nil where that is not known: the duration, or when the first Read was asked for.
+-- nil where that is not known: the duration, when the Write was accepted, when the first Read was asked for.
 function M.drive_time_ns(job)
-  local write, read = job:write_request(), job.read_response
-  if write == nil or read == nil then
+  local write, accepted, read = job:write_request(), job.write_response, job.read_response
+  if write == nil or accepted == nil or read == nil then
     return nil
   end
   local first, poll = job.read_request, job.polls[1]
@@ -78,8 +78,7 @@ function M.drive_time_ns(job)
   if first == nil then
     return nil
   end
-  local accepted = job.write_response
-  if accepted and first.time_ns > accepted.time_ns then -- the parts are exact, whatever the pause
+  if first.time_ns > accepted.time_ns then -- the parts are exact, whatever the pause
     return read.time_ns - first.time_ns + (accepted.time_ns - write.time_ns)
   end
   return read.time_ns - write.time_ns

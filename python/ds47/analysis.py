@@ -255,10 +255,10 @@ class Analysis:
     def _pdu(self, pdu: rpc.Pdu) -> None:
         if self._usual is not None:
             self._usual.settle()
+        if pdu.missing and pdu.cut is not None and pdu.opnum in _RECORD_CALLS:
+            self._diagnoses.cut(pdu.frame)  # a copy, too: it counts frames
         if self._calls.is_copy(pdu):
             return
-        if pdu.missing and pdu.cut is not None and pdu.opnum in _RECORD_CALLS:
-            self._diagnoses.cut(pdu.frame)
         whole = self._joined(pdu) if pdu.fragmented else pdu
         if whole is not None:
             self._naming.message(whole)

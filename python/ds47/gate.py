@@ -40,8 +40,6 @@ class Gate:
         """The ARs that have proved themselves; the one that spoke last comes last."""
         self._held: OrderedDict[ArKey, deque[Callable[[], None]]] = OrderedDict()
         self._events = 0
-        self.late = False
-        """Whether the events that run now are older than what ran before."""
 
     def concerns(self, index: int) -> bool:
         """Whether a record of this index can be ours at all."""
@@ -81,7 +79,5 @@ class Gate:
             self.open.popitem(last=False)
         held = self._held.pop(ar, ())
         self._events -= len(held)
-        self.late = True
         for event in held:
             event()
-        self.late = False

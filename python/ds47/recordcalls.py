@@ -96,6 +96,9 @@ class RecordCalls:
         self._remark = remark
         self._foreign = foreign
         self.newest_ns: int | None = None
+        """The time of the newest frame of a call that is ours,"""
+        self.newest_frame = 0
+        """and its number."""
         self._requests: dict[bytes, Request] = {}
         self.counts: dict[int, dict[str, int]] = {}
         """Record requests by index: {"read": n, "write": n}."""
@@ -376,13 +379,13 @@ class RecordCalls:
             self._about(pdu, record, Remark("DS202", half.frame, args))
 
     def _clock(self, pdu: rpc.Pdu) -> None:
-        if self._gate.late:  # an AR that proved itself late: its frames came before the newest one
+        newest, before = self.newest_ns, self.newest_frame
+        if pdu.frame < before:  # that of an AR that proved itself late
             return
-        newest = self.newest_ns
         if newest is not None and pdu.time_ns < newest:
-            back = (newest - pdu.time_ns) / 1e6
-            self._remark(Remark("DS107", pdu.frame, {"milliseconds": back}))
-        self.newest_ns = pdu.time_ns
+            args = {"milliseconds": (newest - pdu.time_ns) / 1e6, "first": before}
+            self._remark(Remark("DS107", pdu.frame, args))
+        self.newest_ns, self.newest_frame = pdu.time_ns, pdu.frame
 
     def _about_call(self, call: Call, remark: Remark) -> None:
         """A finding about an RPC call: once, and with the first job that it carries."""

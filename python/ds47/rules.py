@@ -93,17 +93,15 @@ def is_mismatch(job: Job) -> bool:
 def drive_time_ns(job: Job) -> int | None:
     """The drive's share of the duration, nanoseconds: without the pause the program made before its first Read.
 
-    None where that is not known: the duration, or when the first Read was asked for.
+    None where that is not known: the duration, when the Write was accepted, or when the first Read was asked for.
     """
-    write, read = job.write_request, job.read_response
-    if write is None or read is None:
+    write, accepted, read = job.write_request, job.write_response, job.read_response
+    if write is None or accepted is None or read is None:
         return None
     first = job.polls[0][0] if job.polls else job.read_request
     if first is None:
         return None
-    pause = 0
-    if job.write_response:
-        pause = max(0, first.time_ns - job.write_response.time_ns)
+    pause = max(0, first.time_ns - accepted.time_ns)
     return read.time_ns - write.time_ns - pause
 
 

@@ -166,7 +166,9 @@ class UsualWay:
         self._spoken: list[_Side] = []
         self._places: list[Place] = []
         self._newest_ns = 0
-        """The time of its last frame."""
+        """The time of its last frame,"""
+        self._newest_frame = 0
+        """and its number."""
         self._requests = self._responses = 0
         self._taken = 0
         """Frames by which something was changed: a clock for who spoke last."""
@@ -233,7 +235,7 @@ class UsualWay:
             newest = self._records.newest_ns
             if newest is None:
                 return None
-            self._newest_ns = newest
+            self._newest_ns, self._newest_frame = newest, self._records.newest_frame
             self._running = True
         activity = side.activity = self._calls.activities.get(side.activity_key)
         if activity is not None:
@@ -258,6 +260,7 @@ class UsualWay:
         self._running = False
         self._put_in_order()
         self._records.newest_ns = self._newest_ns
+        self._records.newest_frame = self._newest_frame
         counts = self._calls.counts
         counts["requests"] += self._requests
         counts["responses"] += self._responses
@@ -318,7 +321,7 @@ class UsualWay:
         if len(data) < _LEAST or not data[0] or data[1] != _READ_PARAMETERS:
             return False
         job = pairing.usual_write(channel, place, frame, data)
-        self._asked(side, activity, old, seq, key, Call(None, frame, job, now), place)
+        self._asked(side, activity, old, seq, frame, key, Call(None, frame, job, now), place)
         place.writes += 1
         pairing.touch(channel, now)
         place.touched = self._taken
@@ -356,7 +359,7 @@ class UsualWay:
             return False
         call = Call(None, frame, place, frame.time_ns)
         call.expected = channel.expected()
-        self._asked(side, activity, old, seq, key, call, place)
+        self._asked(side, activity, old, seq, frame, key, call, place)
         place.reads += 1
         return True
 
@@ -400,8 +403,8 @@ class UsualWay:
     # What all of them do
 
     def _asked(
-        self, side: _Side, activity: Activity, old: bool, seq: int, key: DatagramKey, call: Call,
-        place: Place,
+        self, side: _Side, activity: Activity, old: bool, seq: int, frame: Frame, key: DatagramKey,
+        call: Call, place: Place,
     ) -> None:  # fmt: skip
         self._calls.remember(key, call.time_ns)
         self._requests += 1
@@ -410,7 +413,7 @@ class UsualWay:
         if old and activity.calls:
             self._calls.expire(activity, call.time_ns)
         activity.begin(seq, call)
-        self._newest_ns = call.time_ns
+        self._newest_ns, self._newest_frame = call.time_ns, frame.number
 
     def _answer(
         self,
@@ -428,4 +431,4 @@ class UsualWay:
         if old:
             self._calls.expire(activity, frame.time_ns)
         call.answer, call.answered = frame, True
-        self._newest_ns = frame.time_ns
+        self._newest_ns, self._newest_frame = frame.time_ns, frame.number

@@ -681,32 +681,28 @@ def volatile() -> frozenset[int]:
     )  # fmt: skip
 
 
+Moment = tuple[int, int]
+"""The frame of a request and the number of its transaction: two records of one frame have an order."""
+
+
 @auditor("DS721")
 def _unsaved(case: Case) -> Iterator[str]:
-    device = case.args.get("device")
-    changes: list[tuple[int, Deal, bool]] = []
-    saves: list[tuple[int, Deal, bool]] = []
-    for deal in case.reading.deals:
-        known, open_ = (
-            (set(_done(deal)), set(_open(deal))) if deal.device == device else (set(), set())
-        )
-        for pnus, seen in ((known, True), (open_, False)):
-            if pnus & {SAVE_ONE, SAVE_ALL}:
-                saves.append((deal.write or 0, deal, SAVE_ALL in pnus))
-            elif pnus - volatile():
-                changes.append((deal.write or 0, deal, seen))
-    kept, perhaps = [], 0
-    for frame, deal, seen in changes:
-        after = [(by, whole) for at, by, whole in saves if at > frame]
-        if any(whole or _addressed(deal) == _addressed(by) != 0 for by, whole in after):
-            continue
-        if not seen or any(_may_be_one(deal, by) for by, _ in after):
-            perhaps += 1
-        else:
-            kept.append((frame, deal))
-            sure = [by for by, _ in after if _surely_one(case.memory, deal, by)]
-            if sure:
-                yield f"the change of frame {frame} was saved in frame {sure[0].write}"
+    here = [each for each in case.reading.deals if each.device == case.args.get("device")]
+    saves = [save for each in here for save in _saves(case.reading, each)]
+    kept: list[tuple[int, Deal]] = []
+    perhaps = 0
+    for deal in here:
+        for at, seen in _lasting(case.reading, deal):
+            after = [save for save in saves if save[0] > at]
+            if any(_has_saved(deal, *save[1:]) for save in after):
+                continue
+            sure = [by for _, by, _, done in after if done and _surely_one(case.memory, deal, by)]
+            if not seen or any(_may_save(deal, by, whole) for _, by, whole, _ in after):
+                perhaps += 1
+            else:
+                kept.append((at[0], deal))
+                if sure:
+                    yield f"the change of frame {at[0]} was saved in frame {sure[0].write}"
     frames = [frame for frame, _ in kept]
     targets = len({_addressed(deal) for _, deal in kept})
     yield from case.wrong("count", len(kept))
@@ -719,41 +715,75 @@ def _unsaved(case: Case) -> Iterator[str]:
         yield f"the first of them is in frame {min(frames)}"
 
 
+def _saves(reading: Reading, deal: Deal) -> Iterator[tuple[Moment, Deal, bool, bool]]:
+    """When which transaction may have saved, whether all drive objects, and whether that is known."""
+    if _unasked_change(reading, deal):
+        yield (deal.read or 0, deal.id), deal, True, False
+    for pnu, done in _outcomes(reading, deal):
+        if pnu in (SAVE_ONE, SAVE_ALL) and done is not False:
+            yield (deal.write or 0, deal.id), deal, pnu == SAVE_ALL, bool(done)
+
+
+def _lasting(reading: Reading, deal: Deal) -> Iterator[tuple[Moment, bool]]:
+    """The changes of a transaction that a later one has to save: those that are known, and those that are not."""
+    parts = list(_outcomes(reading, deal))
+    found: set[bool] = set()
+    for number, (pnu, done) in enumerate(parts):
+        behind = [each for after, each in parts[number + 1 :] if after in (SAVE_ONE, SAVE_ALL)]
+        saves = pnu in (SAVE_ONE, SAVE_ALL) or True in behind
+        if done is not False and not saves and pnu not in volatile():
+            found.add(done is True and None not in behind)
+    for seen in found:
+        yield (deal.write or 0, deal.id), seen
+
+
+def _unasked_change(reading: Reading, deal: Deal) -> bool:
+    """Whether it is the response to a change that is not in the capture, and no earlier response once more."""
+    again = any(
+        each.args.get("frame") == deal.read
+        for each in reading.findings if each.rule == "DS704" and each.transaction == deal.id
+    )  # fmt: skip
+    answer = deal.answer
+    return deal.asked is None and answer is not None and answer.id in (0x02, 0x82) and not again
+
+
+def _has_saved(deal: Deal, by: Deal, whole: bool, done: bool) -> bool:
+    return done and (whole or _addressed(deal) == _addressed(by) != 0)
+
+
+def _may_save(deal: Deal, by: Deal, whole: bool) -> bool:
+    """Whether a save may be one of the drive object of a change, as far as the two say it themselves."""
+    one, two = _addressed(deal), _addressed(by)
+    other_way = isinstance(one, tuple) is not isinstance(two, tuple)
+    return whole or one == two or 0 in (one, two) or other_way
+
+
 def _addressed(deal: Deal) -> object:
     """What a request names: a slot under 0xB02E, else an axis; 0 is none."""
     return (deal.slot, deal.subslot) if deal.index == LOCAL else deal.axis_told or 0
-
-
-def _may_be_one(deal: Deal, other: Deal) -> bool:
-    """Whether two requests may be to one drive object, as far as they say it themselves."""
-    one, two = _addressed(deal), _addressed(other)
-    return one == two or 0 in (one, two) or isinstance(one, tuple) is not isinstance(two, tuple)
 
 
 def _surely_one(memory: Memory, deal: Deal, other: Deal) -> bool:
     return memory.same(memory.target(deal), memory.target(other)) == SURE
 
 
-def _open(deal: Deal) -> Iterator[int]:
-    """The parameters of a transaction of which it is not known whether they were changed."""
+def _outcomes(reading: Reading, deal: Deal) -> Iterator[tuple[int, bool | None]]:
+    """The parameters of a change in their order, and whether each was changed; None where nobody knows."""
     asked, answer = deal.asked, deal.answer
-    if asked is None or not asked.changes or deal.write_status or deal.read_status:
+    if asked is None or deal.operation != "change" or deal.write_status:
         return
-    if answer is None or not deal.fits:
-        yield from (each.pnu for each in asked.addresses)
-    elif (answer.id or 0) & 0x80 and answer.id != 0x80:
-        yield from (each.pnu for each in asked.addresses[len(answer.blocks) :])
-
-
-def _done(deal: Deal) -> Iterator[int]:
-    """The parameters that a transaction is known to have changed."""
-    asked, answer = deal.asked, deal.answer
-    if asked is None or not asked.changes or answer is None or not deal.fits or answer.id == 0x80:
-        return
+    call = reading.call_at.get(deal.write or 0)
+    if call and call.response and call.response.kind in (wire.FAULT, wire.REJECT):
+        return  # nothing was written
     for number, address in enumerate(asked.addresses):
-        told = number < len(answer.blocks)
-        if (told and not answer.blocks[number].failed) or (not told and not answer.blocks):
-            yield address.pnu
+        if answer is None or not deal.fits:
+            yield address.pnu, None
+        elif answer.id == 0x80:
+            yield address.pnu, False
+        elif number < len(answer.blocks):
+            yield address.pnu, not answer.blocks[number].failed
+        else:
+            yield address.pnu, True if answer.id == asked.id else None
 
 
 @auditor("DS722")
@@ -790,7 +820,10 @@ def _held(case: Case) -> Iterator[str]:
         return
     if not _is_place(args.get("place"), first):
         yield "the place is another"
-    same = [each for each in case.reading.deals if each.channel == first.channel and each.asked]
+    same = [
+        each for each in case.reading.deals
+        if each.channel == first.channel and each.operation == "change"
+    ]  # fmt: skip
     same.sort(key=lambda each: each.write or 0)
     run: list[Deal] = []
     for each in same[same.index(first) :]:

@@ -189,10 +189,13 @@ def _limit(case: Case) -> Iterator[str]:
 
 @auditor("DS107")
 def _back(case: Case) -> Iterator[str]:
-    now, before = case.reading.time(case.frame), case.reading.time(case.frame - 1)
-    if now is None or before is None:
+    first = case.args.get("first")
+    now, before = case.reading.time(case.frame), case.reading.time(first)
+    if now is None or before is None or first is None:
         yield "there are no two frames"
         return
+    if first >= case.frame:
+        yield "the other frame is not an earlier one"
     if before <= now:
         yield "time does not step back here"
     yield from _ms(case, "milliseconds", (before - now) / 1e6)
@@ -729,11 +732,23 @@ def _error(case: Case) -> Iterator[str]:
         address = deal.asked.addresses[number] if fits and deal.asked else None
         yield from case.wrong("pnu", address.pnu if address else None)
         yield from case.wrong("subindex", address.subindex if address else None)
-        yield from case.wrong("code", block.code)
-        yield from case.wrong("info", block.info)
+        told = not _is_of_a_maker(deal, block)
+        yield from case.wrong("code", block.code if told else None)
+        yield from case.wrong("info", block.info if told else None)
         yield from vendor(case)
         return
     yield "no error block is at this offset"
+
+
+def _is_of_a_maker(deal: Deal, block: message.Block) -> bool:
+    """Whether a word is no error number of the profile: a low one of a maker's own service (docs/protocol.md A.3).
+
+    That is told by the response ID, and by the request where the response does not say that it is not supported.
+    """
+    asked, answer = deal.asked, deal.answer
+    ids = {each.id for each in (asked, answer) if each is not None}
+    own = any(number in message.MAKERS for number in ids) and (answer and answer.id) != 0x80
+    return own and block.code is not None and block.code <= 0xFF
 
 
 def vendor(case: Case) -> Iterator[str]:
@@ -831,9 +846,12 @@ def _slow(case: Case) -> Iterator[str]:
     if asked is None or read is None:
         yield "has no request"
         return
-    pause = max(0, first - accepted) if first is not None and accepted is not None else 0
+    if accepted is None:
+        yield "when the pause of the program began is not in the capture"
+        return
+    pause = max(0, first - accepted) if first is not None else 0
     truth, told = (read - asked - pause) / 1e6, case.args.get("milliseconds")
-    lost = poll["request"] is None or accepted is None  # then only a least time is known
+    lost = poll["request"] is None  # then only a least time is known
     if not lost or not isinstance(told, float) or not truth <= told <= (read - asked) / 1e6:
         yield from _ms(case, "milliseconds", truth)
     yield from case.wrong("limit", 1000)

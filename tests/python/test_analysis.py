@@ -128,6 +128,11 @@ def test_a_clock_that_is_set_back_spoils_no_fragments() -> None:
     assert {each.state for each in result.transactions} == {"ok"}
     assert len(result.transactions) == 23
     assert {each.rule for each in result.findings} == {"DS107"}
+    with open_capture(io.BytesIO(troubles.clock_back_with_ip_fragments())) as frames:
+        times = {each.number: each.time_ns for each in frames}
+    for each in result.findings:
+        stepped = times[each.args["first"]] - times[each.frame]
+        assert each.args["milliseconds"] == stepped / 1e6 > 0
 
 
 def test_no_capture() -> None:

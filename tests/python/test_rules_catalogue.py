@@ -39,7 +39,7 @@ DS103 warning retransmission first operation
 DS104 error rpc-fault fault kind
 DS105 warning incomplete-fragments have kind
 DS106 warning truncated-frame captured completed length original
-DS107 note time-steps-back milliseconds
+DS107 note time-steps-back first milliseconds
 DS108 warning empty-rpc-body
 DS109 warning limit-reached count limit most
 DS201 error read-refused status

@@ -13,6 +13,7 @@ import pytest
 pytest.importorskip("scapy")
 
 from ds47.analysis import analyze
+from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.lab import message
 from ds47.lab.client import Client
@@ -550,9 +551,75 @@ def two_objects_changed(client: Client) -> None:
     changed(client, 2, 3)
 
 
+SAVE = (message.address(977), message.word(1))
+
+
+def save_unread(client: Client) -> None:
+    """p0977 whose response nobody fetched: whether the change before it is saved is not known."""
+    changed(client, 1, 2)
+    client.write(message.change(2, 2, SAVE))
+    changed(client, 3, 2)
+
+
+def object_save_unread(client: Client) -> None:
+    changed(client, 1, 2)
+    changed(client, 2, 3)
+    client.write(message.change(3, 2, (message.address(971), message.word(1))))
+    changed(client, 4, 3)
+
+
+def read_refused(client: Client) -> None:
+    """The change was accepted, and the Read of its response failed for another reason."""
+    client.write(message.change(1, 2, (FIXED, TEN)))
+    client.poll(0xDE80B600)
+    changed(client, 2, 2)
+
+
+def response_without_its_blocks(client: Client) -> None:
+    """Something failed, but what that is stands in blocks that are not there."""
+    client.exchange(message.change(1, 2, (FIXED, TEN), (SPEED, TEN)), bytes((1, 0x82, 2, 2)))
+    changed(client, 2, 2)
+
+
+def saved_in_the_middle(client: Client) -> None:
+    client.exchange(message.change(1, 2, (FIXED, TEN), SAVE), message.changed(1, 2, 2))
+    client.exchange(message.change(2, 2, SAVE, (FIXED, TEN)), message.changed(2, 2, 2))
+
+
+def saved_in_the_same_frame(client: Client) -> None:
+    """The change stands before the save, in one IODWriteMultiple."""
+    change, save = message.change(1, 2, (FIXED, TEN)), message.change(2, 2, SAVE)
+    two = client.at(slot=2)
+    client.write_multiple([(client.channel, change, 0), (two, save, 0)])
+    client.read(message.changed(2, 2), two)
+    client.read(message.changed(1, 2))
+    changed(client, 3, 2)
+
+
+def unseen_change_answered(client: Client) -> None:
+    """The response to a change that is not in the capture: that may have been p0977."""
+    changed(client, 1, 2)
+    client.read(message.changed(9, 2), client.at(slot=3))
+    changed(client, 2, 2)
+
+
+def often_on_one_object(client: Client) -> None:
+    """The ways in which a device was addressed are counted, however many changes there are."""
+    for number in range(40):
+        changed(client, number + 1, 3 if number == 1 else 2)
+
+
 @pytest.mark.parametrize(
     ("talk", "count", "unknown", "targets", "last"),
     [
+        (save_unread, 1, 1, 1, 7),
+        (object_save_unread, 2, 1, 1, 11),
+        (read_refused, 1, 1, 1, 5),
+        (response_without_its_blocks, 1, 1, 1, 5),
+        (saved_in_the_middle, 1, 0, 1, 5),
+        (saved_in_the_same_frame, 1, 0, 1, 7),
+        (unseen_change_answered, 1, 1, 1, 7),
+        (often_on_one_object, 40, 0, 2, 157),
         (unknown_outcome, 2, 1, 1, 7),
         (one_object_saved, 1, 0, 1, 5),
         (perhaps_saved, 1, 2, 1, 13),
@@ -570,6 +637,39 @@ def test_what_is_not_saved(
 
 def test_what_is_saved(tmp_path: Path) -> None:
     assert not told(all_saved, "DS721", tmp_path)
+
+
+# What the capture cut: DS725
+
+
+def seen_twice(client: Client) -> None:
+    """A mirror port shows each frame twice."""
+    client.exchange(
+        message.read(1, 1, SPEED), message.answer(1, 1, 1, TEN), at=client.at(index=LOCAL)
+    )
+    client.stage.shots[:] = [shot for shot in client.stage.shots for _ in range(2)]
+
+
+def test_cut_frames_are_counted_with_their_copies(tmp_path: Path) -> None:
+    result = result_of(seen_twice, tmp_path, snap=200)
+    with open_capture(tmp_path / "x.pcapng") as frames:
+        cut = sum(len(each.data) < each.original_length for each in frames)
+    (found,) = of(result, "DS725")
+    assert (found.args["what"], found.args["count"]) == ("cut", cut)
+
+
+# Reads for nothing: DS703
+
+
+def never_ends(client: Client) -> None:
+    client.exchange(message.read(1, 1, SPEED), message.answer(1, 1, 1, TEN))
+    for _ in range(4200):
+        client.poll()
+
+
+def test_all_reads_for_nothing_are_counted(tmp_path: Path) -> None:
+    args = diagnosed(never_ends, "DS703", tmp_path).args
+    assert args["count"] == 4200
 
 
 # The number of parameters (DS304), the reference of a channel (DS415)

@@ -13,12 +13,13 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from ds47.diagnosis.repetition import Repetition, place_args
 from ds47.diagnosis.saving import Unsaved
-from ds47.diagnosis.targets import LOCAL, Target, target_of
+from ds47.diagnosis.targets import LOCAL, target_of
 from ds47.pairing import STATUS_NOT_READY, Job, Peer, UsualJob
 from ds47.profidrive import Request, Response, decode_request
+from ds47.profidrive.model import Address
 from ds47.profinet.records import Record
 from ds47.profinet.status import status_hex
-from ds47.rules import Remark, is_mismatch
+from ds47.rules import NOT_SUPPORTED, Remark, is_mismatch
 from ds47.spec import parameters
 from ds47.spec.semantics import known
 
@@ -101,6 +102,8 @@ class WholeCapture:
     def __init__(self, forgot: Callable[[], None]) -> None:
         self._opened: _Memory[list[_Open]] = _Memory()
         self._idle: _Memory[list[_Read]] = _Memory()
+        self._idle_reads: _Memory[_Tally] = _Memory()
+        """All of them by device, however many are kept."""
         self._explained: set[Pair] = set()
         """Whose Reads for nothing DS706 explains, all of them."""
         self._orphans: _Memory[list[_Read]] = _Memory()
@@ -132,6 +135,7 @@ class WholeCapture:
             self._all_orphans += 1
             self._accept(device, place, job)
             self._orphan((job.peer.controller, device), place, job)
+            self._changed_unseen(job)
             return
         self._asked += 1
         asks = job.peer.controller, device, place
@@ -163,6 +167,8 @@ class WholeCapture:
         place = _place(record)
         if half.status == STATUS_NOT_READY:
             pair = peer.controller, peer.device
+            tally = self._idle_reads.get(peer.device)
+            (tally or self._idle_reads.put(peer.device, _Tally())).add(half.frame)
             _append(self._idle, pair, _Read(place, None, None, half.frame))
         else:
             self._refusal(peer.device, place, half.status, half.frame)
@@ -247,18 +253,13 @@ class WholeCapture:
 
     def _nothing(self) -> Iterator[Remark]:
         """All of a device, unless each of them is explained."""
-        tallies: dict[str, _Tally] = {}
-        puzzling: set[str] = set()
-        for pair, reads in self._idle.items():
-            device = pair[1]
-            if pair not in self._explained:
-                puzzling.add(device)
-            for read in reads:
-                tallies.setdefault(device, _Tally()).add(read.frame)
-        for device, tally in tallies.items():
-            if device not in puzzling:
-                continue
-            yield Remark("DS703", tally.first, {"count": tally.count, "device": device})
+        puzzling = {
+            pair[1] for pair, reads in self._idle.items()
+            if pair not in self._explained or len(reads) >= known().history
+        }  # fmt: skip
+        for device, tally in self._idle_reads.items():
+            if device in puzzling:
+                yield Remark("DS703", tally.first, {"count": tally.count, "device": device})
 
     # The place: slot (DS708) and axis (DS710)
 
@@ -333,28 +334,32 @@ class WholeCapture:
         message, asked = job.message, job.write_request
         if message is None or asked is None or job.write_refused:
             return
-        read = job.read_response
-        if read is not None and read.status:
+        outcome = _outcome(message, None if is_mismatch(job) else job.response)
+        effect = _effect(tuple((each.pnu, done) for each, done in outcome))
+        if not (effect.saves or effect.changes):
             return
-        done, unknown = _outcome(message, None if is_mismatch(job) else job.response)
+        unsaved = self._unsaved_of(job.peer.device)
+        moment = asked.frame, job.record.position
         target = target_of(job.record, message.axis)
-        self._changed(job.peer.device, asked.frame, target, done)
-        if unknown:
-            self._changed(job.peer.device, asked.frame, target, unknown, seen=False)
+        for whole, seen in effect.saves:
+            if whole:
+                unsaved.save_all(moment, seen=seen)
+            else:
+                unsaved.save(moment, target, seen=seen)
+        for seen in effect.changes:
+            unsaved.change(moment, target, seen=seen)
 
-    def _changed(
-        self, device: str, frame: int, to: Target, pnus: tuple[int, ...], *, seen: bool = True
-    ) -> None:
-        saves_all, saves, lasts = _effect(pnus)
-        if not (saves_all or saves or lasts):
+    def _changed_unseen(self, job: Job) -> None:
+        """The response to a change whose request is not known: that may have been a save."""
+        read, response = job.read_response, job.response
+        if read is None or response is None or job.repeats is not None:
             return
-        unsaved = self._unsaved.get(device) or self._unsaved.put(device, Unsaved())
-        if saves_all:
-            unsaved.save_all(frame)
-        elif saves:
-            unsaved.save(frame, to)
-        else:
-            unsaved.change(frame, to, seen=seen)
+        if response.response_id in (CHANGED, CHANGED_IN_PART):
+            moment = read.frame, job.record.position
+            self._unsaved_of(job.peer.device).save_all(moment, seen=False)
+
+    def _unsaved_of(self, device: str) -> Unsaved:
+        return self._unsaved.get(device) or self._unsaved.put(device, Unsaved())
 
     def _lost(self) -> Iterator[Remark]:
         for device, unsaved in self._unsaved.items():
@@ -388,33 +393,48 @@ class WholeCapture:
         return Remark("DS725", frame, {"what": what, "count": count})
 
 
-def _outcome(
-    message: Request, response: Response | None
-) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The parameters of a change that were changed, and those of which that is not known."""
-    pnus = tuple(address.pnu for address in message.addresses)
-    if response is None:
-        return (), pnus
-    if response.response_id == CHANGED:
-        blocks = response.blocks
-        return tuple(
-            pnu for number, pnu in enumerate(pnus)
-            if number >= len(blocks) or blocks[number].error is None
-        ), ()  # fmt: skip
-    if response.response_id != CHANGED_IN_PART:
-        return (), ()
-    done = zip(pnus, response.blocks, strict=False)
-    missing = pnus[len(response.blocks) :]
-    return tuple(pnu for pnu, block in done if block.error is None), missing
+def _outcome(message: Request, response: Response | None) -> Iterator[tuple[Address, bool | None]]:
+    """Each parameter of a change, and whether it was changed; None where that is not known."""
+    blocks = response.blocks if response is not None else []
+    accepted = response is not None and not blocks and response.response_id == CHANGED
+    for number, address in enumerate(message.addresses):
+        if response is not None and response.response_id == NOT_SUPPORTED:
+            yield address, False
+        elif number < len(blocks):
+            yield address, blocks[number].error is None
+        else:
+            yield address, True if accepted else None
+
+
+class _Effect(NamedTuple):
+    """What a request did to what is lost at power-off.
+
+    Attributes:
+        saves: for each kind of save in it whether it saves all drive objects, and whether it is known to
+            have been accepted.
+        changes: whether the changes behind the last save are known to have been accepted: True, False, both.
+    """
+
+    saves: tuple[tuple[bool, bool], ...]
+    changes: tuple[bool, ...]
 
 
 @lru_cache(maxsize=4096)
-def _effect(pnus: tuple[int, ...]) -> tuple[bool, bool, bool]:
-    """Of a change: whether it saves all that was changed, or one drive object, or changes what can be saved."""
-    rows = map(parameters().get, pnus)
-    saving, whole = known().saving, known().saving_all
-    lasts = any(not (row and row.volatile) for row in rows)
-    return whole in pnus, any(pnu in saving for pnu in pnus), lasts
+def _effect(parts: tuple[tuple[int, bool | None], ...]) -> _Effect:
+    """Of the numbers of parameters, in their order, and their outcomes."""
+    saving, whole, rows = known().saving, known().saving_all, parameters()
+    saves: set[tuple[bool, bool]] = set()
+    changes: set[bool] = set()
+    for pnu, done in parts:
+        row = rows.get(pnu)
+        if done is False:
+            continue
+        if pnu in saving:
+            saves.add((pnu == whole, bool(done)))
+            changes = set() if done or not changes else {False}
+        elif not (row and row.volatile):
+            changes.add(bool(done))
+    return _Effect(tuple(sorted(saves)), tuple(sorted(changes)))
 
 
 def _place(record: Record) -> Place:

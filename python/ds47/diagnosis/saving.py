@@ -1,44 +1,84 @@
 """Changes that are not copied to ROM (DS721): what a save of one drive object, or of all, leaves open.
 
 A change counts where its success was seen. What was not seen, and what a save may have reached or not, is
-counted apart.
+counted apart: a save whose own outcome was not seen proves nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from ds47.diagnosis.targets import Target
 from ds47.spec.semantics import known
 
-_Change = tuple[int, Target]
-"""The frame of a Write request, and whom it addresses."""
+_KEPT = 16
+"""Changes to one target of which each is kept: more are not open at a time."""
+
+Moment = tuple[int, int]
+"""The frame of a Write request, and its position inside that."""
+_NEVER: Final = (0, -1)
+_ANYWHERE: Final = Target(local=False, first=0)
+"""For changes that were addressed in so many ways that the drive object is not remembered."""
 
 
 class _Changes:
-    """Frames and targets; of too many the first and the newest are enough to name."""
+    """The changes to one target: the newest ones, of older ones their number and their span."""
 
-    __slots__ = ("items", "more")
+    __slots__ = ("folded", "high", "items", "low")
 
     def __init__(self) -> None:
-        self.items: list[_Change] = []
-        self.more = 0
+        self.items: list[Moment] = []
+        self.folded = 0
+        self.low = self.high = _NEVER
 
-    def add(self, change: _Change) -> None:
+    def add(self, change: Moment) -> None:
         """One more."""
         self.items.append(change)
-        if len(self.items) > known().history:
-            del self.items[1]
-            self.more += 1
+        if len(self.items) > _KEPT:
+            oldest = self.items.pop(0)
+            self._fold(1, oldest, oldest)
 
-    def keep(self, wanted: Callable[[_Change], bool]) -> None:
-        """Those that are wanted."""
-        self.items = list(filter(wanted, self.items))
+    def _fold(self, count: int, low: Moment, high: Moment) -> None:
+        self.low = min(self.low, low) if self.folded else low
+        self.high = max(self.high, high)
+        self.folded += count
+
+    def append(self, others: _Changes) -> None:
+        """All of others, too."""
+        for change in others.items:
+            self.add(change)
+        if others.folded:
+            self._fold(others.folded, others.low, others.high)
+
+    def take(self, before: Moment) -> _Changes:
+        """Takes out those that came before a moment; with them the older ones if any of those did."""
+        taken = _Changes()
+        taken.items = [change for change in self.items if change < before]
+        self.items = [change for change in self.items if change >= before]
+        if self.folded and self.low < before:
+            taken.folded, taken.low, taken.high = self.folded, self.low, self.high
+            self.folded, self.low, self.high = 0, _NEVER, _NEVER
+        return taken
+
+    def saved(self, before: Moment) -> _Changes:
+        """Drops those that came before a moment, and takes out those of which that is not known any more."""
+        old = self.take(before)
+        rest = _Changes()
+        if old.folded and old.high > before:
+            rest.folded, rest.low, rest.high = old.folded, old.low, old.high
+        return rest
 
     def count(self) -> int:
-        """How many there were."""
-        return len(self.items) + self.more
+        """How many there are."""
+        return len(self.items) + self.folded
+
+    def first(self) -> int:
+        """The first frame of them."""
+        return min([*self.items, *([self.low] if self.folded else [])])[0]
+
+    def last(self) -> int:
+        """The last frame of them."""
+        return max([*self.items, self.high])[0]
 
 
 class Unsaved:
@@ -47,55 +87,79 @@ class Unsaved:
     Jobs are heard of when they are over, which is not the order in which they were asked.
     """
 
-    __slots__ = ("_done", "_open", "_saves", "_whole")
+    __slots__ = ("_done", "_doubts", "_open", "_saves")
 
     def __init__(self) -> None:
-        self._done, self._open = _Changes(), _Changes()
-        self._saves: dict[Target, int] = {}
-        """The frame of the newest save of a drive object,"""
-        self._whole = 0
-        """and that of all of them."""
+        self._done: dict[Target, _Changes] = {}
+        self._open: dict[Target, _Changes] = {}
+        self._saves: dict[Target | None, Moment] = {}
+        """The newest save of a drive object, and (None) of all of them."""
+        self._doubts: dict[Target | None, Moment] = {}
+        """The newest one that may have reached other drive objects, too, or may have failed."""
 
-    def change(self, frame: int, target: Target, *, seen: bool = True) -> None:
+    def change(self, moment: Moment, target: Target, *, seen: bool) -> None:
         """A change of parameters that can be saved; `seen`: with success, else its outcome is not known."""
-        own = self._saves.get(target, 0) if target.is_known() else 0
-        if frame < max(self._whole, own):
+        own = self._saves.get(target, _NEVER) if target.is_known() else _NEVER
+        if moment < max(own, self._saves.get(None, _NEVER)):
             return
-        perhaps = any(saved > frame and who.may_be(target) for who, saved in self._saves.items())
-        (self._done if seen and not perhaps else self._open).add((frame, target))
+        perhaps = any(
+            saved > moment and _reaches(who, target) for who, saved in self._doubts.items()
+        )
+        changes = self._done if seen and not perhaps else self._open
+        if target not in changes and len(changes) >= known().history:
+            changes, target = self._open, _ANYWHERE
+        changes.setdefault(target, _Changes()).add(moment)
 
-    def save_all(self, frame: int) -> None:
-        """p0977: whatever was changed before is saved."""
-        self._whole = max(self._whole, frame)
-        for changes in (self._done, self._open):
-            changes.keep(lambda change: change[0] > self._whole)
-            changes.more = 0
+    def save_all(self, moment: Moment, *, seen: bool) -> None:
+        """p0977: whatever was changed before is saved, if that was accepted."""
+        if seen:
+            self._settle(moment, None)
+        else:
+            self._doubt(moment, None)
 
-    def save(self, frame: int, target: Target) -> None:
+    def save(self, moment: Moment, target: Target, *, seen: bool) -> None:
         """p0971: what was changed on that drive object is saved; of others that may not be known."""
-        self._saves[target] = max(self._saves.get(target, 0), frame)
-        if len(self._saves) > known().history:
-            self._saves.pop(next(iter(self._saves)))
-        if target.is_known():
-            for changes in (self._done, self._open):
-                changes.keep(lambda change: change[0] > frame or change[1] != target)
-        done = self._done
-        for each in done.items:
-            if each[0] < frame and target.may_be(each[1]):
-                self._open.add(each)
-        done.keep(lambda change: change[0] > frame or not target.may_be(change[1]))
-        self._open.more, done.more = (
-            self._open.more + done.more,
-            0,
-        )  # of whom those were is forgotten
+        if seen and target.is_known():
+            self._settle(moment, target)
+        self._doubt(moment, target)
+
+    def _settle(self, moment: Moment, saved: Target | None) -> None:
+        """What was changed on a drive object, or on all, is saved."""
+        _newest(self._saves, saved, moment)
+        for target, changes in self._open.items():
+            if saved in (None, target):
+                changes.append(changes.saved(moment))
+        for target, changes in self._done.items():
+            if saved in (None, target):
+                self._open.setdefault(target, _Changes()).append(changes.saved(moment))
+
+    def _doubt(self, moment: Moment, saved: Target | None) -> None:
+        """Of what came before nobody knows any more whether it is saved."""
+        _newest(self._doubts, saved, moment)
+        for target, changes in self._done.items():
+            if _reaches(saved, target):
+                self._open.setdefault(target, _Changes()).append(changes.take(moment))
 
     def told(self) -> dict[str, Any] | None:
         """Count, targets, and the first and the last frame of what is not saved; None where nothing is."""
-        items = sorted(self._done.items)
-        if not items:
+        done = [each for each in self._done.values() if each.count()]
+        if not done:
             return None
-        targets = {target for _, target in items}
         return {
-            "count": self._done.count(), "unknown": self._open.count(), "targets": len(targets),
-            "first": items[0][0], "last": items[-1][0],
+            "count": sum(each.count() for each in done),
+            "unknown": sum(each.count() for each in self._open.values()),
+            "targets": len(done),
+            "first": min(each.first() for each in done),
+            "last": max(each.last() for each in done),
         }  # fmt: skip
+
+
+def _reaches(saved: Target | None, target: Target) -> bool:
+    """Whether a save may have been one of the drive object that a change went to; None saves all."""
+    return saved is None or saved.may_be(target)
+
+
+def _newest(memory: dict[Target | None, Moment], target: Target | None, moment: Moment) -> None:
+    memory[target] = max(memory.get(target, _NEVER), moment)
+    if len(memory) > known().history:
+        memory.pop(next(iter(memory)))
