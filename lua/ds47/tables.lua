@@ -46,6 +46,7 @@ M.limits = {
   calls = 64,
   answered_calls = 8,
   channels = 65536,
+  users = 64,
   pending_writes = 64,
   reads = 4096,
   waiting_calls = 4096,
