@@ -239,15 +239,36 @@ local function take_out(index, name, key)
   end
 end
 
+-- Job -> why it has no response, where its channel went on before the capture ended. Of an accepted request
+-- before a Write without its response nobody knows whether that displaced it.
+local function at_the_end(channel)
+  local why, newest = {}, channel.asked[#channel.asked]
+  for _, job in ipairs(channel.asked) do
+    why[job] = job ~= newest and "unseen" or nil
+  end
+  if newest == nil then
+    return why
+  end
+  local asked = newest.record.request
+  if newest.order < channel.accepted or asked and channel.heard > asked.frame then
+    why[newest] = "unseen"
+  end
+  if channel.open and channel.open.order < newest.order then
+    why[channel.open] = ""
+  end
+  return why
+end
+
 local function close_channel(self, channel, reason, ended, limit)
   take_out(self.of_ar, channel.ar_key, channel.key)
   take_out(self.of_place, channel.place, channel.key)
   self.channels:pop(channel.key)
+  local why = reason == "end" and at_the_end(channel) or {}
   local function over(job)
     if limit then
       push_out(self, job, limit)
     else
-      lose(self, job, reason, ended)
+      lose(self, job, why[job] or reason, ended)
     end
   end
   local last, refused, open = channel.last, channel.refused, channel.open
@@ -260,14 +281,8 @@ local function close_channel(self, channel, reason, ended, limit)
   if open then
     over(open)
   end
-  local newest = waiting_of(channel)
   for _, job in ipairs(channel.asked) do
-    if limit then
-      push_out(self, job, limit)
-    else
-      local passed = reason == "end" and job ~= newest -- the channel went on
-      lose(self, job, passed and "unseen" or reason, ended)
-    end
+    over(job)
   end
   if self.of_ar[channel.ar_key] == nil then
     self.replaced[channel.ar_key] = nil
@@ -289,6 +304,7 @@ local function new_channel(self, key, peer, record)
     reference = nil, -- that of the newest Write,
     written = nil, -- and its frame
     accepted = 0, -- `order` of the newest Write that was accepted
+    heard = 0, -- frame of the newest record that was read
   }
   self.channels:set(key, channel)
   put_in(self.of_ar, of_ar, key)
@@ -428,6 +444,10 @@ local function answer(self, channel, job, record)
   self.listener:answered(job)
   if half.data == "" then
     lose(self, job, "")
+    if channel.last and not job:write_refused() then
+      lose(self, channel.last, "") -- what is read from now on may be of either
+      channel.last = nil
+    end
     return
   end
   if channel.last then
@@ -541,6 +561,9 @@ function Pairing:read_response(peer, record)
   local half = record.response
   local channel = channel_of(self, peer, record, half.time_ns)
   local event = read_event(half)
+  if event == "read_record" then
+    channel.heard = half.frame
+  end
   local job = addressee(channel, event, half.data)
   if channel.refused and channel.refused ~= job then
     lose(self, channel.refused, "")

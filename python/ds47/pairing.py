@@ -316,6 +316,8 @@ class Channel:
     """Answered."""
     accepted: int
     """The `Job.order` of the newest Write that was accepted, as far as it was not a usual one."""
+    heard: int
+    """The frame of the newest record that was read; 0 for none, or for those of usual jobs."""
 
     def __init__(
         self,
@@ -336,6 +338,7 @@ class Channel:
         self.usual = None
         self.usual_last = None
         self.accepted = 0
+        self.heard = 0
 
     def waiting(self) -> Job | None:
         """The newest Write without its response that a Read may ask for: none was accepted after it."""
@@ -451,6 +454,8 @@ class Pairing:
         assert half is not None
         channel = self._channel(peer, record, half.time_ns)
         event = _read_event(half)
+        if event == "read_record":
+            channel.heard = half.frame
         job = self._addressee(channel, event, half.data)
         if channel.refused is not None and channel.refused is not job:
             self._lose(channel.refused, "")
@@ -784,6 +789,9 @@ class Pairing:
             self._answered(job)
             if not half.data:
                 self._lose(job, "")
+                if not job.write_refused and channel.last is not None:
+                    self._lose(channel.last, "")  # what is read from now on may be of either
+                    channel.last = None
                 return
             if channel.last is not None:
                 self._lose(channel.last, "")
@@ -828,14 +836,13 @@ class Pairing:
         _take_out(self._of_place, (key[1], *key[3:]), key)
         channel = self.channels.pop(key)
         self._recall(channel)
-        newest = channel.waiting()
+        why = _at_the_end(channel) if reason == "end" else {}
         for job in channel.jobs():
             if limit:
                 self._push_out(job, limit)
                 continue
             job.ended = frame
-            passed = reason == "end" and job.phase == "asked" and job is not newest
-            self._lose(job, "unseen" if passed else reason)
+            self._lose(job, why.get(job.order, reason))
         if key[:3] not in self._of_ar:
             self.replaced.pop(key[:3], None)
 
@@ -863,6 +870,23 @@ def _take_out(index: dict[_K, dict[ChannelKey, None]], name: _K, key: ChannelKey
     del keys[key]
     if not keys:
         del index[name]
+
+
+def _at_the_end(channel: Channel) -> dict[int, str]:
+    """`Job.order` -> why a job has no response, where its channel went on before the capture ended.
+
+    Of an accepted request before a Write without its response nobody knows whether that displaced it.
+    """
+    newest = channel.asked[-1] if channel.asked else None
+    why = {job.order: "unseen" for job in channel.asked if job is not newest}
+    if newest is None:
+        return why
+    asked = newest.record.request
+    if newest.order < channel.accepted or (asked is not None and channel.heard > asked.frame):
+        why[newest.order] = "unseen"
+    if channel.open is not None and channel.open.order < newest.order:
+        why[channel.open.order] = ""
+    return why
 
 
 def _compare(last: Job | None, job: Job, half: Half) -> None:

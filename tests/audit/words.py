@@ -91,7 +91,7 @@ _WROTE = rf"^(?P<controller>{_STATION}) wrote in frame (?P<frame>\d+) "
 CLAUSES: dict[str, dict[str, str]] = {
     "DS401": {"end": "the capture ends(;|$)", "unseen": "its responses are not in the capture(;|$)",
               "release": "the AR was released(;|$)", "expired": "nothing came for too long(;|$)"},
-    "DS403": {"unasked": "it is not in the capture, ", "unasked_without_ar": "none in this capture fits",
+    "DS403": {"unasked": "the capture shows none open on its channel, ", "unasked_without_ar": "which request it belongs to is not known",
               "unasked_again": "when its transaction was over already"},
     "DS701": {"status_zero": "brought it is 0$",
               "status_zero_at_last": r"brought it is 0 \(after (?P<polls>\d+) x DE80B500: not ready yet\)$"},

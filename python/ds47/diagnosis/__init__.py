@@ -207,6 +207,8 @@ class Diagnoses:
 
     def _is_proven(self, job: Job, request: Request, number: int) -> bool:
         """Whether the parameter was read in this format, of the drive object that the request goes to."""
+        if number >= len(request.blocks):
+            return False  # the request ends too early
         address, block = request.addresses[number], request.blocks[number]
         seen = self._formats.get((job.peer.device, address.pnu))
         target = target_of(job.record, request.axis)
