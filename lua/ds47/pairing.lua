@@ -254,7 +254,7 @@ local function at_the_end(channel)
     why[newest] = "unseen"
   end
   if channel.open and channel.open.order < newest.order then
-    why[channel.open] = ""
+    why[channel.open] = "later"
   end
   return why
 end

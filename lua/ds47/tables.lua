@@ -67,6 +67,7 @@ M.phases = {
 M.reasons = {
   ["end"] = {en = "the capture ends", zh = "抓包结束"},
   ["unseen"] = {en = "its responses are not in the capture", zh = "其应答不在抓包中"},
+  ["later"] = {en = "a later Write of its channel has no response in the capture, and may have displaced it", zh = "其通道上后来的写请求在抓包中没有应答，可能已将其取代"},
   ["release"] = {en = "the AR was released", zh = "AR 已释放"},
   ["expired"] = {en = "nothing came for too long", zh = "长时间没有应答"},
   ["dropped"] = {en = "the capture dropped frames", zh = "抓包丢失了帧"},

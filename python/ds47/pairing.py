@@ -885,7 +885,7 @@ def _at_the_end(channel: Channel) -> dict[int, str]:
     if newest.order < channel.accepted or (asked is not None and channel.heard > asked.frame):
         why[newest.order] = "unseen"
     if channel.open is not None and channel.open.order < newest.order:
-        why[channel.open.order] = ""
+        why[channel.open.order] = "later"
     return why
 
 

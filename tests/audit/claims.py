@@ -636,7 +636,9 @@ def _reason(case: Case, deal: Deal) -> Iterator[str]:
         yield "no ten minutes passed"
     elif told == "unseen":
         yield from _unseen(case, deal, later)
-    elif told not in (None, "release", "end", "expired", "dropped"):
+    elif told == "later":
+        yield from _later(case, deal, refused)
+    elif told not in (None, "later", "release", "end", "expired", "dropped"):
         yield f"reason {told!r} is none"
     elif told is None and not later:
         yield "gives no reason"
@@ -648,6 +650,19 @@ def _unseen(case: Case, deal: Deal, later: list[int]) -> Iterator[str]:
         yield "nothing follows on this channel, the capture ends"
     if deal.frames["write_response"] is not None or deal.polls:
         yield "a response of it is in the capture"
+
+
+def _later(case: Case, deal: Deal, refused: set[int | None]) -> Iterator[str]:
+    """That a later Write has no response in the capture, and none was accepted."""
+    writes = [
+        each for each in case.reading.on_channel.get(deal.channel, [])
+        if each.write and each.asked > (deal.write or 0) and each.asked not in refused
+    ]  # fmt: skip
+    if not any(each.answered is None for each in writes):
+        yield "each later Write of its channel has its response"
+    taken = [each.asked for each in writes if each.status == 0]
+    if taken:
+        yield f"the Write of frame {taken[0]} was accepted"
 
 
 def _dropped(reading: Reading) -> bool:
