@@ -2118,7 +2118,7 @@ def _(tape: Tape) -> None:
     "DS315@4#1",
 )
 def _(tape: Tape) -> None:
-    """Reference, positive response id and axis say that the change was done; the number of parameters is missing."""
+    """The positive response id says that the change was done; the number of parameters is missing."""
     Client(tape).exchange(put(1, 10.0), message.changed(1, 1)[:3])
 
 

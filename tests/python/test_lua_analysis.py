@@ -19,9 +19,8 @@ from typing import Any, BinaryIO
 
 import pytest
 import troubles
-from whole_capture import of_transactions
-
 from tests.audit import conversations
+from whole_capture import of_transactions
 
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Frame, open_capture
