@@ -207,7 +207,10 @@ def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:
         accepted = deal.frames["write_response"] if deal.write_status == 0 else None
         begun = (accepted or 10**9) < (record.answered or record.asked)
         ended = min([deal.read or 10**9, *case.reading.releases(deal)])
-        still = ended > record.asked and deal.state not in ("superseded", "refused")
+        still = ended > (record.answered or record.asked) and deal.state not in (
+            "superseded",
+            "refused",
+        )
         if deal.place == place and begun and still:
             yield f"the request of frame {deal.write} was open, and is in the capture"
 

@@ -696,7 +696,7 @@ def _orphan(case: Case) -> Iterator[str]:
         yield f"case {told!r}, but a ReadImplicit is {'here' if implicit else 'not here'}"
     if told == "unasked_again" and not same:
         yield "no transaction with this response is over"
-    elif told == "unasked_without_ar" and last in same and last and not last.write_status:
+    elif told == "unasked_without_ar" and last in same and last and last.state != "refused":
         yield f"the same response was read in frame {last.read}, the request is in {last.write}"
     elif told == "unasked":
         for other in case.reading.deals:
