@@ -2025,6 +2025,61 @@ def _(tape: Tape) -> None:
 
 
 @case(
+    "P29-lost-read-before-the-write",
+    "P11 P29 P38",
+    "lost unanswered",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+        tx(2, "unanswered", (6, 7, None, None), None, par(27), ref=2, read=None),
+    ],
+    "DS101@5 DS401@6#2",
+)
+def _(tape: Tape) -> None:
+    """A Read without its RPC response came before the Write that is open when it is given up: not its Read."""
+    client = Client(tape)
+    client.exchange(ask(1), tell(1, 1.5))
+    client.ask_read()
+    client.write(ask(2, 27))
+
+
+@case(
+    "P35-old-response-after-refused-read",
+    "P30 P35",
+    "refused",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120), operation="change"),
+        tx(
+            2,
+            "refused",
+            (5, 6, 7, 8),
+            None,
+            real(10.0, pnu=1120),
+            operation="change",
+            read="DE80B700",
+        ),
+        tx(
+            3,
+            "refused",
+            (9, 10, 11, 12),
+            3,
+            real(10.0, pnu=1120),
+            operation="change",
+            write="DF80B700",
+        ),
+    ],
+    "DS201@8#2 DS203@10#3 DS415@5#2 DS415@9#3",
+)
+def _(tape: Tape) -> None:
+    """The Read of an accepted change is refused: a later response may be its, and is not called an old one."""
+    client = Client(tape)
+    client.exchange(put(1, 10.0), message.changed(1, 1))
+    client.write(put(1, 10.0))
+    client.poll(0xDE80B700)
+    client.write(put(1, 10.0), BAD_HEADER)
+    client.read(message.changed(1, 1))
+
+
+@case(
     "P37-fewer-values",
     "P37 P46",
     "values",
@@ -2074,6 +2129,31 @@ def _(tape: Tape) -> None:
     """One of two failed, and the response id says that none did."""
     answer = message.answer(1, 0x01, 1, message.real(1.5), message.error(0x11))
     Client(tape).exchange(ask(1, 21, 27), answer)
+
+
+@case(
+    "P46-change-header-cut",
+    "P43 P44 P46",
+    "malformed",
+    [tx(1, "ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120), operation="change")],
+    "DS315@4#1",
+)
+def _(tape: Tape) -> None:
+    """The positive response id says that the change was done; the number of parameters is missing."""
+    Client(tape).exchange(put(1, 10.0), message.changed(1, 1)[:3])
+
+
+@case(
+    "P46-announced-block-missing",
+    "P43 P44 P46",
+    "malformed count",
+    [tx(1, "ok", (1, 2, 3, 4), 3, real(1.5))],
+    "DS315@4#1 DS407@4#1",
+)
+def _(tape: Tape) -> None:
+    """Two blocks announced, the only one that was asked for is there: no parameter is missing."""
+    answer = tell(1, 1.5)
+    Client(tape).exchange(ask(), answer[:3] + bytes([2]) + answer[4:])
 
 
 @case(

@@ -118,4 +118,15 @@ function Ordered:iterate()
   return following, self, nil
 end
 
+--- For a `for` loop: the newest keys, the newest first, `most` of them at the most. None may be removed or
+-- moved meanwhile.
+function Ordered:newest_first(most)
+  local key, count = nil, 0
+  return function()
+    key = count == 0 and self.newest or self.older[key]
+    count = count + 1
+    return count <= most and key or nil
+  end
+end
+
 return M

@@ -157,8 +157,8 @@ function M.new(limits, listener)
     listener = listener,
     channels = ordered.new(), -- channel key -> channel, the one that was touched last goes last
     of_ar = {}, -- AR key -> its channel keys, in the order of first sight
-    newest = ordered.new(), -- place -> its newest accepted request, whoever asked
-    delivered = ordered.new(), -- place -> the newest of them whose response was read
+    of_place = {}, -- place -> its channel keys, whoever asks there, in the order of first sight
+    delivered = ordered.new(), -- place -> its newest accepted request whose response was read, whoever asked
     connects = ordered.new(), -- AR key -> frame of its newest Connect
     connected_ars = ordered.new(), -- controller and device -> their newest AR that was not released
     replaced = {}, -- key of an AR with open requests that a Connect seems to have replaced -> its frame
@@ -174,7 +174,6 @@ end
 
 --- For a copy of the analysis that only plays the end of the capture: nobody asks or connects there.
 function Pairing:copied(known)
-  known[self.newest] = ordered.new()
   known[self.delivered] = ordered.new()
   known[self.connects] = self.connects
   known[self.connected_ars] = self.connected_ars
@@ -221,18 +220,55 @@ local function push_out(self, job, limit)
   lose(self, job, "")
 end
 
-local function close_channel(self, channel, reason, ended, limit)
-  local siblings = self.of_ar[channel.ar_key]
-  siblings:pop(channel.key)
-  if siblings.length == 0 then
-    self.of_ar[channel.ar_key] = nil
+-- Indices of channels: a name -> the keys of its channels, in the order of first sight.
+
+local function put_in(index, name, key)
+  local keys = index[name]
+  if keys == nil then
+    keys = ordered.new()
+    index[name] = keys
   end
+  keys:set(key, true)
+end
+
+local function take_out(index, name, key)
+  local keys = index[name]
+  keys:pop(key)
+  if keys.length == 0 then
+    index[name] = nil
+  end
+end
+
+-- Job -> why it has no response, where its channel went on before the capture ended. Of an accepted request
+-- before a Write without its response nobody knows whether that displaced it.
+local function at_the_end(channel)
+  local why, newest = {}, channel.asked[#channel.asked]
+  for _, job in ipairs(channel.asked) do
+    why[job] = job ~= newest and "unseen" or nil
+  end
+  if newest == nil then
+    return why
+  end
+  local asked = newest.record.request
+  if newest.order < channel.accepted or asked and channel.heard > asked.frame then
+    why[newest] = "unseen"
+  end
+  if channel.open and channel.open.order < newest.order then
+    why[channel.open] = "later"
+  end
+  return why
+end
+
+local function close_channel(self, channel, reason, ended, limit)
+  take_out(self.of_ar, channel.ar_key, channel.key)
+  take_out(self.of_place, channel.place, channel.key)
   self.channels:pop(channel.key)
+  local why = reason == "end" and at_the_end(channel) or {}
   local function over(job)
     if limit then
       push_out(self, job, limit)
     else
-      lose(self, job, reason, ended)
+      lose(self, job, why[job] or reason, ended)
     end
   end
   local last, refused, open = channel.last, channel.refused, channel.open
@@ -245,14 +281,8 @@ local function close_channel(self, channel, reason, ended, limit)
   if open then
     over(open)
   end
-  local newest = waiting_of(channel)
   for _, job in ipairs(channel.asked) do
-    if limit then
-      push_out(self, job, limit)
-    else
-      local passed = reason == "end" and job ~= newest -- the channel went on
-      lose(self, job, passed and "unseen" or reason, ended)
-    end
+    over(job)
   end
   if self.of_ar[channel.ar_key] == nil then
     self.replaced[channel.ar_key] = nil
@@ -274,14 +304,11 @@ local function new_channel(self, key, peer, record)
     reference = nil, -- that of the newest Write,
     written = nil, -- and its frame
     accepted = 0, -- `order` of the newest Write that was accepted
+    heard = 0, -- frame of the newest record that was read
   }
   self.channels:set(key, channel)
-  local siblings = self.of_ar[of_ar]
-  if siblings == nil then
-    siblings = ordered.new()
-    self.of_ar[of_ar] = siblings
-  end
-  siblings:set(key, true)
+  put_in(self.of_ar, of_ar, key)
+  put_in(self.of_place, channel.place, key)
   return channel
 end
 
@@ -341,18 +368,26 @@ local function accept(self, channel, job)
       channel.refused = nil
     end
     channel.open = job
-    remember(self, self.newest, channel.place, job)
   end
   job.phase = PHASES[job.phase].write_accepted
+end
+
+-- The newest request that is open at the place of another one, whoever asked; nil for none.
+local function rival_of(self, channel, job)
+  local keys, found = self.of_place[channel.place], nil
+  for key in keys:newest_first(self.limits.users) do
+    local held = self.channels:get(key).open
+    if held and held ~= job and (found == nil or held.order > found.order) then
+      found = held
+    end
+  end
+  return found
 end
 
 local function refuse(self, channel, job)
   local before, half = job.phase, job.write_response
   if half and half.status == STATUS_IN_USE then
-    local newest = self.newest:get(channel.place)
-    if newest and newest ~= job and newest.phase == "open" then
-      job.rival = newest
-    end
+    job.rival = rival_of(self, channel, job)
   end
   job.phase = PHASES[before].write_refused
   if before == "answered" then
@@ -409,6 +444,10 @@ local function answer(self, channel, job, record)
   self.listener:answered(job)
   if half.data == "" then
     lose(self, job, "")
+    if channel.last and not job:write_refused() then
+      lose(self, channel.last, "") -- what is read from now on may be of either
+      channel.last = nil
+    end
     return
   end
   if channel.last then
@@ -522,6 +561,9 @@ function Pairing:read_response(peer, record)
   local half = record.response
   local channel = channel_of(self, peer, record, half.time_ns)
   local event = read_event(half)
+  if event == "read_record" then
+    channel.heard = half.frame
+  end
   local job = addressee(channel, event, half.data)
   if channel.refused and channel.refused ~= job then
     lose(self, channel.refused, "")
@@ -551,10 +593,14 @@ end
 
 --- A Read that never got its RPC response. Returns the job that waits for it, or nil.
 function Pairing:read_lost(peer, record)
-  local channel = self.channels:get(channel_key(peer, record))
+  local channel, lost = self.channels:get(channel_key(peer, record)), record.request
   local job = channel and (channel.open or channel.refused) or nil
-  if job and job.read_request == nil then
-    job.read_request = record.request
+  local asked = job and job:write_request()
+  if not asked or not lost or asked.frame > lost.frame then
+    return nil -- what the Read asked for is over: it came before the Write of this one
+  end
+  if job.read_request == nil then
+    job.read_request = lost
   end
   return job
 end

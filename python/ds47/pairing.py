@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import islice
 from typing import Final, NamedTuple, TypeVar
 
 from ds47.capture import Frame
@@ -172,12 +173,8 @@ class Place:
     """When anything was said there last, in frames of the short way; 0: not in this stretch."""
     touched: int
     """The same, of the channel,"""
-    accepted: int
-    """and of the last request that was accepted:"""
-    newest: UsualJob | None
-    """that one."""
     answered: int
-    """The same, of the last request whose response was read:"""
+    """and of the last request whose response was read:"""
     delivered: UsualJob | None
     """that one."""
     reads: int
@@ -217,8 +214,7 @@ class Place:
         self.reads = self.writes = 0
         self.channel = None
         self.proven = False
-        self.spoke = self.touched = self.accepted = self.answered = 0
-        self.newest = None
+        self.spoke = self.touched = self.answered = 0
         self.delivered = None
 
     def record(self, request: Half | None, response: Half | None, *, write: bool) -> Record:
@@ -320,6 +316,8 @@ class Channel:
     """Answered."""
     accepted: int
     """The `Job.order` of the newest Write that was accepted, as far as it was not a usual one."""
+    heard: int
+    """The frame of the newest record that was read; 0 for none, or for those of usual jobs."""
 
     def __init__(
         self,
@@ -340,6 +338,7 @@ class Channel:
         self.usual = None
         self.usual_last = None
         self.accepted = 0
+        self.heard = 0
 
     def waiting(self) -> Job | None:
         """The newest Write without its response that a Read may ask for: none was accepted after it."""
@@ -403,8 +402,8 @@ class Pairing:
         self._ordered = True
         """Whether the channels were touched in the order of their times."""
         self._of_ar: dict[tuple[str, str, bytes], dict[ChannelKey, None]] = {}
-        self._newest: OrderedDict[tuple[str, int, int, int, int], Job | UsualJob] = OrderedDict()
-        """The newest accepted request of a place, whoever asked."""
+        self._of_place: dict[tuple[str, int, int, int, int], dict[ChannelKey, None]] = {}
+        """The channels of a place, whoever asks there; the newest is the last."""
         self._pushed_out = False
         """Whether a limit pushed out requests whose responses may still come."""
         self._delivered: OrderedDict[tuple[str, int, int, int, int], Job | UsualJob] = OrderedDict()
@@ -455,6 +454,8 @@ class Pairing:
         assert half is not None
         channel = self._channel(peer, record, half.time_ns)
         event = _read_event(half)
+        if event == "read_record":
+            channel.heard = half.frame
         job = self._addressee(channel, event, half.data)
         if channel.refused is not None and channel.refused is not job:
             self._lose(channel.refused, "")
@@ -483,8 +484,7 @@ class Pairing:
         """
         if not record.implicit or record.response is None:
             return channel.last
-        spot = (peer.device, record.api, record.slot, record.subslot, record.index)
-        delivered = self._delivered.get(spot)
+        delivered = self._delivered.get(_spot(peer, record))
         if isinstance(delivered, UsualJob):
             delivered = self.job(delivered)
         if delivered is None or _bytes(delivered) != record.response.data:
@@ -609,14 +609,17 @@ class Pairing:
 
     def read_lost(self, peer: Peer, record: Record) -> Job | None:
         """A Read that never got its RPC response."""
-        channel = self.channels.get(_key(peer, record))
-        if channel is not None:
-            self._recall(channel)
-            job = channel.open or channel.refused
-            if job is not None and job.read_request is None:
-                job.read_request = record.request
-            return job
-        return None
+        channel, read = self.channels.get(_key(peer, record)), record.request
+        if channel is None or read is None:
+            return None
+        self._recall(channel)
+        job = channel.open or channel.refused
+        asked = job.write_request if job is not None else None
+        if job is None or asked is None or asked.frame > read.frame:
+            return None  # what the Read asked for is over: it came before the Write of this one
+        if job.read_request is None:
+            job.read_request = read
+        return job
 
     def release(self, controller: str, device: str, ar: bytes, frame: int | None = None) -> None:
         """The AR is over: what is open on its channels stays unanswered."""
@@ -679,6 +682,7 @@ class Pairing:
         if channel is None:
             channel = channels[key] = Channel(now)
             self._of_ar.setdefault(key[:3], {})[key] = None
+            self._of_place.setdefault(_spot(peer, record), {})[key] = None
         self.touch(channel, now)
         channels.move_to_end(key)
         self._recall(channel)
@@ -707,16 +711,7 @@ class Pairing:
                 self._lose(channel.refused, "")
                 channel.refused = None
             channel.open = job
-            self.remember(_place(job), job)
         self._step(job, "write_accepted")
-
-    def remember(self, place: tuple[str, int, int, int, int], job: Job | UsualJob) -> None:
-        """The newest accepted request of a place."""
-        newest = self._newest
-        newest[place] = job
-        newest.move_to_end(place)
-        if len(newest) > self._limits.channels:
-            newest.popitem(last=False)
 
     def deliver(self, place: tuple[str, int, int, int, int], job: Job | UsualJob) -> None:
         """The newest accepted request of a place whose response was read."""
@@ -727,13 +722,18 @@ class Pairing:
             delivered.popitem(last=False)
 
     def _rival(self, job: Job) -> Job | None:
-        """The request that is open at the place of another one."""
-        newest = self._newest.get(_place(job))
-        if isinstance(newest, UsualJob):
-            if newest.job is None and newest.phase() != "open":
-                return None
-            newest = self.job(newest)
-        return newest if newest is not job and newest and newest.phase == "open" else None
+        """The newest request that is open at the place of another one, whoever asked."""
+        keys = reversed(self._of_place.get(_spot(job.peer, job.record), {}))
+        found: Job | None = None
+        for key in islice(keys, self._limits.users):
+            channel = self.channels[key]
+            if channel.usual is not None and channel.usual.phase() == "open":
+                held: Job | None = self.job(channel.usual)
+            else:
+                held = channel.open
+            if held is not None and held is not job and (not found or held.order > found.order):
+                found = held
+        return found
 
     def _refuse(self, channel: Channel, job: Job) -> None:
         before = job.phase
@@ -789,12 +789,15 @@ class Pairing:
             self._answered(job)
             if not half.data:
                 self._lose(job, "")
+                if not job.write_refused and channel.last is not None:
+                    self._lose(channel.last, "")  # what is read from now on may be of either
+                    channel.last = None
                 return
             if channel.last is not None:
                 self._lose(channel.last, "")
             channel.last = job
             if job.message is not None and not job.write_refused:
-                self.deliver(_place(job), job)
+                self.deliver(_spot(job.peer, job.record), job)
 
     def _keep(self, reads: list[_T], read: _T) -> None:
         """The reads of one transaction: of more than `Limits.reads` the first and the newest are kept."""
@@ -829,20 +832,17 @@ class Pairing:
     def _close_channel(
         self, key: ChannelKey, reason: str, frame: int | None = None, limit: str = ""
     ) -> None:
-        siblings = self._of_ar[key[:3]]
-        del siblings[key]
-        if not siblings:
-            del self._of_ar[key[:3]]
+        _take_out(self._of_ar, key[:3], key)
+        _take_out(self._of_place, (key[1], *key[3:]), key)
         channel = self.channels.pop(key)
         self._recall(channel)
-        newest = channel.waiting()
+        why = _at_the_end(channel) if reason == "end" else {}
         for job in channel.jobs():
             if limit:
                 self._push_out(job, limit)
                 continue
             job.ended = frame
-            passed = reason == "end" and job.phase == "asked" and job is not newest
-            self._lose(job, "unseen" if passed else reason)
+            self._lose(job, why.get(job.order, reason))
         if key[:3] not in self._of_ar:
             self.replaced.pop(key[:3], None)
 
@@ -859,9 +859,34 @@ def _key(peer: Peer, record: Record) -> ChannelKey:
     )
 
 
-def _place(job: Job) -> tuple[str, int, int, int, int]:
-    record = job.record
-    return (job.peer.device, record.api, record.slot, record.subslot, record.index)
+def _spot(peer: Peer, record: Record) -> tuple[str, int, int, int, int]:
+    """Where a record is, whoever asks for it."""
+    return (peer.device, record.api, record.slot, record.subslot, record.index)
+
+
+def _take_out(index: dict[_K, dict[ChannelKey, None]], name: _K, key: ChannelKey) -> None:
+    """A channel is closed: it goes out of an index of channels."""
+    keys = index[name]
+    del keys[key]
+    if not keys:
+        del index[name]
+
+
+def _at_the_end(channel: Channel) -> dict[int, str]:
+    """`Job.order` -> why a job has no response, where its channel went on before the capture ended.
+
+    Of an accepted request before a Write without its response nobody knows whether that displaced it.
+    """
+    newest = channel.asked[-1] if channel.asked else None
+    why = {job.order: "unseen" for job in channel.asked if job is not newest}
+    if newest is None:
+        return why
+    asked = newest.record.request
+    if newest.order < channel.accepted or (asked is not None and channel.heard > asked.frame):
+        why[newest.order] = "unseen"
+    if channel.open is not None and channel.open.order < newest.order:
+        why[channel.open.order] = "later"
+    return why
 
 
 def _compare(last: Job | None, job: Job, half: Half) -> None:

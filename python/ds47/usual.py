@@ -66,7 +66,6 @@ _MOST_KNOWN: Final = 65_536
 """Sides and places together."""
 _SPOKE: Final = attrgetter("spoke")
 _TOUCHED: Final = attrgetter("touched")
-_ACCEPTED: Final = attrgetter("accepted")
 _DELIVERED: Final = attrgetter("answered")
 
 
@@ -288,10 +287,6 @@ class UsualWay:
             if place.spoke and place.proven:  # as `Gate.passes`
                 self._open.move_to_end(place.ar_key)
             place.spoke = 0
-        for place in sorted(places, key=_ACCEPTED):
-            if place.newest is not None:
-                self._pairing.remember(place.spot, place.newest)
-                place.newest = None
         for place in sorted(places, key=_DELIVERED):
             if place.delivered is not None:
                 self._pairing.deliver(place.spot, place.delivered)
@@ -345,7 +340,6 @@ class UsualWay:
             return False
         self._answer(activity, old, frame, key, call, place)
         job.accepted = frame
-        place.newest, place.accepted = job, self._taken
         return True
 
     def _read(

@@ -131,16 +131,17 @@ def _once_more(case: Case) -> Iterator[str]:
         yield "they are not of one place, one after the other"
     ar = None if one.ar.int == 0 else str(one.ar)
     key = (one.controller, one.device, ar, *one.channel[3:])
+    until = one.asked or one.answered or 0  # a response whose request was lost has no other frame
     between = [
         each for each in case.reading.on_channel.get(key, [])
-        if each.write and (first or 0) < each.asked < one.asked
+        if each.write and (first or 0) < each.asked < until
     ]  # fmt: skip
     taken = [each.asked for each in between if each.status == 0]
     if taken:
         yield f"a new request was accepted in frame {taken[0]}"
     faults = [
         each.write for each in case.reading.deals
-        if each.channel == key and each.state == "refused" and (first or 0) < (each.write or 0) < one.asked
+        if each.channel == key and each.state == "refused" and (first or 0) < (each.write or 0) < until
     ]  # fmt: skip
     yield from _how_again(case, one, [*(each.asked for each in between if each.status), *faults])
 
@@ -203,8 +204,13 @@ def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:
         yield f"the Write was answered with {record.status}"
     place = (record.device, *record.channel[3:])
     for deal in case.reading.deals:
-        begun = (deal.write or 10**9) < record.asked and not deal.write_status
-        still = (deal.read or 10**9) > record.asked and deal.state not in ("superseded", "refused")
+        accepted = deal.frames["write_response"] if deal.write_status == 0 else None
+        begun = (accepted or 10**9) < (record.answered or record.asked)
+        ended = min([deal.read or 10**9, *case.reading.releases(deal)])
+        still = ended > (record.answered or record.asked) and deal.state not in (
+            "superseded",
+            "refused",
+        )
         if deal.place == place and begun and still:
             yield f"the request of frame {deal.write} was open, and is in the capture"
 

@@ -619,10 +619,13 @@ def _reason(case: Case, deal: Deal) -> Iterator[str]:
     """Why it stayed without: the Release of its AR, ten minutes of silence, or the end of the capture."""
     told, capture = case.args.get("reason"), case.reading.capture
     released = case.reading.releases(deal)
+    refused = {each.write for each in case.reading.deals if each.state == "refused"}
     later = [
-        each.asked for each in case.reading.on_channel.get(deal.channel, [])
-        if each.asked > max(deal.all_frames)
-        and (each.status in (None, 0) if each.write else bool(each.data))
+        each.asked or each.answered for each in case.reading.on_channel.get(deal.channel, [])
+        if (
+            each.asked > (deal.write or 0) and each.status in (None, 0) and each.asked not in refused
+            if each.write else each.asked > max(deal.all_frames) and bool(each.data)
+        )
     ]  # fmt: skip
     end = capture.frames[-1].time_ns if capture.frames else 0
     silent = end - (case.reading.time(max(deal.all_frames)) or 0) > 600 * 10**9
@@ -636,7 +639,9 @@ def _reason(case: Case, deal: Deal) -> Iterator[str]:
         yield "no ten minutes passed"
     elif told == "unseen":
         yield from _unseen(case, deal, later)
-    elif told not in (None, "release", "end", "expired", "dropped"):
+    elif told == "later":
+        yield from _later(case, deal, refused)
+    elif told not in (None, "later", "release", "end", "expired", "dropped"):
         yield f"reason {told!r} is none"
     elif told is None and not later:
         yield "gives no reason"
@@ -648,6 +653,19 @@ def _unseen(case: Case, deal: Deal, later: list[int]) -> Iterator[str]:
         yield "nothing follows on this channel, the capture ends"
     if deal.frames["write_response"] is not None or deal.polls:
         yield "a response of it is in the capture"
+
+
+def _later(case: Case, deal: Deal, refused: set[int | None]) -> Iterator[str]:
+    """That a later Write has no response in the capture, and none was accepted."""
+    writes = [
+        each for each in case.reading.on_channel.get(deal.channel, [])
+        if each.write and each.asked > (deal.write or 0) and each.asked not in refused
+    ]  # fmt: skip
+    if not any(each.answered is None for each in writes):
+        yield "each later Write of its channel has its response"
+    taken = [each.asked for each in writes if each.status == 0]
+    if taken:
+        yield f"the Write of frame {taken[0]} was accepted"
 
 
 def _dropped(reading: Reading) -> bool:
@@ -666,24 +684,43 @@ def _orphan(case: Case) -> Iterator[str]:
     if deal.asked is not None:
         yield f"the request is in frame {deal.write}"
     reads = [each for each in case.answers() if not each.write and each.data == deal.answer.data]
-    over = None
-    for other in case.reading.deals:
-        same = other.answer is not None and other.answer.data == deal.answer.data
-        near = other.device == deal.device and (other.slot, other.index) == (deal.slot, deal.index)
-        if same and near and other.asked is not None and (other.read or 10**9) < case.frame:
-            over = other
-            break
+    there = [
+        each for each in case.reading.deals
+        if each.place == deal.place and each.asked is not None and each.answer is not None
+        and (each.read or 10**9) < case.frame
+    ]  # fmt: skip
+    same = [each for each in there if each.answer and each.answer.data == deal.answer.data]
+    last = max(there, key=lambda each: each.read or 0, default=None)
     told = case.args.get("case")
     implicit = bool(reads) and all(each.implicit for each in reads)
     if told not in ("unasked", "unasked_without_ar", "unasked_again"):
         yield f"case {told!r} is none"
     elif (told == "unasked") is implicit:
         yield f"case {told!r}, but a ReadImplicit is {'here' if implicit else 'not here'}"
-    if told == "unasked_again" and over is None:
+    if told == "unasked_again" and not same:
         yield "no transaction with this response is over"
-    elif told != "unasked_again" and over is not None:
-        yield f"the same response was read in frame {over.read}, the request is in {over.write}"
+    elif told == "unasked_without_ar" and last in same and last and last.state != "refused":
+        yield f"the same response was read in frame {last.read}, the request is in {last.write}"
+    elif told == "unasked":
+        for other in case.reading.deals:
+            if other.channel == deal.channel and _is_open(other, case.frame, case.reading):
+                yield f"the request of frame {other.write} is open"
     yield from case.wrong("dropped", _dropped(case.reading))
+
+
+def _is_open(deal: Deal, frame: int, reading: Reading) -> bool:
+    """Whether a request was accepted before a frame, and nothing ended it before that."""
+    accepted = deal.frames["write_response"]
+    if deal.write_status != 0 or accepted is None or accepted >= frame:
+        return False
+    displaced = [
+        each.asked for each in reading.on_channel.get(deal.channel, [])
+        if each.write and each.asked > (deal.write or 0)
+        and (each.status == 0 or (not each.status and each.asked in reading.asked_and_answered))
+    ]  # fmt: skip
+    before = max(each for each in deal.all_frames if each < frame)
+    silent = (reading.time(frame) or 0) - (reading.time(before) or 0) > 600 * 10**9
+    return not silent and min([deal.read or 10**9, *displaced, *reading.releases(deal)]) > frame
 
 
 @auditor("DS404", "DS405", "DS406", "DS407")

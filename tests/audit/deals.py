@@ -94,20 +94,28 @@ def state(deal: Deal, reading: Reading) -> tuple[str, ...]:
         return ("superseded",) if _displaced(deal, reading) else ("unanswered",)
     if not deal.fits:
         return ("mismatch",)
-    failed = [block.failed for block in answer.blocks]
-    count = max(len(asked.addresses), 1)
-    if answer.id == 0x80 or (failed and all(failed) and len(failed) >= count):
+    if answer.id == 0x80:
         return ("error",)
-    if any(failed) or (len(answer.blocks) < len(asked.addresses) and not asked.changes):
-        return ("partial", "error", "mismatch", "ok") if answer.unknown else ("partial", "error")
-    if (answer.id or 0) & 0x80 or answer.missing:
-        frame = reading.capture.frame(deal.read or 0)
-        return (
-            ("partial", "error", "mismatch")
-            if frame and not frame.cut
-            else ("ok", "partial", "error")
-        )
-    return ("ok",)
+    if answer.changes:
+        return ("ok",)  # every change was done, also where the end of the header is missing
+    return _outcome(deal, asked, answer, reading)
+
+
+def _outcome(
+    deal: Deal, asked: message.Message, answer: message.Message, reading: Reading
+) -> tuple[str, ...]:
+    """By the parameters asked for that are there whole: what the header announces beyond them is no parameter."""
+    done = sum(
+        not block.failed and len(block.raw) == block.size * block.count for block in answer.blocks
+    )
+    frame = reading.capture.frame(deal.read or 0)
+    if frame is not None and frame.cut and answer.missing:
+        return ("ok", "partial", "error")  # what stood there is not known
+    if answer.unknown is not None:
+        return ("partial", "error", "ok")
+    if done == len(asked.addresses):
+        return ("error",) if (answer.id or 0) & 0x80 else ("ok",)
+    return ("partial",) if done else ("error",)
 
 
 def _displaced(deal: Deal, reading: Reading) -> bool:

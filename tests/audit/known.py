@@ -11,17 +11,8 @@ from collections.abc import Iterable
 from tests.audit.reading import Complaint
 
 KNOWN: dict[tuple[str, str], str] = {
-    ("DS401", "channel goes on"): "the channel goes on, and 'the capture ends'",
-    ("DS402", "channel goes on"): "the channel goes on, and 'the capture ends'",
-    ("DS403", "same response"): "a ReadImplicit is called a response without a request",
-    ("DS704", "none of the refused"): "which Write was refused before the response was read once more",
-    ("DS705", "is in the capture"): "only the newest request of a place is remembered",
     ("headline", ""): "headlines name what is true of the first case only; their filters show the first frames",
-    ("DS413", "that followed|was fetched"): "with a lost Write response the new request is another",
-    ("DS414", "that followed|was fetched"): "with a lost Write response the new request is another",
     ("line", "PLC"): "what the PLC saw: refused in part, another request, BUSY, RDREC, LEN",
-    ("transaction", "state ok"): "a response that ends too early leaves the state ok",
-    ("transaction", "is one of its frames"): "a Read whose response was lost is given to a later request",
 }  # fmt: skip
 
 

@@ -90,8 +90,9 @@ _STATION = r"[\d.]+|[0-9a-f:]{17}"
 _WROTE = rf"^(?P<controller>{_STATION}) wrote in frame (?P<frame>\d+) "
 CLAUSES: dict[str, dict[str, str]] = {
     "DS401": {"end": "the capture ends(;|$)", "unseen": "its responses are not in the capture(;|$)",
+              "later": "a later Write of its channel has no response in the capture, and may have displaced it(;|$)",
               "release": "the AR was released(;|$)", "expired": "nothing came for too long(;|$)"},
-    "DS403": {"unasked": "it is not in the capture, ", "unasked_without_ar": "none in this capture fits",
+    "DS403": {"unasked": "the capture shows none open on its channel, ", "unasked_without_ar": "which request it belongs to is not known",
               "unasked_again": "when its transaction was over already"},
     "DS701": {"status_zero": "brought it is 0$",
               "status_zero_at_last": r"brought it is 0 \(after (?P<polls>\d+) x DE80B500: not ready yet\)$"},

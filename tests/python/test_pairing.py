@@ -216,6 +216,15 @@ def test_a_lost_read_leaves_its_request_to_the_open_job() -> None:
     assert channel.pairing.read_lost(PEER, channel.record(False, slot=9)) is None
 
 
+def test_a_lost_read_belongs_to_no_request_that_came_after_it() -> None:
+    channel = Channel()
+    record = channel.record(False)
+    record.request = channel.half()
+    job = channel.open()
+    assert channel.pairing.read_lost(PEER, record) is None
+    assert job.read_request is None
+
+
 @pytest.mark.parametrize("end", ["release", "expired", "end"])
 def test_the_reason_of_a_job_without_response(end: str) -> None:
     channel = Channel()

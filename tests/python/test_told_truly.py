@@ -107,7 +107,10 @@ def read_without_ar(client: Client) -> None:
 def test_a_response_without_an_ar_did_not_begin_before_the_capture(tmp_path: Path) -> None:
     result = result_of(read_without_ar, tmp_path)
     (finding,) = of(result, "DS403")
-    assert "read without an AR (ReadImplicit) and none in this capture fits" in sentence(finding)
+    assert (
+        "read without an AR (ReadImplicit) and which request it belongs to is not known"
+        in sentence(finding)
+    )
     lines = [line.en for line in blind(result)]
     assert not [line for line in lines if "before the capture" in line]
     assert [line for line in lines if "without an AR" in line]
