@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator
+from itertools import groupby
 
 from tests.audit import wire
 from tests.audit.reading import NOT_READY, Deal, Reading
@@ -115,7 +116,31 @@ def _reads(calls: list[Told], deal: Deal, reading: Reading) -> Iterator[str]:
     yield from _polled(calls, deal)
     yield from _read_again(calls, deal)
     yield from _left_out(calls, deal, reading)
+    yield from _order(calls, deal, reading)
     yield from _last(calls, deal, reading)
+
+
+def _order(calls: list[Told], deal: Deal, reading: Reading) -> Iterator[str]:
+    """The Reads before the one that brought the response, one after the other."""
+    told = [kind for each in calls for kind in [_kind(each)] * each.times if kind]
+    own = sorted(_own(deal, reading), key=lambda each: each.answered or each.asked)
+    true = [_end(each) for each in own if _end(each) not in ("done", "error")]
+    if deal.write is not None and told != true:
+        yield f"the Reads are told as {_runs(told)}, and came as {_runs(true)}"
+
+
+def _kind(told: Told) -> str:
+    """What a call that brought nothing ended with; empty for any other."""
+    if told.kind == "read error" and told.status == NOT_READY:
+        return "polled"
+    if told.kind == "read valid" and not told.length:
+        return "empty"
+    words = {"read fault": "fault", "read bare": "bare", "read unseen": "unseen", "read ends": "unseen"}
+    return words.get(told.kind, "")
+
+
+def _runs(kinds: list[str]) -> str:
+    return ", ".join(f"{len(list(run))} x {kind}" for kind, run in groupby(kinds)) or "none"
 
 
 def _sum(calls: list[Told], tells: Callable[[Told], bool]) -> int:
@@ -244,27 +269,30 @@ def _own(deal: Deal, reading: Reading) -> list[wire.Record]:
     return [
         each for each in _channel(deal, reading)
         if not each.write and not each.implicit and _asker(each, deal, reading) == (deal.write or 0)
-        and (deal.read is None or each.asked < deal.read)
+        and (deal.read is None or _at(each) < deal.read)
     ]  # fmt: skip
+
+
+def _at(record: wire.Record) -> int:
+    """The frame of the request of a Read, or of its response where the capture has no request."""
+    return record.asked or record.answered or 0
 
 
 def _asker(record: wire.Record, deal: Deal, reading: Reading) -> int:
     """The Write request before a Read: a refused one only where no older request is still open."""
-    writes = [each for each in _writes(deal, reading) if each.asked < record.asked]
-    newest = max(writes, key=lambda each: each.asked, default=None)
-    if newest is None:
-        return 0
-    if _end(newest) in ("error", "fault"):
-        for each in reading.deals:
-            is_open = each.write is not None and each.write < newest.asked and max(each.all_frames) > record.asked
-            if is_open and each.channel == deal.channel:
-                return each.write or 0
-    return newest.asked
+    at = _at(record)
+    writes = sorted((each for each in _writes(deal, reading) if each.asked < at), key=lambda each: each.asked)
+    taken = [each.asked for each in writes if _end(each) not in ("error", "fault")]
+    if not writes or not taken:
+        return writes[-1].asked if writes else 0
+    owner = next((each for each in reading.deals if each.write == taken[-1] and each.channel == deal.channel), None)
+    is_open = owner is not None and (owner.read is None or max(owner.all_frames) > at)
+    return taken[-1] if is_open else writes[-1].asked
 
 
 def _loose(record: wire.Record, reading: Reading) -> bool:
     """Whether a Read is none of the frames of a transaction."""
-    return not any(record.asked in each.all_frames for each in reading.deals)
+    return not any(_at(record) in each.all_frames for each in reading.deals)
 
 
 def _answered(deal: Deal) -> set[int]:
