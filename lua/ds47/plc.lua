@@ -112,16 +112,11 @@ local function left_out_of(item, found)
   return list, in_part
 end
 
--- The Reads before the last one: polls, and those that brought nothing.
-local function before(item, left_out)
-  local polls, calls = item.frames.polls or {}, {}
-  if #left_out == 0 then
-    if #polls > 0 then
-      calls[1] = { block = "RDREC", outcome = "polled", status = M.NOT_READY, times = #polls }
-    end
-    return calls
-  end
-  local all = {}
+-- Polls, Reads that brought nothing, and the one without a response that is a frame of the transaction, by
+-- their frames; of the last one alone it is told that the capture ended.
+local function in_order(item, left_out, wait)
+  local frames = item.frames
+  local polls, all = frames.polls or {}, {}
   for place, poll in ipairs(polls) do
     local order = place - 1 - #polls
     all[place] = { frame = poll.response or 0, outcome = "polled", status = M.NOT_READY, order = order }
@@ -129,10 +124,23 @@ local function before(item, left_out)
   for _, each in ipairs(left_out) do
     all[#all + 1] = each
   end
+  local waits = frames.read_request and not frames.read_response
+  if waits then
+    all[#all + 1] = { frame = frames.read_request, outcome = "unseen", order = #left_out }
+  end
   table.sort(all, function(a, b)
     return a.frame < b.frame or a.frame == b.frame and a.order < b.order
   end)
-  for _, each in ipairs(all) do
+  if waits and wait == "ends" and all[#all].outcome == "unseen" then
+    all[#all] = { outcome = "ends" }
+  end
+  return all
+end
+
+-- The Reads before the one that was answered: polls, and those that brought nothing.
+local function before(item, left_out, wait)
+  local calls = {}
+  for _, each in ipairs(in_order(item, left_out, wait)) do
     local newest = calls[#calls]
     if newest and newest.outcome == each.outcome then
       newest.times = newest.times + 1
@@ -168,7 +176,7 @@ local function write(item, found, left_out, wait)
 end
 
 -- The Read that a transaction ended with; nil where all are told already.
-local function last_read(item, left_out, wait, length)
+local function last_read(item, left_out, length)
   local frames = item.frames
   if frames.read_response and item.read_status and item.read_status ~= 0 then
     return { block = "RDREC", outcome = "error", status = item.read_status }
@@ -177,7 +185,7 @@ local function last_read(item, left_out, wait, length)
     local outcome = captured < length and "cut" or "done"
     return { block = "RDREC", outcome = outcome, status = 0, length = length, captured = captured }
   elseif frames.read_request then
-    return { block = "RDREC", outcome = wait == "busy" and "unseen" or wait }
+    return nil
   elseif item.state == "superseded" then
     return { block = "RDREC", outcome = "superseded" }
   elseif #left_out == 0 then
@@ -199,10 +207,10 @@ function Witness:saw(item)
   local captured = item.response and #item.response or 0
   local length = self.lengths[item.frames.read_response or 0] or captured
   local calls = { write(item, found, left_out, wait) }
-  for _, call in ipairs(before(item, left_out)) do
+  for _, call in ipairs(before(item, left_out, wait)) do
     calls[#calls + 1] = call
   end
-  calls[#calls + 1] = last_read(item, left_out, wait, length)
+  calls[#calls + 1] = last_read(item, left_out, length)
   local rereads = #(item.frames.rereads or {})
   if rereads > 0 then
     calls[#calls + 1] = { block = "RDREC", outcome = "again", status = 0, times = rereads, length = length }

@@ -68,7 +68,7 @@ def check(reading: Reading) -> Iterator[Complaint]:
     for item in items:
         if any(each.rule == item.rule and re.search(rf"\({item.times} times?\)$", each.message)
                for each in reading.findings):  # fmt: skip
-            item.text += f" ({item.times} {'time' if item.times == 1 else 'times'})"
+            item.text += item.number
             item.times = item.wide = 1  # a number of the sentence itself
     for text in _rests(lines, items, reading):
         yield Complaint("headline", "", text)
@@ -253,6 +253,8 @@ class Headline:
     times: int = 1
     wide: int = 1
     """In so many frames."""
+    number: str = ""
+    """How this stands behind its words."""
     filters: list[str] = field(default_factory=list)
     frame: int | None = None
     job: int | None = None
@@ -294,7 +296,7 @@ def headlines(lines: list[str]) -> list[Headline]:
         if times:
             item.times = int(times[1].replace(",", ""))
             item.wide = int((times[2] or times[1]).replace(",", ""))
-            item.text = item.text[: times.start()]
+            item.text, item.number = item.text[: times.start()], times[0]
     return found
 
 
@@ -445,6 +447,10 @@ def _line(block: list[str], deal: Deal, reading: Reading) -> Iterator[str]:
     if deal.device not in first:
         yield f"does not name {deal.device}"
     yield from _parameters(block, deal)
+    yield from _plc(block, deal, reading)
+
+
+def _plc(block: list[str], deal: Deal, reading: Reading) -> Iterator[str]:
     for line in block[1:]:
         if line.strip().startswith("PLC: "):
             for text in plc.check(line.strip().removeprefix("PLC: "), deal, reading):

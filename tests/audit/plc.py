@@ -135,7 +135,12 @@ def _kind(told: Told) -> str:
         return "polled"
     if told.kind == "read valid" and not told.length:
         return "empty"
-    words = {"read fault": "fault", "read bare": "bare", "read unseen": "unseen", "read ends": "unseen"}
+    words = {
+        "read fault": "fault",
+        "read bare": "bare",
+        "read unseen": "unseen",
+        "read ends": "unseen",
+    }
     return words.get(told.kind, "")
 
 
@@ -207,7 +212,10 @@ def _length(told: Told, deal: Deal, reading: Reading) -> Iterator[str]:
     if records and all(each.implicit for each in records):
         yield "RDREC VALID is a ReadImplicit, and no RDREC"
     mine = [each for each in records if deal.answer and each.data == deal.answer.data]
-    true = {(each.stated if each.call.response and each.call.response.cut else len(each.data)) for each in mine}
+    true = {
+        (each.stated if each.call.response and each.call.response.cut else len(each.data))
+        for each in mine
+    }
     if mine and told.length not in true:
         yield f"LEN {told.length} is {sorted(true)}"
     got = len(deal.answer.data) if deal.answer else 0
@@ -230,7 +238,8 @@ def _without(told: Told, deal: Deal, reading: Reading) -> Iterator[str]:
     elif told.kind == "superseded" and _next_write(deal, reading) is None:
         yield "there is no next WRREC"
     elif told.kind == "read ends":
-        yield from _nothing_after(deal, reading, deal.frames["read_request"] or 0)
+        reads = [each for each in _own(deal, reading) if _end(each) == "unseen"]
+        yield from _nothing_after(deal, reading, max((each.asked for each in reads), default=0))
     elif told.kind == "read unseen":
         pieces = {frame for each in reading.capture.pieces.values() for frame in each}
         ends = [_end(each) for each in _own(deal, reading) if each.asked not in _answered(deal)]
@@ -257,7 +266,10 @@ def _channel(deal: Deal, reading: Reading) -> list[wire.Record]:
 
 def _next_write(deal: Deal, reading: Reading) -> int | None:
     """The frame of the next Write request of the channel."""
-    return min((each.asked for each in _writes(deal, reading) if each.asked > (deal.write or 0)), default=None)
+    return min(
+        (each.asked for each in _writes(deal, reading) if each.asked > (deal.write or 0)),
+        default=None,
+    )
 
 
 def _writes(deal: Deal, reading: Reading) -> list[wire.Record]:
@@ -281,12 +293,23 @@ def _at(record: wire.Record) -> int:
 def _asker(record: wire.Record, deal: Deal, reading: Reading) -> int:
     """The Write request before a Read: a refused one only where no older request is still open."""
     at = _at(record)
-    writes = sorted((each for each in _writes(deal, reading) if each.asked < at), key=lambda each: each.asked)
+    writes = sorted(
+        (each for each in _writes(deal, reading) if each.asked < at), key=lambda each: each.asked
+    )
     taken = [each.asked for each in writes if _end(each) not in ("error", "fault")]
     if not writes or not taken:
         return writes[-1].asked if writes else 0
-    owner = next((each for each in reading.deals if each.write == taken[-1] and each.channel == deal.channel), None)
-    is_open = owner is not None and (owner.read is None or max(owner.all_frames) > at)
+    owner = next(
+        (
+            each
+            for each in reading.deals
+            if each.write == taken[-1] and each.channel == deal.channel
+        ),
+        None,
+    )
+    if owner is None or any(taken[-1] < frame < at for frame in reading.releases(owner)):
+        return writes[-1].asked
+    is_open = owner.read is None or max(owner.all_frames) > at
     return taken[-1] if is_open else writes[-1].asked
 
 
@@ -312,7 +335,9 @@ def _nothing_after(deal: Deal, reading: Reading, frame: int) -> Iterator[str]:
 def _quiet(deal: Deal, reading: Reading, frame: int) -> Iterator[str]:
     """A timeout: nothing may come on the channel for as long as it takes."""
     begin = reading.time(frame) or 0
-    times = [reading.time(each.asked) or 0 for each in _channel(deal, reading) if each.asked > frame]
+    times = [
+        reading.time(each.asked) or 0 for each in _channel(deal, reading) if each.asked > frame
+    ]
     last = reading.capture.frames[-1].time_ns
     if min([last, *times]) - begin < 10**9:
         yield "a timeout is told, and less than 1 s later the channel goes on, or the capture ends"

@@ -276,6 +276,19 @@ def test_text_is_that_of_python_with_every_option(
         assert text == python_text(result, **options), result.path
 
 
+def test_reads_without_a_response_are_told_in_their_order_as_in_python(lua: Run) -> None:
+    """Between the polls, and behind them; that the capture ended is told of the last one."""
+    frames = Frames(1, 2, 5, None, [(3, 4), (6, 7)])
+    item = handmade.transaction(state="unanswered", frames=frames, read_status=None)
+    lost = [[], [finding("DS101", 8, 1, None, operation="Read")]]
+    results = [CaptureResult("x", transactions=[item], findings=each) for each in lost]
+    texts = lua([job("report", each, plc=True) for each in results])
+    assert texts == [python_text(each, plc=True) for each in results]
+    assert "RDREC, no response before" not in texts[0]
+    assert texts[1].count("DE80B500; RDREC, its whole response is not in the capture; RDREC ") == 1
+    assert "DE80B500; RDREC, no response before the capture ends" in texts[1]
+
+
 def test_findings_are_grouped_as_in_python(lua: Run) -> None:
     """By rule, device and the arguments of the group; more causes than are told apart fall together."""
     told = []

@@ -361,6 +361,11 @@ def test_causes_keep_their_order():
             "WRREC DONE, STATUS 00000000; RDREC, no response before the capture ends",
         ),
         (
+            {"frames": Frames(1, 2, 5, None, [(3, 4), (6, 7)]), "read_status": None, "response": None},
+            "WRREC DONE, STATUS 00000000; RDREC ERROR, STATUS DE80B500; "
+            "RDREC, its whole response is not in the capture; RDREC ERROR, STATUS DE80B500",
+        ),
+        (
             {"frames": Frames(1, 2), "write_status": None, "read_status": None, "response": None},
             "WRREC ERROR with a STATUS of the PLC itself (RPC fault or reject); RDREC not started in this capture",
         ),
@@ -629,6 +634,19 @@ def test_calls_that_brought_nothing_stand_between_the_polls():
         "RDREC ERROR, STATUS DE80B500",
         "RDREC ERROR with a STATUS of the PLC itself (RPC fault or reject)",
         "RDREC 2 x ERROR, STATUS DE80B500",
+    ]
+
+
+def test_the_capture_ends_after_the_last_read_and_not_after_one_before():
+    frames = Frames(1, 2, 5, None, [(3, 4), (6, 7)])
+    item = handmade.transaction(state="unanswered", frames=frames, read_status=None, response=None)
+    lost = handmade.finding("DS101", "warning", "lost", 8, 1, operation="Read")
+    told = plc.Witness(capture(item, findings=[lost])).text(item).en.split("; ")
+    assert told[1:] == [
+        "RDREC ERROR, STATUS DE80B500",
+        "RDREC, its whole response is not in the capture",
+        "RDREC ERROR, STATUS DE80B500",
+        "RDREC, no response before the capture ends",
     ]
 
 

@@ -93,7 +93,7 @@ class Witness:
         self, item: Transaction, left_out: Sequence[tuple[int, Call]], wait: str
     ) -> list[Call]:
         frames = item.frames
-        calls = _before(item, left_out)
+        calls = _before(item, left_out, wait)
         captured = len(item.response) if item.response is not None else 0
         length = self._lengths.get(frames.read_response or 0, captured)
         if frames.read_response is not None and item.read_status:
@@ -101,11 +101,9 @@ class Witness:
         elif frames.read_response is not None:
             outcome = "cut" if captured < length else "done"
             calls.append(Call("RDREC", outcome, 0, length=length, captured=captured))
-        elif frames.read_request is not None:
-            calls.append(Call("RDREC", "unseen" if wait == "busy" else wait))
-        elif item.state == "superseded":
+        elif item.state == "superseded" and frames.read_request is None:
             calls.append(Call("RDREC", "superseded"))
-        elif not left_out:
+        elif not left_out and frames.read_request is None:
             calls.append(Call("RDREC", "given_up" if frames.polls else "never"))
         if frames.rereads:
             calls.append(Call("RDREC", "again", 0, len(frames.rereads), length))
@@ -154,14 +152,23 @@ def _left_out(item: Transaction, found: Sequence[Finding]) -> tuple[list[tuple[i
     return calls, part is not None
 
 
-def _before(item: Transaction, left_out: Sequence[tuple[int, Call]]) -> list[Call]:
-    """The Reads before the last one: polls, and those that brought nothing."""
-    polls = item.frames.polls
-    if not left_out:
+def _before(item: Transaction, left_out: Sequence[tuple[int, Call]], wait: str) -> list[Call]:
+    """The Reads before the one that was answered: polls, and those that brought nothing.
+
+    Of a Read without a response it is known only that nothing came in the frames behind it: that the capture
+    ended is told of the last one alone.
+    """
+    polls, asked = item.frames.polls, item.frames.read_request
+    waits = asked is not None and item.frames.read_response is None
+    if not left_out and not waits:
         return [Call("RDREC", "polled", NOT_READY, len(polls))] if polls else []
+    alone = [(asked or 0, Call("RDREC", "unseen"))] if waits else []
     polled = [(frame or 0, Call("RDREC", "polled", NOT_READY)) for _, frame in polls]
+    found = [call for _, call in sorted([*polled, *left_out, *alone], key=lambda each: each[0])]
+    if waits and wait == "ends" and found[-1].outcome == "unseen":
+        found[-1] = Call("RDREC", "ends")
     calls: list[Call] = []
-    for _, call in sorted([*polled, *left_out], key=lambda each: each[0]):
+    for call in found:
         if calls and calls[-1].outcome == call.outcome:
             calls[-1] = call._replace(times=calls[-1].times + 1)
         else:
