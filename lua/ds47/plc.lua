@@ -32,6 +32,13 @@ local function end_of(transactions)
   return last
 end
 
+local function channel_of(item)
+  return concat({
+    item.controller, item.device, item.ar or "", words.integer(item.api), item.slot, item.subslot,
+    item.index,
+  }, "\0")
+end
+
 -- How long transactions without a response were waited for, by their id: "ends" where nothing comes after it
 -- on its channel, "busy" where the capture is known to go on for the time after which a request is given up
 -- and nothing more came on the channel, else "unseen".
@@ -40,10 +47,7 @@ local function waits_of(transactions)
   local after, waits = {}, {}
   for place = #transactions, 1, -1 do
     local item = transactions[place]
-    local channel = concat({
-      item.controller, item.device, item.ar or "", words.integer(item.api), item.slot, item.subslot,
-      item.index,
-    }, "\0")
+    local channel = channel_of(item)
     local following = after[channel]
     after[channel] = item.start_ns
     if item.state == "unanswered" then
@@ -52,6 +56,49 @@ local function waits_of(transactions)
     end
   end
   return waits
+end
+
+-- Whether the Write of a transaction has no response, as far as is known.
+local function lacks_write_response(item)
+  return item.state == "unanswered" and not item.frames.write_response
+end
+
+-- The newest frame of a transaction and of the findings about its calls.
+local function newest_of(item, found)
+  local frames, newest = item.frames, 0
+  for _, key in ipairs({ "write_request", "write_response", "read_request", "read_response" }) do
+    newest = math.max(newest, frames[key] or 0)
+  end
+  for _, key in ipairs({ "polls", "rereads" }) do
+    for _, pair in ipairs(frames[key] or {}) do
+      newest = math.max(newest, pair.request or 0, pair.response or 0)
+    end
+  end
+  for _, each in ipairs(found or {}) do
+    newest = math.max(newest, each.frame)
+  end
+  return newest
+end
+
+-- Says "beside" of those whose Write has no response, and behind whose Write an older request is read for:
+-- nobody knows then which of the two a Read was for.
+local function say_beside(transactions, calls, waits)
+  local lost, newest = {}, {}
+  for _, item in ipairs(transactions) do
+    if lacks_write_response(item) then
+      lost[channel_of(item)] = true
+    end
+  end
+  for _, item in ipairs(next(lost) and transactions or {}) do
+    local channel, asked = channel_of(item), item.frames.write_request
+    if lost[channel] then
+      local before = newest[channel] or 0
+      if lacks_write_response(item) and asked and before > asked then
+        waits[item.id] = "beside"
+      end
+      newest[channel] = math.max(before, newest_of(item, calls[item.id]))
+    end
+  end
 end
 
 -- Witnesses
@@ -71,10 +118,12 @@ function M.witness(result)
       lengths[each.args.completed] = each.args.length
     end
   end
+  local waits = waits_of(result.transactions)
+  say_beside(result.transactions, calls, waits)
   return setmetatable({
     calls = calls, -- transaction -> the findings about calls that brought no record
     lengths = lengths, -- frame of a Read response -> bytes of its record, which the capture cut
-    waits = waits_of(result.transactions),
+    waits = waits,
   }, Witness)
 end
 
@@ -162,7 +211,7 @@ end
 
 local function write(item, found, left_out, wait)
   local frames = item.frames
-  local outcome = wait
+  local outcome = wait == "beside" and "unseen" or wait
   if not frames.write_request then
     outcome = "missing"
   elseif item.write_status then
@@ -176,7 +225,7 @@ local function write(item, found, left_out, wait)
 end
 
 -- The Read that a transaction ended with; nil where all are told already.
-local function last_read(item, left_out, length)
+local function last_read(item, left_out, length, wait)
   local frames = item.frames
   if frames.read_response and item.read_status and item.read_status ~= 0 then
     return { block = "RDREC", outcome = "error", status = item.read_status }
@@ -188,7 +237,7 @@ local function last_read(item, left_out, length)
     return nil
   elseif item.state == "superseded" then
     return { block = "RDREC", outcome = "superseded" }
-  elseif #left_out == 0 then
+  elseif #left_out == 0 and wait ~= "beside" then
     return { block = "RDREC", outcome = #(frames.polls or {}) > 0 and "given_up" or "never" }
   end
   return nil
@@ -210,7 +259,7 @@ function Witness:saw(item)
   for _, call in ipairs(before(item, left_out, wait)) do
     calls[#calls + 1] = call
   end
-  calls[#calls + 1] = last_read(item, left_out, length)
+  calls[#calls + 1] = last_read(item, left_out, length, wait)
   local rereads = #(item.frames.rereads or {})
   if rereads > 0 then
     calls[#calls + 1] = { block = "RDREC", outcome = "again", status = 0, times = rereads, length = length }

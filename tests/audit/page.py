@@ -280,7 +280,11 @@ def headlines(lines: list[str]) -> list[Headline]:
             continue
         item = found[-1]
         look = _LOOK.match(text)
-        if head and not look and not re.match(r"->|send instead|these answer|look at", text):
+        if (
+            head
+            and not look
+            and not re.match(r"->|instead of|send instead|these respond|look at", text)
+        ):
             item.text += " " + text
             continue
         head = False
@@ -289,7 +293,7 @@ def headlines(lines: list[str]) -> list[Headline]:
             more = _MORE.match(look[3])
             item.filters.append(more[1] if more else look[3])
             item.more += int(more[2]) if more else 0
-        elif text.startswith("these answer"):
+        elif text.startswith("these respond"):
             item.answering = [int(each) for each in re.findall(r"\d+", text)]
     for item in found:
         times = _TIMES.search(item.text)
@@ -392,16 +396,20 @@ def _in(finding: Finding, frames: set[int]) -> bool:
 
 def _answering(item: Headline, reading: Reading) -> Iterator[str]:
     """Drive objects that are said to answer: each must have, and none of them said that it does not exist."""
-    missing = answered_wrongly(reading)
+    told = [
+        each for each in reading.findings if each.rule == item.rule and item.text in each.message
+    ]
+    missing = answered_wrongly(reading, told[0].args.get("device") if told else None)
     for axis in item.answering:
         if axis in missing:
             yield f"DO {axis} is said to answer, and does not exist"
 
 
-def answered_wrongly(reading: Reading) -> set[int]:
-    """The drive objects of which the report says that they do not exist."""
+def answered_wrongly(reading: Reading, device: str | None) -> set[int]:
+    """The drive objects of which the report says that they do not exist: of one device, or of any."""
     return {
-        each.args["axis"] for each in reading.findings if each.rule == "DS709" and "axis" in each.args
+        each.args["axis"] for each in reading.findings
+        if each.rule == "DS709" and "axis" in each.args and device in (None, each.args.get("device"))
     }  # fmt: skip
 
 

@@ -231,6 +231,12 @@ def _without(told: Told, deal: Deal, reading: Reading) -> Iterator[str]:
     last = max([deal.write or 0, *(each["request"] or 0 for each in deal.polls)])
     if told.kind in ("never", "given up"):
         after = [frame for frame in own if frame > last]
+        if _unseen(deal, reading):  # whose the Reads behind it are is not known
+            end = _next_write(deal, reading) or 10**9
+            after = [
+                each.asked for each in _channel(deal, reading)
+                if not each.write and not each.implicit and (deal.write or 0) < each.asked < end
+            ]  # fmt: skip
         if deal.read is not None or (told.kind == "never" and deal.polls):
             yield f"RDREC {told.kind}, but it was"
         elif after:
@@ -291,12 +297,16 @@ def _at(record: wire.Record) -> int:
 
 
 def _asker(record: wire.Record, deal: Deal, reading: Reading) -> int:
-    """The Write request before a Read: a refused one only where no older request is still open."""
+    """The Write request before a Read: a refused one only where no older request is still open.
+
+    Of a Write without its response nobody knows whether it was accepted: the Reads behind it are those of the
+    transaction that the report gives them to.
+    """
     at = _at(record)
     writes = sorted(
         (each for each in _writes(deal, reading) if each.asked < at), key=lambda each: each.asked
     )
-    taken = [each.asked for each in writes if _end(each) not in ("error", "fault")]
+    taken = [each.asked for each in writes if _end(each) == "done"]
     if not writes or not taken:
         return writes[-1].asked if writes else 0
     owner = next(
@@ -309,8 +319,28 @@ def _asker(record: wire.Record, deal: Deal, reading: Reading) -> int:
     )
     if owner is None or any(taken[-1] < frame < at for frame in reading.releases(owner)):
         return writes[-1].asked
+    if any(_end(each) == "unseen" for each in writes if each.asked > taken[-1]):
+        given = _given(record, deal, reading)
+        return writes[-1].asked if given is None else given
     is_open = owner.read is None or max(owner.all_frames) > at
     return taken[-1] if is_open else writes[-1].asked
+
+
+def _unseen(deal: Deal, reading: Reading) -> bool:
+    """Whether its Write has no response in the capture."""
+    return any(
+        each.asked == deal.write and _end(each) == "unseen" for each in _writes(deal, reading)
+    )
+
+
+def _given(record: wire.Record, deal: Deal, reading: Reading) -> int | None:
+    """The Write of the transaction to which a Read is given, by its frames or by what is said of the Read."""
+    frames = {record.asked, record.answered}
+    said = {each.transaction for each in reading.findings if each.frame in frames}
+    for each in reading.deals:
+        if each.channel == deal.channel and (_at(record) in each.all_frames or each.id in said):
+            return each.write or 0
+    return None
 
 
 def _loose(record: wire.Record, reading: Reading) -> bool:

@@ -672,6 +672,19 @@ def test_a_request_that_nothing_follows_for_long_ran_into_its_timeout():
         assert plc.Witness(capture(*items)).text(alone).en.startswith(expected)
 
 
+def test_whose_a_read_behind_a_write_without_a_response_was_is_not_known():
+    """An older request is read for after it: its WRREC and RDREC may have run."""
+    older = handmade.transaction(frames=Frames(1, 2, 6, 7, [(4, 5)]))
+    lost = handmade.transaction(
+        id=2, state="unanswered", frames=Frames(3), write_status=None, read_status=None
+    )
+    told = plc.Witness(capture(older, lost)).text(lost).en
+    assert told == "WRREC, its response is not in the capture"
+    lost.frames = Frames(8)
+    told = plc.Witness(capture(older, lost)).text(lost).en
+    assert told == "WRREC, no response before the capture ends; RDREC not started in this capture"
+
+
 def test_one_without_an_ar_asks_nothing_of_its_own():
     """A ReadImplicit fetches what another request asked for."""
     from ds47.report.verdict import blind
