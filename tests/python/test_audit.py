@@ -189,13 +189,20 @@ def test_a_sentence_of_other_arguments_is_noticed() -> None:
         (r"polled 2 times", "polled 3 times"),
         (r"read again 1 time", "read again 2 times"),
         (r"LEN 10 ", "LEN 12 "),
+        (r"WRREC DONE, STATUS 00000000; RDREC VALID", "WRREC, its response is not in the capture; RDREC VALID"),
+        (r"; RDREC VALID, STATUS 00000000, LEN 10 ",
+         "; RDREC VALID, STATUS 00000000, LEN 0; RDREC VALID, STATUS 00000000, LEN 10 "),
+        (r"; RDREC VALID, STATUS 00000000, LEN 10 ",
+         "; RDREC, no response before the capture ends; RDREC VALID, STATUS 00000000, LEN 10 "),
+        (r": negative response, in part", ": negative response"),
+        (r"VALID once more", "VALID, once more"),
         (r"  4 frames 2.1 ms", "  5 frames 2.1 ms"),
         (r"  4 frames 2.1 ms", "  4 frames 3.1 ms"),
         (r"DS414 note change-superseded: 4 findings", "DS414 note change-superseded: 5 findings"),
         (r"p1937[0] :=", "p1938[0] :="),
         (r"  [error]  ", "  [partial]  "),
     ],
-)
+)  # fmt: skip
 def test_a_false_word_of_the_text_is_noticed(was: str, becomes: str) -> None:
     item = read(ROOT / "captures/real-stacks/o3_two_controllers.pcapng")
     assert was in item.text
