@@ -32,6 +32,13 @@ local function end_of(transactions)
   return last
 end
 
+local function channel_of(item)
+  return concat({
+    item.controller, item.device, item.ar or "", words.integer(item.api), item.slot, item.subslot,
+    item.index,
+  }, "\0")
+end
+
 -- How long transactions without a response were waited for, by their id: "ends" where nothing comes after it
 -- on its channel, "busy" where the capture is known to go on for the time after which a request is given up
 -- and nothing more came on the channel, else "unseen".
@@ -40,10 +47,7 @@ local function waits_of(transactions)
   local after, waits = {}, {}
   for place = #transactions, 1, -1 do
     local item = transactions[place]
-    local channel = concat({
-      item.controller, item.device, item.ar or "", words.integer(item.api), item.slot, item.subslot,
-      item.index,
-    }, "\0")
+    local channel = channel_of(item)
     local following = after[channel]
     after[channel] = item.start_ns
     if item.state == "unanswered" then
@@ -52,6 +56,49 @@ local function waits_of(transactions)
     end
   end
   return waits
+end
+
+-- Whether the Write of a transaction has no response, as far as is known.
+local function lacks_write_response(item)
+  return item.state == "unanswered" and not item.frames.write_response
+end
+
+-- The newest frame of a transaction and of the findings about its calls.
+local function newest_of(item, found)
+  local frames, newest = item.frames, 0
+  for _, key in ipairs({ "write_request", "write_response", "read_request", "read_response" }) do
+    newest = math.max(newest, frames[key] or 0)
+  end
+  for _, key in ipairs({ "polls", "rereads" }) do
+    for _, pair in ipairs(frames[key] or {}) do
+      newest = math.max(newest, pair.request or 0, pair.response or 0)
+    end
+  end
+  for _, each in ipairs(found or {}) do
+    newest = math.max(newest, each.frame)
+  end
+  return newest
+end
+
+-- Says "beside" of those whose Write has no response, and behind whose Write an older request is read for:
+-- nobody knows then which of the two a Read was for.
+local function say_beside(transactions, calls, waits)
+  local lost, newest = {}, {}
+  for _, item in ipairs(transactions) do
+    if lacks_write_response(item) then
+      lost[channel_of(item)] = true
+    end
+  end
+  for _, item in ipairs(next(lost) and transactions or {}) do
+    local channel, asked = channel_of(item), item.frames.write_request
+    if lost[channel] then
+      local before = newest[channel] or 0
+      if lacks_write_response(item) and asked and before > asked then
+        waits[item.id] = "beside"
+      end
+      newest[channel] = math.max(before, newest_of(item, calls[item.id]))
+    end
+  end
 end
 
 -- Witnesses
@@ -71,10 +118,12 @@ function M.witness(result)
       lengths[each.args.completed] = each.args.length
     end
   end
+  local waits = waits_of(result.transactions)
+  say_beside(result.transactions, calls, waits)
   return setmetatable({
     calls = calls, -- transaction -> the findings about calls that brought no record
     lengths = lengths, -- frame of a Read response -> bytes of its record, which the capture cut
-    waits = waits_of(result.transactions),
+    waits = waits,
   }, Witness)
 end
 
@@ -112,16 +161,11 @@ local function left_out_of(item, found)
   return list, in_part
 end
 
--- The Reads before the last one: polls, and those that brought nothing.
-local function before(item, left_out)
-  local polls, calls = item.frames.polls or {}, {}
-  if #left_out == 0 then
-    if #polls > 0 then
-      calls[1] = { block = "RDREC", outcome = "polled", status = M.NOT_READY, times = #polls }
-    end
-    return calls
-  end
-  local all = {}
+-- Polls, Reads that brought nothing, and the one without a response that is a frame of the transaction, by
+-- their frames; of the last one alone it is told that the capture ended.
+local function in_order(item, left_out, wait)
+  local frames = item.frames
+  local polls, all = frames.polls or {}, {}
   for place, poll in ipairs(polls) do
     local order = place - 1 - #polls
     all[place] = { frame = poll.response or 0, outcome = "polled", status = M.NOT_READY, order = order }
@@ -129,10 +173,23 @@ local function before(item, left_out)
   for _, each in ipairs(left_out) do
     all[#all + 1] = each
   end
+  local waits = frames.read_request and not frames.read_response
+  if waits then
+    all[#all + 1] = { frame = frames.read_request, outcome = "unseen", order = #left_out }
+  end
   table.sort(all, function(a, b)
     return a.frame < b.frame or a.frame == b.frame and a.order < b.order
   end)
-  for _, each in ipairs(all) do
+  if waits and wait == "ends" and all[#all].outcome == "unseen" then
+    all[#all] = { outcome = "ends" }
+  end
+  return all
+end
+
+-- The Reads before the one that was answered: polls, and those that brought nothing.
+local function before(item, left_out, wait)
+  local calls = {}
+  for _, each in ipairs(in_order(item, left_out, wait)) do
     local newest = calls[#calls]
     if newest and newest.outcome == each.outcome then
       newest.times = newest.times + 1
@@ -154,7 +211,7 @@ end
 
 local function write(item, found, left_out, wait)
   local frames = item.frames
-  local outcome = wait
+  local outcome = wait == "beside" and "unseen" or wait
   if not frames.write_request then
     outcome = "missing"
   elseif item.write_status then
@@ -168,7 +225,7 @@ local function write(item, found, left_out, wait)
 end
 
 -- The Read that a transaction ended with; nil where all are told already.
-local function last_read(item, left_out, wait, length)
+local function last_read(item, left_out, length, wait)
   local frames = item.frames
   if frames.read_response and item.read_status and item.read_status ~= 0 then
     return { block = "RDREC", outcome = "error", status = item.read_status }
@@ -177,10 +234,10 @@ local function last_read(item, left_out, wait, length)
     local outcome = captured < length and "cut" or "done"
     return { block = "RDREC", outcome = outcome, status = 0, length = length, captured = captured }
   elseif frames.read_request then
-    return { block = "RDREC", outcome = wait == "busy" and "unseen" or wait }
+    return nil
   elseif item.state == "superseded" then
     return { block = "RDREC", outcome = "superseded" }
-  elseif #left_out == 0 then
+  elseif #left_out == 0 and wait ~= "beside" then
     return { block = "RDREC", outcome = #(frames.polls or {}) > 0 and "given_up" or "never" }
   end
   return nil
@@ -199,10 +256,10 @@ function Witness:saw(item)
   local captured = item.response and #item.response or 0
   local length = self.lengths[item.frames.read_response or 0] or captured
   local calls = { write(item, found, left_out, wait) }
-  for _, call in ipairs(before(item, left_out)) do
+  for _, call in ipairs(before(item, left_out, wait)) do
     calls[#calls + 1] = call
   end
-  calls[#calls + 1] = last_read(item, left_out, wait, length)
+  calls[#calls + 1] = last_read(item, left_out, length, wait)
   local rereads = #(item.frames.rereads or {})
   if rereads > 0 then
     calls[#calls + 1] = { block = "RDREC", outcome = "again", status = 0, times = rereads, length = length }

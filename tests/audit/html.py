@@ -88,8 +88,8 @@ def _drives(body: str, reading: Reading) -> Iterator[str]:
     ]  # fmt: skip
     if not rows or not rows[0] or rows[0][0] != "IP address":
         return
-    missing = answered_wrongly(reading)
     for row in rows[1:]:
+        missing = answered_wrongly(reading, row[0])
         deals = [each for each in reading.deals if each.device == row[0]]
         for label, told in zip(rows[0], row, strict=False):
             counts = [(label, told)]
@@ -116,7 +116,10 @@ def _problem(text: str) -> Headline | None:
     )
     job = re.search(r'href="#job-\d+-(\d+)"', text)
     words = _plain(re.sub(r'<span class="badge.*?</span></span>', "", what[1], flags=re.DOTALL))
-    item = Headline(rule[1], "", words)
+    words, _, others = words.partition("; these respond here: ")
+    item = Headline(
+        rule[1], "", words, answering=[int(each) for each in re.findall(r"\d+", others)]
+    )
     if times:
         item.times = int(times[1].replace(",", ""))
         item.wide = int((times[2] or times[1]).replace(",", ""))

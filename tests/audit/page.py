@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
+from tests.audit import plc
 from tests.audit.reading import Complaint, Deal, Finding, Reading, shown
 from tests.audit.words import MANY, of_many, problems
 
@@ -32,6 +33,7 @@ _REST = re.compile(
     r"^  (DS\d{3}) [a-z0-9-]+: ([\d,]+) more causes? of this kind, ([\d,]+) times? in all$"
 )
 _LOOK = re.compile(r"^look at frame (\d+)(?:.*?)(?: \(#(\d+)\))?: (frame\.number.*)$")
+_DEVICE = re.compile(r"^(\d+\.\d+\.\d+\.\d+): ")
 _MORE = re.compile(r"^(.*?)\s+\(and (\d+) frames? more\)$")
 _PNU = re.compile(r"\bp(\d+|\?)(?:\[(\d+)(?:\.\.(\d+))?\])?")
 
@@ -66,7 +68,7 @@ def check(reading: Reading) -> Iterator[Complaint]:
     for item in items:
         if any(each.rule == item.rule and re.search(rf"\({item.times} times?\)$", each.message)
                for each in reading.findings):  # fmt: skip
-            item.text += f" ({item.times} {'time' if item.times == 1 else 'times'})"
+            item.text += item.number
             item.times = item.wide = 1  # a number of the sentence itself
     for text in _rests(lines, items, reading):
         yield Complaint("headline", "", text)
@@ -251,11 +253,15 @@ class Headline:
     times: int = 1
     wide: int = 1
     """In so many frames."""
+    number: str = ""
+    """How this stands behind its words."""
     filters: list[str] = field(default_factory=list)
     frame: int | None = None
     job: int | None = None
     answering: list[int] = field(default_factory=list)
     more: int = 0
+    device: str | None = None
+    """The device in front of its words."""
 
 
 def headlines(lines: list[str]) -> list[Headline]:
@@ -274,7 +280,11 @@ def headlines(lines: list[str]) -> list[Headline]:
             continue
         item = found[-1]
         look = _LOOK.match(text)
-        if head and not look and not re.match(r"->|send instead|these answer|look at", text):
+        if (
+            head
+            and not look
+            and not re.match(r"->|instead of|send instead|these respond|look at", text)
+        ):
             item.text += " " + text
             continue
         head = False
@@ -283,14 +293,14 @@ def headlines(lines: list[str]) -> list[Headline]:
             more = _MORE.match(look[3])
             item.filters.append(more[1] if more else look[3])
             item.more += int(more[2]) if more else 0
-        elif text.startswith("these answer"):
+        elif text.startswith("these respond"):
             item.answering = [int(each) for each in re.findall(r"\d+", text)]
     for item in found:
         times = _TIMES.search(item.text)
         if times:
             item.times = int(times[1].replace(",", ""))
             item.wide = int((times[2] or times[1]).replace(",", ""))
-            item.text = item.text[: times.start()]
+            item.text, item.number = item.text[: times.start()], times[0]
     return found
 
 
@@ -305,6 +315,7 @@ def headline(item: Headline, reading: Reading) -> Iterator[str]:
     if item.frame is not None and item.frame not in frames:
         yield f"frame {item.frame} is not among those of its filter"
     group = [each for each in reading.findings if each.rule == item.rule and _in(each, frames)]
+    yield from _device(item, group, reading)
     if not group:
         yield f"no finding {item.rule} is in the frames {sorted(frames)}"
         return
@@ -329,6 +340,27 @@ def headline(item: Headline, reading: Reading) -> Iterator[str]:
     if item.job is not None and item.job not in {each.transaction for each in mine}:
         yield f"#{item.job} has no such finding"
     yield from _answering(item, reading)
+
+
+def _device(item: Headline, group: list[Finding], reading: Reading) -> Iterator[str]:
+    """Takes the device from the front of the words; all its findings must be of this device, in a capture of several."""
+    named = _DEVICE.match(item.text)
+    if named is None or any(item.text in each.message for each in group):
+        return
+    item.text = item.text.removeprefix(named[0])
+    if len({each.device for each in reading.deals}) < 2:
+        yield f"names {named[1]}, and there is no other"
+    of = {each.frame: about(each, reading) for each in group}
+    others = [frame for frame, device in of.items() if device not in (None, named[1])]
+    item.device = named[1]
+    if others:
+        yield f"frame {others[0]} is not about {named[1]}, but about {of[others[0]]}"
+
+
+def about(finding: Finding, reading: Reading) -> str | None:
+    """The device that a finding is about."""
+    deal = reading.deal(finding)
+    return deal.device if deal else finding.args.get("device")
 
 
 def _says(item: Headline, finding: Finding) -> bool:
@@ -364,16 +396,20 @@ def _in(finding: Finding, frames: set[int]) -> bool:
 
 def _answering(item: Headline, reading: Reading) -> Iterator[str]:
     """Drive objects that are said to answer: each must have, and none of them said that it does not exist."""
-    missing = answered_wrongly(reading)
+    told = [
+        each for each in reading.findings if each.rule == item.rule and item.text in each.message
+    ]
+    missing = answered_wrongly(reading, told[0].args.get("device") if told else None)
     for axis in item.answering:
         if axis in missing:
             yield f"DO {axis} is said to answer, and does not exist"
 
 
-def answered_wrongly(reading: Reading) -> set[int]:
-    """The drive objects of which the report says that they do not exist."""
+def answered_wrongly(reading: Reading, device: str | None) -> set[int]:
+    """The drive objects of which the report says that they do not exist: of one device, or of any."""
     return {
-        each.args["axis"] for each in reading.findings if each.rule == "DS709" and "axis" in each.args
+        each.args["axis"] for each in reading.findings
+        if each.rule == "DS709" and "axis" in each.args and device in (None, each.args.get("device"))
     }  # fmt: skip
 
 
@@ -419,9 +455,14 @@ def _line(block: list[str], deal: Deal, reading: Reading) -> Iterator[str]:
     if deal.device not in first:
         yield f"does not name {deal.device}"
     yield from _parameters(block, deal)
+    yield from _plc(block, deal, reading)
+
+
+def _plc(block: list[str], deal: Deal, reading: Reading) -> Iterator[str]:
     for line in block[1:]:
         if line.strip().startswith("PLC: "):
-            yield from _plc(line.strip().removeprefix("PLC: "), deal, reading)
+            for text in plc.check(line.strip().removeprefix("PLC: "), deal, reading):
+                yield f"PLC: {text}"
 
 
 def _parameters(block: list[str], deal: Deal) -> Iterator[str]:
@@ -432,78 +473,6 @@ def _parameters(block: list[str], deal: Deal) -> Iterator[str]:
             continue
         if (str(each["pnu"]), str(each["subindex"])) not in told:
             yield f"does not name p{each['pnu']}[{each['subindex']}]"
-
-
-def _plc(text: str, deal: Deal, reading: Reading) -> Iterator[str]:
-    """What the PLC is said to have seen."""
-    write = re.search(r"WRREC (DONE|ERROR), STATUS ([0-9A-F]{8})", text)
-    if write and int(write[2], 16) != deal.write_status:
-        yield f"PLC: {write[0]} is {deal.write_status}"
-    if write and (write[1] == "DONE") is bool(deal.write_status):
-        yield f"PLC: {write[0]} is none"
-    polls = re.search(r"RDREC (?:(\d+) x )?ERROR, STATUS DE80B500", text)
-    if (int(polls[1] or 1) if polls else 0) != len(deal.polls):
-        yield f"PLC: {polls[0] if polls else 'no poll'}: polled {len(deal.polls)} times"
-    valid = re.search(r"RDREC VALID, STATUS 0{8}, LEN (\d+)", text)
-    if valid and deal.read is not None:
-        frame = reading.capture.frame(deal.read)
-        lengths = [
-            length for each in reading.answered_at.get(deal.read, [])
-            for length in ([each.stated] if frame and frame.cut else [each.stated, len(each.data)])
-            if each.status == 0 and not each.write
-        ]  # fmt: skip
-        if lengths and int(valid[1]) not in lengths:
-            yield f"PLC: LEN {valid[1]} is {lengths}"
-    if valid and deal.read is not None:
-        implicit = [each.implicit for each in reading.answered_at.get(deal.read, [])]
-        if implicit and all(implicit):
-            yield "PLC: RDREC VALID is a ReadImplicit, and no RDREC"
-    yield from _plc_ends(text, deal, reading)
-
-
-def _plc_ends(text: str, deal: Deal, reading: Reading) -> Iterator[str]:
-    reads = [
-        each.asked for each in reading.on_channel.get(deal.channel, [])
-        if not each.write and not each.implicit and each.asked > (deal.write or 0)
-    ]  # fmt: skip
-    own = [each for each in reads if not _taken(each, deal, reading)]
-    if "not started in this capture" in text and own and deal.read is None:
-        yield f"PLC: RDREC was started in frame {own[0]}"
-    if "BUSY until its timeout" in text:
-        last = reading.capture.frames[-1].time_ns
-        begin = reading.time(max(deal.all_frames)) or 0
-        if last - begin < 10**9:
-            yield "PLC: a timeout is told, and the capture ends less than 1 s later"
-        elif "WRREC BUSY" in text and own:
-            yield f"PLC: WRREC was done when RDREC started in frame {own[0]}"
-    if "refused in part" in text or "refused: in part" in text:
-        if deal.state != "partial":
-            yield f"PLC: refused in part, but {deal.state}"
-    elif re.search(r"byte 1 is 16#..: refused", text) and deal.state == "partial":
-        yield "PLC: refused, where it was refused in part"
-    byte = re.search(r"byte 1 is 16#([0-9A-F]{2})", text)
-    if byte and (deal.answer is None or deal.answer.id != int(byte[1], 16)):
-        yield f"PLC: {byte[0]} is not so"
-    if "answers another request" in text and not _another(deal, reading):
-        yield "PLC: the record is said to answer another request, which is not in the capture"
-
-
-def _taken(frame: int, deal: Deal, reading: Reading) -> bool:
-    """Whether a Read belongs to another transaction of the same channel."""
-    return any(
-        frame in each.all_frames for each in reading.deals if each.id != deal.id
-    )  # fmt: skip
-
-
-def _another(deal: Deal, reading: Reading) -> bool:
-    answer = deal.answer
-    return any(
-        each.asked is not None and answer is not None and each.id != deal.id
-        and each.device == deal.device and (each.write or 0) < (deal.read or 0)
-        and each.asked.reference == answer.reference and each.asked.axis == answer.axis
-        and answer.id in (each.asked.id, (each.asked.id or 0) | 0x80)
-        for each in reading.deals
-    )  # fmt: skip
 
 
 # Findings

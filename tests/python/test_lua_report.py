@@ -276,6 +276,37 @@ def test_text_is_that_of_python_with_every_option(
         assert text == python_text(result, **options), result.path
 
 
+def test_reads_without_a_response_are_told_in_their_order_as_in_python(lua: Run) -> None:
+    """Between the polls, and behind them; that the capture ended is told of the last one."""
+    frames = Frames(1, 2, 5, None, [(3, 4), (6, 7)])
+    item = handmade.transaction(state="unanswered", frames=frames, read_status=None)
+    lost = [[], [finding("DS101", 8, 1, None, operation="Read")]]
+    results = [CaptureResult("x", transactions=[item], findings=each) for each in lost]
+    texts = lua([job("report", each, plc=True) for each in results])
+    assert texts == [python_text(each, plc=True) for each in results]
+    assert "RDREC, no response before" not in texts[0]
+    assert texts[1].count("DE80B500; RDREC, its whole response is not in the capture; RDREC ") == 1
+    assert "DE80B500; RDREC, no response before the capture ends" in texts[1]
+
+
+def test_a_write_without_a_response_before_other_reads_is_told_as_in_python(lua: Run) -> None:
+    """Whose the Reads behind it were is not known; nor where a finding alone names one of them."""
+    lost = handmade.transaction(id=2, state="unanswered", frames=Frames(3), write_status=None)
+    results = []
+    for frames, found in (
+        (Frames(1, 2, 6, 7, [(4, 5)]), []),
+        (Frames(1, 2), [finding("DS104", 5, 1, None, kind="reject", fault=1)]),
+        (Frames(1, 2), []),
+    ):
+        older = handmade.transaction(frames=frames)
+        results.append(CaptureResult("x", transactions=[older, lost], findings=found))
+    texts = lua([job("report", each, plc=True) for each in results])
+    assert texts == [python_text(each, plc=True) for each in results]
+    for text, known in zip(texts, (False, False, True), strict=True):
+        assert ("PLC: WRREC, its response is not in the capture\n" in text) is not known
+        assert ("WRREC, no response before the capture ends; RDREC not started" in text) is known
+
+
 def test_findings_are_grouped_as_in_python(lua: Run) -> None:
     """By rule, device and the arguments of the group; more causes than are told apart fall together."""
     told = []

@@ -361,6 +361,11 @@ def test_causes_keep_their_order():
             "WRREC DONE, STATUS 00000000; RDREC, no response before the capture ends",
         ),
         (
+            {"frames": Frames(1, 2, 5, None, [(3, 4), (6, 7)]), "read_status": None, "response": None},
+            "WRREC DONE, STATUS 00000000; RDREC ERROR, STATUS DE80B500; "
+            "RDREC, its whole response is not in the capture; RDREC ERROR, STATUS DE80B500",
+        ),
+        (
             {"frames": Frames(1, 2), "write_status": None, "read_status": None, "response": None},
             "WRREC ERROR with a STATUS of the PLC itself (RPC fault or reject); RDREC not started in this capture",
         ),
@@ -632,6 +637,19 @@ def test_calls_that_brought_nothing_stand_between_the_polls():
     ]
 
 
+def test_the_capture_ends_after_the_last_read_and_not_after_one_before():
+    frames = Frames(1, 2, 5, None, [(3, 4), (6, 7)])
+    item = handmade.transaction(state="unanswered", frames=frames, read_status=None, response=None)
+    lost = handmade.finding("DS101", "warning", "lost", 8, 1, operation="Read")
+    told = plc.Witness(capture(item, findings=[lost])).text(item).en.split("; ")
+    assert told[1:] == [
+        "RDREC ERROR, STATUS DE80B500",
+        "RDREC, its whole response is not in the capture",
+        "RDREC ERROR, STATUS DE80B500",
+        "RDREC, no response before the capture ends",
+    ]
+
+
 @pytest.mark.parametrize("args", [{"length": 46}, {"length": None, "completed": 4}, {}])
 def test_a_cut_record_of_which_a_damaged_result_lacks_facts_is_as_long_as_captured(args):
     item = handmade.transaction(response=b"\x01\x01\x01\x01")
@@ -652,6 +670,19 @@ def test_a_request_that_nothing_follows_for_long_ran_into_its_timeout():
         ([alone, handmade.transaction(id=2)], "WRREC, its response is not in the capture"),
     ):
         assert plc.Witness(capture(*items)).text(alone).en.startswith(expected)
+
+
+def test_whose_a_read_behind_a_write_without_a_response_was_is_not_known():
+    """An older request is read for after it: its WRREC and RDREC may have run."""
+    older = handmade.transaction(frames=Frames(1, 2, 6, 7, [(4, 5)]))
+    lost = handmade.transaction(
+        id=2, state="unanswered", frames=Frames(3), write_status=None, read_status=None
+    )
+    told = plc.Witness(capture(older, lost)).text(lost).en
+    assert told == "WRREC, its response is not in the capture"
+    lost.frames = Frames(8)
+    told = plc.Witness(capture(older, lost)).text(lost).en
+    assert told == "WRREC, no response before the capture ends; RDREC not started in this capture"
 
 
 def test_one_without_an_ar_asks_nothing_of_its_own():

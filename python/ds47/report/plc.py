@@ -7,9 +7,9 @@ STATUS means is the business of `ds47.explain`; the words are in spec/report.tom
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 from ds47.model import CaptureResult, Finding, Transaction
 from ds47.report.bilingual import Both, joined, say
@@ -29,6 +29,8 @@ _IN_PART: Final = "DS105"
 _CUT: Final = "DS106"
 _HEADER: Final = (("mirror_reference", 0), ("mirror_axis", 2), ("mirror_count", 3))
 """The bytes of a request that its response mirrors, but for byte 1."""
+
+_Channel = tuple[str, str, str | None, int, int, int, int]
 
 
 class Call(NamedTuple):
@@ -69,6 +71,8 @@ class Witness:
                 if completed is not None and length is not None:
                     self._lengths[completed] = length
         self._waits = _waits(result.transactions)
+        for number in _beside(result.transactions, self._calls):
+            self._waits[number] = "beside"
 
     def saw(self, item: Transaction) -> list[Call]:
         """The calls of a transaction in their order."""
@@ -93,7 +97,7 @@ class Witness:
         self, item: Transaction, left_out: Sequence[tuple[int, Call]], wait: str
     ) -> list[Call]:
         frames = item.frames
-        calls = _before(item, left_out)
+        calls = _before(item, left_out, wait)
         captured = len(item.response) if item.response is not None else 0
         length = self._lengths.get(frames.read_response or 0, captured)
         if frames.read_response is not None and item.read_status:
@@ -101,11 +105,9 @@ class Witness:
         elif frames.read_response is not None:
             outcome = "cut" if captured < length else "done"
             calls.append(Call("RDREC", outcome, 0, length=length, captured=captured))
-        elif frames.read_request is not None:
-            calls.append(Call("RDREC", "unseen" if wait == "busy" else wait))
-        elif item.state == "superseded":
+        elif item.state == "superseded" and frames.read_request is None:
             calls.append(Call("RDREC", "superseded"))
-        elif not left_out:
+        elif not left_out and frames.read_request is None and wait != "beside":
             calls.append(Call("RDREC", "given_up" if frames.polls else "never"))
         if frames.rereads:
             calls.append(Call("RDREC", "again", 0, len(frames.rereads), length))
@@ -120,12 +122,10 @@ def _waits(transactions: Sequence[Transaction]) -> dict[int, str]:
     """
     expiry = limits().transaction_expiry_ns
     end = max((each.start_ns + (each.duration_ns or 0) for each in transactions), default=0)
-    after: dict[tuple[Any, ...], int] = {}
+    after: dict[_Channel, int] = {}
     waits: dict[int, str] = {}
     for item in reversed(transactions):
-        channel = (
-            item.controller, item.device, item.ar, item.api, item.slot, item.subslot, item.index,
-        )  # fmt: skip
+        channel = _channel(item)
         following = after.get(channel)
         after[channel] = item.start_ns
         if item.state != "unanswered":
@@ -135,6 +135,37 @@ def _waits(transactions: Sequence[Transaction]) -> dict[int, str]:
         if known - item.start_ns > expiry:
             waits[item.id] = "busy"
     return waits
+
+
+def _beside(
+    transactions: Sequence[Transaction], calls: Mapping[int, Sequence[Finding]]
+) -> Iterator[int]:
+    """The ids of those whose Write has no response, and behind whose Write an older request is read for.
+
+    Nobody knows then which of the two a Read was for.
+    """
+    lost = {
+        _channel(each)
+        for each in transactions
+        if each.state == "unanswered" and each.frames.write_response is None
+    }
+    newest: dict[_Channel, int] = {}
+    for item in transactions if lost else ():
+        channel, asked = _channel(item), item.frames.write_request
+        if channel not in lost:
+            continue
+        before = newest.get(channel, 0)
+        waits = item.state == "unanswered" and item.frames.write_response is None
+        if waits and asked is not None and before > asked:
+            yield item.id
+        about = [each.frame for each in calls.get(item.id, ())]
+        newest[channel] = max([before, *item.frames.all(), *about])
+
+
+def _channel(item: Transaction) -> _Channel:
+    return (
+        item.controller, item.device, item.ar, item.api, item.slot, item.subslot, item.index,
+    )  # fmt: skip
 
 
 def _left_out(item: Transaction, found: Sequence[Finding]) -> tuple[list[tuple[int, Call]], bool]:
@@ -154,14 +185,23 @@ def _left_out(item: Transaction, found: Sequence[Finding]) -> tuple[list[tuple[i
     return calls, part is not None
 
 
-def _before(item: Transaction, left_out: Sequence[tuple[int, Call]]) -> list[Call]:
-    """The Reads before the last one: polls, and those that brought nothing."""
-    polls = item.frames.polls
-    if not left_out:
+def _before(item: Transaction, left_out: Sequence[tuple[int, Call]], wait: str) -> list[Call]:
+    """The Reads before the one that was answered: polls, and those that brought nothing.
+
+    Of a Read without a response it is known only that nothing came in the frames behind it: that the capture
+    ended is told of the last one alone.
+    """
+    polls, asked = item.frames.polls, item.frames.read_request
+    waits = asked is not None and item.frames.read_response is None
+    if not left_out and not waits:
         return [Call("RDREC", "polled", NOT_READY, len(polls))] if polls else []
+    alone = [(asked or 0, Call("RDREC", "unseen"))] if waits else []
     polled = [(frame or 0, Call("RDREC", "polled", NOT_READY)) for _, frame in polls]
+    found = [call for _, call in sorted([*polled, *left_out, *alone], key=lambda each: each[0])]
+    if waits and wait == "ends" and found[-1].outcome == "unseen":
+        found[-1] = Call("RDREC", "ends")
     calls: list[Call] = []
-    for _, call in sorted([*polled, *left_out], key=lambda each: each[0]):
+    for call in found:
         if calls and calls[-1].outcome == call.outcome:
             calls[-1] = call._replace(times=calls[-1].times + 1)
         else:
@@ -182,7 +222,7 @@ def _write(
         return Call("WRREC", "bare" if bare else "fault")
     if left_out or frames.read_request is not None or frames.read_response is not None:
         return Call("WRREC", "unseen")
-    return Call("WRREC", "unseen" if frames.polls else wait)
+    return Call("WRREC", "unseen" if frames.polls or wait == "beside" else wait)
 
 
 def not_mirrored(item: Transaction) -> list[Both]:
