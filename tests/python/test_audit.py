@@ -14,7 +14,7 @@ import pytest
 from tests.audit import __main__ as command
 from tests.audit import conversations, drive, message, reading, run, wire, words
 from tests.audit.memory import MAYBE, NEVER, SURE, Memory, Target
-from tests.audit.reading import Complaint, Finding, Reading
+from tests.audit.reading import Finding, Reading
 
 from ds47.spec import rules
 
