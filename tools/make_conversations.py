@@ -1239,6 +1239,42 @@ def _(tape: Tape) -> None:
 
 
 @case(
+    "P68-lost-read-of-an-older-request",
+    "P68",
+    "lost",
+    [
+        tx(1, "ok", (1, 2, 4, 5), 4, real(1.5)),
+        tx(2, "ok", (6, 7, 8, 9), 3, real(2.5, pnu=27), ref=2),
+    ],
+    "DS101@3#1",
+)
+def _(tape: Tape) -> None:
+    """A Read never got its RPC response: it belongs to the request before it, though another is open in the end."""
+    client = Client(tape)
+    client.write(ask())
+    client.ask_read()
+    client.read(tell(1, 1.5))
+    client.exchange(ask(2, 27), tell(2, 2.5))
+
+
+@case(
+    "P69-a-later-write-may-have-displaced-it",
+    "P69",
+    "lost",
+    [
+        tx(1, "unanswered", (1, 2, None, None), None, NOTHING, read=None),
+        tx(2, "unanswered", (3, None, None, None), None, par(27), ref=2, write=None, read=None),
+    ],
+    "DS101@3#2 DS401@1#1 DS401@3#2",
+)
+def _(tape: Tape) -> None:
+    """The channel goes on behind an open request, with a Write whose response is not in the capture."""
+    client = Client(tape)
+    client.write(ask())
+    client.ask_write(ask(2, 27))
+
+
+@case(
     "P28-presumed-displaces",
     "P27 P28 P41",
     "lost superseded",
