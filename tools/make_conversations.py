@@ -1249,7 +1249,7 @@ def _(tape: Tape) -> None:
     "DS101@3#1",
 )
 def _(tape: Tape) -> None:
-    """A Read never got its RPC response: it belongs to the request before it, though another is open in the end."""
+    """A Read never got its RPC response: it belongs to the request before it, though another is open later."""
     client = Client(tape)
     client.write(ask())
     client.ask_read()
