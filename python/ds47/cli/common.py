@@ -154,7 +154,6 @@ def rule_text(rule: Rule, lang: str) -> RuleText:
 
 def flaw_text(flaw: Flaw, lang: str = "en") -> str:
     """What is wrong with a message, the offset in front with a word in `lang`."""
-    from ds47.report.sentences import words
-    from ds47.report.words import message
+    from ds47.report.sentences import at_offset, words
 
-    return message(words(flaw.rule, flaw.args, lang), flaw.offset, lang)
+    return at_offset(flaw.offset, words(flaw.rule, flaw.args, lang), lang)

@@ -23,8 +23,7 @@ from ds47.regression.config import Config, ParameterTolerance
 from ds47.report import load
 from ds47.report.bilingual import Both, operation, say, state
 from ds47.report.places import Places
-from ds47.report.sentences import sentence
-from ds47.report.words import message
+from ds47.report.sentences import at_offset, sentence
 
 KINDS = (
     "value", "error", "state", "timing", "field", "finding_new", "finding_gone",
@@ -415,7 +414,7 @@ def _sentence(finding: Json, lang: str) -> str:
         text, offset = sentence(item, lang), item.offset
     except (KeyError, TypeError, ValueError, AttributeError, IndexError):
         text, offset = load.message(finding["message"])
-    return message(text, offset, lang)
+    return at_offset(offset, text, lang)
 
 
 def _frozen(item: Any) -> Any:

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from ds47.model import Diagnosis, Finding
 from ds47.profinet.status import status_text
+from ds47.report.bilingual import say
 from ds47.spec import Rule, error_hex, error_text, rules
 from ds47.spec.semantics import diagnosis_words, reasons
 
@@ -83,15 +84,16 @@ def words(rule: str, args: Mapping[str, Any], lang: str = "en") -> str:
     return text
 
 
-def at_offset(offset: int, text: str) -> str:
-    """A text about one byte of a message; offsets count from 0."""
-    return f"offset {offset}: {text}"
+def at_offset(offset: int | None, text: str, lang: str = "en") -> str:
+    """A text with the byte of the message in front that it is about; offsets count from 0, None is the whole."""
+    if offset is None:
+        return text
+    return say("finding_offset", offset=str(offset), message=text).text(lang)
 
 
 def message(item: Finding, lang: str = "en") -> str:
     """The sentence of a finding; where it is about a byte of a message, with its offset in front."""
-    text = sentence(item, lang)
-    return text if item.offset is None else at_offset(item.offset, text)
+    return at_offset(item.offset, sentence(item, lang), lang)
 
 
 def renumbered(rule: str, args: Mapping[str, Any], number: Callable[[int], int]) -> dict[str, Any]:

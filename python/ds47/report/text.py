@@ -29,10 +29,10 @@ from ds47.report.latency import Latency
 from ds47.report.opening import Opening
 from ds47.report.overview import Row, table, total
 from ds47.report.places import Places, name
-from ds47.report.sentences import sentence
+from ds47.report.sentences import at_offset, sentence
 from ds47.report.targets import Targets
 from ds47.report.verdict import Counts
-from ds47.report.words import duration, escape, message, parameter
+from ds47.report.words import duration, escape, parameter
 from ds47.report.wrap import columns
 
 LINE_LENGTH = 120
@@ -221,7 +221,7 @@ class Writer(_Writer):
 
     def _finding(self, item: Finding, places: Places) -> str:
         text = escape(sentence(item, self.options.lang))
-        text = message(text, item.offset, self.options.lang)
+        text = at_offset(item.offset, text, self.options.lang)
         frame = escape(places.words(item.frame, self.options.lang))
         job = "" if item.transaction is None else f" #{item.transaction}"
         return self._say("finding_line", frame=frame, job=job, message=text)

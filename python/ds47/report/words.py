@@ -70,13 +70,6 @@ def values(items: Sequence[Value], format_name: str | None, lang: str = "en") ->
     return say("values_cut", values=shown, n=len(items)).text(lang)
 
 
-def message(text: str, offset: int | None, lang: str = "en") -> str:
-    """The message of a finding; where it is about a byte of a message, with its offset in front."""
-    if offset is None:
-        return text
-    return say("finding_offset", offset=str(offset), message=text).text(lang)
-
-
 def error(item: ParameterError, lang: str = "en") -> str:
     """`error 0x11: request cannot be executed (info 3)`."""
     told = say("parameter_error")

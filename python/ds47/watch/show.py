@@ -14,9 +14,9 @@ from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Finding, T
 from ds47.report import Options, json, ndjson, text
 from ds47.report.bilingual import Both, joined, numbered, operation, say
 from ds47.report.opening import about
-from ds47.report.sentences import sentence
+from ds47.report.sentences import at_offset, sentence
 from ds47.report.targets import Targets
-from ds47.report.words import duration, escape, message
+from ds47.report.words import duration, escape
 from ds47.report.wrap import columns
 
 _DIGITS = 3
@@ -120,7 +120,7 @@ class TextShow(text.Writer):
         severity = self._say(f"severity_{finding.severity}")
         rule = self._paint(finding.severity, f"{finding.rule} {severity}")
         text = escape(sentence(finding, self.options.lang))
-        text = message(text, finding.offset, self.options.lang)
+        text = at_offset(finding.offset, text, self.options.lang)
         frame = say("frame", frame=str(finding.frame))
         told = self._say("finding_line", frame=frame, job=of, message=text)
         self._line(f"      {rule} {told}")

@@ -18,9 +18,7 @@ def message(item: Finding | Diagnosis) -> Both:
 def with_offset(finding: Finding) -> Both:
     """The same with the byte it is about in front."""
     text = message(finding)
-    if finding.offset is None:
-        return text
-    return Both(at_offset(finding.offset, text.en), at_offset(finding.offset, text.zh))
+    return Both(*(at_offset(finding.offset, text.text(lang), lang) for lang in LANGUAGES))
 
 
 def rule_name(rule: str) -> str:
