@@ -326,7 +326,9 @@ function RecordCalls:orphan_response(pdu, certain)
       if certain and not self.forgot_requests then
         self:_about(pdu, record, {rule = "DS102", frame = pdu.frame, args = {operation = operation}})
       end
-      if not record.write then
+      if record.write then
+        self:_pass("_event_write_unasked", false, pdu, record)
+      else
         self:_read_answered(pdu, record, record.response)
       end
     end
@@ -404,6 +406,10 @@ function RecordCalls:_event_write_answered(pdu, record)
   if job then
     self.pairing:write_response(job, record.response)
   end
+end
+
+function RecordCalls:_event_write_unasked(pdu, record)
+  self.pairing:write_unasked(peer_of(pdu), record)
 end
 
 function RecordCalls:_event_read_answered(pdu, record)

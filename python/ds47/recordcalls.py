@@ -344,6 +344,7 @@ class RecordCalls:
                 self._about(pdu, record, Remark("DS102", pdu.frame, args))
             if record.write:
                 self._foreign(peer(pdu), record)
+                self._pass(pdu, record, partial(self._pairing.write_unasked, peer(pdu), record))
             else:
                 self._read_answered(pdu, record, record.response)
 
