@@ -948,6 +948,25 @@ def _(tape: Tape) -> None:
 
 
 @case(
+    "P20-once-more-without-an-ar",
+    "P20 P43 P55",
+    "mismatch implicit",
+    [
+        tx(1, "mismatch", (1, 2, 3, 4), 3, real(1.5, pnu=None), rereads=[(5, 6)]),
+        tx(2, "ok", (7, 8, 9, 10), 3, real(2.5), ref=2),
+    ],
+    "DS319@4#1 DS405@4#1",
+    diagnoses="DS704@6#1",
+)
+def _(tape: Tape) -> None:
+    """A response without the shape of DS47, read once more without an AR while a shaped request is known."""
+    client = Client(tape)
+    client.exchange(ask(), tell(1, 1.5, identifier=0x03))
+    implicit(client, tell(1, 1.5, identifier=0x03), index=47)
+    client.exchange(ask(2), tell(2, 2.5))
+
+
+@case(
     "P20-per-ar",
     "P20 P23",
     "foreign",

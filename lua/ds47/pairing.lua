@@ -510,6 +510,12 @@ local function last_response(self, channel, record)
   return delivered.phase == "closed" and bytes(last) == data and last or delivered
 end
 
+--- Whether a ReadImplicit brings the bytes of the last response of its place (P55). Changes nothing.
+function Pairing:is_again(peer, record)
+  local delivered = record.implicit and self.delivered:get(place_key(peer, record))
+  return delivered and bytes(delivered) == record.response.data or false
+end
+
 local function reread(self, channel, job, record)
   job.phase = PHASES[job.phase].reread
   if not job.rereads[1] then

@@ -310,6 +310,7 @@ function RecordCalls:_read_answered(pdu, record, half)
   if half.data ~= "" and half.missing == 0
     and self.gate:needs_proof(ar_key(peer_of(pdu), record), record.index) then
     shaped = decode_response(half.data, nil, self.codec).shaped
+      or self.pairing:is_again(peer_of(pdu), record)
   end
   self:_pass("_event_read_answered", shaped, pdu, record)
 end

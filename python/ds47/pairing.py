@@ -513,6 +513,16 @@ class Pairing:
         self._read(channel, job, event, record)
         return job
 
+    def is_again(self, peer: Peer, record: Record) -> bool:
+        """Whether a ReadImplicit brings the bytes of the last response of its place (P55). Changes nothing."""
+        delivered, half = self._delivered.get(_spot(peer, record)), record.response
+        if not record.implicit or delivered is None or half is None:
+            return False
+        job = delivered.job if isinstance(delivered, UsualJob) else delivered
+        if job is None and isinstance(delivered, UsualJob):
+            return delivered.answer == half.data
+        return _bytes(job) == half.data
+
     def _last_response(self, peer: Peer, channel: Channel, record: Record) -> Job | None:
         """Whose response a Read without a request may bring once more.
 

@@ -327,6 +327,7 @@ class RecordCalls:
         shaped = False
         if half.data and not half.missing:
             shaped = decode_response(half.data, None, self._codec).shaped
+            shaped = shaped or self._pairing.is_again(peer(pdu), record)
         self._pass(pdu, record, partial(self._read, pdu, record), shaped=shaped)
 
     def _read(self, pdu: rpc.Pdu, record: Record) -> None:
