@@ -336,7 +336,7 @@ def _is_open(write: int, at: int, deal: Deal, reading: Reading) -> bool:
     owner = _owner(write, deal, reading)
     if owner is None or any(write < frame < at for frame in reading.releases(owner)):
         return False
-    return owner.read is None or max(owner.all_frames) > at
+    return owner.read is None or owner.read > at
 
 
 def _is_over(write: int, at: int, deal: Deal, reading: Reading) -> bool:
