@@ -948,6 +948,25 @@ def _(tape: Tape) -> None:
 
 
 @case(
+    "P20-once-more-without-an-ar",
+    "P20 P43 P55",
+    "mismatch implicit",
+    [
+        tx(1, "mismatch", (1, 2, 3, 4), 3, real(1.5, pnu=None), rereads=[(5, 6)]),
+        tx(2, "ok", (7, 8, 9, 10), 3, real(2.5), ref=2),
+    ],
+    "DS319@4#1 DS405@4#1",
+    diagnoses="DS704@6#1",
+)
+def _(tape: Tape) -> None:
+    """A response without the shape of DS47, read once more without an AR while a shaped request is known."""
+    client = Client(tape)
+    client.exchange(ask(), tell(1, 1.5, identifier=0x03))
+    implicit(client, tell(1, 1.5, identifier=0x03), index=47)
+    client.exchange(ask(2), tell(2, 2.5))
+
+
+@case(
     "P20-per-ar",
     "P20 P23",
     "foreign",
@@ -1171,6 +1190,83 @@ def _(tape: Tape) -> None:
     client.poll()
     client.poll()
     client.exchange(ask(2, 27), tell(2, 2.5))
+
+
+@case(
+    "P28-passed-over",
+    "P28 P33",
+    "lost poll orphan",
+    [
+        tx(1, "unanswered", (1, None, None, None), None, NOTHING, write=None, read=None),
+        tx(2, "ok", (2, 3, 4, 5), 3, real(2.5, pnu=27), ref=2),
+        tx(3, "orphan", (None, None, 8, 9), None, real(1.5, pnu=None), write=None),
+    ],
+    "DS101@1#1 DS206@7 DS401@1#1 DS403@9#3",
+)
+def _(tape: Tape) -> None:
+    """A Read finds no request open: a record that comes after that is not the response to an older Write."""
+    client = Client(tape)
+    client.ask_write(ask())
+    client.exchange(ask(2, 27), tell(2, 2.5))
+    client.poll()
+    client.read(tell(1, 1.5))
+
+
+@case(
+    "P70-unasked-write",
+    "P31 P70",
+    "lost orphan",
+    [
+        tx(1, "unanswered", (1, None, None, None), None, NOTHING, write=None, read=None),
+        tx(2, "ok", (2, 3, 4, 5), 3, real(2.5, pnu=27), ref=2),
+        tx(3, "orphan", (None, None, 7, 8), None, real(2.5, pnu=None), ref=2, write=None),
+        tx(4, "orphan", (None, None, 9, 10), None, real(1.5, pnu=None), write=None),
+    ],
+    "DS101@1#1 DS102@6 DS401@1#1 DS403@8#3 DS403@10#4",
+)
+def _(tape: Tape) -> None:
+    """A Write is accepted whose request is lost: the same record once more may be the response to that."""
+    client = Client(tape)
+    client.ask_write(ask())
+    client.exchange(ask(2, 27), tell(2, 2.5))
+    client.accept_write(client.call(wire.WRITE), ask())
+    client.read(tell(2, 2.5))
+    client.read(tell(1, 1.5))
+
+
+@case(
+    "P68-behind-a-refused-write",
+    "P68",
+    "lost refused unanswered",
+    [
+        tx(1, "refused", (1, 2, None, None), None, NOTHING, write="DF80B700", read=None),
+        tx(2, "unanswered", (3, None, 4, None), None, par(27), ref=2, write=None, read=None),
+    ],
+    "DS101@3#2 DS101@4#2 DS203@2#1 DS401@3#2",
+)
+def _(tape: Tape) -> None:
+    """The Read without a response comes after a Write without a response, and is not one of the refused Write."""
+    client = Client(tape)
+    client.write(ask(), BAD_HEADER)
+    client.ask_write(ask(2, 27))
+    client.ask_read()
+
+
+@case(
+    "P69-later",
+    "P69",
+    "lost unanswered",
+    [
+        tx(1, "unanswered", (1, 2, None, None), None, NOTHING, read=None),
+        tx(2, "unanswered", (3, None, None, None), None, par(27), ref=2, write=None, read=None),
+    ],
+    "DS101@3#2 DS401@1#1 DS401@3#2",
+)
+def _(tape: Tape) -> None:
+    """A Write without its response may have displaced the one before it."""
+    client = Client(tape)
+    client.write(ask())
+    client.ask_write(ask(2, 27))
 
 
 @case(

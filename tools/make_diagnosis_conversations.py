@@ -186,6 +186,24 @@ def _(tape: Tape) -> None:
 
 
 @case(
+    "DS704-unaccepted-between",
+    "lost",
+    [
+        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), rereads=[(6, 7)]),
+        tx(2, "unanswered", (5, None, None, None), None, par(27), ref=2, write=None, read=None),
+    ],
+    "DS101@5#2 DS401@5#2",
+    "DS704@7#1",
+)
+def _(tape: Tape) -> None:
+    """A request lies between, and the capture does not show that it was accepted."""
+    client = Client(tape)
+    client.exchange(ask(1), tell(1, 1.5))
+    client.ask_write(ask(2, 27))
+    client.read(tell(1, 1.5))
+
+
+@case(
     "DS704-same-question",
     "lost",
     [

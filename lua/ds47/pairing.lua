@@ -45,6 +45,7 @@ Job.accepted = false
 --   repeats: frame of an earlier response that was read once more where a new one was due
 --   ended: frame that ended the connection while the request was open
 --   limit: name of the limit that pushed it out: a response may still come
+--   passed: true for a Write that waited for its response when no request was said to be open (P28)
 --   uncertain: true for an orphan whose request a limit may have pushed out
 
 local function new_job(peer, record, message, order)
@@ -111,7 +112,14 @@ end
 -- The newest Write without its response that a Read may ask for: none was accepted after it. nil for none.
 local function waiting_of(channel)
   local newest = channel.asked[#channel.asked]
-  return newest and newest.order > channel.accepted and newest or nil
+  return newest and not newest.passed and newest.order > channel.accepted and newest or nil
+end
+
+-- No request is open: of the Writes that wait for their responses none is answered any more.
+local function pass_over(channel)
+  for _, job in ipairs(channel.asked) do
+    job.passed = true
+  end
 end
 
 -- The bytes that were read last; nil without a job or a response.
@@ -305,6 +313,7 @@ local function new_channel(self, key, peer, record)
     written = nil, -- and its frame
     accepted = 0, -- `order` of the newest Write that was accepted
     heard = 0, -- frame of the newest record that was read
+    unasked = 0, -- frame of the newest Write response whose request is not in the capture
   }
   self.channels:set(key, channel)
   put_in(self.of_ar, of_ar, key)
@@ -413,7 +422,7 @@ local function addressee(channel, event, data)
       return open
     end
     for place = #asked, 1, -1 do
-      if asked[place]:reference() == reference then
+      if asked[place]:reference() == reference and not asked[place].passed then
         return asked[place]
       end
     end
@@ -501,10 +510,18 @@ local function last_response(self, channel, record)
   return delivered.phase == "closed" and bytes(last) == data and last or delivered
 end
 
-local function reread(self, job, record)
+--- Whether a ReadImplicit brings the bytes of the last response of its place (P55). Changes nothing.
+function Pairing:is_again(peer, record)
+  local delivered = record.implicit and self.delivered:get(place_key(peer, record))
+  return delivered and bytes(delivered) == record.response.data or false
+end
+
+local function reread(self, channel, job, record)
   job.phase = PHASES[job.phase].reread
   if not job.rereads[1] then
-    job.again = record.implicit and "again_without_ar" or "again"
+    local written = math.max(channel.written or 0, channel.unasked)
+    local unaccepted = written > job.read_response.frame and "again_unaccepted"
+    job.again = record.implicit and "again_without_ar" or unaccepted or "again"
   end
   keep(job, "rereads", {request = record.request, response = record.response})
   touch(self, job, "reread", record.response)
@@ -556,6 +573,34 @@ function Pairing:write_response(job, response, fault)
   end
 end
 
+--- The answer to a Write whose request is not in the capture. One that was accepted asks for something that
+--- nobody knows: what is read from now on may be its response, also where that has the bytes of an
+--- earlier one.
+function Pairing:write_unasked(peer, record)
+  local channel, half = self.channels:get(channel_key(peer, record)), record.response
+  if channel == nil or half == nil then
+    return
+  end
+  channel.unasked = half.frame
+  local expiry = tables.limits.call_expiry_ns
+  for _, job in ipairs(channel.asked) do
+    if half.time_ns - job.record.request.time_ns > expiry then
+      return -- the request may be there, and its call was given up before
+    end
+  end
+  if half.status ~= 0 then
+    return
+  end
+  pass_over(channel)
+  if channel.refused then
+    lose(self, channel.refused, "")
+  end
+  if channel.last then
+    lose(self, channel.last, "")
+  end
+  channel.refused, channel.last = nil, nil
+end
+
 --- The answer to a Read. Returns the job it went to, nil where there is none.
 function Pairing:read_response(peer, record)
   local half = record.response
@@ -575,11 +620,14 @@ function Pairing:read_response(peer, record)
   end
   if event ~= "read_record" then
     self.listener:nothing_to_read(record)
+    if half.status ~= nil then
+      pass_over(channel)
+    end
     return nil
   end
   local last = last_response(self, channel, record)
   if bytes(last) == half.data and last.phase ~= "closed" then
-    reread(self, last, record)
+    reread(self, channel, last, record)
     return last
   end
   job = make_job(self, peer, record, nil)
@@ -594,7 +642,7 @@ end
 --- A Read that never got its RPC response. Returns the job that waits for it, or nil.
 function Pairing:read_lost(peer, record)
   local channel, lost = self.channels:get(channel_key(peer, record)), record.request
-  local job = channel and (channel.open or channel.refused) or nil
+  local job = channel and (channel.open or waiting_of(channel) or channel.refused) or nil
   local asked = job and job:write_request()
   if not asked or not lost or asked.frame > lost.frame then
     return nil -- what the Read asked for is over: it came before the Write of this one

@@ -19,6 +19,7 @@ local NEGATIVE = 0x80 -- the bit of byte 1 of a response that says that it is a 
 -- Rules about a call that brought no record, and what the call ended with.
 local LEFT_OUT = { DS101 = "unseen", DS105 = "unseen", DS104 = "fault", DS108 = "bare", DS207 = "empty" }
 local IN_PART, CUT = "DS105", "DS106"
+local NOTHING = "DS206" -- about a Read for which no request was open
 -- The bytes of a request that its response mirrors, but for byte 2, from 1.
 local HEADER = { { "mirror_reference", 1 }, { "mirror_axis", 3 }, { "mirror_count", 4 } }
 
@@ -58,45 +59,143 @@ local function waits_of(transactions)
   return waits
 end
 
--- Whether the Write of a transaction has no response, as far as is known.
-local function lacks_write_response(item)
-  return item.state == "unanswered" and not item.frames.write_response
+-- The entries {frame, id} of a table by channel; made where there are none yet.
+local function entries_of(kind, channel)
+  local entries = kind[channel]
+  if not entries then
+    entries = {}
+    kind[channel] = entries
+  end
+  return entries
 end
 
--- The newest frame of a transaction and of the findings about its calls.
-local function newest_of(item, found)
-  local frames, newest = item.frames, 0
-  for _, key in ipairs({ "write_request", "write_response", "read_request", "read_response" }) do
-    newest = math.max(newest, frames[key] or 0)
+-- The frames of the Reads of a transaction, and of the findings about its calls, as entries.
+local function put_reads(entries, item, found)
+  local frames = item.frames
+  local function put(frame)
+    if frame and frame ~= frames.write_request and frame ~= frames.write_response then
+      entries[#entries + 1] = { frame, item.id }
+    end
   end
+  put(frames.read_request)
+  put(frames.read_response)
   for _, key in ipairs({ "polls", "rereads" }) do
     for _, pair in ipairs(frames[key] or {}) do
-      newest = math.max(newest, pair.request or 0, pair.response or 0)
+      put(pair.request)
+      put(pair.response)
     end
   end
   for _, each in ipairs(found or {}) do
-    newest = math.max(newest, each.frame)
+    put(each.frame)
+  end
+end
+
+local function sort(entries)
+  table.sort(entries, function(a, b)
+    return a[1] < b[1]
+  end)
+end
+
+-- Where Reads came of which nobody knows for certain whose they are: on channels that lost a Write
+-- response `reads`, and of those `doubtful` that belong to transactions without one; `loose` belong to none.
+local function channels_of(transactions, calls, loose)
+  local lost = {}
+  for _, item in ipairs(transactions) do
+    if not item.frames.write_response then
+      lost[channel_of(item)] = true
+    end
+  end
+  local all = { reads = {}, doubtful = {}, writes = {}, accepted = {} }
+  for _, item in ipairs((loose[1] or next(lost)) and transactions or {}) do
+    local channel, frames = channel_of(item), item.frames
+    local kinds = { "writes", item.write_status == 0 and "accepted" or nil }
+    for _, key in ipairs(frames.write_request and kinds or {}) do
+      local entries = entries_of(all[key], channel)
+      entries[#entries + 1] = { frames.write_request, item.id }
+    end
+    if lost[channel] then
+      put_reads(entries_of(all.reads, channel), item, calls[item.id])
+      if not frames.write_response then
+        put_reads(entries_of(all.doubtful, channel), item, calls[item.id])
+      end
+    end
+  end
+  for _, kind in pairs(all) do
+    for _, entries in pairs(kind) do
+      sort(entries)
+    end
+  end
+  sort(loose)
+  all.loose = loose
+  return all
+end
+
+-- The first frame after another one that does not belong to the transaction `but`; huge where there is none.
+local function after(entries, frame, but)
+  local low, high = 1, #entries + 1
+  while low < high do
+    local middle = math.floor((low + high) / 2)
+    if entries[middle][1] > frame then
+      high = middle
+    else
+      low = middle + 1
+    end
+  end
+  while entries[low] and entries[low][2] == but do
+    low = low + 1
+  end
+  return entries[low] and entries[low][1] or math.huge
+end
+
+-- Whether a Read that is told of another transaction, or of none, may be for this one: it came before the
+-- next Write. A Write without its response may be the open one behind others, too, as long as none was
+-- accepted.
+local function perhaps(channels, item)
+  local channel, begin = channel_of(item), item.frames.write_request
+  if not begin then
+    return false
+  end
+  local unseen = not item.frames.write_response
+  local limit = after((unseen and channels.accepted or channels.writes)[channel] or {}, begin)
+  local others = (unseen and channels.reads or channels.doubtful)[channel] or {}
+  return math.min(after(channels.loose, begin), after(others, begin, item.id)) < limit
+end
+
+-- The newest frame of a transaction, and of the findings about its calls.
+local function newest_of(item, found)
+  local entries, newest = {}, math.max(item.frames.write_request or 0, item.frames.write_response or 0)
+  put_reads(entries, item, found)
+  for _, entry in ipairs(entries) do
+    newest = math.max(newest, entry[1])
   end
   return newest
 end
 
--- Says "beside" of those whose Write has no response, and behind whose Write an older request is read for:
--- nobody knows then which of the two a Read was for.
-local function say_beside(transactions, calls, waits)
-  local lost, newest = {}, {}
+-- Says "unseen" of those behind whose last frame a Read came that may be of their channel.
+local function say_followed(transactions, calls, loose, waits)
+  local newest, stray = {}, 0
   for _, item in ipairs(transactions) do
-    if lacks_write_response(item) then
-      lost[channel_of(item)] = true
+    local channel = channel_of(item)
+    newest[channel] = math.max(newest[channel] or 0, newest_of(item))
+  end
+  for _, entry in ipairs(loose) do
+    stray = math.max(stray, entry[1])
+  end
+  for _, item in ipairs(transactions) do
+    local own = item.state == "unanswered" and newest_of(item, calls[item.id])
+    if own and math.max(stray, newest[channel_of(item)]) > own then
+      waits[item.id] = "unseen"
     end
   end
-  for _, item in ipairs(next(lost) and transactions or {}) do
-    local channel, asked = channel_of(item), item.frames.write_request
-    if lost[channel] then
-      local before = newest[channel] or 0
-      if lacks_write_response(item) and asked and before > asked then
-        waits[item.id] = "beside"
-      end
-      newest[channel] = math.max(before, newest_of(item, calls[item.id]))
+end
+
+-- Says "beside" of those for which a Read may have been that is told of another transaction, or of none:
+-- nobody knows then whether RDREC was started for them.
+local function say_beside(transactions, calls, loose, waits)
+  local channels = channels_of(transactions, calls, loose)
+  for _, item in ipairs(transactions) do
+    if not item.frames.read_request and not item.frames.read_response and perhaps(channels, item) then
+      waits[item.id] = "beside"
     end
   end
 end
@@ -108,10 +207,12 @@ Witness.__index = Witness
 
 --- Tells what the PLC saw of each transaction of a result {transactions, findings}.
 function M.witness(result)
-  local calls, lengths = {}, {}
+  local calls, lengths, loose = {}, {}, {}
   for _, each in ipairs(result.findings) do
     local owner = each.transaction
-    if LEFT_OUT[each.rule] and owner then
+    if not owner and (LEFT_OUT[each.rule] or each.rule == NOTHING) then
+      loose[#loose + 1] = { each.frame, 0 }
+    elseif LEFT_OUT[each.rule] and owner then
       calls[owner] = calls[owner] or {}
       table.insert(calls[owner], each)
     elseif each.rule == CUT and each.args.completed then
@@ -119,7 +220,8 @@ function M.witness(result)
     end
   end
   local waits = waits_of(result.transactions)
-  say_beside(result.transactions, calls, waits)
+  say_followed(result.transactions, calls, loose, waits)
+  say_beside(result.transactions, calls, loose, waits)
   return setmetatable({
     calls = calls, -- transaction -> the findings about calls that brought no record
     lengths = lengths, -- frame of a Read response -> bytes of its record, which the capture cut

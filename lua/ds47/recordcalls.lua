@@ -310,6 +310,7 @@ function RecordCalls:_read_answered(pdu, record, half)
   if half.data ~= "" and half.missing == 0
     and self.gate:needs_proof(ar_key(peer_of(pdu), record), record.index) then
     shaped = decode_response(half.data, nil, self.codec).shaped
+      or self.pairing:is_again(peer_of(pdu), record)
   end
   self:_pass("_event_read_answered", shaped, pdu, record)
 end
@@ -326,7 +327,9 @@ function RecordCalls:orphan_response(pdu, certain)
       if certain and not self.forgot_requests then
         self:_about(pdu, record, {rule = "DS102", frame = pdu.frame, args = {operation = operation}})
       end
-      if not record.write then
+      if record.write then
+        self:_pass("_event_write_unasked", false, pdu, record)
+      else
         self:_read_answered(pdu, record, record.response)
       end
     end
@@ -404,6 +407,10 @@ function RecordCalls:_event_write_answered(pdu, record)
   if job then
     self.pairing:write_response(job, record.response)
   end
+end
+
+function RecordCalls:_event_write_unasked(pdu, record)
+  self.pairing:write_unasked(peer_of(pdu), record)
 end
 
 function RecordCalls:_event_read_answered(pdu, record)

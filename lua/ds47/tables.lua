@@ -920,6 +920,7 @@ M.diagnosis_words = {
   again = {en = "without a new request", zh = "没有新的请求"},
   status_zero = {en = "the STATUS of the RDREC that brought it is 0", zh = "取得该应答的 RDREC 的 STATUS 为 0"},
   status_zero_at_last = {en = "the STATUS of the RDREC that brought it is 0 (after {polls} x DE80B500: not ready yet)", zh = "取得该应答的 RDREC 的 STATUS 为 0（此前 {polls} 次 DE80B500：尚未就绪）"},
+  again_unaccepted = {en = "and the capture shows no new request that was accepted in between", zh = "抓包中期间没有新的请求被接受"},
   again_without_ar = {en = "without an AR (ReadImplicit)", zh = "不经 AR（ReadImplicit）"},
   again_after_refusal = {en = "after the Write in frame {write} had been refused", zh = "此前帧 {write} 的写入已被拒绝"},
   unseen_user = {en = "{controller} was turned away in frame {frame}: another request was open", zh = "{controller} 的请求（第 {frame} 帧）被拒绝：另有一个请求尚未完成"},

@@ -79,6 +79,8 @@ class Job:
     """Frame that ended the connection while the request was open."""
     limit: str
     """Name of the limit that pushed it out (spec/limits.toml): a response may still come. "" for none."""
+    passed: bool
+    """Whether ds47 has said, while this Write waited for its response, that no request is open (P28)."""
     certain: bool
     """False for an orphan whose request a limit may have pushed out."""
 
@@ -127,6 +129,7 @@ class Job:
         self.again = ""
         self.ended = None
         self.limit = ""
+        self.passed = False
         self.certain = True
 
     @property
@@ -318,6 +321,8 @@ class Channel:
     """The `Job.order` of the newest Write that was accepted, as far as it was not a usual one."""
     heard: int
     """The frame of the newest record that was read; 0 for none, or for those of usual jobs."""
+    unasked: int
+    """The frame of the newest Write response whose request is not in the capture; 0 for none."""
 
     def __init__(
         self,
@@ -339,11 +344,19 @@ class Channel:
         self.usual_last = None
         self.accepted = 0
         self.heard = 0
+        self.unasked = 0
+
+    def pass_over(self) -> None:
+        """No request is open: of the Writes that wait for their responses none is answered any more."""
+        for job in self.asked:
+            job.passed = True
 
     def waiting(self) -> Job | None:
         """The newest Write without its response that a Read may ask for: none was accepted after it."""
         newest = self.asked[-1] if self.asked else None
-        return newest if newest is not None and newest.order > self.accepted else None
+        if newest is None or newest.passed:
+            return None
+        return newest if newest.order > self.accepted else None
 
     def is_free(self) -> bool:
         """Whether nothing waits for a response or for the end of its grace."""
@@ -448,6 +461,27 @@ class Pairing:
             if self._tell_refused is not None and job.phase == "refused":
                 self._tell_refused(job)
 
+    def write_unasked(self, peer: Peer, record: Record) -> None:
+        """The answer to a Write whose request is not in the capture.
+
+        One that was accepted asks for something that nobody knows: what is read from now on may be its
+        response, also where that has the bytes of an earlier one.
+        """
+        channel, half = self.channels.get(_key(peer, record)), record.response
+        if channel is None or half is None:
+            return
+        self._recall(channel)
+        channel.unasked = half.frame
+        given_up = half.time_ns - self._limits.call_expiry_ns
+        asked = (job.record.request for job in channel.asked)
+        if half.status != 0 or any(each is not None and each.time_ns < given_up for each in asked):
+            return  # or that request is there, and its call was given up before
+        channel.pass_over()
+        for job in (channel.refused, channel.last):
+            if job is not None:
+                self._lose(job, "")
+        channel.refused = channel.last = None
+
     def read_response(self, peer: Peer, record: Record) -> Job | None:
         """The answer to a Read. Returns the job it went to, None where there is none."""
         half = record.response
@@ -465,10 +499,12 @@ class Pairing:
             return job
         if event != "read_record":
             self._nothing_to_read(peer, record)
+            if half.status is not None:
+                channel.pass_over()
             return None
         read = self._last_response(peer, channel, record)
         if read is not None and _bytes(read) == half.data and read.phase != "closed":
-            self._reread(read, record)
+            self._reread(channel, read, record)
             return read
         job = self._job(peer, record, None)
         job.phase, job.certain = "open", not self._pushed_out
@@ -476,6 +512,16 @@ class Pairing:
             job.repeats = read.read_response.frame
         self._read(channel, job, event, record)
         return job
+
+    def is_again(self, peer: Peer, record: Record) -> bool:
+        """Whether a ReadImplicit brings the bytes of the last response of its place (P55). Changes nothing."""
+        delivered, half = self._delivered.get(_spot(peer, record)), record.response
+        if not record.implicit or delivered is None or half is None:
+            return False
+        job = delivered.job if isinstance(delivered, UsualJob) else delivered
+        if job is None and isinstance(delivered, UsualJob):
+            return delivered.answer == half.data
+        return _bytes(job) == half.data
 
     def _last_response(self, peer: Peer, channel: Channel, record: Record) -> Job | None:
         """Whose response a Read without a request may bring once more.
@@ -492,11 +538,15 @@ class Pairing:
         again = delivered.phase == "closed" and _bytes(channel.last) == record.response.data
         return channel.last if again else delivered
 
-    def _reread(self, job: Job, record: Record) -> None:
+    def _reread(self, channel: Channel, job: Job, record: Record) -> None:
         assert record.response is not None
         self._step(job, "reread")
         if not job.rereads:
-            job.again = "again_without_ar" if record.implicit else "again"
+            read = job.read_response.frame if job.read_response else 0
+            written = max(channel.written or 0, channel.unasked)
+            job.again = "again_unaccepted" if written > read else "again"
+            if record.implicit:
+                job.again = "again_without_ar"
         self._keep(job.rereads, (record.request, record.response))
 
     # Usual jobs: `ds47.usual` has them, and gives them back as soon as anything is out of the ordinary
@@ -613,7 +663,7 @@ class Pairing:
         if channel is None or read is None:
             return None
         self._recall(channel)
-        job = channel.open or channel.refused
+        job = channel.open or channel.waiting() or channel.refused
         asked = job.write_request if job is not None else None
         if job is None or asked is None or asked.frame > read.frame:
             return None  # what the Read asked for is over: it came before the Write of this one
@@ -756,7 +806,7 @@ class Pairing:
         reference = data[0] if data else None
         if event == "read_record":
             for job in ([channel.open] if channel.open else []) + channel.asked[::-1]:
-                if job.reference == reference:
+                if job.reference == reference and not job.passed:
                     return job
         if channel.open is not None:
             return channel.open

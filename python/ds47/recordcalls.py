@@ -327,6 +327,7 @@ class RecordCalls:
         shaped = False
         if half.data and not half.missing:
             shaped = decode_response(half.data, None, self._codec).shaped
+            shaped = shaped or self._pairing.is_again(peer(pdu), record)
         self._pass(pdu, record, partial(self._read, pdu, record), shaped=shaped)
 
     def _read(self, pdu: rpc.Pdu, record: Record) -> None:
@@ -344,6 +345,7 @@ class RecordCalls:
                 self._about(pdu, record, Remark("DS102", pdu.frame, args))
             if record.write:
                 self._foreign(peer(pdu), record)
+                self._pass(pdu, record, partial(self._pairing.write_unasked, peer(pdu), record))
             else:
                 self._read_answered(pdu, record, record.response)
 

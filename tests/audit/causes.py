@@ -134,9 +134,9 @@ def _once_more(case: Case) -> Iterator[str]:
     until = one.asked or one.answered or 0  # a response whose request was lost has no other frame
     between = [
         each for each in case.reading.on_channel.get(key, [])
-        if each.write and (first or 0) < each.asked < until
+        if each.write and (first or 0) < _at(each) < until
     ]  # fmt: skip
-    taken = [each.asked for each in between if each.status == 0]
+    taken = [_at(each) for each in between if each.status == 0]
     if taken:
         yield f"a new request was accepted in frame {taken[0]}"
     faults = [
@@ -144,6 +144,21 @@ def _once_more(case: Case) -> Iterator[str]:
         if each.channel == key and each.state == "refused" and (first or 0) < (each.write or 0) < until
     ]  # fmt: skip
     yield from _how_again(case, one, [*(each.asked for each in between if each.status), *faults])
+    told = case.args.get("case")
+    if between and told == "again":
+        yield f"a new request was written in frame {_at(between[-1])}"
+    later = [
+        each
+        for each in case.reading.on_channel.get(key, [])
+        if each.write and (first or 0) < _at(each) < case.frame
+    ]
+    if not later and told == "again_unaccepted":
+        yield "no new request was written in between"
+
+
+def _at(record: wire.Record) -> int:
+    """The frame of a request, or of its response where the capture has no request."""
+    return record.asked or record.answered or 0
 
 
 def _how_again(case: Case, one: wire.Record, refused: list[int | None]) -> Iterator[str]:
@@ -154,7 +169,8 @@ def _how_again(case: Case, one: wire.Record, refused: list[int | None]) -> Itera
             yield f"write {write!r} is none of the refused {refused}"
         return
     yield from case.wrong("write", None)
-    if told not in ("again", "again_without_ar") or (told == "again") is one.implicit:
+    known = ("again", "again_unaccepted", "again_without_ar")
+    if told not in known or (told != "again_without_ar") is one.implicit:
         yield f"case {told!r} is another: ReadImplicit {one.implicit}"
     if refused and told == "again":
         yield f"a new request was refused in frame {refused[-1]}"

@@ -844,9 +844,19 @@ def _superseded(case: Case) -> Iterator[str]:
         each.answered for each in case.reading.capture.records
         if not each.write and each.data and case.reading.same_place(deal, each)
         and (request or 0) < (each.answered or 0) < (by or 0)
+        and not _is_old(each, deal, case.reading)
     ]  # fmt: skip
     if brought:
         yield f"a response was fetched in frame {brought[0]}"
+
+
+def _is_old(read: wire.Record, deal: Deal, reading: Reading) -> bool:
+    """Whether a Read brought what was read before a request already, under another reference than that has."""
+    before = [
+        each for each in reading.on_channel.get(deal.channel, [])
+        if not each.write and each.data == read.data and 0 < (each.answered or 0) < (deal.write or 0)
+    ]  # fmt: skip
+    return bool(before) and deal.asked is not None and read.data[0] != deal.asked.reference
 
 
 @auditor("DS415")

@@ -227,16 +227,13 @@ def _length(told: Told, deal: Deal, reading: Reading) -> Iterator[str]:
 
 def _without(told: Told, deal: Deal, reading: Reading) -> Iterator[str]:
     """Calls that are said not to have been, or to have no response."""
-    own = [each.asked for each in _own(deal, reading) if _loose(each, reading)]
     last = max([deal.write or 0, *(each["request"] or 0 for each in deal.polls)])
     if told.kind in ("never", "given up"):
-        after = [frame for frame in own if frame > last]
-        if _unseen(deal, reading):  # whose the Reads behind it are is not known
-            end = _next_write(deal, reading) or 10**9
-            after = [
-                each.asked for each in _channel(deal, reading)
-                if not each.write and not each.implicit and (deal.write or 0) < each.asked < end
-            ]  # fmt: skip
+        after = [
+            _at(each) for each in _channel(deal, reading)
+            if not each.write and not each.implicit and last < each.asked
+            and deal.write in _askers(each, deal, reading)[0]
+        ]  # fmt: skip
         if deal.read is not None or (told.kind == "never" and deal.polls):
             yield f"RDREC {told.kind}, but it was"
         elif after:
@@ -283,54 +280,76 @@ def _writes(deal: Deal, reading: Reading) -> list[wire.Record]:
 
 
 def _own(deal: Deal, reading: Reading) -> list[wire.Record]:
-    """The Reads of the channel that look for its response: those before it came, and before the next request did."""
-    return [
-        each for each in _channel(deal, reading)
-        if not each.write and not each.implicit and _asker(each, deal, reading) == (deal.write or 0)
-        and (deal.read is None or _at(each) < deal.read)
-    ]  # fmt: skip
+    """The Reads of the channel that look for its response: those before it came, and before the next request did.
+
+    Of a Read that may be for one of several Writes nobody knows more: it is told of the one that the report gives
+    it to, or of none.
+    """
+    found = []
+    for each in _channel(deal, reading):
+        if each.write or each.implicit or (deal.read is not None and _at(each) >= deal.read):
+            continue
+        askers, sure = _askers(each, deal, reading)
+        mine = sure or _given(each, deal, reading) == (deal.write or 0)
+        if (deal.write or 0) in askers and mine:
+            found.append(each)
+    return found
 
 
 def _at(record: wire.Record) -> int:
-    """The frame of the request of a Read, or of its response where the capture has no request."""
+    """The frame of a request, or of its response where the capture has no request."""
     return record.asked or record.answered or 0
 
 
-def _asker(record: wire.Record, deal: Deal, reading: Reading) -> int:
-    """The Write request before a Read: a refused one only where no older request is still open.
+def _askers(record: wire.Record, deal: Deal, reading: Reading) -> tuple[set[int], bool]:
+    """The Writes that a Read may be for, and whether it surely is for one of them; 0 is one that nobody saw.
 
-    Of a Write without its response nobody knows whether it was accepted: the Reads behind it are those of the
-    transaction that the report gives them to.
+    It is for the newest that was accepted while that has no response, else for the newest. Of a Write without its
+    response nobody knows whether it was accepted.
     """
     at = _at(record)
-    writes = sorted(
-        (each for each in _writes(deal, reading) if each.asked < at), key=lambda each: each.asked
-    )
-    taken = [each.asked for each in writes if _end(each) == "done"]
-    if not writes or not taken:
-        return writes[-1].asked if writes else 0
-    owner = next(
-        (
-            each
-            for each in reading.deals
-            if each.write == taken[-1] and each.channel == deal.channel
-        ),
-        None,
-    )
-    if owner is None or any(taken[-1] < frame < at for frame in reading.releases(owner)):
-        return writes[-1].asked
-    if any(_end(each) == "unseen" for each in writes if each.asked > taken[-1]):
-        given = _given(record, deal, reading)
-        return writes[-1].asked if given is None else given
-    is_open = owner.read is None or max(owner.all_frames) > at
-    return taken[-1] if is_open else writes[-1].asked
+    writes = sorted((each for each in _writes(deal, reading) if _at(each) < at), key=_at)
+    taken = [each for each in writes if each.asked and _end(each) == "done"]
+    begin = taken[-1].asked if taken else 0
+    behind = [each for each in writes if each.asked > begin]
+    unseen = {each.asked for each in behind if _end(each) == "unseen"}
+    if taken and _is_open(begin, at, deal, reading):
+        refused = {behind[-1].asked} if unseen else set()
+        return {begin, *unseen, *refused}, not unseen
+    last = writes[-1].asked if writes else 0
+    over = [each for each in writes if not each.asked and _end(each) == "done"]
+    if over:
+        unseen = {frame for frame in unseen if frame > _at(over[-1])}
+    if not last:
+        return unseen or {0}, False
+    return {last, *unseen}, unseen <= {last} and not _is_over(last, at, deal, reading)
 
 
-def _unseen(deal: Deal, reading: Reading) -> bool:
-    """Whether its Write has no response in the capture."""
-    return any(
-        each.asked == deal.write and _end(each) == "unseen" for each in _writes(deal, reading)
-    )
+def _owner(write: int, deal: Deal, reading: Reading) -> Deal | None:
+    """The transaction of a Write of the same channel."""
+    own = (each for each in reading.deals if each.write == write and each.channel == deal.channel)
+    return next(own, None)
+
+
+def _is_open(write: int, at: int, deal: Deal, reading: Reading) -> bool:
+    """Whether an accepted Write has no response before a frame, and its AR is not released."""
+    owner = _owner(write, deal, reading)
+    if owner is None or any(write < frame < at for frame in reading.releases(owner)):
+        return False
+    return owner.read is None or owner.read > at
+
+
+def _is_over(write: int, at: int, deal: Deal, reading: Reading) -> bool:
+    """Whether a Write has nothing to wait for: its time or its AR is over, or a Read behind it was for another."""
+    owner = _owner(write, deal, reading)
+    if owner is None:
+        return True
+    reads = [each for each in _channel(deal, reading) if not each.write and write < _at(each) < at]
+    others = [each for each in reads if _given(each, deal, reading) not in (write, None)]
+    before = max([write, *(_at(each) for each in reads)])
+    silent = (reading.time(at) or 0) - (reading.time(before) or 0) > 600 * 10**9
+    released = any(write < frame < at for frame in reading.releases(owner))
+    return bool(others) or silent or released
 
 
 def _given(record: wire.Record, deal: Deal, reading: Reading) -> int | None:

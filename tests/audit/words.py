@@ -96,7 +96,8 @@ CLAUSES: dict[str, dict[str, str]] = {
               "unasked_again": "when its transaction was over already"},
     "DS701": {"status_zero": "brought it is 0$",
               "status_zero_at_last": r"brought it is 0 \(after (?P<polls>\d+) x DE80B500: not ready yet\)$"},
-    "DS704": {"again": "without a new request:", "again_without_ar": r"without an AR \(ReadImplicit\):",
+    "DS704": {"again": "without a new request:", "again_unaccepted": "shows no new request that was accepted in between:",
+        "again_without_ar": r"without an AR \(ReadImplicit\):",
               "again_after_refusal": r"after the Write in frame (?P<write>\d+) had been refused:"},
     "DS705": {
         "two_stations": rf"{_WROTE}while the request of (?P<other>{_STATION}) \(frame (?P<first>\d+)\) was open: two s",

@@ -412,6 +412,13 @@ def reads_elsewhere_and_before(client: Client) -> None:
     client.poll(at=client.at(subslot=2))
 
 
+def reads_in_another_api(client: Client) -> None:
+    """Slot and index are the same, and the API is not told: nothing was looked for at another place."""
+    client.exchange(SHORT, message.answer(1, 1, 1, TEN), at=client.at(slot=3))
+    client.write(message.read(2, 1, SPEED))
+    client.poll(at=client.at(api=0x3A00))
+
+
 def reads_elsewhere_after_a_refusal(client: Client) -> None:
     """A request that was turned away is not open anywhere."""
     client.exchange(SHORT, message.answer(1, 1, 1, TEN), at=client.at(slot=3))
@@ -495,6 +502,7 @@ def slot_refuses_twice(client: Client) -> None:
         (asked_there_unseen, (), {"DS703": "1 x Read"}),
         (reads_elsewhere_and_before, (), {"DS706": "slot 1.2", "DS703": "2 x Read"}),
         (reads_elsewhere_before, (), {"DS703": "1 x Read"}),
+        (reads_in_another_api, (), {"DS703": "1 x Read"}),
         (reads_elsewhere_after_a_refusal, (), {"DS703": "1 x Read"}),
         (release_while_a_change_is_polled, (), {"DS722": "frame 5"}),
         (save_that_is_refused, (), {"DS719": "p977", "DS721": "in frame 1;"}),

@@ -138,7 +138,7 @@ class WholeCapture:
             self._changed_unseen(job)
             return
         self._asked += 1
-        asks = job.peer.controller, device, place
+        asks = job.peer.controller, device, place[1:]
         if asks not in self._asking.entries:
             self._asking.put(asks, True)
         self._slot(device, place, job)
@@ -177,7 +177,7 @@ class WholeCapture:
         """A Write that is no job has been answered: its index is not ours, or its request is missing."""
         asked, answer = record.request, record.response
         if asked is None:
-            asks = peer.controller, peer.device, _place(record)
+            asks = peer.controller, peer.device, _place(record)[1:]
             if asks not in self._asking.entries:
                 self._asking.put(asks, True)
             return
@@ -249,7 +249,7 @@ class WholeCapture:
                 self._explained.add(pair)
 
     def _unasked(self, pair: Pair, reads: list[_Read]) -> list[_Read]:
-        return [read for read in reads if self._asking.get((*pair, read.place)) is None]
+        return [read for read in reads if self._asking.get((*pair, read.place[1:])) is None]
 
     def _nothing(self) -> Iterator[Remark]:
         """All of a device, unless each of them is explained."""
@@ -453,8 +453,8 @@ def _append(memory: _Memory[list[_V]], key: object, item: _V) -> None:
 def _elsewhere(opened: _Open, reads: list[_Read], *, answer: bool = False) -> _Read | None:
     """The first Read at another place while the request was open; an answer must be that to it."""
     for read in reads:
-        if read.place == opened.place or read.frame < opened.frame:
-            continue
+        if read.place[1:] == opened.place[1:] or read.frame < opened.frame:
+            continue  # the API is not told
         if opened.until is not None and read.frame > opened.until:
             return None
         if not answer or (read.reference, read.axis) == (opened.reference, opened.axis):

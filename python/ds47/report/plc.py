@@ -7,8 +7,10 @@ STATUS means is the business of `ds47.explain`; the words are in spec/report.tom
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
+from itertools import islice
 from typing import Final, NamedTuple
 
 from ds47.model import CaptureResult, Finding, Transaction
@@ -27,6 +29,10 @@ _LEFT_OUT: Final = {
 """Rules about a call that brought no record, and what the call ended with."""
 _IN_PART: Final = "DS105"
 _CUT: Final = "DS106"
+_NOTHING: Final = "DS206"
+"""The rule about a Read for which no request was open."""
+_END: Final = 1 << 62
+"""Behind every frame."""
 _HEADER: Final = (("mirror_reference", 0), ("mirror_axis", 2), ("mirror_count", 3))
 """The bytes of a request that its response mirrors, but for byte 1."""
 
@@ -63,15 +69,20 @@ class Witness:
         """By transaction: the findings about calls that brought no record."""
         self._lengths: dict[int, int] = {}
         """Bytes of a record that the capture cut, by the frame of its Read response."""
+        loose: list[int] = []
         for each in result.findings:
-            if each.rule in _LEFT_OUT and each.transaction is not None:
+            if each.transaction is None and (each.rule in _LEFT_OUT or each.rule == _NOTHING):
+                loose.append(each.frame)
+            elif each.rule in _LEFT_OUT and each.transaction is not None:
                 self._calls.setdefault(each.transaction, []).append(each)
             elif each.rule == _CUT:
                 completed, length = each.args.get("completed"), each.args.get("length")
                 if completed is not None and length is not None:
                     self._lengths[completed] = length
         self._waits = _waits(result.transactions)
-        for number in _beside(result.transactions, self._calls):
+        for number in _followed(result.transactions, self._calls, loose):
+            self._waits[number] = "unseen"
+        for number in _beside(result.transactions, self._calls, loose):
             self._waits[number] = "beside"
 
     def saw(self, item: Transaction) -> list[Call]:
@@ -137,29 +148,102 @@ def _waits(transactions: Sequence[Transaction]) -> dict[int, str]:
     return waits
 
 
-def _beside(
-    transactions: Sequence[Transaction], calls: Mapping[int, Sequence[Finding]]
+def _followed(
+    transactions: Sequence[Transaction],
+    calls: Mapping[int, Sequence[Finding]],
+    loose: Sequence[int],
 ) -> Iterator[int]:
-    """The ids of those whose Write has no response, and behind whose Write an older request is read for.
-
-    Nobody knows then which of the two a Read was for.
-    """
-    lost = {
-        _channel(each)
-        for each in transactions
-        if each.state == "unanswered" and each.frames.write_response is None
-    }
+    """The ids of those behind whose last frame a Read came that may be of their channel."""
     newest: dict[_Channel, int] = {}
-    for item in transactions if lost else ():
-        channel, asked = _channel(item), item.frames.write_request
-        if channel not in lost:
-            continue
-        before = newest.get(channel, 0)
-        waits = item.state == "unanswered" and item.frames.write_response is None
-        if waits and asked is not None and before > asked:
+    for item in transactions:
+        channel = _channel(item)
+        newest[channel] = max(newest.get(channel, 0), item.frames.all()[-1])
+    stray = max(loose, default=0)
+    for item in transactions:
+        if item.state == "unanswered":
+            about = (each.frame for each in calls.get(item.id, ()))
+            if max(stray, newest[_channel(item)]) > max(item.frames.all()[-1], *about, 0):
+                yield item.id
+
+
+class _Channels:
+    """Where Reads came of which nobody knows for certain whose they are.
+
+    Args:
+        loose: frames of calls that belong to no transaction, on whatever channel.
+    """
+
+    def __init__(
+        self,
+        transactions: Sequence[Transaction],
+        calls: Mapping[int, Sequence[Finding]],
+        loose: Sequence[int],
+    ) -> None:
+        self._loose = sorted((frame, 0) for frame in loose)
+        self._lost = {_channel(each) for each in transactions if each.frames.write_response is None}
+        self._reads: dict[_Channel, list[tuple[int, int]]] = {}
+        """Frames of Reads, each with the id of its transaction; on channels that lost a Write response."""
+        self._doubtful: dict[_Channel, list[tuple[int, int]]] = {}
+        """Those of them that belong to transactions without a Write response."""
+        self._writes: dict[_Channel, list[tuple[int, int]]] = {}
+        self._accepted: dict[_Channel, list[tuple[int, int]]] = {}
+        for item in transactions if self._lost or loose else ():
+            self._enter(item, calls.get(item.id, ()))
+        for table in (self._reads, self._doubtful, self._writes, self._accepted):
+            for entries in table.values():
+                entries.sort()
+
+    def _enter(self, item: Transaction, found: Sequence[Finding]) -> None:
+        channel, frames = _channel(item), item.frames
+        if frames.write_request is not None:
+            entry = frames.write_request, item.id
+            self._writes.setdefault(channel, []).append(entry)
+            if item.write_status == 0:
+                self._accepted.setdefault(channel, []).append(entry)
+        if channel not in self._lost:
+            return
+        shown = frames.write_request, frames.write_response
+        told = [*frames.all(), *(each.frame for each in found)]
+        entries = [(frame, item.id) for frame in told if frame not in shown]
+        self._reads.setdefault(channel, []).extend(entries)
+        if frames.write_response is None:
+            self._doubtful.setdefault(channel, []).extend(entries)
+
+    def perhaps(self, item: Transaction) -> bool:
+        """Whether a Read that is told of another transaction, or of none, may be for this one.
+
+        It came before the next Write. A Write without its response may be the open one behind others, too, as
+        long as none of those was accepted.
+        """
+        channel, begin = _channel(item), item.frames.write_request
+        if begin is None:
+            return False
+        unseen = item.frames.write_response is None
+        end = _after((self._accepted if unseen else self._writes).get(channel, ()), begin)
+        others = (self._reads if unseen else self._doubtful).get(channel, ())
+        return min(_after(self._loose, begin), _after(others, begin, item.id)) < end
+
+
+def _after(entries: Sequence[tuple[int, int]], frame: int, but: int = -1) -> int:
+    """The first frame after another one that does not belong to the transaction `but`."""
+    at = bisect_right(entries, (frame, _END))
+    return next((each for each, number in islice(entries, at, None) if number != but), _END)
+
+
+def _beside(
+    transactions: Sequence[Transaction],
+    calls: Mapping[int, Sequence[Finding]],
+    loose: Sequence[int],
+) -> Iterator[int]:
+    """The ids of those for which a Read may have been that is told of another transaction, or of none.
+
+    Nobody knows then whether RDREC was started for them.
+    """
+    channels = _Channels(transactions, calls, loose)
+    for item in transactions:
+        frames = item.frames
+        if frames.read_request is None and frames.read_response is None and channels.perhaps(item):
             yield item.id
-        about = [each.frame for each in calls.get(item.id, ())]
-        newest[channel] = max([before, *item.frames.all(), *about])
 
 
 def _channel(item: Transaction) -> _Channel:
