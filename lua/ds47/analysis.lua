@@ -104,7 +104,7 @@ local function tell_given_up(self, given_up, kind)
   end
 end
 
--- A part of a message that is not whole yet; that of a response belongs to its call, of which the rest is known.
+-- A part of a message that is not whole yet; that of a response belongs to its call.
 local function begun(self, pdu)
   if pdu ~= nil and (pdu.ptype ~= 0 or self.records:first_record(pdu)) then
     self.calls:begun(pdu)

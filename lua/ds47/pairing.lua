@@ -160,7 +160,7 @@ function M.new(limits, listener)
     of_place = {}, -- place -> its channel keys, whoever asks there, in the order of first sight
     delivered = ordered.new(), -- place -> its newest accepted request whose response was read, whoever asked
     connects = ordered.new(), -- AR key -> frame of its newest Connect
-    connected_ars = ordered.new(), -- controller and device -> of the ARs of which they have one, the newest not released
+    connected_ars = ordered.new(), -- controller and device -> the newest AR of which they have one
     replaced = {}, -- key of an AR with open requests that a Connect seems to have replaced -> its frame
     forgot_requests = false, -- whether a limit pushed out requests whose responses may still come
     count = 0,
@@ -637,7 +637,7 @@ local function is_free(channel)
   return not (channel.open or channel.refused or channel.asked[1])
 end
 
--- An AR of which the two have one is set up: it replaces the one before, if nothing is said on that from now on.
+-- An AR of which the two have one is set up: it replaces the one before, if nothing more is said on that.
 local function replace(self, pair, ar, frame)
   local before = self.connected_ars:get(pair)
   local siblings = before ~= nil and before ~= ar and self.of_ar[before]
@@ -654,7 +654,7 @@ end
 
 --- An AR is set up: requests of the same AR that are open now have lost their connection.
 -- @param ar  nil where it is not known
--- @param only  whether a controller has one of this kind with a device: it replaces the one whose Connect came before
+-- @param only  whether a controller has one of this kind with a device: it replaces the one before
 function Pairing:connected(controller, device, frame, ar, only)
   if ar then
     local pair, key = pair_key(controller, device), records.ar_text(controller, device, ar)

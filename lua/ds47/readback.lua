@@ -18,7 +18,7 @@ local DO_IDENTIFICATION = drive_objects.DO_IDENTIFICATION
 local VALUE = 0x10 -- attribute (docs/protocol.md A.4)
 local NEVER = huge -- a frame behind the end of every capture
 local KEPT = 8 -- writes that may be the last one of a parameter; of more of them nothing is known
-local DOUBTFUL = {DS309 = true, DS313 = true, DS315 = true} -- flaws of a message that is not decoded to its end
+local DOUBTFUL = {DS309 = true, DS313 = true, DS315 = true} -- of a message not decoded to its end
 local OF_CHANGES = {[0x02] = true, [0x82] = true, [0x42] = true, [0xC2] = true} -- response IDs of changes
 local NONE = {}
 
@@ -190,7 +190,7 @@ local function is_doubtful(job, response)
   return half == nil or (half.missing or 0) ~= 0 or (half.status or 0) ~= 0
 end
 
--- Which parameters, from 1, did not take effect (nil: all), and whether the rest is sure to have taken effect.
+-- Which parameters, from 1, did not take effect (nil: all), and whether the rest surely did.
 -- A request may name a parameter twice.
 local function outcome(job, stray)
   local failed, message, response = {}, job.message, job.response

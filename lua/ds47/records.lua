@@ -264,7 +264,7 @@ function M.released_ar(pdu)
 end
 
 --- Whether a Connect request with an AR sets up one of which a controller has one with a device.
--- That is the AR of cyclic data (IOCARSingle, also with IRT); of supervisors' ARs there may be more beside it.
+-- That is the AR of cyclic data (IOCARSingle, also with IRT); supervisors' ARs may stand beside it.
 function M.is_only_ar(pdu)
   local t1, t2 = byte(pdu.body, 27, 28)
   return t2 ~= nil and ONLY_ARS[t1 * 256 + t2] or false

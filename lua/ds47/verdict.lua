@@ -113,8 +113,8 @@ function M.verdict(counts, lang)
   return head .. (lang == "zh" and "：" or ": ") .. words.joined(lang, parts)
 end
 
--- Record calls on indices that carried no parameter channel, and are not there for one. An IODWriteMultiple is
--- none: it is opened, and what is in it counts by its own index.
+-- Record calls on indices that carried no parameter channel, and are not there for one. An IODWriteMultiple
+-- is none: it is opened, and what is in it counts by its own index.
 local function other_records(result)
   local ours, number = {}, 0
   for _, index in ipairs(NOT_OTHER) do
