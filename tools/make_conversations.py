@@ -1977,6 +1977,22 @@ def _(tape: Tape) -> None:
 
 
 @case(
+    "P3-first-fragment-lost",
+    "P3 P11 P12 P29 P48",
+    "fragments lost",
+    [tx(1, "ok", (2, 4, 9, 11), 10, real(1.5))],
+    "DS105@7#1",
+)
+def _(tape: Tape) -> None:
+    """The first fragment of the Read response is lost: the last one says whose it is, by its RPC header."""
+    client = Client(tape, fragment=60)
+    client.write(ask())
+    client.read(tell(1, 1.5))
+    del tape.steps[-2]
+    client.read(tell(1, 1.5))
+
+
+@case(
     "P53-frame-cut",
     "P53 P67",
     "malformed",
@@ -2571,6 +2587,53 @@ def _(tape: Tape) -> None:
     client.write(asked, at=other)
     client.exchange(*fetched(9.5, 3))
     client.read(answer, at=other)
+
+
+@case(
+    "P64-one-parameter-twice",
+    "P44 P64",
+    "values drive-error",
+    [
+        row(1, ramp(9.5), operation="change"),
+        row(
+            2,
+            ramp(10.0),
+            par(RAMP, "Float32", 8.0, error=(0x17, 0)),
+            state="partial",
+            operation="change",
+        ),
+        row(3, ramp(10.0)),
+    ],
+    "DS410@8#2",
+    diagnoses="DS701@8#2",
+)
+def _(tape: Tape) -> None:
+    """A change writes a parameter twice, and the second time it is refused: the first value is in force."""
+    client = Client(tape)
+    where = message.address(RAMP)
+    client.exchange(*changed(9.5, 1))
+    asked = message.change(2, 1, (where, message.real(10.0)), (where, message.real(8.0)))
+    client.exchange(asked, message.answer(2, 0x82, 1, message.done(), message.error(0x17)))
+    client.exchange(*fetched(10.0, 3))
+
+
+@case(
+    "P64-change-without-its-request",
+    "P32 P64",
+    "values orphan",
+    [
+        row(1, ramp(10.0), operation="change"),
+        tx(2, "orphan", (None, None, 5, 6), None, operation="change", ref=2, write=None, slot=2),
+        tx(3, "ok", (7, 8, 9, 10), 3, ramp(9.5), ref=3),
+    ],
+    "DS403@6#2",
+)
+def _(tape: Tape) -> None:
+    """The response to a change says that something was written, and its request is not there: it may be any."""
+    client = Client(tape)
+    client.exchange(*changed(10.0, 1))
+    client.read(message.changed(2, 1), at=client.at(slot=2))
+    client.exchange(*fetched(9.5, 3))
 
 
 @case(

@@ -400,7 +400,51 @@ def _(tape: Tape) -> None:
     client.exchange(request, refused(2, 0x17, 0x82))
 
 
+@case(
+    "DS711-address-as-value",
+    "malformed refused other-index",
+    [
+        tx(
+            1,
+            "refused",
+            (1, 2, None, None),
+            None,
+            par(1120, "Integer64"),
+            par(971),
+            par(100),
+            operation="change",
+            write="DF80B700",
+            read=None,
+            index=0xB02F,
+        )
+    ],
+    "DS203@2#1 DS315@1#1",
+    "DS711@1#1",
+)
+def _(tape: Tape) -> None:
+    """Two of three addresses read as a value of format 0x10: no request for one parameter is meant."""
+    addresses = [message.address(pnu) for pnu in (1120, 971, 100)]
+    asked = message.header(1, 2, 1, 3) + b"".join(addresses) + bytes((0x37, 1))
+    client = Client(tape)
+    place = client.at(index=0xB02F)
+    client.accept_write(client.ask_write(asked, place), asked, place, BAD_HEADER)
+
+
 # DS712: the Read asks for too few bytes
+
+
+@case(
+    "DS712-cut-at-a-pad",
+    "malformed",
+    [tx(1, "partial", (1, 2, 3, 4), 3, par(21, "Unsigned8", 7), par(27))],
+    "DS311@4#1 DS315@4#1",
+    "DS712@4#1",
+)
+def _(tape: Tape) -> None:
+    """The Read takes 7 bytes: the byte that fills the first block up is not there, nor is the next block."""
+    client = Client(tape)
+    client.write(ask(1, 21, 27))
+    client.accept_read(client.ask_read(maximum=7), message.header(1, 1, 1, 2) + bytes((5, 1, 7)))
 
 
 @case(
@@ -852,14 +896,33 @@ def _(tape: Tape) -> None:
     "DS722-restart",
     "unanswered",
     [
+        tx(1, "unanswered", (3, 4, None, None), None, NOTHING, read=None),
+        tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), ar=str(AR2)),
+    ],
+    "DS401@3#1",
+    "DS722@3#1",
+)
+def _(tape: Tape) -> None:
+    """The controller sets up another AR of the kind of which it has one, and goes on with that."""
+    client = Client(tape)
+    client.connect("plc")
+    client.write(ask())
+    client.channel = client.at(ar=AR2)
+    client.connect("plc")
+    client.exchange(ask(), tell(1, 1.5))
+
+
+@case(
+    "DS722-connect-not-seen",
+    "unanswered",
+    [
         tx(1, "unanswered", (1, 2, None, None), None, NOTHING, read=None),
         tx(2, "ok", (5, 6, 7, 8), 3, real(1.5), ar=str(AR2)),
     ],
     "DS401@1#1",
-    "DS722@1#1",
 )
 def _(tape: Tape) -> None:
-    """The controller sets up another AR than the only one that it had, and goes on with that."""
+    """Near miss: of what kind the first AR is, the capture does not show; there may be both."""
     client = Client(tape)
     client.write(ask())
     client.channel = client.at(ar=AR2)
@@ -868,17 +931,37 @@ def _(tape: Tape) -> None:
 
 
 @case(
+    "DS722-supervisor-connects",
+    "unanswered",
+    [
+        tx(1, "unanswered", (3, 4, None, None), None, NOTHING, read=None),
+        tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), ar=str(AR2)),
+    ],
+    "DS401@3#1",
+)
+def _(tape: Tape) -> None:
+    """Near miss: the same station sets up a supervisor's AR, which stands beside the other."""
+    client = Client(tape)
+    client.connect("plc")
+    client.write(ask())
+    client.channel = client.at(ar=AR2)
+    client.connect("plc", kind=6)
+    client.exchange(ask(), tell(1, 1.5))
+
+
+@case(
     "DS722-another-ar-connects",
     "unanswered",
     [
-        tx(1, "unanswered", (1, 2, None, None), None, NOTHING, read=None),
-        tx(2, "ok", (5, 6, 7, 8), 3, real(1.5), slot=2),
+        tx(1, "unanswered", (3, 4, None, None), None, NOTHING, read=None),
+        tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), slot=2),
     ],
-    "DS401@1#1",
+    "DS401@3#1",
 )
 def _(tape: Tape) -> None:
     """Near miss: the same controller sets up another AR, and the one that asked goes on."""
     client = Client(tape)
+    client.connect("plc")
     client.write(ask())
     Client(tape, channel=client.at(ar=AR2), activity=AR2).connect("plc")
     client.exchange(ask(), tell(1, 1.5), at=client.at(slot=2))

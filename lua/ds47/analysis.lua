@@ -104,9 +104,9 @@ local function tell_given_up(self, given_up, kind)
   end
 end
 
--- The beginning of a message that is not whole yet.
+-- A part of a message that is not whole yet; that of a response belongs to its call.
 local function begun(self, pdu)
-  if pdu ~= nil and self.records:first_record(pdu) then
+  if pdu ~= nil and (pdu.ptype ~= 0 or self.records:first_record(pdu)) then
     self.calls:begun(pdu)
   end
 end

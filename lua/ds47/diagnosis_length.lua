@@ -7,7 +7,7 @@ local pairing = require("ds47.pairing")
 local parameter = require("ds47.parameter")
 local tables = require("ds47.tables")
 
-local char, floor, max, min = string.char, math.floor, math.max, math.min
+local byte, char, floor, max, min = string.byte, string.char, math.floor, math.max, math.min
 
 local M = {}
 
@@ -46,11 +46,12 @@ local function need_of(message, have, more)
   return have + more + BLOCK * max(0, count - #message.blocks - 1)
 end
 
--- Of how many parameters the bytes are a whole request, if byte 3 were wrong; nil for none.
+-- Of how many parameters the bytes are a whole request, if byte 3 were wrong; nil for none. Of none where a
+-- value would begin with what is an address: its attribute is a format, too.
 local function fitting_count(message, data)
   for count = 1, min(message.parameter_count or 0, floor(#data / ADDRESS) + 1) - 1 do
     local other = parameter.decode_request(data:sub(1, COUNT_AT - 1) .. char(count) .. data:sub(COUNT_AT + 1))
-    if other.shaped and not other.flaws[1] then
+    if byte(data, HEADER + ADDRESS * count + 1) ~= VALUE and other.shaped and not other.flaws[1] then
       return count
     end
   end
@@ -101,6 +102,16 @@ local function least_answer(message, size_of)
   return size
 end
 
+-- The number of bytes that fill a value block up and are not there, at the place where the message ends.
+local function pads_missing(flaws, offset)
+  for _, flaw in ipairs(flaws) do
+    if flaw.rule == "DS311" and flaw.offset == offset then
+      return 1
+    end
+  end
+  return 0
+end
+
 --- MLEN of RDREC is too small: the response was cut to it, or the Read was refused for it.
 function M.answer_cut(remarks, job, size_of)
   local asked, answer = job.read_request, job.read_response
@@ -111,7 +122,7 @@ function M.answer_cut(remarks, job, size_of)
   if answer.data ~= "" and job.response and #answer.data == asked.stated then
     local flaw = missing(job.response.flaws)
     if flaw and answer.missing == 0 then
-      need = #answer.data + flaw.args.need
+      need = #answer.data + pads_missing(job.response.flaws, flaw.offset) + flaw.args.need
     end
   elseif status and status ~= 0 and status ~= STATUS_NOT_READY and job.message then
     need = least_answer(job.message, size_of)

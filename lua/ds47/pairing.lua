@@ -168,7 +168,7 @@ function M.new(limits, listener)
     of_place = {}, -- place -> its channel keys, whoever asks there, in the order of first sight
     delivered = ordered.new(), -- place -> its newest accepted request whose response was read, whoever asked
     connects = ordered.new(), -- AR key -> frame of its newest Connect
-    connected_ars = ordered.new(), -- controller and device -> their newest AR that was not released
+    connected_ars = ordered.new(), -- controller and device -> the newest AR of which they have one
     replaced = {}, -- key of an AR with open requests that a Connect seems to have replaced -> its frame
     forgot_requests = false, -- whether a limit pushed out requests whose responses may still come
     count = 0,
@@ -303,7 +303,6 @@ local function new_channel(self, key, peer, record)
     key = key,
     ar_key = of_ar,
     place = place_key(peer, record),
-    pair = pair_key(peer.controller, peer.device),
     touched = nil, -- time of the newest call
     asked = {}, -- Writes without a Write response, oldest first
     open = nil, -- the accepted request that nothing was read for
@@ -686,31 +685,32 @@ local function is_free(channel)
   return not (channel.open or channel.refused or channel.asked[1])
 end
 
--- An AR is set up: it replaces the only one that the two had, if nothing is said on that from now on.
+-- An AR of which the two have one is set up: it replaces the one before, if nothing more is said on that.
 local function replace(self, pair, ar, frame)
-  local before, free = self.connected_ars:get(pair), true
-  for _, channel in self.channels:iterate() do
-    if channel.pair == pair then
-      before = before or channel.ar_key
-      if channel.ar_key ~= before then
-        return
-      end
-      free = free and is_free(channel)
-    end
+  local before = self.connected_ars:get(pair)
+  local siblings = before ~= nil and before ~= ar and self.of_ar[before]
+  if not siblings then
+    return
   end
-  if before ~= nil and before ~= ar and not free then
-    self.replaced[before] = frame
+  for key in siblings:iterate() do
+    if not is_free(self.channels:get(key)) then
+      self.replaced[before] = frame
+      return
+    end
   end
 end
 
 --- An AR is set up: requests of the same AR that are open now have lost their connection.
 -- @param ar  nil where it is not known
-function Pairing:connected(controller, device, frame, ar)
+-- @param only  whether a controller has one of this kind with a device: it replaces the one before
+function Pairing:connected(controller, device, frame, ar, only)
   if ar then
     local pair, key = pair_key(controller, device), records.ar_text(controller, device, ar)
-    replace(self, pair, key, frame)
     remember(self, self.connects, key, frame)
-    remember(self, self.connected_ars, pair, key)
+    if only then
+      replace(self, pair, key, frame)
+      remember(self, self.connected_ars, pair, key)
+    end
   end
   self.listener:connected(device, frame)
 end

@@ -18,7 +18,8 @@ local DO_IDENTIFICATION = drive_objects.DO_IDENTIFICATION
 local VALUE = 0x10 -- attribute (docs/protocol.md A.4)
 local NEVER = huge -- a frame behind the end of every capture
 local KEPT = 8 -- writes that may be the last one of a parameter; of more of them nothing is known
-local DOUBTFUL = {DS309 = true, DS315 = true} -- what is wrong with a message that is not decoded to its end
+local DOUBTFUL = {DS309 = true, DS313 = true, DS315 = true} -- of a message not decoded to its end
+local OF_CHANGES = {[0x02] = true, [0x82] = true, [0x42] = true, [0xC2] = true} -- response IDs of changes
 local NONE = {}
 
 local ReadBack = {}
@@ -31,7 +32,7 @@ function M.new(most)
     most = most,
     objects = drive_objects.new(),
     written = ordered.new(), -- device, PNU and subindex -> array of writes
-    open = {}, -- changes without a response -> array of {key, pnu, subindex, write}
+    open = {}, -- changes without a response -> array of {key, number, write}, number of the parameter from 1
     devices = ordered.new(), -- address -> {forgotten = frame, recomputing = set of jobs, count}
     pnus = {}, -- every PNU that was ever written: most reads ask for others
   }, ReadBack)
@@ -117,7 +118,7 @@ local function remember(self, key, write)
   end
 end
 
-local function note(self, told, access, address, block, frame)
+local function note(self, told, access, place, address, block, frame)
   local count, size = elements(address, block)
   for number = 0, (count or 0) - 1 do
     local subindex = address.subindex + number
@@ -126,7 +127,7 @@ local function note(self, told, access, address, block, frame)
       access = access, raw = sub(block.raw, number * size + 1, (number + 1) * size), format = block.format,
       value = block.values[number + 1], block = block, asked = frame, upto = NEVER,
     }
-    told[#told + 1] = {key = key, element = address.pnu .. "." .. subindex, write = write}
+    told[#told + 1] = {key = key, number = place, write = write}
     remember(self, key, write)
   end
   self.pnus[address.pnu] = true
@@ -150,7 +151,7 @@ function ReadBack:asked(job)
     end
     local row = tables.parameters[address.pnu]
     if not (row and row.volatile) then
-      note(self, told, access, address, block, half.frame)
+      note(self, told, access, number, address, block, half.frame)
     end
   end
   if told[1] or recomputes then
@@ -189,24 +190,20 @@ local function is_doubtful(job, response)
   return half == nil or (half.missing or 0) ~= 0 or (half.status or 0) ~= 0
 end
 
--- What did not take effect, as a set of PNU and subindex, and whether the rest is sure to have taken effect.
+-- Which parameters, from 1, did not take effect (nil: all), and whether the rest surely did.
+-- A request may name a parameter twice.
 local function outcome(job, stray)
   local failed, message, response = {}, job.message, job.response
-  local refused = job:write_refused()
-  if not refused and (response == nil or stray or is_doubtful(job, response)) then
+  if job:write_refused() then
+    return nil, false
+  elseif response == nil or stray or is_doubtful(job, response) then
     return failed, false
   end
-  for number, block in ipairs(message.blocks) do
-    local address = message.addresses[number]
-    local answer = not refused and response.blocks[number]
-    if address and (refused or answer and answer.error) then
-      for element = 0, (elements(address, block) or 0) - 1 do
-        failed[address.pnu .. "." .. address.subindex + element] = true
-      end
-    end
+  for number, block in ipairs(response.blocks) do
+    failed[number] = block.error ~= nil
   end
-  local negative = not refused and (response.response_id or 0) >= 0x80
-  return failed, not refused and (not negative or #response.blocks == #message.addresses)
+  local negative = (response.response_id or 0) >= 0x80
+  return failed, not negative or #response.blocks == #message.addresses
 end
 
 local function kept(there, keep)
@@ -242,6 +239,15 @@ local function drop(self, key, write)
   end
 end
 
+--- A response without its request: that of a change says that something was written by then.
+function ReadBack:unasked(job)
+  local half, response = job.read_response, job.response
+  if half and response and OF_CHANGES[response.response_id] then
+    local device = self:_device(job.peer.device)
+    device.forgotten = max(device.forgotten, half.frame)
+  end
+end
+
 --- The response to a change is there, or it is over without one.
 -- @param stray  whether the response is another's
 function ReadBack:settled(job, stray)
@@ -258,7 +264,7 @@ function ReadBack:settled(job, stray)
   local failed, sure = outcome(job, stray)
   for _, each in ipairs(told or NONE) do
     each.write.upto = frame
-    if failed[each.element] then
+    if failed == nil or failed[each.number] then
       drop(self, each.key, each.write)
     elseif sure then
       in_force(self, each.key, each.write)

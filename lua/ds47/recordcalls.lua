@@ -58,14 +58,24 @@ function RecordCalls:first_record(pdu)
   return record and self.gate:concerns(record.index) and record or nil
 end
 
+-- The first record that a call asks for and that can be ours; nil for none.
+function RecordCalls:_asked_by(call)
+  for _, record in ipairs(call and call.context and call.context.records or {}) do
+    if self.gate:concerns(record.index) then
+      return record
+    end
+  end
+  return nil
+end
+
 --- A message whose fragments did not become whole.
--- @param pdu its beginning
+-- @param pdu its beginning, or the first that was seen of it
 -- @param have number of its fragments
 -- @param kind "RPC" or "IP"
 -- @param limit name of the limit that pushed it out: the others may have come later; nil for none
 -- @param call  the call that it answers, as far as that is known; nil for none
 function RecordCalls:incomplete(pdu, have, kind, limit, call)
-  local record = self:first_record(pdu)
+  local record = self:first_record(pdu) or self:_asked_by(call)
   if not record then
     return
   end
@@ -202,7 +212,8 @@ function RecordCalls:request(call)
       self.pairing:release(pdu.client, pdu.server, ar, pdu.frame)
     end
   elseif opnum == rpc.CONNECT then
-    self.pairing:connected(pdu.client, pdu.server, pdu.frame, records.connected_ar(pdu))
+    local ar, only = records.connected_ar(pdu), records.is_only_ar(pdu)
+    self.pairing:connected(pdu.client, pdu.server, pdu.frame, ar, only)
   end
   if not OPERATIONS[opnum] then
     return

@@ -27,6 +27,7 @@ local WRITE, READ_IMPLICIT = rpc.WRITE, rpc.READ_IMPLICIT
 local REQUEST_BLOCKS = {[rpc.READ] = 0x0009, [READ_IMPLICIT] = 0x0009, [WRITE] = 0x0008}
 local RESPONSE_BLOCKS = {[rpc.READ] = 0x8009, [READ_IMPLICIT] = 0x8009, [WRITE] = 0x8008}
 local AR_BLOCK = 0x0101
+local ONLY_ARS = {[0x0001] = true, [0x0010] = true}
 local RELEASE_BLOCKS = {[0x0114] = true, [0x0117] = true}
 
 local HALF = {data = "", stated = 0, missing = 0}
@@ -260,6 +261,13 @@ function M.released_ar(pdu)
     return nil
   end
   return sub(pdu.body, 29, 44)
+end
+
+--- Whether a Connect request with an AR sets up one of which a controller has one with a device.
+-- That is the AR of cyclic data (IOCARSingle, also with IRT); supervisors' ARs may stand beside it.
+function M.is_only_ar(pdu)
+  local t1, t2 = byte(pdu.body, 27, 28)
+  return t2 ~= nil and ONLY_ARS[t1 * 256 + t2] or false
 end
 
 --- The AR that a Connect request sets up, nil where its first block is no ARBlockReq.

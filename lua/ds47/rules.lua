@@ -171,6 +171,8 @@ function Judge:answered(job)
   self:_time(remarks, job)
   if is_change(job) then
     self.written:settled(job, stray)
+  elseif job.message == nil then
+    self.written:unasked(job)
   end
   if not stray then
     self:_read_back(remarks, job)

@@ -4,6 +4,8 @@
 local WRITE_MULTIPLE = require("ds47.records").WRITE_MULTIPLE
 local words = require("ds47.report_words")
 
+local NOT_OTHER = { WRITE_MULTIPLE, 0xB02E, 0xB02F } -- the indices that are no "other" ones
+
 local say = words.say
 
 local M = {}
@@ -111,10 +113,13 @@ function M.verdict(counts, lang)
   return head .. (lang == "zh" and "：" or ": ") .. words.joined(lang, parts)
 end
 
--- Record calls on indices that carried no parameter channel. An IODWriteMultiple is none: it is opened, and
--- what is in it counts by its own index.
+-- Record calls on indices that carried no parameter channel, and are not there for one. An IODWriteMultiple
+-- is none: it is opened, and what is in it counts by its own index.
 local function other_records(result)
-  local ours, number = { [words.integer(WRITE_MULTIPLE)] = true }, 0
+  local ours, number = {}, 0
+  for _, index in ipairs(NOT_OTHER) do
+    ours[words.integer(index)] = true
+  end
   for _, each in ipairs(result.transactions) do
     ours[words.integer(each.index)] = true
   end

@@ -233,7 +233,7 @@ class Analysis:
     def _begun(self, packet: Packet) -> None:
         """The first IP fragment of a message."""
         pdu = rpc.parse(packet)
-        if pdu is not None and self._records.first_record(pdu) is not None:
+        if pdu is not None and (pdu.ptype or self._records.first_record(pdu) is not None):
             self._calls.begun(pdu)
 
     def _tell_given_up(self, packets: PacketSource) -> None:
@@ -273,7 +273,7 @@ class Analysis:
             for beginning, have, limit in given_up:
                 call = self._calls.open_call(beginning)
                 self._records.incomplete(beginning, have, "RPC", limit, call)
-        if whole is None and self._records.first_record(pdu) is not None:
+        if whole is None and (pdu.ptype or self._records.first_record(pdu) is not None):
             self._calls.begun(pdu)
         return whole
 

@@ -424,7 +424,7 @@ class Pairing:
         self._connects: OrderedDict[tuple[str, str, bytes], int] = OrderedDict()
         """The newest Connect of each AR, by its frame."""
         self._connected: OrderedDict[tuple[str, str], bytes] = OrderedDict()
-        """The AR that two stations set up last and did not release."""
+        """Of the ARs of which two stations have one, that which they set up last and did not release."""
         self.replaced: dict[tuple[str, str, bytes], int] = {}
         """ARs with open requests that a Connect seems to have replaced; until anything is said on them."""
         self._count = 0
@@ -678,28 +678,35 @@ class Pairing:
         if self._connected.get((controller, device)) == ar:
             del self._connected[controller, device]
 
-    def connected(self, controller: str, device: str, frame: int, ar: bytes | None = None) -> None:
+    def connected(
+        self,
+        controller: str,
+        device: str,
+        frame: int,
+        ar: bytes | None = None,
+        *,
+        only: bool = False,
+    ) -> None:
         """An AR is set up: requests of the same AR that are open now have lost their connection.
 
-        Another AR replaces the only one that the two had, if nothing is said on that from now on.
+        `only`: a controller has one of this kind with a device. It replaces the one whose Connect came before,
+        if nothing is said on that from now on.
         """
         if ar is not None:
-            self._replace(controller, device, ar, frame)
             self._put(self._connects, (controller, device, ar), frame)
-            self._put(self._connected, (controller, device), ar)
+            if only:
+                self._replace(controller, device, ar, frame)
+                self._put(self._connected, (controller, device), ar)
         if self._tell_connected is not None:
             self._tell_connected(device, frame)
 
     def _replace(self, controller: str, device: str, ar: bytes, frame: int) -> None:
-        pair = controller, device
-        ars = {key[2] for key in self._of_ar if key[:2] == pair}
-        before = self._connected.get(pair)
-        if before is not None:
-            ars.add(before)
-        if len(ars) == 1 and ar not in ars:
-            key = (*pair, ars.pop())
-            if not all(self.channels[each].is_free() for each in self._of_ar.get(key, ())):
-                self.replaced[key] = frame
+        before = self._connected.get((controller, device))
+        if before is None or before == ar:
+            return
+        key = controller, device, before
+        if not all(self.channels[each].is_free() for each in self._of_ar.get(key, ())):
+            self.replaced[key] = frame
 
     def _put(self, memory: OrderedDict[_K, _T], key: _K, value: _T) -> None:
         memory[key] = value

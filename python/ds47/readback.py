@@ -22,6 +22,8 @@ from ds47.spec.semantics import known
 
 NEVER: Final = 1 << 62
 """Stands for a frame behind the end of every capture."""
+_OF_CHANGES: Final = (0x02, 0x82, 0x42, 0xC2)
+"""Response IDs of changes."""
 _KEPT: Final = 8
 """Writes that may be the last one of a parameter; of more of them nothing is known."""
 
@@ -34,6 +36,8 @@ class Written:
     """One value that was written. In force from some moment between two frames on, if it was accepted."""
 
     access: Access
+    number: int
+    """Its place in the request, from 0: one may name a parameter twice."""
     raw: bytes
     format: int
     value: Value
@@ -78,7 +82,8 @@ class ReadBack:
         if message is None or half is None or message.operation != "change":
             return
         reached, told = access_of(job), list[tuple[Element, Written]]()
-        for address, block in zip(message.addresses, message.blocks, strict=False):
+        pairs = zip(message.addresses, message.blocks, strict=False)
+        for number, (address, block) in enumerate(pairs):
             if address.pnu in known().recomputing:
                 self._device(reached.device).recomputing.add(job)
             row = parameters().get(address.pnu)
@@ -86,7 +91,7 @@ class ReadBack:
                 continue
             for element, raw, value in elements(address, block):
                 key = reached.device, address.pnu, element
-                written = Written(reached, raw, block.format, value, half.frame)
+                written = Written(reached, number, raw, block.format, value, half.frame)
                 told.append((key, written))
                 self._remember(key, written)
             self.pnus.add(address.pnu)
@@ -97,7 +102,9 @@ class ReadBack:
         there = self._written.setdefault(key, [])
         self._written.move_to_end(key)
         if len(there) == _KEPT:
-            written = Written(written.access, b"", written.format, "", written.asked)
+            written = Written(
+                written.access, written.number, b"", written.format, "", written.asked
+            )
             there.clear()  # too many at once: nothing is known of it any more
         there.append(written)
         if len(self._written) > self._most:
@@ -107,6 +114,13 @@ class ReadBack:
         """A Connect: the drive may have been switched off and on before it."""
         self._device(device).forgotten = frame
 
+    def unasked(self, job: Job) -> None:
+        """A response without its request: that of a change says that something was written by then."""
+        half, response = job.read_response, job.response
+        if half is not None and response is not None and response.response_id in _OF_CHANGES:
+            device = self._device(job.peer.device)
+            device.forgotten = max(device.forgotten, half.frame)
+
     def settled(self, job: Job, *, stray: bool) -> None:
         """The response to a change is there, or it is over without one; `stray`: the response is another's."""
         open_ = self._open.pop(job, None)
@@ -115,15 +129,14 @@ class ReadBack:
         if job in device.recomputing:
             device.recomputing.discard(job)
             device.forgotten = max(device.forgotten, min(frame, _last_frame(job)))
-        failed, sure = _outcome(job, stray)
+        refused, sure = _outcome(job, stray)
         if job.response is not None and not stray:
             for block in job.response.blocks:
                 if block.error is not None:
                     self._objects.refused(access_of(job), block.error.code)
         for key, written in open_ or ():
             written.until = frame
-            element = key[1], key[2]
-            if element in failed:
+            if refused is None or written.number in refused:
                 self._drop(key, written)
             elif sure:
                 self._in_force(key, written)
@@ -231,25 +244,16 @@ def _end(job: Job) -> int:
     return NEVER if job.superseded_by is None else job.superseded_by
 
 
-def _outcome(job: Job, stray: bool) -> tuple[set[tuple[int, int]], bool]:
-    """PNU and subindex of what did not take effect, and whether the rest is sure to have taken effect."""
+def _outcome(job: Job, stray: bool) -> tuple[set[int] | None, bool]:
+    """Which parameters, from 0, did not take effect (None: all), and whether the rest surely did."""
     message, response = job.message, job.response
     assert message is not None
-    written = [
-        ((address.pnu, element), number)
-        for number, (address, block) in enumerate(
-            zip(message.addresses, message.blocks, strict=False)
-        )
-        for element, _raw, _value in elements(address, block)
-    ]
     if job.write_refused:
-        return {key for key, _ in written}, False
+        return None, False
     if response is None or stray or _is_doubtful(job, response):
         return set(), False
     blocks = response.blocks
-    failed = {
-        key for key, number in written if number < len(blocks) and blocks[number].error is not None
-    }
+    failed = {number for number, block in enumerate(blocks) if block.error is not None}
     negative = bool((response.response_id or 0) & 0x80)
     return failed, not negative or len(blocks) == len(message.addresses)
 
@@ -257,8 +261,8 @@ def _outcome(job: Job, stray: bool) -> tuple[set[tuple[int, int]], bool]:
 def _is_doubtful(job: Job, response: Response) -> bool:
     """Whether the response does not say for sure what became of the change."""
     half = job.read_response
-    cut = any(flaw.rule in ("DS309", "DS315") for flaw in response.flaws)
-    return cut or half is None or bool(half.missing or half.status)
+    broken = any(flaw.rule in ("DS309", "DS313", "DS315") for flaw in response.flaws)
+    return broken or half is None or bool(half.missing or half.status)
 
 
 def elements(address: Address, block: Block) -> Iterator[tuple[int, bytes, Value]]:

@@ -23,6 +23,7 @@ from ds47.profinet.records import (
     Record,
     RequestBody,
     connected_ar,
+    is_only_ar,
     parse_request,
     parse_response,
     released_ar,
@@ -134,13 +135,13 @@ class RecordCalls:
         """A message whose fragments did not become whole.
 
         Args:
-            pdu: its beginning.
+            pdu: its beginning, or the first that was seen of it.
             have: number of its fragments.
             kind: "RPC" or "IP".
             limit: name of the limit that pushed it out: the others may have come later.
             call: the call that it answers, as far as that is known.
         """
-        record = self.first_record(pdu)
+        record = self.first_record(pdu) or self._asked_by(call)
         if record is None:
             return
         if limit:
@@ -160,6 +161,12 @@ class RecordCalls:
             return None
         records = parse_request(pdu).records if pdu.ptype == 0 else parse_response(pdu)[1]
         return records[0] if records and self._gate.concerns(records[0].index) else None
+
+    def _asked_by(self, call: Call | None) -> Record | None:
+        """The first record that a call asks for and that can be ours; None for none."""
+        context = None if call is None else self._context(call)
+        records = [] if context is None else context.body.records
+        return next((each for each in records if self._gate.concerns(each.index)), None)
 
     def _context(self, call: Call) -> _Context | None:
         """What the call carries; made now of a call that `ds47.usual` took."""
@@ -182,7 +189,8 @@ class RecordCalls:
         if pdu.opnum == rpc.RELEASE and (ar := released_ar(pdu)):
             self._pairing.release(pdu.client, pdu.server, ar, pdu.frame)
         if pdu.opnum == rpc.CONNECT:
-            self._pairing.connected(pdu.client, pdu.server, pdu.frame, connected_ar(pdu))
+            ar, only = connected_ar(pdu), is_only_ar(pdu)
+            self._pairing.connected(pdu.client, pdu.server, pdu.frame, ar, only=only)
         if pdu.opnum not in _OPERATIONS:
             return
         body = parse_request(pdu)

@@ -145,6 +145,8 @@ class Judge:
         self._time(job, remarks)
         if _is_change(job):
             self._written.settled(job, stray=stray)
+        elif job.message is None:
+            self._written.unasked(job)
         if not stray:
             self._read_back(job, remarks)
             self._learn_limit(job)

@@ -676,9 +676,12 @@ def _connector(case: Case) -> Iterator[str]:
     deal = case.deal
     if deal is None or deal.asked is None:
         return
-    for address, block in zip(deal.asked.addresses, deal.asked.blocks, strict=False):
+    told = deal.answer.blocks if deal.answer is not None else []
+    for address, block, said in zip(deal.asked.addresses, deal.asked.blocks, told, strict=False):
         if (address.pnu, address.subindex) != (case.args.get("pnu"), case.args.get("subindex")):
             continue
+        if case.finding.offset not in (None, said.offset):
+            continue  # the same parameter twice
         given, high = case.args.get("format"), int.from_bytes(block.raw[:2])
         if message.NAMES.get(str(given)) != block.format:
             yield f"format {given!r} is 0x{block.format:02X}"

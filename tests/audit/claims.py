@@ -110,7 +110,8 @@ def _no_response(case: Case) -> Iterator[str]:
             2,
         )
         later = key[0] == "IP" and key[1:3] == (request.target, request.source)
-        if parts or (later and frames[0] > request.frame):
+        begun = key in case.reading.capture.begun  # else nobody knows whose they are
+        if parts or (later and begun and frames[0] > request.frame):
             yield f"parts of a response are in the frames {frames}"
 
 
@@ -540,6 +541,8 @@ def _cut_part(found: message.Message) -> str:
         return "header"
     if found.asked_for and len(found.addresses) < count:
         return f"address {len(found.addresses) + 1} of {count}"
+    if found.id == 0x80 and not found.asked_for and len(found.data) == 5:
+        return "block header"  # how many there are is not said
     blocks = len(found.blocks)
     last = found.blocks[-1] if found.blocks else None
     if last is not None and len(last.raw) < last.count * last.size:
@@ -925,16 +928,17 @@ def _read_back(case: Case) -> Iterator[str]:
     if not means(case.args.get("read"), bits, block.format):
         yield f"read {case.args.get('read')!r} is {bits.hex()} under format 0x{block.format:02X}"
     last = case.memory.last(deal, pnu, subindex)
-    values = {each.bits for each in last}
+    sure = [each for each in last if each.bits is not None and each.end < (deal.write or 0)]
+    values = {each.tried if each.bits is None else each.bits for each in last}
     if not last:
         yield f"nobody wrote p{pnu}[{subindex}] of this drive object for certain"
     elif None in values:
-        unknown = next(each.start for each in last if each.bits is None)
+        unknown = next(each.start for each in last if each.bits is None and each.tried is None)
         yield f"the value is not known since frame {unknown}"
     elif len(values) > 1:
         yield f"written last may be {sorted(each.hex() for each in values if each)}"
     else:
-        yield from _written(case, last[-1].bits or b"", bits, last[-1].start)
+        yield from _written(case, sure[-1].bits or b"", bits, sure[-1].start)
 
 
 def _written(case: Case, written: bytes, bits: bytes, frame: int) -> Iterator[str]:

@@ -36,7 +36,8 @@ class Target:
 class Event:
     """Something that may have set a parameter: a change of one element, or of all (`pnu` None).
 
-    `bits` is None where the value is not known afterwards. It happened between the frames `start` and `end`.
+    `bits` is None where the value is not known afterwards: then it is `tried`, or as it was before, where that is
+    not None either. It happened between the frames `start` and `end`.
     """
 
     target: Target | None
@@ -46,6 +47,7 @@ class Event:
     start: int
     end: int
     device: str
+    tried: bytes | None = None
 
 
 class Memory:
@@ -119,7 +121,7 @@ class Memory:
             if answer is not None and answer.id in (0x02, 0x82, 0x42, 0xC2):
                 # somebody changed something that this capture does not show
                 frame = deal.read or 0
-                yield Event(None, None, None, None, 0, frame, deal.device)
+                yield Event(None, None, None, None, frame, frame, deal.device)
             return
         if not asked.changes or deal.write is None or deal.write_status:
             return
@@ -137,7 +139,7 @@ class Memory:
             written = list(elements(address, value))
             for element, bits in written:
                 kept = bits if outcome else None
-                yield Event(target, address.pnu, element, kept, deal.write, end, deal.device)
+                yield Event(target, address.pnu, element, kept, deal.write, end, deal.device, bits)
             for element in range(address.subindex, address.subindex + max(1, address.elements)):
                 if element not in dict(written):
                     yield Event(target, address.pnu, element, None, deal.write, end, deal.device)

@@ -161,8 +161,11 @@ def _request(data: bytes, other: dict[int, int]) -> Message:
             return found
         found.addresses.append(Address(*struct.unpack_from(">BBHH", data, at), at))
         at += 6
-    _blocks(found, at, data[3] if found.changes else 0, other)
-    return found
+    known = found.id in CHANGES or found.id in READS
+    _blocks(found, at, data[3] if not known or found.changes else 0, other)
+    if known or (found.sound and not any(found.rest)):
+        return found
+    return Message(data, found.addresses, rest=data[at:], asked_for=True)
 
 
 def _response(data: bytes, other: dict[int, int]) -> Message:

@@ -220,7 +220,7 @@ def _blind(lines: list[str], reading: Reading) -> Iterator[str]:
         if int(found[1].replace(",", "") if found else 0) != true and lines:
             yield f"{found[0] if found else 'nothing'}: {true} have no request"
     found = re.search(r"(\d+) other record calls?", text)
-    ours = {each.index for each in reading.deals}
+    ours = {each.index for each in reading.deals} | {0xB02E, 0xB02F}
     others = sum(
         1 for each in reading.capture.records if each.index not in ours and not each.nested
     )  # fmt: skip

@@ -121,6 +121,10 @@ class Capture:
     records: list[Record] = field(default_factory=list)
     pieces: dict[tuple[object, ...], list[int]] = field(default_factory=dict)
     """Fragments of what never became whole, of IP and RPC: the frames they came in."""
+    begun: dict[tuple[object, ...], int] = field(default_factory=dict)
+    """Of those of IP whose first fragment is there: its frame."""
+    lately: dict[tuple[object, ...], int] = field(default_factory=dict)
+    """Datagrams with a fragment of RPC, and when they came: the same soon after is a copy of the capture."""
     torn: dict[tuple[object, ...], int] = field(default_factory=dict)
     """RPC fragments that the capture cut: what stands behind them is not known."""
 
@@ -244,6 +248,8 @@ class _Whole:
         parts = self._parts.setdefault(key, {})
         parts[start] = payload, more, frame.number, cut
         self._capture.pieces[key] = sorted(part[2] for part in parts.values())
+        if not start:
+            self._capture.begun[key] = frame.number
         data = b""
         for at in sorted(parts):
             if at != len(data):
@@ -304,6 +310,11 @@ def _pdu(
     )  # fmt: skip
     if not data[2] & 0x04 or data[1] not in (REQUEST, RESPONSE):
         return pdu
+    sent = (pdu.source, pdu.target, datagram.number, datagram.payload)
+    before = capture.lately.get(sent)
+    capture.lately[sent] = frame.time_ns
+    if before is not None and abs(frame.time_ns - before) <= COPY_NS:
+        return None
     key = ("RPC", pdu.source, pdu.target, pdu.activity, sequence, data[1])
     parts = halves.setdefault(key, {})
     if number == 0 and 0 in parts and parts[0][0] != body:

@@ -69,8 +69,8 @@ SAYS: dict[str, str] = {
     "DS709": r"^(?P<device>[\d.]+) says that drive object \(axis\) (?P<axis>\d+) does not exist$",
     "DS710": r"\((?P<axes>[\d, ]+)\)",
     "DS711": r"ends after (?P<have>\d+) bytes: ",
-    "DS712": r"for (?P<asked>\d+) bytes .*needs (?P<need>\d+)",
-    "DS713": r"^(?P<number>\d+) of (?P<parameters>\d+) parameter\(s\) were answered, ",
+    "DS712": r"for (?P<asked>\d+) bytes .*needs at least (?P<need>\d+)$",
+    "DS713": r"^Parameters answered: (?P<number>\d+) of (?P<parameters>\d+), ",
     "DS714": rf"^{PARAMETER} is written as (?P<format>\w+) (?P<values>.*); ",
     "DS715": r"swapped: (?P<meant>.*)$",
     "DS716": r": (?P<meant>.*)$",
@@ -78,11 +78,11 @@ SAYS: dict[str, str] = {
     "DS718": rf"{PARAMETER} .* with (?P<state>.*?): {CODE} ",
     "DS719": rf"{PARAMETER} .*: {CODE} ",
     "DS720": rf"^{PARAMETER} is an interconnection, .*: {CODE} ",
-    "DS721": r"^(?P<count>\d+) change\(s\) on .*, the last in frame (?P<last>\d+); ",
+    "DS721": r"^Changes on .* follows: (?P<count>\d+), the last in frame (?P<last>\d+); ",
     "DS722": r"frame (?P<frame>\d+|\?)",
     "DS723": r"(?P<count>\d+) times to (?P<device>[\d.]+), every (?P<period>[\d.]+) ms",
     "DS724": r"(?P<count>\d+) Reads on (?P<device>[\d.]+) .*every (?P<period>[\d.]+) ms.* (?P<time>[\d.]+) ms",
-    "DS725": r"\((?P<count>\d+) times?\)",
+    "DS725": r"\((?P<count>\d+) in all\)$",
 }  # fmt: skip
 """Rule -> where in its English sentence which argument stands."""
 _BETTER = r"(?P<better>\w+) \((?P<better_code>0x[0-9A-F]{2})\)"
@@ -105,8 +105,8 @@ CLAUSES: dict[str, dict[str, str]] = {
                    r"\(AR (?P<other_ar>\S+)\) was open: two c",
         "one_station": rf"{_WROTE}while its own request of frame (?P<first>\d+) was open: ",
         "unseen_user": rf"^(?P<controller>{_STATION}) was turned away in frame (?P<frame>\d+): another request was open"},
-    "DS711": {"length_short": r": (?P<count>\d+) parameter\(s\) need (?P<need>\d+)$",
-              "length_or_count": r": (?P<count>\d+) parameter\(s\) need (?P<need>\d+), but it is just as long "
+    "DS711": {"length_short": r": number of parameters (?P<count>\d+) needs (?P<need>\d+)$",
+              "length_or_count": r": number of parameters (?P<count>\d+) needs (?P<need>\d+), but it is just as long "
                                  r"as a request for (?P<fits>\d+)$"},
     "DS713": {"too_long": rf", {PARAMETER} has a negative response 0x15 ", "left_out": rf", {PARAMETER} and what follows",
               "room_stated": r"; PNU 974\[0\] of the device is (?P<limit>\d+) bytes$",

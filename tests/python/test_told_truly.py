@@ -129,7 +129,7 @@ def no_room_in_the_middle(client: Client) -> None:
 def test_room_is_what_the_device_has_shown(tmp_path: Path) -> None:
     found = diagnosed(no_room_in_the_middle, "DS713", tmp_path)
     assert sentence(found) == (
-        "2 of 3 parameter(s) were answered, p6001[0] has a negative response 0x15 (response too long); "
+        "Parameters answered: 2 of 3, p6001[0] has a negative response 0x15 (response too long); "
         "its longest response so far has 576 bytes"
     )
     assert found.corrected == message.read(1, 1, message.address(6000, 0, 140), message.address(2))
@@ -492,9 +492,9 @@ THREE = message.read(1, 2, *[SPEED] * 3)
 @pytest.mark.parametrize(
     ("asked", "says"),
     [
-        (THREE[:10], "after 10 bytes: 3 parameter(s) need 22, but it is just as long as a request for 1"),
-        (THREE[:16], "after 16 bytes: 3 parameter(s) need 22, but it is just as long as a request for 2"),
-        (THREE[:12], "after 12 bytes: 3 parameter(s) need 22"),
+        (THREE[:10], "after 10 bytes: number of parameters 3 needs 22, but it is just as long as a request for 1"),
+        (THREE[:16], "after 16 bytes: number of parameters 3 needs 22, but it is just as long as a request for 2"),
+        (THREE[:12], "after 12 bytes: number of parameters 3 needs 22"),
     ],
 )  # fmt: skip
 def test_a_length_that_fits_another_number(asked: bytes, says: str, tmp_path: Path) -> None:

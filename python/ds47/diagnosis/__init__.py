@@ -285,7 +285,8 @@ class Diagnoses:
             refusal.end(each) >= self._ends.get((device, each.pnu), _NO_END)
             for each in request.addresses
         )
-        return None if refused or behind else corrected
+        ends = any(flaw.rule == "DS315" for flaw in request.flaws)
+        return None if refused or behind or ends else corrected
 
     def _learn_refused(self, job: Job, refused: list[refusal.Refusal]) -> None:
         if job.message is None or job.response is None:

@@ -23,6 +23,8 @@ BLOCK: Final = 4
 BLOCK_HEADER: Final = 2
 """Format and number of values."""
 MISSING: Final = "DS315"
+NO_PAD: Final = "DS311"
+"""The byte that fills a value block up is not there."""
 
 SizeOf = Callable[[int], int | None]
 """Bytes of one value of a PNU, as far as it is known."""
@@ -50,8 +52,14 @@ def request_too_short(job: Job, errors: Iterable[int]) -> Iterator[Remark]:
 
 
 def _fitting_count(message: Request, data: bytes) -> int | None:
-    """Of how many parameters the bytes are a whole request, if byte 3 were wrong; None for none."""
+    """Of how many parameters the bytes are a whole request, if byte 3 were wrong; None for none.
+
+    Of none where a value would begin with what is an address: its attribute is a format, too.
+    """
     for count in range(1, min(message.parameter_count or 0, len(data) // ADDRESS + 1)):
+        end = HEADER + ADDRESS * count
+        if data[end : end + 1] == bytes((VALUE,)):
+            continue
         other = decode_request(data[:COUNT_AT] + bytes((count,)) + data[COUNT_AT + 1 :])
         if other.shaped and not other.flaws:
             return count
@@ -77,7 +85,10 @@ def answer_cut(job: Job, size_of: SizeOf) -> Iterator[Remark]:
     if answer.data and job.response is not None and len(answer.data) == asked.stated:
         flaw = next((flaw for flaw in job.response.flaws if flaw.rule == MISSING), None)
         if flaw is not None and not answer.missing:
-            need = len(answer.data) + int(flaw.args["need"])
+            pad = any(
+                each.rule == NO_PAD and each.offset == flaw.offset for each in job.response.flaws
+            )
+            need = len(answer.data) + pad + int(flaw.args["need"])
     elif answer.status and answer.status != STATUS_NOT_READY and job.message is not None:
         need = least_answer(job.message, size_of)
     if need > asked.stated:

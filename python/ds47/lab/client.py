@@ -94,10 +94,10 @@ class Client:
         """The device answers a call with a PNIOStatus and blocks."""
         self.reply(call, wire.response_body(self.reply_order, status, blocks))
 
-    def connect(self, station: str) -> None:
-        """The AR is set up; the controller calls itself `station`."""
+    def connect(self, station: str, kind: int = wire.IO_AR) -> None:
+        """The AR is set up, of this kind; the controller calls itself `station`."""
         call = self.call(wire.CONNECT)
-        self.ask(call, wire.ar_request(self.channel.ar, self.host, station))
+        self.ask(call, wire.ar_request(self.channel.ar, self.host, station, kind))
         self.accept(call, OK, wire.ar_response(self.channel.ar, self.device))
 
     def release(self) -> None:

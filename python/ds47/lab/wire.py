@@ -25,6 +25,8 @@ NIL = UUID(int=0)
 WRITE_MULTIPLE = 0xE040
 
 WRITE_REQ, READ_REQ, WRITE_RES, READ_RES = 0x0008, 0x0009, 0x8008, 0x8009
+IO_AR = 0x0001
+"""Kind of AR: that of an IO controller (IOCARSingle)."""
 NO_HINT = 0xFFFF
 
 
@@ -136,9 +138,9 @@ def mac_bytes(host: Host) -> bytes:
     return bytes.fromhex(host.mac.replace(":", ""))
 
 
-def ar_request(ar: UUID, host: Host, station: str) -> bytes:
-    """ARBlockReq: an IO controller's AR, with its MAC and station name."""
-    body = struct.pack(">BBH", 1, 0, 1) + ar.bytes + struct.pack(">H", 1) + mac_bytes(host)
+def ar_request(ar: UUID, host: Host, station: str, kind: int = IO_AR) -> bytes:
+    """ARBlockReq: an IO controller's AR (kind 6: a supervisor's), with its MAC and station name."""
+    body = struct.pack(">BBH", 1, 0, kind) + ar.bytes + struct.pack(">H", 1) + mac_bytes(host)
     body += object_uuid(host.device_id, host.vendor_id).bytes
     body += struct.pack(">IHHH", 0x131, 600, 0x8892, len(station)) + station.encode("ascii")
     return struct.pack(">HH", 0x0101, len(body)) + body

@@ -25,6 +25,7 @@ WRITE_RESPONSE: Final = 0x8008
 _REQUEST_BLOCKS: Final = {READ: READ_REQUEST, READ_IMPLICIT: READ_REQUEST, WRITE: WRITE_REQUEST}
 _READS: Final = (READ, READ_IMPLICIT)
 _AR_BLOCK: Final = 0x0101
+_ONLY_ARS: Final = (0x0001, 0x0010)
 _RELEASE_BLOCKS: Final = (0x0114, 0x0117)
 
 
@@ -224,6 +225,14 @@ def released_ar(pdu: Pdu) -> bytes | None:
     if len(block) < 24 or int.from_bytes(block[:2], "big") not in _RELEASE_BLOCKS:
         return None
     return block[8:24]
+
+
+def is_only_ar(pdu: Pdu) -> bool:
+    """Whether a Connect request with an AR sets up one of which a controller has one with a device.
+
+    That is the AR of cyclic data (IOCARSingle, also with IRT); of supervisors' ARs there may be more beside it.
+    """
+    return int.from_bytes(pdu.body[26:28], "big") in _ONLY_ARS
 
 
 def connected_ar(pdu: Pdu) -> bytes | None:

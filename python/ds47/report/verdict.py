@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
+from ds47.gate import ALWAYS
 from ds47.model import STATES, CaptureResult, Transaction
 from ds47.profinet.records import WRITE_MULTIPLE
 from ds47.report.bilingual import Both, joined, say, state
@@ -151,11 +152,12 @@ def _accepted(item: Transaction) -> bool:
 
 
 def _other_records(result: CaptureResult) -> int:
-    """Record calls on indices that carried no parameter channel.
+    """Record calls on indices that carried no parameter channel, and are not there for one.
 
     An IODWriteMultiple is none: it is opened, and what is in it counts by its own index.
     """
-    ours = {str(each.index) for each in result.transactions} | {str(WRITE_MULTIPLE)}
+    ours = {str(each.index) for each in result.transactions}
+    ours |= {str(index) for index in (WRITE_MULTIPLE, *ALWAYS)}
     return sum(
         number
         for index, kinds in result.records.items()
