@@ -96,28 +96,29 @@ local function sort(entries)
   end)
 end
 
--- Where Reads came of which nobody knows for certain whose they are: on channels that lost a Write
--- response `reads`, and of those `doubtful` that belong to transactions without one; `loose` belong to none.
+-- Whether no Read brought a record, and none was given up.
+local function is_unread(item)
+  return not item.frames.read_request and not item.frames.read_response
+end
+
+-- Where Reads came between the Writes: `reads` by channel, `loose` those of no transaction. Whose they are is
+-- not always known. Of channels on which nobody asks there is nothing.
 local function channels_of(transactions, calls, loose)
-  local lost = {}
+  local wanted = {}
   for _, item in ipairs(transactions) do
-    if not item.frames.write_response then
-      lost[channel_of(item)] = true
+    if is_unread(item) then
+      wanted[channel_of(item)] = true
     end
   end
-  local all = { reads = {}, doubtful = {}, writes = {}, accepted = {} }
-  for _, item in ipairs((loose[1] or next(lost)) and transactions or {}) do
-    local channel, frames = channel_of(item), item.frames
-    local kinds = { "writes", item.write_status == 0 and "accepted" or nil }
-    for _, key in ipairs(frames.write_request and kinds or {}) do
-      local entries = entries_of(all[key], channel)
-      entries[#entries + 1] = { frames.write_request, item.id }
-    end
-    if lost[channel] then
+  local all = { reads = {}, accepted = {} }
+  for _, item in ipairs(next(wanted) and transactions or {}) do
+    local channel, asked = channel_of(item), item.frames.write_request
+    if wanted[channel] then
       put_reads(entries_of(all.reads, channel), item, calls[item.id])
-      if not frames.write_response then
-        put_reads(entries_of(all.doubtful, channel), item, calls[item.id])
-      end
+    end
+    if wanted[channel] and asked and item.write_status == 0 then
+      local entries = entries_of(all.accepted, channel)
+      entries[#entries + 1] = { asked, item.id }
     end
   end
   for _, kind in pairs(all) do
@@ -147,17 +148,14 @@ local function after(entries, frame, but)
   return entries[low] and entries[low][1] or math.huge
 end
 
--- Whether a Read that is told of another transaction, or of none, may be for this one: it came before the
--- next Write. A Write without its response may be the open one behind others, too, as long as none was
--- accepted.
+-- Whether a Read that is told of another transaction, or of none, came before the next accepted Write.
 local function perhaps(channels, item)
   local channel, begin = channel_of(item), item.frames.write_request
   if not begin then
     return false
   end
-  local unseen = not item.frames.write_response
-  local limit = after((unseen and channels.accepted or channels.writes)[channel] or {}, begin)
-  local others = (unseen and channels.reads or channels.doubtful)[channel] or {}
+  local limit = after(channels.accepted[channel] or {}, begin)
+  local others = channels.reads[channel] or {}
   return math.min(after(channels.loose, begin), after(others, begin, item.id)) < limit
 end
 
@@ -189,12 +187,12 @@ local function say_followed(transactions, calls, loose, waits)
   end
 end
 
--- Says "beside" of those for which a Read may have been that is told of another transaction, or of none:
--- nobody knows then whether RDREC was started for them.
+-- Says "beside" of those behind whose Write a Read came that is told of another transaction, or of none: for
+-- which of them the PLC started RDREC is not known then.
 local function say_beside(transactions, calls, loose, waits)
   local channels = channels_of(transactions, calls, loose)
   for _, item in ipairs(transactions) do
-    if not item.frames.read_request and not item.frames.read_response and perhaps(channels, item) then
+    if is_unread(item) and perhaps(channels, item) then
       waits[item.id] = "beside"
     end
   end

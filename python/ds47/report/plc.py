@@ -167,7 +167,7 @@ def _followed(
 
 
 class _Channels:
-    """Where Reads came of which nobody knows for certain whose they are.
+    """Where Reads came between the Writes: whose they are is not always known.
 
     Args:
         loose: frames of calls that belong to no transaction, on whatever channel.
@@ -180,48 +180,40 @@ class _Channels:
         loose: Sequence[int],
     ) -> None:
         self._loose = sorted((frame, 0) for frame in loose)
-        self._lost = {_channel(each) for each in transactions if each.frames.write_response is None}
         self._reads: dict[_Channel, list[tuple[int, int]]] = {}
-        """Frames of Reads, each with the id of its transaction; on channels that lost a Write response."""
-        self._doubtful: dict[_Channel, list[tuple[int, int]]] = {}
-        """Those of them that belong to transactions without a Write response."""
-        self._writes: dict[_Channel, list[tuple[int, int]]] = {}
+        """Frames of Reads, each with the id of its transaction."""
         self._accepted: dict[_Channel, list[tuple[int, int]]] = {}
-        for item in transactions if self._lost or loose else ():
-            self._enter(item, calls.get(item.id, ()))
-        for table in (self._reads, self._doubtful, self._writes, self._accepted):
+        wanted = {_channel(each) for each in transactions if _unread(each)}
+        for item in transactions if wanted else ():
+            channel = _channel(item)
+            if channel in wanted:
+                self._enter(channel, item, calls.get(item.id, ()))
+        for table in (self._reads, self._accepted):
             for entries in table.values():
                 entries.sort()
 
-    def _enter(self, item: Transaction, found: Sequence[Finding]) -> None:
-        channel, frames = _channel(item), item.frames
-        if frames.write_request is not None:
-            entry = frames.write_request, item.id
-            self._writes.setdefault(channel, []).append(entry)
-            if item.write_status == 0:
-                self._accepted.setdefault(channel, []).append(entry)
-        if channel not in self._lost:
-            return
+    def _enter(self, channel: _Channel, item: Transaction, found: Sequence[Finding]) -> None:
+        frames = item.frames
+        if frames.write_request is not None and item.write_status == 0:
+            self._accepted.setdefault(channel, []).append((frames.write_request, item.id))
         shown = frames.write_request, frames.write_response
         told = [*frames.all(), *(each.frame for each in found)]
-        entries = [(frame, item.id) for frame in told if frame not in shown]
-        self._reads.setdefault(channel, []).extend(entries)
-        if frames.write_response is None:
-            self._doubtful.setdefault(channel, []).extend(entries)
+        reads = [(frame, item.id) for frame in told if frame not in shown]
+        self._reads.setdefault(channel, []).extend(reads)
 
     def perhaps(self, item: Transaction) -> bool:
-        """Whether a Read that is told of another transaction, or of none, may be for this one.
-
-        It came before the next Write. A Write without its response may be the open one behind others, too, as
-        long as none of those was accepted.
-        """
+        """Whether a Read that is told of another transaction, or of none, came before the next accepted Write."""
         channel, begin = _channel(item), item.frames.write_request
         if begin is None:
             return False
-        unseen = item.frames.write_response is None
-        end = _after((self._accepted if unseen else self._writes).get(channel, ()), begin)
-        others = (self._reads if unseen else self._doubtful).get(channel, ())
+        end = _after(self._accepted.get(channel, ()), begin)
+        others = self._reads.get(channel, ())
         return min(_after(self._loose, begin), _after(others, begin, item.id)) < end
+
+
+def _unread(item: Transaction) -> bool:
+    """Whether no Read brought a record, and none was given up."""
+    return item.frames.read_request is None and item.frames.read_response is None
 
 
 def _after(entries: Sequence[tuple[int, int]], frame: int, but: int = -1) -> int:
@@ -235,14 +227,13 @@ def _beside(
     calls: Mapping[int, Sequence[Finding]],
     loose: Sequence[int],
 ) -> Iterator[int]:
-    """The ids of those for which a Read may have been that is told of another transaction, or of none.
+    """The ids of those behind whose Write a Read came that is told of another transaction, or of none.
 
-    Nobody knows then whether RDREC was started for them.
+    For which of them the PLC started RDREC is not known then.
     """
     channels = _Channels(transactions, calls, loose)
     for item in transactions:
-        frames = item.frames
-        if frames.read_request is None and frames.read_response is None and channels.perhaps(item):
+        if _unread(item) and channels.perhaps(item):
             yield item.id
 
 
