@@ -313,6 +313,7 @@ local function new_channel(self, key, peer, record)
     accepted = 0, -- `order` of the newest Write that was accepted
     heard = 0, -- frame of the newest record that was read
     unasked = 0, -- frame of the newest Write response whose request is not in the capture
+    ended = 0, -- frame of the newest Read response that ended a transaction
   }
   self.channels:set(key, channel)
   put_in(self.of_ar, of_ar, key)
@@ -443,6 +444,7 @@ end
 local function answer(self, channel, job, record)
   local half = record.response
   job.read_request, job.read_response = record.request, half
+  channel.ended = half.frame
   if channel.open == job then
     channel.open = nil
   end
@@ -645,6 +647,9 @@ function Pairing:read_lost(peer, record)
   local asked = job and job:write_request()
   if not asked or not lost or asked.frame > lost.frame then
     return nil -- what the Read asked for is over: it came before the Write of this one
+  end
+  if channel.ended > lost.frame then
+    return nil -- the same: another request was open then
   end
   if job.read_request == nil then
     job.read_request = lost

@@ -323,6 +323,8 @@ class Channel:
     """The frame of the newest record that was read; 0 for none, or for those of usual jobs."""
     unasked: int
     """The frame of the newest Write response whose request is not in the capture; 0 for none."""
+    ended: int
+    """The frame of the newest Read response that ended a transaction; 0 for none, or for those of usual jobs."""
 
     def __init__(
         self,
@@ -345,6 +347,12 @@ class Channel:
         self.accepted = 0
         self.heard = 0
         self.unasked = 0
+        self.ended = 0
+
+    def ended_after(self, frame: int) -> bool:
+        """Whether a Read response behind this frame ended a transaction."""
+        usual = self.usual_last.answered if self.usual_last is not None else None
+        return max(self.ended, usual.number if usual is not None else 0) > frame
 
     def pass_over(self) -> None:
         """No request is open: of the Writes that wait for their responses none is answered any more."""
@@ -667,6 +675,8 @@ class Pairing:
         asked = job.write_request if job is not None else None
         if job is None or asked is None or asked.frame > read.frame:
             return None  # what the Read asked for is over: it came before the Write of this one
+        if channel.ended_after(read.frame):
+            return None  # the same: another request was open then
         if job.read_request is None:
             job.read_request = read
         return job
@@ -839,6 +849,7 @@ class Pairing:
                 self._keep(job.empty_reads, half)
         else:
             job.read_request, job.read_response = record.request, half
+            channel.ended = half.frame
             if channel.open is job:
                 channel.open = None
             if channel.refused is job:

@@ -317,11 +317,8 @@ def _askers(record: wire.Record, deal: Deal, reading: Reading) -> tuple[set[int]
         refused = {behind[-1].asked} if unseen else set()
         return {begin, *unseen, *refused}, not unseen
     last = writes[-1].asked if writes else 0
-    over = [each for each in writes if not each.asked and _end(each) == "done"]
-    if over:
-        unseen = {frame for frame in unseen if frame > _at(over[-1])}
-    if not last:
-        return unseen or {0}, False
+    if not last:  # a response whose request nobody saw: a late one of an older Write, or one of its own
+        return {0, *unseen}, False
     return {last, *unseen}, unseen <= {last} and not _is_over(last, at, deal, reading)
 
 
