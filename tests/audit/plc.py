@@ -317,7 +317,9 @@ def _askers(record: wire.Record, deal: Deal, reading: Reading) -> tuple[set[int]
         refused = {behind[-1].asked} if unseen else set()
         return {begin, *unseen, *refused}, not unseen
     last = writes[-1].asked if writes else 0
-    if not last:  # a response whose request nobody saw: a late one of an older Write, or one of its own
+    if (
+        not last
+    ):  # a response whose request nobody saw: a late one of an older Write, or one of its own
         return {0, *unseen}, False
     return {last, *unseen}, unseen <= {last} and not _is_over(last, at, deal, reading)
 

@@ -646,11 +646,14 @@ local function ear_of()
       return {}
     end
   end
-  for _, name in ipairs({"write_request", "write_response", "read_response", "read_lost", "release"}) do
+  for _, name in ipairs({"write_request", "write_response", "read_response", "read_lost", "write_unasked", "release"}) do
     ear[name] = note(name)
   end
   function ear.expected()
     return nil
+  end
+  function ear.is_again()
+    return false
   end
   function ear.goes_on()
   end
@@ -677,7 +680,7 @@ local function test_record_calls()
   local good = {opnum = rpc.WRITE, seq = 8, body = shaped, time_ns = -1}
   feed_calls(tracker, {good, {ptype = 3, opnum = rpc.WRITE, seq = 8, body = "\1\2"}})
   check("until it is proved", table.concat(ear.heard, " "),
-    "write_request DS103 write_request DS104 write_response fault")
+    "write_request DS103 DS107 write_request DS104 write_response fault")
   ear.heard = {}
   local read = {opnum = rpc.READ, seq = 9, body = NDR .. block({type = 9, length = 240})}
   feed_calls(tracker, {read})

@@ -110,11 +110,19 @@ function Ear.release(_, controller, device, ar, frame)
   tell("release", {controller = controller, device = device, ar = hex(ar), frame = frame})
 end
 
+function Ear.write_unasked(_, peer, record)
+  tell("write_unasked", {peer = peer, record = record_of(record)})
+end
+
+function Ear.is_again()
+  return false
+end
+
 function Ear.goes_on()
 end
 
-function Ear.connected(_, controller, device, frame)
-  tell("connected", {controller = controller, device = device, frame = frame})
+function Ear.connected(_, controller, device, frame, _, only)
+  tell("connected", {controller = controller, device = device, frame = frame, only = only or false})
 end
 
 function Ear.remark(_, remark)

@@ -142,8 +142,22 @@ class Ear:
     def release(self, controller: str, device: str, ar: bytes, frame: int) -> None:
         self.tell("release", controller=controller, device=device, ar=ar.hex(), frame=frame)
 
-    def connected(self, controller: str, device: str, frame: int, ar: bytes | None = None) -> None:
-        self.tell("connected", controller=controller, device=device, frame=frame)
+    def connected(
+        self,
+        controller: str,
+        device: str,
+        frame: int,
+        ar: bytes | None = None,
+        *,
+        only: bool = False,
+    ) -> None:
+        self.tell("connected", controller=controller, device=device, frame=frame, only=only)
+
+    def write_unasked(self, peer: Peer, record: Record) -> None:
+        self.tell("write_unasked", peer=_peer(peer), record=_record(record))
+
+    def is_again(self, peer: Peer, record: Record) -> bool:
+        return False
 
     def goes_on(self, controller: str, device: str, ar: bytes) -> None:
         pass
