@@ -51,7 +51,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "python/ds47/diagnosis/grouping.py": (*DIAGNOSES, "test_report_opening"),
     "python/ds47/diagnosis/length.py": DIAGNOSES,
     "python/ds47/diagnosis/order.py": DIAGNOSES,
-    "python/ds47/diagnosis/refusal.py": DIAGNOSES,
+    "python/ds47/diagnosis/refusal.py": ("test_refusal", *DIAGNOSES),
     "python/ds47/diagnosis/repair.py": DIAGNOSES,
     "python/ds47/diagnosis/repetition.py": DIAGNOSES,
     "python/ds47/diagnosis/saving.py": SAVING,
