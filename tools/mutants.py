@@ -30,7 +30,14 @@ LEFT_OUT = shutil.ignore_patterns(
     ".git", ".venv", "build", "dist", "data", "__pycache__", ".*_cache", ".hypothesis", "images"
 )
 RULES = ("test_rules", "test_readback", "test_findings", "test_conversations", "test_real_stacks")
-DIAGNOSES = ("test_diagnoses", "test_conversations", "test_repair", "test_real_stacks")
+DIAGNOSES = (
+    "test_conversations",
+    "test_repair",
+    "test_diagnoses",
+    "test_told_truly",
+    "test_real_stacks",
+)
+SAVING = ("test_saving", *DIAGNOSES)
 REPORT = ("test_report_opening", "test_report_html", "test_report_formats", "test_audit")
 LUA = ("test_lua_conversations", "test_lua_analysis")
 TESTS: dict[str, tuple[str, ...]] = {
@@ -44,8 +51,12 @@ TESTS: dict[str, tuple[str, ...]] = {
     "python/ds47/diagnosis/grouping.py": (*DIAGNOSES, "test_report_opening"),
     "python/ds47/diagnosis/length.py": DIAGNOSES,
     "python/ds47/diagnosis/order.py": DIAGNOSES,
-    "python/ds47/diagnosis/refusal.py": DIAGNOSES,
+    "python/ds47/diagnosis/refusal.py": ("test_refusal", *DIAGNOSES),
+    "python/ds47/diagnosis/repair.py": DIAGNOSES,
     "python/ds47/diagnosis/repetition.py": DIAGNOSES,
+    "python/ds47/diagnosis/saving.py": SAVING,
+    "python/ds47/diagnosis/suggest.py": DIAGNOSES,
+    "python/ds47/diagnosis/targets.py": SAVING,
     "python/ds47/report/todo.py": REPORT,
     "python/ds47/report/verdict.py": REPORT,
     "python/ds47/report/latency.py": REPORT,
