@@ -20,6 +20,8 @@ from ds47.profidrive.model import VALUE, Value
 from ds47.spec import parameters
 from ds47.spec.semantics import known
 
+NOT_SUPPORTED: Final = 0x80
+"""The first response id that is negative, and that of a device that does not know the request id."""
 NEVER: Final = 1 << 62
 """Stands for a frame behind the end of every capture."""
 _KEPT: Final = 8
@@ -90,8 +92,7 @@ class ReadBack:
                 told.append((key, written))
                 self._remember(key, written)
             self.pnus.add(address.pnu)
-        if told or job in self._device(reached.device).recomputing:
-            self._open[job] = told
+        self._open[job] = told
 
     def _remember(self, key: Element, written: Written) -> None:
         there = self._written.setdefault(key, [])
@@ -109,18 +110,17 @@ class ReadBack:
 
     def settled(self, job: Job, *, stray: bool) -> None:
         """The response to a change is there, or it is over without one; `stray`: the response is another's."""
-        open_ = self._open.pop(job, None)
         device = self._device(job.peer.device)
         frame = _end(job)
         if job in device.recomputing:
             device.recomputing.discard(job)
-            device.forgotten = max(device.forgotten, min(frame, _last_frame(job)))
+            device.forgotten = max(device.forgotten, _last_frame(job) if frame == NEVER else frame)
         failed, sure = _outcome(job, stray)
         if job.response is not None and not stray:
             for block in job.response.blocks:
                 if block.error is not None:
                     self._objects.refused(access_of(job), block.error.code)
-        for key, written in open_ or ():
+        for key, written in self._open.pop(job, ()):
             written.until = frame
             element = key[1], key[2]
             if element in failed:
@@ -131,18 +131,14 @@ class ReadBack:
     def _in_force(self, key: Element, written: Written) -> None:
         """A value was accepted: what was written in the same way before it does not count any more."""
         written.certain = True
-        there = self._written.get(key)
-        if there is not None:
-            there[:] = [
-                each
-                for each in there
-                if each.access != written.access or each.until >= written.asked
-            ]
+        there = self._written.get(key, [])
+        there[:] = [
+            each for each in there if each.access != written.access or each.until >= written.asked
+        ]
 
     def _drop(self, key: Element, written: Written) -> None:
-        there = self._written.get(key)
-        if there is not None and written in there:
-            there.remove(written)
+        there = self._written.get(key, [])
+        there[:] = [each for each in there if each is not written]
 
     def read(self, job: Job) -> Iterator[dict[str, Any]]:
         """The arguments of a finding, with the `offset` of its block, for each value that differs."""
@@ -217,17 +213,16 @@ def access_of(job: Job) -> Access:
 
 
 def _last_frame(job: Job) -> int:
-    """The last frame of a job that there is."""
-    halves = (job.write_request, job.write_response, job.read_response)
-    return max((half.frame for half in halves if half is not None), default=0)
+    """The last frame of a job whose response was not fetched."""
+    half = job.write_response or job.write_request
+    assert half is not None
+    return half.frame
 
 
 def _end(job: Job) -> int:
     """The frame by which a change is in force or never will be."""
     if job.read_response is not None:
         return job.read_response.frame
-    if job.write_refused and job.write_response is not None:
-        return job.write_response.frame
     return NEVER if job.superseded_by is None else job.superseded_by
 
 
@@ -244,30 +239,29 @@ def _outcome(job: Job, stray: bool) -> tuple[set[tuple[int, int]], bool]:
     ]
     if job.write_refused:
         return {key for key, _ in written}, False
-    if response is None or stray or _is_doubtful(job, response):
+    if response is None or response.response_id is None or stray or _is_doubtful(job, response):
         return set(), False
     blocks = response.blocks
     failed = {
         key for key, number in written if number < len(blocks) and blocks[number].error is not None
     }
-    negative = bool((response.response_id or 0) & 0x80)
-    return failed, not negative or len(blocks) == len(message.addresses)
+    positive = response.response_id < NOT_SUPPORTED
+    return failed, positive or len(blocks) == len(message.addresses)
 
 
 def _is_doubtful(job: Job, response: Response) -> bool:
     """Whether the response does not say for sure what became of the change."""
     half = job.read_response
+    assert half is not None
     cut = any(flaw.rule in ("DS309", "DS315") for flaw in response.flaws)
-    return cut or half is None or bool(half.missing or half.status)
+    return cut or bool(half.missing or half.status)
 
 
 def elements(address: Address, block: Block) -> Iterator[tuple[int, bytes, Value]]:
     """Subindex, bytes and value of each element of a block; nothing for errors, texts and strings."""
-    count = block.value_count
-    if address.attribute != VALUE or block.error is not None or not count:
+    values = block.values
+    if address.attribute != VALUE or not values or len(values) != block.value_count:
         return
-    if len(block.values) != count or len(block.raw) % count:
-        return
-    size = len(block.raw) // count
-    for number, value in enumerate(block.values):
+    size = len(block.raw) // len(values)
+    for number, value in enumerate(values):
         yield address.subindex + number, block.raw[number * size : (number + 1) * size], value
