@@ -19,7 +19,7 @@ local VALUE = 0x10 -- attribute (docs/protocol.md A.4)
 local NEVER = huge -- a frame behind the end of every capture
 local KEPT = 8 -- writes that may be the last one of a parameter; of more of them nothing is known
 local DOUBTFUL = {DS309 = true, DS315 = true} -- what is wrong with a message that is not decoded to its end
-local NOT_SUPPORTED = 0x80 -- the first response id that is negative
+local NEGATIVE = 0x80 -- the first response id that is negative
 local NONE = {}
 
 local ReadBack = {}
@@ -192,7 +192,7 @@ local function outcome(job, stray)
     end
   end
   return failed, not refused
-    and (response.response_id < NOT_SUPPORTED or #response.blocks == #message.addresses)
+    and (response.response_id < NEGATIVE or #response.blocks == #message.addresses)
 end
 
 local function kept(there, keep)

@@ -20,8 +20,8 @@ from ds47.profidrive.model import VALUE, Value
 from ds47.spec import parameters
 from ds47.spec.semantics import known
 
-NOT_SUPPORTED: Final = 0x80
-"""The first response id that is negative, and that of a device that does not know the request id."""
+_NEGATIVE: Final = 0x80
+"""The first response id that is negative."""
 NEVER: Final = 1 << 62
 """Stands for a frame behind the end of every capture."""
 _KEPT: Final = 8
@@ -245,7 +245,7 @@ def _outcome(job: Job, stray: bool) -> tuple[set[tuple[int, int]], bool]:
     failed = {
         key for key, number in written if number < len(blocks) and blocks[number].error is not None
     }
-    positive = response.response_id < NOT_SUPPORTED
+    positive = response.response_id < _NEGATIVE
     return failed, positive or len(blocks) == len(message.addresses)
 
 

@@ -20,7 +20,7 @@ from ds47.profidrive import Address, Block, Flaw, Request, Response
 from ds47.profidrive.model import VALUE
 from ds47.profinet.records import Half
 from ds47.profinet.status import status_hex
-from ds47.readback import NOT_SUPPORTED, ReadBack
+from ds47.readback import ReadBack
 from ds47.spec import request_ids
 from ds47.spec.semantics import Limits
 
@@ -30,6 +30,8 @@ TOO_MANY: Final = "DS304"
 """More parameters than usual."""
 ABSENT: Final = frozenset(("DS311", "DS315", "DS412"))
 """Flaws that say that something is not there: pad, bytes, error block."""
+NOT_SUPPORTED: Final = 0x80
+"""Response id of a device that does not know the request id."""
 
 
 Corrected = bytes | Callable[[], bytes | None] | None
@@ -198,8 +200,9 @@ class Judge:
 
     def _request(self, job: Job, remarks: list[Remark]) -> None:
         half, message = job.write_request, job.message
-        if half is None or message is None:
+        if half is None:
             return
+        assert message is not None
         if message.flaws:
             _flaws(message.flaws, half, remarks, self._most_parameters(job))
         limit = self._longest.get(job.peer.device)

@@ -466,6 +466,18 @@ def test_others_may_be_computed_anew_until_the_change_is_displaced(court: Court)
     assert court.back(NINE)
 
 
+@pytest.mark.parametrize("accepted", [Half(15, 15, status=0), None])
+def test_without_its_response_others_are_computed_anew_by_the_write_response(
+    court: Court, accepted: Half | None
+) -> None:
+    asked = message.change(1, 1, (message.address(340), message.word(1)))
+    one = court.made(asked, None, write_response=accepted)
+    court.judge.asked(one)
+    court.change(TEN)
+    court.judge.unanswered(one, dropped=False)
+    assert bool(court.back(NINE)) == (accepted is None)
+
+
 def test_what_is_written_after_the_response_to_p0340_counts(court: Court) -> None:
     """Also where its Write response comes late."""
     asked = message.change(1, 1, (message.address(340), message.word(1)))
