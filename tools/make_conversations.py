@@ -2701,6 +2701,106 @@ def _(tape: Tape) -> None:
     client.exchange(*fetched(10.0, 4))
 
 
+@case(
+    "P64-displaced-by-the-last-change",
+    "P64",
+    "values superseded",
+    [
+        tx(1, "superseded", (1, 2, None, None), None, ramp(9.5), operation="change", read=None),
+        tx(2, "ok", (3, 4, 5, 6), 3, ramp(10.0), operation="change", ref=2),
+        tx(3, "ok", (7, 8, 9, 10), 3, ramp(9.5), ref=3),
+        tx(4, "ok", (11, 12, 13, 14), 3, ramp(10.0), operation="change", ref=4),
+        tx(5, "ok", (15, 16, 17, 18), 3, ramp(9.5), ref=5),
+    ],
+    "DS414@3#1 DS417@18#5",
+)
+def _(tape: Tape) -> None:
+    """A change may be in force until it is displaced, so perhaps after the one that displaced it; no longer."""
+    client = Client(tape)
+    client.write(changed(9.5, 1)[0])
+    client.exchange(*changed(10.0, 2))
+    client.exchange(*fetched(9.5, 3))
+    client.exchange(*changed(10.0, 4))
+    client.exchange(*fetched(9.5, 5))
+
+
+@case(
+    "P64-failed-in-part",
+    "P64",
+    "values drive-error",
+    [
+        row(1, ramp(10.0), par(1121, "Float32", 5.0, error=(0x6B, 0)), state="partial",
+            operation="change"),
+        row(2, ramp(9.5), real(4.0, pnu=1121)),
+        row(3, par(RAMP, "Float32", 8.0, error=(0x6B, 0)), real(5.0, pnu=1121), state="error",
+            operation="change"),
+        row(4, ramp(7.0), real(4.0, pnu=1121)),
+    ],
+    "DS410@4#1 DS417@8#2 DS410@12#3 DS407@12#3",
+    diagnoses="DS719@4#1 DS719@12#3",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """What did not fail is in force; a block that is not there says nothing."""
+    client = Client(tape)
+    both = message.address(RAMP), message.address(1121)
+    asked = message.change(1, 1, (both[0], message.real(10.0)), (both[1], message.real(5.0)))
+    client.exchange(asked, message.answer(1, 0x82, 1, message.done(), message.error(0x6B)))
+    client.exchange(ask(2, RAMP, 1121), tell(2, 9.5, 4.0))
+    asked = message.change(3, 1, (both[0], message.real(8.0)), (both[1], message.real(5.0)))
+    client.exchange(asked, message.answer(3, 0x82, 1, message.error(0x6B)))
+    client.exchange(ask(4, RAMP, 1121), tell(4, 7.0, 4.0))
+
+
+@case(
+    "P64-elements",
+    "P64",
+    "values",
+    [
+        row(1, par(2900, "Unsigned16", 1, 2, 3, subindex=4), operation="change"),
+        row(2, par(2900, "Unsigned16", 9, subindex=5)),
+        row(3, par(2900, "Unsigned16", 8, 3, subindex=5)),
+        row(4, par(2900, "Unsigned16", 7, subindex=4)),
+    ],
+    "DS417@8#2 DS417@16#4",
+)
+def _(tape: Tape) -> None:
+    """Each element is a parameter of its own; of what differs it is told once."""
+    client = Client(tape)
+    asked = message.change(1, 1, (message.address(2900, 4, 3), message.word(1, 2, 3)))
+    client.exchange(asked, message.changed(1, 1))
+    for number, first, values in ((2, 5, (9,)), (3, 5, (8, 3)), (4, 4, (7,))):
+        asked = message.read(number, 1, message.address(2900, first, len(values)))
+        client.exchange(asked, message.answer(number, 1, 1, message.word(*values)))
+
+
+@case(
+    "P65-displaced",
+    "P65",
+    "values superseded",
+    [
+        tx(1, "superseded", (1, 2, None, None), None, par(340, "Unsigned16", 1), operation="change",
+           read=None, index=0xB02F),
+        tx(2, "ok", (3, 4, 5, 6), 3, ramp(10.0), operation="change", ref=2),
+        tx(3, "ok", (7, 8, 9, 10), 3, real(1.5), ref=3, index=0xB02F),
+        tx(4, "ok", (11, 12, 13, 14), 3, ramp(9.5), ref=4),
+        tx(5, "ok", (15, 16, 17, 18), 3, ramp(10.0), operation="change", ref=5),
+        tx(6, "ok", (19, 20, 21, 22), 3, ramp(9.5), ref=6),
+    ],
+    "DS414@7#1 DS417@22#6",
+)  # fmt: skip
+def _(tape: Tape) -> None:
+    """A change of p0340 whose response nobody fetched may have come until it was displaced."""
+    client = Client(tape)
+    other = client.at(index=0xB02F)
+    asked = message.change(1, 1, (message.address(340), message.word(1)))
+    client.write(asked, at=other)
+    client.exchange(*changed(10.0, 2))
+    client.exchange(ask(3), tell(3, 1.5), at=other)
+    client.exchange(*fetched(9.5, 4))
+    client.exchange(*changed(10.0, 5))
+    client.exchange(*fetched(9.5, 6))
+
+
 # The file
 
 

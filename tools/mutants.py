@@ -41,9 +41,9 @@ SAVING = ("test_saving", *DIAGNOSES)
 REPORT = ("test_report_opening", "test_report_html", "test_report_formats", "test_audit")
 LUA = ("test_lua_conversations", "test_lua_analysis")
 TESTS: dict[str, tuple[str, ...]] = {
-    "python/ds47/rules.py": RULES,
+    "python/ds47/rules.py": (*RULES, "test_usual"),
     "python/ds47/readback.py": RULES,
-    "python/ds47/drive_objects.py": RULES,
+    "python/ds47/drive_objects.py": ("test_drive_objects", *RULES),
     "python/ds47/findings.py": RULES,
     "python/ds47/transactions.py": ("test_transactions", *RULES),
     "python/ds47/diagnosis/__init__.py": DIAGNOSES,

@@ -20,6 +20,7 @@ local NEVER = huge -- a frame behind the end of every capture
 local KEPT = 8 -- writes that may be the last one of a parameter; of more of them nothing is known
 local DOUBTFUL = {DS309 = true, DS313 = true, DS315 = true} -- of a message not decoded to its end
 local OF_CHANGES = {[0x02] = true, [0x82] = true, [0x42] = true, [0xC2] = true} -- response IDs of changes
+local NEGATIVE = 0x80 -- the first response id that is negative
 local NONE = {}
 
 local ReadBack = {}
@@ -40,20 +41,15 @@ end
 
 -- Elements of blocks
 
---- The number of elements and the bytes of each, for a block whose elements can be told apart; nil for
+-- The number of elements and the bytes of each, for a block whose elements can be told apart; 0 for
 -- errors, texts and strings.
-function M.elements(address, block)
-  local count = block.value_count
-  if address.attribute ~= VALUE or block.error ~= nil or not count or count == 0 then
-    return nil
-  end
-  if #block.values ~= count or #block.raw % count ~= 0 then
-    return nil
+local function elements(address, block)
+  local count = #block.values
+  if address.attribute ~= VALUE or count == 0 or count ~= block.value_count then
+    return 0
   end
   return count, floor(#block.raw / count)
 end
-
-local elements = M.elements
 
 local function key_of(device, pnu, subindex)
   return device .. "\0" .. pnu .. "\0" .. subindex
@@ -120,7 +116,7 @@ end
 
 local function note(self, told, access, place, address, block, frame)
   local count, size = elements(address, block)
-  for number = 0, (count or 0) - 1 do
+  for number = 0, count - 1 do
     local subindex = address.subindex + number
     local key = key_of(access.device, address.pnu, subindex)
     local write = {
@@ -139,7 +135,7 @@ function ReadBack:asked(job)
   if message == nil or half == nil or message.operation ~= "change" then
     return
   end
-  local access, told, recomputes = drive_objects.access(job), {}, false
+  local access, told = drive_objects.access(job), {}
   for number, block in ipairs(message.blocks) do
     local address = message.addresses[number]
     if address == nil then
@@ -147,36 +143,26 @@ function ReadBack:asked(job)
     end
     if tables.known.recomputing[address.pnu] then
       self:_device(access.device).recomputing[job] = true
-      recomputes = true
     end
     local row = tables.parameters[address.pnu]
     if not (row and row.volatile) then
       note(self, told, access, number, address, block, half.frame)
     end
   end
-  if told[1] or recomputes then
-    self.open[job] = told
-  end
-end
-
--- The last frame of a job that there is.
-local function last_frame(job)
-  local last = 0
-  for _, half in ipairs({job:write_request() or NONE, job.write_response or NONE, job.read_response or NONE})
-  do
-    last = max(last, half.frame or 0)
-  end
-  return last
+  self.open[job] = told
 end
 
 -- The frame by which a change is in force or never will be.
 local function end_of(job)
   if job.read_response then
     return job.read_response.frame
-  elseif job:write_refused() and job.write_response then
-    return job.write_response.frame
   end
   return job.superseded_by or NEVER
+end
+
+-- The last frame of a job whose response was not fetched.
+local function last_frame(job)
+  return (job.write_response or job:write_request()).frame
 end
 
 -- Whether the response does not say for sure what became of the change.
@@ -187,7 +173,7 @@ local function is_doubtful(job, response)
       return true
     end
   end
-  return half == nil or (half.missing or 0) ~= 0 or (half.status or 0) ~= 0
+  return half.missing ~= 0 or half.status ~= nil and half.status ~= 0
 end
 
 -- Which parameters, from 1, did not take effect (nil: all), and whether the rest surely did.
@@ -196,14 +182,13 @@ local function outcome(job, stray)
   local failed, message, response = {}, job.message, job.response
   if job:write_refused() then
     return nil, false
-  elseif response == nil or stray or is_doubtful(job, response) then
+  elseif response == nil or response.response_id == nil or stray or is_doubtful(job, response) then
     return failed, false
   end
   for number, block in ipairs(response.blocks) do
     failed[number] = block.error ~= nil
   end
-  local negative = (response.response_id or 0) >= 0x80
-  return failed, not negative or #response.blocks == #message.addresses
+  return failed, response.response_id < NEGATIVE or #response.blocks == #message.addresses
 end
 
 local function kept(there, keep)
@@ -256,7 +241,7 @@ function ReadBack:settled(job, stray)
   self.open[job] = nil
   if device.recomputing[job] then
     device.recomputing[job] = nil
-    device.forgotten = max(device.forgotten, math.min(frame, last_frame(job)))
+    device.forgotten = max(device.forgotten, frame == NEVER and last_frame(job) or frame)
   end
   if job.response and not stray then
     self:_refusals(job)
@@ -313,7 +298,7 @@ function ReadBack:_compare(found, job, access, address, block)
     return
   end
   local count, size = elements(address, block)
-  for number = 0, (count or 0) - 1 do
+  for number = 0, count - 1 do
     local subindex, value = address.subindex + number, block.values[number + 1]
     local key = key_of(access.device, address.pnu, subindex)
     local last = self:_last(key, address.pnu, access, job:write_request().frame)

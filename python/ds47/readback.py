@@ -20,6 +20,8 @@ from ds47.profidrive.model import VALUE, Value
 from ds47.spec import parameters
 from ds47.spec.semantics import known
 
+_NEGATIVE: Final = 0x80
+"""The first response id that is negative."""
 NEVER: Final = 1 << 62
 """Stands for a frame behind the end of every capture."""
 _OF_CHANGES: Final = (0x02, 0x82, 0x42, 0xC2)
@@ -95,8 +97,7 @@ class ReadBack:
                 told.append((key, written))
                 self._remember(key, written)
             self.pnus.add(address.pnu)
-        if told or job in self._device(reached.device).recomputing:
-            self._open[job] = told
+        self._open[job] = told
 
     def _remember(self, key: Element, written: Written) -> None:
         there = self._written.setdefault(key, [])
@@ -123,18 +124,17 @@ class ReadBack:
 
     def settled(self, job: Job, *, stray: bool) -> None:
         """The response to a change is there, or it is over without one; `stray`: the response is another's."""
-        open_ = self._open.pop(job, None)
         device = self._device(job.peer.device)
         frame = _end(job)
         if job in device.recomputing:
             device.recomputing.discard(job)
-            device.forgotten = max(device.forgotten, min(frame, _last_frame(job)))
+            device.forgotten = max(device.forgotten, _last_frame(job) if frame == NEVER else frame)
         refused, sure = _outcome(job, stray)
         if job.response is not None and not stray:
             for block in job.response.blocks:
                 if block.error is not None:
                     self._objects.refused(access_of(job), block.error.code)
-        for key, written in open_ or ():
+        for key, written in self._open.pop(job, ()):
             written.until = frame
             if refused is None or written.number in refused:
                 self._drop(key, written)
@@ -144,18 +144,14 @@ class ReadBack:
     def _in_force(self, key: Element, written: Written) -> None:
         """A value was accepted: what was written in the same way before it does not count any more."""
         written.certain = True
-        there = self._written.get(key)
-        if there is not None:
-            there[:] = [
-                each
-                for each in there
-                if each.access != written.access or each.until >= written.asked
-            ]
+        there = self._written.get(key, [])
+        there[:] = [
+            each for each in there if each.access != written.access or each.until >= written.asked
+        ]
 
     def _drop(self, key: Element, written: Written) -> None:
-        there = self._written.get(key)
-        if there is not None and written in there:
-            there.remove(written)
+        there = self._written.get(key, [])
+        there[:] = [each for each in there if each is not written]
 
     def read(self, job: Job) -> Iterator[dict[str, Any]]:
         """The arguments of a finding, with the `offset` of its block, for each value that differs."""
@@ -230,17 +226,16 @@ def access_of(job: Job) -> Access:
 
 
 def _last_frame(job: Job) -> int:
-    """The last frame of a job that there is."""
-    halves = (job.write_request, job.write_response, job.read_response)
-    return max((half.frame for half in halves if half is not None), default=0)
+    """The last frame of a job whose response was not fetched."""
+    half = job.write_response or job.write_request
+    assert half is not None
+    return half.frame
 
 
 def _end(job: Job) -> int:
     """The frame by which a change is in force or never will be."""
     if job.read_response is not None:
         return job.read_response.frame
-    if job.write_refused and job.write_response is not None:
-        return job.write_response.frame
     return NEVER if job.superseded_by is None else job.superseded_by
 
 
@@ -250,28 +245,27 @@ def _outcome(job: Job, stray: bool) -> tuple[set[int] | None, bool]:
     assert message is not None
     if job.write_refused:
         return None, False
-    if response is None or stray or _is_doubtful(job, response):
+    if response is None or response.response_id is None or stray or _is_doubtful(job, response):
         return set(), False
     blocks = response.blocks
     failed = {number for number, block in enumerate(blocks) if block.error is not None}
-    negative = bool((response.response_id or 0) & 0x80)
-    return failed, not negative or len(blocks) == len(message.addresses)
+    positive = response.response_id < _NEGATIVE
+    return failed, positive or len(blocks) == len(message.addresses)
 
 
 def _is_doubtful(job: Job, response: Response) -> bool:
     """Whether the response does not say for sure what became of the change."""
     half = job.read_response
+    assert half is not None
     broken = any(flaw.rule in ("DS309", "DS313", "DS315") for flaw in response.flaws)
-    return broken or half is None or bool(half.missing or half.status)
+    return broken or bool(half.missing or half.status)
 
 
 def elements(address: Address, block: Block) -> Iterator[tuple[int, bytes, Value]]:
     """Subindex, bytes and value of each element of a block; nothing for errors, texts and strings."""
-    count = block.value_count
-    if address.attribute != VALUE or block.error is not None or not count:
+    values = block.values
+    if address.attribute != VALUE or not values or len(values) != block.value_count:
         return
-    if len(block.values) != count or len(block.raw) % count:
-        return
-    size = len(block.raw) // count
-    for number, value in enumerate(block.values):
+    size = len(block.raw) // len(values)
+    for number, value in enumerate(values):
         yield address.subindex + number, block.raw[number * size : (number + 1) * size], value

@@ -202,8 +202,9 @@ class Judge:
 
     def _request(self, job: Job, remarks: list[Remark]) -> None:
         half, message = job.write_request, job.message
-        if half is None or message is None:
+        if half is None:
             return
+        assert message is not None
         if message.flaws:
             _flaws(message.flaws, half, remarks, self._most_parameters(job))
         limit = self._longest.get(job.peer.device)

@@ -97,3 +97,32 @@ def test_every_rule_can_be_worded_from_nothing_but_its_rule(rule: str, lang: str
     """An older or a damaged result may lack any argument."""
     assert words(rule, {}, lang)
     assert "{" not in words(rule, dict.fromkeys(rules()[rule].args), lang)
+
+
+def test_where_somebody_is_told_at_once_nothing_is_kept() -> None:
+    told: list[str] = []
+    findings = Findings((), ("DS1",), lambda finding: told.append(finding.rule))
+    for rule in ("DS101", "DS403"):
+        findings.add(Remark(rule, 1))
+    assert told == ["DS403"]
+    assert findings.result({}) == []
+
+
+def test_a_diagnosis_is_counted_with_its_like_and_a_symptom_is_not() -> None:
+    findings = Findings((), ())
+    one = job(READ, device="drive")
+    for rule, frame in (("DS709", 1), ("DS709", 2), ("DS410", 3)):
+        args = {"axis": 1, "device": "drive"} if rule == "DS709" else {"pnu": 21, "code": 2}
+        findings.add(Remark(rule, frame, args, job=one))
+    assert findings.diagnoses() == []
+    findings.result({})
+    counted = [(each.rule, each.device, each.count) for each in findings.diagnoses()]
+    assert counted == [("DS709", "drive", 2)]
+
+
+def test_without_an_offset_comes_before_offset_1() -> None:
+    findings = Findings((), ())
+    findings.add(Remark("DS410", 1, offset=1))
+    findings.add(Remark("DS410", 1))
+    findings.add(Remark("DS410", 1, offset=0))
+    assert [finding.offset for finding in findings.result({})] == [None, 0, 1]

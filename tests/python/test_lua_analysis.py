@@ -19,6 +19,7 @@ from typing import Any, BinaryIO
 
 import pytest
 import troubles
+from test_conversations import CASES, capture
 from tests.audit import conversations
 from whole_capture import of_transactions
 
@@ -248,6 +249,14 @@ def test_conversations_of_the_auditor_give_the_same_result(version: str, tmp_pat
         path = tmp_path / f"{seed}.pcap"
         conversations.make(seed).tape.write(path)
         sources.append(Source(f"seed {seed}", path.read_bytes(), False))
+    compare(version, "en", sources, tmp_path)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_conversation_vectors_give_the_same_result(version: str, tmp_path: Path) -> None:
+    """The vectors say which rule and which frame; here the arguments are compared as well."""
+    cases = [case for case in CASES if "options" not in case]
+    sources = [Source(case["id"], capture(case).getvalue(), False) for case in cases]
     compare(version, "en", sources, tmp_path)
 
 

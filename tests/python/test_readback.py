@@ -13,7 +13,7 @@ from ds47.pairing import Job
 from ds47.profinet.records import Half
 from ds47.readback import _KEPT
 from ds47.rules import Judge, Remark
-from ds47.spec.semantics import limits
+from ds47.spec.semantics import known, limits
 
 LIMITS = limits()
 RAMP, SPEED = message.address(1120), message.address(1121)
@@ -250,6 +250,240 @@ def test_the_memory_of_written_values_is_bounded() -> None:
     court.change(where=SPEED)
     assert court.back(where=RAMP) == []
     assert court.back(where=SPEED)
+
+
+def test_what_is_pushed_out_may_still_be_settled() -> None:
+    court = Court(written_values=1)
+    both = message.change(1, 1, (RAMP, TEN), (SPEED, TEN))
+    court.hear(both, message.changed(1, 1, 2))
+    assert court.back(where=RAMP) == []
+    assert court.back(where=SPEED)
+
+
+def test_the_devices_of_which_something_is_known_are_bounded(court: Court) -> None:
+    court.change(device="first")
+    court.change(device="second")
+    for number in range(known().history - 2):
+        court.judge.connected(f"d{number}", 0)
+    court.judge.connected("first", 0)  # is known: nobody is pushed out
+    court.change(device="first")
+    assert court.back(device="first")
+    court.change(device="first")
+    court.judge.connected("one more", 0)
+    assert court.back(device="first") == []
+    court.change(device="second")
+    assert court.back(device="second")
+
+
+def test_of_the_devices_only_the_oldest_is_forgotten(court: Court) -> None:
+    court.change(device="first")
+    court.change(device="second")
+    for number in range(known().history - 1):
+        court.judge.connected(f"d{number}", 0)
+    assert court.back(device="second")
+    assert court.back(device="first") == []
+
+
+def test_a_displaced_change_may_be_in_force_until_the_one_that_displaced_it(court: Court) -> None:
+    court.change(NINE, answer=None, superseded_by=court.frame + 10)
+    court.change(TEN)
+    assert court.back(NINE) == []
+
+
+def test_a_displaced_change_is_over_with_the_one_that_displaced_it(court: Court) -> None:
+    court.unread(NINE, at=LOCAL_2)
+    court.change(TEN)
+    assert court.back(NINE)
+
+
+def test_of_a_change_that_failed_in_part_the_rest_is_in_force(court: Court) -> None:
+    both = message.change(1, 1, (RAMP, TEN), (SPEED, TEN))
+    court.hear(both, message.answer(1, 0x82, 1, message.done(), message.error(2)))
+    assert court.back(where=RAMP)
+    assert court.back(where=SPEED) == []
+
+
+def test_a_positive_response_with_an_error_settles_nothing(court: Court) -> None:
+    """A positive response to a change has no blocks: what bytes behind it mean is not known (DS313)."""
+    both = message.change(1, 1, (RAMP, TEN), (SPEED, TEN))
+    court.hear(both, message.answer(1, 2, 1, message.done(), message.error(2)))
+    assert court.back(where=RAMP) == []
+
+
+def test_a_negative_response_says_nothing_of_a_block_that_it_lacks(court: Court) -> None:
+    both = message.change(1, 1, (RAMP, TEN), (SPEED, TEN))
+    court.hear(both, message.answer(1, 0x82, 1, message.error(2)))
+    assert court.back(where=SPEED) == []
+
+
+@pytest.mark.parametrize(
+    "made",
+    [
+        {"answer": message.answer(1, 0x80, 1)},
+        {"answer": message.changed(1, 1)[:3]},
+        {"read_response": Half(4, 4, message.changed(1, 1), 4, missing=2, status=0)},
+        {"read_response": Half(4, 4, message.changed(1, 1), 4, status=0xDE80B700)},
+    ],
+    ids=["not supported", "header cut", "bytes missing", "Read refused"],
+)
+def test_a_doubtful_response_does_not_say_that_a_value_is_in_force(
+    court: Court, made: dict[str, Any]
+) -> None:
+    court.change(**made)
+    assert court.back() == []
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        message.error(9, None),
+        message.block(message.UNSIGNED16, "H"),
+        message.word(9)[:3],
+        message.block(0x0A, "B", 9, 9),
+    ],
+    ids=["error", "no value", "cut", "octets"],
+)
+def test_only_whole_values_are_compared(court: Court, block: bytes) -> None:
+    court.change(message.word(10))
+    court.hear(message.read(2, 1, RAMP), message.answer(2, 1, 1, block))
+    assert court.back(message.word(9))
+
+
+def test_a_string_is_not_compared(court: Court) -> None:
+    court.change(message.block(0x09, "B", *b"abc"))
+    assert court.back(message.block(0x09, "B", *b"xbc")) == []
+
+
+@pytest.mark.parametrize("attribute", [message.DESCRIPTION, message.TEXT])
+def test_only_the_attribute_value_is_compared(court: Court, attribute: int) -> None:
+    where = message.address(1120, attribute=attribute)
+    court.change(message.word(10))
+    assert court.back(message.word(9), where) == []
+    court.change(message.word(8), where)
+    assert court.back(message.word(10)) == []
+
+
+def test_one_element_of_many_is_compared(court: Court) -> None:
+    court.change(message.word(1, 2, 3), message.address(2000, 4, 3))
+    found = court.back(message.word(9), message.address(2000, 5, 1))
+    assert [remark.args["written"] for remark in found] == [2]
+
+
+def test_values_of_another_length_are_not_compared(court: Court) -> None:
+    court.change(message.word(10))
+    assert court.back(NINE) == []
+
+
+def test_what_the_drive_changes_itself_is_not_compared(court: Court) -> None:
+    court.change(message.word(10), message.address(944))
+    assert court.back(message.word(9), message.address(944)) == []
+
+
+def test_the_values_in_the_response_to_a_change_are_not_read_back(court: Court) -> None:
+    court.change(message.word(1, 2), message.address(2000, 4, 2))
+    asked = message.change(1, 1, (message.address(2000, 4), message.word(7)))
+    assert court.hear(asked, message.answer(1, 0x82, 1, message.word(7, 9))) == []
+
+
+def test_a_request_of_a_maker_changes_no_parameter(court: Court) -> None:
+    court.change(TEN)
+    asked = bytes([1, 0x33]) + message.change(1, 1, (RAMP, NINE))[2:]
+    court.hear(asked, message.answer(1, 0x33, 1))
+    assert court.back(NINE)
+
+
+def test_one_change_after_the_other_is_remembered(court: Court) -> None:
+    for number in range(_KEPT + 2):
+        court.change(message.real(number))
+    (remark,) = court.back(message.real(100))
+    assert remark.args["written"] == _KEPT + 1
+
+
+def test_a_change_that_another_controller_has_open_may_be_in_force(court: Court) -> None:
+    one = court.made(message.change(1, 1, (RAMP, NINE)), None)
+    court.judge.asked(one)
+    court.change(TEN)
+    assert court.back(NINE) == []
+
+
+def test_one_of_too_many_changes_may_fail(court: Court) -> None:
+    jobs = [
+        court.made(message.change(1, 1, (RAMP, NINE)), None, write_response=Half(9, 9, status=1))
+        for _ in range(_KEPT + 1)
+    ]
+    for one in jobs:
+        court.judge.asked(one)
+    court.judge.refused(jobs[0])
+    assert court.back(NINE) == []
+
+
+def test_a_change_refused_for_its_axis_shows_that_the_device_looks_at_it(court: Court) -> None:
+    answer = message.answer(1, 0x82, 77, message.done(), message.error(AXIS_ERROR))
+    both = message.change(1, 77, (SPEED, TEN), (SPEED, TEN))
+    court.hear(both, answer)
+    court.change(TEN, axis=2)
+    court.change(NINE, axis=3)
+    assert court.back(NINE, axis=2)
+
+
+def test_the_axis_error_of_a_stray_response_shows_nothing(court: Court) -> None:
+    court.change(TEN, axis=77, answer=message.answer(9, 0x82, 77, message.error(AXIS_ERROR)))
+    court.change(TEN, axis=2)
+    court.change(NINE, axis=3)
+    assert court.back(NINE, axis=2) == []
+
+
+@pytest.mark.parametrize(
+    "where",
+    [message.address(1121, 7), message.address(975, 7, attribute=message.TEXT)],
+    ids=["another PNU", "a text"],
+)
+def test_only_the_value_of_975_names_a_submodule(court: Court, where: bytes) -> None:
+    court.distinguishes()
+    court.hear(message.read(3, 0, where), message.answer(3, 1, 0, message.word(3)), at=LOCAL_2)
+    court.change(TEN, axis=3)
+    assert court.back(NINE, at=LOCAL_2) == []
+
+
+def test_while_others_are_computed_anew_nothing_is_known(court: Court) -> None:
+    court.change(TEN)
+    court.judge.asked(
+        court.made(message.change(1, 1, (message.address(340), message.word(1))), None)
+    )
+    assert court.back(NINE) == []
+
+
+def test_others_may_be_computed_anew_until_the_change_is_displaced(court: Court) -> None:
+    """p0340 was accepted in frame 2, and displaced by the last change of p1120 itself."""
+    asked = message.change(1, 1, (message.address(340), message.word(1)))
+    one = court.made(asked, None)
+    court.judge.asked(one)
+    one.superseded_by = court.frame
+    court.judge.unanswered(one, dropped=False)
+    court.change(TEN)
+    assert court.back(NINE) == []
+    court.change(TEN)
+    assert court.back(NINE)
+
+
+@pytest.mark.parametrize("accepted", [Half(15, 15, status=0), None])
+def test_without_its_response_others_are_computed_anew_by_the_write_response(
+    court: Court, accepted: Half | None
+) -> None:
+    asked = message.change(1, 1, (message.address(340), message.word(1)))
+    one = court.made(asked, None, write_response=accepted)
+    court.judge.asked(one)
+    court.change(TEN)
+    court.judge.unanswered(one, dropped=False)
+    assert bool(court.back(NINE)) == (accepted is None)
+
+
+def test_what_is_written_after_the_response_to_p0340_counts(court: Court) -> None:
+    """Also where its Write response comes late."""
+    asked = message.change(1, 1, (message.address(340), message.word(1)))
+    court.hear(asked, message.changed(1, 1), write_response=Half(15, 15, status=0))
+    court.change(TEN)
+    assert court.back(NINE)
 
 
 def test_too_many_open_changes_say_nothing(court: Court) -> None:

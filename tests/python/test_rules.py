@@ -131,3 +131,241 @@ def test_without_response(one: Job, rule: str) -> None:
 def test_the_same_reference_again() -> None:
     one = job(READ, message.answer(1, 1, 1, TEN), previous_reference=1)
     assert rules(judge().answered(one)) == ["DS415"]
+
+
+def only(remarks: list[Remark], rule: str) -> Remark:
+    """The one remark of a rule."""
+    (found,) = [remark for remark in remarks if remark.rule == rule]
+    return found
+
+
+def orphan(*, implicit: bool, repeats: int | None = None, **more: object) -> Job:
+    one = job(None, message.answer(1, 0x81, 1, message.error(0)), repeats=repeats, **more)  # type: ignore[arg-type]
+    one.record.implicit = implicit
+    return one
+
+
+@pytest.mark.parametrize(
+    ("one", "case", "found"),
+    [
+        (orphan(implicit=False), "unasked", ["DS403", "DS410"]),
+        (orphan(implicit=True), "unasked_without_ar", ["DS403", "DS410"]),
+        (orphan(implicit=True, repeats=4), "unasked_again", ["DS403"]),
+        (orphan(implicit=False, certain=False), None, ["DS410"]),
+    ],
+    ids=["unasked", "without AR", "again", "perhaps pushed out"],
+)
+def test_a_response_without_a_request_says_how_it_comes_to_stand_alone(
+    one: Job, case: str | None, found: list[str]
+) -> None:
+    remarks = judge().answered(one)
+    assert rules(remarks) == found
+    if case is not None:
+        assert only(remarks, "DS403").args == {"case": case}
+
+
+def test_the_errors_of_a_response_with_a_request_are_told_though_it_was_read_before() -> None:
+    one = job(READ, message.answer(1, 0x81, 1, message.error(2, 7)), repeats=4)
+    remark = only(judge().answered(one), "DS410")
+    expected = {"pnu": 1120, "subindex": 0, "code": 2, "info": 7, "vendor_id": 0x002A}
+    assert (remark.args, remark.offset) == (expected, 4)
+
+
+def many(count: int, answered: bool) -> Job:
+    words = [message.real(number) for number in range(count)]
+    asked = message.read(1, 1, *[RAMP] * count)
+    return job(asked, message.answer(1, 1, 1, *words) if answered else None)
+
+
+def test_a_number_of_parameters_that_the_device_takes_is_not_too_many() -> None:
+    court = judge()
+    assert "DS304" not in rules(court.unanswered(many(39, False), dropped=False))
+    assert only(court.unanswered(many(40, False), dropped=False), "DS304").args == {
+        "count": 40,
+        "limit": 39,
+    }
+    assert "DS304" not in rules(court.answered(many(40, True)))  # it answers all of them
+
+
+def test_974_says_how_many_parameters_the_device_takes() -> None:
+    court = judge()
+    asked = message.read(1, 1, message.address(974, 0, 3))
+    court.answered(job(asked, message.answer(1, 1, 1, message.word(2000, 41, 7))))
+    assert "DS304" not in rules(court.unanswered(many(41, False), dropped=False))
+    remark = only(court.unanswered(many(42, False), dropped=False), "DS304")
+    assert remark.args == {"count": 42, "limit": 41}
+
+
+@pytest.mark.parametrize("value", [0, -1])
+def test_974_without_a_number_teaches_nothing(value: int) -> None:
+    court = judge()
+    answer = message.answer(1, 1, 1, message.block(0x03, "h", value))
+    court.answered(job(message.read(1, 1, message.address(974)), answer))
+    assert rules(court.unanswered(job(READ), dropped=False)) == ["DS401"]
+
+
+def test_974_may_say_1() -> None:
+    court = judge()
+    answer = message.answer(1, 1, 1, message.word(1))
+    court.answered(job(message.read(1, 1, message.address(974)), answer))
+    assert only(court.unanswered(job(READ), dropped=False), "DS316").args["limit"] == 1
+
+
+def test_974_as_a_real_is_no_length() -> None:
+    court = judge()
+    answer = message.answer(1, 1, 1, message.real(1.0))
+    court.answered(job(message.read(1, 1, message.address(974)), answer))
+    assert rules(court.unanswered(job(READ), dropped=False)) == ["DS401"]
+
+
+def test_as_long_as_the_device_takes_is_not_too_long() -> None:
+    court = judge()
+    answer = message.answer(1, 1, 1, message.word(len(READ)))
+    court.answered(job(message.read(1, 1, message.address(974)), answer))
+    assert rules(court.unanswered(job(READ), dropped=False)) == ["DS401"]
+    too_long = only(court.unanswered(job(READ + b"\0"), dropped=False), "DS316")
+    assert too_long.offset == 0
+
+
+def test_the_devices_whose_longest_message_is_known_are_bounded() -> None:
+    court = Judge(LIMITS.but(longest_messages=2), LIMITS.slow_ns)
+    asked = message.read(1, 1, message.address(974))
+    for device in ("first", "second", "first", "third"):
+        court.answered(job(asked, message.answer(1, 1, 1, message.word(1)), device=device))
+    told = {
+        device: "DS316" in rules(court.unanswered(job(READ, device=device), dropped=False))
+        for device in ("first", "second", "third")
+    }
+    assert told == {"first": True, "second": False, "third": True}
+
+
+@pytest.mark.parametrize(
+    ("elements", "got", "rule"),
+    [(1, 1, None), (2, 1, "DS408"), (1, 2, "DS409"), (3, 2, "DS408"), (0, 1, None), (0, 2, None),
+     (0, 0, "DS408"), (0, 3, None)],
+)  # fmt: skip
+def test_as_many_values_as_were_asked_for(elements: int, got: int, rule: str | None) -> None:
+    asked = message.read(1, 1, message.address(2000, 0, elements))
+    block = message.block(message.UNSIGNED16, "H", *range(got))
+    found = [
+        remark
+        for remark in judge().answered(job(asked, message.answer(1, 1, 1, block)))
+        if remark.rule in ("DS408", "DS409")
+    ]
+    assert rules(found) == ([] if rule is None else [rule])
+    for remark in found:
+        assert remark.args == {"asked": elements or 1, "got": got, "pnu": 2000}
+        assert remark.offset == 4
+
+
+def test_the_number_of_values_of_a_text_is_its_own() -> None:
+    asked = message.read(1, 1, message.address(2000, 0, 1, attribute=message.TEXT))
+    answer = message.answer(1, 1, 1, message.block(0x09, "B", *b"speed."))
+    assert rules(judge().answered(job(asked, answer))) == []
+
+
+@pytest.mark.parametrize("seen", [b"\1", b"\1\1", b"\1\1\1"])
+def test_of_a_header_only_what_is_there_is_compared(seen: bytes) -> None:
+    assert rules(judge().answered(job(READ, seen))) == ["DS315"]
+
+
+def test_of_a_request_header_only_what_is_there_is_compared() -> None:
+    found = rules(judge().answered(job(b"\1", message.answer(1, 1, 1, TEN))))
+    assert not {"DS404", "DS405", "DS406", "DS407"} & set(found)
+
+
+@pytest.mark.parametrize(
+    ("answer", "rule", "args"),
+    [
+        (message.answer(2, 1, 1, TEN), "DS404", {"sent": 1, "got": 2}),
+        (message.answer(1, 2, 1), "DS405", {"sent": 1, "got": 2}),
+        (message.answer(1, 1, 3, TEN), "DS406", {"sent": 1, "got": 3}),
+        (message.answer(1, 1, 1, TEN, TEN), "DS407", {"sent": 1, "got": 2}),
+        (message.answer(1, 0x80, 1, message.error(0x21)), "DS418", {"id": 1}),
+    ],
+)
+def test_a_response_that_is_not_the_mirror_of_its_request(
+    answer: bytes, rule: str, args: dict[str, int]
+) -> None:
+    assert only(judge().answered(job(READ, answer)), rule).args == args
+
+
+def polled(*times: tuple[int | None, int]) -> Job:
+    """A read whose polls were asked and refused at these times, in nanoseconds; read at 4 ms."""
+    polls = [(None if one is None else Half(3, one), Half(3, two)) for one, two in times]
+    return job(READ, message.answer(1, 1, 1, TEN), polls=polls)
+
+
+def test_polling_begins_with_the_first_request_that_is_there() -> None:
+    limit = LIMITS.polling_ns
+    at = 4 * MS - limit
+    assert "DS205" not in rules(judge().answered(polled((at, at + 5), (at + 6, at + 7))))
+    remark = only(judge().answered(polled((at - 1, at + 5), (at + 6, at + 7))), "DS205")
+    assert remark.args == {"milliseconds": (limit + 1) / 1e6, "limit": 1000}
+    assert "DS205" in rules(judge().answered(polled((None, at - 1))))
+    assert "DS205" not in rules(judge().answered(polled((None, at))))
+
+
+def test_as_many_polls_as_the_limit_are_a_note() -> None:
+    times = [(MS, MS)] * LIMITS.polls
+    assert only(judge().answered(polled(*times)), "DS204").args == {"count": LIMITS.polls}
+    assert "DS204" not in rules(judge().answered(polled(*times[1:])))
+
+
+def test_slow_is_told_in_milliseconds_and_only_of_a_response() -> None:
+    one = job(READ, message.answer(1, 1, 1, TEN))
+    assert one.read_response is not None
+    one.read_response.time_ns = 2 * MS + LIMITS.slow_ns + MS
+    remark = only(judge().answered(one), "DS416")
+    assert remark.args == {"milliseconds": 1001.0, "limit": 1000}
+    one.read_response.data, one.response = b"", None
+    assert rules(judge().answered(one)) == []
+
+
+def test_what_a_poll_without_its_request_says_of_the_drives_time() -> None:
+    one = polled((None, MS))
+    assert drive_time_ns(one) is None
+
+
+@pytest.mark.parametrize(
+    ("reason", "told"), [("", None), ("end", "end")], ids=["no reason", "reason"]
+)
+def test_why_there_is_no_response(reason: str, told: str | None) -> None:
+    (remark,) = judge().unanswered(job(READ, reason=reason), dropped=True)
+    assert remark.args == {"reason": told, "dropped": True}
+
+
+def test_of_what_a_limit_pushed_out_no_response_is_missed() -> None:
+    assert judge().unanswered(job(READ, limit="channels"), dropped=False) == []
+
+
+def test_a_displaced_request_names_both_frames() -> None:
+    (remark,) = judge().unanswered(job(READ, superseded_by=9), dropped=False)
+    assert (remark.frame, remark.args) == (9, {"request": 1, "by": 9})
+
+
+def test_the_same_reference_names_the_frame_before() -> None:
+    one = job(READ, message.answer(1, 1, 1, TEN), previous_reference=1, previous=7)
+    (remark,) = judge().answered(one)
+    assert (remark.frame, remark.args) == (1, {"reference": 1, "first": 7})
+    one.previous_reference = 2
+    assert judge().answered(one) == []
+
+
+def test_refusals_and_empty_reads_stand_at_their_frames() -> None:
+    one = job(READ, read_response=Half(4, 4, status=0xDE80B700), empty_reads=[Half(3, 3)])
+    found = judge().answered(one)
+    assert [(remark.rule, remark.frame) for remark in found] == [("DS201", 4), ("DS207", 3)]
+    assert found[0].args == {"status": "DE80B700"}
+    assert judge().closed(one) == []
+    one.write_response = Half(2, 2, status=0xDF80B500)
+    (remark,) = judge().closed(one)
+    assert (remark.rule, remark.frame, remark.job) == ("DS203", 2, one)
+
+
+@pytest.mark.parametrize(("cut", "found"), [(False, ["DS315"]), (True, [])])
+def test_what_the_capture_cut_off_is_no_fault_of_the_message(cut: bool, found: list[str]) -> None:
+    one = job(READ, message.answer(1, 1, 1, TEN)[:-2])
+    assert one.read_response is not None
+    one.read_response.cut = cut
+    assert rules(judge().answered(one)) == found
