@@ -278,6 +278,68 @@ def test_text_is_that_of_python_with_every_option(
         assert text == python_text(result, **options), result.path
 
 
+def totals() -> list[list[Finding]]:
+    """Findings that a diagnosis covers, and such that it does not."""
+    said = finding("DS719", 9, 1, None, code=0x6B)
+    status = {"status": "DF80B600"}
+    whole = [
+        finding("DS719", 9, None, None, code=0x6B, device=each) for each in ("10.0.0.9", "10.0.0.8")
+    ]
+    tests = [
+        finding("DS410", 9, number, None, code=code)
+        for number in (1, 2, None)
+        for code in (0x6B, 0x11)
+    ]
+    other = finding("DS417", 9, 1, None, code=0x6B)
+    refused = [finding("DS203", 9, number, None, **status) for number in (1, 2)]
+    wrong = [
+        finding("DS708", 9, None, None, status=each, device=None)
+        for each in ("DE80B500", "DF80B600")
+    ]
+    return [
+        [], [*tests, other], [said, *tests, other], [*whole, *tests, other], [*whole[::-1], *tests],
+        [*refused, *wrong], refused, [finding("DS207", 9, None, None)], [finding("DS108", 9, 1, None)],
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("complete", [True, False])
+def test_what_is_counted_and_covered_is_that_of_python(lua: Run, complete: bool) -> None:
+    """Of one drive and of several, of requests that have no response and responses without a request."""
+    states = ["ok", "unanswered", "superseded", "unanswered", "orphan", "orphan", "orphan"]
+    ways = [
+        (["ok"], {}, []),
+        (["ok", "ok"], {"47": {"read": 4}}, [Device("10.0.0.1")]),
+        (["ok", "orphan"], {"5": {"read": 1}}, [Device("10.0.0.1", station="plc")]),
+        (states, {"5": {"read": 2, "write": 3}, "57408": {"write": 9}}, [Device("a"), Device("b")]),
+    ]
+    results = []
+    for states, records, devices in ways:
+        jobs = [
+            handmade.transaction(
+                id=number,
+                state=state,
+                ar="a" if number > 5 else None,
+                device=f"10.0.0.{9 - number % 2}",
+            )
+            for number, state in enumerate(states, 1)
+        ]
+        results += [
+            CaptureResult("x", transactions=jobs, records=records, devices=devices, findings=found,
+                          complete=complete)
+            for found in totals()
+        ]  # fmt: skip
+    texts = lua([job("report", each) for each in results])
+    assert texts == [python_text(each) for each in results]
+
+
+def test_where_no_drive_object_answers_none_is_named(lua: Run) -> None:
+    told = [diagnosis("DS709", "10.0.0.9", 1, [3], [1], axis=9)]
+    for device in ("10.0.0.9", "10.0.0.8"):
+        jobs = [handmade.transaction(device=device)]
+        result = CaptureResult("x", transactions=jobs, diagnoses=told)
+        assert lua([job("report", result)]) == [python_text(result)]
+
+
 def test_reads_without_a_response_are_told_in_their_order_as_in_python(lua: Run) -> None:
     """Between the polls, and behind them; that the capture ended is told of the last one."""
     frames = Frames(1, 2, 5, None, [(3, 4), (6, 7)])
