@@ -69,6 +69,15 @@ def test_half_of_the_times_are_at_most_the_first_number_and_95_of_100_at_most_th
     assert told == Latency(each * MS for each in sorted(times)).text()
 
 
+def test_of_two_hundred_times_190_are_at_most_p95() -> None:
+    assert percentile(range(1, 201), 95) == 190
+    assert (
+        Latency(each * MS for each in range(200))
+        .text()
+        .startswith("latency p50 99.0 ms, p95 189.0 ms")
+    )
+
+
 def test_a_time_counts_as_often_as_it_was() -> None:
     """Nine of 1 ms, nine of 2 ms and two of 3 ms."""
     one, other = Latency([MS] * 9 + [3 * MS]), Latency([2 * MS] * 9 + [3 * MS])
