@@ -297,6 +297,13 @@ def test_the_last_value_is_the_last_that_came() -> None:
     assert [(row[12], row[14]) for row in table_of(*jobs)] == [("4", 2), ("5", 2), ("3", 1)]
 
 
+def test_a_refused_record_call_stands_with_its_status() -> None:
+    ways = [{"write_status": 0xDF80B500, "read_status": None}, {"read_status": 0xDE80B700}]
+    for changes, word in zip(ways, ("(DF80B500)", "(DE80B700)"), strict=True):
+        ((*_, error, number),) = table_of(job(1, "refused", parameters=[parameter()], **changes))
+        assert (error[0].split()[-1], number) == (word, 1)
+
+
 def test_of_too_many_parameters_the_page_says_how_many_are_left_out(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
