@@ -38,7 +38,13 @@ DIAGNOSES = (
     "test_real_stacks",
 )
 SAVING = ("test_saving", *DIAGNOSES)
-REPORT = ("test_report_opening", "test_report_html", "test_report_formats", "test_audit")
+REPORT = (
+    "test_report_totals",
+    "test_report_opening",
+    "test_report_html",
+    "test_report_formats",
+    "test_audit",
+)
 LUA = ("test_lua_conversations", "test_lua_analysis")
 TESTS: dict[str, tuple[str, ...]] = {
     "python/ds47/rules.py": (*RULES, "test_usual"),
@@ -66,10 +72,13 @@ TESTS: dict[str, tuple[str, ...]] = {
     "lua/ds47/rules.lua": LUA,
     "lua/ds47/readback.lua": LUA,
     "lua/ds47/drive_objects.lua": LUA,
-    "lua/ds47/statistics.lua": ("test_wireshark_statistics",),
+    "lua/ds47/statistics.lua": ("test_lua_report", "test_wireshark_statistics"),
+    "lua/ds47/todo.lua": ("test_lua_report",),
+    "lua/ds47/verdict.lua": ("test_lua_report",),
 }
 LESS: dict[str, tuple[str, ...]] = {
     "test_lua_conversations": ("-k", "5.4"),
+    "test_lua_report": ("-k", "5.4"),
     "test_lua_analysis": ("-k", "5.4"),
     "test_audit": ("-k", "stored or false"),
 }

@@ -82,44 +82,39 @@ local function distribution(times)
   }
 end
 
-local function rank_of(list)
-  local rank = {}
-  for i, key in ipairs(list) do
-    rank[key] = i
+local function counted_in(row, item)
+  row.count = row.count + 1
+  row.durations[#row.durations + 1] = item.duration_ns
+  if item.duration_ns then
+    row.drives[#row.drives + 1] = item.drive_ns
   end
-  return rank
 end
-local OPERATION_RANK = rank_of(report_text.OPERATIONS)
+
+local function new_row(device, operation)
+  return { device = device, operation = operation, count = 0, durations = {}, drives = {} }
+end
 
 --- Rows {device, operation, count, duration, drive}, by device in the order of the capture, then operation.
 local function response_times(transactions)
-  local rows, by_key, devices = {}, {}, {}
-  local function add(device, operation, item)
-    local key = device .. "\0" .. operation
-    local row = by_key[key]
-    if not row then
-      row = { device = device, operation = operation, count = 0, durations = {}, drives = {} }
-      by_key[key] = row
-      rows[#rows + 1] = row
-    end
-    row.count = row.count + 1
-    row.durations[#row.durations + 1] = item.duration_ns
-    if item.duration_ns then
-      row.drives[#row.drives + 1] = item.drive_ns
-    end
-  end
+  local devices, by_device, all = {}, {}, new_row("", "")
   for _, item in ipairs(transactions) do
-    devices[item.device] = devices[item.device] or #rows + 1
-    add(item.device, item.operation, item)
-  end
-  sort(rows, function(a, b)
-    local left, right = devices[a.device], devices[b.device]
-    return left < right or left == right and OPERATION_RANK[a.operation] < OPERATION_RANK[b.operation]
-  end)
-  if #rows > 1 then
-    for _, item in ipairs(transactions) do
-      add("", "", item) -- the sum of all, behind the others
+    local device, operation = item.device, item.operation
+    if not by_device[device] then
+      by_device[device] = {}
+      devices[#devices + 1] = device
     end
+    by_device[device][operation] = by_device[device][operation] or new_row(device, operation)
+    counted_in(by_device[device][operation], item)
+    counted_in(all, item)
+  end
+  local rows = {}
+  for _, device in ipairs(devices) do
+    for _, operation in ipairs(report_text.OPERATIONS) do
+      rows[#rows + 1] = by_device[device][operation]
+    end
+  end
+  if #rows > 1 then
+    rows[#rows + 1] = all -- the sum, behind the others
   end
   for _, row in ipairs(rows) do
     row.duration, row.drive = distribution(row.durations), distribution(row.drives)
@@ -213,10 +208,10 @@ end
 
 --- Counts what a capture holds.
 -- @param result what Analysis:ended() gives
--- @param options nil or {lang = "en" or "zh"}
+-- @param lang "en" or "zh": of the meaning of a status
 -- @return {transactions, findings (how many), states, response_times, errors, refusals, slowest, unanswered,
 --   rules}: the last six are arrays of rows
-function M.compute(result, options)
+function M.compute(result, lang)
   local list = result.transactions
   local groups = todo.by_rule(result.findings)
   local rules = {}
@@ -226,7 +221,7 @@ function M.compute(result, options)
   return {
     transactions = #list, findings = #result.findings, states = verdict.counts(result).states,
     response_times = response_times(list), errors = errors(list),
-    refusals = refusals(list, options and options.lang or "en"),
+    refusals = refusals(list, lang),
     slowest = slowest(list), unanswered = unanswered(list), rules = rules,
   }
 end
@@ -311,13 +306,10 @@ local function asked(item)
   local parts, change = {}, item.operation == "change"
   for i, parameter in ipairs(item.parameters) do
     local text = words.address(parameter)
-    if change and parameter.values and #parameter.values > 0 then
+    if change and #parameter.values > 0 then
       text = text .. " := " .. words.values(parameter.values, parameter.format)
     end
     parts[i] = text
-    if i >= 16 then
-      break
-    end
   end
   return shortened(#parts > 0 and concat(parts, "; ") or "-", M.ASKED_WIDTH)
 end
@@ -427,7 +419,7 @@ end
 function M.text(result, options)
   options = options or {}
   local texts = TEXTS[options.lang] or TEXTS.en
-  local statistics, lines = M.compute(result, options), {}
+  local statistics, lines = M.compute(result, texts.lang), {}
   local function add(line)
     lines[#lines + 1] = line
   end

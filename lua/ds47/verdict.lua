@@ -32,12 +32,13 @@ local function open(counts)
   return number
 end
 
---- What a verdict rests on: {unreadable, drives, jobs, states, operations, severities, calls}.
+--- What a verdict rests on: {unreadable, drives, jobs, states, operations, severities, calls}; `calls` is
+-- true where a record call brought nothing.
 function M.counts(result)
   local seen = {}
   local counts = {
     unreadable = result.complete == false and 1 or 0, drives = 0, jobs = #result.transactions,
-    states = {}, operations = {}, severities = {}, calls = 0,
+    states = {}, operations = {}, severities = {},
   }
   for _, each in ipairs(result.transactions) do
     bump(counts.states, each.state)
@@ -49,14 +50,14 @@ function M.counts(result)
   end
   for _, each in ipairs(result.findings) do
     bump(counts.severities, each.severity)
-    counts.calls = counts.calls + (CALLS[each.rule] and 1 or 0)
+    counts.calls = counts.calls or CALLS[each.rule]
   end
   return counts
 end
 
 --- Whether nothing went wrong on the way: no finding of severity error, every record call with its record.
 function M.smooth(counts)
-  return not counts.severities.error and counts.calls == 0
+  return not counts.severities.error and not counts.calls
 end
 
 --- "none", "good", "warn" or "bad".
@@ -90,10 +91,7 @@ end
 -- Of a capture that is not `smooth` no more is said than that all have a response.
 function M.told(states, smooth, lang)
   local parts = M.by_state(states, lang, "ok")
-  if #parts == 0 then
-    parts[1] = say(lang, smooth and "told_all_done" or "told_all_answered")
-  end
-  return parts
+  return #parts > 0 and parts or { say(lang, smooth and "told_all_done" or "told_all_answered") }
 end
 
 --- One line: `NOT OK: 1 drive, 452 transactions, 412 refused`.

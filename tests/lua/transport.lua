@@ -646,7 +646,8 @@ local function ear_of()
       return {}
     end
   end
-  for _, name in ipairs({"write_request", "write_response", "read_response", "read_lost", "write_unasked", "release"}) do
+  for _, name in ipairs({"write_request", "write_response", "read_response", "read_lost", "write_unasked",
+    "release"}) do
     ear[name] = note(name)
   end
   function ear.expected()

@@ -29,9 +29,11 @@ from ds47.model import (
     Finding,
     Frames,
     Parameter,
+    ParameterError,
     Report,
     Transaction,
 )
+from ds47.profinet.status import status_text
 from ds47.report import Options
 from ds47.report import csv as csv_report
 from ds47.report import text as text_report
@@ -276,6 +278,68 @@ def test_text_is_that_of_python_with_every_option(
         assert text == python_text(result, **options), result.path
 
 
+def totals() -> list[list[Finding]]:
+    """Findings that a diagnosis covers, and such that it does not."""
+    said = finding("DS719", 9, 1, None, code=0x6B)
+    status = {"status": "DF80B600"}
+    whole = [
+        finding("DS719", 9, None, None, code=0x6B, device=each) for each in ("10.0.0.9", "10.0.0.8")
+    ]
+    tests = [
+        finding("DS410", 9, number, None, code=code)
+        for number in (1, 2, None)
+        for code in (0x6B, 0x11)
+    ]
+    other = finding("DS417", 9, 1, None, code=0x6B)
+    refused = [finding("DS203", 9, number, None, **status) for number in (1, 2)]
+    wrong = [
+        finding("DS708", 9, None, None, status=each, device=None)
+        for each in ("DE80B500", "DF80B600")
+    ]
+    return [
+        [], [*tests, other], [said, *tests, other], [*whole, *tests, other], [*whole[::-1], *tests],
+        [*refused, *wrong], refused, [finding("DS207", 9, None, None)], [finding("DS108", 9, 1, None)],
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("complete", [True, False])
+def test_what_is_counted_and_covered_is_that_of_python(lua: Run, complete: bool) -> None:
+    """Of one drive and of several, of requests that have no response and responses without a request."""
+    states = ["ok", "unanswered", "superseded", "unanswered", "orphan", "orphan", "orphan"]
+    ways = [
+        (["ok"], {}, []),
+        (["ok", "ok"], {"47": {"read": 4}}, [Device("10.0.0.1")]),
+        (["ok", "orphan"], {"5": {"read": 1}}, [Device("10.0.0.1", station="plc")]),
+        (states, {"5": {"read": 2, "write": 3}, "57408": {"write": 9}}, [Device("a"), Device("b")]),
+    ]
+    results = []
+    for states, records, devices in ways:
+        jobs = [
+            handmade.transaction(
+                id=number,
+                state=state,
+                ar="a" if number > 5 else None,
+                device=f"10.0.0.{9 - number % 2}",
+            )
+            for number, state in enumerate(states, 1)
+        ]
+        results += [
+            CaptureResult("x", transactions=jobs, records=records, devices=devices, findings=found,
+                          complete=complete)
+            for found in totals()
+        ]  # fmt: skip
+    texts = lua([job("report", each) for each in results])
+    assert texts == [python_text(each) for each in results]
+
+
+def test_where_no_drive_object_answers_none_is_named(lua: Run) -> None:
+    told = [diagnosis("DS709", "10.0.0.9", 1, [3], [1], axis=9)]
+    for device in ("10.0.0.9", "10.0.0.8"):
+        jobs = [handmade.transaction(device=device)]
+        result = CaptureResult("x", transactions=jobs, diagnoses=told)
+        assert lua([job("report", result)]) == [python_text(result)]
+
+
 def test_reads_without_a_response_are_told_in_their_order_as_in_python(lua: Run) -> None:
     """Between the polls, and behind them; that the capture ended is told of the last one."""
     frames = Frames(1, 2, 5, None, [(3, 4), (6, 7)])
@@ -470,3 +534,238 @@ def test_long_lists_are_cut_and_say_so(lua: Run) -> None:
     assert "  and 10 more\n" in text
     cut = rows(text, "Requests without a response (unanswered, superseded)")[0]
     assert cut[-1].endswith("...")
+
+
+A, B = "192.168.133.33", "192.168.133.40"
+
+
+def timed(number: int, milliseconds: int | None, **changes: Any) -> Transaction:
+    """A transaction of the first drive that took so long."""
+    nanoseconds = None if milliseconds is None else milliseconds * 1_000_000
+    frames = Frames(4 * number, 4 * number + 1, 4 * number + 2, 4 * number + 3)
+    usual = {"id": number, "duration_ns": nanoseconds, "frames": frames}
+    return handmade.transaction(**usual | changes)
+
+
+def statistics(lua: Run, *transactions: Transaction, shares: Any = (), **changes: Any) -> str:
+    """The statistics; `shares` has the times of the drive in ms, one a transaction."""
+    result = CaptureResult("line.pcapng", frames=99, transactions=list(transactions), **changes)
+    wanted = job("statistics", result)
+    for each, share in zip(wanted["result"]["transactions"], shares, strict=False):
+        each["drive_ns"] = share * 1_000_000
+    return lua([wanted])[0]
+
+
+RESPONSE_TIME = "Response time in ms: from the Write request to the Read response"
+SHARE = "Share of the drive in ms: the same without the pause of the program before its first Read"
+SLOWEST = "Slowest transactions"
+OPEN = "Requests without a response (unanswered, superseded)"
+
+
+def test_half_of_the_times_are_at_most_p50_and_95_of_100_at_most_p95(lua: Run) -> None:
+    """Twenty times of 1 to 20 ms: the 10th and the 19th; the 18th would be the 90th percentile."""
+    times = [7, 20, 1, 13, 4, 18, 10, 2, 16, 5, 19, 8, 11, 3, 14, 6, 17, 9, 12, 15]
+    jobs = [timed(number, time) for number, time in enumerate(times, 1)]
+    text = statistics(lua, *jobs, shares=[time + 100 for time in times])
+    (row,) = rows(text, RESPONSE_TIME)
+    assert row == [A, "read", "20", "20", "1.000", "10.500", "10.000", "19.000", "20.000"]
+    (row,) = rows(text, SHARE)
+    assert row == [A, "read", "20", "20", "101.000", "110.500", "110.000", "119.000", "120.000"]
+
+
+def test_times_stand_by_device_and_operation_with_their_sum_last(lua: Run) -> None:
+    """Devices as they first come, reads before changes; a time of 0 is one, a negative one is not."""
+    jobs = [
+        timed(1, 5, device=B, operation="change"),
+        timed(2, 1, device=A),
+        timed(3, None, device=B),
+        timed(4, 0, device=B),
+        timed(5, -3, device=A, operation="change"),
+        timed(6, 3, device=A),
+    ]
+    text = statistics(lua, *jobs, shares=[4, 1, 2, 0, 2, 2])
+    assert rows(text, RESPONSE_TIME)[:-1] == [
+        [B, "read", "2", "1", "0.000", "0.000", "0.000", "0.000", "0.000"],
+        [B, "change", "1", "1", "5.000", "5.000", "5.000", "5.000", "5.000"],
+        [A, "read", "2", "2", "1.000", "2.000", "1.000", "3.000", "3.000"],
+        [A, "change", "1", "0", "-", "-", "-", "-", "-"],
+        ["all", "6", "4", "0.000", "2.250", "1.000", "5.000", "5.000"],
+    ]
+    assert f"\n  1 negative times left out: the clock was set back\n\n{SHARE}\n" in text
+    shares = rows(text, SHARE)  # of what has a response only
+    assert shares[0] == [B, "read", "2", "1", "0.000", "0.000", "0.000", "0.000", "0.000"]
+    assert shares[-1] == ["all", "6", "5", "0.000", "1.800", "2.000", "4.000", "4.000"]
+    assert text.count("negative times") == 1
+
+
+def test_the_mean_of_one_time_is_that_time(lua: Run) -> None:
+    (row,) = rows(statistics(lua, timed(1, None, duration_ns=499)), RESPONSE_TIME)
+    assert row[5] == "0.000"
+
+
+def test_the_meaning_of_a_status_is_of_the_language_asked_for(lua: Run) -> None:
+    refused = timed(1, 1, state="refused", write_status=0xDF80B500)
+    wanted = job("statistics", CaptureResult("x", transactions=[refused]), lang="zh")
+    (row,) = rows(lua([wanted])[0], "被拒绝的记录调用")
+    assert " ".join(row[5:]) == status_text(0xDF80B500, "zh")
+
+
+def test_error_numbers_and_refused_calls_are_counted_the_most_frequent_first(lua: Run) -> None:
+    """By device and meaning; what is as frequent as another stands as it came. STATUS 0 is no refusal."""
+
+    def negative(code: int | None, text: str | None) -> Parameter:
+        error = ParameterError(code, text, None)
+        return Parameter(5, 0, "value", 1, format="Error", value_count=1, values=[], error=error)
+
+    no, never = negative(0x6B, "no"), negative(0x11, "never")
+    jobs = [
+        timed(1, 1, parameters=[never]),
+        timed(2, 1, parameters=[no, Parameter(6, 0, "value", 1, values=[])]),
+        timed(3, 1, device=B, parameters=[no]),
+        timed(4, 1, parameters=[negative(None, None), no]),
+        timed(5, 1, state="refused", write_status=0xDF80B500, read_status=None),
+        timed(6, 1, state="refused", read_status=0xDE80B700),
+        timed(7, 1, state="refused", read_status=0xDE80B700),
+        timed(8, 1, device=B, state="refused", read_status=0xDE80B700),
+    ]
+    text = statistics(lua, *jobs)
+    assert rows(text, "Negative responses by error number") == [
+        ["0x6B", "2", "11", A, "no"],
+        ["0x11", "1", "7", A, "never"],
+        ["0x6B", "1", "15", B, "no"],
+        ["-", "1", "19", A],
+    ]
+    assert [row[:5] for row in rows(text, "Refused record calls")] == [
+        ["DE80B700", "read", "2", "27", A],
+        ["DF80B500", "write", "1", "21", A],
+        ["DE80B700", "read", "1", "35", B],
+    ]
+
+
+def test_the_slowest_ten_stand_by_their_time_then_by_their_number(lua: Run) -> None:
+    """A negative time is none; 0 is one, where there is room."""
+    times = [3, 9, 3, None, 12, -9, 3, 1, 10, 11, 2, 0, 3, 7]
+    jobs = [timed(number, time) for number, time in enumerate(times, 1)]
+    shown = rows(statistics(lua, *jobs), SLOWEST)
+    numbers = ["#5", "#10", "#9", "#2", "#14", "#1", "#3", "#7", "#13", "#11"]
+    assert [row[2] for row in shown] == numbers
+    assert shown[0][:5] == ["12.000", "-", "#5", "23", "read"]
+    few = rows(statistics(lua, timed(1, 0), timed(2, -1), timed(3, None)), SLOWEST)
+    assert [row[2] for row in few] == ["#1"]
+
+
+def test_who_has_no_response_is_listed_in_the_order_of_the_capture(lua: Run) -> None:
+    states = ["unanswered", "ok", "superseded", "orphan", "refused", "unanswered"]
+    jobs = [timed(number, 1, state=state) for number, state in enumerate(states, 1)]
+    shown = rows(statistics(lua, *jobs), OPEN)
+    assert [row[:3] for row in shown] == [
+        ["4", "#1", "unanswered"],
+        ["12", "#3", "superseded"],
+        ["24", "#6", "unanswered"],
+    ]
+
+
+def test_a_table_has_fifty_rows_and_says_how_many_more_there_are(lua: Run) -> None:
+    jobs = [timed(number, None, state="unanswered") for number in range(1, 52)]
+    text = statistics(lua, *jobs[:50])
+    assert len(rows(text, OPEN)) == 50
+    assert "more" not in text
+    text = statistics(lua, *jobs)
+    assert len(rows(text, OPEN)) == 51  # the last one says how many
+    assert "\n  and 1 more\n" in text
+
+
+@pytest.mark.parametrize(
+    ("parameters", "shown"),
+    [
+        ([], "-"),
+        ([(1, [])], "p1[0]"),
+        ([(1, [7])], "p1[0] := 7"),
+        ([(1, [7]), (None, [8])], "p1[0] := 7; p? := 8"),
+        ([(1234, [])] * 4 + [(12345, [])] * 2, "p1234[0]; " * 4 + "p12345[0]; p12345[0]"),
+        ([(1234, [])] * 3 + [(12345, [])] * 3, "p1234[0]; " * 3 + "p12345[0]; p12345[0]; p1234..."),
+        ([(1, [])] * 20, "p1[0]; " * 8 + "p..."),
+    ],
+)
+def test_what_was_asked_is_cut_where_it_has_no_room(
+    lua: Run, parameters: list[tuple[int | None, list[int]]], shown: str
+) -> None:
+    """After 60 columns; the three points are among them."""
+    asked = [
+        Parameter(pnu, 0, "value", 1, format="Unsigned8", value_count=1, values=values)
+        for pnu, values in parameters
+    ]
+    item = timed(1, None, operation="change", state="unanswered", parameters=asked)
+    text = statistics(lua, item)
+    line = text.split(OPEN)[1].splitlines()[3]
+    assert line.partition("DO 2")[2].strip() == shown
+    assert len(shown) <= 60
+
+
+def test_a_read_asks_for_no_value(lua: Run) -> None:
+    read = Parameter(1, 0, "value", 1, format="Unsigned8", value_count=1, values=[7])
+    assert "p1[0] :=" not in statistics(lua, timed(1, 5, parameters=[read]))
+
+
+def test_the_statistics_as_they_are_printed(lua: Run) -> None:
+    """Numbers end under each other, texts begin there; the line below the titles is as wide as the table."""
+    value = Parameter(50303, 0, "value", 1, format="Unsigned8", value_count=1, values=[10])
+    error = ParameterError(0x6B, "no", 0)
+    jobs = [
+        timed(1, 12, parameters=[value]),
+        timed(2, 1234, operation="change", state="error",
+              parameters=[dataclasses.replace(value, values=[], error=error)]),
+        timed(3, None, state="unanswered", parameters=[value], frames=Frames(13)),
+    ]  # fmt: skip
+    findings = [
+        finding("DS415", 9, 2, None),
+        finding("DS410", 11, 2, 4, code=0x6B),
+        finding("DS410", 12, 2, 4, code=0x6B),
+    ]
+    text = statistics(lua, *jobs, shares=[2, 3], findings=findings)
+    assert text == PRINTED
+
+
+PRINTED = """\
+DS47 statistics: line.pcapng
+99 frames, 3 transactions (1 ok, 1 error, 1 unanswered), 3 findings
+
+Response time in ms: from the Write request to the Read response
+  Device          Operation  Count  Timed       Min      Mean       p50       p95       Max
+  -----------------------------------------------------------------------------------------
+  192.168.133.33  read           2      1    12.000    12.000    12.000    12.000    12.000
+  192.168.133.33  change         1      1  1234.000  1234.000  1234.000  1234.000  1234.000
+  all                            3      2    12.000   623.000    12.000  1234.000  1234.000
+
+Share of the drive in ms: the same without the pause of the program before its first Read
+  Device          Operation  Count  Timed    Min   Mean    p50    p95    Max
+  --------------------------------------------------------------------------
+  192.168.133.33  read           2      1  2.000  2.000  2.000  2.000  2.000
+  192.168.133.33  change         1      1  3.000  3.000  3.000  3.000  3.000
+  all                            3      2  2.000  2.500  2.000  3.000  3.000
+
+Negative responses by error number
+  Code  Count  First in frame  Device          Meaning
+  ----------------------------------------------------
+  0x6B      1              11  192.168.133.33  no
+
+Refused record calls
+  none
+
+Slowest transactions
+        ms  Drive  No.  Frame  Operation  Device               Asked
+  ----------------------------------------------------------------------
+  1234.000  3.000   #2     11  change     192.168.133.33 DO 2  p50303[0]
+    12.000  2.000   #1      7  read       192.168.133.33 DO 2  p50303[0]
+
+Requests without a response (unanswered, superseded)
+  Frame  No.  State       Operation  Device               Asked
+  -----------------------------------------------------------------
+     13   #3  unanswered  read       192.168.133.33 DO 2  p50303[0]
+
+Findings by rule
+  Rule   Severity  Count  First in frame  Name
+  ----------------------------------------------------------
+  DS410  error         2              11  drive-error
+  DS415  note          1               9  reference-constant
+"""

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from itertools import accumulate
 
 from ds47.report.bilingual import say
 from ds47.report.words import duration
 
 
 def percentile(ordered: Sequence[int], percent: int) -> int:
-    """The nearest-rank percentile of sorted numbers: always one that was measured."""
-    return ordered[max(0, -(-percent * len(ordered) // 100) - 1)]
+    """The nearest-rank percentile (1 to 100) of sorted numbers: always one that was measured."""
+    return ordered[-(-percent * len(ordered) // 100) - 1]
 
 
 class Latency:
@@ -53,9 +54,6 @@ class Latency:
         return told.text(lang)
 
     def _percentile(self, ordered: Sequence[str], percent: int) -> str:
-        wanted, seen = max(1, -(-percent * self._times.total() // 100)), 0
-        for shown in ordered:
-            seen += self._times[shown]
-            if seen >= wanted:
-                return shown
-        return ordered[-1]
+        wanted = -(-percent * self._times.total() // 100)
+        counted = accumulate(self._times[shown] for shown in ordered)
+        return next(shown for shown, seen in zip(ordered, counted, strict=True) if seen >= wanted)

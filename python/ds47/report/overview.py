@@ -126,7 +126,6 @@ def total(rows: Sequence[Row]) -> dict[str, Any]:
         key: Counter() for key in ("operations", "states", "findings", "rules", "rule_captures")
     }
     counts = Counter[str]()
-    slowest: Row | None = None
     for row in rows:
         counts["captures"] += 1
         counts["frames"] += row.frames
@@ -136,10 +135,14 @@ def total(rows: Sequence[Row]) -> dict[str, Any]:
         for key in ("operations", "states", "findings", "rules"):
             sums[key].update(getattr(row, key))
         sums["rule_captures"].update(row.rules.keys())
-        if row.slowest_ns is not None and row.slowest_ns > (
-            slowest.slowest_ns or -1 if slowest else -1
-        ):
-            slowest = row
+    slowest = max(
+        (
+            (row.slowest_ns, -at, row.path)
+            for at, row in enumerate(rows)
+            if row.slowest_ns is not None
+        ),
+        default=None,
+    )
     names = ("captures", "unreadable", "incomplete", "quiet", "frames")
     return {
         **{name: counts[name] for name in names},
@@ -151,7 +154,7 @@ def total(rows: Sequence[Row]) -> dict[str, Any]:
             for rule, number in sorted(sums["rules"].items())
         },
         "to_do": causes.over_all((row.path, row.diagnoses) for row in rows),
-        "slowest": None if slowest is None else {"path": slowest.path, "ns": slowest.slowest_ns},
+        "slowest": None if slowest is None else {"path": slowest[2], "ns": slowest[0]},
     }
 
 

@@ -24,8 +24,6 @@ def uncovered(result: CaptureResult) -> list[Finding]:
         for each in result.findings
         if each.severity != "note" and not each.rule.startswith(DIAGNOSIS)
     ]
-    if not serious or not any(each.rule.startswith(DIAGNOSIS) for each in result.findings):
-        return serious
     about = _Covered(result)
     return [each for each in serious if not about.covers(each)]
 

@@ -109,7 +109,7 @@ def _count(element: Element, item: Transaction, each: Parameter, number: int) ->
 
 def _width(each: Parameter) -> int:
     """How many elements an access is about; a text counts its characters, and is one."""
-    asked = max(1, each.element_count or 0)
+    asked = each.element_count or 1
     if len(each.values) == 1 and each.error is None:
         return 1
     return min(max(asked, len(each.values)), WIDEST)
