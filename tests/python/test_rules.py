@@ -369,3 +369,11 @@ def test_what_the_capture_cut_off_is_no_fault_of_the_message(cut: bool, found: l
     assert one.read_response is not None
     one.read_response.cut = cut
     assert rules(judge().answered(one)) == found
+
+
+def test_974_that_says_no_parameters_leaves_the_usual_number() -> None:
+    court = judge()
+    asked = message.read(1, 1, message.address(974, 0, 2))
+    court.answered(job(asked, message.answer(1, 1, 1, message.word(2000, 0))))
+    remark = only(court.unanswered(many(40, False), dropped=False), "DS304")
+    assert remark.args == {"count": 40, "limit": 39}

@@ -8,6 +8,7 @@ from talk import job
 from ds47.lab import message
 from ds47.pairing import Job
 from ds47.profinet.records import NIL_UUID, Half
+from ds47.spec import parameters
 from ds47.transactions import build, summarise
 
 RAMP, SPEED = message.address(1120, 3), message.address(1121)
@@ -115,3 +116,12 @@ def test_summary() -> None:
         transaction = build(made)
         summarise(summary, transaction.state, transaction.operation)
     assert summary == {"transactions": 3, "unanswered": 2, "ok": 1, "read": 2, "change": 1}
+
+
+def test_names_are_in_the_language_that_was_asked_for() -> None:
+    made = job(message.read(1, 1, message.address(964)))
+    row = parameters()[964]
+    assert row.name_zh
+    assert row.name_zh != row.name_en
+    names = [build(made, lang).parameters[0].name for lang in ("en", "zh")]
+    assert names == [row.name_en, row.name_zh]
