@@ -129,6 +129,7 @@ def test_the_simple_request_has_index_0_and_one_element_and_is_alone_if_others_f
     fixed = message.read(1, 1, FIXED)
     assert simple(both, message.error(4), TEN) == message.read(1, 1, FIXED, message.address(21))
     assert simple(both, message.error(4), message.error(0x6B)) == fixed
+    assert simple(both, message.error(4)) == fixed, "the response says nothing of the other"
     assert simple(message.read(1, 1, message.address(2900, 3)) + b"\1", message.error(4)) == fixed
 
 

@@ -204,7 +204,8 @@ def _source(value: Block | None) -> int | None:
 def without_index(job: Job, refused: list[Refusal], number: int) -> bytes | None:
     """The request for a parameter that is no array, as that of a simple one; None where it is none.
 
-    Where other parameters were refused, that one alone. Of several values it is not known which is meant.
+    That one alone where others were refused, or where the response ends before it says what became of them. Of
+    several values it is not known which is meant.
     """
     write, message = job.write_request, job.message
     if write is None or message is None:
@@ -217,7 +218,8 @@ def without_index(job: Job, refused: list[Refusal], number: int) -> bytes | None
     if whole is None:
         return None
     request = decode_request(whole)
-    if any(each.number != number for each in refused):
+    told = len(job.response.blocks) if job.response is not None else 0
+    if told < len(message.addresses) or any(each.number != number for each in refused):
         return suggest.only(request, [number])
     # bytes behind its end belong to no request
     return suggest.only(request, range(len(request.addresses))) if any(request.rest) else whole
