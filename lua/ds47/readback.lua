@@ -129,6 +129,16 @@ local function note(self, told, access, place, address, block, frame)
   self.pnus[address.pnu] = true
 end
 
+-- Whether a message is not decoded to its end.
+local function is_broken(message)
+  for _, flaw in ipairs(message.flaws) do
+    if DOUBTFUL[flaw.rule] then
+      return true
+    end
+  end
+  return false
+end
+
 --- A Write request asks for something.
 function ReadBack:asked(job)
   local message, half = job.message, job:write_request()
@@ -136,6 +146,9 @@ function ReadBack:asked(job)
     return
   end
   local access, told = drive_objects.access(job), {}
+  if #message.blocks < #message.addresses or is_broken(message) then
+    self:_device(access.device).recomputing[job] = true -- which values it writes is not known
+  end
   for number, block in ipairs(message.blocks) do
     local address = message.addresses[number]
     if address == nil then
@@ -168,12 +181,7 @@ end
 -- Whether the response does not say for sure what became of the change.
 local function is_doubtful(job, response)
   local half = job.read_response
-  for _, flaw in ipairs(response.flaws) do
-    if DOUBTFUL[flaw.rule] then
-      return true
-    end
-  end
-  return half.missing ~= 0 or half.status ~= nil and half.status ~= 0
+  return is_broken(response) or half.missing ~= 0 or half.status ~= nil and half.status ~= 0
 end
 
 -- Which parameters, from 1, did not take effect (nil: all), and whether the rest surely did.

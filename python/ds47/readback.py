@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from ds47.drive_objects import DO_IDENTIFICATION, Access, DriveObjects, access
 from ds47.pairing import Job
-from ds47.profidrive import Address, Block, Response
+from ds47.profidrive import Address, Block, Request, Response
 from ds47.profidrive.model import VALUE, Value
 from ds47.spec import parameters
 from ds47.spec.semantics import known
@@ -84,6 +84,8 @@ class ReadBack:
         if message is None or half is None or message.operation != "change":
             return
         reached, told = access_of(job), list[tuple[Element, Written]]()
+        if len(message.blocks) < len(message.addresses) or _is_broken(message):
+            self._device(reached.device).recomputing.add(job)  # which values it writes is not known
         pairs = zip(message.addresses, message.blocks, strict=False)
         for number, (address, block) in enumerate(pairs):
             if address.pnu in known().recomputing:
@@ -257,8 +259,12 @@ def _is_doubtful(job: Job, response: Response) -> bool:
     """Whether the response does not say for sure what became of the change."""
     half = job.read_response
     assert half is not None
-    broken = any(flaw.rule in ("DS309", "DS313", "DS315") for flaw in response.flaws)
-    return broken or bool(half.missing or half.status)
+    return _is_broken(response) or bool(half.missing or half.status)
+
+
+def _is_broken(message: Request | Response) -> bool:
+    """Whether a message is not decoded to its end."""
+    return any(flaw.rule in ("DS309", "DS313", "DS315") for flaw in message.flaws)
 
 
 def elements(address: Address, block: Block) -> Iterator[tuple[int, bytes, Value]]:

@@ -97,6 +97,13 @@ def test_the_last_write_counts(court: Court) -> None:
     assert court.back(NINE) == []
 
 
+def test_of_a_request_that_ends_too_early_it_is_not_known_what_it_wrote(court: Court) -> None:
+    court.change()
+    both = message.change(1, 1, (SPEED, TEN), (RAMP, TEN))
+    court.hear(both[: -len(TEN)], message.changed(1, 1))
+    assert court.back() == []
+
+
 def test_each_element_is_remembered(court: Court) -> None:
     court.change(message.word(1, 2, 3), message.address(2000, 4, 3))
     found = court.back(message.word(9, 3), message.address(2000, 5, 2))
