@@ -779,8 +779,8 @@ def _has_saved(deal: Deal, by: Deal, whole: bool, done: bool) -> bool:
 def _may_save(deal: Deal, by: Deal, whole: bool) -> bool:
     """Whether a save may be one of the drive object of a change, as far as the two say it themselves."""
     one, two = _addressed(deal), _addressed(by)
-    other_way = isinstance(one, tuple) is not isinstance(two, tuple)
-    return whole or one == two or 0 in (one, two) or other_way
+    by_submodule = isinstance(one, tuple) or isinstance(two, tuple)  # which may be any
+    return whole or one == two or 0 in (one, two) or by_submodule
 
 
 def _addressed(deal: Deal) -> object:

@@ -26,10 +26,11 @@ class Target(NamedTuple):
         return self.local or self.first != 0
 
     def may_be(self, other: Target) -> bool:
-        """Whether both may be the same drive object: axis 0 names none, and a slot may hold any."""
-        if self.local != other.local:
-            return True
-        return self == other or (not self.local and 0 in (self.first, other.first))
+        """Whether both may be the same drive object: axis 0 names none, and a slot may hold any.
+
+        Two submodules may belong to one drive object, too.
+        """
+        return self.local or other.local or self == other or 0 in (self.first, other.first)
 
 
 def target_of(record: Record, axis: int | None) -> Target:
