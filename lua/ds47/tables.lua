@@ -1005,7 +1005,7 @@ M.report_words = {
   blind_open = {en = "What the drive made of {n} request: its response was not fetched, or is not in the capture.|What the drive made of {n} requests: their responses were not fetched, or are not in the capture.", zh = "{n} 个任务的应答没有被读取，或不在抓包中：驱动器如何处理，无从得知。"},
   blind_before = {en = "What {n} response belongs to: its request is not in the capture.|What {n} responses belong to: their requests are not in the capture.", zh = "{n} 个应答属于什么请求：请求不在抓包中。"},
   blind_without_ar = {en = "Which request {n} response belongs to that was read without an AR.|Which requests {n} responses belong to that were read without an AR.", zh = "{n} 个不经 AR 读取的应答属于哪个请求。"},
-  blind_records = {en = "{n} other record call (diagnosis, identification and the like): counted, not judged.|{n} other record calls (diagnosis, identification and the like): counted, not judged.", zh = "{n} 个其他数据记录调用（诊断、标识等）：只计数，不评判。"},
+  blind_records = {en = "{n} other record request (diagnosis, identification and the like): counted, not judged.|{n} other record requests (diagnosis, identification and the like): counted, not judged.", zh = "{n} 个其他数据记录请求（诊断、标识等）：只计数，不评判。"},
   plc_line = {en = "PLC: {calls}", zh = "PLC：{calls}"},
   plc_write_done = {en = "WRREC DONE, STATUS {status}", zh = "WRREC DONE，STATUS {status}"},
   plc_write_error = {en = "WRREC ERROR, STATUS {status}", zh = "WRREC ERROR，STATUS {status}"},

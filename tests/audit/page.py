@@ -219,10 +219,10 @@ def _blind(lines: list[str], reading: Reading) -> Iterator[str]:
         found = re.search(form, text)
         if int(found[1].replace(",", "") if found else 0) != true and lines:
             yield f"{found[0] if found else 'nothing'}: {true} have no request"
-    found = re.search(r"(\d+) other record calls?", text)
+    found = re.search(r"(\d+) other record requests?", text)
     ours = {each.index for each in reading.deals} | {0xB02E, 0xB02F}
     others = sum(
-        1 for each in reading.capture.records if each.index not in ours and not each.nested
+        1 for each in reading.capture.records if each.index not in ours and each.asked and not each.nested
     )  # fmt: skip
     if found and int(found[1]) != others:
         yield f"{found[0]}: there are {others}"

@@ -287,9 +287,9 @@ def test_what_a_capture_cannot_show_depends_on_what_is_in_it():
     assert any("in force later" in line for line in more)
     assert any("lost frames" in line for line in more)
     assert any("station name of 1 device" in line for line in more)
-    assert any(line.startswith("7 other record calls") for line in more)
+    assert any(line.startswith("7 other record requests") for line in more)
     container = capture(item, records={"47": {"write": 2}, "57408": {"write": 1}})
-    assert not any("other record call" in each.en for each in blind(container))
+    assert not any("other record request" in each.en for each in blind(container))
     jobs = [transaction(1, state="unanswered"), transaction(2, state="superseded")]
     assert any(
         "2 requests: their responses were not fetched" in each.en for each in blind(capture(*jobs))

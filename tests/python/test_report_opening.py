@@ -710,4 +710,4 @@ def test_a_write_of_several_records_is_no_other_call():
 
     calls = {"47": {"write": 2, "read": 2}, "57408": {"write": 1, "read": 0}}
     told = [each.en for each in blind(capture(handmade.transaction(), records=calls))]
-    assert not any("other record call" in each for each in told)
+    assert not any("other record request" in each for each in told)

@@ -162,7 +162,7 @@ def test_what_a_capture_cannot_show_is_counted() -> None:
         "What the drive made of 3 requests: ",
         "What 2 responses belong to: ",
         "Which requests 3 responses belong to that were read without an AR.",
-        "5 other record calls (diagnosis, identification and the like): ",
+        "5 other record requests (diagnosis, identification and the like): ",
     ]
     assert [each.en[: len(start)] for each, start in zip(shown, begins, strict=True)] == begins
 
