@@ -30,6 +30,7 @@ from ds47.capture.writer import PcapngWriter
 from ds47.profinet import ip
 from ds47.profinet.link import dissect, mac
 from ds47.report import json as report
+from ds47.report.sentences import at_offset
 
 ROOT = Path(__file__).resolve().parents[2]
 DRIVER = ROOT / "tests/lua/analysis.lua"
@@ -129,7 +130,7 @@ def expected(source: Source, lang: str) -> dict[str, Any]:
     for name in ("findings", "diagnoses"):
         told[name] = of_transactions(told[name])
     for finding in told["findings"]:
-        finding["message"] = finding["message"].removeprefix(f"offset {finding['offset']}: ")
+        finding["message"] = finding["message"].removeprefix(at_offset(finding["offset"], "", lang))
         del finding["filter"]
     for diagnosis in told["diagnoses"]:
         del diagnosis["filter"], diagnosis["corrected"]
