@@ -782,11 +782,7 @@ class Pairing:
 
     def deliver(self, place: tuple[str, int, int, int, int], job: Job | UsualJob) -> None:
         """The newest accepted request of a place whose response was read."""
-        delivered = self._delivered
-        delivered[place] = job
-        delivered.move_to_end(place)
-        if len(delivered) > self._limits.channels:
-            delivered.popitem(last=False)
+        self._put(self._delivered, place, job)
 
     def _rival(self, job: Job) -> Job | None:
         """The newest request that is open at the place of another one, whoever asked."""

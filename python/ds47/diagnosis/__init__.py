@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from ds47.diagnosis import length, order, refusal
 from ds47.diagnosis.capture import WholeCapture
-from ds47.diagnosis.targets import LOCAL, Reach, reach_of
-from ds47.drive_objects import put
+from ds47.diagnosis.targets import Reach, reach_of
+from ds47.drive_objects import LOCAL, put
 from ds47.pairing import Alike, Job, Peer, Place, UsualJob
 from ds47.profidrive import Options, Request, Response, decode_request
 from ds47.profidrive.model import VALUE, Block

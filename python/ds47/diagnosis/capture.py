@@ -13,7 +13,8 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from ds47.diagnosis.repetition import Repetition, place_args
 from ds47.diagnosis.saving import Unsaved
-from ds47.diagnosis.targets import LOCAL, target_of
+from ds47.diagnosis.targets import target_of
+from ds47.drive_objects import LOCAL
 from ds47.pairing import STATUS_NOT_READY, Job, Peer, UsualJob
 from ds47.profidrive import Request, Response, decode_request
 from ds47.profidrive.model import Address

@@ -6,12 +6,10 @@ here.
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
+from ds47.drive_objects import LOCAL
 from ds47.profinet.records import Record
-
-LOCAL: Final = 0xB02E
-"""Record index of local access: the slot decides, not the axis byte (docs/protocol.md E.4)."""
 
 
 class Target(NamedTuple):
