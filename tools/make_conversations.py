@@ -1075,6 +1075,25 @@ def _(tape: Tape) -> None:
     client.exchange(ask(), tell(1, 1.5))
 
 
+@case(
+    "P22-release-in-its-place",
+    "P22 P38",
+    "malformed release unanswered",
+    [
+        tx(1, "unanswered", (1, 2, None, None), None, ref=7, read=None),
+        tx(2, "ok", (5, 6, 7, 8), 3, real(1.5)),
+    ],
+    "DS315@1#1 DS401@1#1",
+    diagnoses="DS711@1#1 DS722@1#1",
+)
+def _(tape: Tape) -> None:
+    """A cut request was over by the Release of its AR when the first shaped one came, which displaces nothing."""
+    client = Client(tape)
+    client.write(CUT)
+    release(client)
+    client.exchange(ask(), tell(1, 1.5))
+
+
 @case("P23-foreign", "P12 P23", "foreign lost", [])
 def _(tape: Tape) -> None:
     """Index 47 of a device that is no drive: no transaction and no finding, lost calls included."""
@@ -1232,6 +1251,53 @@ def _(tape: Tape) -> None:
     client.accept_write(client.call(wire.WRITE), ask())
     client.read(tell(2, 2.5))
     client.read(tell(1, 1.5))
+
+
+@case(
+    "P70-unasked-refused",
+    "P30 P70",
+    "lost poll refused",
+    [
+        tx(
+            1,
+            "refused",
+            (1, 2, None, None),
+            None,
+            NOTHING,
+            write="DF80B700",
+            read=None,
+            polls=[(3, 4)],
+        ),
+        tx(2, "orphan", (None, None, 8, 9), None, real(1.5, pnu=None), write=None),
+    ],
+    "DS102@5 DS203@2#1 DS206@7 DS403@9#2",
+)
+def _(tape: Tape) -> None:
+    """A Write is refused whose request is lost: no Read after it is for the refused Write before it."""
+    client = Client(tape)
+    client.write(ask(), BAD_HEADER)
+    client.poll()
+    client.accept_write(client.call(wire.WRITE), ask(), status=BAD_HEADER)
+    client.poll()
+    client.read(tell(1, 1.5))
+
+
+@case(
+    "P28-nothing-read",
+    "P28 P36",
+    "lost unanswered",
+    [
+        tx(1, "unanswered", (1, None, None, None), None, NOTHING, write=None, read=None),
+        tx(2, "ok", (4, 5, 6, 7), 3, real(2.5, pnu=27), ref=2),
+    ],
+    "DS101@1#1 DS207@3#1 DS401@1#1",
+)
+def _(tape: Tape) -> None:
+    """A Read that brings nothing does not prove that the Write before it was accepted: it is not superseded."""
+    client = Client(tape)
+    client.ask_write(ask())
+    client.read(b"")
+    client.exchange(ask(2, 27), tell(2, 2.5))
 
 
 @case(

@@ -5,6 +5,7 @@
 
 local pairing = require("ds47.pairing")
 local parameter = require("ds47.parameter")
+local rules = require("ds47.rules")
 local tables = require("ds47.tables")
 
 local byte, char, floor, max, min = string.byte, string.char, math.floor, math.max, math.min
@@ -167,13 +168,13 @@ end
 
 --- More was asked than one response can carry.
 -- @param stated   r0974 of the device, bytes, if it was read; else nil
--- @param longest  bytes of the longest response of the device so far
+-- @param longest  bytes of the longest response of the device, as far as it is known
 function M.answer_too_long(remarks, job, stated, longest, size_of)
   local half, request, response = job.read_response, job.message, job.response
   if half == nil or request == nil or response == nil or request.operation ~= "read" then
     return
   end
-  if half.missing ~= 0 then
+  if half.missing ~= 0 or rules.is_mismatch(job) then
     return
   end
   longest = max(longest, #half.data)

@@ -83,10 +83,17 @@ end
 
 --- Keeps an event until a shaped message of the same AR comes; for good if none does.
 function Gate:hold(ar, event)
+  if not self.held:get(ar) then
+    self.held:set(ar, {count = 0}) -- a ring: slot count % waiting takes the next one
+  end
+  self:follow(ar, event)
+end
+
+--- Lets an event wait behind those that wait for an AR; where none does, it is not needed.
+function Gate:follow(ar, event)
   local waiting, held = self.waiting, self.held:get(ar)
   if not held then
-    held = {count = 0} -- a ring: slot count % waiting takes the next one
-    self.held:set(ar, held)
+    return
   end
   if held.count < waiting then
     self.events = self.events + 1

@@ -30,6 +30,7 @@ M.Job = Job
 
 -- What a job has until it gets its own.
 local NONE = {}
+local NO_KEYS = ordered.new()
 Job.write_fault = false
 Job.polls = NONE -- array of {request = half or nil, response = half}
 Job.rereads = NONE -- the same
@@ -303,6 +304,7 @@ local function new_channel(self, key, peer, record)
     key = key,
     ar_key = of_ar,
     place = place_key(peer, record),
+    index = record.index,
     touched = nil, -- time of the newest call
     asked = {}, -- Writes without a Write response, oldest first
     open = nil, -- the accepted request that nothing was read for
@@ -482,7 +484,7 @@ local function read(self, channel, job, event, record)
   if event == "read_record" and job.phase == "refused" then
     compare(channel.last, job, half)
   end
-  if job.phase == "asked" then
+  if job.phase == "asked" and event ~= "read_empty" then -- a Read that brings nothing proves nothing
     accept(self, channel, job)
     job.accepted = false -- only presumed: the Write response is missing in the capture
   end
@@ -589,17 +591,18 @@ function Pairing:write_unasked(peer, record)
       return -- the request may be there, and its call was given up before
     end
   end
+  if channel.refused then
+    lose(self, channel.refused, "")
+    channel.refused = nil
+  end
   if half.status ~= 0 then
     return
   end
   pass_over(channel)
-  if channel.refused then
-    lose(self, channel.refused, "")
-  end
   if channel.last then
     lose(self, channel.last, "")
+    channel.last = nil
   end
-  channel.refused, channel.last = nil, nil
 end
 
 --- The answer to a Read. Returns the job it went to, nil where there is none.
@@ -667,12 +670,19 @@ function Pairing:expected(peer, record)
   return channel.open or waiting_of(channel) or channel.refused or nil
 end
 
---- The AR is over with this frame: what is open on its channels stays unanswered.
-function Pairing:release(controller, device, ar, frame)
+--- The AR is over with this frame: what is open on its channels, or on those of one index, stays unanswered.
+function Pairing:release(controller, device, ar, frame, index)
   local of_ar = records.ar_text(controller, device, ar)
-  local siblings = self.of_ar[of_ar]
-  while siblings and siblings.length > 0 do
-    close_channel(self, self.channels:get((siblings:first())), "release", frame)
+  local over = {}
+  for key in (self.of_ar[of_ar] or NO_KEYS):iterate() do
+    local channel = self.channels:get(key)
+    over[#over + 1] = (index == nil or channel.index == index) and channel or nil
+  end
+  for _, channel in ipairs(over) do
+    close_channel(self, channel, "release", frame)
+  end
+  if index then
+    return
   end
   local pair = pair_key(controller, device)
   if self.connected_ars:get(pair) == of_ar then

@@ -15,6 +15,7 @@ local rpc = require("ds47.rpc")
 local tables = require("ds47.tables")
 
 local byte = string.byte
+local SHARED_INDEX = require("ds47.gate").SHARED_INDEX
 local ar_key, half_of, parse_request = records.ar_key, records.half, records.parse_request
 local decode_response = parameter.decode_response
 local parse_halves, parse_response = records.parse_halves, records.parse_response
@@ -210,6 +211,8 @@ function RecordCalls:request(call)
     local ar = records.released_ar(pdu)
     if ar then
       self.pairing:release(pdu.client, pdu.server, ar, pdu.frame)
+      local of_ar = records.ar_text(pdu.client, pdu.server, ar)
+      self.gate:follow(of_ar, {method = "_event_release", pdu = pdu, record = ar})
     end
   elseif opnum == rpc.CONNECT then
     local ar, only = records.connected_ar(pdu), records.is_only_ar(pdu)
@@ -422,6 +425,11 @@ end
 
 function RecordCalls:_event_write_unasked(pdu, record)
   self.pairing:write_unasked(peer_of(pdu), record)
+end
+
+-- What waited for its AR to prove itself is behind a Release then, as all else was when that came.
+function RecordCalls:_event_release(pdu, ar)
+  self.pairing:release(pdu.client, pdu.server, ar, pdu.frame, SHARED_INDEX)
 end
 
 function RecordCalls:_event_read_answered(pdu, record)

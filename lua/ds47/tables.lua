@@ -58,7 +58,7 @@ M.limits = {
 }
 
 M.phases = {
-  asked = {write_accepted = "open", write_refused = "refused", read_record = "answered", read_poll = "open", read_refused = "answered", read_empty = "open", lost = "closed"},
+  asked = {write_accepted = "open", write_refused = "refused", read_record = "answered", read_poll = "open", read_refused = "answered", read_empty = "asked", lost = "closed"},
   open = {write_accepted = "open", write_refused = "refused", read_record = "answered", read_poll = "open", read_refused = "answered", read_empty = "open", displaced = "closed", lost = "closed"},
   refused = {read_record = "answered", read_poll = "refused", read_refused = "answered", read_empty = "refused", displaced = "closed", lost = "closed"},
   answered = {write_accepted = "answered", write_refused = "answered", reread = "answered", lost = "closed"},
@@ -916,7 +916,7 @@ M.diagnosis_words = {
   too_long = {en = "p{pnu}[{subindex}] has a negative response 0x15 (response too long)", zh = "p{pnu}[{subindex}] 以 0x15（应答过长）被拒绝"},
   left_out = {en = "p{pnu}[{subindex}] and what follows it were left out", zh = "p{pnu}[{subindex}] 及其后的参数被省略"},
   room_stated = {en = "PNU 974[0] of the device is {limit} bytes", zh = "该设备的 PNU 974[0] 为 {limit} 个字节"},
-  room_seen = {en = "its longest response so far has {limit} bytes", zh = "其迄今最长的应答为 {limit} 个字节"},
+  room_seen = {en = "the capture shows a response of the device with {limit} bytes", zh = "抓包中该设备有一个 {limit} 个字节的应答"},
   again = {en = "without a new request", zh = "没有新的请求"},
   status_zero = {en = "the STATUS of the RDREC that brought it is 0", zh = "取得该应答的 RDREC 的 STATUS 为 0"},
   status_zero_at_last = {en = "the STATUS of the RDREC that brought it is 0 (after {polls} x DE80B500: not ready yet)", zh = "取得该应答的 RDREC 的 STATUS 为 0（此前 {polls} 次 DE80B500：尚未就绪）"},

@@ -67,7 +67,14 @@ class Gate:
             self._prove(ar)
             event()
             return
-        held = self._held.setdefault(ar, deque(maxlen=self._waiting))
+        self._held.setdefault(ar, deque(maxlen=self._waiting))
+        self.follow(ar, event)
+
+    def follow(self, ar: ArKey, event: Callable[[], None]) -> None:
+        """Lets an event wait behind those that wait for an AR; where none does, it is not needed."""
+        held = self._held.get(ar)
+        if held is None:
+            return
         self._events += len(held) < self._waiting
         held.append(event)
         while len(self._held) > self._waiting or self._events > self._most_events:

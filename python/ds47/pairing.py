@@ -472,8 +472,9 @@ class Pairing:
     def write_unasked(self, peer: Peer, record: Record) -> None:
         """The answer to a Write whose request is not in the capture.
 
-        One that was accepted asks for something that nobody knows: what is read from now on may be its
-        response, also where that has the bytes of an earlier one.
+        It came after the refused one of its channel: no Read is for that one any more. One that was accepted asks
+        for something that nobody knows: what is read from now on may be its response, also where that has the
+        bytes of an earlier one.
         """
         channel, half = self.channels.get(_key(peer, record)), record.response
         if channel is None or half is None:
@@ -482,13 +483,17 @@ class Pairing:
         channel.unasked = half.frame
         given_up = half.time_ns - self._limits.call_expiry_ns
         asked = (job.record.request for job in channel.asked)
-        if half.status != 0 or any(each is not None and each.time_ns < given_up for each in asked):
-            return  # or that request is there, and its call was given up before
+        if any(each is not None and each.time_ns < given_up for each in asked):
+            return  # that request is there, and its call was given up before
+        if channel.refused is not None:
+            self._lose(channel.refused, "")
+            channel.refused = None
+        if half.status != 0:
+            return
         channel.pass_over()
-        for job in (channel.refused, channel.last):
-            if job is not None:
-                self._lose(job, "")
-        channel.refused = channel.last = None
+        if channel.last is not None:
+            self._lose(channel.last, "")
+            channel.last = None
 
     def read_response(self, peer: Peer, record: Record) -> Job | None:
         """The answer to a Read. Returns the job it went to, None where there is none."""
@@ -681,10 +686,20 @@ class Pairing:
             job.read_request = read
         return job
 
-    def release(self, controller: str, device: str, ar: bytes, frame: int | None = None) -> None:
-        """The AR is over: what is open on its channels stays unanswered."""
+    def release(
+        self,
+        controller: str,
+        device: str,
+        ar: bytes,
+        frame: int | None = None,
+        index: int | None = None,
+    ) -> None:
+        """The AR is over: what is open on its channels, or on those of one index, stays unanswered."""
         for key in list(self._of_ar.get((controller, device, ar), ())):
-            self._close_channel(key, "release", frame)
+            if index is None or key[-1] == index:
+                self._close_channel(key, "release", frame)
+        if index is not None:
+            return
         if self._connected.get((controller, device)) == ar:
             del self._connected[controller, device]
 
@@ -834,7 +849,9 @@ class Pairing:
         assert half is not None
         if event == "read_record" and job.phase == "refused":
             _compare(channel.last, job, half)
-        if job.phase == "asked":
+        if (
+            job.phase == "asked" and event != "read_empty"
+        ):  # a Read that brings nothing proves nothing
             self._accept(channel, job)
             job.accepted = False  # only presumed: the Write response is missing in the capture
         self._step(job, event)

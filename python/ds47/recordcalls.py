@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, Final
 
-from ds47.gate import ArKey, Gate
+from ds47.gate import SHARED_INDEX, ArKey, Gate
 from ds47.pairing import Job, Pairing, Peer, Place, UsualJob
 from ds47.profidrive import Options, Request, decode_request, decode_response
 from ds47.profinet import rpc
@@ -187,7 +187,9 @@ class RecordCalls:
     def _request(self, call: Call) -> None:
         pdu = call.request
         if pdu.opnum == rpc.RELEASE and (ar := released_ar(pdu)):
-            self._pairing.release(pdu.client, pdu.server, ar, pdu.frame)
+            over = partial(self._pairing.release, pdu.client, pdu.server, ar, pdu.frame)
+            over()
+            self._gate.follow((pdu.client, pdu.server, ar), partial(over, SHARED_INDEX))
         if pdu.opnum == rpc.CONNECT:
             ar, only = connected_ar(pdu), is_only_ar(pdu)
             self._pairing.connected(pdu.client, pdu.server, pdu.frame, ar, only=only)

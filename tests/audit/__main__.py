@@ -11,10 +11,14 @@ import argparse
 import sys
 import tempfile
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from tests.audit import conversations, run
 from tests.audit.reading import Complaint
+
+SHARE = 100
+"""So many conversations are audited by one process, in 10 s or so."""
 
 
 def of_seed(seed: int, folder: Path) -> list[Complaint]:
@@ -35,6 +39,18 @@ def over(seeds: range) -> Iterator[tuple[int, list[Complaint]]]:
             found = of_seed(seed, Path(folder))
             if found:
                 yield seed, found
+
+
+def everywhere(seeds: range) -> Iterator[tuple[int, list[Complaint]]]:
+    """The same by all processors. A worker ends after its share: analyses leave memory behind."""
+    shares = [seeds[start : start + SHARE] for start in range(0, len(seeds), SHARE)]
+    with ProcessPoolExecutor(max_tasks_per_child=1) as pool:
+        for found in pool.map(_share, shares):
+            yield from found
+
+
+def _share(seeds: range) -> list[tuple[int, list[Complaint]]]:
+    return list(over(seeds))
 
 
 def main() -> int:
@@ -60,7 +76,7 @@ def main() -> int:
 def _all(captures: list[Path], seeds: range) -> Iterator[tuple[str, list[Complaint]]]:
     for path in captures:
         yield str(path), run.audit(path)
-    for seed, found in over(seeds):
+    for seed, found in everywhere(seeds):
         yield f"seed {seed}", found
 
 

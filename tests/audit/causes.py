@@ -402,12 +402,15 @@ def _too_long(case: Case) -> Iterator[str]:
     yield from case.wrong("parameters", len(deal.asked.addresses))
     there = sum(not block.failed for block in deal.answer.blocks)
     yield from case.wrong("number", there)
-    lengths = [
-        len(each.answer.data) for each in case.reading.deals
-        if each.device == deal.device and each.answer is not None and (each.read or 0) <= case.frame
-    ]  # fmt: skip
-    if case.args.get("room") == "room_seen" and limit != max(lengths):
-        yield f"limit {limit!r}: the longest response so far has {max(lengths)} bytes"
+    if not deal.fits:
+        yield "it is the response to another request"
+    lengths = {
+        len(each.answer.data)
+        for each in case.reading.deals
+        if each.device == deal.device and each.answer is not None
+    }
+    if case.args.get("room") == "room_seen" and limit not in lengths:
+        yield f"no response of the device has {limit} bytes"
     elif case.args.get("room") == "room_stated" and limit not in _longest(
         case.reading, deal.device
     ):

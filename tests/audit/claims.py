@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.audit import message, wire
-from tests.audit.memory import Memory, elements
+from tests.audit.memory import SURE, Memory, elements
 from tests.audit.reading import NOT_READY, Deal, Finding, Reading
 
 Auditor = Callable[["Case"], Iterator[str]]
@@ -622,12 +622,16 @@ def _reason(case: Case, deal: Deal) -> Iterator[str]:
     """Why it stayed without: the Release of its AR, ten minutes of silence, or the end of the capture."""
     told, capture = case.args.get("reason"), case.reading.capture
     released = case.reading.releases(deal)
-    refused = {each.write for each in case.reading.deals if each.state == "refused"}
+    refused = {
+        each.write
+        for each in case.reading.deals
+        if each.state == "refused" and not each.read_status
+    }
     later = [
         each.asked or each.answered for each in case.reading.on_channel.get(deal.channel, [])
         if (
             each.asked > (deal.write or 0) and each.status in (None, 0) and each.asked not in refused
-            if each.write else each.asked > max(deal.all_frames) and bool(each.data)
+            if each.write else (each.asked or each.answered or 0) > max(deal.all_frames) and bool(each.data)
         )
     ]  # fmt: skip
     end = capture.frames[-1].time_ns if capture.frames else 0
@@ -784,10 +788,13 @@ def _is_of_a_maker(deal: Deal, block: message.Block) -> bool:
     """Whether a word is no error number of the profile: a low one of a maker's own service (docs/protocol.md A.3).
 
     That is told by the response ID, and by the request where the response does not say that it is not supported.
+    A request whose ID is one of a response (0xC0) is nobody's service.
     """
     asked, answer = deal.asked, deal.answer
-    ids = {each.id for each in (asked, answer) if each is not None}
-    own = any(number in message.MAKERS for number in ids) and (answer and answer.id) != 0x80
+    service = asked is not None and asked.id in message.MAKERS and not asked.id & 0x80
+    own = service or (answer is not None and answer.id in message.MAKERS)
+    if answer is not None and answer.id == 0x80:
+        return False
     return own and block.code is not None and block.code <= 0xFF
 
 
@@ -928,7 +935,14 @@ def _read_back(case: Case) -> Iterator[str]:
     if not means(case.args.get("read"), bits, block.format):
         yield f"read {case.args.get('read')!r} is {bits.hex()} under format 0x{block.format:02X}"
     last = case.memory.last(deal, pnu, subindex)
-    sure = [each for each in last if each.bits is not None and each.end < (deal.write or 0)]
+    target = case.memory.target(deal)
+    sure = [
+        each
+        for each in last
+        if each.bits is not None
+        and each.end < (deal.write or 0)
+        and case.memory.same(each.target, target) == SURE
+    ]
     values = {each.tried if each.bits is None else each.bits for each in last}
     if not last:
         yield f"nobody wrote p{pnu}[{subindex}] of this drive object for certain"

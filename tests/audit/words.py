@@ -110,7 +110,7 @@ CLAUSES: dict[str, dict[str, str]] = {
                                  r"as a request for (?P<fits>\d+)$"},
     "DS713": {"too_long": rf", {PARAMETER} has a negative response 0x15 ", "left_out": rf", {PARAMETER} and what follows",
               "room_stated": r"; PNU 974\[0\] of the device is (?P<limit>\d+) bytes$",
-              "room_seen": r"; its longest response so far has (?P<limit>\d+) bytes$"},
+              "room_seen": r"; the capture shows a response of the device with (?P<limit>\d+) bytes$"},
     "DS714": {"format_read": rf"; p\d+ is read as {_BETTER} in frame (?P<seen>\d+), ",
               "format_listed": rf"; by the list of parameters it is {_BETTER}, ",
               "format_bits": rf"; as {_BETTER} it would make sense, ",

@@ -11,7 +11,7 @@ from typing import Any, Final
 from ds47.pairing import STATUS_NOT_READY, Job
 from ds47.profidrive import Address, Request, decode_request
 from ds47.profidrive.model import VALUE, Block
-from ds47.rules import Remark
+from ds47.rules import Remark, is_mismatch
 from ds47.spec.semantics import known
 
 HEADER: Final = 4
@@ -117,12 +117,14 @@ def answer_too_long(
     Args:
         job: closed.
         stated: r0974 of the device, bytes, if it was read.
-        longest: bytes of the longest response of the device so far.
+        longest: bytes of the longest response of the device, as far as it is known.
         size_of: bytes of one value of a PNU.
     """
     half, request, response = job.read_response, job.message, job.response
     if half is None or request is None or response is None or request.operation != "read":
         return
+    if is_mismatch(job):
+        return  # it is the response to another request
     longest = max(longest, len(half.data))
     limit = stated if stated is not None and stated >= longest else None
     most = limit or max(longest, known().channel_bytes)

@@ -82,6 +82,8 @@ def _two_users(job: Job) -> Iterator[Remark]:
     answer = job.write_response
     if answer is not None and answer.status == STATUS_IN_USE:
         rival = job.rival
+        if rival is not None and rival.order > job.order:
+            return  # the two crossed: it was not open yet when this one was sent
         held = rival.write_request if rival else None
         yield _clash(rival, job, held.frame if held else None, asked.frame)
 
