@@ -9,48 +9,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-import tempfile
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-from tests.audit import conversations, run
+from tests.audit import conversations, run, seeds
 from tests.audit.reading import Complaint
-
-SHARE = 100
-"""So many conversations are audited by one process, in 10 s or so."""
-
-
-def of_seed(seed: int, folder: Path) -> list[Complaint]:
-    """What is not so in the report of a random conversation."""
-    made = conversations.make(seed)
-    path = folder / f"{seed}.pcap"
-    made.tape.write(path)
-    try:
-        return run.audit(path, made.drives)
-    finally:
-        path.unlink()
-
-
-def over(seeds: range) -> Iterator[tuple[int, list[Complaint]]]:
-    """The complaints of each seed that has any."""
-    with tempfile.TemporaryDirectory() as folder:
-        for seed in seeds:
-            found = of_seed(seed, Path(folder))
-            if found:
-                yield seed, found
-
-
-def everywhere(seeds: range) -> Iterator[tuple[int, list[Complaint]]]:
-    """The same by all processors. A worker ends after its share: analyses leave memory behind."""
-    shares = [seeds[start : start + SHARE] for start in range(0, len(seeds), SHARE)]
-    with ProcessPoolExecutor(max_tasks_per_child=1) as pool:
-        for found in pool.map(_share, shares):
-            yield from found
-
-
-def _share(seeds: range) -> list[tuple[int, list[Complaint]]]:
-    return list(over(seeds))
 
 
 def main() -> int:
@@ -73,10 +36,10 @@ def main() -> int:
     return 1 if total else 0
 
 
-def _all(captures: list[Path], seeds: range) -> Iterator[tuple[str, list[Complaint]]]:
+def _all(captures: list[Path], wanted: range) -> Iterator[tuple[str, list[Complaint]]]:
     for path in captures:
         yield str(path), run.audit(path)
-    for seed, found in everywhere(seeds):
+    for seed, found in seeds.everywhere(wanted):
         yield f"seed {seed}", found
 
 

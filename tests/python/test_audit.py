@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.audit import __main__ as command
 from tests.audit import conversations, drive, message, reading, run, wire, words
+from tests.audit import seeds as many
 from tests.audit.memory import MAYBE, NEVER, SURE, Memory, Target
 from tests.audit.reading import Finding, Reading
 
@@ -45,9 +45,7 @@ def memory_of(name: str) -> Memory:
 def of_slice(number: int) -> list[str]:
     """The complaints about every n-th conversation."""
     seeds = range(1 + number, 1 + CONVERSATIONS, SLICES)
-    return [
-        f"seed {seed}: {text}" for seed, found in command.over(seeds) for text in map(str, found)
-    ]
+    return [f"seed {seed}: {text}" for seed, found in many.over(seeds) for text in map(str, found)]
 
 
 # What reports say
