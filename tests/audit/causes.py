@@ -28,6 +28,8 @@ STATES = {
     0x6E: "p0010 = 3", 0x6F: "p0010 = 2", 0x70: "p0010 = 1", 0x71: "p0010 = 0", 0x72: "p0010 = 30",
     0x73: "p0010 = 95", 0x74: "p0010 = 5", 0x75: "p0010 > 0",
 }  # fmt: skip
+SHARED = 47
+"""The record index that others use too."""
 TOO_LONG = 0x15
 TYPE_ERRORS = (0x02, 0x05, 0x17)
 SOURCE_MOST = 9_999
@@ -216,6 +218,7 @@ def _two_users(case: Case) -> Iterator[str]:
 
 
 def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:
+    """By whom, the sentence does not say: on index 47 an AR may show only later that it carries DS47."""
     if record.status != IN_USE:
         yield f"the Write was answered with {record.status}"
     place = (record.device, *record.channel[3:])
@@ -227,7 +230,7 @@ def _turned_away(record: wire.Record, case: Case) -> Iterator[str]:
             "superseded",
             "refused",
         )
-        if deal.place == place and begun and still:
+        if deal.place == place and begun and still and deal.index != SHARED:
             yield f"the request of frame {deal.write} was open, and is in the capture"
 
 

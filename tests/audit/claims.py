@@ -509,6 +509,8 @@ def _rest(case: Case) -> Iterator[str]:
     rest = found.rest if found.sound else b""
     if found is (case.deal.answer if case.deal else None) and found.id not in message.KNOWN:
         rest = found.data[4:]  # whether blocks stand behind an unknown ID nobody knows
+    elif found.id not in message.KNOWN and case.finding.offset == 4 + 6 * len(found.addresses):
+        rest = found.data[case.finding.offset :]
     yield from case.wrong("count", len(rest))
     if not rest or any(rest) is not (case.finding.rule == "DS313"):
         yield f"what is left over is {rest.hex()!r}"
@@ -706,7 +708,13 @@ def _orphan(case: Case) -> Iterator[str]:
         yield f"case {told!r}, but a ReadImplicit is {'here' if implicit else 'not here'}"
     if told == "unasked_again" and not same:
         yield "no transaction with this response is over"
-    elif told == "unasked_without_ar" and last in same and last and last.state != "refused":
+    elif (
+        told == "unasked_without_ar"
+        and last in same
+        and last
+        and last.state != "refused"
+        and not any(each.call.response and each.call.response.cut for each in reads)
+    ):
         yield f"the same response was read in frame {last.read}, the request is in {last.write}"
     elif told == "unasked":
         for other in case.reading.deals:
