@@ -509,7 +509,11 @@ def _rest(case: Case) -> Iterator[str]:
     rest = found.rest if found.sound else b""
     if found is (case.deal.answer if case.deal else None) and found.id not in message.KNOWN:
         rest = found.data[4:]  # whether blocks stand behind an unknown ID nobody knows
-    elif found.id not in message.KNOWN and case.finding.offset == 4 + 6 * len(found.addresses):
+    elif (
+        found.asked_for
+        and case.finding.offset == 4 + 6 * len(found.addresses)
+        and (found.id or 0) > 2
+    ):
         rest = found.data[case.finding.offset :]
     yield from case.wrong("count", len(rest))
     if not rest or any(rest) is not (case.finding.rule == "DS313"):
