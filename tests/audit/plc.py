@@ -353,12 +353,21 @@ def _is_over(write: int, at: int, deal: Deal, reading: Reading) -> bool:
 
 def _given(record: wire.Record, deal: Deal, reading: Reading) -> int | None:
     """The Write of the transaction to which a Read is given, by its frames or by what is said of the Read."""
-    frames = {record.asked, record.answered}
+    frames = {record.asked, record.answered, *_fragments(record, reading)}
     said = {each.transaction for each in reading.findings if each.frame in frames}
     for each in reading.deals:
         if each.channel == deal.channel and (_at(record) in each.all_frames or each.id in said):
             return each.write or 0
     return None
+
+
+def _fragments(record: wire.Record, reading: Reading) -> list[int]:
+    """The frames of those fragments of its response that the capture has, where it is not whole."""
+    request = record.call.request
+    for key, frames in reading.capture.pieces.items():
+        if request.activity in key and request.sequence in key:
+            return frames
+    return []
 
 
 def _loose(record: wire.Record, reading: Reading) -> bool:
