@@ -1301,6 +1301,25 @@ def _(tape: Tape) -> None:
 
 
 @case(
+    "P28-late-record",
+    "P27 P28",
+    "lost interleaved",
+    [
+        tx(1, "ok", (1, None, 4, 5), 4, real(1.5), write=None),
+        tx(2, "ok", (2, 3, 6, 7), 5, real(2.5, pnu=27), ref=2),
+    ],
+    "DS101@1#1",
+)
+def _(tape: Tape) -> None:
+    """The record of an older Write comes when a newer one was accepted already: it displaces nothing."""
+    client = Client(tape)
+    client.ask_write(ask())
+    client.write(ask(2, 27))
+    client.read(tell(1, 1.5))
+    client.read(tell(2, 2.5))
+
+
+@case(
     "P68-behind-a-refused-write",
     "P68",
     "lost refused unanswered",

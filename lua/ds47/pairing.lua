@@ -479,14 +479,25 @@ local function compare(last, job, half)
   end
 end
 
+-- What is read proves that a Write was accepted; its response is missing in the capture. It displaces no
+-- newer one: the record of an older request came late.
+local function presume(self, channel, job)
+  if channel.open and channel.open.order > job.order then
+    remove(channel.asked, job)
+    job.phase = PHASES[job.phase].write_accepted
+  else
+    accept(self, channel, job)
+  end
+  job.accepted = false
+end
+
 local function read(self, channel, job, event, record)
   local half = record.response
   if event == "read_record" and job.phase == "refused" then
     compare(channel.last, job, half)
   end
-  if job.phase == "asked" and event ~= "read_empty" then -- a Read that brings nothing proves nothing
-    accept(self, channel, job)
-    job.accepted = false -- only presumed: the Write response is missing in the capture
+  if job.phase == "asked" and event ~= "read_empty" then
+    presume(self, channel, job)
   end
   job.phase = PHASES[job.phase][event]
   if event == "read_poll" then

@@ -799,6 +799,18 @@ class Pairing:
         """The newest accepted request of a place whose response was read."""
         self._put(self._delivered, place, job)
 
+    def _presume(self, channel: Channel, job: Job) -> None:
+        """What is read proves that a Write was accepted; its response is missing in the capture.
+
+        It displaces no newer one: the record of an older request came late.
+        """
+        if channel.open is not None and channel.open.order > job.order:
+            channel.asked.remove(job)
+            self._step(job, "write_accepted")
+        else:
+            self._accept(channel, job)
+        job.accepted = False
+
     def _rival(self, job: Job) -> Job | None:
         """The newest request that is open at the place of another one, whoever asked."""
         keys = reversed(self._of_place.get(_spot(job.peer, job.record), {}))
@@ -849,11 +861,8 @@ class Pairing:
         assert half is not None
         if event == "read_record" and job.phase == "refused":
             _compare(channel.last, job, half)
-        if (
-            job.phase == "asked" and event != "read_empty"
-        ):  # a Read that brings nothing proves nothing
-            self._accept(channel, job)
-            job.accepted = False  # only presumed: the Write response is missing in the capture
+        if job.phase == "asked" and event != "read_empty":
+            self._presume(channel, job)
         self._step(job, event)
         if event == "read_poll":
             self._keep(job.polls, (record.request, half))
