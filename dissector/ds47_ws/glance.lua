@@ -141,7 +141,7 @@ end
 function steps.write_request(self, channel, form, number, time_ns, frame)
   local front, length, peer = form.front, form.data, form.peer
   local reference = byte(frame, front + 1)
-  local limit = self.judge.longest[peer.device]
+  local limit = self.judge.longest:get(peer.device)
   if channel.state ~= FREE or reference == 0 or reference == channel.reference
     or limit and length > limit then
     return nil

@@ -39,11 +39,11 @@ local function put(memory, key, value)
 end
 
 local function submodule(access)
-  return access.device .. "\0" .. access.slot .. "." .. access.subslot
+  return format("%s %d %d", access.device, access.slot, access.subslot)
 end
 
 local function axis_of(device, number)
-  return format("%s\0%d", device, number)
+  return format("%s %d", device, number)
 end
 
 --- A parameter has a negative response with this error number.
@@ -137,18 +137,18 @@ function M.access_of(item)
   }
 end
 
--- What a finished transaction shows; whose response that of a mismatch is is not known.
-local function learn(shown, item)
+--- What a finished transaction shows; the response to another request proves nothing.
+function DriveObjects:transaction(item)
   if item.state == "mismatch" or item.operation ~= "read" and item.operation ~= "change" then
     return
   end
   local access = M.access_of(item)
   for _, each in ipairs(item.parameters) do
     if each.error then
-      shown:refused(access, each.error.code)
+      self:refused(access, each.error.code)
     elseif each.pnu == M.DO_IDENTIFICATION and item.operation == "read" and each.attribute == "value"
       and each.subindex then
-      shown:identified(access, each.subindex, each.values)
+      self:identified(access, each.subindex, each.values)
     end
   end
 end
@@ -157,7 +157,7 @@ end
 function M.of(transactions)
   local shown = M.new()
   for _, each in ipairs(transactions) do
-    learn(shown, each)
+    shown:transaction(each)
   end
   return shown
 end

@@ -8,6 +8,7 @@
 -- spec/rules.toml.
 
 local json = require("ds47.json")
+local ordered = require("ds47.ordered")
 local readback = require("ds47.readback")
 local status = require("ds47.status")
 local tables = require("ds47.tables")
@@ -114,9 +115,8 @@ function M.new(limits, slow_ns)
     limits = limits,
     slow_ns = slow_ns,
     written = readback.new(limits.written_values),
-    longest = {}, -- device -> longest message it takes
-    most = {}, -- device -> most parameters of one request
-    counts = {longest = 0, most = 0}, -- devices in each of the two
+    longest = ordered.new(), -- device -> longest message it takes
+    most = ordered.new(), -- device -> most parameters of one request
     blank = {}, -- where the remarks of the next job go; made anew only when it had some
   }, Judge)
 end
@@ -231,7 +231,7 @@ end
 
 -- How many parameters of one request the device takes, as far as it has shown; nil: not at all.
 function Judge:_most_parameters(job)
-  local request, response, most = job.message, job.response, self.most[job.peer.device]
+  local request, response, most = job.message, job.response, self.most:get(job.peer.device)
   if request == nil or response == nil or is_mismatch(job) then
     return most
   end
@@ -248,7 +248,7 @@ function Judge:_request(remarks, job)
     return
   end
   put_flaws(remarks, message.flaws, half, self:_most_parameters(job))
-  local limit = self.longest[job.peer.device]
+  local limit = self.longest:get(job.peer.device)
   if limit and #half.data > limit then
     put(remarks, "DS316", half.frame, {length = #half.data, limit = limit}, 0)
   end
@@ -406,23 +406,21 @@ function Judge:_learn_limit(job)
       return
     end
     if address.pnu == PNU_ACCESS_IDENTIFICATION and address.attribute == VALUE and not block.float then
-      self:_learn("longest", job.peer.device, block.values[1 - address.subindex])
-      self:_learn("most", job.peer.device, block.values[2 - address.subindex])
+      self:_learn(self.longest, job.peer.device, block.values[1 - address.subindex])
+      self:_learn(self.most, job.peer.device, block.values[2 - address.subindex])
     end
   end
 end
 
 -- Keeps a value of r0974 in one of the two memories of that.
-function Judge:_learn(name, device, value)
+function Judge:_learn(memory, device, value)
   if type(value) ~= "number" or value <= 0 then
     return
   end
-  local memory, counts = self[name], self.counts
-  if counts[name] < self.limits.activities then
-    if memory[device] == nil then
-      counts[name] = counts[name] + 1
-    end
-    memory[device] = value
+  memory:set(device, value)
+  memory:move_to_end(device)
+  if memory.length > self.limits.longest_messages then
+    memory:pop_first()
   end
 end
 

@@ -154,6 +154,7 @@ def test_the_memory_is_bounded(objects: DriveObjects) -> None:
     looking(objects, "one more")
     assert objects.looks_at_axis("d0")  # refused again later
     assert not objects.looks_at_axis("d1")
+    assert [objects.exists(device, 77) for device in ("d0", "d1", "d2")] == [False, True, False]
 
 
 # Of whole transactions
