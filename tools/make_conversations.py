@@ -2512,6 +2512,21 @@ def _(tape: Tape) -> None:
     client.exchange(ask(3, 21, 27, 25), tell(3, 1.5, 2.5, 3.5))
 
 
+MANY = range(100, 140)
+"""Parameters: one more than the usual number."""
+
+
+@case(
+    "P46-as-many-parameters-as-the-drive-takes",
+    "P46",
+    "values",
+    [tx(1, "ok", (1, 2, 3, 4), 3, *(real(pnu / 2, pnu=pnu) for pnu in MANY))],
+)
+def _(tape: Tape) -> None:
+    """40 parameters of which the drive gives all: not too many, and not called so while the response is due."""
+    Client(tape).exchange(ask(1, *MANY), tell(1, *(pnu / 2 for pnu in MANY)))
+
+
 # Which parameter is meant
 
 

@@ -142,18 +142,15 @@ end
 --- A Write request asks for something.
 function ReadBack:asked(job)
   local message, half = job.message, job:write_request()
-  if message == nil or half == nil or message.operation ~= "change" then
+  if message.operation ~= "change" then
     return
   end
   local access, told = drive_objects.access(job), {}
-  if #message.blocks < #message.addresses or is_broken(message) then
+  if is_broken(message) then
     self:_device(access.device).recomputing[job] = true -- which values it writes is not known
   end
   for number, block in ipairs(message.blocks) do
     local address = message.addresses[number]
-    if address == nil then
-      break
-    end
     if tables.known.recomputing[address.pnu] then
       self:_device(access.device).recomputing[job] = true
     end
@@ -235,7 +232,7 @@ end
 --- A response without its request: that of a change says that something was written by then.
 function ReadBack:unasked(job)
   local half, response = job.read_response, job.response
-  if half and response and OF_CHANGES[response.response_id] then
+  if response and OF_CHANGES[response.response_id] then
     local device = self:_device(job.peer.device)
     device.forgotten = max(device.forgotten, half.frame)
   end
@@ -333,9 +330,6 @@ function ReadBack:read(job)
   local found, access = {}, nil
   for number = 1, #response.blocks do
     local address, block = request.addresses[number], response.blocks[number]
-    if address == nil then
-      break
-    end
     if block.error or self.pnus[address.pnu] or address.pnu == DO_IDENTIFICATION then
       access = access or drive_objects.access(job)
       self:_look(found, job, access, address, block)

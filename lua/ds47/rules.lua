@@ -13,7 +13,7 @@ local readback = require("ds47.readback")
 local status = require("ds47.status")
 local tables = require("ds47.tables")
 
-local floor, max = math.floor, math.max
+local floor, huge, max = math.floor, math.huge, math.max
 
 local M = {}
 
@@ -79,10 +79,8 @@ function M.drive_time_ns(job)
   if first == nil then
     return nil
   end
-  if first.time_ns > accepted.time_ns then -- the parts are exact, whatever the pause
-    return read.time_ns - first.time_ns + (accepted.time_ns - write.time_ns)
-  end
-  return read.time_ns - write.time_ns
+  local since = max(first.time_ns, accepted.time_ns)
+  return read.time_ns - since + (accepted.time_ns - write.time_ns) -- the parts are exact, whatever the pause
 end
 
 -- What is wrong inside a message; what the capture cut off is no fault of it.
@@ -207,12 +205,7 @@ end
 --- What is certain of a job that still waits: an array of remarks.
 function Judge:certain(job)
   local remarks = self.blank
-  self:_request(remarks, job)
-  for number = #remarks, 1, -1 do
-    if remarks[number].rule == TOO_MANY then
-      table.remove(remarks, number) -- the drive may yet answer all of them
-    end
-  end
+  self:_request(remarks, job, huge) -- the drive may yet answer all of them
   self:_reads(remarks, job)
   remarks[#remarks + 1] = self:closed(job)
   return owned(self, job)
@@ -242,12 +235,13 @@ function Judge:_most_parameters(job)
   return most
 end
 
-function Judge:_request(remarks, job)
+-- `most`: how many parameters are not too many; nil: as many as the device has shown to take.
+function Judge:_request(remarks, job, most)
   local half, message = job:write_request(), job.message
   if half == nil then
     return
   end
-  put_flaws(remarks, message.flaws, half, self:_most_parameters(job))
+  put_flaws(remarks, message.flaws, half, most or self:_most_parameters(job))
   local limit = self.longest:get(job.peer.device)
   if limit and #half.data > limit then
     put(remarks, "DS316", half.frame, {length = #half.data, limit = limit}, 0)
@@ -402,9 +396,6 @@ function Judge:_learn_limit(job)
   local addresses, blocks = request.addresses, response.blocks
   for number = 1, #blocks do
     local address, block = addresses[number], blocks[number]
-    if address == nil then
-      return
-    end
     if address.pnu == PNU_ACCESS_IDENTIFICATION and address.attribute == VALUE and not block.float then
       self:_learn(self.longest, job.peer.device, block.values[1 - address.subindex])
       self:_learn(self.most, job.peer.device, block.values[2 - address.subindex])

@@ -125,31 +125,34 @@ function M.by_rule(findings)
   return groups
 end
 
+-- What stands for the diagnoses of one rule behind the first `most`.
+local function rest_of(diagnoses, most)
+  local more = { more = true, rule = diagnoses[1].rule, causes = #diagnoses - most, findings = 0 }
+  for place = most + 1, #diagnoses do
+    more.findings = more.findings + diagnoses[place].count
+  end
+  return more
+end
+
 --- The diagnoses in their order, but no more than `most` of one rule: the rest of it stands behind the last,
 -- as {more = true, rule, causes, findings}.
 function M.causes(diagnoses, most)
-  local told, rest, list = {}, {}, {}
+  local of_rule, told, list = {}, {}, {}
   for _, each in ipairs(diagnoses) do
-    local number = (told[each.rule] or 0) + 1
+    of_rule[each.rule] = of_rule[each.rule] or {}
+    table.insert(of_rule[each.rule], each)
+  end
+  for _, each in ipairs(diagnoses) do
+    local all, number = of_rule[each.rule], (told[each.rule] or 0) + 1
     told[each.rule] = number
     if number <= most then
       list[#list + 1] = each
     end
-    if number == most then
-      rest[each.rule] = { more = true, rule = each.rule, causes = 0, findings = 0 }
-      list[#list + 1] = rest[each.rule]
-    elseif number > most then
-      local more = rest[each.rule]
-      more.causes, more.findings = more.causes + 1, more.findings + each.count
+    if number == most and #all > most then
+      list[#list + 1] = rest_of(all, most)
     end
   end
-  local shown = {}
-  for _, each in ipairs(list) do
-    if not each.more or each.causes > 0 then
-      shown[#shown + 1] = each
-    end
-  end
-  return shown
+  return list
 end
 
 return M

@@ -81,10 +81,12 @@ class ReadBack:
     def asked(self, job: Job) -> None:
         """A Write request asks for a change."""
         message, half = job.message, job.write_request
-        if message is None or half is None or message.operation != "change":
+        assert message is not None
+        if message.operation != "change":
             return
+        assert half is not None
         reached, told = access_of(job), list[tuple[Element, Written]]()
-        if len(message.blocks) < len(message.addresses) or _is_broken(message):
+        if _is_broken(message):
             self._device(reached.device).recomputing.add(job)  # which values it writes is not known
         pairs = zip(message.addresses, message.blocks, strict=False)
         for number, (address, block) in enumerate(pairs):
@@ -120,7 +122,8 @@ class ReadBack:
     def unasked(self, job: Job) -> None:
         """A response without its request: that of a change says that something was written by then."""
         half, response = job.read_response, job.response
-        if half is not None and response is not None and response.response_id in _OF_CHANGES:
+        if response is not None and response.response_id in _OF_CHANGES:
+            assert half is not None
             device = self._device(job.peer.device)
             device.forgotten = max(device.forgotten, half.frame)
 

@@ -171,13 +171,26 @@ local ROLES = {
   end,
 }
 
+local REFUSED = "DS203" -- the Write response itself says it, whatever comes later
+
+local function waits_refused(job)
+  return job.phase ~= "closed" and job:write_refused() and not job.write_fault and not job.read_response
+end
+
 -- What is told of one step must be true in the end.
 local function look(run, frame, seen)
   local list, count = run:touched()
   for number = 1, count do
     local touched = list[number]
     seen.touched[#seen.touched + 1] = {order = touched.job.order, role = touched.role, frame = frame}
-    run:peek(touched.job)
+    local refused = touched.role == "write_response" and waits_refused(touched.job)
+    for _, finding in ipairs(run:peek(touched.job)) do
+      seen.findings[#seen.findings + 1] = finding
+      refused = refused and finding.rule ~= REFUSED
+    end
+    if refused then
+      return "a refusal is not told while the job waits, in frame " .. frame
+    end
     local finished = run:finished(touched.job.order)
     if (finished ~= nil) ~= (touched.job.phase == "closed") then
       return "finished() and the phase of a job differ in frame " .. frame
@@ -236,7 +249,7 @@ local function check_seen(result, seen)
   end
   for _, finding in ipairs(seen.findings) do
     if not findings[finding.rule .. " " .. finding.frame] then
-      return "findings_at: " .. dump(finding)
+      return "told on the way: " .. dump(finding)
     end
   end
 end

@@ -178,7 +178,9 @@ def test_a_transaction_shows_what_its_parameters_say() -> None:
 def test_a_refused_change_shows_that_the_device_looks_at_the_axis() -> None:
     asked = message.change(1, 1, (message.address(RAMP), message.word(1)))
     refused = message.answer(1, 0x82, 1, message.error(AXIS_ERROR))
-    assert DriveObjects.of([build(job(asked, refused))]).looks_at_axis("d")
+    objects = DriveObjects.of([build(job(asked, refused))])
+    assert objects.looks_at_axis("d")
+    assert not objects.exists("d", 1)
 
 
 @pytest.mark.parametrize(
@@ -208,4 +210,6 @@ def test_nothing_else_names_a_submodule(shown: Transaction) -> None:
 )
 def test_what_answers_another_request_refuses_no_axis(changes: dict[str, Any]) -> None:
     refused = read(message.error(AXIS_ERROR), id=0x81, at=(1, 1, 47))
-    assert not DriveObjects.of([replace(refused, **changes)]).looks_at_axis("d")
+    objects = DriveObjects.of([replace(refused, **changes)])
+    assert not objects.looks_at_axis("d")
+    assert objects.exists("d", 1)

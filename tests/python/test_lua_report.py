@@ -37,6 +37,7 @@ from ds47.profinet.status import status_text
 from ds47.report import Options
 from ds47.report import csv as csv_report
 from ds47.report import text as text_report
+from ds47.report.opening import OF_ONE_RULE
 
 Run = Callable[[list[dict[str, Any]]], list[str]]
 
@@ -298,6 +299,7 @@ def totals() -> list[list[Finding]]:
     ]
     return [
         [], [*tests, other], [said, *tests, other], [*whole, *tests, other], [*whole[::-1], *tests],
+        [whole[0], *tests], [whole[1], *tests],
         [*refused, *wrong], refused, [finding("DS207", 9, None, None)], [finding("DS108", 9, 1, None)],
     ]  # fmt: skip
 
@@ -330,6 +332,18 @@ def test_what_is_counted_and_covered_is_that_of_python(lua: Run, complete: bool)
         ]  # fmt: skip
     texts = lua([job("report", each) for each in results])
     assert texts == [python_text(each) for each in results]
+
+
+@pytest.mark.parametrize("more", [0, 1, 2])
+def test_of_causes_of_one_rule_the_rest_is_counted_as_in_python(lua: Run, more: int) -> None:
+    """As many as are told one by one leave no rest."""
+    told = [
+        diagnosis("DS719", f"10.0.0.{n}", 3 * n, [n], [], code=0x6B, device=f"10.0.0.{n}")
+        for n in range(1, OF_ONE_RULE + more + 1)
+    ]
+    lines = [finding("DS719", n, None, None, code=0x6B) for n in range(1, OF_ONE_RULE + more + 1)]
+    result = CaptureResult("x", findings=lines, diagnoses=told)
+    assert lua([job("report", result)]) == [python_text(result)]
 
 
 def test_where_no_drive_object_answers_none_is_named(lua: Run) -> None:

@@ -37,7 +37,7 @@ class Court:
             return self.judge.unanswered(one, dropped=False)
         return [each for each in self.judge.answered(one) if each.rule == "DS417"]
 
-    def made(self, asked: bytes, answer: bytes | None, **more: Any) -> Job:
+    def made(self, asked: bytes | None, answer: bytes | None, **more: Any) -> Job:
         one = job(asked, answer, frame=self.frame, **more)
         self.frame += 10
         return one
@@ -249,6 +249,24 @@ def test_a_connect_forgets(court: Court) -> None:
     court.judge.connected("d", court.frame)
     court.frame += 1
     assert court.back(NINE) == []
+
+
+@pytest.mark.parametrize("identifier", [0x02, 0x82, 0x42, 0xC2])
+def test_the_response_to_a_change_that_nobody_saw_says_that_something_was_written(
+    court: Court, identifier: int
+) -> None:
+    court.change()
+    court.judge.answered(court.made(None, bytes((5, identifier, 1, 0))))
+    assert court.back() == []
+    court.change()
+    assert court.back()
+
+
+@pytest.mark.parametrize("answer", [message.answer(5, 1, 1, TEN), b""], ids=["read", "empty"])
+def test_another_response_that_nobody_asked_for_says_nothing(court: Court, answer: bytes) -> None:
+    court.change()
+    court.judge.answered(court.made(None, answer))
+    assert court.back()
 
 
 def test_the_memory_of_written_values_is_bounded() -> None:

@@ -60,6 +60,10 @@ def test_is_mismatch(answer: bytes, stray: bool) -> None:
     assert is_mismatch(job(READ, answer)) == stray
 
 
+def test_a_request_that_ends_before_its_id_has_no_response_that_fits() -> None:
+    assert is_mismatch(job(b"\1", b"\1\1"))
+
+
 def test_no_mismatch_without_a_pair() -> None:
     assert not is_mismatch(job(READ))
     assert not is_mismatch(job(None, message.answer(1, 1, 1, TEN)))
@@ -73,7 +77,10 @@ def test_the_drives_time_leaves_out_the_pause_of_the_program() -> None:
     one.write_response = None
     assert drive_time_ns(one) is None  # when the Write was accepted is not known
     assert drive_time_ns(job(READ)) is None
-    assert drive_time_ns(job(None, message.answer(1, 1, 1, TEN))) is None
+    orphan = job(None, message.answer(1, 1, 1, TEN))
+    assert drive_time_ns(orphan) is None
+    orphan.write_response = Half(2, 2 * MS, status=0)
+    assert drive_time_ns(orphan) is None  # of a Write that is not its own
 
 
 def test_a_read_before_the_write_response_is_no_negative_pause() -> None:
