@@ -273,7 +273,7 @@ end
 
 function Judge:_response(remarks, job, stray)
   local half, response = job.read_response, job.response
-  if half == nil or response == nil then
+  if response == nil then
     return
   end
   put_flaws(remarks, response.flaws, half, self:_most_parameters(job))
@@ -315,7 +315,7 @@ local function element_count(remarks, frame, block, address)
   if got == asked or address.attribute ~= VALUE then
     return
   end
-  if address.element_count == 0 and got > 1 then
+  if address.element_count == 0 and got ~= 0 then
     return -- count 0 asks for the whole simple parameter; a string has as many values as characters
   end
   local args = {asked = asked, got = got, pnu = address.pnu}
@@ -351,9 +351,6 @@ end
 
 function Judge:_time(remarks, job)
   local half, polls = job.read_response, job.polls
-  if half == nil then
-    return
-  end
   if #polls >= self.limits.polls then
     put(remarks, "DS204", half.frame, {count = #polls})
   end

@@ -241,8 +241,9 @@ class Judge:
 
     def _response(self, job: Job, stray: bool, remarks: list[Remark]) -> None:
         half, response, request = job.read_response, job.response, job.message
-        if half is None or response is None:
+        if response is None:
             return
+        assert half is not None
         if response.flaws:
             _flaws(response.flaws, half, remarks, self._most_parameters(job))
         if request is None:
@@ -293,7 +294,7 @@ class Judge:
                 args = self._error_args(job, block, address)
                 remarks.append(Remark("DS410", frame, args, block.offset))
             elif address and read and block.value_count != (address.element_count or 1):
-                _element_count(frame, block, address, remarks)
+                _other_count(frame, block, address, remarks)
 
     def _error_args(self, job: Job, block: Block, address: Address | None) -> dict[str, Any]:
         assert block.error is not None
@@ -308,8 +309,7 @@ class Judge:
 
     def _time(self, job: Job, remarks: list[Remark]) -> None:
         half = job.read_response
-        if half is None:
-            return
+        assert half is not None
         if len(job.polls) >= self._limits.polls:
             remarks.append(Remark("DS204", half.frame, {"count": len(job.polls)}))
         if job.polls:
@@ -375,11 +375,12 @@ def _is_change(job: Job) -> bool:
     return job.message is not None and job.message.operation == "change"
 
 
-def _element_count(frame: int, block: Block, address: Address, remarks: list[Remark]) -> None:
+def _other_count(frame: int, block: Block, address: Address, remarks: list[Remark]) -> None:
+    """More or fewer values than were asked for."""
     asked = address.element_count or 1  # 0 asks for one value too: an empty block has fewer
-    if block.value_count == asked or address.attribute != VALUE:
+    if address.attribute != VALUE:
         return
-    if address.element_count == 0 and block.value_count > 1:
+    if address.element_count == 0 and block.value_count != 0:
         return  # count 0 asks for the whole simple parameter; a string has as many values as characters
     rule = "DS408" if block.value_count < asked else "DS409"
     args = {"asked": asked, "got": block.value_count, "pnu": address.pnu}
