@@ -309,17 +309,18 @@ function Judge:_mirror(remarks, frame, job)
   end
 end
 
-local function element_count(remarks, frame, block, address)
-  local asked = max(1, address.element_count)
-  local got = block.value_count
-  if got == asked or address.attribute ~= VALUE then
-    return
+-- Fewer or more values than were asked for. Count 0 asks for the whole simple parameter, one value at least; a
+-- string has as many values as characters.
+local function put_count(remarks, frame, block, address)
+  local asked, got, rule = max(1, address.element_count), block.value_count, nil
+  if got < asked then
+    rule = "DS408"
+  elseif got > asked and address.element_count ~= 0 then
+    rule = "DS409"
   end
-  if address.element_count == 0 and got ~= 0 then
-    return -- count 0 asks for the whole simple parameter; a string has as many values as characters
+  if rule and address.attribute == VALUE then
+    put(remarks, rule, frame, {asked = asked, got = got, pnu = address.pnu}, block.offset)
   end
-  local args = {asked = asked, got = got, pnu = address.pnu}
-  put(remarks, got < asked and "DS408" or "DS409", frame, args, block.offset)
 end
 
 function Judge:_blocks(remarks, frame, job, stray)
@@ -333,7 +334,7 @@ function Judge:_blocks(remarks, frame, job, stray)
     if block.error ~= nil and not told then
       put(remarks, "DS410", frame, self:_error_args(job, block, address), block.offset)
     elseif address and counted then
-      element_count(remarks, frame, block, address)
+      put_count(remarks, frame, block, address)
     end
   end
 end

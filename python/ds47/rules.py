@@ -293,8 +293,8 @@ class Judge:
             if block.error is not None and not told:
                 args = self._error_args(job, block, address)
                 remarks.append(Remark("DS410", frame, args, block.offset))
-            elif address and read and block.value_count != (address.element_count or 1):
-                _other_count(frame, block, address, remarks)
+            elif address and read:
+                _count(frame, block, address, remarks)
 
     def _error_args(self, job: Job, block: Block, address: Address | None) -> dict[str, Any]:
         assert block.error is not None
@@ -375,13 +375,19 @@ def _is_change(job: Job) -> bool:
     return job.message is not None and job.message.operation == "change"
 
 
-def _other_count(frame: int, block: Block, address: Address, remarks: list[Remark]) -> None:
-    """More or fewer values than were asked for."""
-    asked = address.element_count or 1  # 0 asks for one value too: an empty block has fewer
+def _count(frame: int, block: Block, address: Address, remarks: list[Remark]) -> None:
+    """Fewer or more values than were asked for.
+
+    Count 0 asks for the whole simple parameter, one value at least; a string has as many as characters.
+    """
+    asked, got = address.element_count or 1, block.value_count
     if address.attribute != VALUE:
         return
-    if address.element_count == 0 and block.value_count != 0:
-        return  # count 0 asks for the whole simple parameter; a string has as many values as characters
-    rule = "DS408" if block.value_count < asked else "DS409"
-    args = {"asked": asked, "got": block.value_count, "pnu": address.pnu}
+    if got < asked:
+        rule = "DS408"
+    elif got > asked and address.element_count:
+        rule = "DS409"
+    else:
+        return
+    args = {"asked": asked, "got": got, "pnu": address.pnu}
     remarks.append(Remark(rule, frame, args, block.offset))
