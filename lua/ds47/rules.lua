@@ -309,8 +309,8 @@ function Judge:_mirror(remarks, frame, job)
   end
 end
 
--- Fewer or more values than were asked for. Count 0 asks for the whole simple parameter, one value at least; a
--- string has as many values as characters.
+-- Fewer or more values than were asked for. Count 0 asks for the whole simple parameter, one value at least;
+-- a string has as many values as characters.
 local function put_count(remarks, frame, block, address)
   local asked, got, rule = max(1, address.element_count), block.value_count, nil
   if got < asked then
