@@ -1931,6 +1931,19 @@ def _(tape: Tape) -> None:
 
 
 @case(
+    "P44-not-supported-in-part",
+    "P44",
+    "drive-error",
+    [tx(1, "error", (1, 2, 3, 4), 3, real(1.5), par(27, error=(0x21, 0)))],
+    "DS410@4#1 DS418@4#1",
+)
+def _(tape: Tape) -> None:
+    """Response id 0x80 is an error, whatever its blocks say."""
+    answer = message.answer(1, 0x80, 1, message.real(1.5), message.error(0x21))
+    Client(tape).exchange(ask(1, 21, 27), answer)
+
+
+@case(
     "P45-partial-read",
     "P37 P45",
     "drive-error",

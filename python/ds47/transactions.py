@@ -96,10 +96,11 @@ def _refused(job: Job) -> bool:
 
 def _outcome(job: Job, parameters_: list[Parameter]) -> str:
     response = job.response
-    if response is None or response.response_id == NOT_SUPPORTED:
+    response_id = response.response_id if response else None
+    if response is None or response_id is None or response_id == NOT_SUPPORTED:
         return "error"
     blocks = response.blocks
-    known = response_ids().get(response.response_id or 0)
+    known = response_ids().get(response_id)
     negative = known is not None and bool(known.negative)
     if not blocks and known and known.body != "blocks" and not negative:
         return "ok"  # a positive response that has nothing to carry
@@ -112,7 +113,8 @@ def _outcome(job: Job, parameters_: list[Parameter]) -> str:
     half = job.read_response
     if half is not None and half.cut:
         return _outcome_as_far_as_seen(done, failed, negative)
-    asked = max(len(parameters_), len(job.message.addresses) if job.message else 0)
+    assert job.message is not None
+    asked = max(len(parameters_), len(job.message.addresses))
     if done == asked:
         return "error" if negative else "ok"
     return "partial" if done else "error"
@@ -135,11 +137,6 @@ def _parameters(job: Job, lang: str, stray: bool) -> list[Parameter]:
         return [_parameter(job, lang, None, block, block) for block in blocks]
     addresses = request.addresses
     answers: list[Block | None] = [] if stray else list(blocks)
-    if not change and len(answers) == len(addresses):
-        return [
-            _parameter(job, lang, address, answer, answer)
-            for address, answer in zip(addresses, answers, strict=True)
-        ]
     values: list[Block | None] = list(request.blocks) if change else answers
     rows = zip_longest(addresses, values[: len(addresses)], answers)
     return [_parameter(job, lang, *row) for row in rows if row[0] is not None]

@@ -8,7 +8,7 @@ from talk import job
 from ds47.lab import message
 from ds47.pairing import Job
 from ds47.profinet.records import NIL_UUID, Half
-from ds47.spec import parameters
+from ds47.spec import error_text, parameters
 from ds47.transactions import build, summarise
 
 RAMP, SPEED = message.address(1120, 3), message.address(1121)
@@ -31,6 +31,7 @@ REFUSED = Half(2, 2, status=0xDF80B500)
         (job(READ, ANSWER[:-1]), "error"),
         (job(BOTH, message.answer(1, 1, 1, TEN, TEN)[:-1]), "partial"),
         (job(READ, message.answer(1, 0x80, 1, BAD)), "error"),
+        (job(BOTH, message.answer(1, 0x80, 1, TEN, BAD)), "error"),
         (job(CHANGE, message.changed(1, 1)), "ok"),
         (job(CHANGE, message.answer(1, 0x82, 1, BAD)), "error"),
         (job(READ, STRAY), "mismatch"),
@@ -97,6 +98,18 @@ def test_values_and_errors_stand_at_their_parameters() -> None:
     change = build(job(CHANGE, message.answer(1, 0x82, 1, BAD))).parameters[0]
     assert change.error is not None
     assert change.values == [10.0]  # what was sent, and what came of it
+
+
+def test_an_error_has_the_text_of_its_number_and_none_without_one() -> None:
+    numbered, empty = (
+        build(job(READ, message.answer(1, 0x81, 1, each))).parameters[0].error
+        for each in (message.error(0x6B), message.block(0x44, "H"))
+    )
+    assert numbered is not None
+    assert (numbered.code, numbered.text) == (0x6B, error_text(0x6B, vendor_id=42))
+    assert numbered.text
+    assert empty is not None
+    assert (empty.code, empty.text) == (None, "")
 
 
 def test_parameters_without_an_answer_are_named() -> None:
