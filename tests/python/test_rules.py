@@ -203,10 +203,10 @@ def test_974_says_how_many_parameters_the_device_takes() -> None:
     assert remark.args == {"count": 42, "limit": 41}
 
 
-def test_974_1_alone_says_how_many_parameters_and_no_length() -> None:
+def test_974_from_1_on_says_how_many_parameters_and_no_length() -> None:
     court = judge()
-    asked = message.read(1, 1, message.address(974, 1))
-    court.answered(job(asked, message.answer(1, 1, 1, message.word(41))))
+    asked = message.read(1, 1, message.address(974, 1, 2))
+    court.answered(job(asked, message.answer(1, 1, 1, message.word(41, 7))))
     assert rules(court.unanswered(many(41, False), dropped=False)) == ["DS401"]
     assert only(court.unanswered(many(42, False), dropped=False), "DS304").args["limit"] == 41
 
