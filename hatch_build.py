@@ -26,18 +26,18 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-BYTES = {"scan": "capture/scan", "headers": "profinet/headers"}
+BYTES = {"scan": "capture/scan"}
 RECORD_PATH = (
     "model", "findings", "gate", "naming", "pairing", "recordcalls", "rules", "transactions",
     "analysis", "capture/frame", "capture/pcap", "capture/pcapng", "profinet/rpc", "profinet/link",
     "profinet/ip", "profinet/calls", "profinet/records", "profidrive/model",
-    "profidrive/parameter", "profidrive/formats", "report/json", "usual", "report/lines",
+    "profidrive/parameter", "profidrive/formats", "report/json",
     "diagnosis/__init__", "diagnosis/capture", "diagnosis/grouping", "diagnosis/length",
     "diagnosis/order", "diagnosis/refusal", "diagnosis/repair", "diagnosis/repetition",
 )  # fmt: skip
 READ = (
     "*.py", "capture/*.p*", "profinet/*.p*", "profidrive/*.py", "spec/*.py", "report/__init__.py",
-    "report/json.py", "report/lines.py", "diagnosis/*.py",
+    "report/json.py", "diagnosis/*.py",
 )  # fmt: skip
 """What the compilers read."""
 DIRECTIVES = {

@@ -47,7 +47,7 @@ REPORT = (
 )
 LUA = ("test_lua_conversations", "test_lua_analysis")
 TESTS: dict[str, tuple[str, ...]] = {
-    "python/ds47/rules.py": (*RULES, "test_usual"),
+    "python/ds47/rules.py": RULES,
     "python/ds47/readback.py": RULES,
     "python/ds47/drive_objects.py": ("test_drive_objects", *RULES),
     "python/ds47/findings.py": RULES,

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from operator import attrgetter
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -17,10 +16,10 @@ from ds47.capture import Capture, Frame, Series, open_capture, sha256
 from ds47.diagnosis import Diagnoses
 from ds47.findings import Findings
 from ds47.gate import Gate
-from ds47.model import CaptureResult, Finding, Line, Transaction
+from ds47.model import CaptureResult, Finding, Transaction
 from ds47.naming import Naming
-from ds47.pairing import Job, Pairing, Peer, UsualJob
-from ds47.profidrive import Options, Request, decode_response
+from ds47.pairing import Job, Pairing, Peer
+from ds47.profidrive import Options, decode_response
 from ds47.profinet import rpc
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.ip import Reassembler
@@ -31,7 +30,6 @@ from ds47.recordcalls import RecordCalls
 from ds47.rules import Judge, Remark
 from ds47.spec.semantics import limits
 from ds47.transactions import build, summarise
-from ds47.usual import Lines, UsualWay
 
 _RECORD_CALLS = (rpc.READ, rpc.WRITE, rpc.READ_IMPLICIT)
 
@@ -84,7 +82,6 @@ def analyze(
     source: str | Path | BinaryIO | Capture | Series,
     options: AnalysisOptions | None = None,
     on_transaction: OnTransaction | None = None,
-    lines: Lines | None = None,
 ) -> CaptureResult:
     """Analyses one capture.
 
@@ -94,17 +91,15 @@ def analyze(
         on_transaction: called for each finished transaction with its findings. The result then holds
             no transaction and only the findings of none (memory grows with these alone), and `id` counts
             in the order in which transactions began.
-        lines: who writes transactions as lines; the result then has `lines` and no `transactions`.
-            Not together with `on_transaction`.
 
     Raises:
         ds47.capture.CaptureError: nothing of the source can be read.
     """
     options = options or AnalysisOptions()
     if isinstance(source, (Capture, Series)):
-        return Analysis(options, on_transaction, lines=lines).run(source)
+        return Analysis(options, on_transaction).run(source)
     with open_capture(source) as capture:
-        result = Analysis(options, on_transaction, lines=lines).run(capture)
+        result = Analysis(options, on_transaction).run(capture)
     if options.digest and isinstance(source, (str, Path)) and str(source) != "-":
         result.sha256 = sha256(source)
     return result
@@ -118,7 +113,6 @@ class Analysis:
         on_transaction: as for `analyze`.
         early: is told more, and before `on_transaction`, which there has to be then. The result holds no
             finding.
-        lines: as for `analyze`.
     """
 
     def __init__(
@@ -126,10 +120,8 @@ class Analysis:
         options: AnalysisOptions,
         on_transaction: OnTransaction | None,
         early: Early | None = None,
-        lines: Lines | None = None,
     ) -> None:
         self._options = options
-        self._lines = lines
         self._on_transaction = on_transaction
         self._early = early
         bounds = limits()
@@ -140,8 +132,8 @@ class Analysis:
         self._judge = Judge(bounds, slow_ns)
         self._diagnoses = Diagnoses(options.codec)
         self._pairing = Pairing(
-            bounds, self._answered, self._closed, self._nothing_to_read, self._refused, self._request,
-            self._recalled, self._asked, self._judge.connected,
+            bounds, self._answered, self._closed, self._nothing_to_read, self._refused,
+            self._asked, self._judge.connected,
         )  # fmt: skip
         gate = Gate(options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars)
         self._records = RecordCalls(
@@ -161,24 +153,12 @@ class Analysis:
         self._transport: dict[Job, list[Remark]] = {}
         self._transactions: dict[int, Transaction] = {}
         """By the order of their jobs; the jobs themselves need not be kept."""
-        self._written: dict[int, Line] = {}
-        """Instead of them, where lines are wanted."""
         self._summary: dict[str, int] = {"transactions": 0}
-        self._usual_reads: int | None = None
-        """Closed usual jobs that are not in the summary yet; None before the first one."""
-        self._usual: UsualWay | None = None
-        if early is None:  # who is told everything at once saves nothing
-            self._usual = UsualWay(
-                self._calls, gate, self._records, self._pairing, self._naming, self._judge,
-                self._closed_usual, self._judged, lines,
-            )  # fmt: skip
 
     def run(self, capture: Capture | Series) -> CaptureResult:
         """Reads the capture to its end and sums up."""
         packets = PacketSource(capture, self._datagrams, self._begun)
         self._frames(capture, packets)
-        if self._usual is not None:
-            self._usual.settle()
         self._findings.frames_dropped = capture.gaps
         for pdu, have in self._fragments.unfinished():
             self._records.incomplete(pdu, have, "RPC", call=self._calls.open_call(pdu))
@@ -190,9 +170,6 @@ class Analysis:
         self._pairing.finish()
         self._records.finish()
         self._diagnose(capture)
-        if self._usual_reads:
-            for key in ("transactions", "ok", "read"):
-                self._summary[key] += self._usual_reads
         counts = self._records.counts
         return CaptureResult(
             path=capture.path,
@@ -206,23 +183,16 @@ class Analysis:
             records={str(index): counts[index] for index in sorted(counts)},
             devices=self._naming.devices(),
             transactions=self._numbered(),
-            lines=self._numbered_lines(),
-            findings=self._findings.result(self._transactions or self._written),
+            findings=self._findings.result(self._transactions),
             diagnoses=self._findings.diagnoses(),
             summary=self._summary,
         )
 
     def _frames(self, frames: Iterable[Frame], packets: PacketSource) -> None:
-        """The usual frame by the short way, all others by the long one."""
-        usual = self._usual
         for frame in frames:
-            if usual is not None and usual.take(frame):
-                continue
             pdu = rpc.from_frame(frame)
             if pdu is not None:
                 self._pdu(pdu)
-                if usual is not None:
-                    usual.learn(frame, pdu)
                 continue
             packet = packets.packet(frame)
             if self._datagrams.given_up:
@@ -253,8 +223,6 @@ class Analysis:
             self._diagnoses.cut(packet.frame)
 
     def _pdu(self, pdu: rpc.Pdu) -> None:
-        if self._usual is not None:
-            self._usual.settle()
         if pdu.missing and pdu.cut is not None and pdu.opnum in _RECORD_CALLS:
             self._diagnoses.cut(pdu.frame)  # a copy, too: it counts frames
         if self._calls.is_copy(pdu):
@@ -333,10 +301,7 @@ class Analysis:
         transaction = build(job, self._options.lang)
         summarise(self._summary, transaction.state, transaction.operation)
         if self._on_transaction is None:
-            if self._lines is None:
-                self._transactions[job.order] = transaction
-            else:
-                self._written[job.order] = self._lines.line(transaction)
+            self._transactions[job.order] = transaction
             for remark in remarks:
                 self._findings.add(remark)
             return
@@ -350,44 +315,6 @@ class Analysis:
         transaction.findings = sorted({remark.rule for remark in remarks})
         to(transaction, [self._findings.told(remark, job.order) for remark in remarks])
 
-    def _closed_usual(self, job: UsualJob) -> None:
-        """`_closed` for a job about which there is nothing to say.
-
-        Who counts or looks at jobs when they are closed does so here too: such a job was answered, with
-        no error in it, and no rule found anything. `_careful` makes a `Job` of it, which costs what was saved.
-        """
-        assert self._lines is not None
-        assert job.alike is not None
-        for remark in self._diagnoses.usual(job, job.alike, self._careful):
-            self._findings.add(remark)
-        if (
-            self._usual_reads is None
-        ):  # the first one: its keys stand where the long way would have put them
-            self._usual_reads = 0
-            summarise(self._summary, "ok", "read")
-        else:
-            self._usual_reads += 1
-        self._written[job.order] = self._lines.usual(job)
-
-    def _careful(self, usual: UsualJob) -> Job:
-        """The same job with its messages decoded."""
-        job = self._pairing.job(usual)
-        self._decode(job)
-        return job
-
-    def _request(self, data: bytes) -> Request:
-        return self._records.decoded(data)
-
-    def _recalled(self, job: Job) -> None:
-        """A usual job goes the long way from now on: it was judged, and nothing was found."""
-        self._decode(job)
-        self._answers[job] = []
-
-    def _judged(self, usual: UsualJob, job: Job) -> None:
-        """A usual job that was judged with care; the next answer like this one need not be."""
-        if self._lines is not None and not self._answers[job]:
-            self._lines.learn(usual, job, self._options.lang)
-
     def _nothing_to_read(self, peer: Peer, record: Record) -> None:
         self._diagnoses.nothing_to_read(peer, record)
         half = record.response
@@ -399,10 +326,4 @@ class Analysis:
         ordered = sorted(self._transactions.values(), key=lambda t: (t.frames.first(), t.position))
         for number, transaction in enumerate(ordered, 1):
             transaction.id = number
-        return ordered
-
-    def _numbered_lines(self) -> list[Line]:
-        ordered = sorted(self._written.values(), key=attrgetter("first", "position"))
-        for number, line in enumerate(ordered, 1):
-            line.id = number
         return ordered

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ds47.diagnosis.grouping import Grouping, cause
-from ds47.model import DIAGNOSIS, Diagnosis, Finding, Line, Transaction
+from ds47.model import DIAGNOSIS, Diagnosis, Finding, Transaction
 from ds47.rules import Remark
 from ds47.spec import Rule, rules
 
@@ -82,20 +82,19 @@ class Findings:
             remark.offset, args,
         )  # fmt: skip
 
-    def result(self, transactions: Mapping[int, Transaction] | Mapping[int, Line]) -> list[Finding]:
+    def result(self, transactions: Mapping[int, Transaction]) -> list[Finding]:
         """All findings in the order of their frames; their transactions get to know their rules.
 
         Args:
-            transactions: by the order of their jobs; or the lines that stand for them.
+            transactions: by the order of their jobs.
         """
         findings: list[Finding] = []
-        owners: dict[int, Transaction | Line] = {}
+        owners: dict[int, Transaction] = {}
         for remark in sorted(self._remarks, key=lambda remark: remark.frame):
             owner = transactions.get(remark.job.order) if remark.job else None
             findings.append(self.told(remark, owner.id if owner else None))
             if owner and remark.rule not in owner.findings:
-                # a new list: the old one may be that of many lines
-                owner.findings = [*owner.findings, remark.rule]
+                owner.findings.append(remark.rule)
                 owners[owner.id] = owner
         for owner in owners.values():
             owner.findings.sort()

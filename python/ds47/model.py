@@ -227,46 +227,6 @@ class Transaction(_Plain):
         self.id = id
 
 
-_NOTHING: list[str] = []
-"""What most lines have found: one list for all of them, to which nobody adds."""
-
-
-@dataclass(slots=True, init=False, repr=False, eq=False)
-class Line(_Plain):
-    """A transaction that is written already, but for its number and its findings.
-
-    `first` is its first frame; `head`, `text` and `tail`, one behind the other, are what stands between the two
-    in a report that has lines. Only `text` is its own: the others are pieces that many lines share, so that
-    a capture of many transactions needs half of the memory.
-    """
-
-    first: int
-    position: int
-    head: str
-    text: str
-    tail: list[str]
-    findings: list[str]
-    id: int
-
-    def __init__(
-        self,
-        first: int,
-        position: int,
-        head: str,
-        text: str,
-        tail: list[str],
-        findings: list[str] | None = None,
-        id: int = 0,  # noqa: A002 (a key of the report)
-    ) -> None:
-        self.first = first
-        self.position = position
-        self.head = head
-        self.text = text
-        self.tail = tail
-        self.findings = _NOTHING if findings is None else findings
-        self.id = id
-
-
 @dataclass(slots=True, init=False, repr=False, eq=False)
 class Finding(_Plain):
     """A rule that applies, where it shows, to which transaction it belongs, and the facts that it rests on.
@@ -387,8 +347,6 @@ class CaptureResult(_Plain):
     transactions: list[Transaction] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     diagnoses: list[Diagnosis] = field(default_factory=list)
-    lines: list[Line] = field(default_factory=list)
-    """Instead of `transactions`, for who asked for lines."""
     summary: dict[str, int] = field(default_factory=dict)
     files: list[CaptureFile] = field(default_factory=list)
 

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Final, NamedTuple, TypeVar
 
-from ds47.capture import Frame
-from ds47.profidrive import Request, Response, decode_request
+from ds47.profidrive import Request, Response
 from ds47.profinet.records import Half, Record
 from ds47.spec.semantics import Limits, phases
 
@@ -26,8 +25,6 @@ STATUS_IN_USE: Final = 0xDF80B500
 
 _T = TypeVar("_T")
 _K = TypeVar("_K")
-_NO_TEXTS: Final[list[str]] = []
-"""Of all jobs that have none yet; nobody adds to it."""
 
 
 class Peer(NamedTuple):
@@ -148,162 +145,9 @@ class Job:
         return self.message.request_reference if self.message else None
 
 
-@dataclass(slots=True, eq=False, init=False)
-class Place:
-    """Where records go: a channel, and who talks there. What `ds47.usual` knows of it stands here too."""
-
-    peer: Peer
-    ar: bytes
-    api: int
-    slot: int
-    subslot: int
-    index: int
-    always: bool
-    """Whether its records are ours whatever the AR has shown (`ds47.gate`)."""
-    key: ChannelKey
-    ar_key: tuple[str, str, bytes]
-    spot: tuple[str, int, int, int, int]
-    """The same whoever asks."""
-    counts: dict[str, int]
-    """Record requests of the index, by "read" and "write"."""
-    head: str | None
-    """What the lines of a report say of the place, as soon as somebody has made it."""
-    channel: Channel | None
-    """The one of `key`, while `ds47.usual` is in a stretch in which the place was used."""
-    proven: bool
-    """Whether the AR has proved itself; that and the rest belong to the stretch too."""
-    spoke: int
-    """When anything was said there last, in frames of the short way; 0: not in this stretch."""
-    touched: int
-    """The same, of the channel,"""
-    answered: int
-    """and of the last request whose response was read:"""
-    delivered: UsualJob | None
-    """that one."""
-    reads: int
-    """Requests that are not among `counts` yet."""
-    writes: int
-
-    def __init__(
-        self,
-        peer: Peer,
-        ar: bytes,
-        api: int,
-        slot: int,
-        subslot: int,
-        index: int,
-        always: bool,
-        counts: dict[str, int],
-    ) -> None:
-        self.peer = peer
-        self.ar = ar
-        self.api = api
-        self.slot = slot
-        self.subslot = subslot
-        self.index = index
-        self.always = always
-        self.key = (peer.controller, peer.device, ar, api, slot, subslot, index)
-        self.ar_key = (peer.controller, peer.device, ar)
-        self.spot = (peer.device, api, slot, subslot, index)
-        self.counts = counts
-        self.head = None
-        self.reads = self.writes = 0
-        self.leave()
-
-    def leave(self) -> None:
-        """The stretch is over: what was noted in it stands where it belongs."""
-        self.counts["read"] += self.reads
-        self.counts["write"] += self.writes
-        self.reads = self.writes = 0
-        self.channel = None
-        self.proven = False
-        self.spoke = self.touched = self.answered = 0
-        self.delivered = None
-
-    def record(self, request: Half | None, response: Half | None, *, write: bool) -> Record:
-        """A record call that goes there."""
-        return Record(
-            write, False, self.ar, self.api, self.slot, self.subslot, self.index, 0, request, response
-        )  # fmt: skip
-
-
-class Alike:
-    """What usual jobs have in common that differ in nothing but their reference and their values.
-
-    Args:
-        pnus: the parameters that they ask for, in their order.
-    """
-
-    __slots__ = ("pnus",)
-
-    def __init__(self, pnus: tuple[int, ...]) -> None:
-        self.pnus = pnus
-
-
-@dataclass(slots=True, eq=False, init=False)
-class UsualJob:
-    """A job of which nothing unusual is known (`ds47.usual`): its frames, and no object for each half.
-
-    A Write with status 0, then a Read with status 0 that brings the record. `Pairing.job` makes a
-    `Job` of it where anything else than that is to be done with it.
-    """
-
-    place: Place
-    order: int
-    asked: Frame
-    data: bytes
-    previous_reference: int | None
-    previous: int | None
-    accepted: Frame | None
-    read: Frame | None
-    wanted: int
-    """The length that the Read request states."""
-    answered: Frame | None
-    answer: bytes
-    alike: Alike | None
-    """Once it is answered, as `texts`."""
-    texts: list[str]
-    """What the lines of a report say of the parameters."""
-    closed: bool
-    job: Job | None
-
-    def __init__(
-        self,
-        place: Place,
-        order: int,
-        asked: Frame,
-        data: bytes,
-        previous_reference: int | None,
-        previous: int | None,
-    ) -> None:
-        self.place = place
-        self.order = order
-        self.asked = asked
-        self.data = data
-        self.previous_reference = previous_reference
-        self.previous = previous
-        self.accepted = None
-        self.read = None
-        self.wanted = 0
-        self.answered = None
-        self.answer = b""
-        self.alike = None
-        self.texts = _NO_TEXTS
-        self.closed = False
-        self.job = None
-
-    def phase(self) -> str:
-        """As that of a `Job`."""
-        if self.closed:
-            return "closed"
-        if self.answered is not None:
-            return "answered"
-        return "asked" if self.accepted is None else "open"
-
-
 @dataclass(slots=True, init=False)
 class Channel:
-    """The jobs of a channel. Usual ones stand alone: beside `usual` there is no other but the last."""
+    """The jobs of a channel."""
 
     touched: int
     asked: list[Job]
@@ -313,18 +157,14 @@ class Channel:
     reference: int | None
     written: int | None
     """The frame of the newest Write; `reference` is that of its request."""
-    usual: UsualJob | None
-    """Asked or open."""
-    usual_last: UsualJob | None
-    """Answered."""
     accepted: int
-    """The `Job.order` of the newest Write that was accepted, as far as it was not a usual one."""
+    """The `Job.order` of the newest Write that was accepted."""
     heard: int
-    """The frame of the newest record that was read; 0 for none, or for those of usual jobs."""
+    """The frame of the newest record that was read; 0 for none."""
     unasked: int
     """The frame of the newest Write response whose request is not in the capture; 0 for none."""
     ended: int
-    """The frame of the newest Read response that ended a transaction; 0 for none, or for those of usual jobs."""
+    """The frame of the newest Read response that ended a transaction; 0 for none."""
 
     def __init__(
         self,
@@ -342,17 +182,10 @@ class Channel:
         self.last = last
         self.reference = reference
         self.written = None
-        self.usual = None
-        self.usual_last = None
         self.accepted = 0
         self.heard = 0
         self.unasked = 0
         self.ended = 0
-
-    def ended_after(self, frame: int) -> bool:
-        """Whether a Read response behind this frame ended a transaction."""
-        usual = self.usual_last.answered if self.usual_last is not None else None
-        return max(self.ended, usual.number if usual is not None else 0) > frame
 
     def pass_over(self) -> None:
         """No request is open: of the Writes that wait for their responses none is answered any more."""
@@ -368,14 +201,14 @@ class Channel:
 
     def is_free(self) -> bool:
         """Whether nothing waits for a response or for the end of its grace."""
-        return not (self.usual or self.asked or self.open or self.refused)
+        return not (self.asked or self.open or self.refused)
 
-    def expected(self) -> Job | UsualJob | None:
+    def expected(self) -> Job | None:
         """The job that a Read request asks for, as far as is known before its response."""
-        return self.usual or self.open or self.waiting() or self.refused
+        return self.open or self.waiting() or self.refused
 
     def jobs(self) -> list[Job]:
-        """All of them, none of which is a usual one."""
+        """All of them."""
         return [job for job in (self.last, self.refused, self.open) if job] + self.asked
 
 
@@ -388,9 +221,7 @@ class Pairing:
         closed: called once when nothing more can come.
         nothing_to_read: called for a Read without record on a channel that has no request.
         refused: called when a Write is refused: what comes after that is seldom of interest.
-        decode: the request in the data of a usual job, when that becomes a `Job`;
-        recalled: called with it then, if it is answered.
-        asked: called for each Write that asks for something, but those of usual jobs.
+        asked: called for each Write that asks for something.
         connected: called for each Connect, with the device and its frame.
     """
 
@@ -401,15 +232,11 @@ class Pairing:
         closed: Callable[[Job], None],
         nothing_to_read: Callable[[Peer, Record], None],
         refused: Callable[[Job], None] | None = None,
-        decode: Callable[[bytes], Request] = decode_request,
-        recalled: Callable[[Job], None] | None = None,
         asked: Callable[[Job], None] | None = None,
         connected: Callable[[str, int], None] | None = None,
     ) -> None:
         self._limits = limits
         self._tell_refused = refused
-        self._decode = decode
-        self._recalled = recalled
         self._asked = asked
         self._tell_connected = connected
         self._answered = answered
@@ -417,17 +244,12 @@ class Pairing:
         self._nothing_to_read = nothing_to_read
         self._table = phases()
         self.channels: OrderedDict[ChannelKey, Channel] = OrderedDict()
-        self.quiet_until = -1
-        """Up to this time no channel is too old; -1 where that is not known."""
-        self._newest_ns = 0
-        self._ordered = True
-        """Whether the channels were touched in the order of their times."""
         self._of_ar: dict[tuple[str, str, bytes], dict[ChannelKey, None]] = {}
         self._of_place: dict[tuple[str, int, int, int, int], dict[ChannelKey, None]] = {}
         """The channels of a place, whoever asks there; the newest is the last."""
         self._pushed_out = False
         """Whether a limit pushed out requests whose responses may still come."""
-        self._delivered: OrderedDict[tuple[str, int, int, int, int], Job | UsualJob] = OrderedDict()
+        self._delivered: OrderedDict[tuple[str, int, int, int, int], Job] = OrderedDict()
         """The newest accepted request of a place whose response was read, whoever asked."""
         self._connects: OrderedDict[tuple[str, str, bytes], int] = OrderedDict()
         """The newest Connect of each AR, by its frame."""
@@ -461,7 +283,6 @@ class Pairing:
         channel = self.channels.get(_key(job.peer, job.record))
         if channel is None:
             return
-        self._recall(channel)
         if status == 0 and not fault:
             self._accept(channel, job)
         else:
@@ -479,7 +300,6 @@ class Pairing:
         channel, half = self.channels.get(_key(peer, record)), record.response
         if channel is None or half is None:
             return
-        self._recall(channel)
         channel.unasked = half.frame
         given_up = half.time_ns - self._limits.call_expiry_ns
         asked = (job.record.request for job in channel.asked)
@@ -531,10 +351,7 @@ class Pairing:
         delivered, half = self._delivered.get(_spot(peer, record)), record.response
         if not record.implicit or delivered is None or half is None:
             return False
-        job = delivered.job if isinstance(delivered, UsualJob) else delivered
-        if job is None and isinstance(delivered, UsualJob):
-            return delivered.answer == half.data
-        return _bytes(job) == half.data
+        return _bytes(delivered) == half.data
 
     def _last_response(self, peer: Peer, channel: Channel, record: Record) -> Job | None:
         """Whose response a Read without a request may bring once more.
@@ -544,8 +361,6 @@ class Pairing:
         if not record.implicit or record.response is None:
             return channel.last
         delivered = self._delivered.get(_spot(peer, record))
-        if isinstance(delivered, UsualJob):
-            delivered = self.job(delivered)
         if delivered is None or _bytes(delivered) != record.response.data:
             return channel.last
         again = delivered.phase == "closed" and _bytes(channel.last) == record.response.data
@@ -562,110 +377,7 @@ class Pairing:
                 job.again = "again_without_ar"
         self._keep(job.rereads, (record.request, record.response))
 
-    # Usual jobs: `ds47.usual` has them, and gives them back as soon as anything is out of the ordinary
-
-    def fresh(self, channel: Channel, now: int) -> bool:
-        """Whether to touch the channel now closes no channel that is too old.
-
-        Up to `quiet_until` it does not, and nobody needs to ask. The channels must stand in the order in
-        which they were touched.
-        """
-        channels, expiry = self.channels, self._limits.transaction_expiry_ns
-        if now - channel.touched > expiry or len(channels) > self._limits.channels:
-            return False
-        each = iter(channels.values())
-        oldest: Channel = next(each)
-        if self._ordered:
-            self.quiet_until = oldest.touched + expiry
-        if oldest is channel:
-            oldest = next(each, channel)
-        return now - oldest.touched <= expiry
-
-    def touch(self, channel: Channel, now: int) -> None:
-        """Something is said on a channel that is `fresh`, or new. It still has to be moved to the end."""
-        if now < self._newest_ns:
-            self._ordered, self.quiet_until = False, -1
-        self._newest_ns = channel.touched = now
-
-    def usual_write(self, channel: Channel, place: Place, asked: Frame, data: bytes) -> UsualJob:
-        """`write_request`, on a channel that is free."""
-        self._count += 1
-        job = UsualJob(place, self._count, asked, data, channel.reference, channel.written)
-        channel.reference, channel.written = data[0], asked.number
-        channel.usual = job
-        return job
-
-    def usual_read(
-        self, channel: Channel, job: UsualJob, close: Callable[[UsualJob], None]
-    ) -> None:
-        """The usual job of a channel has its response: it is the last one now, the one before is closed."""
-        self._close_last(channel, close)
-        channel.usual, channel.usual_last = None, job
-
-    def careful_read(
-        self, channel: Channel, usual: UsualJob, record: Record, close: Callable[[UsualJob], None]
-    ) -> Job:
-        """The usual job of a channel has its response, and whether that is usual is not known."""
-        job = self.job(usual)
-        channel.usual = None
-        self._step(job, "read_record")
-        job.read_request, job.read_response = record.request, record.response
-        self._answered(job)
-        self._close_last(channel, close)
-        channel.last = job
-        return job
-
-    def _close_last(self, channel: Channel, close: Callable[[UsualJob], None]) -> None:
-        """The last job of a channel is not the last one any more."""
-        before = channel.usual_last
-        if before is not None and before.job is None:
-            before.closed = True
-            close(before)
-        else:
-            last = channel.last if before is None else before.job
-            if last is not None:
-                self._lose(last, "")
-            channel.last = None
-        channel.usual_last = None
-
-    def job(self, usual: UsualJob) -> Job:
-        """A usual job as a `Job`: always the same one, which from then on is the one that counts."""
-        if usual.job is not None:
-            return usual.job
-        place, asked, accepted = usual.place, usual.asked, usual.accepted
-        request = Half(asked.number, asked.time_ns, usual.data, len(usual.data))
-        job = usual.job = Job(
-            place.peer, place.record(request, None, write=True), self._decode(usual.data),
-            phase=usual.phase(), previous_reference=usual.previous_reference,
-            previous=usual.previous, order=usual.order,
-        )  # fmt: skip
-        if accepted is not None:
-            job.accepted = True
-            job.write_response = Half(accepted.number, accepted.time_ns, status=0)
-            job.record.response = job.write_response
-        read, answered = usual.read, usual.answered
-        if read is not None and answered is not None:
-            job.read_request = Half(read.number, read.time_ns, stated=usual.wanted)
-            size = len(usual.answer)
-            job.read_response = Half(answered.number, answered.time_ns, usual.answer, size, 0, 0)
-            if self._recalled is not None and not usual.closed:
-                self._recalled(job)
-        return job
-
-    def _recall(self, channel: Channel) -> None:
-        """Makes a `Job` of each usual job of a channel."""
-        if channel.usual is not None:
-            job = self.job(channel.usual)
-            if job.phase == "asked":
-                channel.asked.append(job)
-            else:
-                channel.open = job
-            channel.usual = None
-        if channel.usual_last is not None:
-            channel.last = self.job(channel.usual_last)
-            channel.usual_last = None
-
-    def expected(self, peer: Peer, record: Record) -> Job | UsualJob | None:
+    def expected(self, peer: Peer, record: Record) -> Job | None:
         """The job whose response a Read will fetch, as far as is known. Changes nothing."""
         channel = self.channels.get(_key(peer, record))
         return None if channel is None else channel.expected()
@@ -675,12 +387,11 @@ class Pairing:
         channel, read = self.channels.get(_key(peer, record)), record.request
         if channel is None or read is None:
             return None
-        self._recall(channel)
         job = channel.open or channel.waiting() or channel.refused
         asked = job.write_request if job is not None else None
         if job is None or asked is None or asked.frame > read.frame:
             return None  # what the Read asked for is over: it came before the Write of this one
-        if channel.ended_after(read.frame):
+        if channel.ended > read.frame:
             return None  # the same: another request was open then
         if job.read_request is None:
             job.read_request = read
@@ -755,7 +466,8 @@ class Pairing:
 
     def _channel(self, peer: Peer, record: Record, now: int) -> Channel:
         key = _key(peer, record)
-        self.goes_on(*key[:3])
+        if self.replaced:
+            self.goes_on(*key[:3])
         channel = self.channels.get(key)
         channels, expiry = self.channels, self._limits.transaction_expiry_ns
         if channel is not None and now - channel.touched > expiry:
@@ -765,11 +477,10 @@ class Pairing:
             channel = channels[key] = Channel(now)
             self._of_ar.setdefault(key[:3], {})[key] = None
             self._of_place.setdefault(_spot(peer, record), {})[key] = None
-        self.touch(channel, now)
+        channel.touched = now
         channels.move_to_end(key)
-        self._recall(channel)
         while True:
-            oldest: Channel = next(iter(channels.values()))
+            oldest = next(iter(channels.values()))
             if oldest is channel or (
                 now - oldest.touched <= expiry and len(channels) <= self._limits.channels
             ):
@@ -795,10 +506,6 @@ class Pairing:
             channel.open = job
         self._step(job, "write_accepted")
 
-    def deliver(self, place: tuple[str, int, int, int, int], job: Job | UsualJob) -> None:
-        """The newest accepted request of a place whose response was read."""
-        self._put(self._delivered, place, job)
-
     def _presume(self, channel: Channel, job: Job) -> None:
         """What is read proves that a Write was accepted; its response is missing in the capture.
 
@@ -817,10 +524,7 @@ class Pairing:
         found: Job | None = None
         for key in islice(keys, self._limits.users):
             channel = self.channels[key]
-            if channel.usual is not None and channel.usual.phase() == "open":
-                held: Job | None = self.job(channel.usual)
-            else:
-                held = channel.open
+            held = channel.open
             if held is not None and held is not job and (not found or held.order > found.order):
                 found = held
         return found
@@ -845,7 +549,10 @@ class Pairing:
         """The job a Read answers; a Write whose response was not seen counts when the answer fits."""
         reference = data[0] if data else None
         if event == "read_record":
-            for job in ([channel.open] if channel.open else []) + channel.asked[::-1]:
+            opened = channel.open
+            if opened is not None and opened.reference == reference and not opened.passed:
+                return opened
+            for job in reversed(channel.asked):
                 if job.reference == reference and not job.passed:
                     return job
         if channel.open is not None:
@@ -887,7 +594,7 @@ class Pairing:
                 self._lose(channel.last, "")
             channel.last = job
             if job.message is not None and not job.write_refused:
-                self.deliver(_spot(job.peer, job.record), job)
+                self._put(self._delivered, _spot(job.peer, job.record), job)
 
     def _keep(self, reads: list[_T], read: _T) -> None:
         """The reads of one transaction: of more than `Limits.reads` the first and the newest are kept."""
@@ -925,7 +632,6 @@ class Pairing:
         _take_out(self._of_ar, key[:3], key)
         _take_out(self._of_place, (key[1], *key[3:]), key)
         channel = self.channels.pop(key)
-        self._recall(channel)
         why = _at_the_end(channel) if reason == "end" else {}
         for job in channel.jobs():
             if limit:

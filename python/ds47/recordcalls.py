@@ -13,7 +13,7 @@ from functools import lru_cache, partial
 from typing import Any, Final
 
 from ds47.gate import SHARED_INDEX, ArKey, Gate
-from ds47.pairing import Job, Pairing, Peer, Place, UsualJob
+from ds47.pairing import Job, Pairing, Peer
 from ds47.profidrive import Options, Request, decode_request, decode_response
 from ds47.profinet import rpc
 from ds47.profinet.calls import Call, Handlers
@@ -42,23 +42,19 @@ _LONGEST_SHARED: Final = 512
 
 @dataclass(slots=True, init=False)
 class _Context:
-    """What an RPC call carries: its record calls, and the jobs of its Writes by position.
+    """What an RPC call carries: its record calls, and by their position the jobs they belong to.
 
-    `expected` has, by position too, the jobs whose responses its Reads were to fetch.
+    That is the job of a Write, and the one whose response a Read was to fetch.
     """
 
     body: RequestBody
     jobs: dict[int, Job]
-    expected: dict[int, Job | UsualJob]
+    peer: Peer
 
-    def __init__(
-        self,
-        body: RequestBody,
-        jobs: dict[int, Job] | None = None,
-    ) -> None:
+    def __init__(self, body: RequestBody, peer: Peer) -> None:
         self.body = body
-        self.jobs = {} if jobs is None else jobs
-        self.expected = {}
+        self.jobs = {}
+        self.peer = peer
 
 
 @dataclass(slots=True)
@@ -149,7 +145,7 @@ class RecordCalls:
             self._forgot_requests |= pdu.ptype == 0
         else:
             remark = Remark("DS105", pdu.frame, {"have": have, "kind": kind})
-            context = self._context(call) if call is not None and not record.write else None
+            context = _context(call) if call is not None and not record.write else None
             if context is None:
                 self._about(pdu, record, remark)
             else:
@@ -164,23 +160,9 @@ class RecordCalls:
 
     def _asked_by(self, call: Call | None) -> Record | None:
         """The first record that a call asks for and that can be ours; None for none."""
-        context = None if call is None else self._context(call)
+        context = None if call is None else _context(call)
         records = [] if context is None else context.body.records
         return next((each for each in records if self._gate.concerns(each.index)), None)
-
-    def _context(self, call: Call) -> _Context | None:
-        """What the call carries; made now of a call that `ds47.usual` took."""
-        context = call.context
-        if isinstance(context, _Context):
-            return context
-        if call.asked is None:
-            return None
-        job = call.usual
-        jobs = {0: self._pairing.job(job)} if isinstance(job, UsualJob) else None
-        made = call.context = _Context(parse_request(call.request), jobs)
-        if call.expected is not None:
-            made.expected[0] = call.expected
-        return made
 
     # Requests
 
@@ -196,12 +178,16 @@ class RecordCalls:
         if pdu.opnum not in _OPERATIONS:
             return
         body = parse_request(pdu)
-        context = call.context = _Context(body)
+        context = call.context = _Context(body, peer(pdu))
         if body.multiple:
             self._count(WRITE_MULTIPLE, write=True)
+        counts, pairing = self.counts, self._pairing
         for record in body.records:
-            self._count(record.index, write=record.write)
-            self._pairing.goes_on(pdu.client, pdu.server, record.ar)
+            if record.index in counts:
+                counts[record.index]["write" if record.write else "read"] += 1
+            else:
+                self._count(record.index, write=record.write)
+            pairing.goes_on(pdu.client, pdu.server, record.ar)
         if body.nested:
             self._remark(Remark("DS208", pdu.frame))
         for record in body.records:
@@ -229,13 +215,13 @@ class RecordCalls:
 
     def _read_asked(self, pdu: rpc.Pdu, record: Record, context: _Context) -> None:
         self._clock(pdu)
-        job = self._pairing.expected(peer(pdu), record)
+        job = self._pairing.expected(context.peer, record)
         if job is not None:
-            context.expected[record.position] = job
+            context.jobs[record.position] = job
 
     def _write(self, pdu: rpc.Pdu, record: Record, context: _Context, message: Request) -> None:
         self._clock(pdu)
-        context.jobs[record.position] = self._pairing.write_request(peer(pdu), record, message)
+        context.jobs[record.position] = self._pairing.write_request(context.peer, record, message)
 
     def decoded(self, data: bytes) -> Request:
         """The request; the same question is asked again and again, often with a reference that counts.
@@ -254,21 +240,12 @@ class RecordCalls:
                 self._requests[data[1:]] = known
         return known.asked_as(data[0])
 
-    def place(self, pdu: rpc.Pdu, block: bytes) -> Place | None:
-        """Where a request goes, `block` from its AR to its index; None where that is new, or none of ours."""
-        ar, api, slot, subslot, _pad, index = _PLACE.unpack(block)
-        counts = self.counts.get(index)
-        if counts is None or index == WRITE_MULTIPLE or not self._gate.concerns(index):
-            return None
-        always = not self._gate.is_shared(index)
-        return Place(peer(pdu), ar, api, slot, subslot, index, always, counts)
-
     def _retransmission(self, call: Call, pdu: rpc.Pdu) -> None:
         args = {"operation": _OPERATIONS.get(pdu.opnum, "?"), "first": call.request.frame}
         self._about_call(call, Remark("DS103", pdu.frame, args))
 
     def _lost(self, call: Call) -> None:
-        context = self._context(call)
+        context = _context(call)
         if context is None:
             return
         if not call.in_part:  # DS105 says what there is
@@ -277,7 +254,7 @@ class RecordCalls:
         self._reads_lost(call, context)
 
     def _call_pushed_out(self, call: Call, limit: str) -> None:
-        context = self._context(call)
+        context = _context(call)
         if context is None:
             return
         pdu = call.request
@@ -297,7 +274,7 @@ class RecordCalls:
     # Responses
 
     def _response(self, call: Call) -> None:
-        pdu, context = call.response, self._context(call)
+        pdu, context = call.response, _context(call)
         if pdu is None or context is None:
             return
         status, answers = parse_response(pdu)
@@ -363,7 +340,7 @@ class RecordCalls:
         code = int.from_bytes(pdu.body[:4], "little" if pdu.little else "big")
         args = {"kind": rpc.PTYPES[pdu.ptype], "fault": code}
         self._about_call(call, Remark("DS104", pdu.frame, args))
-        context = self._context(call)
+        context = _context(call)
         if context is None:
             return
         for record in context.body.records:
@@ -401,7 +378,7 @@ class RecordCalls:
 
     def _about_call(self, call: Call, remark: Remark) -> None:
         """A finding about an RPC call: once, and with the first job that it carries."""
-        context = self._context(call)
+        context = _context(call)
         if context is None:
             return
         for record in context.body.records:
@@ -412,9 +389,7 @@ class RecordCalls:
                 return
 
     def _call_remark(self, remark: Remark, record: Record, context: _Context) -> None:
-        job: Job | UsualJob | None = context.jobs.get(record.position)
-        job = job or context.expected.get(record.position)
-        remark.job = self._pairing.job(job) if isinstance(job, UsualJob) else job
+        remark.job = context.jobs.get(record.position)
         self._remark(remark)
 
     def _about(self, pdu: rpc.Pdu, record: Record, remark: Remark) -> None:
@@ -431,6 +406,12 @@ class RecordCalls:
         if counts is None:
             counts = self.counts[index] = {"read": 0, "write": 0}
         counts["write" if write else "read"] += 1
+
+
+def _context(call: Call) -> _Context | None:
+    """What the call carries; None where it carries no records."""
+    context = call.context
+    return context if isinstance(context, _Context) else None
 
 
 def _ar(pdu: rpc.Pdu, record: Record) -> ArKey:

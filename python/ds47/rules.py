@@ -13,9 +13,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
 
-from ds47.capture import Frame
-from ds47.drive_objects import DO_IDENTIFICATION
-from ds47.pairing import Job, UsualJob
+from ds47.pairing import Job
 from ds47.profidrive import Address, Block, Flaw, Request, Response
 from ds47.profidrive.model import VALUE
 from ds47.profinet.records import Half
@@ -153,27 +151,6 @@ class Judge:
         for remark in remarks:
             remark.job = job
         return remarks
-
-    def is_plain(
-        self, job: UsualJob, accepted: Frame, read: Frame, answered: Frame, reads: frozenset[int]
-    ) -> bool:
-        """Whether only its two messages themselves can give a finding about a usual job.
-
-        That is: what `answered` compares with other jobs and with the clock gives none, its frames come
-        in the usual order, and nothing is to be learnt from the values of the parameters that it `reads`.
-        """
-        limit = self._longest.get(job.place.peer.device)
-        if limit and len(job.data) > limit:
-            return False
-        pause = max(0, read.time_ns - accepted.time_ns)
-        return (
-            job.previous_reference != job.data[0]
-            and accepted.number < read.number
-            and answered.time_ns - job.asked.time_ns - pause <= self._slow_ns
-            and self._written.pnus.isdisjoint(reads)
-            and PNU_ACCESS_IDENTIFICATION not in reads
-            and DO_IDENTIFICATION not in reads
-        )
 
     def unanswered(self, job: Job, *, dropped: bool) -> list[Remark]:
         """What is to be said of a job that is closed without a response.

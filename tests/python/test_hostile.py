@@ -379,14 +379,14 @@ STREAMS = (
 
 def kept(run):
     """How many things of each kind a run keeps."""
-    calls = run._calls.activities.values()
+    calls = run._calls._activities.values()
     places = run._pairing.channels.values()
     held = run._records._gate._held.values()
     partial = run._fragments._partial.values()
     return {
         "activities": len(calls),
         "calls": max((len(each.calls) for each in calls), default=0),
-        "datagrams": len(run._calls.datagrams),
+        "datagrams": len(run._calls._datagrams),
         "channels": len(places),
         "asked": max((len(each.asked) for each in places), default=0),
         "answers": len(run._answers),

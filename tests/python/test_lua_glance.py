@@ -17,7 +17,7 @@ from uuid import UUID
 
 import pytest
 from lua_program import LUAS, lua_program
-from test_usual import frames_of, plant
+from plant import frames_of, plant
 
 from ds47.capture.scan import ETHERNET, IPV4, network_layer
 from ds47.lab import message

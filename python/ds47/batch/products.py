@@ -46,8 +46,7 @@ class Spool:
 
     options: AnalysisOptions
     streams: bool
-    lines: bool = False
-    """Both as in the report's writer (`ds47.report.Writer`)."""
+    """As in the report's writer (`ds47.report.Writer`)."""
 
     def __call__(self, task: Task, stream: BinaryIO) -> None:
         """Writes lists of transactions with their findings, and the result last."""
@@ -60,7 +59,7 @@ class Spool:
                 told.clear()
 
         told_at_once = finished if self.streams else None
-        result = read(task, self.options, told_at_once, lines=self.lines)
+        result = read(task, self.options, told_at_once)
         if told:
             pickle.dump(told, stream, pickle.HIGHEST_PROTOCOL)
         pickle.dump(result, stream, pickle.HIGHEST_PROTOCOL)

@@ -144,30 +144,21 @@ def _source(name: str, missing: int = 0) -> Source:
 
 
 def read(
-    task: Task,
-    options: AnalysisOptions,
-    finished: OnTransaction | None = None,
-    *,
-    lines: bool = False,
+    task: Task, options: AnalysisOptions, finished: OnTransaction | None = None
 ) -> CaptureResult:
-    """Analyses a task; `finished` as in `ds47.analysis.analyze`, `lines` gives lines of JSON there.
+    """Analyses a task; `finished` as in `ds47.analysis.analyze`.
 
     Raises:
         ds47.capture.CaptureError: nothing of it can be read.
     """
-    writer = None
-    if lines:
-        from ds47.report.lines import JsonLines
-
-        writer = JsonLines(options.codec)
     if task.series:
         with Series(task.parts) as series:
-            result = analyze(series, options, finished, writer)
+            result = analyze(series, options, finished)
     else:
         (source,) = task.sources
         place = sys.stdin.buffer if source.place == STDIN else source.place
         with open_capture(place, name=source.name) as capture:
-            result = analyze(capture, options, finished, writer)
+            result = analyze(capture, options, finished)
     result.path = task.path
     if options.digest and task.path != STDIN:
         _digest(task, result)

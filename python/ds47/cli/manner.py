@@ -91,7 +91,7 @@ class Manner(NamedTuple):
     ) -> None:
         """Analyses what is to be done and reports on all."""
         if results is None and self.scheduler is None and self._jobs(tasks) == 1:
-            run.here(tasks, _analyzer(self.engine, self.analysis, self.tshark, writer.lines))
+            run.here(tasks, _analyzer(self.engine, self.analysis, self.tshark))
             return
         from ds47.batch.endings import Failed, Lost
 
@@ -111,7 +111,7 @@ class Manner(NamedTuple):
         from ds47.batch.products import Spool
 
         numbers = {task.path: str(number) for number, task in enumerate(tasks)}
-        make = Spool(self.analysis, writer.streams, writer.lines)
+        make = Spool(self.analysis, writer.streams)
         with TemporaryDirectory(prefix="ds47-") as folder:
             runner = self._runner(tasks, make, lambda task: Path(folder, numbers[task.path]))
             run.spooled(runner, tasks)
@@ -168,12 +168,12 @@ def _todo(results: Results, tasks: Sequence[Task]) -> list[Task]:
     return [task for task in tasks if reasons[task.path] is not None]
 
 
-def _analyzer(engine: str, options: AnalysisOptions, tshark: str | None, lines: bool) -> Analyzer:
-    """What analyses a capture with these options, in this process; `lines` as in `Writer`."""
+def _analyzer(engine: str, options: AnalysisOptions, tshark: str | None) -> Analyzer:
+    """What analyses a capture with these options, in this process."""
     if engine == "native":
         from ds47.batch.tasks import read
 
-        return lambda task, finished: read(task, options, finished, lines=lines)
+        return lambda task, finished: read(task, options, finished)
     from ds47.wireshark.engine import Engine
     from ds47.wireshark.shark import NotReadyError
 

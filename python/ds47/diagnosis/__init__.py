@@ -9,7 +9,7 @@ and `repetition`; `grouping` makes one line of all findings of one cause. Nothin
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache, partial
 from typing import TYPE_CHECKING, Final, NamedTuple
@@ -18,7 +18,7 @@ from ds47.diagnosis import length, order, refusal
 from ds47.diagnosis.capture import WholeCapture
 from ds47.diagnosis.targets import Reach, reach_of
 from ds47.drive_objects import LOCAL, put
-from ds47.pairing import Alike, Job, Peer, Place, UsualJob
+from ds47.pairing import Job, Peer
 from ds47.profidrive import Options, Request, Response, decode_request
 from ds47.profidrive.model import VALUE, Block
 from ds47.profinet.records import Record
@@ -33,10 +33,8 @@ if TYPE_CHECKING:
 _LEAST_NORMAL: Final = {0x08: 2.0**-126, 0x0F: 2.0**-1022}
 """Float32 and Float64: what is nearer to zero is no number that anybody typed."""
 _MOST: Final = 1e30
-_MOST_KNOWN: Final = 65_536
 _NO_END: Final = 1 << 17
 """Behind every subindex."""
-_NOTHING: Final[tuple[Remark, ...]] = ()
 
 
 class Diagnoses:
@@ -48,9 +46,7 @@ class Diagnoses:
 
     def __init__(self, codec: Options) -> None:
         self._codec = codec
-        self._known: set[tuple[Place, Alike]] = set()
-        """Usual jobs that showed nothing; one more of them adds nothing, as long as nothing is forgotten."""
-        self._whole = WholeCapture(self._known.clear)
+        self._whole = WholeCapture()
         self._formats: OrderedDict[tuple[str, Reach, int], Seen] = OrderedDict()
         """Format in which a parameter was read last in one and the same way,"""
         self._anywhere: OrderedDict[tuple[str, int], int | None] = OrderedDict()
@@ -69,7 +65,7 @@ class Diagnoses:
         """and the least end of subindices with which a PNU was refused for them."""
 
     def asked(self, job: Job) -> None:
-        """A Write request asks for something. Call in the order of the capture; not of usual jobs."""
+        """A Write request asks for something. Call in the order of the capture."""
         self._whole.asked(job)
 
     def closed(self, job: Job) -> list[Remark]:
@@ -87,30 +83,6 @@ class Diagnoses:
             remark.job = job
             if remark.corrected is not None:
                 remark.corrected = self._offer(job, remark.corrected)
-        return remarks
-
-    def usual(
-        self, job: UsualJob, alike: Alike, careful: Callable[[UsualJob], Job]
-    ) -> Sequence[Remark]:
-        """`closed` of a usual job; `careful` makes a `Job` of it, which most often is not needed.
-
-        What `closed` remembers of a read is who asked whom for which parameters where, with which axis and
-        which formats, each of them once: all that is equal in two jobs that are alike at one place. Of a
-        change it is the frame and the bytes too. So only the first such job goes there, and the next one
-        after anything of that was forgotten (the oldest entry of a full memory) or overwritten (the
-        format of a parameter).
-        """
-        known_job = job.place, alike
-        if known_job in self._known:
-            self._whole.usual(job)
-            self._learn_length(job.place.peer.device, len(job.answer))
-            return _NOTHING
-        if len(self._known) >= _MOST_KNOWN:
-            self._known.clear()
-        self._known.add(known_job)
-        remarks = self.closed(careful(job))  # which clears it where something is forgotten
-        if remarks:
-            self._known.discard(known_job)
         return remarks
 
     def nothing_to_read(self, peer: Peer, record: Record) -> None:
@@ -330,8 +302,6 @@ class Diagnoses:
         before = self._formats.get((device, reach, pnu))
         if before is not None and before.format == seen.format:
             return
-        if before is not None or len(self._formats) >= known().history:
-            self._known.clear()
         put(self._formats, (device, reach, pnu), seen)
         same = self._anywhere.get((device, pnu), seen.format) == seen.format
         put(self._anywhere, (device, pnu), seen.format if same else None)
@@ -363,8 +333,6 @@ class Diagnoses:
     def _learn_axis(self, device: str, axis: int, blocks: list[Block]) -> None:
         axes = self._axes.get(device)
         if axes is None:
-            if len(self._axes) >= known().history:
-                self._known.clear()
             axes = put(self._axes, device, set())
         error = known().axis_error
         if all(block.error is None or block.error.code != error for block in blocks):

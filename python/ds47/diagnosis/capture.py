@@ -7,7 +7,7 @@ cause, on the first frame in which it shows.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -15,7 +15,7 @@ from ds47.diagnosis.repetition import Repetition, place_args
 from ds47.diagnosis.saving import Unsaved
 from ds47.diagnosis.targets import target_of
 from ds47.drive_objects import LOCAL
-from ds47.pairing import STATUS_NOT_READY, Job, Peer, UsualJob
+from ds47.pairing import STATUS_NOT_READY, Job, Peer
 from ds47.profidrive import Request, Response, decode_request
 from ds47.profidrive.model import Address
 from ds47.profinet.records import Record
@@ -38,19 +38,16 @@ _V = TypeVar("_V")
 
 
 class _Memory(Generic[_V]):
-    """The newest entries by key; the oldest goes first, and `forgot` is called then."""
+    """The newest entries by key; the oldest goes first."""
 
-    def __init__(self, forgot: Callable[[], None] | None = None) -> None:
+    def __init__(self) -> None:
         self.entries: OrderedDict[Any, _V] = OrderedDict()
-        self._forgot = forgot
 
     def put(self, key: object, value: _V) -> _V:
         entries = self.entries
         entries[key] = value
         if len(entries) > known().history:
             entries.popitem(last=False)
-            if self._forgot is not None:
-                self._forgot()
         return value
 
     def get(self, key: object) -> _V | None:
@@ -94,13 +91,9 @@ class _Tally:
 
 
 class WholeCapture:
-    """Sees every closed job, every Read for nothing and every Write to a foreign index.
+    """Sees every closed job, every Read for nothing and every Write to a foreign index."""
 
-    Args:
-        forgot: called when something is forgotten that a usual job had told.
-    """
-
-    def __init__(self, forgot: Callable[[], None]) -> None:
+    def __init__(self) -> None:
         self._opened: _Memory[list[_Open]] = _Memory()
         self._idle: _Memory[list[_Read]] = _Memory()
         self._idle_reads: _Memory[_Tally] = _Memory()
@@ -109,12 +102,12 @@ class WholeCapture:
         """Whose Reads for nothing DS706 explains, all of them."""
         self._orphans: _Memory[list[_Read]] = _Memory()
         self._foreign: _Memory[tuple[_Tally, dict[str, Any]]] = _Memory()
-        self._answering: _Memory[Place] = _Memory(forgot)
+        self._answering: _Memory[Place] = _Memory()
         self._refusing: _Memory[tuple[_Tally, int]] = _Memory()
-        self._accepting: _Memory[bool] = _Memory(forgot)
-        self._axes: _Memory[dict[int, int]] = _Memory(forgot)
+        self._accepting: _Memory[bool] = _Memory()
+        self._axes: _Memory[dict[int, int]] = _Memory()
         self._unsaved: _Memory[Unsaved] = _Memory()
-        self._asking: _Memory[bool] = _Memory(forgot)
+        self._asking: _Memory[bool] = _Memory()
         self._repetition = Repetition()
         self._asked = self._all_orphans = 0
         self._first_frame = 0
@@ -151,14 +144,6 @@ class WholeCapture:
             self._change(job)
         if job.polls or self._repetition.storms:
             self._repetition.closed(job, place)
-
-    def usual(self, job: UsualJob) -> None:
-        """`closed` of a job that is like one before: only what is told of every one of them."""
-        self._asked += 1
-        if self._repetition.storms:
-            place = job.place
-            spot = (place.api, place.slot, place.subslot, place.index)
-            self._repetition.calm((place.peer.controller, place.peer.device, place.ar, spot))
 
     def nothing_to_read(self, peer: Peer, record: Record) -> None:
         """A Read without record on a channel that has no request."""

@@ -20,7 +20,6 @@ from ds47.profidrive.model import Value
 _EXACT = 2**53
 """Beyond it a double, and so the JSON of many readers, no longer holds every whole number."""
 _FLOAT32: Final = struct.Struct(">f")
-_SHORT: Final = ("%.6g", "%.7g", "%.8g")
 _NORMAL, _TOO_LARGE = 2.0**-126, 2.0**128 - 2.0**103
 """Below the one a Float32 has fewer digits; from the other on a double is infinite as a Float32."""
 _LARGEST: Final = {4: "3.4028235e+38", 8: "1.7976931348623157e+308"}
@@ -36,8 +35,6 @@ class Codec:
 
     decode: (bytes of whole values, how many) -> values.  encode: the reverse, raises ValueError, with
     the value that does not fit.  scale: (values, bytes) -> physical values; None where the format has none.
-    text: how many values -> bytes -> what `repr` says of the values, without the brackets; None where
-    there is no shorter way to that than `decode`.
     """
 
     size: int
@@ -45,7 +42,6 @@ class Codec:
     encode: Callable[[Sequence[Value]], bytes]
     scale: Callable[[Sequence[Value], bytes], list[Value]] | None = None
     whole: bool = False
-    text: Callable[[int], Callable[[bytes], str]] | None = None
 
 
 @cache
@@ -83,25 +79,6 @@ def float32_value(number: float) -> Value:
         if abs(short) < _TOO_LARGE and _FLOAT32.pack(short) == wire:
             return short
     return float(f"{number:.9g}")
-
-
-def float32_text(wire: bytes) -> str:
-    """`repr` of `float32_value`: what was printed to compare it is most often the text itself."""
-    number: float = _FLOAT32.unpack(wire)[0]
-    for layout in _SHORT:
-        text = layout % number
-        if "." not in text or "e" in text:  # `repr` writes whole numbers and exponents another way
-            break
-        if _FLOAT32.pack(float(text)) == wire:
-            return text
-    return repr(float32_value(number))
-
-
-def _float32_texts(count: int) -> Callable[[bytes], str]:
-    if count == 1:
-        return float32_text
-    starts = range(0, 4 * count, 4)
-    return lambda raw: ", ".join([float32_text(raw[at : at + 4]) for at in starts])
 
 
 def _integer(value: Value) -> int:
@@ -150,14 +127,8 @@ def _number(row: spec.Format, size: int) -> Codec:
                 raise _misfit(number, row, low, high)
         return b"".join(one.pack(number) for number in numbers)
 
-    def text(count: int) -> Callable[[bytes], str]:
-        if count == 1:
-            return lambda raw: repr(one.unpack(raw)[0])
-        unpack = struct.Struct(f">{count}{letter}").unpack
-        return lambda raw: repr(unpack(raw))[1:-1]
-
     if row.divide is None:
-        return Codec(size, decode, encode, text=text if size < 8 else None)
+        return Codec(size, decode, encode)
     multiply, divide = row.multiply or 1, row.divide
 
     def scale(values: Sequence[Value], _raw: bytes) -> list[Value]:
@@ -185,7 +156,7 @@ def _float(row: spec.Format, size: int) -> Codec:
     def encode(values: Sequence[Value]) -> bytes:
         return b"".join(map(pack, values))
 
-    return Codec(size, decode, encode, text=_float32_texts if size == 4 else None)
+    return Codec(size, decode, encode)
 
 
 def _text(row: spec.Format, size: int) -> Codec:

@@ -173,6 +173,8 @@ class Request:
     flaws: list[Flaw]
     rest: bytes
     length: int
+    operation: str
+    """One of "read", "change", "vendor", or "unknown" where the request id is in no table."""
 
     def __init__(
         self,
@@ -195,6 +197,7 @@ class Request:
         self.flaws = [] if flaws is None else flaws
         self.rest = rest
         self.length = length
+        self.operation = _operations().get(request_id, "unknown")
 
     def asked_as(self, reference: int) -> Request:
         """The same request under another reference; it shares the lists, which nobody changes."""
@@ -204,11 +207,6 @@ class Request:
             reference, self.request_id, self.axis, self.parameter_count, self.addresses,
             self.blocks, self.flaws, self.rest, self.length,
         )  # fmt: skip
-
-    @property
-    def operation(self) -> str:
-        """One of "read", "change", "vendor", or "unknown" where the request id is in no table."""
-        return _operations().get(self.request_id, "unknown")
 
     @property
     def shaped(self) -> bool:

@@ -61,8 +61,6 @@ class Writer:
     """The shape of a serializer: transactions (if it streams), captures, then `close`."""
 
     streams: ClassVar[bool] = False
-    lines: ClassVar[bool] = False
-    """Whether it takes `CaptureResult.lines` too (`ds47.report.lines`)."""
 
     def __init__(self, stream: TextIO, options: Options | None = None) -> None:
         self.stream = stream

@@ -14,7 +14,7 @@ from functools import lru_cache
 from itertools import islice
 from json import JSONEncoder
 from json.encoder import encode_basestring as _quoted
-from typing import Any, ClassVar, Final, TextIO
+from typing import Any, Final, TextIO
 
 from ds47 import __version__
 from ds47.model import (
@@ -24,7 +24,6 @@ from ds47.model import (
     Diagnosis,
     Finding,
     Frames,
-    Line,
     Parameter,
     Report,
     Transaction,
@@ -152,20 +151,6 @@ def transaction(item: Transaction) -> dict[str, Any]:
 
 def transaction_line(item: Transaction) -> str:
     """What `text(transaction(item))` gives, without the dictionaries: there are many transactions."""
-    return line(item.id, transaction_text(item), item.findings)
-
-
-def line(number: int, about: str, findings: list[str]) -> str:
-    """The line of a transaction of which `about` is the text between its number and its findings."""
-    return f'{{"id": {number}, {about}{_findings(findings)}'
-
-
-def _findings(findings: list[str]) -> str:
-    return f', "findings": {text(findings)}}}' if findings else _NO_FINDINGS
-
-
-def transaction_text(item: Transaction) -> str:
-    """The line of a transaction without what is known only at the end: its number and its findings."""
     frames_ = item.frames
     polls = reads = "[]"
     if frames_.polls or frames_.rereads:
@@ -174,7 +159,7 @@ def transaction_text(item: Transaction) -> str:
     request, response, took = item.request, item.response, item.duration_ns
     write, read = item.write_status, item.read_status
     return (
-        f'"operation": {_quoted(item.operation)}, "state": {_quoted(item.state)}, '
+        f'{{"id": {item.id}, "operation": {_quoted(item.operation)}, "state": {_quoted(item.state)}, '
         f'"controller": {_quoted(item.controller)}, "device": {_quoted(item.device)}, '
         f'"ar": {_NULL if item.ar is None else _quoted(item.ar)}, "api": {item.api}, '
         f'"slot": {item.slot}, "subslot": {item.subslot}, "index": {item.index}, '
@@ -189,10 +174,11 @@ def transaction_text(item: Transaction) -> str:
         f'"status": {{"write": {_NULL if write is None else f"""{_QUOTE}{write:08X}{_QUOTE}"""}, '
         f'"read": {_NULL if read is None else f"""{_QUOTE}{read:08X}{_QUOTE}"""}}}, '
         f'"parameters": [{", ".join([_parameter_text(each) for each in item.parameters])}]'
+        f', "findings": {text(item.findings) if item.findings else _NONE}}}'
     )
 
 
-_NO_FINDINGS: Final = ', "findings": []}'
+_NONE: Final = "[]"
 _NULL: Final = "null"
 _QUOTE: Final = '"'
 
@@ -351,8 +337,6 @@ class Writer(_Writer):
     `about` are further keys of the document, set before the first capture (`ds47.batch.results`).
     """
 
-    lines: ClassVar[bool] = True
-
     def __init__(self, stream: TextIO, options: Options | None = None) -> None:
         super().__init__(stream, options)
         self.about: dict[str, Any] = {}
@@ -370,10 +354,8 @@ class Writer(_Writer):
         write_line = self.stream.write
         write_line("\n" + text(capture_head(result))[:-1])
         self._lines("devices", (text(device(each)) for each in result.devices))
-        if result.lines:
-            self._written(result.lines)
-        else:  # map: mypyc makes a list of a generator expression, here of all lines
-            self._lines("transactions", map(transaction_line, result.transactions))
+        # map: mypyc makes a list of a generator expression, here of all lines
+        self._lines("transactions", map(transaction_line, result.transactions))
         lang = self.options.lang
         self._lines("findings", (text(finding(each, lang)) for each in result.findings))
         self._lines("diagnoses", (text(diagnosis(each, lang)) for each in result.diagnoses))
@@ -386,22 +368,6 @@ class Writer(_Writer):
             write(separator)
             write(",\n".join(piece))
             separator = ",\n"
-        write("]")
-
-    def _written(self, lines: list[Line]) -> None:
-        """`_lines` of transactions that are there in pieces."""
-        write = self.stream.write
-        write(',\n"transactions": [')
-        before = "\n"
-        for start in range(0, len(lines), _LINES_AT_ONCE):
-            pieces: list[str] = []
-            for each in lines[start : start + _LINES_AT_ONCE]:
-                pieces.append(f'{before}{{"id": {each.id}, {each.head}')
-                pieces.append(each.text)
-                pieces.extend(each.tail)
-                pieces.append(_findings(each.findings))
-                before = ",\n"
-            write("".join(pieces))
         write("]")
 
     def close(self) -> None:
