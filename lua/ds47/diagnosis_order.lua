@@ -84,7 +84,7 @@ local function displaced(remarks, job, asked)
   end
   local other = later:write_request()
   if other and sub(other.data, 2) ~= sub(asked.data, 2) then
-    clash(remarks, job, later, asked.frame, job.superseded_by or other.frame)
+    clash(remarks, job, later, asked.frame, other.frame)
   end
 end
 

@@ -73,7 +73,7 @@ class Diagnoses:
         self._whole.closed(job)
         if job.read_response is not None:
             self._learn_length(job.peer.device, len(job.read_response.data))
-        remarks = [] if order.is_usual(job) else list(order.of(job))
+        remarks = list(order.of(job))
         response = job.response
         usual = response is not None and not response.flaws and response.response_id in (1, 2)
         if not usual or _is_odd(job):

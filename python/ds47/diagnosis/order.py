@@ -8,31 +8,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ds47.pairing import STATUS_IN_USE, Job
+from ds47.profinet.records import Half
 from ds47.rules import Remark
 from ds47.transactions import uuid_text
-
-
-def is_usual(job: Job) -> bool:
-    """Whether nothing can be said: answered at the first Read, which came after the Write's response."""
-    accepted, read = job.write_response, job.read_request
-    return (
-        accepted is not None
-        and read is not None
-        and job.read_response is not None
-        and not accepted.status
-        and accepted.frame < read.frame
-        and not job.polls
-        and not job.rereads
-        and job.repeats is None
-    )
 
 
 def of(job: Job) -> Iterator[Remark]:
     """What the order of its frames says of a closed job."""
     yield from _read_too_early(job)
     yield from _old_answer(job)
-    yield from _two_users(job)
-    yield from _connection_lost(job)
+    asked = job.write_request
+    if asked is not None:
+        yield from _displaced(job, asked)
+        yield from _turned_away(job, asked)
+        yield from _connection_lost(job, asked)
 
 
 def _read_too_early(job: Job) -> Iterator[Remark]:
@@ -49,13 +38,11 @@ def _read_too_early(job: Job) -> Iterator[Remark]:
 
 def _old_answer(job: Job) -> Iterator[Remark]:
     read = job.read_response
-    if read is None:
-        return
-    if job.repeats is not None:
+    if read is not None and job.repeats is not None:
         refused = job.write_request
         case = "again_without_ar" if refused is None else "again_after_refusal"
         yield _again(case, read.frame, job.repeats, refused.frame if refused else None)
-    if job.rereads:
+    if read is not None and job.rereads:
         yield _again(job.again, job.rereads[0][1].frame, read.frame)
 
 
@@ -65,20 +52,21 @@ def _again(case: str, frame: int, first: int, write: int | None = None) -> Remar
     return Remark("DS704", frame, args)
 
 
-def _two_users(job: Job) -> Iterator[Remark]:
-    """A read that is displaced, or a Write that is turned away while another is open.
+def _displaced(job: Job, asked: Half) -> Iterator[Remark]:
+    """A read that is displaced by another request.
 
     A change that is displaced says nothing: many programs never read what a change is answered. Nor does
     the same question asked again: that is one user who does not wait.
     """
-    asked = job.write_request
-    if asked is None:
-        return
     later = job.superseding
     if later is not None and job.message is not None and job.message.operation == "read":
         other = later.write_request
         if other is not None and other.data[1:] != asked.data[1:]:
-            yield _clash(job, later, asked.frame, job.superseded_by or other.frame)
+            yield _clash(job, later, asked.frame, other.frame)
+
+
+def _turned_away(job: Job, asked: Half) -> Iterator[Remark]:
+    """A Write that is turned away while another request is open."""
     answer = job.write_response
     if answer is not None and answer.status == STATUS_IN_USE:
         rival = job.rival
@@ -110,10 +98,10 @@ def _case(held: Job | None, came: Job) -> str:
     return "one_station" if held.record.ar == came.record.ar else "two_ars"
 
 
-def _connection_lost(job: Job) -> Iterator[Remark]:
+def _connection_lost(job: Job, asked: Half) -> Iterator[Remark]:
     """What was to be read, or was waited for; of a change many programs never read the answer."""
-    asked, message = job.write_request, job.message
-    if asked is None or job.ended is None or job.read_response is not None or job.write_refused:
+    message = job.message
+    if job.ended is None or job.read_response is not None or job.write_refused:
         return
     waited = bool(job.polls or job.empty_reads or job.read_request)
     if not waited and (message is None or message.operation != "read"):

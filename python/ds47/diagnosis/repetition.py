@@ -38,8 +38,8 @@ class _Run:
         self.newest_ns = time_ns
 
     def period_ns(self) -> int | None:
-        """The period, if it is a fixed one."""
-        middle = sorted(self.gaps)[(len(self.gaps) - 1) // 2] if self.gaps else 0
+        """The period of two changes at least, if it is a fixed one."""
+        middle = sorted(self.gaps)[(len(self.gaps) - 1) // 2]
         jitter = middle * known().held_jitter // 100
         if not 0 < middle <= known().held_period * _MS or any(
             abs(gap - middle) > jitter for gap in self.gaps
