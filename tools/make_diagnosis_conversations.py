@@ -430,6 +430,48 @@ def _(tape: Tape) -> None:
     client.accept_write(client.ask_write(asked, place), asked, place, BAD_HEADER)
 
 
+def _cut_change(tape: Tape, length: int) -> None:
+    """The first bytes of a change of two parameters; the drive turns the request away."""
+    asked = message.change(
+        7, 1, *[(message.address(pnu), message.real(10.0)) for pnu in (2900, 2901)]
+    )
+    client = Client(tape)
+    place = client.at(index=0xB02F)
+    client.accept_write(client.ask_write(asked[:length], place), asked[:length], place, BAD_HEADER)
+
+
+def _of_cut_change(*parameters: Row) -> list[Row]:
+    """The transaction of it."""
+    return [
+        tx(1, "refused", (1, 2, None, None), None, *parameters, ref=7, operation="change",
+           write="DF80B700", read=None, index=0xB02F)
+    ]  # fmt: skip
+
+
+@case(
+    "DS711-first-of-two-values",
+    "malformed refused other-index",
+    _of_cut_change(par(2900, "Float32"), par(2901)),
+    "DS203@2#1 DS315@1#1",
+    "DS711@1#1",
+)
+def _(tape: Tape) -> None:
+    """The first value is cut, the second one is not there: 20 bytes are 26 at least."""
+    _cut_change(tape, 20)
+
+
+@case(
+    "DS711-second-of-two-values",
+    "malformed refused other-index",
+    _of_cut_change(real(10.0, pnu=2900), par(2901)),
+    "DS203@2#1 DS315@1#1",
+    "DS711@1#1",
+)
+def _(tape: Tape) -> None:
+    """The second value block is not there: 22 bytes are 26 at least."""
+    _cut_change(tape, 22)
+
+
 # DS712: the Read asks for too few bytes
 
 

@@ -55,7 +55,7 @@ TESTS: dict[str, tuple[str, ...]] = {
     "python/ds47/diagnosis/__init__.py": DIAGNOSES,
     "python/ds47/diagnosis/capture.py": DIAGNOSES,
     "python/ds47/diagnosis/grouping.py": (*DIAGNOSES, "test_report_opening"),
-    "python/ds47/diagnosis/length.py": DIAGNOSES,
+    "python/ds47/diagnosis/length.py": ("test_length", *DIAGNOSES),
     "python/ds47/diagnosis/order.py": ("test_order", *DIAGNOSES),
     "python/ds47/diagnosis/refusal.py": ("test_refusal", *DIAGNOSES),
     "python/ds47/diagnosis/repair.py": DIAGNOSES,

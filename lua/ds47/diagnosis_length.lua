@@ -33,18 +33,22 @@ local function put(remarks, rule, frame, args, offset)
   remarks[#remarks + 1] = {rule = rule, frame = frame, args = args, offset = offset}
 end
 
+-- Whether the message ends among the values of a block.
+local function is_cut(block)
+  return #(block.error and block.error.words or block.values) < block.value_count
+end
+
 -- The least length of a request that ends too soon: what is cut, and the shortest form of what follows.
 local function need_of(message, have, more)
   local count = message.parameter_count
   if count == nil or count == 0 then
     count = 1
   end
-  local change = message.operation == "change"
-  local addresses = HEADER + ADDRESS * count
-  if have < addresses or change and have < addresses + BLOCK_HEADER then
-    return addresses + (change and BLOCK * count or 0)
-  end
-  return have + more + BLOCK * max(0, count - #message.blocks - 1)
+  local blocks = message.blocks
+  local last, left = blocks[#blocks], message.operation == "change" and count - #blocks or 0
+  local finish = have + more - (last and is_cut(last) and 0 or BLOCK_HEADER)
+  finish = max(finish, HEADER + ADDRESS * count)
+  return left == 0 and finish or finish + finish % 2 + BLOCK * left
 end
 
 -- Of how many parameters the bytes are a whole request, if byte 3 were wrong; nil for none. Of none where a

@@ -56,8 +56,8 @@ def _fitting_count(message: Request, data: bytes) -> int | None:
 
     Of none where a value would begin with what is an address: its attribute is a format, too.
     """
-    for count in range(1, min(message.parameter_count or 0, len(data) // ADDRESS + 1)):
-        end = HEADER + ADDRESS * count
+    ends = range(HEADER + ADDRESS, len(data) + 1, ADDRESS)
+    for count, end in zip(range(1, message.parameter_count or 1), ends, strict=False):
         if data[end : end + 1] == bytes((VALUE,)):
             continue
         other = decode_request(data[:COUNT_AT] + bytes((count,)) + data[COUNT_AT + 1 :])
@@ -68,12 +68,17 @@ def _fitting_count(message: Request, data: bytes) -> int | None:
 
 def _need(message: Request, have: int, more: int) -> int:
     """The least length of a request that ends too soon: what is cut, and the shortest form of what follows."""
-    count = message.parameter_count or 1
-    change = message.operation == "change"
-    addresses = HEADER + ADDRESS * count
-    if have < addresses or (change and have < addresses + BLOCK_HEADER):
-        return addresses + (BLOCK * count if change else 0)
-    return have + more + BLOCK * max(0, count - len(message.blocks) - 1)
+    count, blocks = message.parameter_count or 1, message.blocks
+    end = have + more - (0 if blocks and _is_cut(blocks[-1]) else BLOCK_HEADER)
+    end = max(end, HEADER + ADDRESS * count)
+    left = count - len(blocks) if message.operation == "change" else 0
+    return end + (end % 2 + BLOCK * left if left else 0)
+
+
+def _is_cut(block: Block) -> bool:
+    """Whether the message ends among the values of a block."""
+    there = block.values if block.error is None else block.error.words
+    return len(there) < block.value_count
 
 
 def answer_cut(job: Job, size_of: SizeOf) -> Iterator[Remark]:
@@ -81,7 +86,7 @@ def answer_cut(job: Job, size_of: SizeOf) -> Iterator[Remark]:
     asked, answer = job.read_request, job.read_response
     if asked is None or answer is None or not asked.stated:
         return
-    need = 0
+    need = asked.stated
     if answer.data and job.response is not None and len(answer.data) == asked.stated:
         flaw = next((flaw for flaw in job.response.flaws if flaw.rule == MISSING), None)
         if flaw is not None and not answer.missing:
