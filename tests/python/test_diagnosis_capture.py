@@ -400,7 +400,9 @@ def test_a_save_saves_its_drive_object_or_all() -> None:
 
 
 def test_in_one_request_the_save_saves_what_stands_before_it() -> None:
-    assert unsaved(changes(1, (FIXED, TEN), SAVE)) is None
+    both_done = changes(1, (FIXED, TEN), SAVE)
+    assert unsaved(both_done) is None
+    assert unsaved(both_done, changes(11)) == (1, 0, 1, 11, 11, "unsaved", "all_known")
     assert unsaved(changes(1, SAVE, (FIXED, TEN))) is not None
     both = message.answer(1, 0x82, 1, message.done(), message.error(0x11))
     assert unsaved(changes(1, (FIXED, TEN), SAVE, answer=both)) is not None
@@ -419,7 +421,7 @@ def test_a_save_that_may_have_failed_leaves_it_unknown() -> None:
     [
         (changes(1), True),
         (changes(1, VOLATILE), False),
-        (changes(1, (message.address(60000), TEN)), True),
+        (changes(1, (message.address(5123), TEN)), True),
         (changes(1, answer=message.answer(1, 0x82, 1, message.error(0x11))), False),
         (changes(1, answer=message.header(1, 0x80, 1, 0)), False),  # the drive knows no changes
         (changes(1, write_response=Half(2, 2, status=LOCKED)), False),
@@ -430,7 +432,7 @@ def test_what_was_not_changed_is_not_lost(case: Job, lost: bool) -> None:
     seen = changes(11)
     told = unsaved(case, seen)
     assert told is not None
-    assert told[0] == 1 + lost
+    assert told[:2] == (1 + lost, 0)
 
 
 def test_of_several_parameters_those_count_that_were_changed() -> None:
@@ -528,3 +530,16 @@ def test_only_so_many_indices_are_remembered(small: None) -> None:
     whole = Whole(job(READ, ANSWER)).foreign(5, 100).foreign(7, 101)
     assert [frame for _, frame, _ in whole.of("DS707")] == [5, 7]
     assert [frame for _, frame, _ in whole.foreign(9, 102).of("DS707")] == [7, 9]
+
+
+def test_a_place_whose_request_is_open_is_not_elsewhere_though_that_is_forgotten(
+    small: None,
+) -> None:
+    others = [job(READ, ANSWER, frame=20 * slot, at=(slot, 1, 47)) for slot in (5, 6)]
+    assert Whole(job(READ), *others).idle(4, HERE).of("DS706") == []
+
+
+def test_a_change_that_failed_takes_no_room(small: None) -> None:
+    refusal = message.answer(1, 0x82, 1, message.error(0x11))
+    cases = [changes(1, device="x"), changes(5, device="y"), changes(9, device="z", answer=refusal)]
+    assert [args["device"] for _, _, args in Whole(*cases).of("DS721")] == ["x", "y"]

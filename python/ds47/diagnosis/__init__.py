@@ -19,7 +19,7 @@ from ds47.diagnosis.capture import WholeCapture
 from ds47.diagnosis.targets import Reach, reach_of
 from ds47.drive_objects import LOCAL, put
 from ds47.pairing import Job, Peer
-from ds47.profidrive import Options, Request, Response, decode_request
+from ds47.profidrive import Options, Request, decode_request
 from ds47.profidrive.model import VALUE, Block
 from ds47.profinet.records import Record
 from ds47.rules import PNU_ACCESS_IDENTIFICATION, Corrected, Remark, is_mismatch
@@ -35,6 +35,10 @@ _LEAST_NORMAL: Final = {0x08: 2.0**-126, 0x0F: 2.0**-1022}
 _MOST: Final = 1e30
 _NO_END: Final = 1 << 17
 """Behind every subindex."""
+_DONE: Final = (0x01, 0x02)
+"""Response ids of a read and of a change that succeeded,"""
+_TELLING: Final = (*_DONE, 0x81, 0x82)
+"""and of those that were answered in part, too."""
 
 
 class Diagnoses:
@@ -75,7 +79,7 @@ class Diagnoses:
             self._learn_length(job.peer.device, len(job.read_response.data))
         remarks = list(order.of(job))
         response = job.response
-        usual = response is not None and not response.flaws and response.response_id in (1, 2)
+        usual = response is not None and not response.flaws and response.response_id in _DONE
         if not usual or _is_odd(job):
             remarks += self._cause(job)
         self._learn(job)
@@ -261,11 +265,11 @@ class Diagnoses:
         return None if refused or behind or ends else corrected
 
     def _learn_refused(self, job: Job, refused: list[refusal.Refusal]) -> None:
-        if job.message is None or job.response is None:
-            return
+        device, request, response = job.peer.device, job.message, job.response
+        assert request is not None
+        assert response is not None
         for each in refused:
-            device = job.peer.device
-            sign = refusal.sign(device, job.message, job.response, each)
+            sign = refusal.sign(device, request, response, each)
             if sign is not None:
                 put(self._refused, sign, None)
             if each.code == refusal.NO_SUBINDEX:
@@ -275,24 +279,20 @@ class Diagnoses:
     # What was seen before
 
     def _learn(self, job: Job) -> None:
-        request, response = job.message, job.response
-        if request is None or response is None or response.response_id not in (1, 2, 0x81, 0x82):
+        request, response, half = job.message, job.response, job.read_response
+        if request is None or response is None or half is None or is_mismatch(job):
+            return
+        if response.response_id not in _TELLING:
             return
         device, reach = job.peer.device, reach_of(job.record, request.axis)
-        axis = None if job.record.index == LOCAL else request.axis
-        if not self._is_new(device, reach, axis, request, response) or is_mismatch(job):
-            return
-        if axis is not None:
-            self._learn_axis(device, axis, response.blocks)
+        if job.record.index != LOCAL and request.axis is not None:
+            self._learn_axis(device, request.axis, response.blocks)
         if request.operation != "read":
             return
         for address, block in zip(request.addresses, response.blocks, strict=False):
             if address.attribute != VALUE or block.error is not None:
                 continue
-            frame = job.read_response
-            self._learn_format(
-                device, reach, address.pnu, Seen(block.format, frame.frame if frame else 0)
-            )
+            self._learn_format(device, reach, address.pnu, Seen(block.format, half.frame))
             if address.pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 and block.values:
                 longest = block.values[0]
                 if isinstance(longest, int) and longest > 0:
@@ -305,26 +305,6 @@ class Diagnoses:
         put(self._formats, (device, reach, pnu), seen)
         same = self._anywhere.get((device, pnu), seen.format) == seen.format
         put(self._anywhere, (device, pnu), seen.format if same else None)
-
-    def _is_new(
-        self, device: str, reach: Reach, axis: int | None, request: Request, response: Response
-    ) -> bool:
-        """Whether there is something to learn if the response belongs to the request; most often not."""
-        axes, formats_ = self._axes.get(device), self._formats
-        if axis is not None and (axes is None or axis not in axes):
-            return True
-        if response.response_id in (0x81, 0x82):
-            return True
-        if request.operation == "read":
-            for address, block in zip(request.addresses, response.blocks, strict=False):
-                if address.attribute == VALUE and block.error is None:
-                    pnu = address.pnu
-                    seen = formats_.get((device, reach, pnu))
-                    if seen is None or seen.format != block.format:
-                        return True
-                    if pnu == PNU_ACCESS_IDENTIFICATION:
-                        return True
-        return False
 
     def _learn_length(self, device: str, length: int) -> None:
         if length > self._longest.get(device, 0):

@@ -109,7 +109,9 @@ class WholeCapture:
         self._unsaved: _Memory[Unsaved] = _Memory()
         self._asking: _Memory[bool] = _Memory()
         self._repetition = Repetition()
-        self._asked = self._all_orphans = 0
+        self._asked = False
+        """Whether a Write request was seen."""
+        self._all_orphans = 0
         self._first_frame = 0
         self._cut = _Tally()
 
@@ -131,7 +133,7 @@ class WholeCapture:
             self._orphan((job.peer.controller, device), place, job)
             self._changed_unseen(job)
             return
-        self._asked += 1
+        self._asked = True
         asks = job.peer.controller, device, place[1:]
         if asks not in self._asking.entries:
             self._asking.put(asks, True)
@@ -274,9 +276,7 @@ class WholeCapture:
         """Whether a request to the place was accepted, or a response read there, in any API: none is told."""
         answer, read = job.write_response, job.read_response
         taken = answer is not None and answer.status == 0
-        if (taken or (read is not None and read.data)) and not self._accepting.get(
-            (device, place[1:])
-        ):
+        if taken or (read is not None and read.data):
             self._accepting.put((device, place[1:]), True)
 
     def _slots(self) -> Iterator[Remark]:
@@ -361,12 +361,11 @@ class WholeCapture:
     # What the capture does not have (DS725)
 
     def _halves(self, dropped: int | None, requests: int, responses: int) -> Iterator[Remark]:
-        jobs = self._asked + self._all_orphans
         if dropped:
             yield self._half("dropped", 1, dropped)
         if self._cut.count:
             yield self._half("cut", self._cut.first, self._cut.count)
-        if not jobs:
+        if not (self._asked or self._all_orphans):
             return
         if requests and not responses:
             yield self._half("one_direction", self._first_frame, requests)
