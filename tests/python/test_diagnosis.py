@@ -361,6 +361,14 @@ def test_axis_0_is_no_drive_object_and_a_slot_is_none_by_number() -> None:
     assert offered(told) is None
 
 
+def test_neither_a_slot_nor_a_request_that_is_not_known_shows_another_drive_object() -> None:
+    talk = Talk()
+    talk.read(SPEED, axis=2)
+    talk.read(SPEED, axis=5, at=LOCAL)
+    talk.closed(message.read(1, 3, SPEED), message.header(1, 0x80, 3, 0))
+    assert offered(missing(talk)) == message.read(1, 2, SPEED)
+
+
 def test_a_change_never_goes_to_another_drive_object() -> None:
     talk = Talk()
     talk.read(SPEED, axis=2)
@@ -525,6 +533,11 @@ def test_a_usual_transaction_says_nothing() -> None:
 def test_a_request_that_ends_too_soon_is_told_though_the_drive_accepted_it() -> None:
     asked = change((FIXED, TEN))[:-2]
     assert [each.rule for each in Talk().closed(asked, message.changed(1, 1))] == ["DS711"]
+
+
+def test_nothing_is_said_of_a_response_whose_request_was_not_captured() -> None:
+    case = job(None, message.answer(1, 1, 1, TEN))
+    assert Diagnoses(Options()).closed(case) == []
 
 
 def test_the_order_of_frames_comes_before_the_cause() -> None:

@@ -292,19 +292,19 @@ class Diagnoses:
         for address, block in zip(request.addresses, response.blocks, strict=False):
             if address.attribute != VALUE or block.error is not None:
                 continue
-            self._learn_format(device, reach, address.pnu, Seen(block.format, half.frame))
+            self._learn_format(device, reach, address.pnu, block.format, half.frame)
             if address.pnu == PNU_ACCESS_IDENTIFICATION and address.subindex == 0 and block.values:
                 longest = block.values[0]
                 if isinstance(longest, int) and longest > 0:
                     put(self._limits, device, longest)
 
-    def _learn_format(self, device: str, reach: Reach, pnu: int, seen: Seen) -> None:
+    def _learn_format(self, device: str, reach: Reach, pnu: int, code: int, frame: int) -> None:
         before = self._formats.get((device, reach, pnu))
-        if before is not None and before.format == seen.format:
+        if before is not None and before.format == code:
             return
-        put(self._formats, (device, reach, pnu), seen)
-        same = self._anywhere.get((device, pnu), seen.format) == seen.format
-        put(self._anywhere, (device, pnu), seen.format if same else None)
+        put(self._formats, (device, reach, pnu), Seen(code, frame))
+        same = self._anywhere.get((device, pnu), code) == code
+        put(self._anywhere, (device, pnu), code if same else None)
 
     def _learn_length(self, device: str, length: int) -> None:
         if length > self._longest.get(device, 0):
@@ -360,13 +360,14 @@ def _format_case(seen: Seen | None, listed: int | None) -> str:
 
 def _is_odd(job: Job) -> bool:
     """Whether a job that was answered well may have something to be repaired all the same."""
-    message = job.message
-    if message is None or (not message.flaws and message.operation == "read"):
-        # Fewer blocks than asked: the response may have been too long.
-        response = job.response
-        return bool(message and response and len(response.blocks) < len(message.addresses))
+    message, response = job.message, job.response
+    if message is None or response is None:
+        return False
     if message.flaws:
         return True
+    if message.operation == "read":
+        # Fewer blocks than asked: the response may have been too long.
+        return len(response.blocks) < len(message.addresses)
     return any(map(is_unlikely, message.blocks))
 
 
