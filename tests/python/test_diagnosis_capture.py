@@ -37,7 +37,7 @@ class Whole:
     """A capture of which one thing after the other is told."""
 
     def __init__(self, *jobs: Job) -> None:
-        self.capture = WholeCapture(lambda: None)
+        self.capture = WholeCapture()
         self.jobs(*jobs)
 
     def jobs(self, *jobs: Job) -> Whole:

@@ -130,7 +130,7 @@ def test_room_is_what_the_device_has_shown(tmp_path: Path) -> None:
     found = diagnosed(no_room_in_the_middle, "DS713", tmp_path)
     assert sentence(found) == (
         "Parameters answered: 2 of 3, p6001[0] has a negative response 0x15 (response too long); "
-        "its longest response so far has 576 bytes"
+        "the capture shows a response of the device with 576 bytes"
     )
     assert found.corrected == message.read(1, 1, message.address(6000, 0, 140), message.address(2))
 
