@@ -244,15 +244,19 @@ function M.witness_of(item, job)
   return M.witness({ transactions = { item }, findings = findings })
 end
 
--- The Reads that brought no record and are none of the frames of a transaction; and whether a part of the
--- response is there to the Read that is one of them.
+-- The Reads that brought no record and are none of the frames of a transaction; and whether a part of a
+-- response is there: then it is not that none came.
 local function left_out_of(item, found)
   local frames, list = item.frames, {}
   local waits, in_part = frames.read_request and not frames.read_response, false
   for _, each in ipairs(found) do
+    in_part = in_part or each.rule == IN_PART
+    waits = waits and each.frame ~= frames.read_request -- nothing came for it: the part is another's
+  end
+  for _, each in ipairs(found) do
     local frame = each.frame
-    if waits and not in_part and each.rule == IN_PART then
-      in_part = true
+    if waits and each.rule == IN_PART then
+      waits = false
     elseif frame ~= frames.write_request and frame ~= frames.write_response and frame ~= frames.read_request
       and frame ~= frames.read_response then
       list[#list + 1] = { frame = frame, outcome = LEFT_OUT[each.rule], order = #list }

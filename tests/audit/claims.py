@@ -866,10 +866,20 @@ def _superseded(case: Case) -> Iterator[str]:
         each.answered for each in case.reading.capture.records
         if not each.write and each.data and case.reading.same_place(deal, each)
         and (request or 0) < (each.answered or 0) < (by or 0)
-        and not _is_old(each, deal, case.reading)
+        and not _is_old(each, deal, case.reading) and not _is_of_an_older(each, deal, case.reading)
     ]  # fmt: skip
     if brought:
         yield f"a response was fetched in frame {brought[0]}"
+
+
+def _is_of_an_older(record: wire.Record, deal: Deal, reading: Reading) -> bool:
+    """Whether it mirrors the reference of an older request too, which was open and has it in the report."""
+    return any(
+        each.read == record.answered and (each.write or 0) < (deal.write or 0)
+        and each.channel == deal.channel and each.asked is not None
+        and each.asked.data[:1] == record.data[:1]
+        for each in reading.deals
+    )  # fmt: skip
 
 
 def _is_old(read: wire.Record, deal: Deal, reading: Reading) -> bool:

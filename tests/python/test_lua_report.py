@@ -367,6 +367,20 @@ def test_reads_without_a_response_are_told_in_their_order_as_in_python(lua: Run)
     assert "DE80B500; RDREC, no response before the capture ends" in texts[1]
 
 
+def test_a_part_of_a_response_is_that_of_the_read_that_has_no_finding_of_its_own(lua: Run) -> None:
+    """Nothing came for one Read, a fragment for the other: two Reads without a response, or one in part."""
+    item = handmade.transaction(state="unanswered", frames=Frames(1, 2, 5, None), read_status=None)
+    part = finding("DS105", 8, 1, None, have=1, kind="RPC")
+    lost = finding("DS101", 5, 1, None, operation="Read")
+    results = [
+        CaptureResult("x", transactions=[item], findings=each) for each in ([part], [lost, part])
+    ]
+    texts = lua([job("report", each, plc=True) for each in results])
+    assert texts == [python_text(each, plc=True) for each in results]
+    assert "00000000; RDREC, its whole response is not in the capture\n" in texts[0]
+    assert "00000000; RDREC 2 x, the whole response is not in the capture\n" in texts[1]
+
+
 def test_a_write_without_a_response_before_other_reads_is_told_as_in_python(lua: Run) -> None:
     """Whose the Reads behind it were is not known; nor where a finding alone names one of them."""
     lost = handmade.transaction(id=2, state="unanswered", frames=Frames(3), write_status=None)

@@ -246,7 +246,7 @@ def _channel(item: Transaction) -> _Channel:
 def _left_out(item: Transaction, found: Sequence[Finding]) -> tuple[list[tuple[int, Call]], bool]:
     """The Reads that brought no record and are none of the frames of a transaction, by their frame.
 
-    And whether a part of the response is there to the Read that is one of them.
+    And whether a part of a response is there: then it is not that none came.
     """
     frames = item.frames
     shown = (
@@ -254,10 +254,11 @@ def _left_out(item: Transaction, found: Sequence[Finding]) -> tuple[list[tuple[i
     )  # fmt: skip
     out = [each for each in found if each.frame not in shown]
     part = None
-    if frames.read_request is not None and frames.read_response is None:
+    nothing = any(each.frame == frames.read_request for each in found)  # then the part is another's
+    if frames.read_request is not None and frames.read_response is None and not nothing:
         part = next((each for each in out if each.rule == _IN_PART), None)
     calls = [(each.frame, Call("RDREC", _LEFT_OUT[each.rule])) for each in out if each is not part]
-    return calls, part is not None
+    return calls, any(each.rule == _IN_PART for each in out)
 
 
 def _before(item: Transaction, left_out: Sequence[tuple[int, Call]], wait: str) -> list[Call]:
