@@ -207,7 +207,7 @@ def test_the_number_is_that_of_the_frames_or_both_are_told():
     lines = opening(capture(handmade.transaction(id=5, state="error"), findings=findings))
     head = " ".join(line.strip() for line in lines[lines.index("What to do") + 1 :][:2])
     assert head == (
-        "DS410 error drive-error: Parameters failed with error 0x00: Illegal parameter number: the "
+        "DS410 error drive-error: Parameters have a negative response: 0x00 Illegal parameter number: the "
         "parameter does not exist (2 times in 1 frame)"
     )
     assert "    look at frame 5 (#5): frame.number == 5" in lines

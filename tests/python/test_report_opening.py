@@ -113,7 +113,7 @@ def test_five_thousand_equal_symptoms_are_one_line():
             handmade.finding(
                 "DS410",
                 "error",
-                "Parameter 76[1] failed with error 0x6B: no (info 0)",
+                "Parameter 76[1] has a negative response: 0x6B no (info 0)",
                 n,
                 n,
                 code=0x6B,
@@ -148,8 +148,9 @@ def test_what_no_diagnosis_covers_stands_behind_them_a_line_a_rule():
     job = handmade.transaction(state="error")
     lines = opening(capture(job, findings=findings, diagnoses=[diagnosis()]))
     place = lines.index("  Other findings")
-    head = "  DS410 error drive-error: Parameters failed with error 0x11: " + spec.error_text(
-        0x11, "en"
+    head = (
+        "  DS410 error drive-error: Parameters have a negative response: 0x11 "
+        + spec.error_text(0x11, "en")
     )
     heads = [(line + lines[at + 1][3:]) for at, line in enumerate(lines) if line.startswith("  DS")]
     assert heads[1:] == [
@@ -444,7 +445,7 @@ def test_the_lines_below_the_opening_are_chinese_too(captures: Path, capsys):
     )
     (place,) = (number for number, line in enumerate(lines) if line == "结论")
     assert lines[place + 4] == "  DS410 错误 drive-error：2 个结论"
-    assert lines[place + 5].startswith("    帧 29 #6：偏移 4：参数 50076[1] 失败")
+    assert lines[place + 5].startswith("    帧 29 #6：偏移 4：参数 50076[1] 得到否定应答")
     assert lines[-4:] == [
         "汇总",
         "  8 个任务：4 正常，1 部分失败，1 错误，1 被拒绝，1 无应答；4 读，4 修改",
