@@ -51,10 +51,9 @@ local function row_of(block)
   return tables.formats[block.meaning or block.format]
 end
 
--- Bytes per value, 0 where there is no whole number of them.
+-- Bytes per value; of a block that is cut off, with which nothing can be done, fewer.
 local function size_of(block)
-  local count = block.value_count
-  return count > 0 and #block.raw % count == 0 and floor(#block.raw / count) or 0
+  return floor(#block.raw / max(block.value_count, 1))
 end
 
 local function numbers_of(block)

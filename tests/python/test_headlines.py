@@ -139,6 +139,14 @@ def test_the_job_that_is_named_is_that_of_the_first_frame():
     assert told.transactions == [8, 2]
 
 
+def test_what_an_older_result_says_in_other_words_is_another_cause():
+    """A result without arguments has its words alone to be told apart by."""
+    items = [handmade.finding("DS410", "error", said, n) for n, said in enumerate("abb", 1)]
+    assert [(told.said, told.count, told.frames) for told, _ in headlines(items)] == [
+        ("b", 2, [2, 3]), ("a", 1, [1]),
+    ]  # fmt: skip
+
+
 def test_of_too_many_causes_nothing_particular_is_said():
     told = grouped(*(refused(n, pnu=n) for n in range(1, known().groups + 11)))
     rest = told[0]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from talk import job
 
-from ds47.diagnosis.refusal import end, of, refusals, sign, signs, without_index
+from ds47.diagnosis.refusal import end, not_seen, of, refusals, sign, signs, without_index
 from ds47.lab import message
 from ds47.pairing import Job
 from ds47.profidrive import Address, decode_request
@@ -131,6 +133,35 @@ def test_the_simple_request_has_index_0_and_one_element_and_is_alone_if_others_f
     assert simple(both, message.error(4), message.error(0x6B)) == fixed
     assert simple(both, message.error(4)) == fixed, "the response says nothing of the other"
     assert simple(message.read(1, 1, message.address(2900, 3)) + b"\1", message.error(4)) == fixed
+
+
+def test_without_the_request_or_with_a_text_there_is_no_simple_request() -> None:
+    """Of a text no part is meant, be it one character."""
+    unseen = job(None, message.answer(1, 0x81, 1, message.error(4)))
+    assert without_index(unseen, [], 0) is None
+    text = message.change(1, 1, (message.address(2900, 3), bytes((0x09, 1)) + b"A\0"))
+    assert simple(text, message.error(4)) is None
+
+
+# A refusal that no status tells of (DS701)
+
+
+def told_of_status_zero(case: Job) -> list[dict[str, Any]]:
+    return [remark.args for remark in not_seen(case)]
+
+
+def test_a_refusal_under_status_zero_is_told_once() -> None:
+    """Of a response whose request the capture does not show, too, but not of one that is read again."""
+    no = message.answer(1, 0x81, 1, message.error(0x6B))
+    usual = {"id": 0x81, "code": 0x6B, "vendor_id": 0x2A, "case": "status_zero", "polls": 0}
+    assert told_of_status_zero(job(READ, no)) == [usual]
+    assert told_of_status_zero(job(None, no)) == [usual]
+    assert told_of_status_zero(job(None, no, repeats=2)) == []
+    assert told_of_status_zero(job(READ, no, repeats=2)) == [usual]
+
+
+def test_a_positive_response_is_no_refusal_whatever_stands_in_it() -> None:
+    assert told_of_status_zero(job(READ, message.answer(1, 0x01, 1, message.error(0x6B)))) == []
 
 
 def test_of_several_values_it_is_not_known_which_is_meant() -> None:

@@ -70,6 +70,25 @@ def test_repair(case: dict[str, Any]) -> None:
     assert shown(repair_of(case)) == case["expect"]
 
 
+@pytest.mark.parametrize(
+    ("case", "bits"),
+    [
+        ("type-float-bits", "bits_same"),
+        ("type-float-bits-whole", "number_other"),
+        ("type-integer-to-float", "number_other"),
+        ("type-number-to-float", "number_same"),
+        ("type-number-to-byte", "number_same"),
+        ("type-same-bits", "bits_same"),
+        ("type-same-bits-normalised", "bits_same"),
+    ],
+)
+def test_what_two_types_have_in_common(case: str, bits: str) -> None:
+    """The bits of 1092616192 are those of 10.0; where 10 is meant, neither they nor the number stay."""
+    found = repair_of(next(each for each in CASES if each["id"] == case))
+    assert found is not None
+    assert [each.bits for each in found.each] == [bits]
+
+
 def test_file_obeys_its_schema() -> None:
     schema = json.loads(FILE.with_suffix(".schema.json").read_text(encoding="utf-8"))
     Draft202012Validator.check_schema(schema)
@@ -99,7 +118,7 @@ def test_a_repair_fills_its_rule_and_is_sound_itself(case: dict[str, Any]) -> No
     rule = spec.rules()[expect["rule"]]
     assert "{" not in rule.message.format(**words, **expect["args"])
     request = bytes.fromhex(expect["request"])
-    assert decode_request(request).flaws == []
+    assert decode_request(request, Options(**case.get("options", {}))).flaws == []
     again = {**case, "request": expect["request"]}
     again.pop("errors", None)
     assert repair_of(again) is None
@@ -335,6 +354,12 @@ def test_other_elements_of_values_of_one_byte() -> None:
     data = bytes.fromhex("02020101 10020b540000 05020102")
     fixed = suggest.with_elements(decode_request(data), data, 0, 0, 1)
     assert fixed == bytes.fromhex("02020101 10010b540000 05010100")
+
+
+@pytest.mark.parametrize(("subindex", "elements"), [(65536, 1), (-1, 1), (0, 256), (0, -1)])
+def test_other_elements_of_a_read_fit_into_their_fields(subindex: int, elements: int) -> None:
+    data = bytes.fromhex("01010101 1003039a0001")
+    assert suggest.with_elements(decode_request(data), data, 0, subindex, elements) is None
 
 
 def test_other_elements_of_a_read() -> None:

@@ -37,6 +37,7 @@ from ds47.report.html import embed, messages, plots, texts
 from ds47.report.html.verdict import quality
 from ds47.report.html.views import capture_view
 from ds47.report.html.views.elements import elements
+from ds47.report.html.views.findings import groups
 from ds47.report.html.views.problems import first_screen, problems
 from ds47.report.html.views.rows import ROW, packed_rows
 from ds47.report.overview import Row, total
@@ -424,6 +425,29 @@ def test_findings_that_differ_are_told_by_an_example_with_the_places_they_name()
     assert alone.title.en == f"{one} (frame 3)"
 
 
+def test_a_finding_that_names_no_parameter_stands_at_the_first_of_its_transaction():
+    items = [transaction(1, parameters=[parameter(7), parameter(8)]), transaction(2, parameters=[])]
+    findings = [finding("DS315", "error", 1, n, need=5, what="values") for n in (1, 2)]
+    (found,) = problems(capture(*items, findings=findings), {})
+    assert found.places == {"p7[0] DO 2": 1, f"{DRIVE} DO 2": 1}
+
+
+def test_frames_for_which_there_was_no_room_are_counted():
+    told = diagnosis(frames=[9], count=5, frames_left_out=4)
+    (found,) = problems(capture(diagnoses=[told]), {})
+    assert (found.times.en, found.filter_left_out) == ("5 times", 4)
+
+
+def test_the_first_screen_tells_three_problems_of_one_rule_and_then_the_others():
+    """Six in all, in the order in which they are serious."""
+    rules = ["DS705"] * 4 + ["DS708", "DS709", "DS719", "DS720"]
+    diagnoses = [
+        handmade.diagnosis(rule, "error", f"m{n}", count=99 - n) for n, rule in enumerate(rules)
+    ]
+    told = first_screen(problems(capture(diagnoses=diagnoses), {}))
+    assert [each.what.en for each in told] == ["m0", "m1", "m2", "m4", "m5", "m6"]
+
+
 def test_many_problems_of_one_rule_do_not_hide_the_others():
     items = [transaction(n, state="error", parameters=[failed(n)]) for n in range(1, 9)]
     findings = [finding("DS410", "error", 1, n, pnu=n, code=n) for n in range(1, 9)]
@@ -769,6 +793,59 @@ def test_long_lists_of_findings_are_cut_with_their_number():
         190,
     )
     assert "150 more are not listed here" in page(capture(transaction(), findings=findings))
+
+
+def test_a_finding_names_its_further_frames_with_the_transactions_they_are_of():
+    both = [Finding("DS705", "error", 9, [5, 9], 2), Finding("DS315", "error", 77, [77])]
+    clash, alone = groups(capture(transaction(1), transaction(2), findings=both))[::-1]
+    assert [each.others for each in clash.shown] == [[(5, 1)]]
+    assert [each.others for each in alone.shown] == [[]]
+
+
+def test_only_what_the_plugin_finds_has_a_filter_for_it():
+    """A diagnosis of the whole capture stands at no frame while Wireshark shows it."""
+    found = [handmade.finding(rule, "error", "m", 1) for rule in ("DS410", "DS708", "DS799")]
+    assert {each.rule: each.plugin_filter for each in groups(capture(findings=found))} == {
+        "DS410": 'ds47.finding == "DS410"', "DS708": None, "DS799": 'ds47.finding == "DS799"',
+    }  # fmt: skip
+
+
+def test_what_the_page_says_of_a_transaction_are_its_findings():
+    """Those that belong to none stand in the list of findings only."""
+    found = [
+        handmade.finding("DS410", "error", "no", 4, 1),
+        handmade.finding("DS315", "error", "cut", 9),
+    ]
+    data = Elements(page(capture(transaction(1), findings=found))).data("data-1")
+    assert data["messages"] == {"1": [["DS410", 4, "no", "no", []]]}
+
+
+def test_a_diagnosis_links_the_frames_it_names_but_not_the_first_which_stands_beside_it():
+    args = {
+        "case": "two_stations",
+        "controller": "a",
+        "ar": None,
+        "frame": 9,
+        "other": "b",
+        "other_ar": None,
+    }
+    told = diagnosis("DS705", {**args, "first": 5}, frames=[5, 9, 13])
+    (found,) = problems(capture(transaction(1), transaction(2), diagnoses=[told]), {})
+    assert (found.frame, found.others) == (5, [(9, 2)])
+
+
+def test_a_missing_drive_object_is_told_with_those_that_answer():
+    jobs = [transaction(1, axis=2), transaction(2, axis=3), transaction(3, axis=7, state="error")]
+    told = handmade.diagnosis(
+        "DS709", "error", "drive object 7 does not exist", DRIVE, 1, [14], [3]
+    )
+    other = replace(told, rule="DS719")
+    found = {
+        each.rule: each.what.en for each in problems(capture(*jobs, diagnoses=[told, other]), {})
+    }
+    assert found["DS719"] == "drive object 7 does not exist"
+    assert found["DS709"].startswith("drive object 7 does not exist; ")
+    assert "2, 3" in found["DS709"]
 
 
 def row_of(table, pnu, subindex):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import json
 import sys
 from collections import Counter
 from dataclasses import replace
@@ -17,6 +19,7 @@ from ds47.model import (
     Finding,
     Parameter,
     ParameterError,
+    Report,
     Transaction,
 )
 from ds47.report import Options
@@ -24,7 +27,7 @@ from ds47.report.html.views import Overview, capture_view
 from ds47.report.html.views.drives import drives, span
 from ds47.report.html.views.elements import elements
 from ds47.report.latency import Latency, percentile
-from ds47.report.overview import Row, lines, table, total
+from ds47.report.overview import Row, document, lines, table, total, write
 from ds47.report.todo import answering, uncovered
 from ds47.report.verdict import Counts, blind, verdict
 
@@ -297,6 +300,13 @@ def test_the_last_value_is_the_last_that_came() -> None:
     assert [(row[12], row[14]) for row in table_of(*jobs)] == [("4", 2), ("5", 2), ("3", 1)]
 
 
+def test_a_value_without_a_scaled_one_stands_alone() -> None:
+    (one, other) = table_of(
+        job(1, parameters=[parameter(element_count=2, values=[50, 7], scaled=[0.5])])
+    )
+    assert (one[12], other[12]) == ("50 (0.5)", "7")
+
+
 def test_a_refused_record_call_stands_with_its_status() -> None:
     ways = [{"write_status": 0xDF80B500, "read_status": None}, {"read_status": 0xDE80B700}]
     for changes, word in zip(ways, ("(DF80B500)", "(DE80B700)"), strict=True):
@@ -380,7 +390,7 @@ def test_the_worst_of_a_capture_is_its_most_serious_finding() -> None:
 
 
 ROWS = [
-    Row("note", states={"ok": 1}, findings={"note": 1}, frames=1, slowest_ns=5),
+    Row("remark", states={"ok": 1}, findings={"note": 1}, frames=1, slowest_ns=5),
     Row("quiet", states={"ok": 2}, frames=10, slowest_ns=7_000_000, operations={"read": 2}),
     Row("state", states={"ok": 5, "error": 1}, frames=100, slowest_ns=7_000_000),
     Row("states", states={"error": 2}, frames=1000),
@@ -396,9 +406,10 @@ ROWS = [
 def test_the_worst_captures_stand_first() -> None:
     """Not readable, errors, warnings, cut off, not ok, notes; those in which all is well are left out."""
     assert [row.path for row in sorted(ROWS, key=Row.badness)] == [
-        "gone", "errors", "error", "warnings", "warning", "cut", "states", "state", "note", "quiet",
+        "gone", "errors", "error", "warnings", "warning", "cut", "states", "state", "remark", "quiet",
     ]  # fmt: skip
-    assert [row.path for row in ROWS if row.quiet] == ["note", "quiet"]
+    assert [row.path for row in ROWS if row.quiet] == ["remark", "quiet"]
+    assert not Row("x", states={"unanswered": 1}).quiet
 
 
 def test_the_sums_over_captures() -> None:
@@ -422,6 +433,38 @@ def test_the_sums_over_captures() -> None:
 
 def test_the_overview_as_it_is_printed() -> None:
     assert "\n".join(lines(ROWS, Options())) == PRINTED
+
+
+def test_rules_in_as_many_captures_stand_by_their_ids() -> None:
+    """And where there is no finding nothing is said of rules."""
+    told = [
+        line.split(":")[0] for line in lines([Row("x", rules={"DS417": 9, "DS410": 1})], Options())
+    ]
+    assert told[:3] == ["Findings", "  DS410", "  DS417"]
+    assert lines([Row("x")], Options())[0].startswith("All 1 capture")
+
+
+def test_a_series_of_two_files_says_so() -> None:
+    assert table([Row("x", complete=False, files=2)], "en")[-1].split("  ")[-2] == "x (2 files)"
+
+
+def test_the_overview_as_a_document_has_a_row_for_each_capture_the_worst_first() -> None:
+    text = "".join(document(ROWS))
+    found = json.loads(text)
+    assert (found["schema"], found["total"]) == ("ds47.overview/1", total(ROWS))
+    paths = [row.path for row in sorted(ROWS, key=Row.badness)]
+    assert [Row.loaded(each).path for each in found["captures"]] == paths
+    assert len(text.splitlines()) == len(ROWS) + 1
+    assert json.loads("".join(document([])))["captures"] == []
+
+
+def test_the_overview_is_written_line_by_line() -> None:
+    stream = io.StringIO()
+    write(Report([capture(job(1))]), stream)
+    assert stream.getvalue().startswith(
+        "All 1 capture: 1 in which all is well\n  9 frames, 1 transaction: 1 ok"
+    )
+    assert stream.getvalue().endswith("\n")
 
 
 PRINTED = """\

@@ -207,8 +207,8 @@ def without_index(job: Job, refused: list[Refusal], number: int) -> bytes | None
     That one alone where others were refused, or where the response ends before it says what became of them. Of
     several values it is not known which is meant.
     """
-    write, message = job.write_request, job.message
-    if write is None or message is None:
+    write, message, response = job.write_request, job.message, job.response
+    if write is None or message is None or response is None:
         return None
     if number < len(message.blocks) and message.blocks[number].value_count != 1:
         return None
@@ -218,7 +218,7 @@ def without_index(job: Job, refused: list[Refusal], number: int) -> bytes | None
     if whole is None:
         return None
     request = decode_request(whole)
-    told = len(job.response.blocks) if job.response is not None else 0
+    told = len(response.blocks)
     if told < len(message.addresses) or any(each.number != number for each in refused):
         return suggest.only(request, [number])
     # bytes behind its end belong to no request

@@ -134,14 +134,17 @@ def _row(block: Block) -> spec.Format | None:
 
 
 def _size(block: Block) -> int:
-    """Bytes per value, 0 where there is no whole number of them."""
-    count = block.value_count
-    return len(block.raw) // count if count and len(block.raw) % count == 0 else 0
+    """Bytes per value; of a block that is cut off, with which nothing can be done, fewer."""
+    return len(block.raw) // max(block.value_count, 1)
+
+
+def _kind(block: Block) -> str:
+    row = _row(block)
+    return "" if row is None else row.kind
 
 
 def _numbers(block: Block) -> list[Value]:
-    row = _row(block)
-    return block.values if row is not None and row.kind in _NUMBERS else []
+    return block.values if _kind(block) in _NUMBERS else []
 
 
 def _absurd(block: Block) -> bool:
@@ -233,8 +236,8 @@ def _little_endian(request: bytes, message: Request, addresses: bool) -> bytes:
 
 
 def _turned(block: Block) -> bytes:
-    row, size = _row(block), _size(block)
-    if row is None or row.kind not in _NUMBERS or size not in (2, 4, 8):
+    size = _size(block)
+    if _kind(block) not in _NUMBERS or size not in (2, 4, 8):
         return block.raw
     return b"".join(block.raw[i : i + size][::-1] for i in range(0, len(block.raw), size))
 
@@ -361,18 +364,21 @@ class _Change:
         fixed = _settled(data, self._options)
         if fixed is None or any(map(self._of_other_type, range(len(self._message.blocks)))):
             return None
-        longest, first = 0, None
+        digits: list[int] = []
+        first = None
         for number, block in enumerate(fixed[1].blocks):
             if block.raw == self._message.blocks[number].raw:
                 continue
-            counts = [_digits(value) for value in block.values]
-            for count in counts:
+            for value in block.values:
+                count = _digits(value)
                 if count is None:
                     return None
-                longest = max(longest, count)
-            if first is None and self._wrong(number) and not self._connector(number, longest):
+                digits.append(count)
+            if first is None and self._wrong(number) and not self._connector(number, max(digits)):
                 first = number
-        return None if first is None else _Guess(_repair("DS715", "values", *fixed, first), longest)
+        if first is None:
+            return None
+        return _Guess(_repair("DS715", "values", *fixed, first), max(digits))
 
     def other_format(self) -> _Guess | None:
         """The values that are absurd, or of a type that was refused, under another format."""
@@ -450,11 +456,11 @@ class _Change:
 
 def _other_reading(block: Block) -> Block | None:
     """The same bits as a float instead of a whole number or the reverse, if all are plausible."""
-    row = _row(block)
-    code = _OTHER.get((row.kind, _size(block))) if row is not None else None
-    found = codec(code) if code is not None else None
-    if code is None or found is None:
+    code = _OTHER.get((_kind(block), _size(block)))
+    if code is None:
         return None
+    found = codec(code)
+    assert found is not None  # these are numbers of a known size
     values = found.decode(block.raw, block.value_count)
     if any(_digits(value) is None for value in values):
         return None
@@ -463,15 +469,15 @@ def _other_reading(block: Block) -> Block | None:
 
 def _written(block: Block, values: list[Value], code: int) -> Block | None:
     """The values under a format: the same bits if they mean them there, else the same numbers."""
-    row, found = spec.formats().get(code), codec(code)
-    if row is None or found is None or row.kind not in _NUMBERS:
+    found = codec(code)
+    if found is None:
         return None
     count, raw = block.value_count, block.raw
     if len(raw) == count * found.size:
         same = found.decode(raw, count)
         if same == values:
             return Block(code, count, same, None, None, raw, block.offset, block.pad)
-    plain = row.kind in ("number", "float") and _BOOLEAN < code < _NORMALISED
+    plain = spec.formats()[code].kind in ("number", "float") and _BOOLEAN < code < _NORMALISED
     if not plain or block.format >= _NORMALISED or any(isinstance(value, str) for value in values):
         return None
     return as_format(code, values)

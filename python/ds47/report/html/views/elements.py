@@ -63,7 +63,8 @@ def elements(
             continue  # what a service of a vendor does with a parameter is not known either
         for each in item.parameters:
             if each.pnu is not None and each.attribute == "value":
-                _note(found, left_out, item, each, targets.identity(item, each.pnu))
+                about = targets.identity(item, each.pnu)
+                _note(found, left_out, item, each, (about, each.pnu, each.subindex or 0))
     labels = targets.labels(result.transactions)
     names = {key: labels.get(key[0], "") for key in found}
     order = sorted(found, key=lambda key: (key[0].device, names[key], key[1], key[2]))
@@ -76,11 +77,11 @@ def _note(
     left_out: set[Key],
     item: Transaction,
     each: Parameter,
-    about: Identity,
+    first: Key,
 ) -> None:
-    first = each.subindex or 0
+    about, pnu, subindex = first
     for number in range(_width(each)):
-        key = (about, each.pnu or 0, first + number)
+        key = (about, pnu, subindex + number)
         element = found.get(key)
         if element is None:
             if len(found) >= MOST:
