@@ -404,12 +404,27 @@ def test_the_words_that_fill_a_diagnosis_are_of_its_language():
         assert getattr(messages.message(part), lang) == told
 
 
-def test_a_problem_names_a_few_places_and_counts_the_others():
-    items = [transaction(n, state="error", parameters=[failed(pnu=n)]) for n in range(1, 8)]
-    findings = [finding("DS410", "error", 1, n, code=0x6B, pnu=n) for n in range(1, 8)]
+@pytest.mark.parametrize(
+    ("number", "told"),
+    [
+        (1, "p1 DO 2"),
+        (4, "p1 DO 2, p2 DO 2, p3 DO 2, p4 DO 2"),
+        (5, "p1 DO 2, p2 DO 2, p3 DO 2, p4 DO 2, and 1 more"),
+        (7, "p1 DO 2, p2 DO 2, p3 DO 2, p4 DO 2, and 3 more"),
+    ],
+)
+def test_a_problem_names_four_places_and_counts_the_others(number, told):
+    count = range(1, number + 1)
+    items = [transaction(n, state="error", parameters=[failed(pnu=n)]) for n in count]
+    findings = [finding("DS410", "error", 1, n, code=0x6B, pnu=n) for n in count]
     (found,) = problems(capture(*items, findings=findings), {})
     assert found.where is not None
-    assert found.where.en.endswith("and 3 more")
+    assert found.where.en == told
+
+
+def test_a_problem_of_the_whole_capture_has_no_place():
+    (found,) = problems(capture(diagnoses=[handmade.diagnosis("DS725", "warning", "m")]), {})
+    assert found.where is None
 
 
 def test_findings_that_differ_are_told_by_an_example_with_the_places_they_name():
@@ -764,6 +779,21 @@ def test_times_count_from_the_first_frame_of_the_capture():
     data = packed_rows(result, {}, 100)
     assert data["rows"][0][ROW.index("start")] == 2_500_000
     assert data["start_ms"] == result.start_ns / 1e6
+
+
+def test_times_of_a_result_without_that_frame_count_from_the_first_transaction():
+    items = [transaction(2, id=1), transaction(1, id=2)]
+    data = packed_rows(capture(*items), {}, 100)
+    assert [row[ROW.index("start")] for row in data["rows"]] == [1_000_000, 0]
+    assert data["start_ms"] == items[1].start_ns / 1e6
+    assert packed_rows(capture(), {}, 100)["start_ms"] == 0
+
+
+def test_the_page_knows_the_size_of_a_value_where_there_is_one():
+    """A TimeDifference has four bytes or six, a UnicodeString any number of them."""
+    sizes = packed_rows(capture(), {}, 100)["sizes"]
+    assert (sizes["Unsigned8"], sizes["Float64"], sizes["Date"]) == (1, 8, 7)
+    assert not {"TimeDifference", "UnicodeString", "Zero"} & sizes.keys()
 
 
 def test_a_long_message_is_cut_and_the_page_knows():

@@ -68,9 +68,7 @@ def _sizes() -> dict[str, int]:
 
 
 def _chosen(items: list[Transaction], most: int) -> list[Transaction]:
-    """All, or those that are not ok and then the first ones, in their order."""
-    if len(items) <= most:
-        return items
+    """Those that are not ok and then the first ones, as many as there is room for, in their order."""
     ranked = sorted(items, key=lambda each: (each.state == "ok" and not each.findings, each.id))
     return sorted(ranked[:most], key=lambda each: each.id)
 
