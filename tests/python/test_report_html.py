@@ -767,10 +767,21 @@ def test_rows_are_short_and_their_tables_hold_what_repeats():
     assert one["request"] == "030102011001c47f0000"
     assert one["parameters"] == [[0, [10.0], 1]]
     assert data["addresses"][0][:3] == ["p50303[0]", 50303, 0]
-    place, _values, _count, _scaled, error = two["parameters"][0]
-    assert place == 0
+    place, _values, _count, scaled, error = two["parameters"][0]
+    assert (place, scaled) == (0, 0)
     assert data["errors"][error][1] == "No change access while the controller is enabled"
     assert data["rules"] == [["DS410", "drive-error"]]
+
+
+def test_a_row_has_the_frames_of_polls_and_further_reads():
+    """0 where there are none, which is shorter."""
+    frames = Frames(1, 2, 7, 8, polls=[(3, 4), (5, 6)], rereads=[(9, 10)])
+    items = [transaction(1, frames=frames), transaction(2)]
+    rows = packed_rows(capture(*items), {}, 100)["rows"]
+    polls, rereads = ROW.index("polls"), ROW.index("rereads")
+    assert [(row[polls], row[rereads]) for row in rows] == [
+        ([(3, 4), (5, 6)], [(9, 10)]), (0, 0),
+    ]  # fmt: skip
 
 
 def test_times_count_from_the_first_frame_of_the_capture():
@@ -799,6 +810,18 @@ def test_the_page_knows_the_size_of_a_value_where_there_is_one():
 def test_a_long_message_is_cut_and_the_page_knows():
     data = packed_rows(capture(transaction(request=bytes(5000))), {}, 100)
     assert data["rows"][0][ROW.index("request")] == "00" * 2048 + "+2952"
+    data = packed_rows(capture(transaction(request=bytes(2048))), {}, 100)
+    assert data["rows"][0][ROW.index("request")] == "00" * 2048
+
+
+def test_scaled_values_stand_behind_the_others():
+    items = [
+        transaction(1, parameters=[parameter(scaled=[0.5]), failed(scaled=[0.5])]),
+    ]
+    data = packed_rows(capture(*items), {}, 100)
+    assert data["rows"][0][ROW.index("parameters")] == [
+        [0, [10.0], 1, ["0.5"]], [0, [10.0], 1, ["0.5"], 0],
+    ]  # fmt: skip
 
 
 def test_where_not_all_jobs_fit_those_that_went_wrong_stay(monkeypatch):
