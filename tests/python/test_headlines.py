@@ -134,6 +134,36 @@ def test_the_words_of_a_key_are_those_of_many():
     )
 
 
+def test_the_first_frames_and_transactions_of_a_cause_are_kept():
+    """A frame that comes twice counts once, and a late one that stands before others has its place."""
+    most = known().frames
+    numbers = [*range(2, most + 3), most + 2, 1, 1, 7]
+    (told,) = grouped(*(refused(n) for n in numbers))
+    assert told.frames == list(range(1, most + 1))
+    assert told.transactions == list(range(2, most + 2))
+    assert (told.count, told.frames_left_out) == (len(numbers), 2)
+
+
+def test_causes_that_are_alike_stand_by_their_devices():
+    groups = Grouping()
+    for device in ("10.0.0.2", None, "10.0.0.1"):
+        groups.add(cause("DS717", device, {}), refused(5))
+    assert [each.device for each in groups.result()] == [None, "10.0.0.1", "10.0.0.2"]
+
+
+@pytest.mark.parametrize(("number", "expected"), [(1, b"x"), (8, b"x"), (9, None)])
+def test_the_first_corrected_request_that_holds_is_offered_of_eight(number, expected):
+    groups, item = Grouping(), refused(5)
+    for at in range(1, 10):
+        groups.add(
+            cause(item.rule, DRIVE, item.args),
+            refused(at),
+            lambda at=at: b"x" if at == number else None,
+        )
+    (told,) = groups.result()
+    assert (told.corrected, told.corrected_in) == (expected, number if expected else None)
+
+
 def test_the_job_that_is_named_is_that_of_the_first_frame():
     (told,) = grouped(refused(5, job=8), refused(9, job=2))
     assert told.transactions == [8, 2]

@@ -6,7 +6,7 @@ arguments a headline keeps those that are the same in all of its cases; it is wo
 
 from __future__ import annotations
 
-from bisect import insort
+from bisect import bisect_left, insort
 from collections.abc import Iterable
 from typing import Any, Final, NamedTuple
 
@@ -134,17 +134,11 @@ def _same(one: Any, other: Any) -> bool:
 
 def _keep(numbers: list[int], number: int) -> bool:
     """Keeps a frame in a sorted list, each once; False where it has no room."""
-    if number in numbers[-1:]:
+    at = bisect_left(numbers, number)
+    if at < len(numbers) and numbers[at] == number:
         return True
-    if numbers and number < numbers[-1]:
-        if number in numbers:
-            return True
-        insort(numbers, number)
-        if len(numbers) <= known().frames:
-            return True
-        numbers.pop()
-        return False
-    if len(numbers) >= known().frames:
-        return False
-    numbers.append(number)
-    return True
+    numbers.insert(at, number)
+    if len(numbers) <= known().frames:
+        return True
+    numbers.pop()
+    return False
