@@ -260,6 +260,11 @@ def test_the_forms_of_a_corrected_request() -> None:
     assert shown.encode == "ds47 encode 'read ref 3 axis 2 p50303[0]'"
 
 
+def test_an_array_of_no_byte_has_one() -> None:
+    """TIA Portal knows no array that ends before it begins; LEN says how much of it counts."""
+    assert suggest.scl(b"") == "// #request : Array[0..0] of Byte\n#length := 0;"
+
+
 def test_an_odd_last_byte_is_a_byte() -> None:
     assert suggest.plc_words(b"\x03\x01\x02") == ["16#0301", "16#02"]
 
