@@ -374,11 +374,15 @@ class _Change:
                 if count is None:
                     return None
                 digits.append(count)
-            if first is None and self._wrong(number) and not self._connector(number, max(digits)):
+            if (
+                first is None
+                and self._wrong(number)
+                and not self._connector(number, max(digits, default=0))
+            ):
                 first = number
         if first is None:
             return None
-        return _Guess(_repair("DS715", "values", *fixed, first), max(digits))
+        return _Guess(_repair("DS715", "values", *fixed, first), max(digits, default=0))
 
     def other_format(self) -> _Guess | None:
         """The values that are absurd, or of a type that was refused, under another format."""

@@ -118,7 +118,7 @@ def capture_view(result: CaptureResult, number: int, most_rows: int) -> CaptureV
     data["totals"] = {"transactions": counts.jobs, "states": counts.states}
     data["kinds"] = KINDS
     remarks = quality(result)
-    worst = max(LEVELS.index(each.level) for each in remarks)
+    worst = max((LEVELS.index(each.level) for each in remarks), default=0)
     wrong = problems(result, vendors, targets)
     told = first_screen(wrong)
     durations = sorted(
