@@ -79,8 +79,10 @@ function M.drive_time_ns(job)
   if first == nil then
     return nil
   end
-  local since = max(first.time_ns, accepted.time_ns)
-  return read.time_ns - since + (accepted.time_ns - write.time_ns) -- the parts are exact, whatever the pause
+  if first.time_ns > accepted.time_ns then -- the parts are exact, whatever the pause
+    return read.time_ns - first.time_ns + (accepted.time_ns - write.time_ns)
+  end
+  return read.time_ns - write.time_ns
 end
 
 -- What is wrong inside a message; what the capture cut off is no fault of it.

@@ -128,6 +128,8 @@ class Cluster(Window[Any]):
                     raise problem
             self._again(begun)
             return None
+        except self._distributed.comm.CommClosedError as problem:  # it went while this result came
+            raise Lost(f"the Dask scheduler at {self._address} is gone") from problem
         except ImportError as problem:
             raise Failed(f"a Dask worker has no ds47 {__version__}: {_line(problem)}") from problem
         finally:
