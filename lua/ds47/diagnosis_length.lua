@@ -45,7 +45,8 @@ local function need_of(message, have, more)
     count = 1
   end
   local blocks = message.blocks
-  local last, left = blocks[#blocks], message.operation == "change" and count - #blocks or 0
+  local row = tables.request_ids[message.request_id]
+  local last, left = blocks[#blocks], row and row.body == "blocks" and count - #blocks or 0
   local finish = have + more - (last and is_cut(last) and 0 or BLOCK_HEADER)
   finish = max(finish, HEADER + ADDRESS * count)
   return left == 0 and finish or finish + finish % 2 + BLOCK * left

@@ -58,6 +58,11 @@ def facts(asked: bytes) -> tuple[int, int, int | None]:
         (message.change(1, 1, (FIXED, TEN)), 15, 16),
         (message.change(1, 1, (FIXED, TEN), (OTHER, TEN)), 15, 24),
         (message.change(1, 1, (FIXED, TEN), (OTHER, TEN)), 17, 24),
+        (
+            b"\1\x52" + message.change(1, 1, (FIXED, TEN), (OTHER, TEN))[2:],
+            10,
+            24,
+        ),  # a maker's change
         (message.change(1, 1, (FIXED, TEN), (OTHER, TEN)), 18, 26),
         (message.change(1, 1, (FIXED, TEN), (OTHER, TEN)), 21, 26),
         (message.change(1, 1, (FIXED, TEN), (OTHER, TEN)), 22, 26),

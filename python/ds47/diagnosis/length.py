@@ -12,6 +12,7 @@ from ds47.pairing import STATUS_NOT_READY, Job
 from ds47.profidrive import Address, Request, decode_request
 from ds47.profidrive.model import VALUE, Block
 from ds47.rules import Remark, is_mismatch
+from ds47.spec import request_ids
 from ds47.spec.semantics import known
 
 HEADER: Final = 4
@@ -71,7 +72,8 @@ def _need(message: Request, have: int, more: int) -> int:
     count, blocks = message.parameter_count or 1, message.blocks
     end = have + more - (0 if blocks and _is_cut(blocks[-1]) else BLOCK_HEADER)
     end = max(end, HEADER + ADDRESS * count)
-    left = count - len(blocks) if message.operation == "change" else 0
+    row = request_ids().get(message.request_id or 0)
+    left = count - len(blocks) if row is not None and row.body == "blocks" else 0
     return end + (end % 2 + BLOCK * left if left else 0)
 
 
