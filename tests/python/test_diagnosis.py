@@ -182,6 +182,14 @@ def test_a_parameter_that_was_refused_for_something_else_is_left_out() -> None:
     assert offered(told[0]) == change((FIXED, TEN))
 
 
+def test_a_parameter_that_has_no_response_is_left_out() -> None:
+    """Nobody knows whether its value was taken as it was sent."""
+    talk = Talk()
+    talk.read(FIXED)
+    told = talk.refused(change((FIXED, BITS), (message.address(304), TEN)), FORMAT)
+    assert offered(told[0]) == change((FIXED, TEN))
+
+
 def test_what_would_be_offered_was_refused_before_or_is_later() -> None:
     talk = Talk()
     talk.read(FIXED)

@@ -179,7 +179,9 @@ class Diagnoses:
             each.number: each.bits != "number_other" and self._is_proven(job, request, each.number)
             for each in found.each
         }
+        told = len(job.response.blocks) if job.response is not None else 0
         whole = all(sure.values()) and sure.keys() >= errors.keys()
+        whole = whole and told >= len(request.addresses)  # of what is not answered nothing is known
         for each in meant:
             args = {**each.args, "better_code": each.args["code"], "bits": each.bits}
             args["code"] = errors.get(each.number)
