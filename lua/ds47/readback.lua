@@ -279,8 +279,10 @@ function ReadBack:_last(key, pnu, access, asked)
     return not objects:other(access, each.access, pnu)
   end)
   for _, each in ipairs(near) do
-    if each.certain and each.upto < asked and objects:same(access, each.access, pnu) then
-      last = each -- they stand in the order in which they were asked for
+    if each.certain and each.upto < asked and objects:same(access, each.access, pnu)
+      and (last == nil or each.asked > last.asked)
+    then
+      last = each
     end
   end
   for _, each in ipairs(last and near or NONE) do

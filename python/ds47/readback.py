@@ -206,7 +206,7 @@ class ReadBack:
         ]
         if not sure:
             return None
-        last = sure[-1]  # they stand in the order in which they were asked for
+        last = max(sure, key=lambda each: each.asked)
         for each in near:
             if each.raw != last.raw and each.until >= last.asked:
                 return None  # may have come later
