@@ -974,7 +974,10 @@ def _read_back(case: Case) -> Iterator[str]:
     elif len(values) > 1:
         yield f"written last may be {sorted(each.hex() for each in values if each)}"
     else:
-        yield from _written(case, sure[-1].bits or b"", bits, sure[-1].start)
+        told = [
+            each for each in sure if each.start == case.args.get("by")
+        ]  # the value is that of all
+        yield from _written(case, sure[-1].bits or b"", bits, (told or sure)[-1].start)
 
 
 def _written(case: Case, written: bytes, bits: bytes, frame: int) -> Iterator[str]:
