@@ -18,7 +18,8 @@ local DO_IDENTIFICATION = drive_objects.DO_IDENTIFICATION
 local VALUE = 0x10 -- attribute (docs/protocol.md A.4)
 local NEVER = huge -- a frame behind the end of every capture
 local KEPT = 8 -- writes that may be the last one of a parameter; of more of them nothing is known
-local DOUBTFUL = {DS309 = true, DS313 = true, DS315 = true} -- of a message not decoded to its end
+local CUT = "DS315"
+local DOUBTFUL = {DS309 = true, DS313 = true, [CUT] = true} -- of a message not decoded to its end
 local OF_CHANGES = {[0x02] = true, [0x82] = true, [0x42] = true, [0xC2] = true} -- response IDs of changes
 local NEGATIVE = 0x80 -- the first response id that is negative
 local NONE = {}
@@ -129,10 +130,10 @@ local function note(self, told, access, place, address, block, frame)
   self.pnus[address.pnu] = true
 end
 
--- Whether a message is not decoded to its end.
-local function is_broken(message)
+-- Whether a message is not decoded to its end, for another reason than `but`.
+local function is_broken(message, but)
   for _, flaw in ipairs(message.flaws) do
-    if DOUBTFUL[flaw.rule] then
+    if DOUBTFUL[flaw.rule] and flaw.rule ~= but then
       return true
     end
   end
@@ -175,25 +176,26 @@ local function last_frame(job)
   return (job.write_response or job:write_request()).frame
 end
 
--- Whether the response does not say for sure what became of the change.
+-- Whether the response does not say for sure what became of the parameters that it has blocks of.
 local function is_doubtful(job, response)
   local half = job.read_response
-  return is_broken(response) or half.missing ~= 0 or half.status ~= nil and half.status ~= 0
+  return is_broken(response, CUT) or half.missing ~= 0 or half.status ~= nil and half.status ~= 0
 end
 
--- Which parameters, from 1, did not take effect (nil: all), and whether the rest surely did.
+-- Which parameters, from 1, did not take effect (nil: all), and of how many, from the first, this is sure.
 -- A request may name a parameter twice.
 local function outcome(job, stray)
   local failed, message, response = {}, job.message, job.response
   if job:write_refused() then
-    return nil, false
+    return nil, 0
   elseif response == nil or response.response_id == nil or stray or is_doubtful(job, response) then
-    return failed, false
+    return failed, 0
   end
   for number, block in ipairs(response.blocks) do
     failed[number] = block.error ~= nil
   end
-  return failed, response.response_id < NEGATIVE or #response.blocks == #message.addresses
+  local whole = response.response_id < NEGATIVE and not is_broken(response)
+  return failed, whole and #message.addresses or #response.blocks
 end
 
 local function kept(there, keep)
@@ -256,7 +258,7 @@ function ReadBack:settled(job, stray)
     each.write.upto = frame
     if failed == nil or failed[each.number] then
       drop(self, each.key, each.write)
-    elseif sure then
+    elseif each.number <= sure then
       in_force(self, each.key, each.write)
     end
   end

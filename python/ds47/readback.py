@@ -143,7 +143,7 @@ class ReadBack:
             written.until = frame
             if refused is None or written.number in refused:
                 self._drop(key, written)
-            elif sure:
+            elif written.number < sure:
                 self._in_force(key, written)
 
     def _in_force(self, key: Element, written: Written) -> None:
@@ -244,30 +244,34 @@ def _end(job: Job) -> int:
     return NEVER if job.superseded_by is None else job.superseded_by
 
 
-def _outcome(job: Job, stray: bool) -> tuple[set[int] | None, bool]:
-    """Which parameters, from 0, did not take effect (None: all), and whether the rest surely did."""
+def _outcome(job: Job, stray: bool) -> tuple[set[int] | None, int]:
+    """Which parameters, from 0, did not take effect (None: all), and of how many, from the first, this is sure."""
     message, response = job.message, job.response
     assert message is not None
     if job.write_refused:
-        return None, False
+        return None, 0
     if response is None or response.response_id is None or stray or _is_doubtful(job, response):
-        return set(), False
+        return set(), 0
     blocks = response.blocks
     failed = {number for number, block in enumerate(blocks) if block.error is not None}
-    positive = response.response_id < _NEGATIVE
-    return failed, positive or len(blocks) == len(message.addresses)
+    whole = response.response_id < _NEGATIVE and not _has(response, "DS315")
+    return failed, len(message.addresses) if whole else len(blocks)
 
 
 def _is_doubtful(job: Job, response: Response) -> bool:
-    """Whether the response does not say for sure what became of the change."""
+    """Whether the response does not say for sure what became of the parameters that it has blocks of."""
     half = job.read_response
     assert half is not None
-    return _is_broken(response) or bool(half.missing or half.status)
+    return _has(response, "DS309", "DS313") or bool(half.missing or half.status)
 
 
 def _is_broken(message: Request | Response) -> bool:
     """Whether a message is not decoded to its end."""
-    return any(flaw.rule in ("DS309", "DS313", "DS315") for flaw in message.flaws)
+    return _has(message, "DS309", "DS313", "DS315")
+
+
+def _has(message: Request | Response, *rules: str) -> bool:
+    return any(flaw.rule in rules for flaw in message.flaws)
 
 
 def elements(address: Address, block: Block) -> Iterator[tuple[int, bytes, Value]]:

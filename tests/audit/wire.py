@@ -415,19 +415,27 @@ def _records(call: Call) -> Iterator[Record]:
 
 
 def _unasked(pdu: Pdu) -> Iterator[Record]:
-    """The record of a response whose request the capture does not have: its own header says where it belongs."""
-    block = pdu.body[20 : 20 + BLOCK]
-    known = pdu.operation in (READ, WRITE, IMPLICIT) and pdu.kind == RESPONSE
-    if not known or len(block) < BLOCK or pdu.body[54:56] == b"\xe0\x40":
+    """The records of a response whose request the capture does not have: their own headers say where they belong."""
+    if pdu.operation not in (READ, WRITE, IMPLICIT) or pdu.kind != RESPONSE:
         return
-    ar = UUID(bytes=block[8:24])
-    api, slot, subslot, _, index, stated = struct.unpack_from(">IHHHHI", block, 24)
-    (status,) = struct.unpack_from(pdu.order + "I", pdu.body)
-    write = pdu.operation == WRITE
-    yield Record(
-        write, pdu.operation == IMPLICIT, pdu.target, pdu.source, ar, api, slot, subslot, index,
-        Call(pdu, pdu), 0, pdu.frame, b"" if write else pdu.body[84 : 84 + stated], stated, 0, status,
-    )  # fmt: skip
+    blocks, write = pdu.body[20:], pdu.operation == WRITE
+    many = write and _is_multiple(blocks)
+    heads = (
+        [blocks[at : at + BLOCK] for at in range(BLOCK, len(blocks), BLOCK)] if many else [blocks]
+    )
+    for block in heads:
+        if len(block) < BLOCK:
+            continue
+        ar = UUID(bytes=block[8:24])
+        api, slot, subslot, _, index, stated = struct.unpack_from(">IHHHHI", block, 24)
+        (status,) = struct.unpack_from(pdu.order + "I", pdu.body)
+        if many:
+            status = struct.unpack_from(">I", block, 44)[0] or status
+        yield Record(
+            write, pdu.operation == IMPLICIT, pdu.target, pdu.source, ar, api, slot, subslot, index,
+            Call(pdu, pdu), 0, pdu.frame, b"" if write else block[BLOCK : BLOCK + stated], stated, 0,
+            status,
+        )  # fmt: skip
 
 
 def _is_multiple(blocks: bytes) -> bool:

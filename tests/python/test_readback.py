@@ -341,6 +341,16 @@ def test_a_negative_response_says_nothing_of_a_block_that_it_lacks(court: Court)
     assert court.back(where=SPEED) == []
 
 
+def test_a_response_that_is_cut_tells_of_the_blocks_that_it_has(court: Court) -> None:
+    three = message.change(1, 1, (RAMP, TEN), (SPEED, TEN), (message.address(1122), TEN))
+    whole = message.answer(1, 0x82, 1, message.error(2), message.done(), message.done())
+    court.hear(three, whole[:-2])
+    assert court.back(where=RAMP) == []
+    (found,) = court.back(where=SPEED)
+    assert found.args["by"] == 1
+    assert court.back(where=message.address(1122)) == []
+
+
 @pytest.mark.parametrize(
     "made",
     [
