@@ -28,16 +28,17 @@ from typing import Any
 
 BYTES = {"scan": "capture/scan"}
 RECORD_PATH = (
-    "model", "findings", "gate", "naming", "pairing", "recordcalls", "rules", "transactions",
-    "analysis", "capture/frame", "capture/pcap", "capture/pcapng", "profinet/rpc", "profinet/link",
-    "profinet/ip", "profinet/calls", "profinet/records", "profidrive/model",
-    "profidrive/parameter", "profidrive/formats", "report/json",
-    "diagnosis/__init__", "diagnosis/capture", "diagnosis/grouping", "diagnosis/length",
-    "diagnosis/order", "diagnosis/refusal", "diagnosis/repair", "diagnosis/repetition",
+    "model", "analysis", "capture/frame", "capture/pcap", "capture/pcapng", "profinet/rpc",
+    "profinet/link", "profinet/ip", "profinet/calls", "profinet/records", "profinet/stations",
+    "profidrive/model", "profidrive/parameter", "profidrive/formats", "report/json",
+    "acyclic/index47", "acyclic/record_calls", "acyclic/pairing", "acyclic/transactions",
+    "acyclic/judge", "findings/remark", "findings/collection", "findings/grouping",
+    "diagnosis/__init__", "diagnosis/capture", "diagnosis/length", "diagnosis/order",
+    "diagnosis/refusal", "diagnosis/repair", "diagnosis/repetition",
 )  # fmt: skip
 READ = (
     "*.py", "capture/*.p*", "profinet/*.p*", "profidrive/*.py", "spec/*.py", "report/__init__.py",
-    "report/json.py", "diagnosis/*.py",
+    "report/json.py", "acyclic/*.py", "findings/*.py", "diagnosis/*.py",
 )  # fmt: skip
 """What the compilers read."""
 DIRECTIVES = {

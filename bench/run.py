@@ -176,7 +176,7 @@ def installed(kind: str) -> Path:
 
 def is_compiled(package: Path) -> bool:
     """Whether both compilers did their work."""
-    code = "import ds47.capture.scan as s, ds47.pairing as p; print(s.COMPILED, p.__file__[-3:])"
+    code = "import ds47.capture.scan as s, ds47.acyclic.pairing as p; print(s.COMPILED, p.__file__[-3:])"
     environment = os.environ | {"PYTHONPATH": str(package)}
     said = subprocess.run(
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True

@@ -29,7 +29,7 @@ ROOT = Path(__file__).resolve().parent.parent
 LEFT_OUT = shutil.ignore_patterns(
     ".git", ".venv", "build", "dist", "data", "__pycache__", ".*_cache", ".hypothesis", "images"
 )
-RULES = ("test_rules", "test_readback", "test_findings", "test_conversations", "test_real_stacks")
+RULES = ("test_judge", "test_readback", "test_findings", "test_conversations", "test_real_stacks")
 DIAGNOSES = (
     "test_conversations",
     "test_repair",
@@ -47,14 +47,14 @@ REPORT = (
 )
 LUA = ("test_lua_conversations", "test_lua_analysis")
 TESTS: dict[str, tuple[str, ...]] = {
-    "python/ds47/rules.py": RULES,
-    "python/ds47/readback.py": RULES,
-    "python/ds47/drive_objects.py": ("test_drive_objects", *RULES),
-    "python/ds47/findings.py": RULES,
-    "python/ds47/transactions.py": ("test_transactions", *RULES),
+    "python/ds47/acyclic/judge.py": RULES,
+    "python/ds47/acyclic/readback.py": RULES,
+    "python/ds47/profidrive/drive_objects.py": ("test_drive_objects", *RULES),
+    "python/ds47/findings/collection.py": RULES,
+    "python/ds47/acyclic/transactions.py": ("test_transactions", *RULES),
     "python/ds47/diagnosis/__init__.py": ("test_diagnosis", *DIAGNOSES),
     "python/ds47/diagnosis/capture.py": ("test_diagnosis_capture", *DIAGNOSES),
-    "python/ds47/diagnosis/grouping.py": ("test_headlines", *DIAGNOSES, "test_report_opening"),
+    "python/ds47/findings/grouping.py": ("test_headlines", *DIAGNOSES, "test_report_opening"),
     "python/ds47/diagnosis/length.py": ("test_length", *DIAGNOSES),
     "python/ds47/diagnosis/order.py": ("test_order", *DIAGNOSES),
     "python/ds47/diagnosis/refusal.py": ("test_refusal", *DIAGNOSES),

@@ -12,24 +12,25 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
+from ds47.acyclic.index47 import Index47
+from ds47.acyclic.judge import Judge
+from ds47.acyclic.pairing import Job, Pairing, Peer
+from ds47.acyclic.record_calls import RecordCalls
+from ds47.acyclic.transactions import build, summarise
 from ds47.capture import Capture, Frame, Series, open_capture, sha256
 from ds47.diagnosis import Diagnoses
-from ds47.findings import Findings
-from ds47.gate import Gate
+from ds47.findings.collection import Findings
+from ds47.findings.remark import Exchange, Remark
 from ds47.model import CaptureResult, Finding, Transaction
-from ds47.naming import Naming
-from ds47.pairing import Job, Pairing, Peer
 from ds47.profidrive import Options, decode_response
 from ds47.profinet import rpc
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.ip import Reassembler
 from ds47.profinet.link import Packet, PacketSource
 from ds47.profinet.records import Record
+from ds47.profinet.stations import Stations
 from ds47.profinet.status import status_hex
-from ds47.recordcalls import RecordCalls
-from ds47.rules import Judge, Remark
 from ds47.spec.semantics import limits
-from ds47.transactions import build, summarise
 
 _RECORD_CALLS = (rpc.READ, rpc.WRITE, rpc.READ_IMPLICIT)
 
@@ -135,9 +136,11 @@ class Analysis:
             bounds, self._answered, self._closed, self._nothing_to_read, self._refused,
             self._asked, self._judge.connected,
         )  # fmt: skip
-        gate = Gate(options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars)
+        index47 = Index47(
+            options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars
+        )
         self._records = RecordCalls(
-            gate, self._pairing, options.codec, self._remark, self._diagnoses.foreign, bounds
+            index47, self._pairing, options.codec, self._remark, self._diagnoses.foreign, bounds
         )
         self._calls = CallTracker(bounds, self._records.handlers())
         self._fragments = rpc.Fragments(
@@ -148,9 +151,9 @@ class Analysis:
             bounds.fragment_expiry_ns, bounds.ip_datagrams, bounds.ip_fragments,
             bounds.fragment_bytes,
         )  # fmt: skip
-        self._naming = Naming(bounds.stations)
+        self._stations = Stations(bounds.stations)
         self._answers: dict[Job, list[Remark]] = {}
-        self._transport: dict[Job, list[Remark]] = {}
+        self._transport: dict[Exchange, list[Remark]] = {}
         self._transactions: dict[int, Transaction] = {}
         """By the order of their jobs; the jobs themselves need not be kept."""
         self._summary: dict[str, int] = {"transactions": 0}
@@ -181,7 +184,7 @@ class Analysis:
             files=capture.files if isinstance(capture, Series) else [],
             rpc=self._calls.counts,
             records={str(index): counts[index] for index in sorted(counts)},
-            devices=self._naming.devices(),
+            devices=self._stations.devices(),
             transactions=self._numbered(),
             findings=self._findings.result(self._transactions),
             diagnoses=self._findings.diagnoses(),
@@ -214,7 +217,7 @@ class Analysis:
 
     def _packet(self, packet: Packet) -> None:
         if packet.kind != "udp":
-            self._naming.station(packet)
+            self._stations.station(packet)
             return
         pdu = rpc.parse(packet)
         if pdu is not None:
@@ -229,7 +232,7 @@ class Analysis:
             return
         whole = self._joined(pdu) if pdu.fragmented else pdu
         if whole is not None:
-            self._naming.message(whole)
+            self._stations.message(whole)
             self._calls.feed(whole)
 
     def _joined(self, pdu: rpc.Pdu) -> rpc.Pdu | None:

@@ -1,6 +1,6 @@
 """A plugin of pytest: writes down what tests tell `Judge` and `DriveObjects`, and what these say.
 
-    DS47_HEARD=FILE python -m pytest -p heard test_rules.py        one JSON object a line goes to FILE
+    DS47_HEARD=FILE python -m pytest -p heard test_judge.py        one JSON object a line goes to FILE
 
 What is written is what `tests/lua/judge.lua` takes. Of calls within calls only the outermost is there.
 """
@@ -13,13 +13,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import ds47.drive_objects
-import ds47.rules
-from ds47.drive_objects import DriveObjects
+import ds47.acyclic.judge
+import ds47.profidrive.drive_objects
+from ds47.acyclic.judge import Judge
+from ds47.acyclic.pairing import Job
+from ds47.findings.remark import Remark
 from ds47.model import Transaction
-from ds47.pairing import Job
+from ds47.profidrive.drive_objects import DriveObjects
 from ds47.profinet.records import Half
-from ds47.rules import Judge, Remark
 from ds47.spec.semantics import Limits
 
 _PLAIN = ("phase", "write_fault", "previous_reference", "previous", "superseded_by", "reason", "accepted",
@@ -146,7 +147,7 @@ def pytest_configure() -> None:
     for name in ("number", "exists", "same", "other"):
         _listen(DriveObjects, name, said=True)
     for name in ("family_fits", "is_mismatch", "drive_time_ns"):
-        _listen(ds47.rules, name, said=True)
+        _listen(ds47.acyclic.judge, name, said=True)
 
 
 def pytest_unconfigure() -> None:

@@ -9,10 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import count
 
+from ds47.acyclic.pairing import Job, Peer
 from ds47.lab.client import Client
 from ds47.lab.ether import Host
 from ds47.lab.stage import Stage
-from ds47.pairing import Job, Peer
 from ds47.profidrive import decode_request, decode_response
 from ds47.profinet import rpc
 from ds47.profinet.link import Packet

@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-COMPILED = "import ds47.capture.scan as s, ds47.pairing as p; print(s.COMPILED, p.__file__)"
+COMPILED = "import ds47.capture.scan as s, ds47.acyclic.pairing as p; print(s.COMPILED, p.__file__)"
 
 
 def hook(repository: Path) -> Any:

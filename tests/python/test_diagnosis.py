@@ -13,10 +13,10 @@ from talk import job
 
 from ds47 import diagnosis
 from ds47.diagnosis import Diagnoses, is_unlikely
+from ds47.findings.remark import Remark
 from ds47.lab import message
 from ds47.profidrive import Options
 from ds47.profidrive.model import Block
-from ds47.rules import Remark
 from ds47.spec.semantics import known
 
 FIXED, SPEED, OTHER = message.address(2900), message.address(21), message.address(2901)
@@ -561,7 +561,7 @@ def test_the_order_of_frames_comes_before_the_cause() -> None:
 def test_the_oldest_format_is_forgotten_first(monkeypatch: pytest.MonkeyPatch) -> None:
     facts = known().but(history=2)
     monkeypatch.setattr(diagnosis, "known", lambda: facts)
-    monkeypatch.setattr("ds47.drive_objects.known", lambda: facts)
+    monkeypatch.setattr("ds47.profidrive.drive_objects.known", lambda: facts)
     talk = Talk()
     for where in (FIXED, OTHER, SPEED):
         talk.read(where)

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from talk import job
 
+from ds47.acyclic.pairing import STATUS_NOT_READY, Job, Peer
 from ds47.diagnosis import capture
 from ds47.diagnosis.capture import WholeCapture
 from ds47.lab import message
-from ds47.pairing import STATUS_NOT_READY, Job, Peer
 from ds47.profinet.records import Half, Record
 from ds47.spec.semantics import known
 

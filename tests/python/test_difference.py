@@ -13,8 +13,8 @@ import pytest
 from ds47.analysis import analyze
 from ds47.regression import baseline
 from ds47.regression.difference import difference, mann_whitney
+from ds47.regression.difference_report import lines, place_text, write
 from ds47.regression.shape import flaw
-from ds47.report.difference import lines, place_text, write
 
 LOCAL = 0xB02E
 

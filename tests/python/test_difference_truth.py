@@ -19,7 +19,7 @@ import pytest
 
 from ds47.analysis import analyze
 from ds47.regression.difference import difference
-from ds47.report.difference import lines
+from ds47.regression.difference_report import lines
 from ds47.report.json import capture as as_json
 
 Json = dict[str, Any]

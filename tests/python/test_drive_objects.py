@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 from talk import job
 
-from ds47.drive_objects import LOCAL, Access, DriveObjects, access
+from ds47.acyclic.transactions import build
 from ds47.lab import message
 from ds47.model import Transaction
+from ds47.profidrive.drive_objects import LOCAL, Access, DriveObjects, access
 from ds47.spec.semantics import known
-from ds47.transactions import build
 
 AXIS_ERROR = 0x19
 RAMP, GLOBAL = 1120, 61000

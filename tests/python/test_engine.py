@@ -29,10 +29,10 @@ from ds47.report import json as report
 from ds47.report import load
 from ds47.report.sentences import sentence
 from ds47.spec.semantics import limits, reasons
-from ds47.wireshark import engine, shark
+from ds47.wireshark import engine, tshark
 from ds47.wireshark.engine import Engine
 from ds47.wireshark.fields import Fields
-from ds47.wireshark.shark import Answer, NotReadyError
+from ds47.wireshark.tshark import Answer, NotReadyError
 
 ROOT = Path(__file__).resolve().parents[2]
 CAPTURES = ROOT / "captures"
@@ -59,11 +59,11 @@ def program() -> str:
 @pytest.fixture(scope="module")
 def ready(program: str) -> Callable[..., Engine]:
     """Makes an engine with any options; tshark is tried once."""
-    tshark = shark.prepare(program)
+    prepared = tshark.prepare(program)
 
     def make(name: Any = "both", options: AnalysisOptions | None = None) -> Engine:
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(shark, "prepare", lambda _program: tshark)
+            patch.setattr(tshark, "prepare", lambda _program: prepared)
             return Engine(name, options or AnalysisOptions())
 
     return make
@@ -166,7 +166,7 @@ def test_only_frames_that_matter_go_through_tshark(
     path = tmp_path / "huge.pcapng"
     places = buried(path)
     given: list[int] = []
-    ask = shark.ask
+    ask = tshark.ask
 
     def watched(tshark: Any, capture: Path, preferences: Any) -> Answer:
         with open_capture(capture) as extract:
@@ -174,7 +174,7 @@ def test_only_frames_that_matter_go_through_tshark(
             assert extract.frames == given[-1]
         return ask(tshark, capture, preferences)
 
-    monkeypatch.setattr(shark, "ask", watched)
+    monkeypatch.setattr(tshark, "ask", watched)
     result = ready("tshark").analyze(path)
     assert given == [len(places)]
     assert result.frames > NOISE * 0.9
@@ -332,14 +332,14 @@ def test_what_is_no_capture(ready: Callable[..., Engine], tmp_path: Path) -> Non
 
 def lying(monkeypatch: pytest.MonkeyPatch, change: Callable[[Fields], None]) -> None:
     """From here on the plugin says something else."""
-    ask = shark.ask
+    ask = tshark.ask
 
     def changed(*arguments: Any) -> Answer:
         answer = ask(*arguments)
         change(answer.fields)
         return answer
 
-    monkeypatch.setattr(shark, "ask", changed)
+    monkeypatch.setattr(tshark, "ask", changed)
 
 
 def value(fields: Fields) -> None:
@@ -459,7 +459,7 @@ def test_without_tshark(tmp_path: Path) -> None:
 
 def test_without_pyshark(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyshark", None)
-    shark._file_capture.cache_clear()
+    tshark._file_capture.cache_clear()
     with pytest.raises(NotReadyError, match=r"needs pyshark .*pip install pyshark"):
         Engine("tshark", AnalysisOptions())
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import pytest
 from talk import job
 
-from ds47.findings import Findings
+from ds47.acyclic.transactions import build
+from ds47.findings.collection import Findings
+from ds47.findings.remark import Remark
 from ds47.lab import message
 from ds47.report.sentences import renumbered, sentence, words
-from ds47.rules import Remark
 from ds47.spec import rules
 from ds47.spec.semantics import reasons
-from ds47.transactions import build
 
 READ = message.read(1, 1, message.address(21))
 

@@ -26,8 +26,8 @@ from handmade import finding
 
 from ds47 import __version__, report
 from ds47.analysis import AnalysisOptions, analyze
+from ds47.batch.cores import useful_jobs
 from ds47.batch.endings import Failed
-from ds47.batch.jobs import useful_jobs
 from ds47.batch.local import Local
 from ds47.batch.results import Results
 from ds47.batch.runner import Here

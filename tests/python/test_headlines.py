@@ -19,7 +19,7 @@ from test_report_opening import DRIVE, capture, opening
 from ds47 import spec
 from ds47.analysis import analyze
 from ds47.diagnosis import refusal
-from ds47.diagnosis.grouping import Grouping, cause, headlines
+from ds47.findings.grouping import Grouping, cause, headlines
 from ds47.model import Diagnosis, Finding, Frames
 from ds47.profidrive import Address
 from ds47.report import json as contract

@@ -19,12 +19,12 @@ import jsonschema
 import pytest
 
 from ds47 import analysis, report
+from ds47.acyclic.pairing import Pairing, Peer
 from ds47.analysis import Analysis, AnalysisOptions, analyze
 from ds47.capture import CaptureError, PcapngWriter, open_capture
 from ds47.cli import main
 from ds47.lab import message, wire
 from ds47.model import Report
-from ds47.pairing import Pairing, Peer
 from ds47.profidrive import decode_request
 from ds47.profinet import ip, rpc
 from ds47.profinet.link import Packet

@@ -11,10 +11,10 @@ from typing import Any
 import pytest
 from talk import job
 
+from ds47.acyclic.pairing import STATUS_NOT_READY, Job
 from ds47.diagnosis import length
+from ds47.findings.remark import Remark
 from ds47.lab import message
-from ds47.pairing import STATUS_NOT_READY, Job
-from ds47.rules import Remark
 
 SPEED, FIXED, OTHER = message.address(21), message.address(2900), message.address(2901)
 TEN, BYTE, BYTES = message.real(10.0), message.block(5, "B", 7), message.block(5, "B", 1, 2, 3)

@@ -27,7 +27,7 @@ from ds47.lab.messages import ROWS
 from ds47.profidrive import Options, Request, Response, decode_request, decode_response
 from ds47.profidrive.formats import float32_value, number_value
 from ds47.profinet.status import status_hex, status_text
-from ds47.report import words
+from ds47.report import formatting
 
 ROOT = Path(__file__).resolve().parents[2]
 VECTORS = ROOT / "tests" / "vectors" / "messages.json"
@@ -70,9 +70,9 @@ def show(message: Request | Response) -> dict[str, Any]:
                 "value_count": block.value_count,
                 "values": block.values,
                 "scaled": block.scaled,
-                "texts": [words.value(value, block.format_name) for value in block.values],
+                "texts": [formatting.value(value, block.format_name) for value in block.values],
                 "scaled_texts": [
-                    words.value(value, block.format_name) for value in block.scaled or []
+                    formatting.value(value, block.format_name) for value in block.scaled or []
                 ],
                 "error": block.error
                 and {

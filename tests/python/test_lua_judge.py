@@ -14,11 +14,11 @@ from pathlib import Path
 import pytest
 from lua_program import LUAS, lua_program
 
-import ds47.rules
+import ds47.acyclic.judge
 
 TESTS = Path(__file__).resolve().parent
 DRIVER = TESTS.parent / "lua/judge.lua"
-HEARD = ("test_rules.py", "test_readback.py", "test_drive_objects.py")
+HEARD = ("test_judge.py", "test_readback.py", "test_drive_objects.py")
 PLENTY = 500
 """There are more things said than this."""
 
@@ -26,7 +26,7 @@ PLENTY = 500
 @pytest.fixture(scope="module")
 def heard(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What the tests of Python told, and what was said."""
-    if not ds47.rules.__file__.endswith(".py"):
+    if not ds47.acyclic.judge.__file__.endswith(".py"):
         pytest.skip("a compiled judge cannot be listened to")
     target = tmp_path_factory.mktemp("judge") / "heard"
     command = [

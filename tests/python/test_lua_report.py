@@ -21,7 +21,7 @@ from lua_program import LUAS, lua_program
 
 from ds47 import spec
 from ds47.analysis import analyze
-from ds47.diagnosis import grouping
+from ds47.findings import grouping
 from ds47.model import (
     CaptureResult,
     Device,
@@ -37,7 +37,7 @@ from ds47.profinet.status import status_text
 from ds47.report import Options
 from ds47.report import csv as csv_report
 from ds47.report import text as text_report
-from ds47.report.opening import OF_ONE_RULE
+from ds47.report.summary import OF_ONE_RULE
 
 Run = Callable[[list[dict[str, Any]]], list[str]]
 

@@ -20,18 +20,18 @@ from typing import Any
 
 import pytest
 
+from ds47.acyclic.index47 import Index47
+from ds47.acyclic.pairing import Peer
+from ds47.acyclic.record_calls import RecordCalls
 from ds47.capture import Frame, open_capture
 from ds47.capture.scan import IPV4, network_layer
-from ds47.gate import Gate
-from ds47.naming import Naming
-from ds47.pairing import Peer
+from ds47.findings.remark import Remark
 from ds47.profidrive import Options
 from ds47.profinet import dcp, ip, lldp, rpc
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.link import Packet, PacketSource, dissect, mac
 from ds47.profinet.records import Half, Record, parse_request, parse_response, released_ar
-from ds47.recordcalls import RecordCalls
-from ds47.rules import Remark
+from ds47.profinet.stations import Stations
 from ds47.spec.semantics import limits
 
 TESTS = Path(__file__).resolve().parent.parent
@@ -192,7 +192,7 @@ def _ignore(*_: object) -> None:
     """Writes to foreign indices: the analyzer's alone."""
 
 
-class Without47(Gate):
+class Without47(Index47):
     """What `forbid_47` of the Lua gate means."""
 
     def concerns(self, index: int) -> bool:
@@ -202,9 +202,9 @@ class Without47(Gate):
 class Run:
     """The steps of an analysis up to pairing, for one capture."""
 
-    def __init__(self, gate: Gate) -> None:
+    def __init__(self, gate: Index47) -> None:
         self.ear = Ear()
-        self.naming = Naming()
+        self.naming = Stations()
         self.fragments = rpc.Fragments(limits().fragment_expiry_ns)
         self.records = RecordCalls(gate, self.ear, Options(), self.ear.remark, _ignore, limits())  # type: ignore[arg-type]
         self.calls = CallTracker(limits(), self.records.handlers())
@@ -364,7 +364,7 @@ def compare(version: str, captures: list[tuple[str, list[Frame]]], *, forbid: bo
     stdin = "".join(f"{line}\n" for _, frames in captures for line in lines_of(frames))
     arguments = ("forbid_47",) if forbid else ()
     printed = iter(lua(version, "transport_trace.lua", *arguments, stdin=stdin).splitlines())
-    kind = Without47 if forbid else Gate
+    kind = Without47 if forbid else Index47
     for name, frames in captures:
         told = Run(kind(frozenset(), limits().waiting_calls)).run(frames)
         for number, expected in enumerate(told):

@@ -11,9 +11,9 @@ from uuid import UUID
 import pytest
 from talk import job
 
+from ds47.acyclic.pairing import STATUS_IN_USE, STATUS_NOT_READY, Job, Peer
 from ds47.diagnosis import order
 from ds47.lab import message
-from ds47.pairing import STATUS_IN_USE, STATUS_NOT_READY, Job, Peer
 from ds47.profinet.records import Half
 
 SPEED, FIXED, TEN = message.address(21), message.address(2900), message.real(10.0)

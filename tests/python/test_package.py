@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 
 import ds47
-from ds47.extras import install
+from ds47.spec.extras import install
 
 
 def test_version_is_the_one_of_the_project(repository: Path) -> None:

@@ -8,9 +8,9 @@ from uuid import UUID
 import pytest
 from talk import request
 
+from ds47.acyclic.pairing import Job, Pairing, Peer
 from ds47.lab import message
 from ds47.lab.client import BUSY, CONTROLLER_AR
-from ds47.pairing import Job, Pairing, Peer
 from ds47.profinet.records import Half, Record
 from ds47.spec.semantics import Limits, limits, phases
 

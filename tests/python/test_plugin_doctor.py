@@ -11,7 +11,7 @@ import pytest
 from fake_tshark import FIELDS, FakeTshark, real_tshark, stand_in
 
 from ds47.cli import main
-from ds47.wireshark import doctor, folders, install
+from ds47.wireshark import doctor, install, locate
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the program is a script")
 OTHER_FIELDS = "P\tEthernet\teth\nF\tSource\teth.src\tFT_ETHER\teth\t\t0x0\t\n"
@@ -59,7 +59,7 @@ def test_what_is_wrong_always_has_a_mend(shark, tmp_path) -> None:
 
 def test_no_wireshark(monkeypatch, capsys) -> None:
     monkeypatch.delenv("DS47_TSHARK", raising=False)
-    monkeypatch.setattr(folders, "candidates", lambda: iter([]))
+    monkeypatch.setattr(locate, "candidates", lambda: iter([]))
     assert main(["plugin", "doctor", "-f", "json"]) == 3
     told = json.loads(capsys.readouterr().out)
     assert told["ok"] is False
@@ -256,7 +256,7 @@ def test_profile(shark, capsys) -> None:
 
 
 def test_a_program_that_stops_answering(shark) -> None:
-    found = folders.find(str(shark.program))
+    found = locate.find(str(shark.program))
     shark.program.unlink()
     checks = {check.name: check for check in doctor.examined(doctor.Patient(found))}
     assert checks["fields"].state == "wrong"
@@ -289,7 +289,7 @@ def test_installed_into_the_real_one(real, capsys) -> None:
 
 def test_two_copies_in_the_real_one_are_told_and_do_no_harm(real, capsys, tmp_path) -> None:
     assert main(["plugin", "install"]) == 0
-    found = folders.find(real)
+    found = locate.find(real)
     second = found.folders.personal_lua / "other"
     assert main(["plugin", "install", "--no-profile", "--folder", str(second)]) == 0
     capsys.readouterr()
@@ -300,7 +300,7 @@ def test_two_copies_in_the_real_one_are_told_and_do_no_harm(real, capsys, tmp_pa
 
 def test_a_broken_script_in_the_real_one_is_told(real, capsys) -> None:
     assert main(["plugin", "install"]) == 0
-    plugins = folders.find(real).folders.personal_lua
+    plugins = locate.find(real).folders.personal_lua
     (plugins / "ds47" / "ds47.lua").write_text("error('boo')")
     (plugins / "other.lua").write_text("this is not Lua")
     capsys.readouterr()

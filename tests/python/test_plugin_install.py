@@ -11,7 +11,7 @@ from fake_tshark import FakeTshark, real_tshark, stand_in
 
 from ds47 import __version__
 from ds47.cli import main
-from ds47.wireshark import folders, install
+from ds47.wireshark import install, locate
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="the program is a script")
 
@@ -54,12 +54,12 @@ PROFILE = {"preferences", "colorfilters", "gone_in_2", install.MARKER}
     ],
 )  # fmt: skip
 def test_version_and_lua_of_every_wording(text: str, version: tuple[int, ...], lua: str) -> None:
-    assert folders.parse_version(text) == version
-    assert folders.parse_lua(text) == lua
+    assert locate.parse_version(text) == version
+    assert locate.parse_lua(text) == lua
 
 
 def test_no_version_is_no_wireshark() -> None:
-    assert folders.parse_version("sh: wireshark: not found") is None
+    assert locate.parse_version("sh: wireshark: not found") is None
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_no_version_is_no_wireshark() -> None:
     ],
 )
 def test_folders_of_every_wording(text: str) -> None:
-    found = folders.parse_folders(text)
+    found = locate.parse_folders(text)
     assert found is not None
     assert found.personal_lua == Path("/h/plugins")
     assert found.global_lua == Path("/usr/plugins")
@@ -86,13 +86,13 @@ def test_folders_of_windows_keep_their_drive() -> None:
         "Personal configuration:\tC:\\Users\\A B\\AppData\\Roaming\\Wireshark\\\n"
         "Personal Lua Plugins:\tC:\\Users\\A B\\AppData\\Roaming\\Wireshark\\plugins\n"
     )
-    found = folders.parse_folders(text)
+    found = locate.parse_folders(text)
     assert found is not None
     assert str(found.personal_lua) == "C:\\Users\\A B\\AppData\\Roaming\\Wireshark\\plugins"
 
 
 def test_no_folders_where_it_does_not_name_them() -> None:
-    assert folders.parse_folders("tshark: option G needs something\nTemp:\t/var/tmp\n") is None
+    assert locate.parse_folders("tshark: option G needs something\nTemp:\t/var/tmp\n") is None
 
 
 def test_usual_folders_of_windows() -> None:
@@ -103,7 +103,7 @@ def test_usual_folders_of_windows() -> None:
         "USERPROFILE": "D:\\A B",
         "SystemDrive": "D:",
     }
-    found = [each.as_posix() for each in folders.usual_folders(environment, "win32")]
+    found = [each.as_posix() for each in locate.usual_folders(environment, "win32")]
     assert found[:3] == [
         "D:\\Programs/Wireshark",
         "D:\\Programs (x86)/Wireshark",
@@ -113,7 +113,7 @@ def test_usual_folders_of_windows() -> None:
 
 
 def test_usual_folders_of_macos() -> None:
-    found = [each.as_posix() for each in folders.usual_folders({"HOME": "/Users/a b"}, "darwin")]
+    found = [each.as_posix() for each in locate.usual_folders({"HOME": "/Users/a b"}, "darwin")]
     assert found[0] == "/Applications/Wireshark.app/Contents/MacOS"
     assert "/Users/a b/Applications/Wireshark.app/Contents/MacOS" in found
 
@@ -123,7 +123,7 @@ def test_a_windows_program_is_found_without_path(tmp_path: Path) -> None:
     program.parent.mkdir(parents=True)
     program.touch()
     environment = {"ProgramFiles": str(tmp_path / "Program Files"), "PATH": ""}
-    assert list(folders.candidates(environment, "win32")) == [program]
+    assert list(locate.candidates(environment, "win32")) == [program]
 
 
 def test_the_next_program_is_asked_when_one_does_not_answer(tmp_path, monkeypatch) -> None:
@@ -131,11 +131,11 @@ def test_the_next_program_is_asked_when_one_does_not_answer(tmp_path, monkeypatc
     broken = tmp_path / "tshark"
     broken.write_text("#!/bin/sh\necho no library >&2\nexit 127\n")
     broken.chmod(0o755)
-    monkeypatch.setattr(folders, "candidates", lambda: iter([broken, fake.program]))
-    assert folders.find().program == fake.program
-    monkeypatch.setattr(folders, "candidates", lambda: iter([broken]))
-    with pytest.raises(folders.NoWiresharkError, match="no library"):
-        folders.find()
+    monkeypatch.setattr(locate, "candidates", lambda: iter([broken, fake.program]))
+    assert locate.find().program == fake.program
+    monkeypatch.setattr(locate, "candidates", lambda: iter([broken]))
+    with pytest.raises(locate.NoWiresharkError, match="no library"):
+        locate.find()
 
 
 def test_the_tshark_that_is_here(tmp_path: Path, monkeypatch) -> None:
@@ -143,7 +143,7 @@ def test_the_tshark_that_is_here(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     for name in ("XDG_CONFIG_HOME", "WIRESHARK_CONFIG_DIR"):
         monkeypatch.delenv(name, raising=False)
-    found = folders.find(program)
+    found = locate.find(program)
     assert found.version >= (3, 4)
     assert found.lua
     assert tmp_path in found.folders.personal_lua.parents
@@ -175,7 +175,7 @@ def test_no_profile(shark, capsys) -> None:
 
 def test_another_folder_needs_no_wireshark(shark, capsys, tmp_path, monkeypatch) -> None:
     monkeypatch.delenv("DS47_TSHARK")
-    monkeypatch.setattr(folders, "candidates", lambda: iter([]))
+    monkeypatch.setattr(locate, "candidates", lambda: iter([]))
     target = tmp_path / "of all users"
     status, _, err = run(capsys, "install", "--folder", target)
     assert status == 0

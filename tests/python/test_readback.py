@@ -7,12 +7,13 @@ from typing import Any
 import pytest
 from talk import job
 
-from ds47.drive_objects import LOCAL, DriveObjects, access
+from ds47.acyclic.judge import Judge
+from ds47.acyclic.pairing import Job
+from ds47.acyclic.readback import _KEPT
+from ds47.findings.remark import Remark
 from ds47.lab import message
-from ds47.pairing import Job
+from ds47.profidrive.drive_objects import LOCAL, DriveObjects, access
 from ds47.profinet.records import Half
-from ds47.readback import _KEPT
-from ds47.rules import Judge, Remark
 from ds47.spec.semantics import known, limits
 
 LIMITS = limits()

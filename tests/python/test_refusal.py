@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from talk import job
 
+from ds47.acyclic.pairing import Job
 from ds47.diagnosis.refusal import end, not_seen, of, refusals, sign, signs, without_index
 from ds47.lab import message
-from ds47.pairing import Job
 from ds47.profidrive import Address, decode_request
 
 FIXED, TEN = message.address(2900), message.real(10.0)

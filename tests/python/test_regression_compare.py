@@ -13,10 +13,10 @@ from ds47.regression.accept import WhereError, chosen, merge, parse_where
 from ds47.regression.compare import Change, Comparison, compare
 from ds47.regression.config import Config, Ignore, Mask, ParameterTolerance, Tolerance
 from ds47.regression.difference import difference
+from ds47.regression.difference_report import lines
 from ds47.regression.run import fails
 from ds47.regression.shape import flaw
 from ds47.regression.summary import Summary
-from ds47.report.difference import lines
 
 CAPTURE = Path("fw/a.pcapng")
 

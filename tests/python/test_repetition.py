@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 from talk import job
 
+from ds47.acyclic.pairing import STATUS_NOT_READY, Job
 from ds47.diagnosis import repetition
 from ds47.diagnosis.repetition import Repetition
 from ds47.lab import message
-from ds47.pairing import STATUS_NOT_READY, Job
 from ds47.profinet.records import Half
 from ds47.spec.semantics import known
 

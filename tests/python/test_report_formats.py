@@ -25,7 +25,7 @@ from ds47.model import (
     ParameterError,
     Report,
 )
-from ds47.report import csv, json, ndjson, text, words
+from ds47.report import csv, formatting, json, ndjson, text
 from ds47.report.latency import Latency, percentile
 
 VALIDATOR = jsonschema.Draft202012Validator(report.schema())
@@ -311,16 +311,16 @@ def test_percentile_is_a_measured_value():
 
 def test_words():
     array = Parameter(2902, 2, "value", 40, None, "V", "Float32", 40, [1.5] * 40)
-    assert words.parameter(array, written=False) == (
+    assert formatting.parameter(array, written=False) == (
         "p2902[2..41] = 1.5, 1.5, 1.5, 1.5, 1.5, 1.5, 1.5, 1.5, ... (40 values) V"
     )
     label = Parameter(944, 0, "text", 1, None, None, "VisibleString", 3, ['a"b'])
-    assert words.parameter(label, written=False) == 'p944[0].text = "a\\"b"'
+    assert formatting.parameter(label, written=False) == 'p944[0].text = "a\\"b"'
     change = Parameter(50304, 0, "value", 1, None, None, "Float32", 1, [100.0])
-    assert words.parameter(change, written=True) == "p50304[0] := 100.0"
+    assert formatting.parameter(change, written=True) == "p50304[0] := 100.0"
     scaled = Parameter(1, 0, "value", 1, None, "%", "N2", 1, [16384], [100.0])
-    assert words.parameter(scaled, written=False) == "p1[0] = 16384 (100.0 %)"
-    assert [words.duration(ns) for ns in (412_000, 12_400_000, 12_300_000_000)] == [
+    assert formatting.parameter(scaled, written=False) == "p1[0] = 16384 (100.0 %)"
+    assert [formatting.duration(ns) for ns in (412_000, 12_400_000, 12_300_000_000)] == [
         "0.412 ms",
         "12.4 ms",
         "12.3 s",

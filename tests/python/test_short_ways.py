@@ -14,14 +14,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ds47.acyclic.index47 import Index47
+from ds47.acyclic.pairing import Pairing
+from ds47.acyclic.record_calls import RecordCalls
 from ds47.capture import Frame, open_capture
-from ds47.gate import Gate
 from ds47.lab import message
 from ds47.model import Frames, Parameter, ParameterError, Transaction
-from ds47.pairing import Pairing
 from ds47.profidrive import Options, decode_request, decode_response, parameter
 from ds47.profinet import link, rpc
-from ds47.recordcalls import RecordCalls
 from ds47.report import json
 from ds47.spec.semantics import limits
 
@@ -114,7 +114,7 @@ def _calls() -> RecordCalls:
         pass
 
     pairing = Pairing(limits(), ignore, ignore, ignore)
-    return RecordCalls(Gate(frozenset(), 16), pairing, Options(), ignore, ignore, limits())
+    return RecordCalls(Index47(frozenset(), 16), pairing, Options(), ignore, ignore, limits())
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.binary(max_size=30)), max_size=12))

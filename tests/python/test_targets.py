@@ -13,8 +13,8 @@ import pytest
 from test_report_opening import DRIVE, capture, opening, written
 
 from ds47.analysis import analyze
-from ds47.drive_objects import DriveObjects, access_of
 from ds47.model import Diagnosis, Parameter, ParameterError
+from ds47.profidrive.drive_objects import DriveObjects, access_of
 from ds47.report.html.views.drives import drives
 from ds47.report.html.views.elements import elements
 from ds47.report.html.views.rows import ROW, packed_rows

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 from talk import job
 
+from ds47.acyclic.pairing import Job
+from ds47.acyclic.transactions import build, summarise
 from ds47.lab import message
-from ds47.pairing import Job
 from ds47.profinet.records import NIL_UUID, Half
 from ds47.spec import error_text, parameters
-from ds47.transactions import build, summarise
 
 RAMP, SPEED = message.address(1120, 3), message.address(1121)
 READ, BOTH = message.read(1, 1, RAMP), message.read(1, 1, RAMP, SPEED)

@@ -22,7 +22,7 @@ from ds47.batch.products import Product, draft_of, kept_from, whole
 from ds47.batch.runner import Begun, Outcome, Place, Window
 from ds47.batch.tasks import Task
 from ds47.capture import CaptureError
-from ds47.extras import install
+from ds47.spec.extras import install
 
 _SECONDS_TO_CONNECT = 15
 _SECONDS_FOR_WORKERS = 60

@@ -19,7 +19,7 @@ from pathlib import Path
 from types import TracebackType
 
 from ds47.batch.endings import Failed
-from ds47.batch.garbage import collect, collect_rarely
+from ds47.batch.memory import collect, collect_rarely
 from ds47.batch.products import Product, discard, draft_of, kept_from, whole
 from ds47.batch.runner import Begun, Outcome, Place, Window
 from ds47.batch.tasks import STDIN, Task

@@ -1,7 +1,9 @@
-"""Which file names are captures. Nothing is opened here."""
+"""Which file names are captures, and how a line names one. Nothing is opened here."""
 
 from __future__ import annotations
 
+STDIN = "-"
+"""What stands for standard input among paths."""
 SUFFIXES = (".pcap", ".pcapng", ".cap")
 """The endings of a capture; each also with one of PACKED behind."""
 PACKED = ("", ".gz", ".zst")
@@ -21,3 +23,10 @@ def is_capture(name: str) -> bool:
 def is_export(name: str) -> bool:
     """Whether a file has the name of an export, packed or not. It is read where it is named."""
     return name.lower().endswith(tuple(EXPORTED + packed for packed in PACKED))
+
+
+def about(path: str, problem: str) -> str:
+    """One line that names the capture, and names it once."""
+    name = "stdin" if path == STDIN else path
+    line = " ".join(problem.split())
+    return line if name in line else f"{name}: {line}"

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ds47.extras import install
+from ds47.spec.extras import install
 
 from .errors import CaptureError
 from .names import is_capture

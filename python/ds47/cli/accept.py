@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ds47.capture.names import about
 from ds47.cli.common import Misses, stdout, warn
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import about, refuse_urls
+from ds47.cli.paths import refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
 
 if TYPE_CHECKING:
@@ -111,7 +112,7 @@ def _find(
 
 def _list(found: Sequence[tuple[Outcome, list[Change]]], most: int | None, lang: str) -> None:
     from ds47.report.bilingual import say
-    from ds47.report.words import escape
+    from ds47.report.formatting import escape
 
     write = stdout().write
     for outcome, changes in found:

@@ -9,9 +9,10 @@ from typing import Any
 
 import click
 
+from ds47.capture.names import about
 from ds47.cli.common import Misses, stdout
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import about, refuse_urls
+from ds47.cli.paths import refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
 
 
@@ -62,6 +63,6 @@ def command(paths: Sequence[str], force: bool, series: bool, **options: Any) -> 
 
 
 def _say(text: str) -> None:
-    from ds47.report.words import escape
+    from ds47.report.formatting import escape
 
     stdout().write(f"{escape(text)}\n")

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ds47.capture.names import STDIN, about
 from ds47.cli.common import Misses, output, stdout
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import STDIN, about, refuse_urls
+from ds47.cli.paths import refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
 from ds47.model import SEVERITIES
@@ -130,7 +131,7 @@ def _print_text(
     outcomes: Sequence[Outcome], summary: bool, series: bool, most: int | None, lang: str
 ) -> None:
     from ds47.report.bilingual import say
-    from ds47.report.words import escape
+    from ds47.report.formatting import escape
     from ds47.report.wrap import padded
 
     write = stdout().write

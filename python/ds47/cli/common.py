@@ -71,7 +71,7 @@ def color(stream: TextIO) -> bool:
 
 def warn(text: str) -> None:
     """One line on stderr; results alone go to stdout."""
-    from ds47.report.words import escape
+    from ds47.report.formatting import escape
 
     click.echo(f"ds47: {escape(text)}", err=True)
 

@@ -1,7 +1,7 @@
 """`ds47 decode`: one parameter-channel message from hex, in words or as JSON.
 
 Here: what the input is, and the layout. Decoding is `ds47.profidrive`, how values are written
-`ds47.report.words`. Nothing here depends on a capture.
+`ds47.report.formatting`. Nothing here depends on a capture.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ds47.cli.common import (
     warn,
 )
 from ds47.model import Parameter, ParameterError
-from ds47.report import words
+from ds47.report import formatting
 from ds47.report.bilingual import say
 
 if TYPE_CHECKING:
@@ -205,7 +205,7 @@ def _text(view: _View) -> str:
     for (start, meaning), end in zip(rows, ends, strict=True):
         lines += _dump(view.data, start, end, meaning)
     for rule, flaw in view.findings:
-        text = words.escape(flaw_text(flaw, view.lang))
+        text = formatting.escape(flaw_text(flaw, view.lang))
         severity = say(f"severity_{rule.severity}")
         lines.append(
             say("flaw_line", rule=rule.id, severity=severity, message=text).text(view.lang)
@@ -238,7 +238,7 @@ def _address_words(item: Parameter, lang: str) -> str:
     bare = Parameter(item.pnu, item.subindex, item.attribute, item.element_count)
     told = say(
         "decode_elements",
-        parameter=words.address(bare),
+        parameter=formatting.address(bare),
         attribute=item.attribute,
         n=item.element_count or 0,
     )
@@ -250,7 +250,7 @@ def _block_words(item: Parameter, written: bool, lang: str) -> str:
         "decode_words" if item.error else "decode_values",
         format=item.format or "Error",
         n=item.value_count or 0,
-        parameter=words.parameter(item, written, lang),
+        parameter=formatting.parameter(item, written, lang),
     )
     return told.text(lang)
 

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
+from ds47.capture.names import about
 from ds47.cli.common import output, warn
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import about
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
 
@@ -54,7 +54,7 @@ def command(
     --series also the folder of a ring buffer.
     """
     from ds47.regression.difference import difference
-    from ds47.report.difference import write
+    from ds47.regression.difference_report import write
 
     analysis = options_from(**options)
     spare_captures(output_name)

@@ -94,7 +94,7 @@ def _remarks(request: Request) -> Iterator[Both]:
     from ds47 import spec
     from ds47.model import Parameter
     from ds47.profidrive.model import VALUE
-    from ds47.report import words
+    from ds47.report import formatting
     from ds47.report.bilingual import Both, say
 
     for number, at in enumerate(request.addresses):
@@ -103,7 +103,7 @@ def _remarks(request: Request) -> Iterator[Both]:
             block = request.blocks[number]
             item.values, item.format = block.values, block.format_name
             if len(item.values) > 1:
-                yield Both.same(words.parameter(item, written=True))
+                yield Both.same(formatting.parameter(item, written=True))
             continue
         known = spec.parameters().get(at.pnu)
         if at.element_count == 0 and at.attribute == VALUE and known and known.type.endswith("]"):

@@ -18,10 +18,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ds47.capture.names import ENDINGS, EXPORTED
+from ds47.capture.names import ENDINGS, EXPORTED, STDIN, about
 from ds47.cli.common import Misses, stdout, warn
 from ds47.cli.options import analysis_options, known_rules, options_from
-from ds47.cli.paths import STDIN, about
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.cli.targets import refuse_links, replaced_captures, spare_recordings
 from ds47.model import STATES
@@ -241,7 +240,7 @@ class _Run:
 
     def _tell(self, path: str, target: str, done: Outcome) -> None:
         from ds47.report.bilingual import say
-        from ds47.report.words import escape
+        from ds47.report.formatting import escape
 
         name, lang = "stdin" if path == STDIN else path, self._options.lang
         tell = warn if target == STDIN else _print
@@ -270,7 +269,7 @@ class _Run:
 
     @staticmethod
     def _tell_left_out(name: str, done: Outcome) -> None:
-        from ds47.report.words import count
+        from ds47.report.formatting import count
 
         if done.left_out:
             frames = count(len(done.left_out), "frame")
@@ -283,8 +282,8 @@ def _filters(done: Outcome, lang: str) -> Iterator[str]:
     """Display filters that show the frames in the original: of a series one for each file."""
     from ds47.export import display_filter
     from ds47.report.bilingual import say
+    from ds47.report.formatting import escape
     from ds47.report.places import Places
-    from ds47.report.words import escape
 
     files = Places(done.result.files).by_file(done.frames)
     for name, frames in files[:_FILES_SHOWN]:

@@ -12,7 +12,7 @@ from types import ModuleType
 import click
 
 from ds47.cli.common import stdout
-from ds47.extras import install
+from ds47.spec.extras import install
 
 
 @click.group("lab")

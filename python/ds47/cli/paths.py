@@ -12,10 +12,8 @@ from pathlib import Path
 import click
 
 from ds47.capture import CaptureError
-from ds47.capture.names import EXPORTED, SUFFIXES, is_capture
+from ds47.capture.names import EXPORTED, STDIN, SUFFIXES, is_capture
 from ds47.capture.remote import below, is_url
-
-STDIN = "-"
 
 
 def captures(
@@ -65,13 +63,6 @@ def refuse_urls(paths: Sequence[str]) -> None:
                 f"{path}: stored results stand beside captures in a folder, not behind a URL: "
                 "copy the captures, or use ds47 report --results"
             )
-
-
-def about(path: str, problem: str) -> str:
-    """One line that names the capture, and names it once."""
-    name = "stdin" if path == STDIN else path
-    line = " ".join(problem.split())
-    return line if name in line else f"{name}: {line}"
 
 
 def _in_folder(

@@ -17,8 +17,8 @@ from ds47.cli.common import stdout, warn
 if TYPE_CHECKING:
     from ds47.wireshark.bundle import Sources
     from ds47.wireshark.doctor import Check
-    from ds47.wireshark.folders import Wireshark
     from ds47.wireshark.install import Outcome
+    from ds47.wireshark.locate import Wireshark
 
 _NO_WIRESHARK = 3
 _SIGNS = {"ok": "ok", "warning": "note", "wrong": "WRONG", "skipped": "-"}
@@ -155,7 +155,7 @@ def _install_profile(shark: Wireshark | None, force: bool) -> int:
 
 
 def _find(program: str | None, needed: bool) -> Wireshark | None:
-    from ds47.wireshark.folders import NoWiresharkError, find
+    from ds47.wireshark.locate import NoWiresharkError, find
 
     try:
         shark = find(program)

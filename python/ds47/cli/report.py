@@ -12,11 +12,11 @@ from typing import Any, TextIO
 
 import click
 
-from ds47.batch.garbage import collect_rarely
+from ds47.batch.memory import collect_rarely
+from ds47.capture.names import STDIN
 from ds47.cli.common import color, output
-from ds47.cli.manner import Manner
+from ds47.cli.execution import Execution
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import STDIN
 from ds47.cli.progress import Progress
 from ds47.cli.run import Run
 from ds47.cli.series import series_option, tasks
@@ -119,23 +119,23 @@ def command(
     with all that is below it, a URL of either (s3://...), or - for stdin.
     """
     collect_rarely()
-    manner = Manner(
+    execution = Execution(
         options_from(**options), engine, tshark, jobs, results_name, resume, scheduler
     )  # fmt: skip
-    manner.check(paths, series)
+    execution.check(paths, series)
     lacking: list[str] = []
     found = tasks(paths, series, lacking.append)
     name = format_name or ("overview" if results_name else "text")
     with output(output_name) as stream:
-        writer = _writer(name, stream, fail_on, manner.analysis.lang, plc)
-        results, todo = manner.results(found, paths)
+        writer = _writer(name, stream, fail_on, execution.analysis.lang, plc)
+        results, todo = execution.results(found, paths)
         quiet = name == "overview" or not stream.isatty()
         shown = quiet and not no_progress and len(todo) > 1 and sys.stderr.isatty()
         with Progress(len(todo), sum(task.size for task in todo), shown=shown) as progress:
             run = Run(writer, progress)
             for text in lacking:
                 run.missing(text)
-            manner.run(run, found, todo, results, writer)
+            execution.run(run, found, todo, results, writer)
         writer.close()
     if run.failed:
         return UNREADABLE

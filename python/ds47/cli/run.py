@@ -13,10 +13,10 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ds47.batch.endings import Lost
-from ds47.batch.garbage import collect
+from ds47.batch.memory import collect
 from ds47.capture import CaptureError
+from ds47.capture.names import about
 from ds47.cli.common import counted
-from ds47.cli.paths import about
 from ds47.cli.series import missing_files
 from ds47.model import SEVERITIES, CaptureResult, Finding, Transaction
 from ds47.report import Writer, write_one

@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING
 
 import click
 
+from ds47.capture.names import STDIN, about
 from ds47.capture.remote import is_url
 from ds47.cli.common import counted, warn
-from ds47.cli.paths import STDIN, about, captures
+from ds47.cli.paths import captures
 
 if TYPE_CHECKING:
     from ds47.batch.tasks import Task

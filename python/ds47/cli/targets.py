@@ -11,7 +11,7 @@ from pathlib import Path
 
 import click
 
-from ds47.cli.paths import STDIN
+from ds47.capture.names import STDIN
 
 
 def spare_captures(*names: str | None, hint: str = "choose another name") -> None:

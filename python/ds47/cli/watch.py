@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from ds47.capture.names import STDIN
 from ds47.cli.common import color, stdout, warn
 from ds47.cli.options import analysis_options, options_from
-from ds47.cli.paths import STDIN
 from ds47.model import SEVERITIES
 
 if TYPE_CHECKING:

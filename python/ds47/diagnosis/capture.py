@@ -11,16 +11,17 @@ from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
+from ds47.acyclic.judge import NOT_SUPPORTED, is_mismatch
+from ds47.acyclic.pairing import STATUS_NOT_READY, Job, Peer
 from ds47.diagnosis.repetition import Repetition, place_args
 from ds47.diagnosis.saving import Unsaved
 from ds47.diagnosis.targets import target_of
-from ds47.drive_objects import LOCAL
-from ds47.pairing import STATUS_NOT_READY, Job, Peer
+from ds47.findings.remark import Remark
 from ds47.profidrive import Request, Response, decode_request
+from ds47.profidrive.drive_objects import LOCAL
 from ds47.profidrive.model import Address
 from ds47.profinet.records import Record
 from ds47.profinet.status import status_hex
-from ds47.rules import NOT_SUPPORTED, Remark, is_mismatch
 from ds47.spec import parameters
 from ds47.spec.semantics import known
 

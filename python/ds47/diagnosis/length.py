@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
-from ds47.pairing import STATUS_NOT_READY, Job
+from ds47.acyclic.judge import is_mismatch
+from ds47.acyclic.pairing import STATUS_NOT_READY, Job
+from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Request, decode_request
 from ds47.profidrive.model import VALUE, Block
-from ds47.rules import Remark, is_mismatch
 from ds47.spec import request_ids
 from ds47.spec.semantics import known
 

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ds47.pairing import STATUS_IN_USE, Job
+from ds47.acyclic.pairing import STATUS_IN_USE, Job
+from ds47.acyclic.transactions import uuid_text
+from ds47.findings.remark import Remark
 from ds47.profinet.records import Half
-from ds47.rules import Remark
-from ds47.transactions import uuid_text
 
 
 def of(job: Job) -> Iterator[Remark]:

@@ -8,13 +8,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
-from ds47.pairing import Job
+from ds47.acyclic.judge import NOT_SUPPORTED, is_mismatch
+from ds47.acyclic.pairing import Job
+from ds47.acyclic.transactions import SIEMENS
+from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Request, Response, decode_request
 from ds47.profidrive.model import Block
-from ds47.rules import NOT_SUPPORTED, Remark, is_mismatch
 from ds47.spec import rules
 from ds47.spec.semantics import known
-from ds47.transactions import SIEMENS
 
 WORD_ERRORS: Final = (0x05, 0x17)
 """Data type and format: what a connector written as a number is refused with."""

@@ -19,13 +19,13 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from ds47 import spec
+from ds47.acyclic.transactions import SIEMENS
 from ds47.diagnosis.suggest import as_format, with_blocks
 from ds47.profidrive import Block, Options, Request, Value, decode_request
 from ds47.profidrive.formats import codec
 from ds47.profidrive.notation import format_request_line
 from ds47.profidrive.parameter import codecs
 from ds47.spec.semantics import known
-from ds47.transactions import SIEMENS
 
 _READ, _CHANGE = 0x01, 0x02
 _HEADER: Final = 4

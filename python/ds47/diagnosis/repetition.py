@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterator
 
-from ds47.pairing import Job
-from ds47.rules import Remark
+from ds47.acyclic.pairing import Job
+from ds47.findings.remark import Remark
 from ds47.spec.semantics import known
 
 _MS = 1_000_000

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ds47.drive_objects import LOCAL
+from ds47.profidrive.drive_objects import LOCAL
 from ds47.profinet.records import Record
 
 

@@ -10,8 +10,8 @@ import re
 import struct
 from dataclasses import dataclass, field
 
+from ds47.acyclic.index47 import ALWAYS
 from ds47.capture.scan import ETHERNET, SLL, SLL2
-from ds47.gate import ALWAYS
 from ds47.profidrive import Options
 from ds47.profinet import rpc
 from ds47.profinet.records import NIL_UUID

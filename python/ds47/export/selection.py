@@ -10,9 +10,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from ds47.model import CaptureResult, Finding, Parameter, Transaction
+from ds47.report.formatting import address, escape
 from ds47.report.sentences import message
 from ds47.report.targets import Targets
-from ds47.report.words import address, escape
 
 _PARAMETERS_SHOWN = 4
 

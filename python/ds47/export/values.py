@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ds47 import spec
+from ds47.acyclic.transactions import SIEMENS
 from ds47.profidrive import Block, Options, Request, Response, decode_request, decode_response
 from ds47.profidrive.model import ERROR, VALUE, Address
-from ds47.transactions import SIEMENS
 
 from .mapping import Key
 

@@ -3,7 +3,7 @@
 Decoding takes any bytes and never raises: what is wrong becomes a `Flaw`, what cannot be decoded
 stays in `rest`. Encoding a decoded message gives the same bytes again, whatever was wrong with it.
 How single values look is in `formats`; what a response says about its request is judged in
-`ds47.rules`.
+`ds47.acyclic.judge`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """RPC calls: which response belongs to which request (docs/pairing.md, RPC level).
 
 Tells copies, retransmissions and reused numbers apart and hands each call on exactly once. What a call
-carries is `records`' business; what it means for the parameter channel is `ds47.pairing`'s.
+carries is `records`' business; what it means for the parameter channel is `ds47.acyclic.pairing`'s.
 """
 
 from __future__ import annotations

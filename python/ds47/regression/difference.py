@@ -1,8 +1,8 @@
 """Two captures (or results) side by side: parameters, states, findings, latency.
 
 What an engineer asks after a firmware update. Pure: capture objects of `ds47.report/1` or `/2` in, a
-`Difference` out; how it looks is in `ds47.report.difference`. Reads are compared with reads and changes with
-changes, and only facts are compared: the last value, the kinds of negative response, never a sequence.
+`Difference` out; how it looks is in `difference_report`. Reads are compared with reads and changes with changes,
+and only facts are compared: the last value, the kinds of negative response, never a sequence.
 
 Unlike `ds47.regression.compare` this does not expect the same requests in the same order.
 """

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, NamedTuple
 
-from ds47.drive_objects import LOCAL
 from ds47.profidrive import decode_request
+from ds47.profidrive.drive_objects import LOCAL
 from ds47.regression.places import Json, Place, Places, access_of
 from ds47.spec import format_named
 

@@ -1,6 +1,6 @@
 """Where two captures have the same parameter: one identity of drive objects for both sides of a difference.
 
-Each capture proves for itself what its requests reach (`ds47.drive_objects`). A drive may have been changed
+Each capture proves for itself what its requests reach (`profidrive.drive_objects`). A drive may have been changed
 between the two, so a proof counts only where each capture that needs it has it; without, two requests are the
 same place only where they are the same way to it. No values live here.
 """
@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ds47.drive_objects import DO_IDENTIFICATION, LOCAL, Access, DriveObjects
+from ds47.profidrive.drive_objects import DO_IDENTIFICATION, LOCAL, Access, DriveObjects
 from ds47.spec.semantics import known
 
 Json = dict[str, Any]

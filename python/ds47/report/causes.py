@@ -1,7 +1,7 @@
 """What to do over many captures: each diagnosis (DS7xx) once, in how many captures, and where it shows first.
 
 Lives here: `Told`, what is kept of a diagnosed capture, the sums over captures, and their lines. What is to be
-done in one capture is `ds47.report.opening`; which causes there are, with their frames, is in its report.
+done in one capture is `ds47.report.summary`; which causes there are, with their frames, is in its report.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Any
 from ds47.model import SEVERITIES, CaptureResult
 from ds47.report import Options
 from ds47.report.bilingual import Both, say
-from ds47.report.opening import WIDTH
+from ds47.report.formatting import escape
 from ds47.report.places import Places, name
-from ds47.report.words import escape
+from ds47.report.summary import WIDTH
 from ds47.report.wrap import wrap
 
 

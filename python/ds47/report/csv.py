@@ -20,7 +20,7 @@ from typing import ClassVar, TextIO
 from ds47.model import Finding, Parameter, Report, Transaction, Value
 from ds47.report import Options, is_text, json, write_all
 from ds47.report import Writer as _Writer
-from ds47.report.words import escape
+from ds47.report.formatting import escape
 
 TRANSACTION_COLUMNS = (
     "path",

@@ -20,8 +20,8 @@ from xml.etree import ElementTree as ET
 from ds47.model import SEVERITIES, STATES, CaptureResult, Finding, Transaction
 from ds47.report import Options
 from ds47.report import Writer as _Writer
+from ds47.report.formatting import count, escape
 from ds47.report.sentences import message
-from ds47.report.words import count, escape
 
 FINDINGS_PER_CASE = 100
 """Findings of one capture that are told; the others are counted."""

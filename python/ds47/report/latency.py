@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from itertools import accumulate
 
 from ds47.report.bilingual import say
-from ds47.report.words import duration
+from ds47.report.formatting import duration
 
 
 def percentile(ordered: Sequence[int], percent: int) -> int:

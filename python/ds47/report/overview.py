@@ -18,7 +18,7 @@ from ds47.model import DIAGNOSIS, OPERATIONS, SEVERITIES, STATES, CaptureResult,
 from ds47.report import Options, causes, json, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.bilingual import Both, joined, numbered, say
-from ds47.report.words import duration, escape
+from ds47.report.formatting import duration, escape
 from ds47.report.wrap import columns
 
 SCHEMA = "ds47.overview/1"

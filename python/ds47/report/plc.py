@@ -13,9 +13,9 @@ from functools import lru_cache
 from itertools import islice
 from typing import Final, NamedTuple
 
+from ds47.acyclic.judge import family_fits
 from ds47.model import CaptureResult, Finding, Transaction
 from ds47.report.bilingual import Both, joined, say
-from ds47.rules import family_fits
 from ds47.spec.semantics import limits
 
 NOT_READY: Final = 0xDE80B500

@@ -1,15 +1,16 @@
 """What requests address, in words: a drive object only where the capture proves that it is one.
 
-Which two requests reach the same drive object is `ds47.drive_objects`. Here it gets a name: `DO 2`, `axis 9` for
-an axis byte that names none or one that the device does not have, and the slot where only that is known.
+Which two requests reach the same drive object is the business of `profidrive.drive_objects`. Here it gets a name:
+`DO 2`, `axis 9` for an axis byte that names none or one that the device does not have, and the slot where only
+that is known.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from ds47.drive_objects import DriveObjects, Identity, access_of
 from ds47.model import Transaction
+from ds47.profidrive.drive_objects import DriveObjects, Identity, access_of
 
 ANSWERED = ("ok", "partial", "error")
 """States of a transaction that has its response."""

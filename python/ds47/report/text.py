@@ -1,7 +1,7 @@
 """Report as text, for a person: the verdict and what to do, a line per transaction, findings, a summary.
 
-What stands in a line is decided here, in the first lines in `ds47.report.opening`; how values and addresses are
-written in `ds47.report.words`; the words of both languages stand in spec/report.toml.
+What stands in a line is decided here, in the first lines in `ds47.report.summary`; how values and addresses are
+written in `ds47.report.formatting`; the words of both languages stand in spec/report.toml.
 The English layout is ASCII, so that any console can show it; texts from the capture are escaped, so
 that none of them can talk to the terminal.
 """
@@ -25,14 +25,14 @@ from ds47.report import Writer as _Writer
 from ds47.report import json as contract
 from ds47.report.bilingual import Both, counted, joined, operation, say, state
 from ds47.report.filters import display_filter
+from ds47.report.formatting import duration, escape, parameter
 from ds47.report.latency import Latency
-from ds47.report.opening import Opening
 from ds47.report.overview import Row, table, total
 from ds47.report.places import Places, name
 from ds47.report.sentences import at_offset, sentence
+from ds47.report.summary import Opening
 from ds47.report.targets import Targets
 from ds47.report.verdict import Counts
-from ds47.report.words import duration, escape, parameter
 from ds47.report.wrap import columns
 
 LINE_LENGTH = 120

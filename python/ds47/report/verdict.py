@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
-from ds47.gate import ALWAYS
+from ds47.acyclic.index47 import ALWAYS
 from ds47.model import STATES, CaptureResult, Transaction
 from ds47.profinet.records import WRITE_MULTIPLE
 from ds47.report.bilingual import Both, joined, say, state

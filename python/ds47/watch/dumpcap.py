@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO
 
-from ds47.wireshark.folders import usual_folders
+from ds47.wireshark.locate import usual_folders
 
 _DCP = "ether proto 0x8892 and ether[{0}:2] >= 0xfefc and ether[{0}:2] <= 0xfeff"
 _TAGGED_DCP = (

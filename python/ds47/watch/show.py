@@ -13,10 +13,10 @@ from typing import TextIO
 from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Finding, Transaction
 from ds47.report import Options, json, ndjson, text
 from ds47.report.bilingual import Both, joined, numbered, operation, say
-from ds47.report.opening import about
+from ds47.report.formatting import duration, escape
 from ds47.report.sentences import at_offset, sentence
+from ds47.report.summary import about
 from ds47.report.targets import Targets
-from ds47.report.words import duration, escape
 from ds47.report.wrap import columns
 
 _DIGITS = 3

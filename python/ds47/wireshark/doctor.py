@@ -16,7 +16,7 @@ from typing import Literal
 
 from ds47 import __version__
 from ds47.wireshark import bundle, install
-from ds47.wireshark.folders import NoWiresharkError, Run, Wireshark, find, run
+from ds47.wireshark.locate import NoWiresharkError, Run, Wireshark, find, run
 
 OLDEST = (3, 4)
 """The oldest Wireshark the plugin is tried with."""

@@ -16,12 +16,13 @@ from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
 from ds47 import spec
+from ds47.acyclic.transactions import summarise
 from ds47.analysis import AnalysisOptions, OnTransaction
 from ds47.analysis import analyze as analyze_natively
 from ds47.capture import Capture, CaptureError, Frame, sha256
 from ds47.capture.stream import Stream
 from ds47.capture.writer import PcapngWriter, nearest
-from ds47.findings import Findings
+from ds47.findings.collection import Findings
 from ds47.model import DIAGNOSIS, CaptureResult, Finding, Transaction
 from ds47.regression.compare import Change, compare
 from ds47.regression.config import Config
@@ -29,8 +30,7 @@ from ds47.report import json as report
 from ds47.report import load
 from ds47.report.sentences import renumbered
 from ds47.spec.semantics import limits
-from ds47.transactions import summarise
-from ds47.wireshark import shark
+from ds47.wireshark import tshark
 
 DIFFERS = "DS601"
 _OF_A_LOSS = frozenset(("DS401", "DS402", "DS403"))
@@ -54,7 +54,7 @@ class Engine:
         program: tshark; None for the one of this machine.
 
     Raises:
-        ds47.wireshark.shark.NotReadyError: something is missing, in one line.
+        ds47.wireshark.tshark.NotReadyError: something is missing, in one line.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Engine:
         self._options = options
         self._findings = Findings(options.select, options.ignore)
         self._preferences = preferences(options)
-        self._tshark = shark.prepare(program)
+        self._tshark = tshark.prepare(program)
 
     def analyze(
         self, source: str | Path | BinaryIO, on_transaction: OnTransaction | None = None
@@ -83,7 +83,7 @@ class Engine:
                 native = analyze_natively(capture, self._options)
             try:
                 found, errors = self._ask(capture, extract, native)
-            except shark.StoppedError as problem:
+            except tshark.StoppedError as problem:
                 if not self._both:
                     raise CaptureError(f"{native.path}: {problem}") from problem
                 found, errors = None, [str(problem)]
@@ -108,7 +108,7 @@ class Engine:
         result = replace(native, transactions=[], findings=whole, summary={"transactions": 0})
         if not capture.numbers:
             return result, []
-        answer = shark.ask(self._tshark, extract, self._preferences)
+        answer = tshark.ask(self._tshark, extract, self._preferences)
         original = _Original(capture, bool(native.dropped))
         findings = [original.finding(each) for each in answer.fields.findings]
         findings = [each for each in findings if self._findings.wanted(each.rule)]
@@ -180,11 +180,11 @@ def preferences(options: AnalysisOptions) -> list[str]:
     Rules are not left out by the plugin but afterwards: those of the comparison would be missing.
 
     Raises:
-        ds47.wireshark.shark.NotReadyError: the plugin takes whole milliseconds.
+        ds47.wireshark.tshark.NotReadyError: the plugin takes whole milliseconds.
     """
     slow_ms = limits().slow_ns / 1e6 if options.slow_ms is None else options.slow_ms
     if not 0 <= slow_ms <= _MOST_MS or slow_ms != int(slow_ms):
-        raise shark.NotReadyError(f"the engine tshark takes whole ms for --slow, not {slow_ms:g}")
+        raise tshark.NotReadyError(f"the engine tshark takes whole ms for --slow, not {slow_ms:g}")
     codec = options.codec
     # Wireshark 3.4 takes no empty value. Empty is what a preference is where nobody has set it.
     indices = ",".join(map(str, sorted(options.indices)))

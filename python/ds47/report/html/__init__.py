@@ -13,12 +13,12 @@ from ds47 import __version__
 from ds47.model import CaptureResult, Report
 from ds47.report import Options, write_all
 from ds47.report import Writer as _Writer
+from ds47.report.formatting import count, duration, escape
 from ds47.report.html import embed, plots
 from ds47.report.html.texts import Words
 from ds47.report.html.views import CaptureView, Overview, capture_view, to_do, worst_first
 from ds47.report.html.views.problems import FIRST_SCREEN
 from ds47.report.verdict import KINDS, LEVELS
-from ds47.report.words import count, duration, escape
 
 ROWS = 100_000
 """Transactions that one page lists; those that went wrong come first, and the page says so."""

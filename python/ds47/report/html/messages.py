@@ -5,9 +5,9 @@ from __future__ import annotations
 from ds47 import spec
 from ds47.model import Diagnosis, Finding, Parameter
 from ds47.profinet.status import status_text
+from ds47.report.formatting import escape
 from ds47.report.html.texts import LANGUAGES, Both
 from ds47.report.sentences import at_offset, sentence
-from ds47.report.words import escape
 
 
 def message(item: Finding | Diagnosis) -> Both:

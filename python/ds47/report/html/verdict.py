@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ds47.model import CaptureResult
+from ds47.report.formatting import escape
 from ds47.report.html.texts import Both, say
-from ds47.report.words import escape
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,7 @@ from markupsafe import Markup
 
 from ds47.model import CaptureResult
 from ds47.report import causes
+from ds47.report.formatting import escape
 from ds47.report.html import messages
 from ds47.report.html.embed import data_element
 from ds47.report.html.texts import Both, say
@@ -27,7 +28,6 @@ from ds47.report.latency import percentile
 from ds47.report.overview import Row
 from ds47.report.targets import Targets
 from ds47.report.verdict import KINDS, LEVELS, Counts, blind, verdict
-from ds47.report.words import escape
 
 
 @dataclass(slots=True)

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ds47 import spec
-from ds47.drive_objects import Identity
 from ds47.model import CaptureResult, Parameter, Transaction
+from ds47.profidrive.drive_objects import Identity
+from ds47.report.formatting import value
 from ds47.report.html import messages
 from ds47.report.targets import Targets
-from ds47.report.words import value
 
 MOST = 20_000
 """Elements that a page lists."""

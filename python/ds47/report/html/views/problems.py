@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 from ds47 import spec
 from ds47.model import DIAGNOSIS, SEVERITIES, CaptureResult, Diagnosis, Finding, Transaction
 from ds47.report.filters import display_filter
+from ds47.report.formatting import address
 from ds47.report.html import messages
 from ds47.report.html.texts import Both, joined, say
 from ds47.report.html.views.links import Link, Links
 from ds47.report.targets import Targets
 from ds47.report.todo import answering, uncovered
-from ds47.report.words import address
 
 if TYPE_CHECKING:
     from ds47.diagnosis.suggest import Corrected

@@ -9,12 +9,12 @@ from collections.abc import Hashable, Mapping
 from typing import Any
 
 from ds47 import spec
-from ds47.drive_objects import Identity
 from ds47.model import OPERATIONS, STATES, CaptureResult, Parameter, Transaction
+from ds47.profidrive.drive_objects import Identity
 from ds47.report import plc
+from ds47.report.formatting import address, escape, value
 from ds47.report.html import messages
 from ds47.report.targets import Targets
-from ds47.report.words import address, escape, value
 from ds47.spec.semantics import known
 
 ROW = (

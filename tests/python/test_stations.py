@@ -9,15 +9,15 @@ from ds47.lab import wire
 from ds47.lab.client import OK, Client, drive
 from ds47.lab.naming import dcp_identify, lldp
 from ds47.model import Device
-from ds47.naming import Naming
 from ds47.profinet.link import Packet
 from ds47.profinet.rpc import Pdu
+from ds47.profinet.stations import Stations
 
 DRIVE = drive()
 
 
-def seen(*pdus_: Pdu, naming: Naming | None = None) -> Naming:
-    naming = naming or Naming()
+def seen(*pdus_: Pdu, naming: Stations | None = None) -> Stations:
+    naming = naming or Stations()
     for pdu in pdus_:
         naming.message(pdu)
     return naming
@@ -50,7 +50,7 @@ def test_the_answer_to_a_control_call_is_no_device() -> None:
 @pytest.mark.parametrize("kind", ["dcp", "lldp"])
 @pytest.mark.parametrize("first", [True, False])
 def test_a_station_name_whenever_it_comes(kind: str, first: bool) -> None:
-    naming = Naming()
+    naming = Stations()
     if first:
         naming.station(station(kind))
     seen(*pdus(lambda client: client.poll()), naming=naming)
@@ -70,7 +70,7 @@ def test_the_newest_name_counts_and_what_it_leaves_open_stays() -> None:
 
 
 def test_a_station_that_never_spoke_rpc_is_no_device() -> None:
-    naming = Naming()
+    naming = Stations()
     naming.station(station())
     assert naming.devices() == []
 

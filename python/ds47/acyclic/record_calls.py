@@ -12,8 +12,9 @@ from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, Final
 
-from ds47.gate import SHARED_INDEX, ArKey, Gate
-from ds47.pairing import Job, Pairing, Peer
+from ds47.acyclic.index47 import SHARED_INDEX, ArKey, Index47
+from ds47.acyclic.pairing import Job, Pairing, Peer
+from ds47.findings.remark import Remark
 from ds47.profidrive import Options, Request, decode_request, decode_response
 from ds47.profinet import rpc
 from ds47.profinet.calls import Call, Handlers
@@ -28,7 +29,6 @@ from ds47.profinet.records import (
     parse_response,
     released_ar,
 )
-from ds47.rules import Remark
 from ds47.spec.semantics import Limits
 
 _PLACE: Final = struct.Struct(">16sIHHHH")
@@ -69,7 +69,7 @@ class RecordCalls:
     """The handlers of a `CallTracker`.
 
     Args:
-        gate: which records are ours.
+        index47: which records are ours.
         pairing: hears of every Write and Read that is ours.
         codec: dialects of the messages.
         remark: takes the transport findings.
@@ -79,7 +79,7 @@ class RecordCalls:
 
     def __init__(
         self,
-        gate: Gate,
+        index47: Index47,
         pairing: Pairing,
         codec: Options,
         remark: Callable[[Remark], None],
@@ -87,7 +87,7 @@ class RecordCalls:
         limits: Limits,
     ) -> None:
         self._limits = limits
-        self._gate = gate
+        self._index47 = index47
         self._pairing = pairing
         self._codec = codec
         self._remark = remark
@@ -156,13 +156,13 @@ class RecordCalls:
         if pdu.fragment or pdu.ptype not in (0, 2):
             return None
         records = parse_request(pdu).records if pdu.ptype == 0 else parse_response(pdu)[1]
-        return records[0] if records and self._gate.concerns(records[0].index) else None
+        return records[0] if records and self._index47.concerns(records[0].index) else None
 
     def _asked_by(self, call: Call | None) -> Record | None:
         """The first record that a call asks for and that can be ours; None for none."""
         context = None if call is None else _context(call)
         records = [] if context is None else context.body.records
-        return next((each for each in records if self._gate.concerns(each.index)), None)
+        return next((each for each in records if self._index47.concerns(each.index)), None)
 
     # Requests
 
@@ -171,7 +171,7 @@ class RecordCalls:
         if pdu.opnum == rpc.RELEASE and (ar := released_ar(pdu)):
             over = partial(self._pairing.release, pdu.client, pdu.server, ar, pdu.frame)
             over()
-            self._gate.follow((pdu.client, pdu.server, ar), partial(over, SHARED_INDEX))
+            self._index47.follow((pdu.client, pdu.server, ar), partial(over, SHARED_INDEX))
         if pdu.opnum == rpc.CONNECT:
             ar, only = connected_ar(pdu), is_only_ar(pdu)
             self._pairing.connected(pdu.client, pdu.server, pdu.frame, ar, only=only)
@@ -191,7 +191,7 @@ class RecordCalls:
         if body.nested:
             self._remark(Remark("DS208", pdu.frame))
         for record in body.records:
-            if self._gate.concerns(record.index):
+            if self._index47.concerns(record.index):
                 self._record_request(pdu, record, context)
 
     def _record_request(self, pdu: rpc.Pdu, record: Record, context: _Context) -> None:
@@ -199,7 +199,7 @@ class RecordCalls:
         assert half is not None
         if half.missing:
             self._length(pdu, record, half)
-        passes = self._gate.passes((pdu.client, pdu.server, record.ar), record.index)
+        passes = self._index47.passes((pdu.client, pdu.server, record.ar), record.index)
         if not record.write:
             if passes:
                 self._read_asked(pdu, record, context)
@@ -259,7 +259,7 @@ class RecordCalls:
             return
         pdu = call.request
         for record in context.body.records:
-            if self._gate.concerns(record.index):
+            if self._index47.concerns(record.index):
                 self._forgot_requests = True
                 self._pass(pdu, record, partial(self.pushed_out, limit, pdu.frame))
                 break
@@ -267,7 +267,7 @@ class RecordCalls:
 
     def _reads_lost(self, call: Call, context: _Context) -> None:
         for record in context.body.records:
-            if not record.write and self._gate.concerns(record.index):
+            if not record.write and self._index47.concerns(record.index):
                 event = partial(self._pairing.read_lost, peer(call.request), record)
                 self._pass(call.request, record, event)
 
@@ -279,7 +279,7 @@ class RecordCalls:
             return
         status, answers = parse_response(pdu)
         for number, record in enumerate(context.body.records):
-            ours = self._gate.concerns(record.index)
+            ours = self._index47.concerns(record.index)
             if not ours and not record.write:
                 continue
             half = answers[number].response if number < len(answers) else None
@@ -294,7 +294,7 @@ class RecordCalls:
                 self._pass(pdu, record, event)
             if not record.write:
                 self._read_answered(pdu, record, half)
-            elif self._gate.passes((pdu.client, pdu.server, record.ar), record.index):
+            elif self._index47.passes((pdu.client, pdu.server, record.ar), record.index):
                 self._write_answered(pdu, record, context)
             else:
                 self._pass(pdu, record, partial(self._write_answered, pdu, record, context))
@@ -308,7 +308,7 @@ class RecordCalls:
     def _read_answered(self, pdu: rpc.Pdu, record: Record, half: Half) -> None:
         if half.missing:
             self._length(pdu, record, half)
-        if self._gate.passes((pdu.client, pdu.server, record.ar), record.index):
+        if self._index47.passes((pdu.client, pdu.server, record.ar), record.index):
             self._read(pdu, record)
             return
         shaped = False
@@ -325,7 +325,7 @@ class RecordCalls:
         if pdu.opnum not in _OPERATIONS:
             return
         for record in parse_response(pdu)[1]:
-            if not self._gate.concerns(record.index) or record.response is None:
+            if not self._index47.concerns(record.index) or record.response is None:
                 continue
             if certain and not self._forgot_requests:
                 args = {"operation": _OPERATIONS[pdu.opnum]}
@@ -344,7 +344,7 @@ class RecordCalls:
         if context is None:
             return
         for record in context.body.records:
-            if record.write and self._gate.concerns(record.index):
+            if record.write and self._index47.concerns(record.index):
                 self._pass(pdu, record, partial(self._write_failed, pdu, record, context))
 
     def _write_failed(self, pdu: rpc.Pdu, record: Record, context: _Context) -> None:
@@ -382,7 +382,7 @@ class RecordCalls:
         if context is None:
             return
         for record in context.body.records:
-            if self._gate.concerns(record.index):
+            if self._index47.concerns(record.index):
                 self._pass(
                     call.request, record, partial(self._call_remark, remark, record, context)
                 )
@@ -399,7 +399,7 @@ class RecordCalls:
     def _pass(
         self, pdu: rpc.Pdu, record: Record, event: Callable[[], Any], *, shaped: bool = False
     ) -> None:
-        self._gate.pass_on(_ar(pdu, record), record.index, event, shaped=shaped)
+        self._index47.pass_on(_ar(pdu, record), record.index, event, shaped=shaped)
 
     def _count(self, index: int, *, write: bool) -> None:
         counts = self.counts.get(index)

@@ -17,7 +17,7 @@ ArKey = tuple[str, str, bytes]
 """Controller, device, AR UUID (nil for ReadImplicit)."""
 
 
-class Gate:
+class Index47:
     """Holds events of index 47 back until their AR has proved itself.
 
     Args:

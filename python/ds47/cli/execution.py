@@ -1,6 +1,6 @@
-"""In which manner the captures of a report are analysed: here, in processes, on a cluster; stored or not.
+"""How the captures of a report are analysed: here, in processes, on a cluster; stored or not.
 
-Lives here: `Manner`, what the options of `ds47 report` come to. What runs is `ds47.batch` and
+Lives here: `Execution`, what the options of `ds47 report` come to. What runs is `ds47.batch` and
 `ds47.cli.run`.
 """
 
@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
+from ds47.capture.names import STDIN
 from ds47.cli.common import counted, warn
-from ds47.cli.paths import STDIN
 from ds47.cli.run import Run
 from ds47.model import CaptureResult
 from ds47.report import Writer
@@ -34,7 +34,7 @@ _NOT_ALL = 3
 """The exit status where not everything could be read."""
 
 
-class Manner(NamedTuple):
+class Execution(NamedTuple):
     """How the captures are analysed, and where: what the options say."""
 
     analysis: AnalysisOptions
@@ -132,7 +132,7 @@ class Manner(NamedTuple):
         results.end(run.stored(results, tasks, todo, runner, rows), os.getpid())
 
     def _jobs(self, tasks: Sequence[Task]) -> int:
-        from ds47.batch.jobs import cores, useful_jobs
+        from ds47.batch.cores import cores, useful_jobs
 
         if self.engine != "native":
             return 1
@@ -175,7 +175,7 @@ def _analyzer(engine: str, options: AnalysisOptions, tshark: str | None) -> Anal
 
         return lambda task, finished: read(task, options, finished)
     from ds47.wireshark.engine import Engine
-    from ds47.wireshark.shark import NotReadyError
+    from ds47.wireshark.tshark import NotReadyError
 
     try:
         other = Engine("both" if engine == "both" else "tshark", options, tshark)

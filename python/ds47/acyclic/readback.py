@@ -1,6 +1,6 @@
 """What was written last to a parameter, and whether a later read brings something else (DS417).
 
-A parameter is that of a drive object (`ds47.drive_objects`), whoever asks and by whichever record index. A
+A parameter is that of a drive object (`profidrive.drive_objects`), whoever asks and by whichever record index. A
 change takes effect between its Write request and its response; where that was not fetched, perhaps. So a
 finding speaks only where the value that was written last is the same in every order that the capture allows,
 and for every drive object that a request may have reached.
@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
-from ds47.drive_objects import DO_IDENTIFICATION, Access, DriveObjects, access
-from ds47.pairing import Job
+from ds47.acyclic.pairing import Job
 from ds47.profidrive import Address, Block, Request, Response
+from ds47.profidrive.drive_objects import DO_IDENTIFICATION, Access, DriveObjects, access
 from ds47.profidrive.model import VALUE, Value
 from ds47.spec import parameters
 from ds47.spec.semantics import known

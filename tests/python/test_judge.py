@@ -5,10 +5,11 @@ from __future__ import annotations
 import pytest
 from talk import job
 
+from ds47.acyclic.judge import Judge, drive_time_ns, family_fits, is_mismatch
+from ds47.acyclic.pairing import Job
+from ds47.findings.remark import Remark
 from ds47.lab import message
-from ds47.pairing import Job
 from ds47.profinet.records import Half
-from ds47.rules import Judge, Remark, drive_time_ns, family_fits, is_mismatch
 from ds47.spec.semantics import limits
 
 LIMITS = limits()

@@ -9,16 +9,16 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 
-from ds47.diagnosis.grouping import headlines
+from ds47.findings.grouping import headlines
 from ds47.model import CaptureResult, Device, Diagnosis, Finding
 from ds47.report import Options
 from ds47.report.bilingual import say
 from ds47.report.filters import display_filter
+from ds47.report.formatting import escape
 from ds47.report.places import Places
 from ds47.report.sentences import of_all, sentence
 from ds47.report.todo import More, answering, causes, uncovered
 from ds47.report.verdict import Counts, blind, told, verdict
-from ds47.report.words import escape
 from ds47.report.wrap import wrap
 
 WIDTH = 100

@@ -1,6 +1,6 @@
 """A finished job as the transaction of the report: its state, its parameters, its frames and times.
 
-States and parameters follow docs/pairing.md; findings are `ds47.rules`' business.
+States and parameters follow docs/pairing.md; findings are the business of `judge`.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ from functools import lru_cache
 from itertools import zip_longest
 from typing import Final
 
+from ds47.acyclic.judge import NOT_SUPPORTED, is_mismatch
+from ds47.acyclic.pairing import Job
 from ds47.model import Frames, Parameter, ParameterError, Transaction
-from ds47.pairing import Job
 from ds47.profidrive import Address, Block
 from ds47.profinet.records import NIL_UUID, Half
-from ds47.rules import NOT_SUPPORTED, is_mismatch
 from ds47.spec import error_text, parameters, request_ids, response_ids
 
 SIEMENS: Final = 0x002A

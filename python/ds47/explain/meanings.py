@@ -1,9 +1,4 @@
-"""Codes as people meet them: a text such as `DE80B500` or `107` -> what it may mean.
-
-Two steps that know nothing of each other: `read` turns the forms in which codes are written into
-numbers, `explain` looks the numbers up. Pure: no files but the tables of `ds47.spec`, no output;
-how an answer is laid out is `ds47.cli.explain`.
-"""
+"""What a code may mean: the numbers that its text stands for, looked up in the tables of `ds47.spec`."""
 
 from __future__ import annotations
 
@@ -13,141 +8,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ds47 import spec
+from ds47.explain.forms import FORMAT, RULE, STATUS, WORD, Reading, UnknownFormError, read
 from ds47.profinet.status import status_hex, status_text
 from ds47.spec import explanations
 from ds47.spec.explanations import Entry
-
-# ------------------------------------------------------------------------------------- the forms
-
-BYTE, WORD, STATUS, RULE, FORMAT = "byte", "word", "status", "rule", "format"
-
-_PREFIX = re.compile(r"(?:[BWD]{1,2}#)?16#|0X|&H|\$")
-_DECIMAL_PREFIX = re.compile(r"10#")
-_PAIRS = re.compile(r"[0-9A-F]{2}(?:[ :,\-][0-9A-F]{2})+")
-_HEX = re.compile(r"[0-9A-F]+")
-_RULE = re.compile(r"DS([0-9]{3})")
-_STATUS_DIGITS = 8
-
-
-class UnknownFormError(ValueError):
-    """The text has none of the forms in which codes are written."""
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """One number that a text may stand for: a byte, a word, a status, the number of a rule or of a named format.
-
-    `decimal`: it was read as a decimal number.
-    """
-
-    size: str
-    value: int
-    decimal: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Code:
-    """A text with all its readings; `kind` is what a word in front of it says, None without."""
-
-    text: str
-    kind: str | None
-    readings: tuple[Reading, ...]
-
-
-def read(text: str) -> Code:
-    """Reads a code in any of the forms in which people write it.
-
-    Raises:
-        UnknownFormError: it has none of them.
-    """
-    plain = " ".join(unicodedata.normalize("NFKC", text).strip("\"'` \t\r\n").split())
-    kind, digits = _split_kind(plain)
-    code = digits.upper()
-    if rule := _RULE.fullmatch(code):
-        return Code(code, kind or "rule", (Reading(RULE, int(rule[1])),))
-    if code == "DS47":
-        return Code(code, kind or "index", (Reading(BYTE, 47),))
-    readings = tuple(dict.fromkeys(_numbers(code)))
-    named = spec.format_named(digits)
-    alone = kind is None and not readings and digits.lower() not in explanations.kinds()
-    if named is not None and (kind == FORMAT or alone):  # C4 alone is a byte
-        return Code(code, FORMAT, (Reading(FORMAT, named.code), *readings))
-    if not readings:
-        rule_id = spec.rule_prefix(digits)
-        if rule_id is None or rule_id not in spec.rules():
-            raise UnknownFormError(text)
-        return Code(rule_id, kind or "rule", (Reading(RULE, int(rule_id[2:])),))
-    return Code(code, kind, readings)
-
-
-def _split_kind(text: str) -> tuple[str | None, str]:
-    """The kind that the words in front announce, and the rest; the longest wording counts."""
-    lower = text.lower()
-    for word in sorted(explanations.kinds(), key=len, reverse=True):
-        rest = lower[len(word) :]
-        joined = not word.isascii()  # Chinese needs no space behind a word
-        if lower.startswith(word) and rest.strip() and (joined or rest[0] in " :="):
-            return explanations.kinds()[word], text[len(word) :].lstrip(" :=")
-    return None, text
-
-
-def _numbers(code: str) -> Iterator[Reading]:
-    if _PAIRS.fullmatch(code):
-        yield from _hexadecimal(re.sub(r"[^0-9A-F]", "", code))
-        return
-    code = code.replace("_", "").replace(" ", "")
-    if prefix := _DECIMAL_PREFIX.match(code):
-        yield from _decimal(code[prefix.end() :])
-    elif prefix := _PREFIX.match(code):
-        yield from _hexadecimal(code[prefix.end() :])
-    elif code.endswith("H") and _HEX.fullmatch(code[:-1]):
-        yield from _hexadecimal(code[:-1])
-    elif code.isascii() and code.isdigit():
-        if len(code) <= _STATUS_DIGITS:
-            yield from _hexadecimal(code)
-        if len(code) != _STATUS_DIGITS and (not code.startswith("0") or code == "0"):
-            yield from _decimal(code)
-    elif code.startswith("-"):
-        yield from _decimal(code)
-    else:
-        yield from _hexadecimal(code)
-
-
-def _hexadecimal(digits: str) -> Iterator[Reading]:
-    """Two digits are a byte, four a word, up to eight a status (zeros in front may be missing)."""
-    if not _HEX.fullmatch(digits) or len(digits) > _STATUS_DIGITS:
-        return
-    value = int(digits, 16)
-    if len(digits) > 4:
-        yield Reading(STATUS, value)
-        if value == 0:
-            return
-    yield from _sized(value)
-
-
-def _decimal(digits: str) -> Iterator[Reading]:
-    """A signed number is what a PLC shows of a byte, word or double word with the top bit set."""
-    if not re.fullmatch(r"-?[0-9]{1,10}", digits):
-        return
-    value = int(digits)
-    if value < 0:
-        bits = next((each for each in (8, 16, 32) if value >= -(1 << each - 1)), None)
-        if bits is None:
-            return
-        value += 1 << bits
-    if 0xFFFF < value <= 0xFFFFFFFF or value == 0:
-        yield Reading(STATUS, value, True)
-    yield from _sized(value, decimal=True)
-
-
-def _sized(value: int, decimal: bool = False) -> Iterator[Reading]:
-    if value <= 0xFF:
-        yield Reading(BYTE, value, decimal)
-    elif value <= 0xFFFF:
-        yield Reading(WORD, value, decimal)
-
-
-# ---------------------------------------------------------------------------------- the meanings
 
 
 @dataclass(frozen=True, slots=True)

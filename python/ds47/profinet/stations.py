@@ -9,7 +9,7 @@ from ds47.profinet import dcp, lldp, rpc
 from ds47.profinet.link import Packet
 
 
-class Naming:
+class Stations:
     """Collects what the capture says about who is who.
 
     Args:

@@ -8,17 +8,16 @@ the transport is reported by `ds47.analysis`.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, Final
 
-from ds47.pairing import Job
+from ds47.acyclic.pairing import Job
+from ds47.acyclic.readback import ReadBack
+from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Block, Flaw, Request, Response
 from ds47.profidrive.model import VALUE
 from ds47.profinet.records import Half
 from ds47.profinet.status import status_hex
-from ds47.readback import ReadBack
 from ds47.spec import request_ids
 from ds47.spec.semantics import Limits
 
@@ -30,38 +29,6 @@ ABSENT: Final = frozenset(("DS311", "DS315", "DS412"))
 """Flaws that say that something is not there: pad, bytes, error block."""
 NOT_SUPPORTED: Final = 0x80
 """Response id of a device that does not know the request id."""
-
-
-Corrected = bytes | Callable[[], bytes | None] | None
-
-
-@dataclass(slots=True, init=False)
-class Remark:
-    """A finding in the making: the rule, where it shows, and what spec/rules.toml says that it carries."""
-
-    rule: str
-    frame: int
-    args: dict[str, Any]
-    offset: int | None
-    job: Job | None
-    corrected: Corrected
-    """Of a diagnosis: the request as it should have been, or who knows it when the capture is over."""
-
-    def __init__(
-        self,
-        rule: str,
-        frame: int,
-        args: dict[str, Any] | None = None,
-        offset: int | None = None,
-        job: Job | None = None,
-        corrected: Corrected = None,
-    ) -> None:
-        self.rule = rule
-        self.frame = frame
-        self.args = {} if args is None else args
-        self.offset = offset
-        self.job = job
-        self.corrected = corrected
 
 
 @lru_cache(maxsize=4096)

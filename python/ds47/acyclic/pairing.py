@@ -2,7 +2,7 @@
 
 A job is a transaction in the making. Its life is the table `spec/pairing.toml`; the only thing decided
 here is to which job a record call belongs. Nothing is decoded beyond what a caller hands in, and nothing
-is judged: `ds47.rules` does that when `answered` and `closed` are called.
+is judged: `ds47.acyclic.judge` does that when `answered` and `closed` are called.
 """
 
 from __future__ import annotations
@@ -128,6 +128,11 @@ class Job:
         self.limit = ""
         self.passed = False
         self.certain = True
+
+    @property
+    def device(self) -> str:
+        """IP address of the device."""
+        return self.peer.device
 
     @property
     def write_request(self) -> Half | None:

@@ -201,7 +201,7 @@ def _failure(outcome: Outcome) -> str:
 
 
 def _line(path: str, problem: str) -> str:
-    from ds47.cli.paths import about
+    from ds47.capture.names import about
 
     return about(path, problem)
 

@@ -10,8 +10,8 @@ from bisect import bisect_left, insort
 from collections.abc import Iterable
 from typing import Any, Final, NamedTuple
 
+from ds47.findings.remark import Corrected
 from ds47.model import SEVERITIES, Diagnosis, Finding
-from ds47.rules import Corrected
 from ds47.spec import rules
 from ds47.spec.semantics import known
 

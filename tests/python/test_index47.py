@@ -6,13 +6,13 @@ from functools import partial
 
 import pytest
 
-from ds47.gate import ArKey, Gate
+from ds47.acyclic.index47 import ArKey, Index47
 
 AR: ArKey = ("192.168.133.2", "192.168.133.33", b"A" * 16)
 OTHER: ArKey = (*AR[:2], b"B" * 16)
 
 
-class Door(Gate):
+class Door(Index47):
     """A gate that notes what went through, by name."""
 
     def __init__(self, extra: frozenset[int] = frozenset(), waiting: int = 4) -> None:
@@ -29,7 +29,7 @@ class Door(Gate):
      (1000, True, False)],
 )  # fmt: skip
 def test_which_indices_are_ours(index: int, concerned: bool, proof: bool) -> None:
-    gate = Gate(frozenset({1000}), 4)
+    gate = Index47(frozenset({1000}), 4)
     assert gate.concerns(index) == concerned
     assert gate.is_shared(index) == proof
 

@@ -22,9 +22,9 @@ from typing import Any
 from xml.etree.ElementTree import ParseError
 
 from ds47 import __version__
-from ds47.extras import install
+from ds47.spec.extras import install
 from ds47.wireshark import bundle, doctor, fields
-from ds47.wireshark.folders import NoWiresharkError, Wireshark, find, run
+from ds47.wireshark.locate import NoWiresharkError, Wireshark, find, run
 
 _HOMES = ("HOME", "XDG_CONFIG_HOME", "WIRESHARK_CONFIG_DIR", "WIRESHARK_APPDATA")
 """Where Wireshark looks for what belongs to a user."""

@@ -1,6 +1,6 @@
 """Remarks to findings: which are wanted, which transaction they belong to, which frames they are about.
 
-Nothing is judged here; a `Remark` comes from `ds47.rules`, `ds47.diagnosis` or `ds47.recordcalls`. Nothing is
+Nothing is judged here; a `Remark` comes from the judges of the channels and from `ds47.diagnosis`. Nothing is
 worded here either: that is `ds47.report.sentences`.
 """
 
@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ds47.diagnosis.grouping import Grouping, cause
+from ds47.findings.grouping import Grouping, cause
+from ds47.findings.remark import Remark
 from ds47.model import DIAGNOSIS, Diagnosis, Finding, Transaction
-from ds47.rules import Remark
 from ds47.spec import Rule, rules
 
 _WITHOUT_REQUEST = "DS403"
@@ -62,7 +62,7 @@ class Findings:
         """The finding of a remark, counted among the diagnoses if it is one."""
         finding = self.finding(remark, transaction)
         if remark.rule.startswith(DIAGNOSIS):
-            device = remark.job.peer.device if remark.job else remark.args.get("device")
+            device = remark.job.device if remark.job else remark.args.get("device")
             group = cause(remark.rule, device, remark.args)
             self._grouping.add(group, finding, remark.corrected)
         return finding

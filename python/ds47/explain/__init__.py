@@ -1,0 +1,13 @@
+"""Codes as people meet them: a text such as `DE80B500` or `107` to what it may mean.
+
+Two steps: `forms` turns a text into numbers, `meanings` looks the numbers up. Pure: no files but the tables of
+`ds47.spec`, no output; how what is found is laid out is `ds47.cli.explain`.
+"""
+
+from ds47.explain.forms import Code, Reading, UnknownFormError, read
+from ds47.explain.meanings import Block, Maker, Meaning, Part, Reason, explain, find_vendor
+
+__all__ = [
+    "Block", "Code", "Maker", "Meaning", "Part", "Reading", "Reason", "UnknownFormError", "explain",
+    "find_vendor", "read",
+]  # fmt: skip

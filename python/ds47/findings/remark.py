@@ -1,0 +1,55 @@
+"""A finding in the making: what a judge says of a transaction, before anybody asks whether it is wanted.
+
+Used by every channel. What the arguments of a rule are is in spec/rules.toml.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+
+class Exchange(Protocol):
+    """The transaction in the making that a remark is about, of whatever channel."""
+
+    order: int
+    """Its number among all, by their beginnings."""
+    phase: str
+
+    @property
+    def device(self) -> str:
+        """IP address of the device."""
+        ...
+
+
+Corrected = bytes | Callable[[], bytes | None] | None
+
+
+@dataclass(slots=True, init=False)
+class Remark:
+    """A finding in the making: the rule, where it shows, and what spec/rules.toml says that it carries."""
+
+    rule: str
+    frame: int
+    args: dict[str, Any]
+    offset: int | None
+    job: Exchange | None
+    corrected: Corrected
+    """Of a diagnosis: the request as it should have been, or who knows it when the capture is over."""
+
+    def __init__(
+        self,
+        rule: str,
+        frame: int,
+        args: dict[str, Any] | None = None,
+        offset: int | None = None,
+        job: Exchange | None = None,
+        corrected: Corrected = None,
+    ) -> None:
+        self.rule = rule
+        self.frame = frame
+        self.args = {} if args is None else args
+        self.offset = offset
+        self.job = job
+        self.corrected = corrected
