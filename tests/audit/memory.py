@@ -123,7 +123,7 @@ class Memory:
                 frame = deal.read or 0
                 yield Event(None, None, None, None, frame, frame, deal.device)
             return
-        if not asked.changes or deal.write is None or deal.write_status:
+        if not asked.changes or deal.write is None or deal.write_status or self._rejected(deal):
             return
         target, known = self.target(deal), deal.fits and not deal.read_status
         end = deal.read if known and deal.read is not None else deal.write
@@ -143,6 +143,11 @@ class Memory:
             for element in range(address.subindex, address.subindex + max(1, address.elements)):
                 if element not in dict(written):
                     yield Event(target, address.pnu, element, None, deal.write, end, deal.device)
+
+    def _rejected(self, deal: Deal) -> bool:
+        """Whether the Write was answered by a fault or a reject of RPC."""
+        answered = self._reading.by_frame.get(deal.frames["write_response"] or 0, [])
+        return any(each.kind in (wire.FAULT, wire.REJECT) for each in answered)
 
     def last(self, deal: Deal, pnu: int, element: int) -> list[Event]:
         """The events any of which may be the last one before the read; empty where none is sure."""

@@ -243,9 +243,9 @@ class Reading:
         return found
 
     @cached_property
-    def asked_and_answered(self) -> set[int | None]:
-        """The Write requests whose transactions have a response."""
-        return {each.write for each in self.deals if each.answer is not None}
+    def asked_and_answered(self) -> set[tuple[object, ...]]:
+        """The Write requests whose transactions have a response: their channels and frames."""
+        return {(*each.channel, each.write) for each in self.deals if each.answer is not None}
 
     @cached_property
     def vendors(self) -> dict[str, int | None]:
