@@ -735,7 +735,7 @@ def _is_open(deal: Deal, frame: int, reading: Reading) -> bool:
     displaced = [
         each.asked for each in reading.on_channel.get(deal.channel, [])
         if each.write and each.asked > (deal.write or 0)
-        and (each.status == 0 or (not each.status and (*each.channel, each.asked) in reading.asked_and_answered))
+        and (each.status == 0 or (not each.status and (*deal.channel, each.asked) in reading.asked_and_answered))
     ]  # fmt: skip
     before = max(each for each in deal.all_frames if each < frame)
     silent = (reading.time(frame) or 0) - (reading.time(before) or 0) > 600 * 10**9

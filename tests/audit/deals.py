@@ -125,7 +125,7 @@ def _displaced(deal: Deal, reading: Reading) -> bool:
     end = min((frame for frame in reading.releases(deal)), default=10**9)
     return any(
         each.write and not each.nested and (deal.write or 0) < each.asked < end
-        and (each.status == 0 or (not each.status and (*each.channel, each.asked) in reading.asked_and_answered))
+        and (each.status == 0 or (not each.status and (*deal.channel, each.asked) in reading.asked_and_answered))
         for each in reading.on_channel.get(deal.channel, [])
     )  # fmt: skip
 
