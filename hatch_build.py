@@ -30,7 +30,7 @@ BYTES = {"scan": "capture/scan"}
 RECORD_PATH = (
     "model", "analysis", "capture/frame", "capture/pcap", "capture/pcapng", "profinet/rpc",
     "profinet/link", "profinet/ip", "profinet/calls", "profinet/records", "profinet/stations",
-    "profidrive/model", "profidrive/parameter", "profidrive/formats", "report/json",
+    "profinet/transport", "profidrive/model", "profidrive/parameter", "profidrive/formats", "report/json",
     "acyclic/index47", "acyclic/record_calls", "acyclic/pairing", "acyclic/transactions",
     "acyclic/judge", "findings/remark", "findings/collection", "findings/grouping",
     "diagnosis/__init__", "diagnosis/capture", "diagnosis/length", "diagnosis/order",

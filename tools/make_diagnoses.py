@@ -25,7 +25,7 @@ from ds47.model import CaptureResult, Report
 from ds47.profidrive import Block, decode_request, decode_response
 from ds47.profidrive.notation import format_request_line
 from ds47.profinet import rpc
-from ds47.profinet.link import PacketSource
+from ds47.profinet.link import Packets
 from ds47.profinet.records import Half, Record, parse_request, parse_response
 from ds47.profinet.status import status_hex
 from ds47.report import Options, text
@@ -159,7 +159,7 @@ def steps(path: Path, result: CaptureResult) -> list[Step]:
     with open_capture(path) as capture:
         frames = list(capture)
     for frame in frames:
-        packet = PacketSource([frame]).packet(frame)
+        packet = Packets().packet(frame)
         pairs.append(
             (frame, rpc.parse(packet) if packet is not None and packet.kind == "udp" else None)
         )

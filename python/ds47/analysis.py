@@ -23,16 +23,12 @@ from ds47.findings.collection import Findings
 from ds47.findings.remark import Exchange, Remark
 from ds47.model import CaptureResult, Finding, Transaction
 from ds47.profidrive import Options, decode_response
-from ds47.profinet import rpc
 from ds47.profinet.calls import CallTracker
-from ds47.profinet.ip import Reassembler
-from ds47.profinet.link import Packet, PacketSource
 from ds47.profinet.records import Record
 from ds47.profinet.stations import Stations
 from ds47.profinet.status import status_hex
+from ds47.profinet.transport import Transport
 from ds47.spec.semantics import limits
-
-_RECORD_CALLS = (rpc.READ, rpc.WRITE, rpc.READ_IMPLICIT)
 
 OnTransaction = Callable[[Transaction, list[Finding]], None]
 
@@ -143,32 +139,22 @@ class Analysis:
             index47, self._pairing, options.codec, self._remark, self._diagnoses.foreign, bounds
         )
         self._calls = CallTracker(bounds, self._records.handlers())
-        self._fragments = rpc.Fragments(
-            bounds.fragment_expiry_ns, bounds.rpc_messages, bounds.rpc_fragments,
-            bounds.fragment_bytes,
-        )  # fmt: skip
-        self._datagrams = Reassembler(
-            bounds.fragment_expiry_ns, bounds.ip_datagrams, bounds.ip_fragments,
-            bounds.fragment_bytes,
-        )  # fmt: skip
         self._stations = Stations(bounds.stations)
+        self._transport = Transport(
+            bounds, self._calls, self._stations, self._records, self._diagnoses.cut
+        )
         self._answers: dict[Job, list[Remark]] = {}
-        self._transport: dict[Exchange, list[Remark]] = {}
+        self._remarks: dict[Exchange, list[Remark]] = {}
+        """What is wrong with the transport of open jobs."""
         self._transactions: dict[int, Transaction] = {}
         """By the order of their jobs; the jobs themselves need not be kept."""
         self._summary: dict[str, int] = {"transactions": 0}
 
     def run(self, capture: Capture | Series) -> CaptureResult:
         """Reads the capture to its end and sums up."""
-        packets = PacketSource(capture, self._datagrams, self._begun)
-        self._frames(capture, packets)
+        self._frames(capture)
         self._findings.frames_dropped = capture.gaps
-        for pdu, have in self._fragments.unfinished():
-            self._records.incomplete(pdu, have, "RPC", call=self._calls.open_call(pdu))
-        for packet, have in packets.unfinished():
-            part = rpc.parse(packet)
-            if part is not None:
-                self._records.incomplete(part, have, "IP", call=self._calls.open_call(part))
+        self._transport.finish()
         self._calls.finish()
         self._pairing.finish()
         self._records.finish()
@@ -191,62 +177,9 @@ class Analysis:
             summary=self._summary,
         )
 
-    def _frames(self, frames: Iterable[Frame], packets: PacketSource) -> None:
+    def _frames(self, frames: Iterable[Frame]) -> None:
         for frame in frames:
-            pdu = rpc.from_frame(frame)
-            if pdu is not None:
-                self._pdu(pdu)
-                continue
-            packet = packets.packet(frame)
-            if self._datagrams.given_up:
-                self._tell_given_up(packets)
-            if packet is not None:
-                self._packet(packet)
-
-    def _begun(self, packet: Packet) -> None:
-        """The first IP fragment of a message."""
-        pdu = rpc.parse(packet)
-        if pdu is not None and (pdu.ptype or self._records.first_record(pdu) is not None):
-            self._calls.begun(pdu)
-
-    def _tell_given_up(self, packets: PacketSource) -> None:
-        for packet, have, limit in packets.given_up():
-            pdu = rpc.parse(packet)
-            if pdu is not None:
-                self._records.incomplete(pdu, have, "IP", limit, self._calls.open_call(pdu))
-
-    def _packet(self, packet: Packet) -> None:
-        if packet.kind != "udp":
-            self._stations.station(packet)
-            return
-        pdu = rpc.parse(packet)
-        if pdu is not None:
-            self._pdu(pdu)
-        elif packet.missing and packet.cut is not None:
-            self._diagnoses.cut(packet.frame)
-
-    def _pdu(self, pdu: rpc.Pdu) -> None:
-        if pdu.missing and pdu.cut is not None and pdu.opnum in _RECORD_CALLS:
-            self._diagnoses.cut(pdu.frame)  # a copy, too: it counts frames
-        if self._calls.is_copy(pdu):
-            return
-        whole = self._joined(pdu) if pdu.fragmented else pdu
-        if whole is not None:
-            self._stations.message(whole)
-            self._calls.feed(whole)
-
-    def _joined(self, pdu: rpc.Pdu) -> rpc.Pdu | None:
-        """The message that an RPC fragment completes."""
-        fragments = self._fragments
-        whole = fragments.feed(pdu)
-        if fragments.given_up:
-            given_up, fragments.given_up = fragments.given_up, []
-            for beginning, have, limit in given_up:
-                call = self._calls.open_call(beginning)
-                self._records.incomplete(beginning, have, "RPC", limit, call)
-        if whole is None and (pdu.ptype or self._records.first_record(pdu) is not None):
-            self._calls.begun(pdu)
-        return whole
+            self._transport.take_frame(frame)
 
     def _diagnose(self, capture: Capture | Series) -> None:
         """What only the whole capture can show."""
@@ -261,7 +194,7 @@ class Analysis:
         job = remark.job
         if self._on_transaction is not None and job is not None:
             if job.phase != "closed":
-                self._transport.setdefault(job, []).append(remark)
+                self._remarks.setdefault(job, []).append(remark)
                 if self._early is not None and self._findings.wanted(remark.rule):
                     self._early.found(self._findings.finding(remark, job.order))
                 return
@@ -289,7 +222,7 @@ class Analysis:
             self._settled(job, self._judge.closed(job), self._early)
 
     def _settled(self, job: Job, remarks: list[Remark], early: Early) -> None:
-        remarks = remarks + self._transport.get(job, [])
+        remarks = remarks + self._remarks.get(job, [])
         self._hand_out(job, build(job, self._options.lang), remarks, early.settled)
 
     def _closed(self, job: Job) -> None:
@@ -300,7 +233,7 @@ class Analysis:
                 self._records.pushed_out(job.limit, job.write_request.frame)
         remarks += self._judge.closed(job)
         remarks += self._diagnoses.closed(job)
-        remarks += self._transport.pop(job, [])
+        remarks += self._remarks.pop(job, [])
         transaction = build(job, self._options.lang)
         summarise(self._summary, transaction.state, transaction.operation)
         if self._on_transaction is None:

@@ -256,7 +256,7 @@ SMALL = limits().but(
 
 
 class Wire:
-    """Packets as `PacketSource` would give them, a millisecond apart."""
+    """Packets as `Packets` would give them, a millisecond apart."""
 
     def __init__(self):
         self.numbers = count(1)
@@ -381,8 +381,8 @@ def kept(run):
     """How many things of each kind a run keeps."""
     calls = run._calls._activities.values()
     places = run._pairing.channels.values()
-    held = run._records._gate._held.values()
-    partial = run._fragments._partial.values()
+    held = run._records._index47._held.values()
+    partial = run._transport._fragments._partial.values()
     return {
         "activities": len(calls),
         "calls": max((len(each.calls) for each in calls), default=0),
@@ -391,16 +391,16 @@ def kept(run):
         "asked": max((len(each.asked) for each in places), default=0),
         "answers": len(run._answers),
         "transactions": len(run._transactions),
-        "open": len(run._records._gate.open),
+        "open": len(run._records._index47.open),
         "held ARs": len(held),
         "held": sum(map(len, held)),
         "messages": len(partial),
         "fragments": sum(len(each.parts) for each in partial),
-        "given up": len(run._fragments.given_up),
+        "given up": len(run._transport._fragments.given_up),
         "written": len(run._judge._written._written),
         "longest": len(run._judge._longest),
-        "servers": len(run._naming._servers),
-        "stations": len(run._naming._stations),
+        "servers": len(run._stations._servers),
+        "stations": len(run._stations._stations),
     }
 
 
@@ -413,11 +413,11 @@ def small(monkeypatch):
 @pytest.mark.usefixtures("small")
 def test_an_endless_stream_stays_within_the_limits(stream):
     run = Analysis(AnalysisOptions(), lambda transaction, findings: None)
-    run._fragments = rpc.Fragments(SMALL.fragment_expiry_ns, limit=16, fragments=300)
+    run._transport._fragments = rpc.Fragments(SMALL.fragment_expiry_ns, limit=16, fragments=300)
     wire_ = Wire()
     for number in range(1500):
         for packet in stream(wire_, number):
-            run._packet(packet)
+            run._transport.packet(packet)
     most = {
         "activities": 32, "calls": 8 + 8 + 1, "datagrams": 256, "channels": 32, "asked": 8,
         "answers": 32, "transactions": 0, "open": 48, "held ARs": 16, "held": 16 * 16,
@@ -439,7 +439,7 @@ def growth(stream, first, then, options=None):
                 gc.collect()
                 before = tracemalloc.get_traced_memory()[0]
             for packet in stream(wire_, number):
-                run._packet(packet)
+                run._transport.packet(packet)
         gc.collect()
         return (tracemalloc.get_traced_memory()[0] - before) / then
     finally:
@@ -502,13 +502,13 @@ def test_a_transport_finding_holds_no_finished_transaction():
     wire_ = Wire()
     for number in range(20):
         for packet in lost_writes(wire_, number):
-            run._packet(packet)
-    assert run._transport
+            run._transport.packet(packet)
+    assert run._remarks
     assert not any(remark.job for remark in run._findings._remarks)
-    assert all(job.phase != "closed" for job in run._transport)
+    assert all(job.phase != "closed" for job in run._remarks)
     run._calls.finish()
     run._pairing.finish()
-    assert not run._transport
+    assert not run._remarks
 
 
 def test_interface_statistics_do_not_pile_up():
@@ -600,7 +600,7 @@ def test_a_stream_costs_its_length(stream):
         wire_ = Wire()
         for number in range(size):
             for packet in stream(wire_, number):
-                run._packet(packet)
+                run._transport.packet(packet)
         run._calls.finish()
         run._pairing.finish()
 
@@ -616,7 +616,7 @@ def test_a_full_analysis_costs_the_length_of_its_stream():
         for number in range(size):
             for stream in (channels, foreign_records, activities, unanswered_writes):
                 for packet in stream(wire_, number):
-                    run._packet(packet)
+                    run._transport.packet(packet)
 
     assert is_linear(work, 150)
 
@@ -675,7 +675,7 @@ def nasty_result(text):
     stream = io.BytesIO(make.section())
     with open_capture(stream, name=text) as capture:
         for packet in packets:
-            run._packet(packet)
+            run._transport.packet(packet)
         return run.run(capture)
 
 

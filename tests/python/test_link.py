@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ds47.capture import Frame, open_capture
-from ds47.profinet.link import Packet, PacketSource, dissect
+from ds47.profinet.link import Packet, Packets, dissect
 
 RPC = make.rpc()
 IP_CALL = make.ipv4(make.udp(RPC))
@@ -96,8 +96,8 @@ def test_fragments_give_one_packet_with_the_frame_that_completes_it() -> None:
     one, two, three = parts(make.udp(RPC))
     data = make.pcap([make.RT, three, one, make.call(), two, *parts(make.udp(bytes(90)), ident=8)])
     with open_capture(io.BytesIO(data)) as capture:
-        source = PacketSource(capture)
-        found = list(source)
+        source = Packets()
+        found = list(source.of(capture))
     assert [(p.frame, p.payload, p.missing) for p in found] == [(4, RPC, 0), (5, RPC, 0)]
     assert found[1].src_mac == MAC_A
     assert source.unfinished() == []
@@ -106,8 +106,8 @@ def test_fragments_give_one_packet_with_the_frame_that_completes_it() -> None:
 def test_unfinished_lists_ours_only() -> None:
     frames = [*parts(make.udp(RPC), 80)[:1], *parts(make.udp(bytes(90)), 80, ident=8)[:1]]
     with open_capture(io.BytesIO(make.pcap(frames))) as capture:
-        source = PacketSource(capture)
-        assert list(source) == []
+        source = Packets()
+        assert list(source.of(capture)) == []
     ((packet, have),) = source.unfinished()
     assert (packet.frame, packet.src_port, have) == (1, 34964, 1)
     assert packet.payload == RPC[:72]

@@ -29,7 +29,7 @@ from ds47.findings.remark import Remark
 from ds47.profidrive import Options
 from ds47.profinet import dcp, ip, lldp, rpc
 from ds47.profinet.calls import CallTracker
-from ds47.profinet.link import Packet, PacketSource, dissect, mac
+from ds47.profinet.link import Packet, Packets, dissect, mac
 from ds47.profinet.records import Half, Record, parse_request, parse_response, released_ar
 from ds47.profinet.stations import Stations
 from ds47.spec.semantics import limits
@@ -210,8 +210,8 @@ class Run:
         self.calls = CallTracker(limits(), self.records.handlers())
 
     def run(self, frames: Iterable[Frame]) -> list[dict[str, Any]]:
-        source = PacketSource(frames)
-        for packet in source:
+        source = Packets()
+        for packet in source.of(frames):
             self.packet(packet)
         for first, have, limit in self.fragments.given_up:
             self.records.incomplete(first, have, "RPC", limit)
@@ -384,7 +384,7 @@ def test_broken_captures(version: str, captures: Path) -> None:
     chance = random.Random(47)
     cases = []
     for path in sorted(captures.glob("*.pcapng")):
-        packets = [packet for packet in PacketSource(stored(path)) if packet.kind == "udp"]
+        packets = [packet for packet in Packets().of(stored(path)) if packet.kind == "udp"]
         if 0 < len(packets) < 200:
             cases.append((path.name, broken(packets, chance)))
     compare(version, cases)

@@ -1,6 +1,6 @@
 """From frames to packets: Ethernet, VLAN tags, cooked headers, IPv4, UDP.
 
-Lives here: `Packet`, `dissect`, and `PacketSource`, the one generator that the analysis uses. Not
+Lives here: `Packet`, `dissect`, and `Packets`, which puts fragments together. Not
 here: which frames are worth it (ds47.capture.scan), fragments (ip.py), what is in a payload
 (rpc.py, dcp.py, lldp.py).
 """
@@ -177,22 +177,25 @@ def mac(data: bytes) -> str:
     return data.hex(":")
 
 
-class PacketSource:
-    """Iterates over the packets of a capture (any iterable of frames), fragments put together."""
+class Packets:
+    """The packets that frames bring, fragments put together.
+
+    Args:
+        reassembler: puts IP fragments together.
+        begun: is told of a fragment that begins a datagram and does not complete it.
+    """
 
     def __init__(
         self,
-        frames: Iterable[Frame],
         reassembler: ip.Reassembler | None = None,
         begun: Callable[[Packet], None] | None = None,
     ) -> None:
-        """`begun` is told of a fragment that begins a datagram and does not complete it."""
-        self._frames = frames
         self._reassembler = reassembler or ip.Reassembler()
         self._begun = begun
 
-    def __iter__(self) -> Iterator[Packet]:
-        for frame in self._frames:
+    def of(self, frames: Iterable[Frame]) -> Iterator[Packet]:
+        """What frames bring, one packet after the other."""
+        for frame in frames:
             packet = self.packet(frame)
             if packet is not None:
                 yield packet
