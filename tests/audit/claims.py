@@ -633,11 +633,16 @@ def _reason(case: Case, deal: Deal) -> Iterator[str]:
         for each in case.reading.deals
         if each.state == "refused" and not each.read_status
     }
+    elsewhere = {
+        each.read for each in case.reading.deals
+        if each.channel == deal.channel and each.write is not None and each.write < (deal.write or 0)
+    }  # fmt: skip
     later = [
         each.asked or each.answered for each in case.reading.on_channel.get(deal.channel, [])
         if (
             each.asked > (deal.write or 0) and each.status in (None, 0) and each.asked not in refused
             if each.write else (each.asked or each.answered or 0) > max(deal.all_frames) and bool(each.data)
+            and each.answered not in elsewhere
         )
     ]  # fmt: skip
     end = capture.frames[-1].time_ns if capture.frames else 0
