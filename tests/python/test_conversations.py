@@ -25,11 +25,11 @@ from ds47.spec import rules
 ROOT = Path(__file__).resolve().parents[2]
 VECTORS = ROOT / "tests/vectors"
 SCHEMA = VECTORS / "conversations.schema.json"
-TOOLS = {
-    "conversations.json": "make_conversations.py",
-    "diagnoses.json": "make_diagnosis_conversations.py",
+SOURCES = {
+    "conversations.json": "conversations.py",
+    "diagnoses.json": "diagnoses.py",
 }
-FILES = {name: json.loads((VECTORS / name).read_text(encoding="utf-8")) for name in TOOLS}
+FILES = {name: json.loads((VECTORS / name).read_text(encoding="utf-8")) for name in SOURCES}
 CASES = [case for vectors in FILES.values() for case in vectors["cases"]]
 START_NS = 1_767_254_400_000_000_000
 
@@ -183,7 +183,7 @@ def test_every_diagnosis_of_a_transaction_has_a_case() -> None:
 
 @pytest.mark.parametrize("name", FILES)
 def test_the_tool_writes_this_file(name: str, tmp_path: Path) -> None:
-    tool = ROOT / "tools" / TOOLS[name]
+    tool = VECTORS / "sources" / SOURCES[name]
     target = tmp_path / name
     subprocess.run([sys.executable, str(tool), str(target)], check=True, timeout=60)
     assert target.read_bytes() == (VECTORS / name).read_bytes(), f"run {tool.name} again"

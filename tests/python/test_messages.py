@@ -237,7 +237,7 @@ def test_declared_numbers_are_those_of_the_cases() -> None:
 
 
 def test_the_tool_writes_this_file(tmp_path: Path) -> None:
-    tool = ROOT / "tools/make_messages.py"
+    tool = ROOT / "tests/vectors/sources/messages.py"
     target = tmp_path / FILE.name
     subprocess.run([sys.executable, str(tool), str(target)], check=True, timeout=60)
     assert target.read_bytes() == FILE.read_bytes(), f"run {tool.name} again"

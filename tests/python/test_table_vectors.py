@@ -14,9 +14,9 @@ from lua_program import LUAS, lua_program
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "tests/vectors/tables.json"
 STORED = json.loads(FILE.read_text(encoding="utf-8"))
-TOOL = runpy.run_path(str(ROOT / "tools/make_table_vectors.py"))
+TOOL = runpy.run_path(str(ROOT / "tests/vectors/sources/tables.py"))
 TABLES = ROOT / "lua/ds47/tables.lua"
-HOW = "if this is meant: tools/make_tables.py and tools/make_table_vectors.py"
+HOW = "if this is meant: tools/make_tables.py and tests/vectors/sources/tables.py"
 
 
 def test_tables_of_python() -> None:

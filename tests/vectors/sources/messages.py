@@ -12,12 +12,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[3]
 TARGET = ROOT / "tests/vectors/messages.json"
-TEXTS = ROOT / "tools/message_texts.txt"
+TEXTS = ROOT / "tests/vectors/sources/message_texts.txt"
 ABOUT = (
     "DS47 messages, formats and texts, and what they become, for every implementation. "
-    "tests/vectors/README.md says what the keys mean; tools/make_messages.py writes this file."
+    "tests/vectors/README.md says what the keys mean; tests/vectors/sources/messages.py writes this file."
 )
 Row = dict[str, Any]
 

@@ -1,6 +1,6 @@
 """Writes tests/vectors/diagnoses.json: small conversations, and the diagnoses (DS7xx) of each.
 
-Played and written as those of make_conversations.py, in the same layout. What is expected is typed by hand,
+Played and written as those of conversations.py, in the same layout. What is expected is typed by hand,
 from the conditions in docs/diagnoses.md; for each diagnosis there is a near miss, too. Diagnoses that need the
 whole capture are not here: Wireshark has none of them.
 """
@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from uuid import UUID
 
-import make_conversations as base
-from make_conversations import (
+import conversations as base
+from conversations import (
     AR2,
     BAD_HEADER,
     CUT,
@@ -38,7 +38,7 @@ from ds47.lab.client import BUSY, Client, drive
 TARGET = base.ROOT / "tests/vectors/diagnoses.json"
 ABOUT = (
     "Conversations and the diagnoses (DS7xx) of their messages and transactions, for every implementation. "
-    "tests/vectors/README.md says how to run them; tools/make_diagnosis_conversations.py writes this file."
+    "tests/vectors/README.md says how to run them; tests/vectors/sources/diagnoses.py writes this file."
 )
 TEN = 0x41200000
 """The bits of 10.0 as Float32."""
@@ -57,7 +57,7 @@ def case(
     findings: str = "",
     diagnoses: str = "",
 ) -> Callable[[Play], Play]:
-    """Decorator: as that of make_conversations.py; the rule is the beginning of the name."""
+    """Decorator: as that of conversations.py; the rule is the beginning of the name."""
     rule = name.partition("-")[0]
     return base.case(name, rule, flags, transactions, findings, diagnoses=diagnoses, cases=CASES)
 

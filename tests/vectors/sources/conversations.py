@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 from uuid import UUID
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "python"))
 
 from ds47.lab import message, wire  # noqa: E402
@@ -25,7 +25,7 @@ from ds47.lab.stage import START_NS, Stage  # noqa: E402
 TARGET = ROOT / "tests/vectors/conversations.json"
 ABOUT = (
     "Conversations and the transactions and findings they must become, for every implementation. "
-    "tests/vectors/README.md says how to run them; tools/make_conversations.py writes this file."
+    "tests/vectors/README.md says how to run them; tests/vectors/sources/conversations.py writes this file."
 )
 CLIENT_PORT = 49152
 REQUEST_KINDS = (wire.REQUEST, wire.PING)

@@ -1,7 +1,7 @@
 """Writes tests/vectors/tables.json: every entry of the protocol tables as a line, key and value.
 
-    .venv/bin/python tools/make_table_vectors.py           writes the file
-    .venv/bin/python tools/make_table_vectors.py --diff    prints what would change in it
+    .venv/bin/python tests/vectors/sources/tables.py           writes the file
+    .venv/bin/python tests/vectors/sources/tables.py --diff    prints what would change in it
 
 A change of python/ds47/spec/*.toml by accident must not go unnoticed: the tests compare the tables of both
 implementations with the file and name every key that differs. What is meant is written by running this.
@@ -18,10 +18,10 @@ from typing import Any
 from ds47 import spec
 from ds47.spec import semantics
 
-TARGET = Path(__file__).resolve().parent.parent / "tests/vectors/tables.json"
+TARGET = Path(__file__).resolve().parents[1] / "tables.json"
 ABOUT = (
     "Every entry of the protocol tables. After a change of python/ds47/spec/*.toml that is meant: "
-    "tools/make_tables.py, then tools/make_table_vectors.py, and look at the difference."
+    "tools/make_tables.py, then tests/vectors/sources/tables.py, and look at the difference."
 )
 Flat = Iterator[tuple[str, Any]]
 KEYS = ("code", "last", "number", "id")
