@@ -66,7 +66,7 @@ local function rule_of(refusal, siemens)
   local known, code = tables.known, refusal.code
   if code == known.axis_error then
     return "DS709"
-  elseif siemens and refusal.value and is_connector(refusal) then
+  elseif siemens and refusal.value and #refusal.value.values > 0 and is_connector(refusal) then
     return "DS720"
   elseif siemens and known.commissioning[code] then
     return "DS718"

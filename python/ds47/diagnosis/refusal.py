@@ -140,7 +140,7 @@ def _rule(job: Job, refusal: Refusal) -> str | None:
     siemens = job.peer.vendor_id == SIEMENS
     if code == facts.axis_error:
         return "DS709"
-    if siemens and refusal.value is not None and _connector(refusal):
+    if siemens and refusal.value is not None and refusal.value.values and _connector(refusal):
         return "DS720"
     if siemens and code in facts.commissioning:
         return "DS718"

@@ -839,6 +839,19 @@ def _(tape: Tape) -> None:
     Client(tape).exchange(change(1070, message.word(1024)), refused(1, 0x05, 0x82))
 
 
+@case(
+    "DS720-no-value",
+    "drive-error malformed",
+    [tx(1, "error", (1, 2, 3, 4), 3, par(1070, "Unsigned32", error=(0x83, 0)), operation="change")],
+    "DS315@1#1 DS410@4#1",
+    "DS711@1#1",
+)
+def _(tape: Tape) -> None:
+    """Near miss: the request ends inside the source of signals, and that is the cause."""
+    whole = change(1070, message.block(0x07, "I", 0x34_0000))
+    Client(tape).exchange(whole[:-2], refused(1, 0x83, 0x82))
+
+
 # DS722: the connection ends inside a job
 
 
