@@ -18,7 +18,7 @@ from ds47.batch.endings import Lost
 from ds47.batch.products import discard
 from ds47.batch.results import OVERVIEW, Results
 from ds47.batch.tasks import Task
-from ds47.capture.remote import file_system, reason
+from ds47.capture.remote import file_system, is_url, reason
 from ds47.report.overview import Row
 
 _AT_ONCE = 128
@@ -137,3 +137,17 @@ class RemoteResults(Results):
             yield
         except Exception as problem:
             raise OSError(errno.EIO, reason(problem), self._url) from problem
+
+
+def results_at(name: str, options: AnalysisOptions) -> Results:
+    """The results in a folder of this machine, or behind a URL.
+
+    Raises:
+        ds47.capture.CaptureError: nothing opens such a URL.
+    """
+    if not is_url(name):
+        return Results(Path(name), options)
+    system, path = file_system(name)
+    if "file" in system.protocol:
+        return Results(Path(path), options)
+    return RemoteResults(name, options)

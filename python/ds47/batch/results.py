@@ -20,7 +20,7 @@ from ds47 import __version__
 from ds47.analysis import AnalysisOptions
 from ds47.batch.products import discard, draft_of, whole
 from ds47.batch.tasks import Task, read
-from ds47.capture.remote import file_system, is_url
+from ds47.capture.remote import is_url
 from ds47.model import CaptureResult
 from ds47.report import SCHEMA, load
 from ds47.report import Options as ReportOptions
@@ -224,22 +224,6 @@ class Results:
 
 _MISSHAPEN = (ValueError, LookupError, TypeError, AttributeError, RecursionError)
 """What comes of reading JSON that is damaged, or is of another shape."""
-
-
-def results_at(name: str, options: AnalysisOptions) -> Results:
-    """The results in a folder of this machine, or behind a URL.
-
-    Raises:
-        ds47.capture.CaptureError: nothing opens such a URL.
-    """
-    if not is_url(name):
-        return Results(Path(name), options)
-    system, path = file_system(name)
-    if "file" in system.protocol:
-        return Results(Path(path), options)
-    from ds47.batch.remote_results import RemoteResults
-
-    return RemoteResults(name, options)
 
 
 def _below(path: str, roots: Sequence[str]) -> str:

@@ -62,7 +62,8 @@ class Execution(NamedTuple):
         """The folder of results, and what is not there yet."""
         if self.folder is None:
             return None, tasks
-        from ds47.batch.results import SameNameError, results_at
+        from ds47.batch.remote_results import results_at
+        from ds47.batch.results import SameNameError
         from ds47.capture import CaptureError
 
         try:
