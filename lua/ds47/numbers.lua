@@ -2,8 +2,8 @@
 -- double cannot hold. The same numbers and the same texts as in Python. Which format has which of them is in
 -- formats.lua.
 --
--- Lua 5.2 knows no integers: whether 10 is shown as 10 or as 10.0 is what the caller knows, who calls
--- float_text for floats and text for the rest.
+-- Lua 5.2 knows no integers. The caller knows whether 10 is shown as 10 or as 10.0: it calls float_text for
+-- floats and text for the rest.
 
 local entries = require("ds47.later").entries
 

@@ -2,7 +2,7 @@
 --
 -- A time is a plain number as long as a double holds it exactly, which is 104 days either way: all there is
 -- in nearly every capture. A time that is further away (a clock that begins in 1970 and is set later) is a
--- table of seconds and nanoseconds. Whoever keeps times only subtracts and compares them, which is the same
+-- table of seconds and nanoseconds. Times are only subtracted and compared, which is the same
 -- for both: the difference of two times is a number, exact up to 2^53 and else the nearest one.
 
 local floor = math.floor

@@ -34,7 +34,7 @@ OnTransaction = Callable[[Transaction, list[Finding]], None]
 
 
 class Early(NamedTuple):
-    """Who does not want to wait until nothing more can come (`ds47.watch`).
+    """Listeners that hear of things at once, and not when nothing more can come (`ds47.watch`).
 
     Attributes:
         settled: is told of a transaction when it has its response or its Write was refused, with what

@@ -1,4 +1,4 @@
-"""Record calls to DS47 events: what an RPC call carries, whether it is ours, and who hears of it.
+"""Record calls to DS47 events: what an RPC call carries, whether it is ours, and where it goes.
 
 Sits between the RPC calls (`profinet.calls`) and the jobs (`pairing`), and reports what is wrong with
 the transport of a record call (DS1xx, DS202, DS208). Decodes a message once; compares nothing.

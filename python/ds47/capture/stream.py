@@ -259,7 +259,7 @@ class Stream:
     def large_file(self, least: int) -> int | None:
         """The descriptor where this is a plain file of which at least so many bytes are left.
 
-        Who reads from it goes on where this stands, and this where that one ends.
+        A reader of the descriptor begins where this stands; this goes on where the reader ends.
         """
         return self._raw.large_file(least) if self._reader is self._raw else None
 

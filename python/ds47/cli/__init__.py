@@ -137,7 +137,7 @@ def _stand_in() -> bool:
 
 @contextmanager
 def _reader_may_leave() -> Iterator[None]:
-    """Raises click.exceptions.Exit where who reads stdout went away."""
+    """Raises click.exceptions.Exit where the reader of stdout went away."""
     try:
         yield
     except OSError as problem:
@@ -163,7 +163,7 @@ def _explain(problem: Exception) -> None:
 
 
 def _reader_left(problem: OSError) -> bool:
-    """Whether who reads stdout went away (`| head`); Windows says EINVAL then."""
+    """Whether the reader of stdout went away (`| head`); Windows says EINVAL then."""
     if isinstance(problem, BrokenPipeError):
         return True
     return sys.platform == "win32" and problem.errno == errno.EINVAL

@@ -80,7 +80,7 @@ class Handlers:
 
 
 _DatagramKey = object
-"""A hash of all that two copies of a datagram have in common. Not called an `int`: nobody counts with it, and
+"""A hash of all that two copies of a datagram have in common. Not called an `int`: it is no number, and
 compiled it would be unpacked and packed for each use."""
 
 

@@ -1,7 +1,7 @@
 """Frames to whole RPC messages: datagrams and fragments put together, copies left out, stations named.
 
 Each step is a module of its own (`link`, `ip`, `rpc`, `calls`); here they are only joined. What a message
-carries, and whose it is, is the business of those who listen.
+carries, and whose it is, is the business of the listeners.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _RECORD_CALLS = (rpc.READ, rpc.WRITE, rpc.READ_IMPLICIT)
 
 
 class Listener(Protocol):
-    """Who hears of messages that do not become whole."""
+    """Hears of messages that do not become whole."""
 
     def first_record(self, pdu: rpc.Pdu) -> Record | None:
         """The first record in the beginning of a message; None where that tells of none that can be ours."""

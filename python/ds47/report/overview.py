@@ -195,7 +195,7 @@ class Writer(_Writer):
 
 
 def lines(rows: Sequence[Row], options: Options) -> list[str]:
-    """The overview as text: who needs a look, what to do, what was found, sums."""
+    """The overview as text: which captures need a look, what to do, what was found, sums."""
     summed = total(rows)
     return [
         *_spaced(table(rows, options.lang)),

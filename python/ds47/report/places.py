@@ -1,7 +1,7 @@
 """Where a frame is: in a capture that is a series of files, in which of them, and its number there.
 
-Frames of a series are numbered through all its files (`ds47.model.CaptureFile`); who looks one up in
-Wireshark opens one file.
+Frames of a series are numbered through all its files (`ds47.model.CaptureFile`); Wireshark
+opens one file at a time, and counts anew in each.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ KINDS = {
     **dict.fromkeys(OPEN, "open"),
     "orphan": "orphan",
 }
-"""What each state means for who looks at a plot or at a figure."""
+"""How good or bad each state is, in a plot or a figure."""
 LEVELS = ("none", "good", "warn", "bad")
 """From nothing to say to serious; names of classes in the style sheet of the page."""
 

@@ -14,7 +14,7 @@ from ds47.model import CaptureResult, Finding, Transaction
 
 
 class Listener(Protocol):
-    """Who wants to know."""
+    """A listener to live traffic."""
 
     def finished(self, transaction: Transaction, findings: list[Finding]) -> None:
         """A transaction has its response, or will never have one; what was found about it so far."""

@@ -48,7 +48,7 @@ class Group:
 
     @property
     def plugin_filter(self) -> str | None:
-        """The short filter for who has the plugin: all of them, in every capture. None where it has none."""
+        """The short filter of the plugin: all of them, in every capture. None where the plugin has none."""
         known = rules().get(self.rule)
         if known is not None and not known.in_wireshark:
             return None
