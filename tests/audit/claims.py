@@ -633,16 +633,11 @@ def _reason(case: Case, deal: Deal) -> Iterator[str]:
         for each in case.reading.deals
         if each.state == "refused" and not each.read_status
     }
-    elsewhere = {
-        each.read for each in case.reading.deals
-        if each.channel == deal.channel and each.write is not None and each.write < (deal.write or 0)
-    }  # fmt: skip
     later = [
         each.asked or each.answered for each in case.reading.on_channel.get(deal.channel, [])
         if (
             each.asked > (deal.write or 0) and each.status in (None, 0) and each.asked not in refused
             if each.write else (each.asked or each.answered or 0) > max(deal.all_frames) and bool(each.data)
-            and each.answered not in elsewhere
         )
     ]  # fmt: skip
     end = capture.frames[-1].time_ns if capture.frames else 0
@@ -651,8 +646,8 @@ def _reason(case: Case, deal: Deal) -> Iterator[str]:
         yield "its AR was not released"
     elif told == "end" and released:
         yield f"its AR was released in frame {released[0]}"
-    elif told == "end" and later:
-        yield f"the channel goes on in frame {later[0]}"
+    elif told == "end" and (own := [frame for frame in later if not _older(case, deal, frame)]):
+        yield f"the channel goes on in frame {own[0]}"
     elif told == "expired" and not silent and not later:
         yield "no ten minutes passed"
     elif told == "unseen":
@@ -663,6 +658,14 @@ def _reason(case: Case, deal: Deal) -> Iterator[str]:
         yield f"reason {told!r} is none"
     elif told is None and not later:
         yield "gives no reason"
+
+
+def _older(case: Case, deal: Deal, frame: int) -> bool:
+    """Whether a Read is one of a request before this one."""
+    return any(
+        frame in each.all_frames and each.channel == deal.channel and (each.write or 0) < (deal.write or 0)
+        for each in case.reading.deals
+    )  # fmt: skip
 
 
 def _unseen(case: Case, deal: Deal, later: list[int]) -> Iterator[str]:
