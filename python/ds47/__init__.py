@@ -1,9 +1,68 @@
 """ds47: the PROFIdrive parameter channel (record 47, 0xB02E, 0xB02F) of PROFINET captures as transactions.
 
-Only the version lives here. Import what you need from the rooms: `ds47.profidrive` (the codec),
-`ds47.capture` (files), `ds47.profinet` (transport), `ds47.analysis` (capture to transactions),
-`ds47.report` (a result to text, JSON, CSV).
+    import ds47
+
+    for transaction in ds47.analyze("machine.pcapng"):
+        print(transaction.state, transaction.duration_ms, transaction.parameters)
+
+The names in `__all__` are the library; docs/python.md tells what they promise. They are loaded when they are
+asked for: the command asks for none of them.
 """
 
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from ds47.capture import CaptureError
+    from ds47.library.message import (
+        Message,
+        MessageFinding,
+        decode_request,
+        decode_response,
+        encode,
+    )
+    from ds47.library.result import Access, Element, LastValue, Result, analyze
+    from ds47.model import (
+        Device,
+        Diagnosis,
+        Finding,
+        Frames,
+        Parameter,
+        ParameterError,
+        Transaction,
+    )
+    from ds47.profidrive import Options
+    from ds47.wireshark.tshark import NotReadyError
+
 __version__ = "0.1.0"
-__all__ = ["__version__"]
+__all__ = [
+    "Access", "CaptureError", "Device", "Diagnosis", "Element", "Finding", "Frames", "LastValue",
+    "Message", "MessageFinding", "NotReadyError", "Options", "Parameter", "ParameterError", "Result",
+    "Transaction", "__version__", "analyze", "decode_request", "decode_response", "encode",
+]  # fmt: skip
+
+_ROOMS = {
+    "ds47.capture": ("CaptureError",),
+    "ds47.library.message": (
+        "Message", "MessageFinding", "decode_request", "decode_response", "encode",
+    ),
+    "ds47.library.result": ("Access", "Element", "LastValue", "Result", "analyze"),
+    "ds47.model": (
+        "Device", "Diagnosis", "Finding", "Frames", "Parameter", "ParameterError", "Transaction",
+    ),
+    "ds47.profidrive": ("Options",),
+    "ds47.wireshark.tshark": ("NotReadyError",),
+}  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    from importlib import import_module
+
+    for room, names in _ROOMS.items():
+        if name in names:
+            globals()[name] = found = getattr(import_module(room), name)
+            return found
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

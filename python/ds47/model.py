@@ -7,7 +7,9 @@ Plain values only: no decoding, no pairing and no formatting lives here.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
+
+from ds47.spec.units import milliseconds, status, timestamp
 
 Value = int | float | str
 """One value as JSON shows it: docs/report.md, values."""
@@ -110,6 +112,13 @@ class Parameter(_Plain):
         self.error = error
 
 
+class Read(NamedTuple):
+    """The frames of one Read: a poll, or one that read the record again."""
+
+    request: int | None
+    response: int | None
+
+
 @dataclass(slots=True, init=False, repr=False, eq=False)
 class Frames(_Plain):
     """Frame numbers of a transaction, as Wireshark shows them for the same file."""
@@ -118,8 +127,8 @@ class Frames(_Plain):
     write_response: int | None
     read_request: int | None
     read_response: int | None
-    polls: list[tuple[int | None, int | None]]
-    rereads: list[tuple[int | None, int | None]]
+    polls: list[Read]
+    rereads: list[Read]
 
     def __init__(
         self,
@@ -127,8 +136,8 @@ class Frames(_Plain):
         write_response: int | None = None,
         read_request: int | None = None,
         read_response: int | None = None,
-        polls: list[tuple[int | None, int | None]] | None = None,
-        rereads: list[tuple[int | None, int | None]] | None = None,
+        polls: list[Read] | None = None,
+        rereads: list[Read] | None = None,
     ) -> None:
         self.write_request = write_request
         self.write_response = write_response
@@ -146,6 +155,20 @@ class Frames(_Plain):
         single = [self.write_request, self.write_response, self.read_request, self.read_response]
         pairs = [frame for pair in self.polls + self.rereads for frame in pair]
         return sorted({frame for frame in single + pairs if frame is not None})
+
+
+class Status(NamedTuple):
+    """The PNIO statuses of a transaction as 8 hex digits (docs/protocol.md C); None where none came."""
+
+    write: str | None
+    read: str | None
+
+
+class Messages(NamedTuple):
+    """The record data of a transaction in hex; None where the capture does not have it."""
+
+    request: str | None
+    response: str | None
 
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
@@ -225,6 +248,29 @@ class Transaction(_Plain):
         self.position = position
         self.findings = [] if findings is None else findings
         self.id = id
+
+    @property
+    def start(self) -> str:
+        """Time of the first PDU: ISO 8601 in UTC, nine digits."""
+        return timestamp(self.start_ns)
+
+    @property
+    def duration_ms(self) -> float | None:
+        """From the Write request to the first Read response that holds the record."""
+        return milliseconds(self.duration_ns)
+
+    @property
+    def status(self) -> Status:
+        """What the Write and the last Read were answered with: `DE80B500`."""
+        return Status(status(self.write_status), status(self.read_status))
+
+    @property
+    def bytes(self) -> Messages:
+        """The request and the response."""
+        asked, told = self.request, self.response
+        return Messages(
+            None if asked is None else asked.hex(), None if told is None else told.hex()
+        )
 
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
@@ -349,6 +395,11 @@ class CaptureResult(_Plain):
     diagnoses: list[Diagnosis] = field(default_factory=list)
     summary: dict[str, int] = field(default_factory=dict)
     files: list[CaptureFile] = field(default_factory=list)
+
+    @property
+    def start(self) -> str | None:
+        """Time of the first frame, whatever it holds: ISO 8601 in UTC, nine digits."""
+        return None if self.start_ns is None else timestamp(self.start_ns)
 
     @property
     def lacking(self) -> str | None:

@@ -58,6 +58,7 @@ def test_a_room_imports_only_from_those_below_it() -> None:
         for module, file in known.items()
         for other in imports(file, known)
         if other in known
+        and module != "ds47"  # the door names what it hands out
         and room(other) != room(module)
         and order.index(room(other)) > order.index(room(module))
     }

@@ -11,7 +11,7 @@ from typing import Final
 
 from ds47.acyclic.judge import NOT_SUPPORTED, is_mismatch
 from ds47.acyclic.pairing import Job
-from ds47.model import Frames, Parameter, ParameterError, Transaction
+from ds47.model import Frames, Parameter, ParameterError, Read, Transaction
 from ds47.profidrive import Address, Block
 from ds47.profinet.records import NIL_UUID, Half
 from ds47.spec import error_text, parameters, request_ids, response_ids
@@ -188,8 +188,8 @@ def _frames(job: Job) -> Frames:
     return frames
 
 
-def _pairs(reads: list[tuple[Half | None, Half]]) -> list[tuple[int | None, int | None]]:
-    return [(request.frame if request else None, answer.frame) for request, answer in reads]
+def _pairs(reads: list[tuple[Half | None, Half]]) -> list[Read]:
+    return [Read(request.frame if request else None, answer.frame) for request, answer in reads]
 
 
 @lru_cache(maxsize=4096)

@@ -20,6 +20,7 @@ from ds47.model import (
     Frames,
     Parameter,
     ParameterError,
+    Read,
     Transaction,
 )
 
@@ -139,8 +140,8 @@ def duration(milliseconds: float | None) -> int | None:
 
 
 def _frames(item: dict[str, Any]) -> Frames:
-    def pairs(key: str) -> list[tuple[int | None, int | None]]:
-        return [(each["request"], each["response"]) for each in item[key]]
+    def pairs(key: str) -> list[Read]:
+        return [Read(each["request"], each["response"]) for each in item[key]]
 
     return Frames(
         item["write_request"], item["write_response"], item["read_request"],

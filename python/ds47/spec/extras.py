@@ -11,10 +11,11 @@ _PACKAGES = {
     "parquet": "pyarrow",
     "cluster": "dask distributed fsspec",
     "urls": "fsspec",
+    "pandas": "pandas",
 }
 """As an index knows them, without a character that some shell takes for its own."""
 
 
 def install(what: str) -> str:
-    """The command that installs what an extra needs, or what `urls` need of the extra `cluster`."""
+    """The command that installs what an extra needs, `urls` of the extra `cluster`, or a table of pandas."""
     return f"pip install {_PACKAGES[what]}"

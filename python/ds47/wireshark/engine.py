@@ -23,7 +23,7 @@ from ds47.capture import Capture, CaptureError, Frame, sha256
 from ds47.capture.stream import Stream
 from ds47.capture.writer import PcapngWriter, nearest
 from ds47.findings.collection import Findings
-from ds47.model import DIAGNOSIS, CaptureResult, Finding, Transaction
+from ds47.model import DIAGNOSIS, CaptureResult, Finding, Read, Transaction
 from ds47.regression.compare import Change, compare
 from ds47.regression.config import Config
 from ds47.report import json as report
@@ -260,8 +260,8 @@ class _Original:
         frames = transaction.frames
         for name in ("write_request", "write_response", "read_request", "read_response"):
             setattr(frames, name, self._number(getattr(frames, name)))
-        frames.polls = [(self._number(a), self._number(b)) for a, b in frames.polls]
-        frames.rereads = [(self._number(a), self._number(b)) for a, b in frames.rereads]
+        frames.polls = [Read(self._number(a), self._number(b)) for a, b in frames.polls]
+        frames.rereads = [Read(self._number(a), self._number(b)) for a, b in frames.rereads]
         return transaction
 
     def finding(self, item: Json) -> Finding:

@@ -1,0 +1,287 @@
+"""One capture: its transactions, parameters and findings, and what a parameter held last."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, NamedTuple, get_args
+
+from ds47.analysis import AnalysisOptions
+from ds47.analysis import analyze as analyze_natively
+from ds47.model import (
+    CaptureResult,
+    Device,
+    Diagnosis,
+    Finding,
+    Parameter,
+    Report,
+    Transaction,
+    Value,
+)
+from ds47.profidrive import Options
+from ds47.report import csv, json
+from ds47.report.sentences import message, sentence
+from ds47.report.targets import Targets
+from ds47.spec import extras, rule_prefix
+
+if TYPE_CHECKING:
+    import pandas
+
+Engine = Literal["native", "tshark", "both"]
+_KNOWN = ("ok", "partial")
+"""States of a transaction of which a value is one of its parameter."""
+
+
+class Element(NamedTuple):
+    """One parameter of one drive object: what two transactions have in common that mean the same."""
+
+    device: str
+    """IP address."""
+    drive_object: str
+    """`DO 2`, `axis 0` where the capture does not prove which one it is, or a slot."""
+    pnu: int
+    subindex: int
+
+
+class Access(NamedTuple):
+    """A parameter of a transaction."""
+
+    transaction: Transaction
+    parameter: Parameter
+
+
+class LastValue(NamedTuple):
+    """What an element held last, as far as the capture shows it."""
+
+    value: Value
+    format: str | None
+    transaction: Transaction
+    """The Read that brought it, or the change that was accepted."""
+
+
+class Result:
+    """All that one capture says. Attributes have the names and units of the JSON (docs/report.md)."""
+
+    def __init__(self, capture: CaptureResult) -> None:
+        self._capture = capture
+
+    def __iter__(self) -> Iterator[Transaction]:
+        return iter(self._capture.transactions)
+
+    def __len__(self) -> int:
+        return len(self._capture.transactions)
+
+    def __repr__(self) -> str:
+        return (
+            f"<ds47 result of {self.path}: {len(self)} transactions, {len(self.findings)} findings>"
+        )
+
+    @property
+    def path(self) -> str:
+        """The file, or the first one of a series."""
+        return self._capture.path
+
+    @property
+    def frames(self) -> int:
+        """How many frames there are."""
+        return self._capture.frames
+
+    @property
+    def start(self) -> str | None:
+        """Time of the first frame: ISO 8601 in UTC, nine digits."""
+        return self._capture.start
+
+    @property
+    def complete(self) -> bool:
+        """Whether the file was read to its end; `problem` says why not."""
+        return self._capture.complete
+
+    @property
+    def problem(self) -> str | None:
+        """Why the file was not read to its end."""
+        return self._capture.lacking
+
+    @property
+    def transactions(self) -> list[Transaction]:
+        """In the order of their first frames."""
+        return self._capture.transactions
+
+    @property
+    def findings(self) -> list[Finding]:
+        """In the order of their frames; `message` words one."""
+        return self._capture.findings
+
+    @property
+    def diagnoses(self) -> list[Diagnosis]:
+        """The causes, worst first; `message` words one."""
+        return self._capture.diagnoses
+
+    @property
+    def devices(self) -> list[Device]:
+        """Who answered: IP and MAC address, name of station, vendor and device id."""
+        return self._capture.devices
+
+    @property
+    def summary(self) -> dict[str, int]:
+        """How many transactions there are, by state and by operation."""
+        return self._capture.summary
+
+    @property
+    def parameters(self) -> Iterator[Access]:
+        """Every parameter of every transaction, in their order."""
+        for each in self._capture.transactions:
+            for parameter in each.parameters:
+                yield Access(each, parameter)
+
+    def by_pnu(self, pnu: int, subindex: int | None = None) -> list[Access]:
+        """The accesses to a parameter on whatever drive object, refused ones among them.
+
+        Args:
+            pnu: its number.
+            subindex: one element, where not all are meant; one inside an array that was asked for counts.
+        """
+        return [
+            each
+            for each in self.parameters
+            if each.parameter.pnu == pnu
+            and (subindex is None or subindex in _subindices(each.parameter))
+        ]
+
+    def last_values(self) -> dict[Element, LastValue]:
+        """What each element held last: read, or written and accepted.
+
+        Which requests reach the same drive object is decided by what the capture proves (docs/pairing.md, P60).
+        """
+        targets = Targets(self._capture.transactions)
+        labels = targets.labels(self._capture.transactions)
+        found: dict[Any, tuple[Element, LastValue]] = {}
+        for each, parameter in self.parameters:
+            if each.state not in _KNOWN or each.operation not in ("read", "change"):
+                continue
+            if parameter.error is not None or parameter.attribute != "value":
+                continue
+            about = targets.identity(each, parameter.pnu)
+            name = labels.get(about, "")
+            for subindex, value in zip(_subindices(parameter), parameter.values, strict=False):
+                key = Element(each.device, name, parameter.pnu or 0, subindex)
+                last = LastValue(value, parameter.format, each)
+                found[about, parameter.pnu, subindex] = key, last
+        return dict(found.values())
+
+    def message(self, item: Finding | Diagnosis, lang: str = "en") -> str:
+        """What a finding or a diagnosis says: a line in "en" or "zh"."""
+        return message(item, lang) if isinstance(item, Finding) else sentence(item, lang)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The document of `ds47 report -f json` (`ds47.report/2`)."""
+        return json.document(Report([self._capture]))
+
+    def to_frame(self) -> pandas.DataFrame:
+        """A table with a row for each parameter and the columns of `ds47 report -f csv`.
+
+        `values` and `scaled` are lists, `start` is a time of pandas in UTC. A transaction without parameters has
+        one row.
+
+        Raises:
+            ModuleNotFoundError: pandas is not installed; the text says how to install it.
+        """
+        try:
+            import pandas
+        except ModuleNotFoundError as problem:
+            hint = f"to_frame needs pandas: {extras.install('pandas')}"
+            raise ModuleNotFoundError(hint, name="pandas") from problem
+        table = pandas.DataFrame(list(_rows(self._capture)), columns=list(csv.COLUMNS))
+        table["start"] = pandas.to_datetime(table["start"], utc=True, errors="coerce")
+        return table
+
+
+def analyze(
+    path: str | Path | BinaryIO | Sequence[str | Path],
+    *,
+    engine: Engine = "native",
+    indices: Iterable[int] = (),
+    slow_ms: float | None = None,
+    select: Iterable[str] = (),
+    ignore: Iterable[str] = (),
+    options: Options | None = None,
+    digest: bool = False,
+) -> Result:
+    """Analyses one capture.
+
+    Args:
+        path: a pcap or pcapng file, gzipped or zstd too; a URL; "-" for standard input; a binary stream; or the
+            files of a ring buffer, which are one capture.
+        engine: "native", "tshark" (what the Wireshark plugin says), or "both" (DS601 where they differ).
+        indices: further record indices that carry the parameter channel.
+        slow_ms: from which share of the drive a transaction is slow (DS416); None for the shipped limit.
+        select: rules to report, by id, beginning of an id, or name; empty for all.
+        ignore: rules to leave out.
+        options: dialects of the parameter channel.
+        digest: whether to compute the SHA-256 of the file, which reads every byte.
+
+    Raises:
+        CaptureError: nothing of the capture can be read.
+        ValueError: there is no such rule or engine, or the files are not those of one ring buffer.
+        NotReadyError: the engine needs tshark or pyshark, and it is missing; the text says what to do.
+    """
+    chosen = AnalysisOptions(
+        indices=frozenset(indices), slow_ms=slow_ms, select=_rules(select), ignore=_rules(ignore),
+        codec=options or Options(), digest=digest,
+    )  # fmt: skip
+    if engine not in get_args(Engine):
+        raise ValueError(f"no engine {engine!r}: {', '.join(get_args(Engine))}")
+    if isinstance(path, Sequence) and not isinstance(path, str):
+        return Result(_series([str(each) for each in path], engine, chosen))
+    if engine == "native":
+        return Result(analyze_natively(path, chosen))
+    from ds47.wireshark.engine import Engine as Tshark
+
+    return Result(Tshark(engine, chosen).analyze(path))
+
+
+def _series(paths: list[str], engine: Engine, options: AnalysisOptions) -> CaptureResult:
+    from ds47.batch.tasks import plan, read
+
+    tasks = plan(paths, series=True)
+    if len(tasks) != 1 or engine != "native":
+        raise ValueError(f"{paths}: not the files of one ring buffer, for the native engine")
+    return read(tasks[0], options)
+
+
+def _rules(names: Iterable[str]) -> tuple[str, ...]:
+    found = []
+    for name in names:
+        prefix = rule_prefix(name)
+        if prefix is None:
+            raise ValueError(f"no rule begins with {name!r} or is named so; see: ds47 rules")
+        found.append(prefix)
+    return tuple(found)
+
+
+def _subindices(item: Parameter) -> range:
+    """The elements of an access; a text is one, however long it is."""
+    first = item.subindex or 0
+    if len(item.values) == 1 and item.error is None:
+        return range(first, first + 1)
+    return range(first, first + max(item.element_count or 1, len(item.values)))
+
+
+def _rows(capture: CaptureResult) -> Iterator[list[Any]]:
+    for each in capture.transactions:
+        frames = each.frames
+        left = [
+            capture.path, each.id, each.operation, each.state, each.controller, each.device, each.ar,
+            each.api, each.slot, each.subslot, each.index, each.request_reference, each.axis,
+            frames.write_request, frames.write_response, frames.read_request, frames.read_response,
+            len(frames.polls), each.start, each.duration_ms, each.status.write, each.status.read,
+            " ".join(each.findings),
+        ]  # fmt: skip
+        for item in each.parameters:
+            error = item.error
+            yield [
+                *left, item.pnu, item.subindex, item.attribute, item.element_count, item.name,
+                item.unit, item.format, item.value_count, item.values, item.scaled,
+                error and error.code, error and error.text, error and error.info,
+            ]  # fmt: skip
+        if not each.parameters:
+            yield left + [None] * len(csv.PARAMETER_COLUMNS)

@@ -1,0 +1,150 @@
+"""`import ds47`: the examples of docs/python.md, and that the library says what the report says."""
+
+from __future__ import annotations
+
+import inspect
+import io
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import ds47
+from ds47 import cli
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs/python.md").read_text("utf-8")
+EXAMPLES = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+REQUEST, RESPONSE = "03010201 1001C47F0000", "03010201 080141200000"
+
+
+def test_the_examples_run_as_they_stand(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("pandas")
+    monkeypatch.chdir(ROOT)
+    names: dict[str, Any] = {}
+    for example in EXAMPLES:
+        exec(compile(example, "docs/python.md", "exec"), names)
+    told = capsys.readouterr().out
+    assert "50303 Float32 [10.0]" in told
+    assert "192.168.133.33 DO 2 p50303[0] 10.0" in told
+    assert "03 01 02 01 10 08 03 b1 00 00" in told
+
+
+def test_every_name_is_there_and_told() -> None:
+    for name in ds47.__all__:
+        thing = getattr(ds47, name)
+        if name == "__version__":
+            continue
+        assert thing.__doc__, name
+        if inspect.isfunction(thing):
+            assert "Raises:" in thing.__doc__
+            assert inspect.signature(thing).return_annotation
+    assert set(ds47.__all__) <= set(dir(ds47))
+    with pytest.raises(AttributeError, match="has no attribute 'analyse'"):
+        ds47.analyse  # noqa: B018
+
+
+def test_importing_it_loads_no_room() -> None:
+    code = "import ds47, sys; print([name for name in sys.modules if name.startswith('ds47.')])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("name", ["tour-machine", "record-global", "record-multiple"])
+def test_it_says_what_the_report_says(
+    captures: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = str(captures / f"{name}.pcapng")
+    assert cli.main(["report", "-f", "json", path]) == 0
+    told = json.loads(capsys.readouterr().out)
+    result = ds47.analyze(path)
+    assert result.to_dict() == told
+    (capture,) = told["captures"]
+    assert (result.path, result.frames, result.start) == (path, capture["frames"], capture["start"])
+    assert [result.message(each) for each in result.findings] == [
+        each["message"] for each in capture["findings"]
+    ]
+    for item, plain in zip(result, capture["transactions"], strict=True):
+        assert item.start == plain["start"]
+        assert item.duration_ms == plain["duration_ms"]
+        assert item.status._asdict() == plain["status"]
+        assert item.bytes._asdict() == plain["bytes"]
+        assert [each._asdict() for each in item.frames.polls] == plain["frames"]["polls"]
+
+
+def test_the_table_has_the_cells_of_the_csv(
+    captures: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pandas = pytest.importorskip("pandas")
+    path = str(captures / "tour-machine.pcapng")
+    table = ds47.analyze(path).to_frame()
+    assert cli.main(["report", "-f", "csv", path]) == 0
+    told = pandas.read_csv(io.StringIO(capsys.readouterr().out)).sort_values(
+        "transaction", kind="stable", ignore_index=True
+    )
+    assert list(table.columns) == list(told.columns)
+    for name in ("transaction", "pnu", "subindex", "state", "error.code", "duration_ms"):
+        assert table[name].equals(told[name].astype(table[name].dtype)), name
+
+
+def test_what_a_parameter_held_last(captures: Path) -> None:
+    last = ds47.analyze(captures / "tour-machine.pcapng").last_values()
+    key = ds47.Element("192.168.133.33", "DO 2", 50304, 0)
+    assert last[key].value == 60.0
+    assert last[key].transaction.frames.read_response == 17
+    assert not any(each.pnu == 50999 for each in last)  # it has a negative response only
+
+
+def test_an_element_inside_an_array_is_found(captures: Path) -> None:
+    result = ds47.analyze(captures / "tour-machine.pcapng")
+    assert len(result.by_pnu(945)) == len(result.by_pnu(945, 3)) > 0
+    assert result.by_pnu(945, 4) == []
+
+
+def test_choices_that_there_cannot_be(captures: Path, tmp_path: Path) -> None:
+    path = captures / "tour-machine.pcapng"
+    with pytest.raises(ValueError, match="no rule begins with 'DS99x'"):
+        ds47.analyze(path, select=["DS99x"])
+    with pytest.raises(ValueError, match="no engine 'wireshark'"):
+        ds47.analyze(path, engine="wireshark")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="not the files of one ring buffer"):
+        ds47.analyze([path, captures / "record-global.pcapng"])
+    with pytest.raises(ds47.CaptureError, match="nowhere"):
+        ds47.analyze(tmp_path / "nowhere.pcapng")
+
+
+def test_rules_are_chosen_by_name_too(captures: Path) -> None:
+    result = ds47.analyze(captures / "tour-machine.pcapng", select=["DS410"], ignore=["DS7"])
+    assert {each.rule for each in result.findings} == {"DS410"}
+
+
+def test_a_message_without_a_capture() -> None:
+    request = ds47.decode_request(REQUEST)
+    assert (request.kind, request.request_id, request.response_id) == ("request", 1, None)
+    assert (request.request_reference, request.axis, request.parameter_count) == (3, 2, 1)
+    alone = ds47.decode_response(bytes.fromhex(RESPONSE))
+    assert [each.pnu for each in alone.parameters] == [None]
+    (known,) = ds47.decode_response(RESPONSE, REQUEST).parameters
+    assert (known.pnu, known.values) == (50303, [10.0])
+    with pytest.raises(ValueError, match="no response"):
+        ds47.decode_response(RESPONSE, alone)
+    with pytest.raises(ValueError, match="no bytes"):
+        ds47.decode_request(" ")
+
+
+def test_broken_bytes_are_findings() -> None:
+    broken = ds47.decode_request(REQUEST[:-4])
+    (finding,) = broken.findings
+    assert (finding.rule, finding.offset) == ("DS315", 8)
+    assert broken.to_dict()["findings"][0]["message"] == finding.message
+
+
+def test_a_line_that_cannot_be_understood() -> None:
+    with pytest.raises(ValueError, match="fetch"):
+        ds47.encode("fetch p945")
