@@ -28,7 +28,7 @@ from typing import Any
 
 BYTES = {"scan": "capture/scan"}
 RECORD_PATH = (
-    "model", "analysis", "capture/frame", "capture/pcap", "capture/pcapng", "profinet/rpc",
+    "model", "analysis", "spec/units", "capture/frame", "capture/pcap", "capture/pcapng", "profinet/rpc",
     "profinet/link", "profinet/ip", "profinet/calls", "profinet/records", "profinet/stations",
     "profinet/transport", "profidrive/model", "profidrive/parameter", "profidrive/formats", "report/json",
     "acyclic/index47", "acyclic/record_calls", "acyclic/pairing", "acyclic/transactions",

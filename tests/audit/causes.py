@@ -899,7 +899,8 @@ def _pace(case: Case, run: list[Deal]) -> Iterator[str]:
     gaps, taken = [], []
     for each in run:
         reads = [poll["request"] or poll["response"] for poll in each.polls]
-        reads.append(each.frames["read_request"] or each.read)
+        if each.read is not None:
+            reads.append(each.frames["read_request"] or each.read)
         times = [time(frame) or 0 for frame in reads if frame is not None]
         gaps += [b - a for a, b in pairwise(times)]
         end = time(each.read or max(each.all_frames)) or 0
