@@ -28,9 +28,11 @@ from typing import Any
 
 BYTES = {"scan": "capture/scan"}
 RECORD_PATH = (
-    "model", "analysis", "spec/units", "capture/frame", "capture/pcap", "capture/pcapng", "profinet/rpc",
-    "profinet/link", "profinet/ip", "profinet/calls", "profinet/records", "profinet/stations",
-    "profinet/transport", "profidrive/model", "profidrive/parameter", "profidrive/formats", "report/json",
+    "model", "analysis", "spec/units", "capture/frame", "capture/walk", "capture/pcap",
+    "capture/pcapng",
+    "profinet/rpc", "profinet/link", "profinet/ip", "profinet/calls", "profinet/records",
+    "profinet/stations", "profinet/transport", "profidrive/model", "profidrive/parameter",
+    "profidrive/formats", "report/json",
     "acyclic/index47", "acyclic/record_calls", "acyclic/pairing", "acyclic/transactions",
     "acyclic/judge", "findings/remark", "findings/collection", "findings/grouping",
     "diagnosis/__init__", "diagnosis/capture", "diagnosis/length", "diagnosis/order",

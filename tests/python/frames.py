@@ -2,11 +2,40 @@
 
 from __future__ import annotations
 
+import io
 import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+from ds47.capture import Frame, WholeFrame, open_capture
 
 MACS = bytes.fromhex("020000000001 020000000002".replace(" ", ""))
 UUID_BIG = bytes.fromhex("dea000016c9711d1827100a02442df7d")
 UUID_LITTLE = bytes.fromhex("0100a0de976cd111827100a02442df7d")
+
+
+def whole_frames(path: str | Path) -> Iterator[WholeFrame]:
+    """Every frame of a capture, with all that the file says of it."""
+    with open_capture(path) as capture:
+        yield from capture.everything()
+
+
+def read(data: bytes) -> tuple[list[Frame], int, str | None]:
+    """The frames of a capture that may matter, how many there are, and what is wrong with it.
+
+    Who asks for everything gets the same frames, and those between them.
+    """
+    with open_capture(io.BytesIO(data)) as capture:
+        found = list(capture)
+    with open_capture(io.BytesIO(data)) as again:
+        every = {frame.number: frame for frame in again.everything()}
+    assert (again.frames, again.problem) == (capture.frames, capture.problem)
+    assert (again.complete, again.first_ns) == (capture.complete, capture.first_ns)
+    for frame in found:
+        whole = every[frame.number]
+        assert (whole.data, whole.original_length) == (frame.data, frame.original_length)
+        assert whole.link_type == whole.interface.link_type == frame.link_type
+    return found, capture.frames, capture.problem
 
 
 def rpc(uuid: bytes = UUID_BIG, body: bytes = b"body") -> bytes:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from ds47.capture import PcapngWriter
-from ds47.capture.raw import RawFrame, raw_frames
+from frames import whole_frames
+
+from ds47.capture import PcapngWriter, WholeFrame
 
 NIGHT = "20240101020000"
 
@@ -15,7 +16,7 @@ def ring(number: int, time: str, stem: str = "ring", ending: str = ".pcapng") ->
     return f"{stem}_{number:05}_{time}{ending}"
 
 
-def write(path: Path, frames: Iterable[RawFrame]) -> Path:
+def write(path: Path, frames: Iterable[WholeFrame]) -> Path:
     """The frames as a pcapng of their own; each interface once."""
     with PcapngWriter(path, None) as writer:
         numbers: dict[int, int] = {}
@@ -28,7 +29,7 @@ def write(path: Path, frames: Iterable[RawFrame]) -> Path:
     return path
 
 
-def pieces(folder: Path, frames: Sequence[RawFrame], cuts: Sequence[int]) -> list[Path]:
+def pieces(folder: Path, frames: Sequence[WholeFrame], cuts: Sequence[int]) -> list[Path]:
     """The files of a ring buffer that has gone on to the next file before each of `cuts`."""
     bounds = [0, *cuts, len(frames)]
     return [
@@ -40,5 +41,5 @@ def pieces(folder: Path, frames: Sequence[RawFrame], cuts: Sequence[int]) -> lis
 def recording(folder: Path, captures: Path) -> Path:
     """The tour of a machine as a ring buffer of four files; the third ends within a transaction."""
     folder.mkdir()
-    pieces(folder, list(raw_frames(captures / "tour-machine.pcapng")), [8, 20, 31])
+    pieces(folder, list(whole_frames(captures / "tour-machine.pcapng")), [8, 20, 31])
     return folder

@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from frames import whole_frames
 
 from ds47.analysis import analyze
 from ds47.capture import PcapngWriter, open_capture
-from ds47.capture.raw import raw_frames
 from ds47.export import Key, KeyFileError, Outcome, Selection, export
 from ds47.export.anonymise import Anonymiser, Knowledge, internet_checksum
 from ds47.export.datagrams import Datagram, Entry
@@ -324,10 +324,10 @@ def test_time_stamps_lengths_and_order_stay(tmp_path: Path) -> None:
     outcome, _ = anonymised(source, target)
     wanted = [
         (each.time_ns, len(each.data), each.original_length)
-        for each in raw_frames(source)
+        for each in whole_frames(source)
         if each.number in set(outcome.frames)
     ]
-    assert [(e.time_ns, len(e.data), e.original_length) for e in raw_frames(target)] == wanted
+    assert [(e.time_ns, len(e.data), e.original_length) for e in whole_frames(target)] == wanted
 
 
 def test_comments_and_interface_names_do_not_tell(tmp_path: Path) -> None:
@@ -377,7 +377,7 @@ def test_a_cut_datagram_keeps_a_checksum_that_fits(tmp_path: Path) -> None:
                 writer.write(shot.time_ns, shot.data[:snap], len(shot.data))
         outcome, _ = anonymised(source, target)
         checked = 0
-        for frame in raw_frames(target):
+        for frame in whole_frames(target):
             whole = stage.shots[outcome.frames[frame.number - 1] - 1].data
             if frame.data[12:14] != b"\x08\x00" or len(whole) <= snap:
                 continue
@@ -539,7 +539,7 @@ def test_broken_bytes_are_never_an_exception(tmp_path: Path) -> None:
     source, target = tmp_path / "in.pcapng", tmp_path / "out.pcapng"
     for name in ("naming-all", "transport-ip-fragments", "transport-rpc-fragments",
                  "record-multiple", "transport-sll", "record-polls", "format-mixed"):  # fmt: skip
-        frames = list(raw_frames(CAPTURES / f"{name}.pcapng"))
+        frames = list(whole_frames(CAPTURES / f"{name}.pcapng"))
         for _ in range(25):
             with PcapngWriter(source, link_type=frames[0].interface.link_type) as writer:
                 for frame in frames:
@@ -575,7 +575,7 @@ def test_nothing_behind_a_hole_leaves(
     assert b"customer" not in data
     assert len(outcome.frames) == len(stage.shots)
     assert stories(analyze(target), None, False) == stories(outcome.result, outcome, False)
-    frames = zip(raw_frames(source), raw_frames(target), strict=True)
+    frames = zip(whole_frames(source), whole_frames(target), strict=True)
     assert all(len(before.data) == len(after.data) for before, after in frames)
 
 

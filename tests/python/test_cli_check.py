@@ -12,9 +12,9 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import pytest
+from frames import whole_frames
 from ringbuffer import NIGHT, pieces, recording, ring
 
-from ds47.capture.raw import raw_frames
 from ds47.cli import main
 from ds47.regression.baseline import path_of
 
@@ -345,7 +345,7 @@ def kept(plant, capsys):
 def recorded_again(folder, night=AGAIN):
     """Another recording of the same test: other times in the names, other frames, other cuts."""
     files = sorted(folder.glob("*.pcapng"))
-    frames = [frame for file in files for frame in raw_frames(file)]
+    frames = [frame for file in files for frame in whole_frames(file)]
     for file in files:
         file.unlink()
     for frame in frames:

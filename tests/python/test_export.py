@@ -15,12 +15,12 @@ from uuid import UUID
 
 import frames as make
 import pytest
+from frames import whole_frames
 from ringbuffer import NIGHT, pieces, recording, ring, write
 from test_readme import Command, read_commands, run
 
 from ds47.analysis import AnalysisOptions, analyze
-from ds47.capture import PcapngWriter, open_capture
-from ds47.capture.raw import RawFrame, raw_frames
+from ds47.capture import PcapngWriter, WholeFrame, open_capture
 from ds47.capture.series import Part
 from ds47.cli import main
 from ds47.export import Key, Selection, SelectionError, display_filter, export, first_time
@@ -39,14 +39,14 @@ TOUR = CAPTURES / "tour-machine.pcapng"
 PAGE = ROOT / "docs" / "export.md"
 
 
-def exported(source: Path, target: Path, **wanted: object) -> tuple[list[int], list[RawFrame]]:
+def exported(source: Path, target: Path, **wanted: object) -> tuple[list[int], list[WholeFrame]]:
     """Numbers of the exported frames in the original, and what is in the copy."""
     outcome = export(source, target, Selection(**wanted))  # type: ignore[arg-type]
-    return outcome.frames, list(raw_frames(target)) if outcome.frames else []
+    return outcome.frames, list(whole_frames(target)) if outcome.frames else []
 
 
-def numbered(source: Path) -> dict[int, RawFrame]:
-    return {frame.number: frame for frame in raw_frames(source)}
+def numbered(source: Path) -> dict[int, WholeFrame]:
+    return {frame.number: frame for frame in whole_frames(source)}
 
 
 @pytest.mark.parametrize("source", sorted(CAPTURES.rglob("*.pcapng")), ids=lambda p: p.stem)
@@ -205,7 +205,7 @@ def test_every_frame_of_a_pcap(order: str, magic: int, tmp_path: Path) -> None:
     source = tmp_path / "in.pcap"
     source.write_bytes(make.pcap([make.RT, make.call(), make.DNS], order=order, magic=magic))
     fraction = 5 if magic == 0xA1B23C4D else 5000
-    assert [(frame.number, frame.time_ns, frame.data) for frame in raw_frames(source)] == [
+    assert [(frame.number, frame.time_ns, frame.data) for frame in whole_frames(source)] == [
         (1, 1000 * 10**9 + fraction, make.RT), (2, 1001 * 10**9 + fraction, make.call()),
         (3, 1002 * 10**9 + fraction, make.DNS),
     ]  # fmt: skip
@@ -283,8 +283,8 @@ def test_writer_refuses_an_interface_that_is_not_there() -> None:
 def test_a_long_comment_is_cut_between_characters(tmp_path: Path) -> None:
     with PcapngWriter(tmp_path / "t.pcapng") as writer:
         writer.write(5, b"abc", comment="ä" * 40_000)
-    (frame,) = raw_frames(tmp_path / "t.pcapng")
-    assert frame.comments == ("ä" * 0x7FFE,)
+    (frame,) = whole_frames(tmp_path / "t.pcapng")
+    assert frame.comments == ["ä" * 0x7FFE]
 
 
 # The command
@@ -318,7 +318,7 @@ def test_times(folder: Path, arguments: list[str], count: int) -> None:
     status = main(["export", "captures/tour-machine.pcapng", *arguments])
     assert status == (0 if count else 1)
     if count:
-        assert len(list(raw_frames("tour-machine.ds47.pcapng"))) == count
+        assert len(list(whole_frames("tour-machine.ds47.pcapng"))) == count
 
 
 @pytest.mark.parametrize(
@@ -349,7 +349,7 @@ def test_a_capture_that_is_there_stays(folder: Path, capsys: pytest.CaptureFixtu
     assert "--force" in said
     assert other.read_bytes() == (CAPTURES / "record-polls.pcapng").read_bytes()
     assert main([*arguments, "--force"]) == 0
-    assert len(list(raw_frames(other))) == 2
+    assert len(list(whole_frames(other))) == 2
     assert main(["export", "other.pcapng", "-o", "other.pcapng", "--force"]) == 2
 
 
@@ -357,7 +357,7 @@ def test_an_earlier_export_is_replaced(folder: Path) -> None:
     for more in ([], ["-o", "."], ["-o", "tour-machine.ds47.pcapng"]):
         for chosen, frames in (("5", 2), ("7-8", 6)):
             assert main(["export", "captures/tour-machine.pcapng", "-t", chosen, *more]) == 0
-            assert len(list(raw_frames("tour-machine.ds47.pcapng"))) == frames
+            assert len(list(whole_frames("tour-machine.ds47.pcapng"))) == frames
 
 
 def test_a_recording_of_that_name_is_no_earlier_export(
@@ -435,7 +435,7 @@ def test_through_a_pipe(folder: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert b"in the original" in done.stderr
     (folder / "x.pcapng").write_bytes(done.stdout)
-    assert len(list(raw_frames(folder / "x.pcapng"))) == 2
+    assert len(list(whole_frames(folder / "x.pcapng"))) == 2
 
 
 def test_status_3_where_not_all_could_be_read(folder: Path) -> None:
@@ -452,7 +452,7 @@ def as_parts(files: Sequence[Path]) -> list[Part]:
     return [Part(file.name, str(file)) for file in files]
 
 
-def told(frame: RawFrame) -> tuple[object, ...]:
+def told(frame: WholeFrame) -> tuple[object, ...]:
     """A frame without the last line of its comment, which says where it was."""
     lines = [line for text in frame.comments for line in text.splitlines()]
     about = frame.interface
@@ -470,13 +470,13 @@ def test_a_series_gives_the_frames_of_the_whole(
     name: str, wanted: dict[str, Any], tmp_path: Path
 ) -> None:
     """Cut anywhere, between the frames of a transaction and of a message too."""
-    originals = list(raw_frames(CAPTURES / f"{name}.pcapng"))
+    originals = list(whole_frames(CAPTURES / f"{name}.pcapng"))
     whole = exported(write(tmp_path / "whole.pcapng", originals), tmp_path / "w.pcapng", **wanted)
     for cut in range(len(originals) + 1):
         files = pieces(tmp_path, originals, [cut])
         target = tmp_path / "s.pcapng"
         outcome = export(as_parts(files), target, Selection(**wanted))
-        copies = list(raw_frames(target))
+        copies = list(whole_frames(target))
         assert outcome.frames == whole[0], cut
         assert [told(each) for each in copies] == [told(each) for each in whole[1]], cut
         assert len({id(each.interface) for each in copies}) == 1
@@ -484,7 +484,7 @@ def test_a_series_gives_the_frames_of_the_whole(
             file, place = (files[0], number) if number <= cut else (files[1], number - cut)
             line = copy.comments[-1].splitlines()[-1]
             assert line == f"frame {number} ({place} of {file.name}) of the original"
-            assert next(f for f in raw_frames(file) if f.number == place).data == copy.data
+            assert next(f for f in whole_frames(file) if f.number == place).data == copy.data
 
 
 def test_interfaces_of_a_series_are_merged_where_they_say_the_same(tmp_path: Path) -> None:
@@ -492,7 +492,7 @@ def test_interfaces_of_a_series_are_merged_where_they_say_the_same(tmp_path: Pat
     mixed(tmp_path / "b.pcapng")
     files = as_parts([tmp_path / "a.pcapng", tmp_path / "b.pcapng"])
     outcome = export(files, tmp_path / "out.pcapng", Selection())
-    copies = list(raw_frames(tmp_path / "out.pcapng"))
+    copies = list(whole_frames(tmp_path / "out.pcapng"))
     assert outcome.frames == [1, 3, 5, 6, 8, 10]
     assert [each.interface.link_type for each in copies] == [1, 101, 1] * 2
     assert len({id(each.interface) for each in copies}) == 3
@@ -500,7 +500,7 @@ def test_interfaces_of_a_series_are_merged_where_they_say_the_same(tmp_path: Pat
 
 
 def test_a_series_without_names_is_the_whole_without_names(tmp_path: Path) -> None:
-    originals = list(raw_frames(TOUR))
+    originals = list(whole_frames(TOUR))
     files = pieces(tmp_path, originals, [8, 20, 31])
     key = Key()
     export(write(tmp_path / "whole.pcapng", originals), tmp_path / "w.pcapng", Selection(), key=key)
@@ -510,7 +510,7 @@ def test_a_series_without_names_is_the_whole_without_names(tmp_path: Path) -> No
 
 
 def test_times_of_a_series_count_from_its_first_frame(tmp_path: Path) -> None:
-    originals = list(raw_frames(TOUR))
+    originals = list(whole_frames(TOUR))
     files = as_parts(pieces(tmp_path, originals, [0, 20]))  # the first file has no frame
     assert first_time(files) == originals[0].time_ns
     (tmp_path / files[1].name).unlink()
@@ -552,7 +552,7 @@ def test_a_series_with_a_file_that_cannot_be_read_and_one_that_is_missing(
     assert problems[1].startswith(f"ds47: {first}: not a capture")
     assert len(problems) == 2
     assert f"{first}: 8 of 15 frames, 2 transactions" in shown.out
-    assert len(list(raw_frames("ring.ds47.pcapng"))) == 8
+    assert len(list(whole_frames("ring.ds47.pcapng"))) == 8
 
 
 def test_a_file_that_ends_early_does_not_move_the_numbers_of_the_next(plant: Path) -> None:
@@ -563,7 +563,7 @@ def test_a_file_that_ends_early_does_not_move_the_numbers_of_the_next(plant: Pat
     outcome = export(files, plant.parent / "s.pcapng", Selection(rules=("DS410",)))
     whole = exported(TOUR, plant.parent / "w.pcapng", rules=("DS410",))
     assert outcome.frames == [number - 1 for number in whole[0]]
-    copies = list(raw_frames(plant.parent / "s.pcapng"))
+    copies = list(whole_frames(plant.parent / "s.pcapng"))
     assert [each.data for each in copies] == [each.data for each in whole[1]]
 
 
@@ -587,7 +587,7 @@ def test_a_long_series_prints_so_many_filters(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    originals = list(raw_frames(TOUR))
+    originals = list(whole_frames(TOUR))
     pieces(tmp_path, originals, range(1, len(originals)))
     assert main(["export", "--series", "."]) == 0
     lines = capsys.readouterr().out.splitlines()

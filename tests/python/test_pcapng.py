@@ -16,12 +16,6 @@ from ds47.capture import CaptureError, Frame, PcapngWriter, open_capture
 CALL = make.call()
 
 
-def read(data: bytes) -> tuple[list[Frame], int, str | None]:
-    with open_capture(io.BytesIO(data)) as capture:
-        found = list(capture)
-        return found, capture.frames, capture.problem
-
-
 def simple(frame: bytes, order: str = "<", kept: int | None = None) -> bytes:
     head = struct.pack(order + "I", len(frame))
     return make.block(3, head + make.padded(frame[:kept]), order)
@@ -46,7 +40,7 @@ def test_all_packet_blocks_are_counted(order: str) -> None:
         + simple(CALL, order)
         + make.enhanced(make.RT_TAGGED, order)
     )
-    found, count, problem = read(data)
+    found, count, problem = make.read(data)
     assert (count, problem) == (6, None)
     assert [(f.number, f.time_ns) for f in found] == [
         (1, ((5 << 32) + 7) * 1000),
@@ -58,7 +52,7 @@ def test_all_packet_blocks_are_counted(order: str) -> None:
 
 def test_simple_packet_is_cut_by_the_snap_length_of_interface_0() -> None:
     data = make.section() + make.interface(snap=90) + simple(CALL, kept=90)
-    (frame,), _, problem = read(data)
+    (frame,), _, problem = make.read(data)
     assert problem is None
     assert (frame.data, frame.original_length) == (CALL[:90], len(CALL))
 
@@ -78,7 +72,7 @@ def test_simple_packet_is_cut_by_the_snap_length_of_interface_0() -> None:
 )
 def test_time_resolution(code: bytes, stamp: int, wanted: int) -> None:
     data = make.section() + make.interface(options=make.option(9, code))
-    (frame,), _, _ = read(data + make.enhanced(CALL, stamp=stamp))
+    (frame,), _, _ = make.read(data + make.enhanced(CALL, stamp=stamp))
     assert frame.time_ns == wanted
 
 
@@ -86,7 +80,7 @@ def test_time_resolution(code: bytes, stamp: int, wanted: int) -> None:
 def test_time_offset_is_signed_seconds(order: str) -> None:
     offset = make.option(14, struct.pack(order + "q", -3), order)
     data = make.section(order) + make.interface(order, options=offset)
-    (frame,), _, _ = read(data + make.enhanced(CALL, order, stamp=5_000_001))
+    (frame,), _, _ = make.read(data + make.enhanced(CALL, order, stamp=5_000_001))
     assert frame.time_ns == 2_000_001_000
 
 
@@ -104,7 +98,7 @@ def test_interfaces_of_several_sections_and_byte_orders() -> None:
         + make.interface(">")
         + make.enhanced(CALL, ">", number=1, stamp=3)
     )
-    found, count, problem = read(data)
+    found, count, problem = make.read(data)
     assert (count, problem) == (4, None)
     assert [(f.link_type, f.time_ns) for f in found] == [
         (1, 1000),
@@ -116,7 +110,7 @@ def test_interfaces_of_several_sections_and_byte_orders() -> None:
 
 def test_unknown_blocks_are_skipped() -> None:
     data = make.section() + make.block(0x12345678, bytes(100)) + make.interface()
-    found, count, problem = read(data + make.block(10, b"keys") + make.enhanced(CALL))
+    found, count, problem = make.read(data + make.block(10, b"keys") + make.enhanced(CALL))
     assert (len(found), count, problem) == (1, 1, None)
 
 
@@ -152,7 +146,7 @@ def test_cut_off_at_every_byte() -> None:
             with pytest.raises(CaptureError):
                 open_capture(io.BytesIO(data[:cut]))
             continue
-        found, count, problem = read(data[:cut])
+        found, count, problem = make.read(data[:cut])
         assert count == sum(end <= cut for end in ends[2:])
         assert [frame.number for frame in found] == [n for n in (2, 3, 4) if n <= count]
         assert (problem is None) == (cut in ends)
@@ -183,7 +177,7 @@ def with_length(total: int, kind: int = 6) -> bytes:
     ],
 )
 def test_a_broken_block_is_one_line_with_its_offset(bad: bytes, says: str) -> None:
-    found, count, problem = read(GOOD + bad + make.enhanced(CALL) * 9)
+    found, count, problem = make.read(GOOD + bad + make.enhanced(CALL) * 9)
     assert (len(found), count) == (1, 1)
     assert problem is not None
     assert says in problem
@@ -193,14 +187,14 @@ def test_a_broken_block_is_one_line_with_its_offset(bad: bytes, says: str) -> No
 
 def test_a_packet_without_any_interface() -> None:
     for packet in (make.enhanced(CALL), obsolete(CALL), simple(CALL)):
-        _, count, problem = read(make.section() + packet)
+        _, count, problem = make.read(make.section() + packet)
         assert count == 0
         assert "interface 0" in (problem or "")
 
 
 def test_options_that_leave_their_block_are_ignored() -> None:
     broken = struct.pack("<HH", 9, 4000) + b"\x09\0\0\0"
-    found, _, problem = read(
+    found, _, problem = make.read(
         make.section() + make.interface(options=broken) + make.enhanced(CALL, stamp=1)
     )
     assert (found[0].time_ns, problem) == (1000, None)
@@ -211,7 +205,7 @@ def test_bytes_overwritten_anywhere_never_raise(noise: bytes, at: int) -> None:
     data = bytearray(GOOD + simple(CALL) + obsolete(CALL) + make.section(">") + make.interface(">"))
     at = 28 + at % (len(data) - 28)  # behind the first section header
     data[at : at + len(noise)] = noise
-    found, count, _ = read(bytes(data))
+    found, count, _ = make.read(bytes(data))
     assert len(found) <= count
 
 
@@ -226,7 +220,7 @@ def test_what_is_written_is_read_back(tmp_path: Path, nanosecond: bool, unit: in
         writer.write(time_ns, CALL, comment="a comment of five bytes: äö")
         writer.write(time_ns + 1, make.RT)
         writer.write(time_ns + 5000, CALL[:91], original_length=len(CALL))
-    found, count, problem = read(path.read_bytes())
+    found, count, problem = make.read(path.read_bytes())
     assert (count, problem) == (3, None)
     assert found == [
         Frame(1, time_ns // unit * unit, 1, CALL, len(CALL)),
@@ -239,4 +233,4 @@ def test_writer_leaves_a_given_file_open_and_refuses_impossible_times() -> None:
     with PcapngWriter(file, link_type=101) as writer, pytest.raises(ValueError, match="-1"):
         writer.write(-1, CALL)
     assert not file.closed
-    assert read(file.getvalue()) == ([], 0, None)
+    assert make.read(file.getvalue()) == ([], 0, None)

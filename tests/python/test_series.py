@@ -11,13 +11,13 @@ from typing import Any
 
 import jsonschema
 import pytest
+from frames import whole_frames
 from ringbuffer import NIGHT, pieces, ring, write
 
 from ds47 import report
 from ds47.analysis import analyze
 from ds47.batch.tasks import plan
-from ds47.capture import CaptureError, Series
-from ds47.capture.raw import RawFrame, raw_frames
+from ds47.capture import CaptureError, Series, WholeFrame
 from ds47.capture.rings import Ring, is_part, own_name, rings
 from ds47.capture.series import Part
 from ds47.cli import main
@@ -137,9 +137,9 @@ def said(result: CaptureResult) -> Any:
     )  # fmt: skip
 
 
-def whole_of(path: Path, folder: Path) -> tuple[list[RawFrame], CaptureResult]:
+def whole_of(path: Path, folder: Path) -> tuple[list[WholeFrame], CaptureResult]:
     """All frames of a capture, and what an analysis says of them."""
-    frames = list(raw_frames(path))
+    frames = list(whole_frames(path))
     return frames, analyze(write(folder / "whole.pcapng", frames))
 
 
@@ -197,7 +197,7 @@ def test_a_missing_file_ends_no_conversation_but_is_said(captures: Path, tmp_pat
 
 
 def test_an_orphan_behind_a_gap_says_why(captures: Path, tmp_path: Path) -> None:
-    frames = list(raw_frames(captures / "seed-g120-read.pcapng"))
+    frames = list(whole_frames(captures / "seed-g120-read.pcapng"))
     parts = pieces(tmp_path, frames, [0, len(frames) - 2])
     with Series([Part("a", str(parts[0])), Part("c", str(parts[2]), missing=1)]) as series:
         result = analyze(series)
@@ -238,7 +238,7 @@ def plant(captures: Path, tmp_path: Path) -> Path:
     """A ring buffer whose first files are gone and one is missing, and a capture beside it."""
     folder = tmp_path / "plant"
     folder.mkdir()
-    frames = list(raw_frames(captures / "tour-machine.pcapng"))
+    frames = list(whole_frames(captures / "tour-machine.pcapng"))
     cuts = [3, 7, 12, 20, 29]
     for path in pieces(folder, frames, cuts):
         path.rename(folder / path.name.replace("_0000", "_0001"))

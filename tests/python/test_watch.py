@@ -22,12 +22,12 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from frames import whole_frames
 from handmade import finding
 from test_readme import Command, read_commands, run
 
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import PcapngWriter, open_capture
-from ds47.capture.raw import raw_frames
 from ds47.cli import main
 from ds47.lab import message
 from ds47.lab.client import BUSY, Client
@@ -297,7 +297,7 @@ def test_bytes_one_by_one() -> None:
 
 
 def test_a_pcap_stream_too(tmp_path: Path) -> None:
-    frames = list(raw_frames(TOUR))
+    frames = list(whole_frames(TOUR))
     data = struct.pack("<IHHiIII", 0xA1B23C4D, 2, 4, 0, 0, 65535, 1)
     with watching("-") as watch:
         watch.write(data)
@@ -504,14 +504,13 @@ def test_memory_is_steady(form: str) -> None:
 EVER_NEW = """
 import struct, sys
 from ds47.analysis import Analysis, AnalysisOptions, Early
-from ds47.capture.frame import Frame
-from ds47.capture.raw import raw_frames
+from ds47.capture import Frame, open_capture
 from ds47.spec.semantics import limits
 
 class Endless:
     path, complete, problem, dropped, gaps, first_ns, frames = "x", True, None, None, False, None, 0
     def __iter__(self):
-        exchange = [bytearray(frame.data) for frame in raw_frames(sys.argv[1])]
+        exchange = [bytearray(frame.data) for frame in open_capture(sys.argv[1]).everything()]
         for activity in range(int(1.5 * limits().activities)):
             for call in range(8):
                 for data in exchange[2 * (call % 2):][:2]:
@@ -704,7 +703,7 @@ def test_the_filter_keeps_what_matters(tmp_path: Path) -> None:
     source.write_bytes(make.pcap([*kept, *left]))
     subprocess.run([tcpdump, "-r", source, "-w", target, dumpcap.CAPTURE_FILTER], check=True,
                    capture_output=True, timeout=60)  # fmt: skip
-    assert [frame.data for frame in raw_frames(target)] == kept
+    assert [frame.data for frame in whole_frames(target)] == kept
 
 
 def test_without_dumpcap(

@@ -6,7 +6,7 @@ of `ds47.profinet`.
 """
 
 from .errors import CaptureError
-from .frame import Frame
+from .frame import Frame, Interface, WholeFrame
 from .reader import Capture, holds_capture, open_capture
 from .remote import open_bytes, sha256
 from .series import Series
@@ -16,8 +16,10 @@ __all__ = [
     "Capture",
     "CaptureError",
     "Frame",
+    "Interface",
     "PcapngWriter",
     "Series",
+    "WholeFrame",
     "holds_capture",
     "open_bytes",
     "open_capture",

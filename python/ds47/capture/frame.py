@@ -1,11 +1,11 @@
-"""What a capture consists of: one frame.
+"""What a capture consists of: one frame, and where the file says more of it, that too.
 
 Plain data; how it gets out of a file is in pcap.py and pcapng.py, what it means in `ds47.profinet`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(slots=True, init=False)
@@ -37,3 +37,47 @@ class Frame:
         self.link_type = link_type
         self.data = data
         self.original_length = original_length
+
+
+@dataclass(slots=True, eq=False)
+class Interface:
+    """What a file says of an interface; `options` are those for a person, as (code, value).
+
+    A timestamp t of pcapng is t * numerator // denominator nanoseconds, plus the offset.
+    """
+
+    link_type: int
+    snap_length: int
+    options: list[tuple[int, bytes]] = field(default_factory=list)
+    numerator: int = 1000
+    denominator: int = 1
+    offset_ns: int = 0
+
+    def time_ns(self, high: int, low: int) -> int:
+        """A timestamp in nanoseconds since 1970."""
+        return (high << 32 | low) * self.numerator // self.denominator + self.offset_ns
+
+    def resolution(self, code: int) -> None:
+        """Set if_tsresol: a negative power of 10, or with bit 7 set of 2."""
+        units = 2 ** (code & 0x7F) if code & 0x80 else 10**code
+        if 1_000_000_000 % units == 0:
+            self.numerator, self.denominator = 1_000_000_000 // units, 1
+        else:
+            self.numerator, self.denominator = 1_000_000_000, units
+
+
+@dataclass(slots=True, init=False)
+class WholeFrame(Frame):
+    """A frame with all that its file says of it: `comments` are packet comments, `flags` is epb_flags."""
+
+    interface: Interface
+    comments: list[str]
+    flags: int | None
+
+    def __init__(
+        self, number: int, time_ns: int, interface: Interface, data: bytes, original_length: int
+    ) -> None:
+        Frame.__init__(self, number, time_ns, interface.link_type, data, original_length)
+        self.interface = interface
+        self.comments = []
+        self.flags = None

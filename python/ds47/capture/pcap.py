@@ -10,11 +10,11 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 
-from .ahead import Batches
 from .errors import CaptureError
-from .frame import Frame
+from .frame import Frame, Interface, WholeFrame
 from .scan import MAX_FRAME, ByteOrder, Found, PcapScan
 from .stream import Window
+from .walk import Walk
 
 _FILE_HEADER = 24
 
@@ -39,7 +39,7 @@ def _order(head: bytes) -> ByteOrder | None:
     return None
 
 
-class PcapReader:
+class PcapReader(Walk):
     """Frames of one pcap file that may matter, in order.
 
     `frames` counts all that were passed, `problem` is one line when the file is damaged. Raises CaptureError
@@ -58,14 +58,11 @@ class PcapReader:
         self._unit, self._header = _MAGICS[magic]
         self._sign = "<" if order == "little" else ">"
         # the upper bits say how long a frame check sequence is; IP lengths tell that better
-        self.link_type = int.from_bytes(window.data[20:24], order) & 0x03FFFFFF
-        self._window = window
-        self._scan = PcapScan(order, self._header, self.link_type)
+        link_type = int.from_bytes(window.data[20:24], order) & 0x03FFFFFF
+        self._interface = Interface(link_type, int.from_bytes(window.data[16:20], order))
+        self._record = struct.Struct(self._sign + "4I")
+        super().__init__(window, PcapScan(order, self._header, link_type))
         self._scan.position = _FILE_HEADER
-        self._batches = Batches(self._scan, window)
-        self.frames = 0
-        self.first_ns: int | None = None
-        self.problem: str | None = None
 
     def read(self) -> Iterator[list[Frame]]:
         """Yield the frames that may matter, some at once; sets `problem` when it must stop early."""
@@ -77,18 +74,31 @@ class PcapReader:
             if not self._continue():
                 return
 
+    def everything(self) -> Iterator[WholeFrame]:
+        """Yield every frame with all that the file says of it; `problem` as `read`."""
+        window, scan, header = self._window, self._scan, self._header
+        self._first()
+        while self._continue():
+            at = scan.position
+            seconds, fraction, captured, original = self._record.unpack_from(window.data, at)
+            scan.position = at + header + captured
+            self.frames += 1
+            data = bytes(window.view[at + header : scan.position])
+            time_ns = self._time_ns(seconds, fraction)
+            yield WholeFrame(self.frames, time_ns, self._interface, data, original)
+
     def _first(self) -> None:
         """The time of the first record, which the scan may leave out."""
-        window, scan = self._window, self._scan
-        whole = window.more(scan.position, self._header)
-        scan.position = 0
-        if whole:
-            seconds, fraction = struct.unpack_from(self._sign + "2I", window.data)
-            self.first_ns = seconds * 1_000_000_000 + fraction * self._unit
+        if self._have(self._header):
+            record = self._record.unpack_from(self._window.data, self._scan.position)
+            self.first_ns = self._time_ns(*record[:2])
+
+    def _time_ns(self, seconds: int, fraction: int) -> int:
+        return seconds * 1_000_000_000 + fraction * self._unit
 
     def _records(self, found: list[Found]) -> list[Frame]:
         """Records, as the scan found them, as frames."""
-        link_type, unit, frames = self.link_type, self._unit, []
+        link_type, unit, frames = self._interface.link_type, self._unit, []
         second, second_ns = 0, 0
         for number, _, seconds, fraction, original, data in found:
             if seconds != second:  # products of large numbers are slow where this is compiled
@@ -98,35 +108,28 @@ class PcapReader:
             self.frames = frames[-1].number
         return frames
 
-    def close(self) -> None:
-        """Let go of the file."""
-        self._batches.close()
-
     def _continue(self) -> bool:
         """Get what the record in front of the scan needs; False at the end or at damage."""
-        window, scan, header = self._window, self._scan, self._header
-        whole = window.more(scan.position, header)
-        scan.position = 0
-        if not whole:
-            if window.end or window.broken:
+        header = self._header
+        if not self._have(header):
+            if self._left or self._window.broken:
                 self._cut_off(header)
             return False
-        (captured,) = struct.unpack_from(self._sign + "I", window.data, 8)
+        captured = self._record.unpack_from(self._window.data, self._scan.position)[2]
         if captured > MAX_FRAME:
             self.problem = (
-                f"damaged at byte {window.base}: frame {self.frames + 1} claims {captured} "
+                f"damaged at byte {self._offset}: frame {self.frames + 1} claims {captured} "
                 f"captured bytes, more than {MAX_FRAME}; only the frames before it are reported"
             )
             return False
-        if not window.more(0, header + captured):
+        if not self._have(header + captured):
             self._cut_off(header + captured)
             return False
         return True
 
     def _cut_off(self, need: int) -> None:
-        window = self._window
-        self.problem = window.broken or (
-            f"cut off at byte {window.base}: frame {self.frames + 1} needs {need} bytes and "
-            f"{window.end} are left"
+        self.problem = self._window.broken or (
+            f"cut off at byte {self._offset}: frame {self.frames + 1} needs {need} bytes and "
+            f"{self._left} are left"
         )
         self.problem += "; only the frames before it are reported"

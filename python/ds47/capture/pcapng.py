@@ -9,19 +9,23 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from contextlib import contextmanager
 from typing import Literal
 
-from .ahead import Batches
 from .errors import CaptureError
-from .frame import Frame
+from .frame import Frame, Interface, WholeFrame
 from .scan import ENHANCED_PACKET, MAX_FRAME, ByteOrder, Found, PcapngScan, relevant
 from .stream import Window
+from .walk import Walk
 
 SECTION = 0x0A0D0D0A
 INTERFACE, PACKET, SIMPLE_PACKET, STATISTICS = 1, 2, 3, 5
 CUSTOM, CUSTOM_NO_COPY, JOURNAL = 0x0BAD, 0x40000BAD, 9
 BYTE_ORDER_MAGIC = 0x1A2B3C4D
+
+COMMENT, FLAGS, TIME_RESOLUTION, TIME_OFFSET = 1, 2, 9, 14
+_TEXTS = (1, 2, 3, 11, 12, 15)
+"""Options of an interface that say something to a person: comment, name, description, filter, OS, hardware."""
 
 MAX_BLOCK = 1 << 24  # Wireshark's limit, in bytes
 
@@ -39,37 +43,12 @@ class _BrokenBlockError(Exception):
     """The block in front of the scan cannot be read. The text says what is wrong with it."""
 
 
-@dataclass(slots=True)
-class _Interface:
-    """What an Interface Description Block says.
-
-    A timestamp t is t * numerator // denominator nanoseconds, plus the offset.
-    """
-
-    link_type: int
-    snap_length: int
-    numerator: int = 1000
-    denominator: int = 1
-    offset_ns: int = 0
-
-    def time_ns(self, high: int, low: int) -> int:
-        return (high << 32 | low) * self.numerator // self.denominator + self.offset_ns
-
-    def resolution(self, code: int) -> None:
-        """Set if_tsresol: a negative power of 10, or with bit 7 set of 2."""
-        units = 2 ** (code & 0x7F) if code & 0x80 else 10**code
-        if 1_000_000_000 % units == 0:
-            self.numerator, self.denominator = 1_000_000_000 // units, 1
-        else:
-            self.numerator, self.denominator = 1_000_000_000, units
-
-
 def recognised(head: bytes) -> bool:
     """True when `head`, the first 4 bytes of a file, opens a pcapng section."""
     return head[:4] == b"\x0a\x0d\x0d\x0a"
 
 
-class PcapngReader:
+class PcapngReader(Walk):
     """Frames of one pcapng file that may matter, in order.
 
     `frames` counts all frames as Wireshark does; `problem` is one line when the file is damaged;
@@ -78,16 +57,14 @@ class PcapngReader:
     """
 
     def __init__(self, window: Window) -> None:
-        self._window = window
-        self._scan = PcapngScan()
-        self._batches = Batches(self._scan, window)
-        self._interfaces: list[_Interface] = []
+        scan = PcapngScan()
+        super().__init__(window, scan)
+        self._begin_section = scan.section
+        self._interfaces: list[Interface] = []
+        self._everything = False
         self._last_ns = 0
         self._lost_before: int | None = None
         self._lost: dict[int, dict[int, int]] = {}
-        self.frames = 0
-        self.first_ns: int | None = None
-        self.problem: str | None = None
         self._set_order("little")
         try:
             if self._block() is None:
@@ -105,8 +82,8 @@ class PcapngReader:
 
     def read(self) -> Iterator[list[Frame]]:
         """Yield the frames that may matter, some at once; sets `problem` when it must stop early."""
-        scan, window = self._scan, self._window
-        try:
+        scan = self._scan
+        with self._up_to_damage():
             while True:
                 # the first one goes the long way, which tells its time whatever it holds
                 if scan.frames:
@@ -120,11 +97,25 @@ class PcapngReader:
                 if frame is not True:
                     self._last_ns = frame.time_ns
                     yield [frame]
+
+    def everything(self) -> Iterator[WholeFrame]:
+        """Yield every frame with all that the file says of it; `problem` as `read`."""
+        self._everything = True
+        with self._up_to_damage():
+            while (frame := self._block()) is not None:
+                if isinstance(frame, WholeFrame):
+                    self._last_ns = frame.time_ns
+                    yield frame
+            self.frames = self._scan.frames
+
+    @contextmanager
+    def _up_to_damage(self) -> Iterator[None]:
+        """Says in `problem` what ends the reading early."""
+        try:
+            yield
         except _BrokenBlockError as error:
-            self.problem = window.broken or f"damaged at byte {window.base + scan.position}: "
-            if not window.broken:
-                self.problem += str(error)
-            self.problem += "; only the frames before it are reported"
+            broken = self._window.broken or f"damaged at byte {self._offset}: {error}"
+            self.problem = broken + "; only the frames before it are reported"
 
     def _enhanced(self, found: list[Found]) -> list[Frame]:
         """Enhanced Packet Blocks, as the scan found them, as frames."""
@@ -146,15 +137,11 @@ class PcapngReader:
             self.frames, self._last_ns = frames[-1].number, frames[-1].time_ns
         return frames
 
-    def close(self) -> None:
-        """Let go of the file."""
-        self._batches.close()
-
     def _set_order(self, order: ByteOrder) -> None:
         self._order: ByteOrder = order
         self._sign = "<" if order == "little" else ">"
         self._word = struct.Struct(self._sign + "I")
-        self._scan.section(order)
+        self._begin_section(order)
 
     # -- any block, one at a time ---------------------------------------------------------------
 
@@ -165,29 +152,20 @@ class PcapngReader:
         """
         scan, window = self._scan, self._window
         if not self._have(12):
-            if window.end == scan.position and not window.broken:
+            if not self._left and not window.broken:
                 return None
-            left = window.end - scan.position
-            raise _BrokenBlockError(f"a block header needs 12 bytes and {left} are left")
+            raise _BrokenBlockError(f"a block header needs 12 bytes and {self._left} are left")
         kind, total = self._head()
         if not self._have(total):
-            left = window.end - scan.position
-            raise _BrokenBlockError(f"block type {kind:#x} needs {total} bytes and {left} are left")
+            raise _BrokenBlockError(
+                f"block type {kind:#x} needs {total} bytes and {self._left} are left"
+            )
         data, start, end = window.view, scan.position, scan.position + total
         if data[start + 4 : start + 8] != data[end - 4 : end]:
             raise _BrokenBlockError(f"block type {kind:#x} gives its length twice, and differently")
         frame = self._dispatch(kind, data[start + 8 : end - 4].tobytes())
         scan.position = end
         return frame if frame is not None else True
-
-    def _have(self, need: int) -> bool:
-        """Have `need` bytes behind the scan; the window moves only when it has to."""
-        scan, window = self._scan, self._window
-        if window.end - scan.position >= need:
-            return True
-        whole = window.more(scan.position, need)
-        scan.position = 0
-        return whole
 
     def _head(self) -> tuple[int, int]:
         """Return type and length of the block at the scan, a section's byte order applied."""
@@ -241,13 +219,15 @@ class PcapngReader:
 
     def _on_interface(self, body: bytes) -> None:
         link_type, _, snap_length = struct.unpack_from(self._sign + "HHI", body)
-        about = _Interface(link_type, snap_length)
+        about = Interface(link_type, snap_length)
         for code, value in self._options(body, 8):
-            if code == 9 and len(value) >= 1:
+            if code == TIME_RESOLUTION and len(value) >= 1:
                 about.resolution(value[0])
-            elif code == 14 and len(value) >= 8:
+            elif code == TIME_OFFSET and len(value) >= 8:
                 (seconds,) = struct.unpack_from(self._sign + "q", value)
                 about.offset_ns = seconds * 1_000_000_000
+            elif code in _TEXTS:
+                about.options.append((code, value))
         self._scan.links.append(link_type)
         self._interfaces.append(about)
 
@@ -270,7 +250,18 @@ class PcapngReader:
                 f"frame {self.frames + 1} claims {captured} captured bytes, "
                 f"{min(len(rest), MAX_FRAME)} are possible"
             )
-        return self._frame(about, about.time_ns(high, low), rest[:captured], original)
+        frame = self._frame(about, about.time_ns(high, low), rest[:captured], original)
+        if isinstance(frame, WholeFrame):
+            self._said(frame, rest, captured + -captured % 4)
+        return frame
+
+    def _said(self, frame: WholeFrame, rest: bytes, at: int) -> None:
+        """The options of a frame that somebody wants who asks for everything."""
+        for code, value in self._options(rest, at):
+            if code == COMMENT:
+                frame.comments.append(value.decode("utf-8", errors="replace"))
+            elif code == FLAGS and len(value) == 4:
+                (frame.flags,) = self._word.unpack(value)
 
     def _on_simple(self, body: bytes) -> Frame | None:
         """Belongs to interface 0, and the snap length says how much of it is there."""
@@ -283,16 +274,18 @@ class PcapngReader:
             )
         return self._frame(about, self._last_ns, body[4 : 4 + captured], original)
 
-    def _frame(self, about: _Interface, time_ns: int, data: bytes, original: int) -> Frame | None:
+    def _frame(self, about: Interface, time_ns: int, data: bytes, original: int) -> Frame | None:
         self._scan.frames += 1
         self.frames = self._scan.frames
         if self.first_ns is None:
             self.first_ns = time_ns
+        if self._everything:
+            return WholeFrame(self.frames, time_ns, about, data, original)
         if not relevant(data, 0, len(data), about.link_type, original):
             return None
         return Frame(self.frames, time_ns, about.link_type, data, original)
 
-    def _interface(self, number: int) -> _Interface:
+    def _interface(self, number: int) -> Interface:
         if number >= len(self._interfaces):
             raise _BrokenBlockError(
                 f"frame {self.frames + 1} is of interface {number}, "

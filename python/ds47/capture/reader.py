@@ -12,7 +12,7 @@ from typing import BinaryIO
 from . import pcap, pcapng
 from .closing import Closing
 from .errors import CaptureError
-from .frame import Frame
+from .frame import Frame, WholeFrame
 from .stream import Stream, Window
 
 
@@ -53,6 +53,11 @@ class Capture(Closing):
         # thread that reads ahead; what is compiled on both sides of this does not
         for frames in self._reader.read():
             yield from frames
+        self._ended = True
+
+    def everything(self) -> Iterator[WholeFrame]:
+        """Every frame as it stands in the file, for who copies frames; instead of iterating."""
+        yield from self._reader.everything()
         self._ended = True
 
     @property

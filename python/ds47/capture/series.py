@@ -7,15 +7,17 @@ together is in rings.py.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import NamedTuple, TypeVar
 
 from ds47.model import CaptureFile
 
 from .closing import Closing
 from .errors import CaptureError
-from .frame import Frame
+from .frame import Frame, Interface, WholeFrame
 from .reader import Capture, open_capture
+
+_F = TypeVar("_F", bound=Frame)
 
 
 class Part(NamedTuple):
@@ -41,12 +43,21 @@ class Series(Closing):
         self._parts = parts
         self._capture: Capture | None = None
         self._before = 0
-        self._frames = self._read()
+        self._frames = self._read(iter)
 
     def __iter__(self) -> Iterator[Frame]:
         return self._frames
 
-    def _read(self) -> Iterator[Frame]:
+    def everything(self) -> Iterator[WholeFrame]:
+        """As `Capture.everything`. Interfaces that the files describe in the same words are one."""
+        interfaces: dict[tuple[object, ...], Interface] = {}
+        for frame in self._read(Capture.everything):
+            about = frame.interface
+            key = (about.link_type, about.snap_length, *about.options)
+            frame.interface = interfaces.setdefault(key, about)
+            yield frame
+
+    def _read(self, way: Callable[[Capture], Iterator[_F]]) -> Iterator[_F]:
         for part in self._parts:
             file = CaptureFile(part.name, self._before + 1, missing_before=part.missing)
             self.files.append(file)
@@ -56,13 +67,13 @@ class Series(Closing):
                 file.problem, file.readable = problem.message, False
                 continue
             with self._capture:
-                yield from self._numbered(self._capture)
+                yield from self._numbered(way(self._capture))
                 self._end(self._capture, file)
             self._capture = None
 
-    def _numbered(self, capture: Capture) -> Iterator[Frame]:
+    def _numbered(self, frames: Iterable[_F]) -> Iterator[_F]:
         before = self._before
-        for frame in capture:
+        for frame in frames:
             frame.number += before
             yield frame
 

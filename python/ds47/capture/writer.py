@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import BinaryIO
 
 from .closing import Closing
-from .pcapng import BYTE_ORDER_MAGIC, INTERFACE, SECTION
+from .pcapng import BYTE_ORDER_MAGIC, COMMENT, FLAGS, INTERFACE, SECTION, TIME_RESOLUTION
 from .scan import ENHANCED_PACKET, ETHERNET
 
-_COMMENT, _FLAGS, _TIME_RESOLUTION, _APPLICATION = 1, 2, 9, 4
+_APPLICATION = 4
 LAST_NS = (1 << 64) - 1
 """The last time that a file of nanoseconds can hold, in 2554; the first is 1970."""
 _LONGEST = 0xFFFC
@@ -62,7 +62,7 @@ class PcapngWriter(Closing):
         `options` are (code, value) of the Interface Description Block, without if_tsresol, which this
         writer decides.
         """
-        resolution = (_TIME_RESOLUTION, bytes([9 if self._unit == 1 else 6]))
+        resolution = (TIME_RESOLUTION, bytes([9 if self._unit == 1 else 6]))
         head = struct.pack("<HHI", link_type, 0, snap_length)
         self._block(INTERFACE, head + _options([*options, resolution]))
         self._interfaces += 1
@@ -93,9 +93,9 @@ class PcapngWriter(Closing):
         length = len(data) if original_length is None else original_length
         header = struct.pack("<5I", interface, stamp >> 32, stamp & 0xFFFFFFFF, len(data), length)
         texts = [comment, *comments] if comment else comments
-        options = [(_COMMENT, _cut(text)) for text in texts if text]
+        options = [(COMMENT, _cut(text)) for text in texts if text]
         if flags is not None:
-            options.append((_FLAGS, struct.pack("<I", flags)))
+            options.append((FLAGS, struct.pack("<I", flags)))
         tail = _options(options) if options else b""
         self._block(ENHANCED_PACKET, header + _padded(data) + tail)
 

@@ -19,8 +19,7 @@ from uuid import UUID
 
 from ds47 import __version__, spec
 from ds47.analysis import AnalysisOptions, analyze
-from ds47.capture import PcapngWriter
-from ds47.capture.raw import Interface, RawFrame
+from ds47.capture import Interface, PcapngWriter, WholeFrame
 from ds47.capture.scan import ETHERNET, IPV4, network_layer
 from ds47.capture.series import Part
 from ds47.capture.writer import nearest
@@ -123,7 +122,7 @@ def export(
     outcome = Outcome(result)
     wanted = _Survey(selection, chosen).run(original)
     if key is None:
-        frames: Iterable[RawFrame] = _plain(original, outcome, wanted, selection, chosen)
+        frames: Iterable[WholeFrame] = _plain(original, wanted, selection, chosen)
     else:
         anonymiser = Anonymiser(key, _knowledge(result, options, everything))
         key.learning = True
@@ -265,23 +264,22 @@ def _knowledge(result: CaptureResult, options: AnalysisOptions, everything: bool
 
 
 def _plain(
-    original: Original, outcome: Outcome, wanted: set[int], selection: Selection, chosen: Chosen
-) -> Iterator[RawFrame]:
+    original: Original, wanted: set[int], selection: Selection, chosen: Chosen
+) -> Iterator[WholeFrame]:
     """The frames as they are."""
-    files = outcome.result.files
-    if not (selection.all_frames and selection.by_frame):
-        yield from original.frames(files, wanted.__contains__)
-        return
-    for frame in original.frames(files):
-        if frame.number in wanted or (selection.in_time(frame.time_ns) and _touches(frame, chosen)):
+    every = selection.all_frames and selection.by_frame
+    for frame in original.everything():
+        if frame.number in wanted or (
+            every and selection.in_time(frame.time_ns) and _touches(frame, chosen)
+        ):
             yield frame
 
 
-def _touches(frame: RawFrame, chosen: Chosen) -> bool:
+def _touches(frame: WholeFrame, chosen: Chosen) -> bool:
     """Whether a frame of any protocol comes from a wanted device, or goes to one."""
     if not chosen.ips:
         return True
-    data, link = frame.data, frame.interface.link_type
+    data, link = frame.data, frame.link_type
     if link == ETHERNET and not chosen.macs.isdisjoint((mac(data[:6]), mac(data[6:12]))):
         return True
     kind, at = network_layer(data, 0, len(data), link)
@@ -297,13 +295,15 @@ class _Rewriting:
     def __init__(self, anonymiser: Anonymiser, outcome: Outcome) -> None:
         self._anonymiser = anonymiser
         self._outcome = outcome
-        self._waiting: OrderedDict[int, tuple[Entry, RawFrame]] = OrderedDict()
+        self._waiting: OrderedDict[int, tuple[Entry, WholeFrame]] = OrderedDict()
 
-    def frames(self, original: Original, wanted: set[int]) -> Iterator[RawFrame]:
+    def frames(self, original: Original, wanted: set[int]) -> Iterator[WholeFrame]:
         """Every frame that could be rewritten."""
         tracker = Tracker()
-        for raw in original.frames(self._outcome.result.files, wanted.__contains__):
-            link = raw.interface.link_type
+        for raw in original.everything():
+            if raw.number not in wanted:
+                continue
+            link = raw.link_type
             entry = Entry(raw.number, raw.time_ns, link, bytearray(raw.data), raw.original_length)
             self._waiting[raw.number] = entry, raw
             found = tracker.feed(entry)
@@ -317,7 +317,7 @@ class _Rewriting:
         _finish((entry for entry, _ in self._waiting.values() if not entry.finished), False)
         yield from self._ready(tracker)
 
-    def _ready(self, tracker: Tracker) -> Iterator[RawFrame]:
+    def _ready(self, tracker: Tracker) -> Iterator[WholeFrame]:
         for entries in tracker.given_up:
             _finish(entries, False)
         tracker.given_up.clear()
@@ -330,7 +330,7 @@ class _Rewriting:
             if leak is not None:
                 self._outcome.leaks.append((number, leak))
             elif entry.kept:
-                raw.data, raw.comments = bytes(entry.data), ()
+                raw.data, raw.comments = bytes(entry.data), []
                 yield raw
             else:
                 self._outcome.left_out.append(number)
@@ -356,7 +356,7 @@ def is_link_to_file(path: Path) -> bool:
 
 
 def _write(
-    frames: Iterable[RawFrame],
+    frames: Iterable[WholeFrame],
     target: str | Path | BinaryIO,
     chosen: Chosen,
     outcome: Outcome,
@@ -381,7 +381,7 @@ def _write(
 
 
 def _write_all(
-    frames: Iterable[RawFrame], stream: BinaryIO, chosen: Chosen, outcome: Outcome, plain: bool
+    frames: Iterable[WholeFrame], stream: BinaryIO, chosen: Chosen, outcome: Outcome, plain: bool
 ) -> None:
     interfaces: dict[Interface, int] = {}
     # names of files say where somebody has measured: not in a copy without names

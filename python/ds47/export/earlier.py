@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ds47.capture import CaptureError, PcapngWriter
-from ds47.capture.raw import raw_frames
+from ds47.capture import CaptureError, PcapngWriter, open_capture
 
 APPLICATION = "ds47 "
 """How the name of the program begins that stands in the section header of an export."""
@@ -26,14 +25,15 @@ def is_earlier_export(path: Path) -> bool:
         with path.open("rb") as stream:
             if not PcapngWriter.wrote(stream.read(64), APPLICATION):
                 return False
-        frames = 0
-        for frame in raw_frames(path):
-            if not frame.comments or not _says_so(frame.comments[-1]):
-                return False
-            frames += 1
+        with open_capture(path) as capture:
+            some = False
+            for frame in capture.everything():
+                if not frame.comments or not _says_so(frame.comments[-1]):
+                    return False
+                some = True
+            return some
     except (CaptureError, OSError):
         return False
-    return frames > 0
 
 
 def _says_so(comment: str) -> bool:

@@ -1,0 +1,44 @@
+"""What the readers of both formats have in common: where they stand in the capture.
+
+Not here: the formats (pcap.py, pcapng.py), the loops that pass what does not matter (scan.py).
+"""
+
+from __future__ import annotations
+
+from .ahead import Batches
+from .scan import Scan
+from .stream import Window
+
+
+class Walk:
+    """Stands in front of a record or block. `frames` counts what was passed; `problem` says what is broken."""
+
+    def __init__(self, window: Window, scan: Scan) -> None:
+        self._window = window
+        self._scan = scan
+        self._batches = Batches(scan, window)
+        self.frames = 0
+        self.first_ns: int | None = None
+        self.problem: str | None = None
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._batches.close()
+
+    @property
+    def _offset(self) -> int:
+        """Where this stands in the (decompressed) capture."""
+        return self._window.base + self._scan.position
+
+    @property
+    def _left(self) -> int:
+        """How many bytes of it are in memory."""
+        return self._window.end - self._scan.position
+
+    def _have(self, need: int) -> bool:
+        """Have `need` bytes from here on; the window moves only when it has to."""
+        if self._left >= need:
+            return True
+        whole = self._window.more(self._scan.position, need)
+        self._scan.position = 0
+        return whole
