@@ -15,17 +15,18 @@ import pytest
 from frames import whole_frames
 
 from ds47.analysis import analyze
-from ds47.capture import PcapngWriter, open_capture
+from ds47.capture import Interface, PcapngWriter, WholeFrame, open_capture
 from ds47.export import Key, KeyFileError, Outcome, Selection, export
 from ds47.export.anonymise import Anonymiser, Knowledge, internet_checksum
-from ds47.export.datagrams import Datagram, Entry
-from ds47.export.messages import Copy, Message
+from ds47.export.drafts import Drafts
+from ds47.export.tracking import Copy, Message
 from ds47.lab import ether, message, wire
 from ds47.lab.client import OK, Client
 from ds47.lab.naming import DCP, LLDP, dcp_identify, lldp
 from ds47.lab.stage import Stage
 from ds47.lab.wire import ar_request, ar_response
 from ds47.model import CaptureResult, Transaction
+from ds47.profinet.traces import Piece, Trace
 
 CAPTURES = Path(__file__).resolve().parents[2] / "captures"
 EVERY = sorted(CAPTURES.rglob("*.pcapng"))
@@ -651,9 +652,8 @@ def test_an_option_keeps_no_more_than_it_has() -> None:
 
 
 def test_a_copy_of_what_was_not_rewritten_is_refused() -> None:
-    foreign = Datagram("192.168.0.1", "192.168.0.2", 1, 0, data=SECRET)
-    frame = Entry(2, 0, 1, bytearray(14 + 20) + SECRET, 50, layer=14)
-    copy = Datagram("192.168.0.1", "192.168.0.2", 1, 0)
-    copy.add(0, frame, 34, len(SECRET))
-    story_of = Message("foreign", [], 1, 0, parts=[[foreign]])
-    assert not Anonymiser(Key(), Knowledge()).copy(Copy(story_of, copy, foreign))
+    foreign, copy, drafts = Trace(data=SECRET), Trace(), Drafts()
+    drafts.add(WholeFrame(2, 0, Interface(1, 0), bytes(14 + 20) + SECRET, 50))
+    copy.add(Piece(2, 0, 34, 0, len(SECRET)))
+    story_of = Message("foreign", 1, 0, parts=[[foreign]])
+    assert not Anonymiser(Key(), Knowledge()).copy(Copy(story_of, copy, foreign), drafts)

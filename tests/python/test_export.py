@@ -20,15 +20,16 @@ from ringbuffer import NIGHT, pieces, recording, ring, write
 from test_readme import Command, read_commands, run
 
 from ds47.analysis import AnalysisOptions, analyze
-from ds47.capture import PcapngWriter, WholeFrame, open_capture
+from ds47.capture import Frame, Interface, PcapngWriter, WholeFrame, open_capture
 from ds47.capture.series import Part
 from ds47.cli import main
 from ds47.export import Key, Selection, SelectionError, display_filter, export, first_time
-from ds47.export.datagrams import MOST_COPIES, Datagram, Entry
+from ds47.export.drafts import Drafts
 from ds47.export.earlier import OF_THE_ORIGINAL, is_earlier_export
-from ds47.export.messages import Copy, Message, Tracker
+from ds47.export.tracking import Copy, Message, Tracker
 from ds47.lab import wire
 from ds47.lab.wire import Call
+from ds47.profinet.traces import MOST_COPIES, Piece, Trace
 from ds47.spec.semantics import limits
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -617,10 +618,10 @@ def test_command_of_the_page(command: Command, page_folder: Path) -> None:
 # Fragments: what is kept of them, and how much
 
 
-def entries(*frames: bytes, apart_ns: int = 1_000) -> list[Entry]:
+def captured(*frames: bytes, apart_ns: int = 1_000) -> list[Frame]:
     return [
-        Entry(number, number * apart_ns, 1, bytearray(frame), len(frame))
-        for number, frame in enumerate(frames, 1)
+        Frame(number, number * apart_ns, 1, data, len(data))
+        for number, data in enumerate(frames, 1)
     ]
 
 
@@ -628,21 +629,21 @@ def fragment(offset: int, size: int = 800, *, ident: int = 7, more: bool = True)
     return make.ethernet(0x800, make.ipv4(b"x" * size, ident=ident, offset=offset, more=more))
 
 
-def fed(tracker: Tracker, frames: list[Entry]) -> list[Message | Copy]:
-    return [found for entry in frames if (found := tracker.feed(entry)) is not None]
+def fed(tracker: Tracker, frames: list[Frame]) -> list[Message | Copy]:
+    return [found for frame in frames if (found := tracker.feed(frame)) is not None]
 
 
-def given_up(tracker: Tracker) -> list[int]:
-    return [entry.number for each in tracker.given_up for entry in each]
+def lost(tracker: Tracker) -> list[list[int]]:
+    return [[frame for trace in each for frame in trace.frames] for each in tracker.lost]
 
 
 def test_copies_of_a_fragment_wait_up_to_a_number() -> None:
     tracker = Tracker()
-    frames = entries(*[fragment(800)] * 1_000, fragment(1600, more=False), fragment(0))
+    frames = captured(*[fragment(800)] * 1_000, fragment(1600, more=False), fragment(0))
     (whole,) = fed(tracker, frames)
     assert isinstance(whole, Message)
-    assert [entry.number for entry in whole.entries] == [*range(1, MOST_COPIES + 1), 1_001, 1_002]
-    assert given_up(tracker) == list(range(MOST_COPIES + 1, 1_001))
+    assert whole.frames == [*range(1, MOST_COPIES + 1), 1_001, 1_002]
+    assert lost(tracker) == [[number] for number in range(MOST_COPIES + 1, 1_001)]
 
 
 @pytest.mark.parametrize("what", ["ip_datagrams", "ip_fragments", "fragment_bytes"])
@@ -654,13 +655,27 @@ def test_unfinished_datagrams_are_as_many_as_in_the_analysis(what: str) -> None:
              "fragment_bytes": bounds.fragment_bytes // (2 * size)}[what]  # fmt: skip
     tracker = Tracker()
     for ident in range(count):
-        fed(tracker, entries(*[fragment(8 * at, size, ident=ident) for at in range(per)]))
-    assert not tracker.given_up
-    fed(tracker, entries(*[fragment(8 * at, size, ident=9_999) for at in range(per)]))
-    assert len(tracker.given_up) == 1  # the oldest
-    assert len(tracker.given_up[0]) == per
+        fed(tracker, captured(*[fragment(8 * at, size, ident=ident) for at in range(per)]))
+    assert not tracker.lost
+    fed(tracker, captured(*[fragment(8 * at, size, ident=9_999) for at in range(per)]))
+    assert [len(each) for each in lost(tracker)] == [per]  # the oldest
     tracker.finish()
-    assert len(tracker.given_up) == count + 1
+    assert len(tracker.lost) == count + 1
+
+
+def test_copies_count_as_fragments() -> None:
+    """Their frames wait, too."""
+    tracker, bounds = Tracker(), limits()
+    copies = bounds.ip_fragments // MOST_COPIES
+    for ident in range(copies // 100):
+        fed(
+            tracker,
+            captured(*[fragment(8 * at, 8, ident=ident) for at in range(100)] * MOST_COPIES),
+        )
+    assert not tracker.lost
+    for at in range(100):
+        fed(tracker, captured(*[fragment(8 * at, 8, ident=9_999)] * MOST_COPIES))
+    assert [len(each) for each in lost(tracker)] == [100 * MOST_COPIES]
 
 
 def rpc_fragments(size: int, count: int, activity: int) -> list[bytes]:
@@ -677,24 +692,24 @@ def test_unfinished_messages_are_as_many_as_in_the_analysis(what: str) -> None:
         parts = 129
     held = parts - 1
     count = {"rpc_messages": bounds.rpc_messages, "rpc_fragments": bounds.rpc_fragments // held,
-             "fragment_bytes": bounds.fragment_bytes // (8 + 80 + size)}[what]  # fmt: skip
+             "fragment_bytes": bounds.fragment_bytes // size}[what]  # fmt: skip
     tracker = Tracker()
     for activity in range(1, count + 1):
-        fed(tracker, entries(*rpc_fragments(size, parts, activity)[:-1], apart_ns=1))
-    assert not tracker.given_up
-    fed(tracker, entries(*rpc_fragments(size, parts, count + 1)[:-1], apart_ns=1))
-    assert [len(each) for each in tracker.given_up] == [held]
+        fed(tracker, captured(*rpc_fragments(size, parts, activity)[:-1], apart_ns=1))
+    assert not tracker.lost
+    fed(tracker, captured(*rpc_fragments(size, parts, count + 1)[:-1], apart_ns=1))
+    assert [len(each) for each in lost(tracker)] == [held]
     tracker.finish()
-    assert len(tracker.given_up) == count + 1
+    assert len(tracker.lost) == count + 1
 
 
 def test_a_copy_of_the_first_rpc_fragment_after_the_last() -> None:
     first, last = rpc_fragments(100, 2, 1)
-    whole, copy = fed(Tracker(), entries(first, last, first))
+    whole, copy = fed(Tracker(), captured(first, last, first))
     assert isinstance(whole, Message)
     assert isinstance(copy, Copy)
     assert copy.message is whole
-    assert [entry.number for entry in copy.datagram.entries()] == [3]
+    assert copy.trace.frames == [3]
 
 
 def test_rpc_fragments_behind_the_last_are_given_up() -> None:
@@ -702,15 +717,15 @@ def test_rpc_fragments_behind_the_last_are_given_up() -> None:
     second = second[:44] + bytes((second[44] | 2,)) + second[45:]  # says that it is the last,
     third = third[:44] + bytes((third[44] & ~2,)) + third[45:]  # which this one does not
     tracker = Tracker()
-    (whole,) = fed(tracker, entries(third, second, first))
+    (whole,) = fed(tracker, captured(third, second, first))
     assert isinstance(whole, Message)
-    assert [entry.number for entry in whole.entries] == [2, 3]
-    assert given_up(tracker) == [1]
+    assert whole.frames == [2, 3]
+    assert lost(tracker) == [[1]]
 
 
 def test_the_body_of_cut_rpc_fragments_ends_at_the_first_hole() -> None:
-    first, second, third = entries(*rpc_fragments(100, 3, 1))
-    del second.data[-40:]
+    first, second, third = captured(*rpc_fragments(100, 3, 1))
+    second.data = second.data[:-40]
     (whole,) = fed(Tracker(), [first, second, third])
     assert isinstance(whole, Message)
     assert whole.pdu is not None
@@ -723,16 +738,34 @@ def test_a_fragment_of_what_was_given_up_is_given_up_too() -> None:
     parts = [make.ethernet(0x800, make.ipv4(first[:80], offset=0, more=True)),
              make.ethernet(0x800, make.ipv4(first[80:], offset=80))]  # fmt: skip
     tracker = Tracker()
-    assert not fed(tracker, entries(*parts))
+    assert not fed(tracker, captured(*parts))
     tracker.finish()
-    assert not fed(tracker, [Entry(3, 3_000, 1, bytearray(parts[1]), len(parts[1]))])
-    assert given_up(tracker) == [1, 2, 3]
+    assert not fed(tracker, captured(*parts, parts[1])[2:])
+    assert lost(tracker) == [[1, 2], [3]]
+
+
+def test_a_late_copy_of_an_ip_fragment_waits_with_its_rpc_message() -> None:
+    first, last = rpc_fragments(100, 2, 1)
+    parts = [make.ethernet(0x800, make.ipv4(first[34:][:80], offset=0, more=True)),
+             make.ethernet(0x800, make.ipv4(first[34:][80:], offset=80))]  # fmt: skip
+    whole, copy = fed(Tracker(), captured(*parts, parts[1], last, parts[0]))
+    assert isinstance(whole, Message)
+    assert (whole.frame, whole.frames) == (4, [1, 2, 3, 4])
+    assert isinstance(copy, Copy)
+    assert (copy.message, copy.trace.frames, copy.sibling) == (whole, [5], whole.parts[0][0])
+
+
+def test_an_impossible_ip_fragment_is_lost() -> None:
+    tracker = Tracker()
+    assert not fed(tracker, captured(fragment(65_528, 16), fragment(8, 0)))
+    assert lost(tracker) == [[1], [2]]
 
 
 def test_writing_leaves_no_byte_as_it_was() -> None:
-    datagram = Datagram("192.168.0.1", "192.168.0.2", 1, 0)
+    trace, drafts = Trace(), Drafts()
     for number, (offset, text) in enumerate(((0, b"in front"), (16, b"behind a hole"))):
-        datagram.add(offset, Entry(number, 0, 1, bytearray(text), 40), 0, len(text))
-    assert datagram.image() == b"in front" + bytes(8) + b"behind a hole"
-    datagram.write(b"IN")
-    assert [bytes(entry.data) for entry in datagram.entries()] == [b"IN" + bytes(6), bytes(13)]
+        drafts.add(WholeFrame(number, 0, Interface(1, 0), text, 40))
+        trace.add(Piece(number, 0, 0, offset, len(text)))
+    assert drafts.image(trace) == b"in front" + bytes(8) + b"behind a hole"
+    drafts.write(trace, b"IN")
+    assert [bytes(drafts[number].data) for number in (0, 1)] == [b"IN" + bytes(6), bytes(13)]

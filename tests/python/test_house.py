@@ -1,10 +1,15 @@
-"""The order of the rooms of the package: a room imports only from those below it (docs/development.md)."""
+"""How the modules of the package depend on each other: in no circle, and a room only on those below it
+(docs/development.md).
+
+Imports inside functions and for the type checker count as all others.
+"""
 
 from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -13,24 +18,48 @@ LOOSE = {"__init__", "__main__", "analysis", "model"}
 """Modules that stand in no room: the door, and what joins the rooms."""
 
 
-def modules() -> dict[str, Path]:
-    """Names of all modules, and their files."""
+def modules(sources: Path = SOURCES) -> dict[str, Path]:
+    """Names of all modules of a package, and their files."""
     found = {}
-    for file in sorted(SOURCES.rglob("*.py")):
-        parts = file.relative_to(SOURCES.parent).with_suffix("").parts
+    for file in sorted(sources.rglob("*.py")):
+        parts = file.relative_to(sources.parent).with_suffix("").parts
         found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = file
     return found
 
 
-def imports(file: Path, known: dict[str, Path]) -> Iterator[str]:
-    """The modules of the package that a file imports, inside functions and for the type checker too."""
+def imports(sources: Path = SOURCES) -> dict[str, set[str]]:
+    """Module -> the modules of the package that it imports.
+
+    `from a import b` is the module a.b where there is one, else a. What Python runs beside that, the packages
+    above a module, is not counted.
+    """
+    known = modules(sources)
+    return {
+        module: {name if name in known else name.rpartition(".")[0] for name in named(module, file)}
+        & known.keys()
+        for module, file in known.items()
+    }
+
+
+def named(module: str, file: Path) -> Iterator[str]:
+    """What a module imports, by full names; a dot in front of a name is resolved."""
+    package = module.split(".")[: None if file.name == "__init__.py" else -1]
     for node in ast.walk(ast.parse(file.read_text("utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            for name in node.names:
-                whole = f"{node.module}.{name.name}"
-                yield whole if whole in known else node.module
-        elif isinstance(node, ast.Import):
-            yield from (name.name for name in node.names)
+        if isinstance(node, ast.Import):
+            yield from (each.name for each in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            above = package[: len(package) - node.level + 1] if node.level else []
+            origin = ".".join([*above, *filter(None, [node.module])])
+            yield from (f"{origin}.{each.name}" for each in node.names)
+
+
+def circle(graph: Mapping[str, set[str]]) -> list[str]:
+    """Modules that import each other in a circle, the first one again at the end; empty where there is none."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
 
 
 def room(module: str) -> str:
@@ -45,6 +74,35 @@ def floors() -> list[str]:
     return re.findall(r"^\| `([a-z]+)(?:\.py|/)`", table, re.MULTILINE)
 
 
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    assert not circle(imports())
+
+
+def test_a_circle_is_found(tmp_path: Path) -> None:
+    package = tmp_path / "house"
+    (package / "room").mkdir(parents=True)
+    for name, text in {
+        "__init__": "import house.door",
+        "door": "from house.room.bed import sleep",
+        "room/__init__": "from .bed import sleep",
+        "room/bed": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from .. import wall",
+        "wall": "def late():\n    from .room import chair",
+        "room/chair": "from . import bed",
+    }.items():
+        (package / f"{name}.py").write_text(text)
+    graph = imports(package)
+    assert graph == {
+        "house": {"house.door"},
+        "house.door": {"house.room.bed"},
+        "house.room": {"house.room.bed"},
+        "house.room.bed": {"house.wall"},
+        "house.wall": {"house.room.chair"},
+        "house.room.chair": {"house.room.bed"},
+    }
+    assert set(circle(graph)) == {"house.room.bed", "house.wall", "house.room.chair"}
+    assert not circle({**graph, "house.wall": set()})
+
+
 def test_every_room_stands_in_the_table() -> None:
     rooms = {room(module) for module in modules()} - {"__init__", "__main__"}
     assert rooms == set(floors())
@@ -52,15 +110,13 @@ def test_every_room_stands_in_the_table() -> None:
 
 
 def test_a_room_imports_only_from_those_below_it() -> None:
-    known, order = modules(), ["__init__", *floors(), "__main__"]
+    order = ["__init__", *floors(), "__main__"]
     upwards = {
         f"{module} -> {other}"
-        for module, file in known.items()
-        for other in imports(file, known)
-        if other in known
-        and module != "ds47"  # the door names what it hands out
-        and room(other) != room(module)
-        and order.index(room(other)) > order.index(room(module))
+        for module, others in imports().items()
+        if module != "ds47"  # the door names what it hands out
+        for other in others
+        if room(other) != room(module) and order.index(room(other)) > order.index(room(module))
     }
     assert upwards == set()
 

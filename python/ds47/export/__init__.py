@@ -1,6 +1,6 @@
 """The frames of transactions, findings, devices or a time span as a capture of their own.
 
-    analysis -> what is wanted (`selection`) -> all frames of it (`messages`) -> a second reading that copies
+    analysis -> what is wanted (`selection`) -> all frames of it (`tracking`) -> a second reading that copies
 
 With a `Key` the frames are rewritten on the way, so that nobody can tell whose they are: `anonymise`.
 Nothing is printed here.
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import errno
 import os
-from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,18 +24,18 @@ from ds47.capture.series import Part
 from ds47.capture.writer import nearest
 from ds47.model import CaptureResult
 from ds47.profinet import dcp, lldp, rpc
-from ds47.profinet.link import Packet, mac
+from ds47.profinet.link import mac
 from ds47.profinet.records import NIL_UUID, parse_request, parse_response
 from ds47.report.filters import display_filter
 from ds47.report.places import Places
 
 from .anonymise import Anonymiser, Knowledge
-from .datagrams import Entry
+from .drafts import Draft, Drafts
 from .earlier import APPLICATION, OF_THE_ORIGINAL, is_earlier_export
 from .mapping import Key, KeyFileError
-from .messages import Copy, Message, Tracker
 from .original import Original
 from .selection import Chosen, Selection, SelectionError, choose
+from .tracking import Copy, Message, Tracker
 
 __all__ = [
     "LINK",
@@ -154,43 +153,40 @@ class _Survey:
         tracker = Tracker()
         with original.open() as capture:
             for frame in capture:
-                data = bytearray(frame.data)
-                entry = Entry(
-                    frame.number, frame.time_ns, frame.link_type, data, frame.original_length
-                )
-                found = tracker.feed(entry)
+                found = tracker.feed(frame)
                 if isinstance(found, Message):
                     self._message(found)
                 elif found is not None:
                     self._copy(found)
-                self._given_up(tracker)
+                self._lost(tracker)
         tracker.finish()
-        self._given_up(tracker)
+        self._lost(tracker)
         return self._wanted
 
     def _message(self, message: Message) -> None:
         if not self._is_wanted(message):
             return
-        self._wanted.update(entry.number for entry in message.entries)
-        notes = self._chosen.notes
+        frames, notes = message.frames, self._chosen.notes
+        self._wanted.update(frames)
         if message.frame not in notes:
             notes[message.frame] = [_description(message)]
-        if len(message.entries) > 1:
-            of = f"of {len(message.entries)} frames that are one message"
-            for number, entry in enumerate(message.entries, 1):
-                notes.setdefault(entry.number, []).append(f"{number}. {of}")
+        if len(frames) > 1:
+            of = f"of {len(frames)} frames that are one message"
+            for number, frame in enumerate(frames, 1):
+                notes.setdefault(frame, []).append(f"{number}. {of}")
 
     def _copy(self, copy: Copy) -> None:
         if self._selection.by_frame and copy.message.frame in self._wanted:
-            for entry in copy.datagram.entries():
-                self._wanted.add(entry.number)
-                self._chosen.notes.setdefault(entry.number, []).append("a copy")
+            for frame in copy.trace.frames:
+                self._wanted.add(frame)
+                self._chosen.notes.setdefault(frame, []).append("a copy")
 
-    def _given_up(self, tracker: Tracker) -> None:
-        for entries in tracker.given_up:
-            numbers = {entry.number for entry in entries}
+    def _lost(self, tracker: Tracker) -> None:
+        for traces in tracker.lost:
+            numbers = {frame for trace in traces for frame in trace.frames}
             if self._selection.by_frame:
-                chosen = not self._chosen.ips and self._selection.in_time(entries[0].time_ns)
+                in_time = self._selection.in_time(traces[0].pieces[0].time_ns)
+                chosen = in_time and not self._chosen.ips
             else:
                 chosen = not numbers.isdisjoint(self._chosen.frames)
             if chosen:
@@ -198,7 +194,7 @@ class _Survey:
                 for number in numbers:
                     text = "fragment of a message that never became whole"
                     self._chosen.notes.setdefault(number, []).append(text)
-        tracker.given_up.clear()
+        tracker.lost.clear()
 
     def _is_wanted(self, message: Message) -> bool:
         if not self._selection.by_frame:
@@ -208,21 +204,15 @@ class _Survey:
         return not self._chosen.ips or self._of_device(message)
 
     def _of_device(self, message: Message) -> bool:
-        chosen = self._chosen
+        chosen, packet = self._chosen, message.packet
+        assert packet is not None
         if message.kind == "rpc":
-            datagram = next(message.datagrams)
-            return not chosen.ips.isdisjoint((datagram.source, datagram.destination))
-        entry = message.entries[0]
-        if entry.link_type != ETHERNET:
+            return not chosen.ips.isdisjoint((packet.src_ip, packet.dst_ip))
+        if packet.dst_mac is None:  # a cooked header does not say to whom
             return False
-        macs = mac(bytes(entry.data[6:12])), mac(bytes(entry.data[:6]))
-        packet = Packet(
-            "dcp" if message.kind == "dcp" else "lldp", entry.number, entry.time_ns,
-            bytes(entry.data[entry.layer :]), *macs,
-        )  # fmt: skip
         station = dcp.parse(packet) if message.kind == "dcp" else lldp.parse(packet)
         told = (station.ip, station.mac) if station else ()
-        return not (chosen.ips | chosen.macs).isdisjoint((*macs, *told))
+        return not (chosen.ips | chosen.macs).isdisjoint((packet.src_mac, packet.dst_mac, *told))
 
 
 def _description(message: Message) -> str:
@@ -290,59 +280,46 @@ def _touches(frame: WholeFrame, chosen: Chosen) -> bool:
 
 
 class _Rewriting:
-    """The frames without names, in their order: a frame waits until its message is whole."""
+    """The frames without names, in their order."""
 
     def __init__(self, anonymiser: Anonymiser, outcome: Outcome) -> None:
         self._anonymiser = anonymiser
         self._outcome = outcome
-        self._waiting: OrderedDict[int, tuple[Entry, WholeFrame]] = OrderedDict()
 
     def frames(self, original: Original, wanted: set[int]) -> Iterator[WholeFrame]:
         """Every frame that could be rewritten."""
-        tracker = Tracker()
-        for raw in original.everything():
-            if raw.number not in wanted:
+        tracker, drafts, anonymiser = Tracker(), Drafts(), self._anonymiser
+        for frame in original.everything():
+            if frame.number not in wanted:
                 continue
-            link = raw.link_type
-            entry = Entry(raw.number, raw.time_ns, link, bytearray(raw.data), raw.original_length)
-            self._waiting[raw.number] = entry, raw
-            found = tracker.feed(entry)
+            drafts.add(frame)
+            found = tracker.feed(frame)
             if isinstance(found, Message):
-                _finish(found.entries, self._anonymiser.message(found))
+                drafts.finish(found.frames, anonymiser.message(found, drafts))
             elif found is not None:
-                _finish(list(found.datagram.entries()), self._anonymiser.copy(found))
-            yield from self._ready(tracker)
+                drafts.finish(found.trace.frames, anonymiser.copy(found, drafts))
+            yield from self._ready(tracker, drafts)
         tracker.finish()
-        yield from self._ready(tracker)
-        _finish((entry for entry, _ in self._waiting.values() if not entry.finished), False)
-        yield from self._ready(tracker)
+        yield from self._ready(tracker, drafts)
 
-    def _ready(self, tracker: Tracker) -> Iterator[WholeFrame]:
-        for entries in tracker.given_up:
-            _finish(entries, False)
-        tracker.given_up.clear()
-        while self._waiting:
-            number, (entry, raw) = next(iter(self._waiting.items()))
-            if not entry.finished:
-                return
-            del self._waiting[number]
-            leak = self._leak(entry)
+    def _ready(self, tracker: Tracker, drafts: Drafts) -> Iterator[WholeFrame]:
+        for traces in tracker.lost:
+            for trace in traces:
+                drafts.finish(trace.frames, False)
+        tracker.lost.clear()
+        for draft in drafts.ready():
+            leak = self._leak(draft)
             if leak is not None:
-                self._outcome.leaks.append((number, leak))
-            elif entry.kept:
-                raw.data, raw.comments = bytes(entry.data), []
-                yield raw
+                self._outcome.leaks.append((draft.frame.number, leak))
+            elif draft.kept:
+                draft.frame.data, draft.frame.comments = bytes(draft.data), []
+                yield draft.frame
             else:
-                self._outcome.left_out.append(number)
+                self._outcome.left_out.append(draft.frame.number)
 
-    def _leak(self, entry: Entry) -> str | None:
+    def _leak(self, draft: Draft) -> str | None:
         learning = self._anonymiser.key.learning
-        return self._anonymiser.leaks(entry) if entry.kept and not learning else None
-
-
-def _finish(entries: Iterable[Entry], kept: bool) -> None:
-    for entry in entries:
-        entry.finished, entry.kept = True, kept
+        return self._anonymiser.leaks(draft) if draft.kept and not learning else None
 
 
 # Writing

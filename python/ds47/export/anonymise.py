@@ -15,11 +15,12 @@ from ds47.capture.scan import ETHERNET, SLL, SLL2
 from ds47.profidrive import Options
 from ds47.profinet import rpc
 from ds47.profinet.records import NIL_UUID
+from ds47.profinet.traces import Trace
 
 from . import blocks, stations, values
-from .datagrams import Datagram, Entry
+from .drafts import Draft, Drafts
 from .mapping import Key
-from .messages import Copy, Message
+from .tracking import Copy, Message
 
 _UUIDS = (8, 40)
 """Object and activity, in the RPC header."""
@@ -60,66 +61,67 @@ class Anonymiser:
         self._asked: dict[tuple[str, bytes, int], bytes] = {}
         """The same as `asked` by RPC call: a response may be sent again."""
 
-    def message(self, message: Message) -> bool:
+    def message(self, message: Message, drafts: Drafts) -> bool:
         """Rewrites all frames of a message; False where that cannot be done."""
         if message.kind == "foreign":
             return False
-        for entry in message.entries:
-            if not self._link(entry):
+        frames = [drafts[number] for number in message.frames]
+        for draft in frames:
+            if not self._link(draft):
                 return False
         if message.kind == "rpc":
-            before = [(each, _covered(each), _addresses(each)) for each in message.datagrams]
-            self._rpc(message)
-            for entry in message.entries:
-                self._ip(entry)
-            for datagram, covered, addresses in before:
-                _checksum(datagram, covered, addresses)
+            sums = [_Checksum(trace, drafts) for trace in message.traces]
+            self._rpc(message, drafts)
+            for draft in frames:
+                self._ip(draft)
+            for each in sums:
+                each.correct()
         else:
-            entry = message.entries[0]
-            data = bytes(entry.data[entry.layer :])
+            (draft,) = frames
+            data = bytes(draft.data[draft.layer :])
             change = stations.dcp if message.kind == "dcp" else stations.lldp
-            entry.data[entry.layer :] = change(self.key, data)
+            draft.data[draft.layer :] = change(self.key, data)
         message.rewritten = True
         return True
 
-    def copy(self, copy: Copy) -> bool:
+    def copy(self, copy: Copy, drafts: Drafts) -> bool:
         """Rewrites a datagram like the one it copies; False where that one was not."""
         if not copy.message.rewritten:
             return False
-        entries = list(copy.datagram.entries())
-        if not all(self._link(entry) for entry in entries):
+        frames = [drafts[number] for number in copy.trace.frames]
+        if not all(self._link(draft) for draft in frames):
             return False
-        for entry in entries:
-            self._ip(entry)
-        copy.datagram.write(copy.sibling.data)
+        for draft in frames:
+            self._ip(draft)
+        drafts.write(copy.trace, copy.sibling.data)
         return True
 
-    def leaks(self, entry: Entry) -> str | None:
+    def leaks(self, draft: Draft) -> str | None:
         """What of an original still stands in a frame; None where nothing does."""
         if self._originals is None:
             every = sorted(self.key.originals(), key=len, reverse=True)
             self._originals = re.compile(b"|".join(map(re.escape, every)) or b"(?!)", re.I)
-        found = self._originals.search(entry.data)
+        found = self._originals.search(draft.data)
         return None if found is None else found[0].decode("latin-1")
 
     # Below RPC
 
-    def _link(self, entry: Entry) -> bool:
+    def _link(self, draft: Draft) -> bool:
         """Addresses of the link layer. False for one that is not known."""
-        data, key = entry.data, self.key
-        if entry.link_type == ETHERNET:
+        data, key, link = draft.data, self.key, draft.frame.link_type
+        if link == ETHERNET:
             data[:6], data[6:12] = key.mac(bytes(data[:6])), key.mac(bytes(data[6:12]))
-        elif entry.link_type == SLL:
+        elif link == SLL:
             data[6:14] = _hardware(key, bytes(data[4:6]), bytes(data[6:14]))
-        elif entry.link_type == SLL2:
+        elif link == SLL2:
             data[12:20] = _hardware(key, b"\0" + bytes(data[11:12]), bytes(data[12:20]))
         else:
-            return entry.layer == 0  # raw IP
+            return draft.layer == 0  # raw IP
         return True
 
-    def _ip(self, entry: Entry) -> None:
+    def _ip(self, draft: Draft) -> None:
         """Addresses, options and checksum of the IPv4 header, and what stands behind the datagram."""
-        data, at = entry.data, entry.layer
+        data, at = draft.data, draft.layer
         size = (data[at] & 15) * 4
         data[at + 12 : at + 16] = self.key.ip(bytes(data[at + 12 : at + 16]))
         data[at + 16 : at + 20] = self.key.ip(bytes(data[at + 16 : at + 20]))
@@ -132,11 +134,11 @@ class Anonymiser:
 
     # RPC
 
-    def _rpc(self, message: Message) -> None:
+    def _rpc(self, message: Message, drafts: Drafts) -> None:
         pdu = message.pdu
         if pdu is None:
-            for datagram in message.datagrams:
-                datagram.write(self._stump(datagram.data))
+            for trace in message.traces:
+                drafts.write(trace, self._stump(trace.data))
             return
         self._frame = message.frame
         body = blocks.body(self.key, pdu, self._record)
@@ -145,8 +147,8 @@ class Anonymiser:
             size = _body_size(copies[0].data)
             part = body[at : at + size]
             at += size
-            for datagram in copies:
-                datagram.write(self._header(datagram.data, part))
+            for trace in copies:
+                drafts.write(trace, self._header(trace.data, part))
 
     def _header(self, data: bytes, body: bytes) -> bytes:
         """UDP header, RPC header with other UUIDs, the body, zeros."""
@@ -194,47 +196,53 @@ def internet_checksum(data: bytes) -> int:
     return ~total & 0xFFFF
 
 
-def _addresses(datagram: Datagram) -> bytes:
-    """Source and destination in the IPv4 header."""
-    entry = datagram.pieces[0][1]
-    return bytes(entry.data[entry.layer + 12 : entry.layer + 20])
+class _Checksum:
+    """The UDP checksum of one datagram; made before anything of it is written.
 
-
-def _covered(datagram: Datagram) -> bytes:
-    """What the UDP checksum covers and the capture has, with zeros for the rest and for the checksum.
-
-    Empty where nothing is missing: then the checksum is made anew.
+    Over the whole datagram; 0 means that there is none and stays. Where the capture cut the datagram it is
+    corrected by what changed (RFC 1624), so that what was right stays right.
     """
-    length = int.from_bytes(datagram.data[4:6], "big")
-    if length <= len(datagram.data):
-        return b""
-    image = datagram.image()[:length]
-    return image[:6] + b"\0\0" + image[8:]
 
+    def __init__(self, trace: Trace, drafts: Drafts) -> None:
+        self._trace = trace
+        self._drafts = drafts
+        self._before = internet_checksum(self._addresses() + self._covered())
 
-def _checksum(datagram: Datagram, before: bytes, addresses: bytes) -> None:
-    """Of UDP, over the whole datagram; 0 means that there is none and stays.
+    def correct(self) -> None:
+        """Writes it, when all else is written."""
+        data = self._trace.data
+        if len(data) < 8 or data[6:8] == b"\0\0":
+            return
+        length = int.from_bytes(data[4:6], "big")
+        if 8 <= length <= len(data):
+            pseudo = self._addresses() + struct.pack(">2H", 17, length)
+            value = internet_checksum(pseudo + data[:6] + b"\0\0" + data[8:length])
+        elif length > len(data):
+            now = internet_checksum(self._addresses() + self._covered())
+            total = (~int.from_bytes(data[6:8], "big") & 0xFFFF) + self._before + (~now & 0xFFFF)
+            while total >> 16:
+                total = (total & 0xFFFF) + (total >> 16)
+            value = ~total & 0xFFFF
+        else:
+            return
+        new = data[:6] + (value or 0xFFFF).to_bytes(2, "big") + data[8:]
+        self._drafts.write(self._trace, new)
 
-    Where the capture cut the datagram it is corrected by what changed (RFC 1624), so that what was
-    right stays right. `before` is what was covered, `addresses` those of then.
-    """
-    data = datagram.data
-    if len(data) < 8 or data[6:8] == b"\0\0":
-        return
-    length = int.from_bytes(data[4:6], "big")
-    if 8 <= length <= len(data):
-        pseudo = _addresses(datagram) + struct.pack(">2H", 17, length)
-        value = internet_checksum(pseudo + data[:6] + b"\0\0" + data[8:length])
-    elif length > len(data):
-        old = internet_checksum(addresses + before)
-        new = internet_checksum(_addresses(datagram) + _covered(datagram))
-        total = (~int.from_bytes(data[6:8], "big") & 0xFFFF) + old + (~new & 0xFFFF)
-        while total >> 16:
-            total = (total & 0xFFFF) + (total >> 16)
-        value = ~total & 0xFFFF
-    else:
-        return
-    datagram.write(data[:6] + (value or 0xFFFF).to_bytes(2, "big") + data[8:])
+    def _addresses(self) -> bytes:
+        """Source and destination in the IPv4 header."""
+        draft = self._drafts[self._trace.pieces[0].frame]
+        return bytes(draft.data[draft.layer + 12 : draft.layer + 20])
+
+    def _covered(self) -> bytes:
+        """What it covers and the capture has, with zeros for the rest and for the checksum.
+
+        Empty where nothing is missing: then the checksum is made anew.
+        """
+        length = int.from_bytes(self._trace.data[4:6], "big")
+        if length <= len(self._trace.data):
+            return b""
+        image = self._drafts.image(self._trace)[:length]
+        return image[:6] + b"\0\0" + image[8:]
 
 
 def _hardware(key: Key, length: bytes, field_: bytes) -> bytes:

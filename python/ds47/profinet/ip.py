@@ -11,6 +11,8 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 from heapq import heappop, heappush
 
+from ds47.profinet.traces import Piece, Trace, Traces
+
 UDP = 17
 
 Cut = tuple[int, int, int]
@@ -25,7 +27,7 @@ class Datagram:
 
     `offset` is where `payload` lies in the whole datagram, in bytes; `more` is the flag that more
     fragments follow. `missing` counts the bytes at the end of `payload` that were not captured; `cut` is
-    the frame that lacks them, None where none does.
+    the frame that lacks them, None where none does. `at` is where `payload` begins in the data of the frame.
     """
 
     source: str
@@ -37,6 +39,7 @@ class Datagram:
     payload: bytes
     missing: int
     cut: Cut | None
+    at: int
 
     def __init__(
         self,
@@ -49,6 +52,7 @@ class Datagram:
         payload: bytes,
         missing: int,
         cut: Cut | None = None,
+        at: int = 0,
     ) -> None:
         self.source = source
         self.destination = destination
@@ -59,6 +63,7 @@ class Datagram:
         self.payload = payload
         self.missing = missing
         self.cut = cut
+        self.at = at
 
     @property
     def whole(self) -> bool:
@@ -95,6 +100,7 @@ def parse(data: bytes, at: int = 0) -> Datagram | None:
         more=bool(flags & 0x2000),
         payload=data[at + header : end],
         missing=max(0, end - len(data)),
+        at=at + header,
     )
 
 
@@ -124,6 +130,11 @@ class Unfinished:
     cut: Cut | None = None
     limit: str = ""
     """Name of the limit that pushed it out (spec/limits.toml); "" for none."""
+    held: int = 0
+    """How many fragments count towards the limit,"""
+    size: int = 0
+    """and how many captured bytes."""
+    trace: Trace | None = None
 
     @property
     def have(self) -> int:
@@ -162,7 +173,8 @@ class Reassembler:
     Memory is bounded by `datagrams`, `fragments` and `most_bytes` of them: the oldest unfinished
     datagram goes first.
     One that is not whole `expiry_ns` of capture time after its first fragment is given up. Whoever
-    feeds takes `given_up` and empties it; what he leaves there stays.
+    feeds takes `given_up` and empties it; what he leaves there stays. Where `traces` keeps the frames of
+    datagrams, it is told of those that are given up instead.
     """
 
     def __init__(
@@ -171,6 +183,7 @@ class Reassembler:
         datagrams: int = 256,
         fragments: int = 16_384,
         most_bytes: int = 1 << 24,
+        traces: Traces | None = None,
     ) -> None:
         self._expiry_ns = expiry_ns
         self._most_datagrams = datagrams
@@ -182,6 +195,7 @@ class Reassembler:
         self._fragments = 0
         self._bytes = 0
         self._now_ns = 0
+        self.traces = traces
 
     def feed(self, part: Datagram, frame: int, time_ns: int) -> Datagram | None:
         """Take a fragment; return the whole datagram when this one completes it.
@@ -191,12 +205,13 @@ class Reassembler:
         """
         self._now_ns = time_ns
         key = (part.source, part.destination, part.identification)
-        if part.length == 0 or part.offset + part.length > 65_535 or self._is_copy(key, part):
+        possible = part.length > 0 and part.offset + part.length <= 65_535
+        before = self._whole(key, part) if possible else None
+        entry = self._entry(key) if possible and before is None else None
+        if self.traces is not None and not self._trace(part, frame, entry, before):
             return None
-        self._expire()
-        entry = self._open.get(key)
         if entry is None:
-            entry = self._open[key] = Unfinished(*key, first_ns=time_ns)
+            return None
         self._add(entry, part)
         entry.frame, entry.time_ns = frame, time_ns
         if entry.total is None or not entry.covered:
@@ -207,6 +222,8 @@ class Reassembler:
         while len(self._done) > 64:
             self._done.popitem(last=False)
         head = entry.head()
+        if entry.trace is not None:
+            entry.trace.close(head)
         missing = entry.total - len(head)
         return Datagram(*key[:2], UDP, key[2], 0, False, head, missing, entry.cut)
 
@@ -214,22 +231,52 @@ class Reassembler:
         """What is still waited for, oldest first."""
         return list(self._open.values())
 
-    def _is_copy(self, key: _Key, part: Datagram) -> bool:
-        """A mirror port's copy of a fragment of a datagram that just became whole.
+    def finish(self) -> None:
+        """Give up what is still waited for."""
+        while self._open:
+            self._give_up(next(iter(self._open)), "")
+
+    def _whole(self, key: _Key, part: Datagram) -> Unfinished | None:
+        """The datagram that just became whole and of which this fragment is a mirror port's copy.
 
         Later than a millisecond it is a new datagram with a reused identification.
         """
         done = self._done.get(key)
         if done is None or abs(self._now_ns - done.time_ns) > 1_000_000:
+            return None
+        return done if done.pieces.get(part.offset) == (part.payload, part.length) else None
+
+    def _entry(self, key: _Key) -> Unfinished:
+        """The datagram to which a fragment of now belongs."""
+        self._expire()
+        entry = self._open.get(key)
+        if entry is None:
+            entry = self._open[key] = Unfinished(*key, first_ns=self._now_ns)
+        return entry
+
+    def _trace(
+        self, part: Datagram, frame: int, entry: Unfinished | None, before: Unfinished | None
+    ) -> bool:
+        """Keeps the frame of a fragment, with the datagram that it belongs to; False for a copy too many."""
+        assert self.traces is not None
+        piece = Piece(frame, self._now_ns, part.at, part.offset, len(part.payload))
+        if entry is None:
+            trace = self.traces.begin(piece, None if before is None else before.trace)
+            if before is None:
+                self.traces.lose([trace])
             return False
-        return done.pieces.get(part.offset) == (part.payload, part.length)
+        if entry.trace is None:
+            entry.trace = Trace()
+        return self.traces.add(entry.trace, piece)
 
     def _add(self, entry: Unfinished, part: Datagram) -> None:
         known = entry.pieces.get(part.offset)
-        if known is None:
-            self._fragments += 1
-        if known is None or known[1] < part.length:
-            self._bytes += len(part.payload) - (len(known[0]) if known else 0)
+        longer = known is None or known[1] < part.length
+        if entry.trace is not None:  # the frames of copies are kept as well
+            self._hold(entry, 1, len(part.payload))
+        elif longer:
+            self._hold(entry, known is None, len(part.payload) - (len(known[0]) if known else 0))
+        if longer:
             entry.pieces[part.offset] = (part.payload, part.length)
             heappush(entry.beyond, part.offset)
             if entry.cut is None:
@@ -237,10 +284,16 @@ class Reassembler:
         if not part.more and entry.total is None:
             entry.total = part.offset + part.length
 
+    def _hold(self, entry: Unfinished, fragments: int, size: int) -> None:
+        entry.held += fragments
+        entry.size += size
+        self._fragments += fragments
+        self._bytes += size
+
     def _close(self, key: _Key) -> Unfinished:
         entry = self._open.pop(key)
-        self._fragments -= len(entry.pieces)
-        self._bytes -= sum(len(data) for data, _ in entry.pieces.values())
+        self._fragments -= entry.held
+        self._bytes -= entry.size
         return entry
 
     def _expire(self) -> None:
@@ -268,6 +321,8 @@ class Reassembler:
 
     def _give_up(self, key: _Key, limit: str) -> None:
         entry = self._close(key)
-        if 0 in entry.pieces:  # without the beginning nobody can tell whose it was
+        if self.traces is not None and entry.trace is not None:
+            self.traces.lose([entry.trace])
+        elif 0 in entry.pieces:  # without the beginning nobody can tell whose it was
             entry.limit = limit
             self.given_up.append(entry)

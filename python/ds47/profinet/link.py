@@ -27,6 +27,7 @@ from ds47.capture.scan import (
 )
 
 from . import ip
+from .traces import Piece
 
 Kind = Literal["udp", "dcp", "lldp"]
 
@@ -109,6 +110,9 @@ def dissect(
         if not datagram.whole:
             packet = None if reassembler is None else _joined(datagram, frame, reassembler, begun)
         else:
+            if reassembler is not None and reassembler.traces is not None:
+                piece = Piece(frame.number, frame.time_ns, datagram.at, 0, len(datagram.payload))
+                reassembler.traces.begin(piece).close(datagram.payload)
             packet = _udp(datagram, frame.number, frame.time_ns)
     elif kind == PROFINET and int.from_bytes(data[at : at + 2], "big") in DCP_FRAME_IDS:
         packet = Packet("dcp", frame.number, frame.time_ns, data[at:])

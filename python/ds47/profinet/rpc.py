@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -18,6 +18,7 @@ from ds47.capture import Frame
 from ds47.capture.scan import ETHERNET, IPV4, UDP, UUIDS
 from ds47.profinet.ip import Cut, address
 from ds47.profinet.link import Packet, mac
+from ds47.profinet.traces import MOST_COPIES, Trace, Traces
 
 HEADER_LENGTH: Final = 80
 PTYPES: Final = {
@@ -269,24 +270,61 @@ def device_identity(object_uuid: bytes) -> tuple[int, int] | None:
 
 
 @dataclass(slots=True)
-class _Partial:
+class Partial:
+    """A fragmented RPC message so far; `traces` are those of each fragment, where frames are kept."""
+
     first: Pdu
-    parts: dict[int, Pdu]
-    last: int | None
     newest_ns: int
+    parts: dict[int, Pdu] = field(default_factory=dict)
+    last: int | None = None
+    fragments: int = 0
     bytes: int = 0
     """Of the bodies of the parts."""
+    traces: dict[int, list[Trace]] = field(default_factory=dict)
 
-    def add(self, pdu: Pdu) -> None:
-        """Takes a fragment, once; what stands behind the last one is none of this message."""
+    @property
+    def whole(self) -> bool:
+        """Whether every fragment is there."""
+        return self.last is not None and len(self.parts) > self.last
+
+    def add(self, pdu: Pdu, trace: Trace | None = None) -> list[Trace]:
+        """Takes a fragment, once, and the frames of its copies; returns the traces that are none of this.
+
+        What stands behind the last fragment is none of this message.
+        """
+        none_of_this: list[Trace] = []
         if pdu.last and self.last is None:
             self.last = pdu.fragment
             for number in [number for number in self.parts if number > pdu.fragment]:
-                self.bytes -= len(self.parts.pop(number).body)
-        wanted = self.last is None or pdu.fragment <= self.last
-        if wanted and pdu.fragment not in self.parts:
-            self.parts[pdu.fragment] = pdu
-            self.bytes += len(pdu.body)
+                none_of_this += self._drop(number)
+        if self.last is not None and pdu.fragment > self.last:
+            return none_of_this if trace is None else [*none_of_this, trace]
+        known = self.parts.setdefault(pdu.fragment, pdu)
+        if trace is not None:
+            traces = self.traces.setdefault(pdu.fragment, [])
+            if len(traces) == MOST_COPIES:
+                return [*none_of_this, trace]
+            traces.append(trace)
+        elif known is not pdu:
+            return none_of_this
+        self.fragments += 1
+        self.bytes += len(known.body)
+        return none_of_this
+
+    def _drop(self, number: int) -> list[Trace]:
+        """Forgets a fragment."""
+        traces = self.traces.pop(number, [])
+        count = len(traces) or 1
+        self.fragments -= count
+        self.bytes -= count * len(self.parts.pop(number).body)
+        return traces
+
+    def joined(self, newest: Pdu) -> Pdu:
+        """The whole message. Its frame and time are those of the fragment that completed it."""
+        whole = join([self.parts[number] for number in sorted(self.parts)])
+        whole.frame, whole.time_ns = newest.frame, newest.time_ns
+        whole.fragmented = False
+        return whole
 
 
 class GivenUp(NamedTuple):
@@ -313,6 +351,7 @@ class Fragments:
         limit: how many incomplete messages are kept.
         fragments: how many fragments of incomplete messages are kept; the oldest message goes first.
         most_bytes: how many bytes of such fragments.
+        traces: keeps the frames of messages, and is told of those that are given up instead.
     """
 
     def __init__(
@@ -321,12 +360,14 @@ class Fragments:
         limit: int = 1024,
         fragments: int = 16_384,
         most_bytes: int = 1 << 24,
+        traces: Traces | None = None,
     ) -> None:
+        self._traces = traces
         self._expiry_ns = expiry_ns
         self._limit = limit
         self._most_fragments = fragments
         self._most_bytes = most_bytes
-        self._partial: OrderedDict[tuple[str, bytes, int, int], _Partial] = OrderedDict()
+        self._partial: OrderedDict[tuple[str, bytes, int, int], Partial] = OrderedDict()
         self.given_up: list[GivenUp] = []
         self._fragments = 0
         self._bytes = 0
@@ -335,6 +376,11 @@ class Fragments:
         """The whole message, as soon as there is one. Its frame and time are the completing frame's."""
         if not pdu.fragmented:
             return pdu
+        partial = self.complete(pdu)
+        return None if partial is None else partial.joined(pdu)
+
+    def complete(self, pdu: Pdu, trace: Trace | None = None) -> Partial | None:
+        """What a fragment makes whole; `trace` is that of its datagram, where frames are kept."""
         key = (pdu.source, pdu.activity, pdu.seq, pdu.ptype)
         partial = self._partial.get(key)
         if partial is not None and self._is_old(partial, pdu.time_ns):
@@ -342,22 +388,26 @@ class Fragments:
             partial = None
         if partial is None:
             self._make_room(pdu.time_ns)
-            partial = self._partial[key] = _Partial(pdu, {}, None, pdu.time_ns)
-        before, bytes_before = len(partial.parts), partial.bytes
-        partial.add(pdu)
+            partial = self._partial[key] = Partial(pdu, pdu.time_ns)
+        before, bytes_before = partial.fragments, partial.bytes
+        none_of_this = partial.add(pdu, trace)
+        if none_of_this and self._traces is not None:
+            self._traces.lose(none_of_this)
         partial.newest_ns = pdu.time_ns
-        self._fragments += len(partial.parts) - before
+        self._fragments += partial.fragments - before
         self._bytes += partial.bytes - bytes_before
-        if partial.last is None or len(partial.parts) <= partial.last:
-            while limit := self._over():
-                self._give_up(next(iter(self._partial)), limit)
-            return None
-        del self._partial[key]
-        self._fragments -= len(partial.parts)
-        self._bytes -= partial.bytes
-        return _join(partial, pdu)
+        if partial.whole:
+            return self._close(key)
+        while limit := self._over():
+            self._give_up(next(iter(self._partial)), limit)
+        return None
 
-    def _is_old(self, partial: _Partial, now: int) -> bool:
+    def finish(self) -> None:
+        """Give up what is still waited for."""
+        while self._partial:
+            self._give_up(next(iter(self._partial)), "")
+
+    def _is_old(self, partial: Partial, now: int) -> bool:
         """The clock may have stepped back, so far ahead of it is old too."""
         return abs(now - partial.newest_ns) > self._expiry_ns
 
@@ -376,26 +426,25 @@ class Fragments:
         return "fragment_bytes" if self._bytes > self._most_bytes else ""
 
     def _give_up(self, key: tuple[str, bytes, int, int], limit: str) -> None:
+        partial = self._close(key)
+        if self._traces is not None:
+            self._traces.lose([each for traces in partial.traces.values() for each in traces])
+        else:
+            self.given_up.append(GivenUp(*_beginning(partial), limit))
+
+    def _close(self, key: tuple[str, bytes, int, int]) -> Partial:
         partial = self._partial.pop(key)
-        self._fragments -= len(partial.parts)
+        self._fragments -= partial.fragments
         self._bytes -= partial.bytes
-        self.given_up.append(GivenUp(*_beginning(partial), limit))
+        return partial
 
     def unfinished(self) -> list[tuple[Pdu, int]]:
         """First fragment (or the first seen) and number of fragments of all that are still waited for."""
         return [_beginning(partial) for partial in self._partial.values()]
 
 
-def _beginning(partial: _Partial) -> tuple[Pdu, int]:
+def _beginning(partial: Partial) -> tuple[Pdu, int]:
     return partial.parts.get(0, partial.first), len(partial.parts)
-
-
-def _join(partial: _Partial, newest: Pdu) -> Pdu:
-    parts = [partial.parts[number] for number in sorted(partial.parts)]
-    whole = join(parts)
-    whole.frame, whole.time_ns = newest.frame, newest.time_ns
-    whole.fragmented = False
-    return whole
 
 
 def join(parts: Sequence[Pdu]) -> Pdu:

@@ -1,0 +1,103 @@
+"""Which frames brought a datagram, and where its bytes stand in them: kept where somebody asks.
+
+The reassemblers (ip.py, rpc.py) forget the pieces once they have the whole. Who writes a message back into
+its frames gives both of them the same `Traces`. The frames of copies (mirror ports) are kept too, and count
+towards the limits. Not here: when a datagram is whole, and what is in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Final, NamedTuple
+
+MOST_COPIES: Final = 16
+"""Of one fragment, the first among them; a mirror port makes one or two. More are lost."""
+
+
+class Piece(NamedTuple):
+    """`length` bytes of a datagram from `offset` on, which begin at `at` in the data of a frame."""
+
+    frame: int
+    time_ns: int
+    at: int
+    offset: int
+    length: int
+
+
+@dataclass(slots=True, eq=False)
+class Trace:
+    """The pieces of one IPv4 UDP datagram, in the order of the capture.
+
+    Attributes:
+        pieces: copies too.
+        data: UDP header and payload up to the first byte that was not captured, once it is `whole`.
+        whole: whether all fragments were there.
+        copy_of: the trace of a datagram that was whole before this, a piece of it, came again.
+        lost: the message will never be whole, or this is a copy too many.
+        context: for the layer above.
+    """
+
+    pieces: list[Piece] = field(default_factory=list)
+    data: bytes = b""
+    whole: bool = False
+    copy_of: Trace | None = None
+    lost: bool = False
+    context: Any = None
+    _copies: dict[int, int] = field(default_factory=dict)
+    """By offset: how many pieces there are."""
+
+    def add(self, piece: Piece) -> bool:
+        """Takes a piece; False for one copy too many."""
+        count = self._copies.get(piece.offset, 0)
+        if count == MOST_COPIES:
+            return False
+        self._copies[piece.offset] = count + 1
+        self.pieces.append(piece)
+        return True
+
+    def close(self, data: bytes) -> None:
+        """It is whole: there will be no more fragments, but copies of them."""
+        self.data, self.whole = data, True
+
+    @property
+    def frames(self) -> list[int]:
+        """The numbers of the frames."""
+        return [piece.frame for piece in self.pieces]
+
+
+class Traces:
+    """The traces of a capture while it is read.
+
+    Attributes:
+        newest: what the newest frame of IPv4 UDP belongs to.
+        lost: what will never be whole, each a group of traces; whoever reads takes it out.
+    """
+
+    def __init__(self) -> None:
+        self.newest: Trace | None = None
+        self.lost: list[list[Trace]] = []
+
+    def add(self, trace: Trace, piece: Piece) -> bool:
+        """Adds a piece to a trace; one copy too many is lost, and False."""
+        if not trace.add(piece):
+            self.lose([self.begin(piece)])
+            return False
+        self.newest = trace
+        return True
+
+    def begin(self, piece: Piece, copy_of: Trace | None = None) -> Trace:
+        """A trace of its own for a piece."""
+        trace = self.newest = Trace(copy_of=copy_of)
+        trace.add(piece)
+        return trace
+
+    def take(self) -> Trace | None:
+        """What the newest frame belongs to, once; None where that is no IPv4 UDP."""
+        newest, self.newest = self.newest, None
+        return newest
+
+    def lose(self, traces: list[Trace]) -> None:
+        """What belongs together will never be whole."""
+        for trace in traces:
+            trace.lost = True
+        self.lost.append(traces)
