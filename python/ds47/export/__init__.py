@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -20,7 +20,6 @@ from ds47 import __version__, spec
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Interface, PcapngWriter, WholeFrame
 from ds47.capture.scan import ETHERNET, IPV4, network_layer
-from ds47.capture.series import Part
 from ds47.capture.writer import nearest
 from ds47.model import CaptureResult
 from ds47.profinet import dcp, lldp, rpc
@@ -33,7 +32,7 @@ from .anonymise import Anonymiser, Knowledge
 from .drafts import Draft, Drafts
 from .earlier import APPLICATION, OF_THE_ORIGINAL, is_earlier_export
 from .mapping import Key, KeyFileError
-from .original import Original
+from .original import Original, first_time, opened, whole_frames
 from .selection import Chosen, Selection, SelectionError, choose
 from .tracking import Copy, Message, Tracker
 
@@ -80,13 +79,8 @@ class Outcome:
     leaks: list[tuple[int, str]] = field(default_factory=list)
 
 
-def first_time(source: str | Path | Sequence[Part]) -> int | None:
-    """Time of the first frame of a capture or series, nanoseconds since 1970; None: there is none."""
-    return Original(source).first_time()
-
-
 def export(
-    source: str | Path | Sequence[Part],
+    source: Original,
     target: str | Path | BinaryIO,
     selection: Selection,
     options: AnalysisOptions | None = None,
@@ -113,22 +107,21 @@ def export(
     if key is not None and selection.all_frames:
         raise ValueError("frames of other protocols cannot be anonymised")
     options = options or AnalysisOptions()
-    original = Original(source)
-    with original.open() as capture:
+    with opened(source) as capture:
         result = analyze(capture, options)
     names = None if key is None else {rule.id: rule.name for rule in spec.rules().values()}
     chosen = choose(result, selection, names)
     outcome = Outcome(result)
-    wanted = _Survey(selection, chosen).run(original)
+    wanted = _Survey(selection, chosen).run(source)
     if key is None:
-        frames: Iterable[WholeFrame] = _plain(original, wanted, selection, chosen)
+        frames: Iterable[WholeFrame] = _plain(source, wanted, selection, chosen)
     else:
         anonymiser = Anonymiser(key, _knowledge(result, options, everything))
         key.learning = True
-        for _ in _Rewriting(anonymiser, Outcome(result)).frames(original, wanted):
+        for _ in _Rewriting(anonymiser, Outcome(result)).frames(source, wanted):
             pass
         key.learning = False
-        frames = _Rewriting(anonymiser, outcome).frames(original, wanted)
+        frames = _Rewriting(anonymiser, outcome).frames(source, wanted)
     _write(frames, target, chosen, outcome, plain=key is None)
     written = set(outcome.frames)
     outcome.transactions = sum(
@@ -151,7 +144,7 @@ class _Survey:
     def run(self, original: Original) -> set[int]:
         """Numbers of the wanted frames."""
         tracker = Tracker()
-        with original.open() as capture:
+        with opened(original) as capture:
             for frame in capture:
                 found = tracker.feed(frame)
                 if isinstance(found, Message):
@@ -258,7 +251,7 @@ def _plain(
 ) -> Iterator[WholeFrame]:
     """The frames as they are."""
     every = selection.all_frames and selection.by_frame
-    for frame in original.everything():
+    for frame in whole_frames(original):
         if frame.number in wanted or (
             every and selection.in_time(frame.time_ns) and _touches(frame, chosen)
         ):
@@ -289,7 +282,7 @@ class _Rewriting:
     def frames(self, original: Original, wanted: set[int]) -> Iterator[WholeFrame]:
         """Every frame that could be rewritten."""
         tracker, drafts, anonymiser = Tracker(), Drafts(), self._anonymiser
-        for frame in original.everything():
+        for frame in whole_frames(original):
             if frame.number not in wanted:
                 continue
             drafts.add(frame)

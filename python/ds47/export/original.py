@@ -1,7 +1,6 @@
-"""The capture that frames are taken from: a file, or the files of a series as one.
+"""The capture that frames are taken from: a file, or the files of a series as one; it is read several times.
 
-Lives here: reading it several times, with the same frame numbers. Not here: which frames, and what
-becomes of them.
+Not here: which frames, and what becomes of them.
 """
 
 from __future__ import annotations
@@ -12,33 +11,26 @@ from pathlib import Path
 from ds47.capture import Capture, Series, WholeFrame, open_capture
 from ds47.capture.series import Part
 
+Original = str | Path | Sequence[Part]
+"""Path of a capture, or the files of a series."""
 
-class Original:
-    """One capture, to be read as often as needed.
 
-    Args:
-        source: path of a capture, or the files of a series.
+def opened(original: Original) -> Capture | Series:
+    """The capture from its beginning.
+
+    Raises:
+        ds47.capture.CaptureError: nothing can be read (of a series: says `problem`).
     """
+    return open_capture(original) if isinstance(original, str | Path) else Series(original)
 
-    def __init__(self, source: str | Path | Sequence[Part]) -> None:
-        self._source = source
 
-    def open(self) -> Capture | Series:
-        """The frames that may matter, for the analysis.
+def whole_frames(original: Original) -> Iterator[WholeFrame]:
+    """Every frame as it stands in the file. Raises as `opened`."""
+    with opened(original) as capture:
+        yield from capture.everything()
 
-        Raises:
-            ds47.capture.CaptureError: nothing can be read (of a series: says `problem`).
-        """
-        if isinstance(self._source, str | Path):
-            return open_capture(self._source)
-        return Series(self._source)
 
-    def everything(self) -> Iterator[WholeFrame]:
-        """Every frame as it stands in the file. Raises as `open`."""
-        with self.open() as capture:
-            yield from capture.everything()
-
-    def first_time(self) -> int | None:
-        """Time of the first frame, nanoseconds since 1970; None where there is none."""
-        with self.open() as capture:
-            return next((frame.time_ns for frame in capture.everything()), None)
+def first_time(original: Original) -> int | None:
+    """Time of the first frame, nanoseconds since 1970; None: there is none. Raises as `opened`."""
+    with opened(original) as capture:
+        return next((frame.time_ns for frame in capture.everything()), None)
