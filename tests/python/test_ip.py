@@ -25,7 +25,7 @@ def fragments(size: int = 24, ident: int = 7) -> list[ip.Datagram]:
 
 def test_header() -> None:
     found = ip.parse(b"xx" + make.ipv4(b"data", ident=9) + b"ethernet padding", 2)
-    assert found == ip.Datagram("192.168.0.1", "192.168.0.2", 17, 9, 0, False, b"data", 0)
+    assert found == ip.Datagram("192.168.0.1", "192.168.0.2", 17, 9, 0, False, b"data", 0, at=22)
     assert found.whole
 
 
