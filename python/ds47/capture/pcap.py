@@ -8,7 +8,7 @@ Format: https://www.ietf.org/archive/id/draft-ietf-opsawg-pcap-04.html
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from .errors import CaptureError
 from .frame import Frame, Interface, WholeFrame
@@ -74,8 +74,8 @@ class PcapReader(Walk):
             if not self._continue():
                 return
 
-    def everything(self) -> Iterator[WholeFrame]:
-        """Yield every frame with all that the file says of it; `problem` as `read`."""
+    def everything(self, wanted: Callable[[int], bool]) -> Iterator[WholeFrame]:
+        """Yield the frames of these numbers with all that the file says of them; `problem` as `read`."""
         window, scan, header = self._window, self._scan, self._header
         self._first()
         while self._continue():
@@ -83,9 +83,10 @@ class PcapReader(Walk):
             seconds, fraction, captured, original = self._record.unpack_from(window.data, at)
             scan.position = at + header + captured
             self.frames += 1
-            data = bytes(window.view[at + header : scan.position])
-            time_ns = self._time_ns(seconds, fraction)
-            yield WholeFrame(self.frames, time_ns, self._interface, data, original)
+            if wanted(self.frames):
+                data = bytes(window.view[at + header : scan.position])
+                time_ns = self._time_ns(seconds, fraction)
+                yield WholeFrame(self.frames, time_ns, self._interface, data, original)
 
     def _first(self) -> None:
         """The time of the first record, which the scan may leave out."""

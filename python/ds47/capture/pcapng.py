@@ -61,7 +61,7 @@ class PcapngReader(Walk):
         super().__init__(window, scan)
         self._begin_section = scan.section
         self._interfaces: list[Interface] = []
-        self._everything = False
+        self._wanted: Callable[[int], bool] | None = None
         self._last_ns = 0
         self._lost_before: int | None = None
         self._lost: dict[int, dict[int, int]] = {}
@@ -98,13 +98,12 @@ class PcapngReader(Walk):
                     self._last_ns = frame.time_ns
                     yield [frame]
 
-    def everything(self) -> Iterator[WholeFrame]:
-        """Yield every frame with all that the file says of it; `problem` as `read`."""
-        self._everything = True
+    def everything(self, wanted: Callable[[int], bool]) -> Iterator[WholeFrame]:
+        """Yield the frames of these numbers with all that the file says of them; `problem` as `read`."""
+        self._wanted = wanted
         with self._up_to_damage():
             while (frame := self._block()) is not None:
                 if isinstance(frame, WholeFrame):
-                    self._last_ns = frame.time_ns
                     yield frame
             self.frames = self._scan.frames
 
@@ -279,7 +278,10 @@ class PcapngReader(Walk):
         self.frames = self._scan.frames
         if self.first_ns is None:
             self.first_ns = time_ns
-        if self._everything:
+        if self._wanted is not None:
+            self._last_ns = time_ns
+            if not self._wanted(self.frames):
+                return None
             return WholeFrame(self.frames, time_ns, about, data, original)
         if not relevant(data, 0, len(data), about.link_type, original):
             return None

@@ -5,7 +5,7 @@ Lives here: `open_capture` and `Capture`, which choose the format by content. No
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -55,9 +55,9 @@ class Capture(Closing):
             yield from frames
         self._ended = True
 
-    def everything(self) -> Iterator[WholeFrame]:
-        """Every frame as it stands in the file, for who copies frames; instead of iterating."""
-        yield from self._reader.everything()
+    def everything(self, wanted: Callable[[int], bool] = lambda _: True) -> Iterator[WholeFrame]:
+        """Every frame as it stands in the file, or those whose number is `wanted`; instead of iterating."""
+        yield from self._reader.everything(wanted)
         self._ended = True
 
     @property

@@ -48,10 +48,10 @@ class Series(Closing):
     def __iter__(self) -> Iterator[Frame]:
         return self._frames
 
-    def everything(self) -> Iterator[WholeFrame]:
+    def everything(self, wanted: Callable[[int], bool] = lambda _: True) -> Iterator[WholeFrame]:
         """As `Capture.everything`. Interfaces that the files describe in the same words are one."""
         interfaces: dict[tuple[object, ...], Interface] = {}
-        for frame in self._read(Capture.everything):
+        for frame in self._read(lambda file: file.everything(lambda n: wanted(n + self._before))):
             about = frame.interface
             key = (about.link_type, about.snap_length, *about.options)
             frame.interface = interfaces.setdefault(key, about)

@@ -37,8 +37,9 @@ class Walk:
 
     def _have(self, need: int) -> bool:
         """Have `need` bytes from here on; the window moves only when it has to."""
-        if self._left >= need:
+        scan, window = self._scan, self._window
+        if window.end - scan.position >= need:
             return True
-        whole = self._window.more(self._scan.position, need)
-        self._scan.position = 0
+        whole = window.more(scan.position, need)
+        scan.position = 0
         return whole

@@ -251,10 +251,8 @@ def _plain(
 ) -> Iterator[WholeFrame]:
     """The frames as they are."""
     every = selection.all_frames and selection.by_frame
-    for frame in whole_frames(original):
-        if frame.number in wanted or (
-            every and selection.in_time(frame.time_ns) and _touches(frame, chosen)
-        ):
+    for frame in whole_frames(original, lambda number: every or number in wanted):
+        if frame.number in wanted or (selection.in_time(frame.time_ns) and _touches(frame, chosen)):
             yield frame
 
 
@@ -282,9 +280,7 @@ class _Rewriting:
     def frames(self, original: Original, wanted: set[int]) -> Iterator[WholeFrame]:
         """Every frame that could be rewritten."""
         tracker, drafts, anonymiser = Tracker(), Drafts(), self._anonymiser
-        for frame in whole_frames(original):
-            if frame.number not in wanted:
-                continue
+        for frame in whole_frames(original, wanted.__contains__):
             drafts.add(frame)
             found = tracker.feed(frame)
             if isinstance(found, Message):

@@ -5,7 +5,7 @@ Not here: which frames, and what becomes of them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from ds47.capture import Capture, Series, WholeFrame, open_capture
@@ -24,10 +24,10 @@ def opened(original: Original) -> Capture | Series:
     return open_capture(original) if isinstance(original, str | Path) else Series(original)
 
 
-def whole_frames(original: Original) -> Iterator[WholeFrame]:
-    """Every frame as it stands in the file. Raises as `opened`."""
+def whole_frames(original: Original, wanted: Callable[[int], bool]) -> Iterator[WholeFrame]:
+    """The frames of these numbers as they stand in the file. Raises as `opened`."""
     with opened(original) as capture:
-        yield from capture.everything()
+        yield from capture.everything(wanted)
 
 
 def first_time(original: Original) -> int | None:
