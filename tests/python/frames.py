@@ -23,7 +23,7 @@ def whole_frames(path: str | Path) -> Iterator[WholeFrame]:
 def read(data: bytes) -> tuple[list[Frame], int, str | None]:
     """The frames of a capture that may matter, how many there are, and what is wrong with it.
 
-    Who asks for everything gets the same frames, and those between them.
+    `everything` must give the same frames, and those between them.
     """
     with open_capture(io.BytesIO(data)) as capture:
         found = list(capture)

@@ -255,7 +255,7 @@ class PcapngReader(Walk):
         return frame
 
     def _said(self, frame: WholeFrame, rest: bytes, at: int) -> None:
-        """The options of a frame that somebody wants who asks for everything."""
+        """Reads the options of a frame: comments and flags."""
         for code, value in self._options(rest, at):
             if code == COMMENT:
                 frame.comments.append(value.decode("utf-8", errors="replace"))

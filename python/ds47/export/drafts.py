@@ -1,6 +1,6 @@
 """Frames that are written anew, in the order of the capture: each waits until its message is whole.
 
-Lives here: their bytes, by frame number, and which of them may go. What is written is in `anonymise`.
+Lives here: their bytes, by frame number, and which of them may go. Not here: the new bytes (`anonymise`).
 """
 
 from __future__ import annotations

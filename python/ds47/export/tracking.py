@@ -1,6 +1,6 @@
 """From frames to messages that know their frames, so that all can be exported and written again.
 
-`ds47.profinet` says what is a message, and keeps the traces of it. Copies (mirror ports) belong to the message
+`ds47.profinet` puts the messages together and keeps their traces. Copies (mirror ports) belong to the message
 that they copy. Nothing is interpreted beyond the RPC header.
 """
 
@@ -82,7 +82,7 @@ _Call = tuple[str, bytes, int, int]
 class Tracker:
     """Takes the frames of a capture in their order; holds as many as the analysis does (`limits`).
 
-    `lost` collects what never became whole; who wants it takes it out.
+    `lost` is that of `Traces`: the reader empties it.
     """
 
     def __init__(self) -> None:
@@ -116,7 +116,7 @@ class Tracker:
         return None
 
     def finish(self) -> None:
-        """The capture is over: what is open will never be whole."""
+        """The capture is over: open messages will never be whole."""
         self._datagrams.finish()
         self._fragments.finish()
 

@@ -232,7 +232,7 @@ class Reassembler:
         return list(self._open.values())
 
     def finish(self) -> None:
-        """Give up what is still waited for."""
+        """Give up every open datagram."""
         while self._open:
             self._give_up(next(iter(self._open)), "")
 
@@ -257,7 +257,7 @@ class Reassembler:
     def _trace(
         self, part: Datagram, frame: int, entry: Unfinished | None, before: Unfinished | None
     ) -> bool:
-        """Keeps the frame of a fragment, with the datagram that it belongs to; False for a copy too many."""
+        """Keeps the frame of a fragment with its datagram. False where it goes no further."""
         assert self.traces is not None
         piece = Piece(frame, self._now_ns, part.at, part.offset, len(part.payload))
         if entry is None:

@@ -288,9 +288,9 @@ class Partial:
         return self.last is not None and len(self.parts) > self.last
 
     def add(self, pdu: Pdu, trace: Trace | None = None) -> list[Trace]:
-        """Takes a fragment, once, and the frames of its copies; returns the traces that are none of this.
+        """Takes a fragment once, and the traces of its copies. Returns the traces that do not belong here.
 
-        What stands behind the last fragment is none of this message.
+        A fragment behind the last one is none of this message.
         """
         none_of_this: list[Trace] = []
         if pdu.last and self.last is None:
@@ -380,7 +380,7 @@ class Fragments:
         return None if partial is None else partial.joined(pdu)
 
     def complete(self, pdu: Pdu, trace: Trace | None = None) -> Partial | None:
-        """What a fragment makes whole; `trace` is that of its datagram, where frames are kept."""
+        """The message that a fragment makes whole; `trace` is that of its datagram, where frames are kept."""
         key = (pdu.source, pdu.activity, pdu.seq, pdu.ptype)
         partial = self._partial.get(key)
         if partial is not None and self._is_old(partial, pdu.time_ns):
@@ -403,7 +403,7 @@ class Fragments:
         return None
 
     def finish(self) -> None:
-        """Give up what is still waited for."""
+        """Give up every open message."""
         while self._partial:
             self._give_up(next(iter(self._partial)), "")
 

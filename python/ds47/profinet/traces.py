@@ -1,8 +1,8 @@
-"""Which frames brought a datagram, and where its bytes stand in them: kept where somebody asks.
+"""Which frames brought a datagram, and where its bytes stand in them: kept only on request.
 
-The reassemblers (ip.py, rpc.py) forget the pieces once they have the whole. Who writes a message back into
-its frames gives both of them the same `Traces`. The frames of copies (mirror ports) are kept too, and count
-towards the limits. Not here: when a datagram is whole, and what is in it.
+The reassemblers (ip.py, rpc.py) forget the pieces of a message once it is whole. Given the same `Traces`, both
+keep them, so that the message can be written back into its frames. The frames of copies (mirror ports) are
+kept too, and count towards the limits. Not here: when a datagram is whole, its content.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Trace:
         data: UDP header and payload up to the first byte that was not captured, once it is `whole`.
         whole: whether all fragments were there.
         copy_of: the trace of a datagram that was whole before this, a piece of it, came again.
-        lost: the message will never be whole, or this is a copy too many.
+        lost: its message will never be whole, or this is one copy too many.
         context: for the layer above.
     """
 
@@ -69,8 +69,8 @@ class Traces:
     """The traces of a capture while it is read.
 
     Attributes:
-        newest: what the newest frame of IPv4 UDP belongs to.
-        lost: what will never be whole, each a group of traces; whoever reads takes it out.
+        newest: the trace of the newest frame of IPv4 UDP.
+        lost: messages that will never be whole, each as its traces; the reader empties this list.
     """
 
     def __init__(self) -> None:
@@ -78,7 +78,7 @@ class Traces:
         self.lost: list[list[Trace]] = []
 
     def add(self, trace: Trace, piece: Piece) -> bool:
-        """Adds a piece to a trace; one copy too many is lost, and False."""
+        """Adds a piece to a trace. False for one copy too many, which is lost."""
         if not trace.add(piece):
             self.lose([self.begin(piece)])
             return False
@@ -92,12 +92,12 @@ class Traces:
         return trace
 
     def take(self) -> Trace | None:
-        """What the newest frame belongs to, once; None where that is no IPv4 UDP."""
+        """The trace of the newest frame, once; None where that is no IPv4 UDP."""
         newest, self.newest = self.newest, None
         return newest
 
     def lose(self, traces: list[Trace]) -> None:
-        """What belongs together will never be whole."""
+        """The message of these traces will never be whole."""
         for trace in traces:
             trace.lost = True
         self.lost.append(traces)
