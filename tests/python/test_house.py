@@ -16,6 +16,8 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 SOURCES = REPOSITORY / "python" / "ds47"
 LOOSE = {"__init__", "__main__", "analysis", "model"}
 """Modules that stand in no room: the door, and what joins the rooms."""
+VERSION = "ds47.__version__"
+"""It stands at the door and needs nothing: taking it from there makes no circle, any other name would."""
 
 
 def modules(sources: Path = SOURCES) -> dict[str, Path]:
@@ -35,7 +37,11 @@ def imports(sources: Path = SOURCES) -> dict[str, set[str]]:
     """
     known = modules(sources)
     return {
-        module: {name if name in known else name.rpartition(".")[0] for name in named(module, file)}
+        module: {
+            name if name in known else name.rpartition(".")[0]
+            for name in named(module, file)
+            if name != VERSION
+        }
         & known.keys()
         for module, file in known.items()
     }
