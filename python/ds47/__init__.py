@@ -60,6 +60,8 @@ def __getattr__(name: str) -> Any:
     for room, names in _ROOMS.items():
         if name in names:
             globals()[name] = found = getattr(import_module(room), name)
+            if isinstance(found, type) and not found.__doc__:
+                import_module("ds47.library.docstrings").restore(found)
             return found
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

@@ -57,6 +57,24 @@ def test_it_is_compiled(compiled: Path) -> None:
     assert not out.rstrip().endswith(b".py")
 
 
+PUBLIC = """
+import ds47, inspect
+for name in ds47.__all__:
+    thing = getattr(ds47, name)
+    if callable(thing):
+        assert thing.__doc__ and len(thing.__doc__) > 20, name
+        if not (isinstance(thing, type) and issubclass(thing, Exception)):
+            assert inspect.signature(thing), name
+print(inspect.signature(ds47.ParameterError), ds47.Transaction.__doc__)
+"""
+
+
+def test_help_tells_of_all_that_is_public(compiled: Path) -> None:
+    status, out, error = run(compiled, "-c", PUBLIC)
+    assert status == 0, error
+    assert out.decode().startswith("(code, text, info) One parameter request")
+
+
 @pytest.fixture(scope="session")
 def damaged(captures: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Copies of stored captures with bytes overwritten: nothing of them is sound for sure."""
