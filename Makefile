@@ -2,7 +2,8 @@
 # that has venv, filled from constraints.txt (exact versions, checked by hash).
 #
 #   make report     set up if needed, then print the report of the stored captures
-#   make test       set up, system packages included where that is possible, then run the tests
+#   make test       set up, system packages included where that is possible, then run the quick tests
+#   make test-all   the same with the slow ones: every capture through each Lua, tshark and the auditor
 #   make lint       ruff check, ruff format --check, mypy --strict; luacheck where it is installed
 #   make matrix     run the plugin's tests on Wireshark 3.4, 4.0, 4.4, 4.6 and on plain Lua 5.2 to 5.4
 #   make pythons    run the analyzer's tests on Python 3.13 and 3.14
@@ -42,13 +43,17 @@ export PYTHONUTF8 := 1
 .DEFAULT_GOAL := report
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: report test audit lint format matrix pythons bench dist captures tables screenshot readme constraints clean \
+.PHONY: report test test-all audit lint format matrix pythons bench dist captures tables screenshot readme constraints clean \
   system venv FORCE
 
 report: $(RUN)
 	@$(BIN)/ds47 report captures
 
 test: system
+	@$(MAKE) --no-print-directory venv
+	$(BIN)/python -m pytest $(PARALLEL) -m "not slow" $(ARGS)
+
+test-all: system
 	@$(MAKE) --no-print-directory venv
 	$(BIN)/python -m pytest $(PARALLEL) $(ARGS)
 

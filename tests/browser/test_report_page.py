@@ -34,6 +34,7 @@ def choose(browser, place, number, value):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_opening_a_page_asks_for_nothing_but_the_page(browser, tour):
     browser.requested()
     browser.open(tour)
@@ -462,6 +463,7 @@ def make(number, **changes):
     return replace(item, **changes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("query", "found"),
     [
@@ -553,6 +555,7 @@ def test_the_overview_has_the_worst_first_and_sorts(browser, write, captures):
     assert browser.texts(f"{head} button") == ["任务"]
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_jobs_open_quickly(browser, write):
     jobs = [
         make(

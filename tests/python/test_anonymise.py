@@ -106,6 +106,7 @@ def originals(result: CaptureResult) -> list[bytes]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", EVERY, ids=lambda path: path.stem)
 def test_same_transactions_and_no_names(source: Path, tmp_path: Path) -> None:
     target = tmp_path / "out.pcapng"
@@ -124,6 +125,7 @@ def test_same_transactions_and_no_names(source: Path, tmp_path: Path) -> None:
         assert original not in data
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", EVERY, ids=lambda path: path.stem)
 def test_same_transactions_with_other_values(source: Path, tmp_path: Path) -> None:
     target = tmp_path / "out.pcapng"
@@ -132,6 +134,7 @@ def test_same_transactions_with_other_values(source: Path, tmp_path: Path) -> No
         assert stories(analyze(target), None, False) == stories(outcome.result, outcome, False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     ["tour-machine", "naming-all", "transport-ip-fragments", "transport-rpc-fragments",
@@ -535,6 +538,7 @@ def test_lldp_and_dcp_option_by_option() -> None:
     assert b"abcd" not in out
 
 
+@pytest.mark.slow
 def test_broken_bytes_are_never_an_exception(tmp_path: Path) -> None:
     chance = random.Random(47)
     source, target = tmp_path / "in.pcapng", tmp_path / "out.pcapng"

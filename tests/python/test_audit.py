@@ -51,11 +51,13 @@ def of_slice(number: int) -> list[str]:
 # What reports say
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", STORED, ids=lambda path: path.name)
 def test_a_stored_capture(path: Path) -> None:
     assert list(map(str, run.complaints(read(path)))) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", OTHERS, ids=lambda path: path.name)
 def test_another_capture(path: Path) -> None:
     if path.name in HEAVY:
@@ -162,6 +164,7 @@ def test_a_sentence_of_other_arguments_is_noticed() -> None:
     assert missed == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("was", "becomes"),
     [
@@ -200,6 +203,7 @@ def test_a_false_word_of_the_text_is_noticed(was: str, becomes: str) -> None:
     assert Counter(map(str, run.complaints(lie))) - before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("was", "becomes"),
     [
@@ -221,6 +225,7 @@ def test_a_false_word_of_the_page_is_noticed(was: str, becomes: str) -> None:
     assert Counter(map(str, run.complaints(lie))) - before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("key", "value"),
     [

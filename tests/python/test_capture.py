@@ -249,6 +249,7 @@ def same_as_tshark(path: Path, tshark: Callable[..., str]) -> None:
         assert capture.frames == len(rows)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILES)
 def test_numbers_times_and_lengths_are_those_of_tshark(
     name: str, shared: Path, tshark: Callable[..., str]

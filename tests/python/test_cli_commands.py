@@ -265,6 +265,7 @@ def test_a_reader_that_leaves_is_silent(words):
     assert (process.returncode, err) == (141, b"")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a shell that closes streams")
 @pytest.mark.parametrize(
     ("words", "status", "said"),

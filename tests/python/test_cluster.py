@@ -127,6 +127,7 @@ def run(capsys: Any, *arguments: str | Path) -> tuple[int, str, list[str]]:
     return status, shown.out, shown.err.splitlines()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format_name", ["text", "json", "ndjson", "csv", "overview"])
 def test_a_cluster_says_what_one_machine_says(
     capsys: Any, folder: Path, cluster: Cluster, monkeypatch: Any, format_name: str
@@ -167,6 +168,7 @@ def test_a_name_that_is_too_long_costs_only_its_capture(
     assert there == alone
 
 
+@pytest.mark.slow
 def test_a_lost_worker_costs_its_files_again_and_nothing_else(
     capsys: Any, captures: Path, tmp_path: Path
 ) -> None:
@@ -221,6 +223,7 @@ def test_ctrl_c_leaves_whole_results(captures: Path, cluster: Cluster, tmp_path:
         json.loads(path.read_bytes())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stored", [True, False])
 def test_a_lost_scheduler_ends_the_run_and_says_how_to_go_on(
     captures: Path, tmp_path: Path, stored: bool

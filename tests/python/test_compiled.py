@@ -16,6 +16,7 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.slow
 COMPILED = "import ds47.capture.scan as s, ds47.acyclic.pairing as p; print(s.COMPILED, p.__file__)"
 
 

@@ -219,6 +219,7 @@ def quick() -> Callable[[], Stage]:
     return made
 
 
+@pytest.mark.slow
 def test_ten_thousand_faultless_transactions_have_no_diagnosis(
     quick: Callable[[], Stage], tmp_path: Path
 ) -> None:
@@ -248,6 +249,7 @@ def test_ten_thousand_faultless_transactions_have_no_diagnosis(
 # One line for each cause
 
 
+@pytest.mark.slow
 def test_five_thousand_equal_symptoms_are_one_line(
     quick: Callable[[], Stage], tmp_path: Path
 ) -> None:

@@ -83,6 +83,7 @@ def as_json(result: CaptureResult) -> str:
 # -- the same result --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOME)
 def test_both_engines_say_the_same(ready: Callable[..., Engine], program: str, name: str) -> None:
     path = CAPTURES / f"{name}.pcapng"
@@ -91,6 +92,7 @@ def test_both_engines_say_the_same(ready: Callable[..., Engine], program: str, n
     assert as_json(ready("tshark").analyze(path)) == as_json(analyze(path))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -185,6 +187,7 @@ def test_only_frames_that_matter_go_through_tshark(
     assert [f.frame for f in result.findings] == [places[f.frame] for f in before.findings]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lang", ["en", "zh"])
 @pytest.mark.parametrize(
     "name",
@@ -429,6 +432,7 @@ def broken_tshark(folder: Path, program: str, rest: str) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="a shell script")
 @pytest.mark.parametrize(
     ("rest", "words"),
@@ -527,6 +531,7 @@ def ds47(*arguments: str | Path, data: bytes = b"") -> subprocess.CompletedProce
     return subprocess.run(command, input=data, capture_output=True, check=False)
 
 
+@pytest.mark.slow
 def test_the_command(program: str) -> None:
     path = CAPTURES / "tour-machine.pcapng"
     texts = {
@@ -536,6 +541,7 @@ def test_the_command(program: str) -> None:
     assert texts["native"] == texts["tshark"] == texts["both"] != b""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["json", "ndjson", "csv"])
 def test_the_command_in_other_formats_from_stdin(program: str, form: str) -> None:
     data = (CAPTURES / "conversation-superseded-read.pcapng").read_bytes()

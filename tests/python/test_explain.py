@@ -414,6 +414,7 @@ def test_no_number_is_an_exception() -> None:
 # ------------------------------------------------------------------------------------- the command
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lang", LANGUAGES)
 def test_an_answer_fits_on_a_screen_and_begins_with_the_answer(lang: str) -> None:
     wide = re.compile(r"pn_io|ds47\.|ds47 explain")
@@ -493,6 +494,7 @@ def test_every_filter_can_be_pasted(plugin: bool, tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("code", "capture", "plugin"),
     [

@@ -50,6 +50,7 @@ def numbered(source: Path) -> dict[int, WholeFrame]:
     return {frame.number: frame for frame in whole_frames(source)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", sorted(CAPTURES.rglob("*.pcapng")), ids=lambda p: p.stem)
 def test_every_transaction_alone(source: Path, tmp_path: Path) -> None:
     """Its frames are all there, byte for byte, and the analysis finds the transaction in them."""
@@ -604,6 +605,7 @@ def page_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return copy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", read_commands(PAGE.read_text("utf-8")), ids=lambda c: c.line)
 def test_command_of_the_page(command: Command, page_folder: Path) -> None:
     status, output, errors = run(command, page_folder)

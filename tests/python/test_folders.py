@@ -214,6 +214,7 @@ def without_a_row(data: bytes) -> bytes:
     return json.dumps(document).encode()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format_name", ["overview", "text", "json", "csv"])
 @pytest.mark.parametrize(
     "damage",
@@ -351,6 +352,7 @@ def test_the_name_of_a_result_leads_nowhere_but_down(
     assert results.place(task) == Path("r", f"{name}.json")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="other lengths there")
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_name_that_is_too_long_costs_only_its_capture(
@@ -440,6 +442,7 @@ def outcomes(runner: Any) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_a_process_that_dies_costs_its_task_a_second_try(tmp_path: Path) -> None:
     names = ["a", "dies-once", "b", "broken", "deadly", *(f"c{number}" for number in range(12))]
     make, out = Names(tmp_path), tmp_path / "out"
@@ -455,6 +458,7 @@ def test_a_process_that_dies_costs_its_task_a_second_try(tmp_path: Path) -> None
     assert here == ["a", "broken! broken: is broken", "b"]
 
 
+@pytest.mark.slow
 def test_processes_that_never_live_end_the_run(tmp_path: Path) -> None:
     names = [f"deadly-{number}" for number in range(8)]
     with pytest.raises(Failed, match="-j 1"):
@@ -519,6 +523,7 @@ def alive(processes: list[Any]) -> list[Any]:
 needs_posix = pytest.mark.skipif(sys.platform == "win32", reason="signals of a terminal")
 
 
+@pytest.mark.slow
 @needs_posix
 def test_ctrl_c_leaves_whole_results_and_no_process(
     started: subprocess.Popen[str], many: Path, tmp_path: Path, capsys: Any
@@ -545,6 +550,7 @@ def test_ctrl_c_leaves_whole_results_and_no_process(
     assert before.items() <= stamps(tmp_path / "r").items()
 
 
+@pytest.mark.slow
 @needs_posix
 def test_a_killed_process_costs_nothing_but_time(
     started: subprocess.Popen[str], tmp_path: Path
@@ -577,6 +583,7 @@ sys.exit(status)
 """
 
 
+@pytest.mark.slow
 @needs_posix
 @pytest.mark.parametrize("format_name", ["overview", "text", "ndjson"])
 def test_memory_does_not_grow_with_the_number_of_captures(
@@ -740,6 +747,7 @@ def test_the_text_report_ends_with_what_to_do_and_the_verdict_over_all(
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("format_name", ["text", "json", "ndjson", "html"])
 def test_diagnoses_come_from_processes_and_results_as_they_were(
     capsys: Any, ill: Path, tmp_path: Path, format_name: str

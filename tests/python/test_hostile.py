@@ -133,6 +133,7 @@ def mutated_frames(dice, frames):
     return frames
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MUTATED)
 def test_broken_frames_still_give_a_report(captures, name):
     dice = random.Random(name)
@@ -151,6 +152,7 @@ def test_broken_frames_still_give_a_report(captures, name):
     assert is_valid(results)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MUTATED)
 def test_broken_files_give_a_report_or_say_why_not(captures, name):
     dice = random.Random(name)

@@ -36,6 +36,7 @@ def test_analysis_says_what_the_scenario_expects(name: str, tmp_path: Path) -> N
     assert {each.rule for each in result.diagnoses} == diagnoses
 
 
+@pytest.mark.slow
 def test_stored_captures_are_what_the_lab_writes(tmp_path: Path) -> None:
     write_all(tmp_path)
     written = {path.name: path.read_bytes() for path in tmp_path.iterdir()}

@@ -32,6 +32,7 @@ from ds47.profinet.link import dissect, mac
 from ds47.report import json as report
 from ds47.report.sentences import at_offset
 
+pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
 DRIVER = ROOT / "tests/lua/analysis.lua"
 BESIDE = ROOT.parent / "shared/captures"

@@ -262,6 +262,7 @@ def empty_results() -> list[CaptureResult]:
     ]
 
 
+@pytest.mark.slow
 def test_text_is_that_of_python(lua: Run, results: list[CaptureResult]) -> None:
     everything = [*results, odd_result(), *diagnosed_results(), *empty_results()]
     texts = lua([job("report", each) for each in everything])
@@ -269,6 +270,7 @@ def test_text_is_that_of_python(lua: Run, results: list[CaptureResult]) -> None:
         assert text == python_text(result), result.path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{"lang": "zh"}, {"plc": True}, {"lang": "zh", "plc": True}])
 def test_text_is_that_of_python_with_every_option(
     lua: Run, results: list[CaptureResult], options: dict[str, Any]

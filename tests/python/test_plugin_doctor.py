@@ -95,6 +95,7 @@ def test_without_lua(shark) -> None:
     assert wrong(shark) == {"lua", "fields"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", ["enable_lua = false", "  disable_lua=true"])
 @pytest.mark.parametrize("place", ["a home/config", "usr/share", "a home/lib/plugins"])
 def test_switched_off(shark, tmp_path, line, place) -> None:
@@ -276,6 +277,7 @@ def real(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, repository: Path) -> s
     return program
 
 
+@pytest.mark.slow
 def test_installed_into_the_real_one(real, capsys) -> None:
     assert main(["plugin", "install"]) == 0
     status = main(["plugin", "doctor"])
@@ -287,6 +289,7 @@ def test_installed_into_the_real_one(real, capsys) -> None:
     assert "-> ds47 plugin install" in out
 
 
+@pytest.mark.slow
 def test_two_copies_in_the_real_one_are_told_and_do_no_harm(real, capsys, tmp_path) -> None:
     assert main(["plugin", "install"]) == 0
     found = locate.find(real)
@@ -298,6 +301,7 @@ def test_two_copies_in_the_real_one_are_told_and_do_no_harm(real, capsys, tmp_pa
     assert {name for name, check in checks.items() if check["state"] == "wrong"} == {"one copy"}
 
 
+@pytest.mark.slow
 def test_a_broken_script_in_the_real_one_is_told(real, capsys) -> None:
     assert main(["plugin", "install"]) == 0
     plugins = locate.find(real).folders.personal_lua

@@ -542,6 +542,7 @@ def test_a_finding_with_arguments_is_worded_in_both_languages(rule):
         assert getattr(both, lang) == sentences.words(rule, args, lang)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", spec.rules())
 def test_a_finding_that_lacks_its_arguments_is_worded_too(rule):
     """A stored result may be older or damaged."""
@@ -711,6 +712,7 @@ def test_the_same_result_gives_the_same_page(captures):
     assert page(analyze(path)) == page(analyze(path))
 
 
+@pytest.mark.slow
 def test_every_stored_capture_gives_a_page(captures):
     results = [analyze(path) for path in sorted(captures.rglob("*.pcapng"))]
     seen = Elements(page(*results))

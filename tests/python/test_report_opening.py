@@ -454,6 +454,7 @@ def test_the_lines_below_the_opening_are_chinese_too(captures: Path, capsys):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lang", ["en", "zh"])
 @pytest.mark.parametrize(
     "name", ["tour-machine", "record-reread", "record-polls", "transport-fault"]

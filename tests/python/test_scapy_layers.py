@@ -197,6 +197,7 @@ def test_record_47_of_something_else_stays_raw() -> None:
         assert received[Raw].load == text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", CAPTURES, ids=lambda path: path.name)
 def test_a_stored_capture(path: Path) -> None:
     result = analyze(path)

@@ -670,6 +670,7 @@ def never_ends(client: Client) -> None:
         client.poll()
 
 
+@pytest.mark.slow
 def test_all_reads_for_nothing_are_counted(tmp_path: Path) -> None:
     args = diagnosed(never_ends, "DS703", tmp_path).args
     assert args["count"] == 4200

@@ -129,6 +129,7 @@ def after_each_frame(path: Path, pause: float) -> list[list[str]]:
     return out
 
 
+@pytest.mark.slow
 def test_a_line_comes_with_the_last_frame_of_its_transaction() -> None:
     result = analyze(TOUR)
     last = {f"#{each.id}": max(each.frames.all()) for each in result.transactions}
@@ -197,6 +198,7 @@ def test_watch_and_report_say_the_same(source: Path, tmp_path: Path) -> None:
     assert lines[-1]["capture"]["summary"] == result.summary
 
 
+@pytest.mark.slow
 def test_a_refused_write_is_told_at_once() -> None:
     for pause in PAUSES:
         *_, said, _ = after_each_frame(CAPTURES / "record-write-refused.pcapng", pause)
@@ -263,6 +265,7 @@ def test_diagnoses_are_told_as_findings_and_counted_at_the_end() -> None:
     assert len(rules) == 25
 
 
+@pytest.mark.slow
 def test_every_line_of_ndjson_is_in_the_schema() -> None:
     kinds = Counter[str]()
     for name in ("real-stacks/o1_profinetpy062_be", "message-empty", "record-length"):
@@ -479,6 +482,7 @@ def resident(process: int) -> int:
     return int(text.split("VmRSS:")[1].split()[0])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs /proc")
 @pytest.mark.parametrize("form", ["text", "ndjson"])
 def test_memory_is_steady(form: str) -> None:
@@ -530,6 +534,7 @@ print(int(text.split("VmHWM:")[1].split()[0]))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs /proc")
 def test_a_controller_that_never_uses_an_activity_twice_takes_little_memory() -> None:
     exchange = CAPTURES / "seed-g120-read.pcapng"
@@ -765,6 +770,7 @@ def page_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return copy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", read_commands(PAGE.read_text("utf-8")), ids=lambda c: c.line)
 def test_command_of_the_page(command: Command, page_folder: Path) -> None:
     if " -i " in command.line:

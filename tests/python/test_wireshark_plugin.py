@@ -188,6 +188,7 @@ def expected(path: Path) -> fields.Fields:
     return fields.Fields([report.transaction(each) for each in result.transactions], findings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CAPTURES)
 def test_the_result_is_that_of_the_analyzer(name: str, answers: dict[str, Future[bytes]]) -> None:
     wanted = expected(CAPTURES[name])
@@ -371,6 +372,7 @@ def test_values_have_the_type_of_their_format(tshark: Tshark, make: Any) -> None
         assert shown in wanted if isinstance(wanted, tuple) else shown == wanted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "condition",
     [
@@ -452,6 +454,7 @@ def test_a_format_matches_where_it_is_in_the_frame(tshark: Tshark, make: Any) ->
     assert tshark("-r", path, *COMPLETE, "-Y", "ds47.error.code == 0x11", *numbers) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["o1_profinetpy062_be.pcapng", "o3_two_controllers.pcapng"])
 def test_change_responses_of_real_stacks_have_what_they_carry(name: str, tshark: Tshark) -> None:
     names = ("ds47.response_id", "ds47.format", "ds47.value_count", "ds47.error.code")

@@ -120,6 +120,7 @@ def asked(*arguments: str) -> list[str]:
     return [part for each in arguments for part in ("-X", f"lua_script1:{each}")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CAPTURES)
 def test_reports_are_those_of_the_analyzer(
     shark: Run, plugin: list[str], captures: Path, tmp_path: Path, name: str
