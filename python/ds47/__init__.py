@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     )
     from ds47.library.result import Access, Element, LastValue, Result, analyze
     from ds47.model import (
+        CaptureFile,
         Device,
         Diagnosis,
         Finding,
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 __all__ = [
-    "Access", "CaptureError", "Device", "Diagnosis", "Element", "Finding", "Frames", "LastValue",
+    "Access", "CaptureError", "CaptureFile", "Device", "Diagnosis", "Element", "Finding", "Frames", "LastValue",
     "Message", "MessageFinding", "NotReadyError", "Options", "Parameter", "ParameterError", "Result",
     "Transaction", "__version__", "analyze", "decode_request", "decode_response", "encode",
 ]  # fmt: skip
@@ -47,7 +48,8 @@ _ROOMS = {
     ),
     "ds47.library.result": ("Access", "Element", "LastValue", "Result", "analyze"),
     "ds47.model": (
-        "Device", "Diagnosis", "Finding", "Frames", "Parameter", "ParameterError", "Transaction",
+        "CaptureFile", "Device", "Diagnosis", "Finding", "Frames", "Parameter", "ParameterError",
+        "Transaction",
     ),
     "ds47.profidrive": ("Options",),
     "ds47.wireshark.tshark": ("NotReadyError",),

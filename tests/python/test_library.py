@@ -8,6 +8,7 @@ import json
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,20 +18,37 @@ import ds47
 from ds47 import cli
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs/python.md").read_text("utf-8")
-EXAMPLES = re.findall(r"^```python\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+EXAMPLE = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 REQUEST, RESPONSE = "03010201 1001C47F0000", "03010201 080141200000"
 
 
-def test_the_examples_run_as_they_stand(
+DIFFERENT = {"corrected", "message"}
+"""Keys of the JSON that are no attribute with that value: docs/python.md tells where else they are."""
+
+
+@pytest.fixture
+def run(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+) -> Callable[[str], str]:
+    """A function from the name of a page to what its examples print."""
+
+    def run(page: str) -> str:
+        names: dict[str, Any] = {}
+        monkeypatch.chdir(ROOT)
+        for example in EXAMPLE.findall((ROOT / page).read_text("utf-8")):
+            exec(compile(example, page, "exec"), names)
+        return capsys.readouterr().out
+
+    return run
+
+
+def test_the_example_of_the_readme_runs(run: Callable[[str], str]) -> None:
+    assert run("README.md") == "192.168.133.33 2 [7900, 30002, 0, 0]\n"
+
+
+def test_the_examples_run_as_they_stand(run: Callable[[str], str]) -> None:
     pytest.importorskip("pandas")
-    monkeypatch.chdir(ROOT)
-    names: dict[str, Any] = {}
-    for example in EXAMPLES:
-        exec(compile(example, "docs/python.md", "exec"), names)
-    told = capsys.readouterr().out
+    told = run("docs/python.md")
     assert "50303 Float32 [10.0]" in told
     assert "192.168.133.33 DO 2 p50303[0] 10.0" in told
     assert "03 01 02 01 10 08 03 b1 00 00" in told
@@ -76,6 +94,53 @@ def test_it_says_what_the_report_says(
         assert item.status._asdict() == plain["status"]
         assert item.bytes._asdict() == plain["bytes"]
         assert [each._asdict() for each in item.frames.polls] == plain["frames"]["polls"]
+
+
+@pytest.mark.parametrize("name", ["tour-machine", "record-global", "record-reread"])
+def test_attributes_have_the_names_of_the_json(captures: Path, name: str) -> None:
+    result = ds47.analyze(captures / f"{name}.pcapng", digest=True)
+    (capture,) = result.to_dict()["captures"]
+    for item, plain in zip(result.diagnoses, capture["diagnoses"], strict=True):
+        assert result.message(item) == plain["message"]
+        assert result.filter(item) == plain.pop("filter")
+    for finding, plain in zip(result.findings, capture["findings"], strict=True):
+        assert result.filter(finding) == plain["filter"]
+    same(result, capture)
+
+
+def same(thing: Any, plain: Any) -> None:
+    """Asserts that a value of the JSON is a value of the library, and its keys are attributes."""
+    if isinstance(plain, dict) and not isinstance(thing, dict):
+        for key in plain.keys() - DIFFERENT:
+            same(getattr(thing, key), plain[key])
+    elif isinstance(plain, list):
+        for one, other in zip(thing, plain, strict=True):
+            same(one, other)
+    else:
+        assert thing == plain
+
+
+def test_a_table_without_pandas(captures: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    result = ds47.analyze(captures / "tour-machine.pcapng")
+    with pytest.raises(ModuleNotFoundError) as told:
+        result.to_frame()
+    assert str(told.value) == "to_frame needs pandas: pip install pandas"
+
+
+@pytest.mark.parametrize("by_argument", [True, False])
+def test_the_tshark_that_is_asked(
+    captures: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, by_argument: bool
+) -> None:
+    pytest.importorskip("pyshark")
+    program = str(tmp_path / "no tshark")
+    monkeypatch.setenv("DS47_TSHARK", "another" if by_argument else program)
+    with pytest.raises(ds47.NotReadyError, match=re.escape(program)):
+        ds47.analyze(
+            captures / "tour-machine.pcapng",
+            engine="tshark",
+            tshark=program if by_argument else None,
+        )
 
 
 def test_the_table_has_the_cells_of_the_csv(

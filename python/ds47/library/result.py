@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal, NamedTuple, get_args
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Literal, NamedTuple, get_args
 from ds47.analysis import AnalysisOptions
 from ds47.analysis import analyze as analyze_natively
 from ds47.model import (
+    CaptureFile,
     CaptureResult,
     Device,
     Diagnosis,
@@ -20,6 +22,7 @@ from ds47.model import (
 )
 from ds47.profidrive import Options
 from ds47.report import csv, json
+from ds47.report.filters import display_filter
 from ds47.report.sentences import message, sentence
 from ds47.report.targets import Targets
 from ds47.spec import extras, rule_prefix
@@ -38,7 +41,8 @@ class Element(NamedTuple):
     device: str
     """IP address."""
     drive_object: str
-    """`DO 2`, `axis 0` where the capture does not prove which one it is, or a slot."""
+    """`DO 2`, `axis 0` where the capture does not prove which one it is, or a slot; empty
+    for a parameter of the whole device."""
     pnu: int
     subindex: int
 
@@ -82,6 +86,16 @@ class Result:
         return self._capture.path
 
     @property
+    def sha256(self) -> str | None:
+        """Of the file, in hex; None unless `digest` asked for it."""
+        return self._capture.sha256
+
+    @property
+    def files(self) -> list[CaptureFile]:
+        """The files of a ring buffer; of any other capture empty."""
+        return self._capture.files
+
+    @property
     def frames(self) -> int:
         """How many frames there are."""
         return self._capture.frames
@@ -100,6 +114,16 @@ class Result:
     def problem(self) -> str | None:
         """Why the file was not read to its end."""
         return self._capture.lacking
+
+    @property
+    def rpc(self) -> dict[str, int]:
+        """How many RPC PDUs there are, by kind."""
+        return self._capture.rpc
+
+    @property
+    def records(self) -> dict[str, dict[str, int]]:
+        """How many record calls there are, by record index and by kind."""
+        return self._capture.records
 
     @property
     def transactions(self) -> list[Transaction]:
@@ -172,6 +196,10 @@ class Result:
         """What a finding or a diagnosis says: a line in "en" or "zh"."""
         return message(item, lang) if isinstance(item, Finding) else sentence(item, lang)
 
+    def filter(self, item: Finding | Diagnosis) -> str:
+        """A Wireshark display filter that shows the frames of a finding or a diagnosis."""
+        return item.filter if isinstance(item, Finding) else display_filter(item.frames)[0]
+
     def to_dict(self) -> dict[str, Any]:
         """The document of `ds47 report -f json` (`ds47.report/2`)."""
         return json.document(Report([self._capture]))
@@ -199,6 +227,7 @@ def analyze(
     path: str | Path | BinaryIO | Sequence[str | Path],
     *,
     engine: Engine = "native",
+    tshark: str | None = None,
     indices: Iterable[int] = (),
     slow_ms: float | None = None,
     select: Iterable[str] = (),
@@ -212,6 +241,8 @@ def analyze(
         path: a pcap or pcapng file, gzipped or zstd too; a URL; "-" for standard input; a binary stream; or the
             files of a ring buffer, which are one capture.
         engine: "native", "tshark" (what the Wireshark plugin says), or "both" (DS601 where they differ).
+        tshark: the program of the engines "tshark" and "both"; None for that of the environment variable
+            DS47_TSHARK, else the one that is found.
         indices: further record indices that carry the parameter channel.
         slow_ms: from which share of the drive a transaction is slow (DS416); None for the shipped limit.
         select: rules to report, by id, beginning of an id, or name; empty for all.
@@ -236,7 +267,7 @@ def analyze(
         return Result(analyze_natively(path, chosen))
     from ds47.wireshark.engine import Engine as Tshark
 
-    return Result(Tshark(engine, chosen).analyze(path))
+    return Result(Tshark(engine, chosen, tshark or os.environ.get("DS47_TSHARK")).analyze(path))
 
 
 def _series(paths: list[str], engine: Engine, options: AnalysisOptions) -> CaptureResult:
