@@ -9,9 +9,13 @@ The names in `__all__` are the library; docs/python.md tells what they promise. 
 asked for: the command asks for none of them.
 """
 
-from typing import TYPE_CHECKING, Any
+from __future__ import annotations
 
+# Type checkers know the name; to import `typing` for it takes longer than all of this.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from ds47.capture import CaptureError
     from ds47.library.message import (
         Message,
@@ -62,8 +66,9 @@ def __getattr__(name: str) -> Any:
     for room, names in _ROOMS.items():
         if name in names:
             globals()[name] = found = getattr(import_module(room), name)
-            if isinstance(found, type) and not found.__doc__:
-                import_module("ds47.library.docstrings").restore(found)
+            from ds47.library.docstrings import restore
+
+            restore()
             return found
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
