@@ -50,7 +50,6 @@ end)
 local ip_field = Field.new("ip")
 local index_field = Field.new("pn_io.index")
 clock.configure(Field.new("frame.time_epoch"))
-collector.configure(track.bytes)
 
 local this_dissector -- to ask whether anybody wants fields of ours
 
@@ -80,16 +79,11 @@ local function finder(tvb, frame, offset)
   end
 end
 
-local function set_columns(pinfo, text)
-  local columns = pinfo.cols
-  columns.protocol = "DS47"
-  columns.info = text
-end
-
 -- Adds to the tree and sets the columns. `whole`: somebody wants our fields.
 local function show(views, findings, tvb, pinfo, tree, offset, whole)
   if #views > 0 then
-    set_columns(pinfo, info.text(views))
+    local columns = pinfo.cols
+    columns.protocol, columns.info = "DS47", info.text(views)
   end
   if whole and #views + #findings > 0 then
     local context = { base_seconds = track.base_seconds(), lang = track.lang }
@@ -97,19 +91,6 @@ local function show(views, findings, tvb, pinfo, tree, offset, whole)
   elseif #findings > 0 then
     tree_of.add_experts(tree, findings, track.lang)
   end
-end
-
--- A frame that is new, and of which nothing but its columns is wanted, at a glance. Whether that was enough.
-local function glanced(number, frame, offset, pinfo, tree)
-  local text, findings = track.glance(number, frame, offset, clock.now)
-  if not text then
-    return false
-  end
-  set_columns(pinfo, text)
-  if #findings > 0 then
-    tree_of.add_experts(tree, findings, track.lang)
-  end
-  return true
 end
 
 function ds47.dissector(tvb, pinfo, tree)
@@ -126,9 +107,7 @@ function ds47.dissector(tvb, pinfo, tree)
     if views then
       show(views, findings, tvb, pinfo, tree, offset, whole)
     end
-  elseif not whole and glanced(number, frame, offset, pinfo, tree) then
-    return
-  elseif track.feed(number, frame, offset, clock.now, not whole, pinfo.len) then
+  elseif track.feed(number, frame, offset, clock.now, pinfo.len) then
     local views, findings = track.live_views(whole)
     show(views, findings, tvb, pinfo, tree, offset, whole)
   end

@@ -21,7 +21,6 @@ local OWN_PAUSE = 400 -- per cent of what is alive, where Lua collects all: its 
 local OWN_YOUNG, OWN_OLD = 100, 100 -- per cent by which that grows, where it collects the young ones
 
 local calls, enough = 0, 0
-local packed -- a function: how many bytes stand in strings that are long
 
 if YOUNG then
   collect("generational", OWN_YOUNG, OWN_OLD)
@@ -29,19 +28,12 @@ else
   collect("setpause", OWN_PAUSE)
 end
 
---- Tells who keeps much in a few long strings, which nobody has to look through.
--- @param bytes a function that gives their length
-function M.configure(bytes)
-  packed = bytes
-end
-
 --- Gives back what another file needed: where the young ones are collected, the old ones are looked through
 -- only when they have doubled.
 function M.collect_all()
   collect()
   local alive = collect("count")
-  local looked_through = alive - (packed and packed() / 1024 or 0)
-  enough = alive + math.max(PILE, looked_through * PILE_SHARE)
+  enough = alive + math.max(PILE, alive * PILE_SHARE)
 end
 
 local function collect_young()

@@ -13,20 +13,12 @@ local words = require("ds47.report_words")
 local M = {}
 
 local NONE = {}
-M.PROTOCOL = "DS47 " -- how the text of the Info column begins
-M.PARAMETERS_SHOWN = 6 -- more make the line long: they are counted
+local PARAMETERS_SHOWN = 6 -- more make the line long: they are counted
 
-local PARAMETERS_SHOWN = M.PARAMETERS_SHOWN
-
---- How the sentences begin of a Write response with status 0, and of a Read request: a reference follows.
-M.ACCEPTED, M.FETCHED = "write accepted ref ", "fetch response ref "
-
---- The text of a byte. Whole sentences are not remembered: a collector would look through all of them.
-M.DIGITS = entries(function(number)
+-- The text of a byte. Whole sentences are not remembered: a collector would look through all of them.
+local DIGITS = entries(function(number)
   return string.format("%d", number)
 end)
-
-local DIGITS = M.DIGITS
 
 -- The reference of a transaction; a message may be too short to have one, or an axis.
 local function reference(item)
@@ -34,18 +26,18 @@ local function reference(item)
   return number and DIGITS[number] or "?"
 end
 
---- `, DO 2`, of an axis; empty without one.
-function M.drive_object(axis)
+-- `, DO 2`, of an axis; empty without one.
+local function drive_object(axis)
   return axis and ", DO " .. DIGITS[axis] or ""
 end
 
 -- `ref 3, DO 2`.
 local function head(item)
-  return "ref " .. reference(item) .. M.drive_object(item.axis)
+  return "ref " .. reference(item) .. drive_object(item.axis)
 end
 
---- `0x02 value outside limits`; the second word where it says something.
-function M.error(failed)
+-- `0x02 value outside limits`; the second word where it says something.
+local function error_of(failed)
   local text = failed.code and spec.error_hex(failed.code) or "error"
   if failed.text ~= "" then
     text = text .. " " .. words.escape(failed.text)
@@ -56,8 +48,8 @@ function M.error(failed)
   return text
 end
 
---- The address of a parameter, remembered with what parameters of one address have in common.
-function M.address(item)
+-- The address of a parameter, remembered with what parameters of one address have in common.
+local function address(item)
   local class = item.class
   if class == nil then
     return words.address(item)
@@ -70,11 +62,11 @@ function M.address(item)
   return text
 end
 
---- One parameter: `p50303[0] = 10.0`, `:=` where the value was written, `: 0x02 ...` where it failed.
-function M.parameter(item, written)
-  local text = M.address(item)
+-- One parameter: `p50303[0] = 10.0`, `:=` where the value was written, `: 0x02 ...` where it failed.
+local function parameter(item, written)
+  local text = address(item)
   if item.error then
-    return text .. ": " .. M.error(item.error)
+    return text .. ": " .. error_of(item.error)
   elseif #item.values == 0 then
     return text
   end
@@ -86,28 +78,24 @@ function M.parameter(item, written)
   return text
 end
 
---- How a sentence ends that has so many parameters.
-function M.more(count)
-  return count > PARAMETERS_SHOWN and string.format(", ... and %d more", count - PARAMETERS_SHOWN) or ""
-end
-
 local parts = {}
 
---- What a sentence says of the parameters of a transaction; `written` as in `M.parameter`.
-function M.list_of(parameters, written)
+-- What a sentence says of the parameters of a transaction; `written` as in `parameter`.
+local function list_of(parameters, written)
   local count = #parameters
   if count == 0 then
     return ""
   end
   local shown = math.min(count, PARAMETERS_SHOWN)
   for number = 1, shown do
-    parts[number] = M.parameter(parameters[number], written)
+    parts[number] = parameter(parameters[number], written)
   end
-  return ": " .. table.concat(parts, ", ", 1, shown) .. M.more(count)
+  local more = count > shown and string.format(", ... and %d more", count - shown) or ""
+  return ": " .. table.concat(parts, ", ", 1, shown) .. more
 end
 
 local function parameters_of(view)
-  return M.list_of(view.parameters, view.item.operation == "change")
+  return list_of(view.parameters, view.item.operation == "change")
 end
 
 --- Whether the sentence of a request is known but for its reference: then nobody needs its parameters.
@@ -150,13 +138,13 @@ function sentences.write_response(view)
   if word == nil then
     return "write failed ref " .. reference(item)
   elseif word == 0 then
-    return M.ACCEPTED .. reference(item)
+    return "write accepted ref " .. reference(item)
   end
   return "write refused ref " .. reference(item) .. ": " .. refusal(word)
 end
 
 function sentences.read_request(view)
-  return M.FETCHED .. reference(view.item) .. M.drive_object(view.item.axis)
+  return "fetch response ref " .. reference(view.item) .. drive_object(view.item.axis)
 end
 
 function sentences.poll(view)
@@ -178,7 +166,7 @@ local function outcome(view)
     return asked(view) .. " response " .. head(item)
   end
   local state = words.state("en", done > 0 and "partial" or "error")
-  return asked(view) .. " " .. state .. M.drive_object(item.axis)
+  return asked(view) .. " " .. state .. drive_object(item.axis)
 end
 
 function sentences.read_response(view)
@@ -200,7 +188,7 @@ end
 
 --- The Info column of a frame: the sentences of all its views.
 function M.text(views)
-  local text = M.PROTOCOL .. M.sentence(views[1])
+  local text = "DS47 " .. M.sentence(views[1])
   for number = 2, #views do
     text = text .. "; " .. M.sentence(views[number])
   end

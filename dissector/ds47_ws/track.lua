@@ -3,12 +3,9 @@
 -- A frame is fed once, in the order of the file. A frame that comes again (a second pass, a click) changes
 -- nothing: it is drawn from the complete result. Whether a frame is new is told by its number alone, because
 -- in the first of two passes Wireshark may give no fields, and then the second one is the first for us.
--- Of a frame that is new and usual only the sentence is made (glance.lua); it waits, and is analysed when
--- somebody asks for more than that, or when a frame comes that is not usual.
 -- Not here: fields and trees (tree.lua), and the analysis itself (ds47.analysis).
 
 local analysis = require("ds47.analysis")
-local glances = require("ds47_ws.glance")
 local info = require("ds47_ws.info")
 local parameter = require("ds47.parameter")
 local plc = require("ds47.plc")
@@ -34,7 +31,6 @@ local complete -- {views by frame, findings by frame} of the complete result; ni
 local stations -- what names stations and waits
 local newest_station -- number of the newest frame of those
 local told -- MAC address and kind -> what was told last
-local glance -- of the frames of `current`
 
 -- Texts of addresses, by their bytes: a capture has few of them.
 local address_pairs, mac_texts, text_count = {}, {}, 0
@@ -67,7 +63,7 @@ end
 
 --- Forgets everything: another file, other preferences.
 function M.reset()
-  current, last, complete, glance = nil, 0, nil, nil
+  current, last, complete = nil, 0, nil
   stations, newest_station, told = {}, 0, {}
 end
 
@@ -76,7 +72,6 @@ M.reset()
 local function the_analysis()
   if current == nil then
     current = analysis.new(options and options())
-    glance = glances.new(current)
     M.lang = current.lang
   end
   return current
@@ -125,18 +120,10 @@ local function station_payload(frame)
   return nil
 end
 
--- Analyses the frames that wait.
-local function catch_up()
-  if glance and glance:catch_up() then
-    complete = nil
-  end
-end
-
 -- Stations wait, because what tells the analysis something new makes it forget its complete result, and in
 -- two passes they come while frames are drawn from it.
 local function hand_over_stations()
   local live = the_analysis()
-  catch_up() -- they came before
   for _, station in ipairs(stations) do
     live:station(station[1], station[2], station[3], station[4])
   end
@@ -231,38 +218,17 @@ function M.is_new(number, pinfo)
   return number > last or (number == last and not pinfo.visited)
 end
 
---- Takes a frame that is new, if nothing but its sentence is wanted and it is a usual one.
+--- Feeds a frame. True when it carried PROFINET RPC, or a fragment that might.
 -- @param number, frame  its number and its bytes
 -- @param offset where its IP header begins
 -- @param clock a function of the analysis that gives its time (Analysis:time_ns)
--- @return the text of its Info column and an array of findings; nil for all others, which are to be fed
-function M.glance(number, frame, offset, clock)
-  if glance == nil then
-    return nil
-  end
-  local text, findings = glance:look(number, frame, offset, clock)
-  if text then
-    last, complete = number, nil
-  end
-  return text, findings
-end
-
---- How many bytes of frames that wait stand in long strings.
-function M.bytes()
-  return glance and glance:bytes() or 0
-end
-
---- Feeds a frame. True when it carried PROFINET RPC, or a fragment that might.
--- @param number, frame, offset, clock  as for `glance`
--- @param alone whether its sentence is all that is wanted: then the next one may be had at a glance
 -- @param length bytes of the frame on the wire
-function M.feed(number, frame, offset, clock, alone, length)
+function M.feed(number, frame, offset, clock, length)
   local made, part = dissect(frame, offset)
   if made == nil then
     return false
   end
   local live = the_analysis()
-  catch_up()
   complete, last = nil, number
   made.frame = number
   made.cut = length > #frame and { frame = number, captured = #frame, original = length } or nil
@@ -271,11 +237,6 @@ function M.feed(number, frame, offset, clock, alone, length)
     live:fragment(part)
   else
     live:packet(packet)
-  end
-  if alone then
-    glance:learn(frame, not part and offset or nil, made.time_ns)
-  else
-    glance:reset()
   end
   return true
 end
@@ -437,7 +398,6 @@ function M.complete_views(number)
   if current == nil then
     return nil
   end
-  catch_up()
   if complete == nil then
     complete = by_frames(current:ended())
   end

@@ -71,7 +71,6 @@ function M.new(options)
     finished_jobs = transactions.store(lang, options.codec),
     last_frame = nil,
     last_call = nil,
-    last_pdu = nil,
     result = nil,
   }, Analysis)
   self.pairing = pairing.new(limits, self)
@@ -127,7 +126,7 @@ end
 --- Takes one whole UDP datagram: {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac, cut}, see rpc.lua.
 -- The table is not kept.
 function Analysis:packet(packet)
-  self.result, self.last_call, self.last_pdu = nil, nil, nil
+  self.result, self.last_call = nil, nil
   self.last_frame = packet.frame
   self.pairing.touched_count = 0
   local pdu = rpc.parse(packet)
@@ -146,7 +145,7 @@ end
 
 --- Takes one IP fragment: {frame, time_ns, src_ip, dst_ip, ip_id, offset, more, data, cut}, see ip.lua.
 function Analysis:fragment(fragment)
-  self.result, self.last_call, self.last_pdu = nil, nil, nil
+  self.result, self.last_call = nil, nil
   self.last_frame = fragment.frame
   self.pairing.touched_count = 0
   local packet = self.reassembly:feed(fragment)
@@ -215,29 +214,6 @@ end
 
 function Analysis:_is_ours(peer, record)
   return self.gate:concerns(record.index) and self.gate:is_open(records.ar_key(peer, record), record.index)
-end
-
---- The records of ours that the last packet carried, a request or a response: an array, empty for none.
-function Analysis:records_of_last()
-  local pdu, found = self.last_pdu, {}
-  if pdu == nil then
-    return found
-  end
-  local all = {}
-  if self.last_call then
-    local context = self.last_call.context
-    all = context and context.records or all
-  elseif pdu.ptype == 2 then
-    local _
-    _, all = records.parse_response(pdu)
-  end
-  local peer = recordcalls.peer(pdu)
-  for _, record in ipairs(all) do
-    if self:_is_ours(peer, record) then
-      found[#found + 1] = record
-    end
-  end
-  return found
 end
 
 --- What is certain of a job that has no answer yet: array of findings, none of them kept.
@@ -322,27 +298,26 @@ end
 -- What the call tracker tells: passed on to the record calls, and remembered for `touched`
 
 function Analysis:request(call)
-  self.last_call, self.last_pdu = call, call.request
+  self.last_call = call
   self.records:request(call)
 end
 
 function Analysis:response(call)
-  self.last_call, self.last_pdu = call, call.response
+  self.last_call = call
   self.records:response(call)
 end
 
 function Analysis:orphan_response(pdu, certain)
-  self.last_pdu = pdu
   self.records:orphan_response(pdu, certain)
 end
 
 function Analysis:retransmission(call, pdu)
-  self.last_call, self.last_pdu = call, pdu
+  self.last_call = call
   self.records:retransmission(call, pdu)
 end
 
 function Analysis:fault(call, pdu)
-  self.last_call, self.last_pdu = call, pdu
+  self.last_call = call
   self.records:fault(call, pdu)
 end
 

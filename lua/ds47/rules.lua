@@ -379,15 +379,6 @@ function Judge:_read_back(remarks, job)
   end
 end
 
---- The PNUs of which something is remembered that was written: a set.
-function Judge:written_pnus()
-  local pnus = {}
-  for pnu in pairs(self.written.pnus) do
-    pnus[pnu] = true
-  end
-  return pnus
-end
-
 function Judge:_learn_limit(job)
   local request, response = job.message, job.response
   if request == nil or response == nil or request.operation ~= "read" then

@@ -196,7 +196,6 @@ local function look(run, frame, seen)
       return "finished() and the phase of a job differ in frame " .. frame
     end
   end
-  run:records_of_last()
   for _, finding in ipairs(run:findings_at(frame)) do
     seen.findings[#seen.findings + 1] = finding
   end

@@ -140,10 +140,9 @@ def test_reports_are_those_of_the_analyzer(
     assert table.read_bytes().decode() == expected.getvalue()
 
 
-def test_usual_frames_wait_in_blocks_and_come_back(
+def test_the_rows_of_many_conversations_at_once_are_those_of_the_analyzer(
     shark: Run, plugin: list[str], repository: Path, tmp_path: Path
 ) -> None:
-    """More of them than one packed block holds (ds47_ws/waiting.lua), and a block that is not full."""
     path, table = tmp_path / "dense.pcapng", tmp_path / "report.csv"
     maker = repository / "bench" / "make_dense.py"
     subprocess.run([sys.executable, maker, path, "--frames", "2000"], check=True, timeout=60)
