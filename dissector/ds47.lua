@@ -108,7 +108,7 @@ function ds47.dissector(tvb, pinfo, tree)
       show(views, findings, tvb, pinfo, tree, offset, whole)
     end
   elseif track.feed(number, frame, offset, clock.now, pinfo.len) then
-    local views, findings = track.live_views(whole)
+    local views, findings = track.live_views()
     show(views, findings, tvb, pinfo, tree, offset, whole)
   end
 end

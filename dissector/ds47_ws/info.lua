@@ -1,9 +1,8 @@
 -- What a frame says in one sentence: the Info column, and the label of the tree.
 --
 -- A *view* is one transaction as one frame shows it (track.lua makes them): {role, item = the transaction,
--- parameters = those that the frame shows, message, response, complete}. A view of which only the sentence
--- is wanted has of its transaction only what is read here, and in `shared` (with `vendor_id`) where the text
--- of its parameters may be remembered. Numbers, values and addresses are written as the text report does.
+-- parameters = those that the frame shows, message, response, complete}. Numbers, values and addresses are
+-- written as the text report does.
 
 local entries = require("ds47.later").entries
 local spec = require("ds47.spec")
@@ -98,18 +97,13 @@ local function parameters_of(view)
   return list_of(view.parameters, view.item.operation == "change")
 end
 
---- Whether the sentence of a request is known but for its reference: then nobody needs its parameters.
--- @param shared  what equal requests share (parameter.remembering)
-function M.is_known(shared, vendor_id)
-  return shared.listed ~= nil and shared.listed_for == (vendor_id or false)
-end
-
-local function list(view)
-  local shared, vendor_id = view.shared, view.vendor_id
+-- The same of a request, remembered where equal ones share it (parameter.remembering).
+local function list_asked(view)
+  local shared, vendor_id = view.message.shared, view.item.vendor_id or false
   if shared == nil then
     return parameters_of(view)
-  elseif not M.is_known(shared, vendor_id) then -- units are those of the vendor
-    shared.listed, shared.listed_for = parameters_of(view), vendor_id or false
+  elseif shared.listed_for ~= vendor_id then -- units are those of the vendor
+    shared.listed, shared.listed_for = parameters_of(view), vendor_id
   end
   return shared.listed
 end
@@ -129,7 +123,7 @@ end
 local sentences = {}
 
 function sentences.write_request(view)
-  return asked(view) .. " request " .. head(view.item) .. list(view)
+  return asked(view) .. " request " .. head(view.item) .. list_asked(view)
 end
 
 function sentences.write_response(view)
@@ -174,11 +168,11 @@ function sentences.read_response(view)
   if item.read_status and item.read_status ~= 0 then
     return "read refused ref " .. reference(item) .. ": " .. refusal(item.read_status)
   end
-  return outcome(view) .. list(view)
+  return outcome(view) .. parameters_of(view)
 end
 
 function sentences.reread(view)
-  return "read again: " .. outcome(view) .. list(view)
+  return "read again: " .. outcome(view) .. parameters_of(view)
 end
 
 --- The sentence of one view, without the name of the protocol.

@@ -6,7 +6,6 @@
 -- Not here: fields and trees (tree.lua), and the analysis itself (ds47.analysis).
 
 local analysis = require("ds47.analysis")
-local info = require("ds47_ws.info")
 local parameter = require("ds47.parameter")
 local plc = require("ds47.plc")
 local rpc = require("ds47.rpc")
@@ -243,50 +242,22 @@ end
 
 -- What a frame shows
 
--- What a Write request alone says of its parameters; its transaction may know their values already.
-local function asked_parameters(item, message)
-  local job = { message = message, peer = { vendor_id = item.vendor_id } }
-  return transactions.parameters(job, current.lang)
+-- A view of a transaction that is not complete: what is made of it is made when it is asked for.
+local LIVE = { complete = false }
+
+function LIVE.__index(view, key)
+  if key == "parameters" then
+    return view.item.parameters
+  end
+  return LIVE[key]
 end
 
--- Roles whose frames carry a message of which parameters are shown.
-local MESSAGES = { write_request = true, read_response = true, reread = true }
-
-local function whole_view(job, role)
-  local lang = current.lang
+local function live_view(job, role)
   transactions.restore(job, current.codec) -- a Write response may come late
-  local item = transactions.build(job, lang)
-  return {
-    role = role, item = item, job = job, message = job.message, response = job.response,
-    parameters = item.parameters, complete = false,
-  }
-end
-
--- Views of which only the sentences are wanted: the same tables for every frame.
-local short_views = {}
-
-local function short_view(number, job, role)
-  local view = short_views[number]
-  if view == nil then
-    view = { item = {}, complete = false }
-    short_views[number] = view
-  end
-  local item, message, response = view.item, job.message, job.response
-  local write, read, head = job.write_response, job.read_response, message or response or NONE
-  item.operation = message and message.operation or transactions.operation(job)
-  item.request_reference, item.axis = head.request_reference, head.axis
-  item.write_status, item.read_status = write and write.status, read and read.status
-  view.role, view.message, view.response = role, message, response
-  -- Equal requests without their response say the same: what they say may stand with what they share.
-  local shared = role == "write_request" and not response and message.shared or nil
-  view.shared = shared
-  if not MESSAGES[role] or shared and info.is_known(shared, job.peer.vendor_id) then
-    view.parameters = NONE
-  else
-    view.parameters = transactions.parameters(job, current.lang)
-  end
-  view.vendor_id = job.peer.vendor_id
-  return view
+  return setmetatable({
+    role = role, item = transactions.open(job, current.lang), job = job, message = job.message,
+    response = job.response,
+  }, LIVE)
 end
 
 -- Findings of an open job that are certain already, as far as they stand on the newest frame.
@@ -309,9 +280,8 @@ local function emptied(list)
 end
 
 --- What earlier frames and the frame that was fed last prove: views, findings.
--- @param whole whether the tree is wanted, and not only the sentences
 -- @return two arrays, which count until this is called again
-function M.live_views(whole)
+function M.live_views()
   local touched, count = current:touched()
   if count == 0 then
     return NONE, current:findings_at(last)
@@ -320,7 +290,7 @@ function M.live_views(whole)
   for number = 1, count do
     local job, role = touched[number].job, touched[number].role
     if role ~= "empty_read" then -- of which nothing but its finding is shown
-      views[#views + 1] = whole and whole_view(job, role) or short_view(#views + 1, job, role)
+      views[#views + 1] = live_view(job, role)
     end
     if not job.response and role ~= "read_request" and role ~= "poll" then
       certain(findings, job)
@@ -375,22 +345,40 @@ local function by_frames(result)
   return { places = places, findings = findings, witness = plc.witness(result) }
 end
 
+-- The parts of a view of a complete transaction, which are made when they are asked for.
+local PARTS = {}
+
+function PARTS.message(view)
+  local request = view.item.request
+  return request and current.records.decode_request(request)
+end
+
+function PARTS.response(view)
+  local response = view.role ~= "write_request" and view.item.response
+  return response and parameter.decode_response(response, view.message, current.codec) or nil
+end
+
+-- A Write request alone does not know the values of its transaction.
+function PARTS.parameters(view)
+  local item = view.item
+  if view.role ~= "write_request" or not item.frames.read_response then
+    return item.parameters
+  end
+  local job = { message = view.message, peer = { vendor_id = item.vendor_id } }
+  return transactions.parameters(job, current.lang)
+end
+
+local COMPLETE = { complete = true }
+
+function COMPLETE.__index(view, key)
+  local make = PARTS[key]
+  local value = make and make(view) or COMPLETE[key]
+  view[key] = value
+  return value
+end
+
 local function complete_view(item, role)
-  local view = {
-    role = role, item = item, complete = true, parameters = item.parameters, witness = complete.witness,
-  }
-  local codec = current.codec
-  if item.request then
-    view.message = parameter.decode_request(item.request, codec)
-  end
-  if role == "write_request" then
-    if item.frames.read_response then
-      view.parameters = asked_parameters(item, view.message)
-    end
-  elseif item.response then
-    view.response = parameter.decode_response(item.response, view.message, codec)
-  end
-  return view
+  return setmetatable({ role = role, item = item, witness = complete.witness }, COMPLETE)
 end
 
 --- What the complete result says of a frame: views, findings. Nil when it says nothing.

@@ -4,6 +4,10 @@
 -- what is known of them, the links to the other frames, and the transaction. What is in the frame is marked
 -- at its bytes; what another frame has is in brackets (generated). Once per transaction (in its
 -- Read response, or else in its Write request) stands everything that the JSON report says of it.
+--
+-- Nobody looks at most trees: a filter, or a column, asks for a few fields of it. Then those alone are made,
+-- and what would have stood below another one stands below what there is. Of a tree that is visible every
+-- field is wanted.
 
 local info = require("ds47_ws.info")
 local plc = require("ds47.plc")
@@ -29,23 +33,22 @@ end
 
 -- Small things
 
--- Adds a field; nothing where there is no value. `range` may be nil.
-local function add(parent, key, value, range)
-  if value == nil then
-    return nil
-  elseif range then
-    return parent:add(fields[key], range, value)
-  end
-  return parent:add(fields[key], value)
+local frame_tree, referenced -- the tree of the frame, and its method of that name
+local marked -- whether it is seen where a value comes from
+
+-- Whether somebody wants a field.
+local function wanted(key)
+  return referenced(frame_tree, fields[key])
 end
 
--- Adds a field whose value stands nowhere in the frame.
-local function derive(parent, key, value)
-  local item = add(parent, key, value)
-  if item then
-    item:set_generated()
+-- Whether somebody wants any of these fields.
+local function any_wanted(keys)
+  for number = 1, #keys do
+    if referenced(frame_tree, fields[keys[number]]) then
+      return true
+    end
   end
-  return item
+  return false
 end
 
 -- Part of a record: `offset` counts in the record. Nil where the record is not in the frame.
@@ -54,6 +57,32 @@ local function part(record, offset, size)
     return nil
   end
   return record:range(offset, size)
+end
+
+-- Adds a field; nothing where there is no value, or nobody wants it. Its bytes stand at an offset in the
+-- record, if that is in the frame.
+local function add(parent, key, value, record, offset, size)
+  if value == nil or not wanted(key) then
+    return nil
+  end
+  local range = record and part(record, offset, size)
+  if range then
+    return parent:add(fields[key], range, value)
+  end
+  return parent:add(fields[key], value)
+end
+
+local function mark_generated(item)
+  if item and marked then
+    item:set_generated()
+  end
+end
+
+-- Adds a field whose value stands nowhere in the frame.
+local function derive(parent, key, value)
+  local item = add(parent, key, value)
+  mark_generated(item)
+  return item
 end
 
 -- Values with the type of their format
@@ -66,10 +95,16 @@ end
 local FLOAT_WORDS = { NaN = 0 / 0, Infinity = 1 / 0, ["-Infinity"] = -1 / 0 }
 local SIGNED = { b = true, h = true, i = true, q = true }
 
-local typed = {} -- kind of a format -> what adds the typed value: (parent, row, value, bytes, range)
+-- Kind of a format -> what adds the typed value: (parent, row, value, bytes, record, offset), where the
+-- bytes stand in the record.
+local typed = {}
 
-function typed.number(parent, row, value, bytes, range)
+function typed.number(parent, row, value, bytes, record, offset)
   local signed = SIGNED[row.pack]
+  local key = signed and "value.signed" or "value.unsigned"
+  if not wanted(key) then
+    return
+  end
   local class = signed and Int64 or UInt64
   local number
   if #bytes == 8 then
@@ -77,20 +112,21 @@ function typed.number(parent, row, value, bytes, range)
   else
     number = class.new(value)
   end
-  add(parent, signed and "value.signed" or "value.unsigned", number, range)
+  add(parent, key, number, record, offset, #bytes)
 end
 
-function typed.float(parent, row, value, _, range)
+function typed.float(parent, row, value, bytes, record, offset)
   local key = row.pack == "f" and "value.float" or "value.double"
-  add(parent, key, FLOAT_WORDS[value] or value, range)
+  add(parent, key, FLOAT_WORDS[value] or value, record, offset, #bytes)
 end
 
-function typed.text(parent, _, value, _, range)
-  add(parent, "value.string", words.escape(value), range)
+function typed.text(parent, _, value, bytes, record, offset)
+  add(parent, "value.string", words.escape(value), record, offset, #bytes)
 end
 
-function typed.octets(parent, _, _, bytes, range)
-  if range and #bytes > 0 then
+function typed.octets(parent, _, _, bytes, record, offset)
+  local range = wanted("value.bytes") and part(record, offset, #bytes)
+  if range then
     parent:add(fields["value.bytes"], range)
   end
 end
@@ -105,7 +141,9 @@ local function physical(parent, row, item, number)
   if scaled == nil then
     return
   end
-  derive(parent, "scaled", words.value(scaled, item.format, true))
+  if wanted("scaled") then
+    derive(parent, "scaled", words.value(scaled, item.format, true))
+  end
   if TIMES[row and row.kind] then
     derive(parent, "value.time", tostring(scaled))
   else
@@ -121,7 +159,7 @@ end
 
 -- Text that is not shown as it is has its bytes as digits as well, so that nothing of it is lost.
 local function text_bytes(parent, item, value)
-  if type(value) ~= "string" or not words.is_text(item.format) then
+  if type(value) ~= "string" or not words.is_text(item.format) or not wanted("value.hex") then
     return
   elseif find(value, "[^ -~]") or find(value, '[\\"]') then
     derive(parent, "value.hex", reader.hex((gsub(value, "[\194\195][\128-\191]", latin1_byte))))
@@ -131,18 +169,21 @@ end
 -- One value of a parameter. `block` and `record` say where it stands; nil where it is not in this frame.
 local function add_value(parent, item, number, block, record)
   local value = item.values[number]
-  local row, bytes, range
+  local row, bytes, offset, size
   if block then
-    local size = #item.values > 1 and floor(#block.raw / #item.values) or #block.raw
-    row = tables.formats[block.meaning or block.format]
+    size = #item.values > 1 and floor(#block.raw / #item.values) or #block.raw
+    row, offset = tables.formats[block.meaning or block.format], block.offset + 2 + (number - 1) * size
     bytes = sub(block.raw, (number - 1) * size + 1, number * size)
-    range = part(record, block.offset + 2 + (number - 1) * size, size)
   end
-  local shown = add(parent, "value", words.value(value, item.format), range)
-  if block == nil then
-    shown:set_generated()
-  elseif typed[row.kind] then
-    typed[row.kind](shown, row, value, bytes, range)
+  local shown = parent
+  if wanted("value") then
+    shown = add(parent, "value", words.value(value, item.format), block and record, offset, size)
+    if block == nil then
+      mark_generated(shown)
+    end
+  end
+  if block and typed[row.kind] then
+    typed[row.kind](shown, row, value, bytes, record, offset)
   end
   text_bytes(shown, item, value)
   physical(shown, row, item, number)
@@ -154,7 +195,7 @@ end
 local function add_address(parent, item, address, asked, record)
   local function put(key, value, offset, size)
     if asked then
-      add(parent, key, value, part(record, address.offset + offset, size))
+      add(parent, key, value, record, address.offset + offset, size)
     else
       derive(parent, key, value)
     end
@@ -170,16 +211,16 @@ end
 -- Format and number of values of a block, as they stand in the frame.
 local function add_block(parent, block, record)
   local name = block.error and tables.formats[block.format].name or block.format_name
-  local shown = add(parent, "format", name, part(record, block.offset, 1))
-  if find(name, "^0x") == nil then
+  local shown = add(parent, "format", name, record, block.offset, 1)
+  if shown and find(name, "^0x") == nil then
     shown:append_text(format(" (0x%02X)", block.format))
   end
-  add(parent, "value_count", block.value_count, part(record, block.offset + 1, 1))
+  add(parent, "value_count", block.value_count, record, block.offset + 1, 1)
 end
 
 -- Bytes that have no field of their own.
 local function add_raw(parent, record, offset, size)
-  local range = part(record, offset, size)
+  local range = size > 0 and wanted("raw") and part(record, offset, size)
   if range then
     parent:add(fields.raw, range)
   end
@@ -189,11 +230,12 @@ end
 local function add_error(parent, failed, text, block, record)
   local at, shown = block.offset + 2, 0
   if failed.code then
-    local range = part(record, at, 2)
-    local item = add(parent, "error.code", failed.code, range)
-    item:set_text("Error number: " .. spec.error_hex(failed.code))
-    add(parent, "error.text", text, range)
-    add(parent, "error.info", failed.info, part(record, at + 2, 2))
+    local item = add(parent, "error.code", failed.code, record, at, 2)
+    if item then
+      item:set_text("Error number: " .. spec.error_hex(failed.code))
+    end
+    add(parent, "error.text", text, record, at, 2)
+    add(parent, "error.info", failed.info, record, at + 2, 2)
     shown = failed.info and 4 or 2
   else
     derive(parent, "error.text", text)
@@ -249,16 +291,14 @@ local function add_parameter(parent, view, number, record)
   local item = view.parameters[number]
   local address, block, here = places(view, number)
   local asked = view.role == "write_request" and address ~= nil
-  local range
-  if asked then
-    range = part(record, address.offset, 6)
-  elseif block then
-    range = part(record, block.offset, 2 + #block.raw)
-  end
-  local label = words.parameter(item, view.item.operation == "change")
-  local shown = add(parent, "parameter", label, range)
-  if not asked and not (block and here) then
-    shown:set_generated()
+  local shown = parent
+  if wanted("parameter") then
+    local place, size = asked and address or block, asked and 6 or block and 2 + #block.raw
+    local label = words.parameter(item, view.item.operation == "change")
+    shown = add(parent, "parameter", label, place and record, place and place.offset, size)
+    if not asked and not (block and here) then
+      mark_generated(shown)
+    end
   end
   add_address(shown, item, address, asked, record)
   if block then
@@ -283,17 +323,17 @@ local HEADERS = {
   write_request = "request_id", read_response = "response_id", reread = "response_id",
 }
 
-local function add_message(parent, view, record)
-  local id = HEADERS[view.role]
-  if id == nil then
+-- All that stands below the header of a message.
+local OF_PARAMETERS = {
+  "pnu", "value", "parameter", "subindex", "attribute", "element_count", "name", "unit", "format",
+  "value_count", "written.format", "written.value_count", "value.signed", "value.unsigned", "value.float",
+  "value.double", "value.string", "value.bytes", "value.time", "value.hex", "scaled", "error.code",
+  "error.text", "error.info", "raw",
+}
+
+local function add_parameters(parent, view, message, record)
+  if not any_wanted(OF_PARAMETERS) then
     return
-  end
-  local message = view.role == "write_request" and view.message or view.response
-  if message then
-    add(parent, "request_reference", message.request_reference, part(record, 0, 1))
-    add(parent, id, message[id], part(record, 1, 1))
-    add(parent, "axis", message.axis, part(record, 2, 1))
-    add(parent, "parameter_count", message.parameter_count, part(record, 3, 1))
   end
   for number = 1, #view.parameters do
     add_parameter(parent, view, number, record)
@@ -306,6 +346,21 @@ local function add_message(parent, view, record)
       add_raw(parent, record, record:len() - #message.rest, #message.rest)
     end
   end
+end
+
+local function add_message(parent, view, record)
+  local id = HEADERS[view.role]
+  if id == nil then
+    return
+  end
+  local message = view.role == "write_request" and view.message or view.response
+  if message then
+    add(parent, "request_reference", message.request_reference, record, 0, 1)
+    add(parent, id, message[id], record, 1, 1)
+    add(parent, "axis", message.axis, record, 2, 1)
+    add(parent, "parameter_count", message.parameter_count, record, 3, 1)
+  end
+  add_parameters(parent, view, message, record)
 end
 
 -- The other frames, and the transaction
@@ -325,7 +380,7 @@ local function add_links(parent, view)
   if view.role ~= "read_response" then
     derive(parent, "response_in", frames.read_response)
   end
-  if view.item.duration_ns then
+  if view.item.duration_ns and wanted("time") then
     derive(parent, "time", duration(view.item.duration_ns))
   end
 end
@@ -350,32 +405,45 @@ local function state_is_certain(view)
 end
 
 local CHANNEL = { "controller", "device", "ar", "api", "slot", "subslot", "index" }
-local FRAMES = { "write_request", "write_response", "read_request", "read_response" }
+local FRAMES = {
+  "frames.write_request", "frames.write_response", "frames.read_request", "frames.read_response",
+}
 
 local function add_bytes(parent, view)
   local item, main = view.item, is_main(view)
-  if item.request and (main or view.role == "write_request") then
+  if item.request and (main or view.role == "write_request") and wanted("bytes.request") then
     derive(parent, "bytes.request", reader.hex(item.request))
   end
-  if item.response and (main or view.role == "reread") then
+  if item.response and (main or view.role == "reread") and wanted("bytes.response") then
     derive(parent, "bytes.response", reader.hex(item.response))
   end
 end
 
 -- What WRREC and RDREC showed, once it is known how the transaction ended.
 local function add_plc(parent, view, lang)
-  if is_main(view) and (view.complete or view.item.frames.read_response) then
+  if is_main(view) and (view.complete or view.item.frames.read_response) and wanted("plc") then
     local witness = view.witness or plc.witness_of(view.item, view.job)
     derive(parent, "plc", witness:text(view.item, lang))
   end
 end
 
+local function add_frames(parent, view)
+  local frames = view.item.frames
+  for number = 1, #FRAMES do
+    derive(parent, FRAMES[number], frames[sub(FRAMES[number], #"frames." + 1)])
+  end
+  derive(parent, "polls", #frames.polls)
+  if is_main(view) then
+    add_reads(parent, "poll", frames.polls)
+    add_reads(parent, "reread", frames.rereads)
+  end
+end
+
 local function add_transaction(parent, view, context)
   local item = view.item
-  local frames = item.frames
-  local shown = derive(parent, "transaction", view.complete and item.id or item.order)
+  local shown = derive(parent, "transaction", view.complete and item.id or item.order) or parent
   derive(shown, "operation", item.operation)
-  if state_is_certain(view) then
+  if wanted("state") and state_is_certain(view) then
     derive(shown, "state", item.state)
   end
   for _, key in ipairs(CHANNEL) do
@@ -385,15 +453,10 @@ local function add_transaction(parent, view, context)
     derive(shown, "request_reference", item.request_reference)
     derive(shown, "axis", item.axis)
   end
-  for _, key in ipairs(FRAMES) do
-    derive(shown, "frames." .. key, frames[key])
+  add_frames(shown, view)
+  if wanted("start") then
+    derive(shown, "start", csv.timestamp(context.base_seconds, item.start_ns))
   end
-  derive(shown, "polls", #frames.polls)
-  if is_main(view) then
-    add_reads(shown, "poll", frames.polls)
-    add_reads(shown, "reread", frames.rereads)
-  end
-  derive(shown, "start", csv.timestamp(context.base_seconds, item.start_ns))
   if item.duration_ns then
     derive(shown, "duration_ms", item.duration_ns / 1000000)
   end
@@ -410,10 +473,13 @@ local function with_offset(finding, text)
 end
 
 local function add_finding(parent, finding, lang)
-  local shown = derive(parent, "finding", finding.rule)
   local said = words.escape(sentences.sentence(finding, lang))
   local text = with_offset(finding, said)
-  shown:set_text(format("%s %s: %s", finding.rule, finding.severity, text))
+  local shown = derive(parent, "finding", finding.rule)
+  if shown then
+    shown:set_text(format("%s %s: %s", finding.rule, finding.severity, text))
+  end
+  shown = shown or parent
   shown:add_proto_expert_info(experts[finding.rule], text)
   derive(shown, "finding.severity", finding.severity)
   derive(shown, "finding.message", said)
@@ -445,7 +511,7 @@ local function of_view(finding, view)
 end
 
 local function add_view(tree, view, findings, taken, record, context)
-  local label = "DS47 " .. info.sentence(view)
+  local label = marked and "DS47 " .. info.sentence(view) or "DS47"
   local root = record and tree:add(protocol, record, label) or tree:add(protocol, label)
   add_message(root, view, record)
   add_links(root, view)
@@ -464,6 +530,7 @@ end
 -- @param find_record a function that gives the TvbRange of a record in this frame, or nil
 -- @param context {base_seconds = second since 1970 that the times are relative to, lang = "en" or "zh"}
 function M.add(tree, views, findings, find_record, context)
+  frame_tree, referenced, marked = tree, tree.referenced, tree.visible
   local taken = {}
   for _, view in ipairs(views) do
     local data

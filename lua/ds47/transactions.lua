@@ -252,45 +252,123 @@ function M.restore(job, codec)
   end
 end
 
---- The transaction of a closed job; error texts in "en" or "zh".
--- Times are those of the job: nanoseconds, relative to `base_seconds` of the analysis.
-function M.build(job, lang)
-  local write, read, record = job:write_request(), job.read_response, job.record
-  local first = write or job.read_request or read
-  local reference, axis = job:reference(), job.message and job.message.axis
-  if job.message == nil and job.response ~= nil then
-    reference, axis = job.response.request_reference, job.response.axis
+-- The keys of a transaction, and what each is: a function of the transaction, which has its job and its
+-- language while it is made, and of the job.
+local KEYS = {}
+
+function KEYS.order(_, job)
+  return job.order
+end
+
+function KEYS.operation(_, job)
+  return M.operation(job)
+end
+
+function KEYS.parameters(item, job)
+  return M.parameters(job, item.lang)
+end
+
+function KEYS.state(item, job)
+  return M.state(job, item.parameters)
+end
+
+function KEYS.frames(_, job)
+  return frames_of(job)
+end
+
+function KEYS.controller(_, job)
+  return job.peer.controller
+end
+
+function KEYS.device(_, job)
+  return job.peer.device
+end
+
+function KEYS.vendor_id(_, job)
+  return job.peer.vendor_id
+end
+
+function KEYS.ar(_, job)
+  local ar = job.record.ar
+  return ar ~= NIL_UUID and M.uuid(ar) or nil
+end
+
+for _, key in ipairs({"api", "slot", "subslot", "index", "position"}) do
+  KEYS[key] = function(_, job) return job.record[key] end
+end
+
+-- A key of the header of a message: that of the request, or of the response to an unknown one.
+local function of_header(key)
+  return function(_, job)
+    local head = job.message or job.response
+    return head and head[key]
   end
-  local has_data = read ~= nil and read.data ~= ""
-  local parameters = M.parameters(job, lang)
-  return {
-    id = 0,
-    order = job.order,
-    operation = M.operation(job),
-    state = M.state(job, parameters),
-    controller = job.peer.controller,
-    device = job.peer.device,
-    vendor_id = job.peer.vendor_id,
-    ar = record.ar ~= NIL_UUID and M.uuid(record.ar) or nil,
-    api = record.api,
-    slot = record.slot,
-    subslot = record.subslot,
-    index = record.index,
-    request_reference = reference,
-    axis = axis,
-    frames = frames_of(job),
-    start_ns = first.time_ns,
-    duration_ns = has_data and write and read.time_ns - write.time_ns or nil,
-    drive_ns = rules.drive_time_ns(job), -- for the statistics; no key of the report
-    request = write and write.data,
-    response = has_data and read.data or nil,
-    write_status = job.write_response and job.write_response.status,
-    read_status = read and read.status,
-    parameters = parameters,
-    stray = is_mismatch(job), -- its response is the one of another request
-    position = record.position,
-    findings = {},
-  }
+end
+
+KEYS.request_reference, KEYS.axis = of_header("request_reference"), of_header("axis")
+
+function KEYS.start_ns(_, job)
+  return (job:write_request() or job.read_request or job.read_response).time_ns
+end
+
+function KEYS.duration_ns(_, job)
+  local write, read = job:write_request(), job.read_response
+  return write and read and read.data ~= "" and read.time_ns - write.time_ns or nil
+end
+
+function KEYS.drive_ns(_, job) -- for the statistics; no key of the report
+  return rules.drive_time_ns(job)
+end
+
+function KEYS.request(_, job)
+  local write = job:write_request()
+  return write and write.data
+end
+
+function KEYS.response(_, job)
+  local read = job.read_response
+  return read and read.data ~= "" and read.data or nil
+end
+
+function KEYS.write_status(_, job)
+  return job.write_response and job.write_response.status
+end
+
+function KEYS.read_status(_, job)
+  return job.read_response and job.read_response.status
+end
+
+function KEYS.stray(_, job) -- its response is the one of another request
+  return is_mismatch(job)
+end
+
+local Open = {}
+
+function Open.__index(item, key)
+  local make = KEYS[key]
+  local value = make and make(item, item.job)
+  item[key] = value
+  return value
+end
+
+--- The transaction of a job as far as the job has got: each key is made when it is asked for first.
+-- Times are those of the job: nanoseconds, relative to `base_seconds` of the analysis. Error texts in "en" or
+-- "zh".
+function M.open(job, lang)
+  return setmetatable({job = job, lang = lang}, Open)
+end
+
+-- The transaction of a closed job, all of it, without the job.
+local function build(job, lang)
+  local item = {id = 0, findings = {}, lang = lang}
+  item.parameters = KEYS.parameters(item, job) -- of which the state is made
+  for key, make in pairs(KEYS) do
+    if item[key] == nil then
+      item[key] = make(item, job)
+    end
+  end
+  item.lang = nil
+  return item
 end
 
 --- Counts transactions: in all, by state and by operation.
@@ -343,7 +421,7 @@ local function transaction_at(self, place)
   if found.phase then -- still a job
     M.restore(found, self.codec)
     local job = found
-    found = M.build(job, self.lang)
+    found = build(job, self.lang)
     job.response = nil
     self.all[place] = found
   end
