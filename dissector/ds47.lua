@@ -26,9 +26,9 @@ local clock = require("ds47_ws.clock")
 local collector = require("ds47_ws.collector")
 local ds47_fields = require("ds47_ws.fields")
 local info = require("ds47_ws.info")
-local later = require("ds47.later").module
+local later = require("ds47.support.later").module
 local preferences = require("ds47_ws.preferences")
-local tables = require("ds47.tables")
+local tables = require("ds47.spec.tables")
 local track = require("ds47_ws.track")
 
 set_plugin_info({

@@ -73,12 +73,12 @@ TESTS: dict[str, tuple[str, ...]] = {
     "python/ds47/report/html/views/findings.py": REPORT,
     "python/ds47/report/html/views/problems.py": REPORT,
     "python/ds47/report/html/views/rows.py": REPORT,
-    "lua/ds47/rules.lua": ("test_lua_judge", *LUA),
-    "lua/ds47/readback.lua": ("test_lua_judge", *LUA),
-    "lua/ds47/drive_objects.lua": ("test_lua_judge", *LUA),
-    "lua/ds47/statistics.lua": ("test_lua_report", "test_wireshark_statistics"),
-    "lua/ds47/todo.lua": ("test_lua_report",),
-    "lua/ds47/verdict.lua": ("test_lua_report",),
+    "lua/ds47/acyclic/judge.lua": ("test_lua_judge", *LUA),
+    "lua/ds47/acyclic/readback.lua": ("test_lua_judge", *LUA),
+    "lua/ds47/profidrive/drive_objects.lua": ("test_lua_judge", *LUA),
+    "lua/ds47/report/statistics.lua": ("test_lua_report", "test_wireshark_statistics"),
+    "lua/ds47/report/todo.lua": ("test_lua_report",),
+    "lua/ds47/report/verdict.lua": ("test_lua_report",),
 }
 LESS: dict[str, tuple[str, ...]] = {
     "test_lua_conversations": ("-k", "5.4"),

@@ -5,7 +5,7 @@
 -- is added to that. Its nanoseconds are exact up to EXACT_SECONDS; where somebody sets another frame as the
 -- reference of times, a gap shows, and the field is asked for again.
 
-local times = require("ds47.times")
+local times = require("ds47.support.times")
 
 local floor = math.floor
 

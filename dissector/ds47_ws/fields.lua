@@ -3,7 +3,7 @@
 -- A name is the key of the JSON report behind `ds47.`; docs/report.md says what each means. Registers nothing
 -- by itself: `define` is given the protocol by the entry file. Which field stands where is in tree.lua.
 
-local tables = require("ds47.tables")
+local tables = require("ds47.spec.tables")
 
 local M = {}
 

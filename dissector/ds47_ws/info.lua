@@ -4,10 +4,10 @@
 -- parameters = those that the frame shows, message, response, complete}. Numbers, values and addresses are
 -- written as the text report does.
 
-local entries = require("ds47.later").entries
-local spec = require("ds47.spec")
-local status = require("ds47.status")
-local words = require("ds47.report_words")
+local entries = require("ds47.support.later").entries
+local spec = require("ds47.spec.lookup")
+local status = require("ds47.profinet.status")
+local words = require("ds47.report.formatting")
 
 local M = {}
 

@@ -2,7 +2,7 @@
 --
 -- Registers nothing by itself: `define` is given the protocol by the entry file.
 
-local tables = require("ds47.tables")
+local tables = require("ds47.spec.tables")
 
 local M = {}
 

@@ -6,9 +6,9 @@ local M = {}
 
 --- What can be asked for: name -> module and function that give the text.
 local KINDS = {
-  statistics = { "ds47.statistics", "text" },
-  report = { "ds47.report_text", "report" },
-  csv = { "ds47.report_csv", "report" },
+  statistics = { "ds47.report.statistics", "text" },
+  report = { "ds47.report.text", "report" },
+  csv = { "ds47.report.csv", "report" },
 }
 local USAGE = "statistics[=FILE], report[=FILE], csv[=FILE], name=NAME, lang=en or lang=zh"
 

@@ -6,10 +6,10 @@
 -- Not here: fields and trees (tree.lua), and the analysis itself (ds47.analysis).
 
 local analysis = require("ds47.analysis")
-local parameter = require("ds47.parameter")
-local plc = require("ds47.plc")
-local rpc = require("ds47.rpc")
-local transactions = require("ds47.transactions")
+local parameter = require("ds47.profidrive.parameter")
+local plc = require("ds47.report.plc")
+local rpc = require("ds47.profinet.rpc")
+local transactions = require("ds47.acyclic.transactions")
 
 local byte, find, format, sub = string.byte, string.find, string.format, string.sub
 

@@ -10,14 +10,14 @@
 -- field is wanted.
 
 local info = require("ds47_ws.info")
-local plc = require("ds47.plc")
-local reader = require("ds47.reader")
-local spec = require("ds47.spec")
-local tables = require("ds47.tables")
-local words = require("ds47.report_words")
-local csv = require("ds47.report_csv")
-local json = require("ds47.json")
-local sentences = require("ds47.sentences")
+local plc = require("ds47.report.plc")
+local reader = require("ds47.support.bytes")
+local spec = require("ds47.spec.lookup")
+local tables = require("ds47.spec.tables")
+local words = require("ds47.report.formatting")
+local csv = require("ds47.report.csv")
+local json = require("ds47.support.json")
+local sentences = require("ds47.report.sentences")
 
 local byte, find, format, gsub, sub = string.byte, string.find, string.format, string.gsub, string.sub
 local floor = math.floor

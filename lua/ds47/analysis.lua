@@ -8,23 +8,23 @@
 -- A capture that is looked at may go on. So the end of a capture is played on a copy of what is still open
 -- (`ended`), and the analysis itself stays as it was.
 
-local calls = require("ds47.calls")
-local copy = require("ds47.later").module("ds47.copy")
-local diagnosis = require("ds47.diagnosis")
-local findings = require("ds47.findings")
-local gate = require("ds47.gate")
-local ip = require("ds47.ip")
-local naming = require("ds47.naming")
-local pairing = require("ds47.pairing")
-local parameter = require("ds47.parameter")
-local recordcalls = require("ds47.recordcalls")
-local records = require("ds47.records")
-local rpc = require("ds47.rpc")
-local rules = require("ds47.rules")
-local status = require("ds47.status")
-local tables = require("ds47.tables")
-local new_time = require("ds47.times").new
-local transactions = require("ds47.transactions")
+local calls = require("ds47.profinet.calls")
+local copy = require("ds47.support.later").module("ds47.support.copy")
+local diagnosis = require("ds47.diagnosis.transaction")
+local findings = require("ds47.findings.collection")
+local gate = require("ds47.acyclic.index47")
+local ip = require("ds47.profinet.ip")
+local naming = require("ds47.profinet.stations")
+local pairing = require("ds47.acyclic.pairing")
+local parameter = require("ds47.profidrive.parameter")
+local recordcalls = require("ds47.acyclic.record_calls")
+local records = require("ds47.profinet.records")
+local rpc = require("ds47.profinet.rpc")
+local rules = require("ds47.acyclic.judge")
+local status = require("ds47.profinet.status")
+local tables = require("ds47.spec.tables")
+local new_time = require("ds47.support.times").new
+local transactions = require("ds47.acyclic.transactions")
 
 local M = {}
 

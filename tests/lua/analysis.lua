@@ -11,12 +11,12 @@ local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
 package.path = root .. "../../lua/?.lua;" .. package.path
 
 local analysis = require("ds47.analysis")
-local formats = require("ds47.formats")
-local json = require("ds47.json")
-local unhex = require("ds47.reader").unhex
-local sentences = require("ds47.sentences")
-local status = require("ds47.status")
-local times = require("ds47.times")
+local formats = require("ds47.profidrive.formats")
+local json = require("ds47.support.json")
+local unhex = require("ds47.support.bytes").unhex
+local sentences = require("ds47.report.sentences")
+local status = require("ds47.profinet.status")
+local times = require("ds47.support.times")
 
 local function hex(bytes)
   return bytes and (bytes:gsub(".", function(byte) return ("%02x"):format(byte:byte()) end))

@@ -7,13 +7,13 @@
 local here = arg[0]:match("^(.*)[/\\]") or "."
 package.path = here .. "/../../lua/?.lua;" .. package.path
 
-local formats = require("ds47.formats")
-local json = require("ds47.json")
-local numbers = require("ds47.numbers")
-local parameter = require("ds47.parameter")
-local reader = require("ds47.reader")
-local spec = require("ds47.spec")
-local status = require("ds47.status")
+local formats = require("ds47.profidrive.formats")
+local json = require("ds47.support.json")
+local numbers = require("ds47.support.numbers")
+local parameter = require("ds47.profidrive.parameter")
+local reader = require("ds47.support.bytes")
+local spec = require("ds47.spec.lookup")
+local status = require("ds47.profinet.status")
 
 local function known(value)
   if value == json.null then return nil end
@@ -57,7 +57,7 @@ local function show(message)
   local blocks = json.array({})
   for i, block in ipairs(message.blocks) do blocks[i] = show_block(block) end
   for _, flaw in ipairs(message.flaws) do
-    flaw.message = spec.fill(require("ds47.tables").rules[flaw.rule].message, flaw.args)
+    flaw.message = spec.fill(require("ds47.spec.tables").rules[flaw.rule].message, flaw.args)
   end
   return {
     request_reference = or_null(message.request_reference), axis = or_null(message.axis),

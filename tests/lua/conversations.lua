@@ -7,9 +7,9 @@ local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
 package.path = root .. "../../lua/?.lua;" .. package.path
 
 local analysis = require("ds47.analysis")
-local json = require("ds47.json")
-local unhex = require("ds47.reader").unhex
-local status = require("ds47.status")
+local json = require("ds47.support.json")
+local unhex = require("ds47.support.bytes").unhex
+local status = require("ds47.profinet.status")
 
 local failures = {}
 

@@ -3,9 +3,9 @@
 local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
 package.path = root .. "../../lua/?.lua;" .. package.path
 
-local copy = require("ds47.copy")
-local pairing = require("ds47.pairing")
-local tables = require("ds47.tables")
+local copy = require("ds47.support.copy")
+local pairing = require("ds47.acyclic.pairing")
+local tables = require("ds47.spec.tables")
 
 local class = {}
 local part = {number = 1}

@@ -8,12 +8,12 @@
 local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
 package.path = root .. "../../lua/?.lua;" .. package.path
 
-local drive_objects = require("ds47.drive_objects")
-local json = require("ds47.json")
-local pairing = require("ds47.pairing")
-local parameter = require("ds47.parameter")
-local rules = require("ds47.rules")
-local unhex = require("ds47.reader").unhex
+local drive_objects = require("ds47.profidrive.drive_objects")
+local json = require("ds47.support.json")
+local pairing = require("ds47.acyclic.pairing")
+local parameter = require("ds47.profidrive.parameter")
+local rules = require("ds47.acyclic.judge")
+local unhex = require("ds47.support.bytes").unhex
 
 -- JSON's null is Lua's nil.
 local function without_null(value)

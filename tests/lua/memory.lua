@@ -4,7 +4,7 @@
 local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
 package.path = root .. "../../lua/?.lua;" .. package.path
 
-local memory = require("ds47.diagnosis_memory")
+local memory = require("ds47.diagnosis.memory")
 
 local LIMIT, ROUNDS, STEPS = 7, 400, 60
 local DEVICES, NUMBERS = 3, 5

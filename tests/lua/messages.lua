@@ -6,13 +6,13 @@
 local here = arg[0]:match("^(.*)[/\\]") or "."
 package.path = here .. "/../../lua/?.lua;" .. package.path
 
-local formats = require("ds47.formats")
-local json = require("ds47.json")
-local parameter = require("ds47.parameter")
-local reader = require("ds47.reader")
-local spec = require("ds47.spec")
-local status = require("ds47.status")
-local tables = require("ds47.tables")
+local formats = require("ds47.profidrive.formats")
+local json = require("ds47.support.json")
+local parameter = require("ds47.profidrive.parameter")
+local reader = require("ds47.support.bytes")
+local spec = require("ds47.spec.lookup")
+local status = require("ds47.profinet.status")
+local tables = require("ds47.spec.tables")
 
 local file = assert(io.open(arg[1], "rb"))
 local vectors = json.decode(file:read("*a"))

@@ -7,11 +7,11 @@
 local here = arg[0]:match("^(.*)[/\\]") or "."
 package.path = here .. "/../../lua/?.lua;" .. package.path
 
-local json = require("ds47.json")
-local notation = require("ds47.notation")
-local parameter = require("ds47.parameter")
-local reader = require("ds47.reader")
-local repair = require("ds47.repair")
+local json = require("ds47.support.json")
+local notation = require("ds47.profidrive.notation")
+local parameter = require("ds47.profidrive.parameter")
+local reader = require("ds47.support.bytes")
+local repair = require("ds47.diagnosis.repair")
 
 local function by_number(object, shift)
   local items = {}

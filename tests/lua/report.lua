@@ -6,8 +6,8 @@
 local folder = arg[0]:match("^(.*)[/\\]tests[/\\]lua[/\\]") or "."
 package.path = folder .. "/lua/?.lua;" .. package.path
 
-local grouping = require("ds47.grouping")
-local json = require("ds47.json")
+local grouping = require("ds47.findings.grouping")
+local json = require("ds47.support.json")
 
 -- Findings to diagnoses: the result has `told`, an array of {finding, device}.
 local function group(result)
@@ -20,9 +20,9 @@ end
 
 local KINDS = {
   grouping = group,
-  statistics = require("ds47.statistics").text,
-  report = require("ds47.report_text").report,
-  csv = require("ds47.report_csv").report,
+  statistics = require("ds47.report.statistics").text,
+  report = require("ds47.report.text").report,
+  csv = require("ds47.report.csv").report,
 }
 
 -- null is nil in a result.

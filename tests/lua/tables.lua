@@ -1,4 +1,4 @@
--- lua/ds47/tables.lua, every entry, against tests/vectors/tables.json.
+-- lua/ds47/spec/tables.lua, every entry, against tests/vectors/tables.json.
 --   lua tests/lua/tables.lua tests/vectors/tables.json [TABLES]
 -- Prints a line for every key that differs, and last how many entries the tables have. Exits with 1 where
 -- there is a difference. TABLES: another tables.lua.
@@ -6,8 +6,8 @@
 local here = arg[0]:match("^(.*)[/\\]") or "."
 package.path = here .. "/../../lua/?.lua;" .. package.path
 
-local json = require("ds47.json")
-local tables = arg[2] and dofile(arg[2]) or require("ds47.tables")
+local json = require("ds47.support.json")
+local tables = arg[2] and dofile(arg[2]) or require("ds47.spec.tables")
 
 local file = assert(io.open(arg[1], "rb"))
 local stored = json.decode(file:read("*a")).tables

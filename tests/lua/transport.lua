@@ -4,16 +4,16 @@
 
 package.path = arg[1] .. "/?.lua;" .. package.path
 
-local calls = require("ds47.calls")
-local dcp = require("ds47.dcp")
-local gate = require("ds47.gate")
-local ip = require("ds47.ip")
-local lldp = require("ds47.lldp")
-local naming = require("ds47.naming")
-local ordered = require("ds47.ordered")
-local recordcalls = require("ds47.recordcalls")
-local records = require("ds47.records")
-local rpc = require("ds47.rpc")
+local calls = require("ds47.profinet.calls")
+local dcp = require("ds47.profinet.dcp")
+local gate = require("ds47.acyclic.index47")
+local ip = require("ds47.profinet.ip")
+local lldp = require("ds47.profinet.lldp")
+local naming = require("ds47.profinet.stations")
+local ordered = require("ds47.support.ordered")
+local recordcalls = require("ds47.acyclic.record_calls")
+local records = require("ds47.profinet.records")
+local rpc = require("ds47.profinet.rpc")
 
 local SECOND = 1000000000
 local passed = 0

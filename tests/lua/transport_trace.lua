@@ -11,17 +11,17 @@
 
 package.path = arg[1] .. "/?.lua;" .. package.path
 
-local calls = require("ds47.calls")
-local dcp = require("ds47.dcp")
-local gate = require("ds47.gate")
-local ip = require("ds47.ip")
-local json = require("ds47.json")
-local lldp = require("ds47.lldp")
-local naming = require("ds47.naming")
-local recordcalls = require("ds47.recordcalls")
-local records = require("ds47.records")
-local rpc = require("ds47.rpc")
-local tables = require("ds47.tables")
+local calls = require("ds47.profinet.calls")
+local dcp = require("ds47.profinet.dcp")
+local gate = require("ds47.acyclic.index47")
+local ip = require("ds47.profinet.ip")
+local json = require("ds47.support.json")
+local lldp = require("ds47.profinet.lldp")
+local naming = require("ds47.profinet.stations")
+local recordcalls = require("ds47.acyclic.record_calls")
+local records = require("ds47.profinet.records")
+local rpc = require("ds47.profinet.rpc")
+local tables = require("ds47.spec.tables")
 
 local function hex(text)
   return text and (text:gsub(".", function(letter) return ("%02x"):format(letter:byte()) end))

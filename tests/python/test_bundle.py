@@ -102,7 +102,7 @@ def test_the_bundle_loads_under_every_lua(bundle: Path, lua: str) -> None:
         "package.path = ''\npackage.cpath = ''\n"
         "local chunk = assert(loadfile(arg[1]))\npcall(chunk)\n"
         "for i = 2, #arg do assert(type(require(arg[i])) == 'table', arg[i]) end\n"
-        "io.write(require('ds47.tables').version)"
+        "io.write(require('ds47.spec.tables').version)"
     )
     driver = bundle.parent.parent / "driver.lua"
     driver.write_text(script)

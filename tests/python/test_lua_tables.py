@@ -1,4 +1,4 @@
-"""lua/ds47/tables.lua is what tools/make_tables.py writes, and loads under every Lua."""
+"""lua/ds47/spec/tables.lua is what tools/make_tables.py writes, and loads under every Lua."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ds47.spec import semantics
 
 ROOT = Path(__file__).resolve().parents[2]
 TOOL = ROOT / "tools" / "make_tables.py"
-TABLES = ROOT / "lua" / "ds47" / "tables.lua"
+TABLES = ROOT / "lua" / "ds47" / "spec" / "tables.lua"
 
 COUNTS = """
 local t = dofile(arg[1])

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "tests/vectors/tables.json"
 STORED = json.loads(FILE.read_text(encoding="utf-8"))
 TOOL = runpy.run_path(str(ROOT / "tests/vectors/sources/tables.py"))
-TABLES = ROOT / "lua/ds47/tables.lua"
+TABLES = ROOT / "lua/ds47/spec/tables.lua"
 HOW = "if this is meant: tools/make_tables.py and tests/vectors/sources/tables.py"
 
 

@@ -2,7 +2,7 @@
 
 The only place that words a finding or a diagnosis; nothing reads a value back out of what it gives. What the
 types mean is in spec/rules.toml, the words of keys are in spec/diagnoses.toml and spec/pairing.toml. Used by
-every report, by `watch`, `check` and `decode`; lua/ds47/sentences.lua says the same.
+every report, by `watch`, `check` and `decode`; lua/ds47/report/sentences.lua says the same.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ HEADER = """\
 # Modules stand there as text: what is not used is not compiled, and the collector of Lua sees one string
 # instead of a thousand objects. A message of Lua names the module and its line.
 _OPEN = """\
-if not package.loaded["ds47.tables"] then
+if not package.loaded["ds47.spec.tables"] then
 local function module(name, file, text)
   package.preload[name] = function(...)
     return assert(load(text, "@" .. file))(...)
@@ -61,7 +61,7 @@ class Sources:
     """The files of the plugin."""
 
     modules: Mapping[str, Path]
-    """Path as `require` knows it, with `/` and `.lua` (`ds47/reader.lua`) -> file; and the entry."""
+    """Path as `require` knows it, with `/` and `.lua` (`ds47/support/bytes.lua`) -> file; and the entry."""
     profile: Mapping[str, Path]
     """Name of a file of the Wireshark profile -> file."""
     trial: Path

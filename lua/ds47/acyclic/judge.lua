@@ -1,0 +1,409 @@
+-- Judgement: a job, its request and its response to findings (spec/rules.toml has the catalogue).
+--
+-- Everything that compares a request with its response, or a transaction with its history, stands here. What
+-- is wrong inside one message is found by the codec (flaws) and only passed on; what is wrong with the
+-- transport is reported by record_calls.lua.
+--
+-- A remark is a finding in the making: {rule, frame, args, offset, job}. The args of each rule are in
+-- spec/rules.toml.
+
+local json = require("ds47.support.json")
+local ordered = require("ds47.support.ordered")
+local readback = require("ds47.acyclic.readback")
+local status = require("ds47.profinet.status")
+local tables = require("ds47.spec.tables")
+
+local floor, huge, max = math.floor, math.huge, math.max
+
+local M = {}
+
+--- r0974[0] is the longest message the device takes (docs/protocol.md A.5, D.1).
+M.PNU_ACCESS_IDENTIFICATION = 974
+--- Response id of a device that does not know the request id.
+M.NOT_SUPPORTED = 0x80
+
+local PNU_ACCESS_IDENTIFICATION, NOT_SUPPORTED = M.PNU_ACCESS_IDENTIFICATION, M.NOT_SUPPORTED
+local VALUE = 0x10 -- attribute (docs/protocol.md A.4)
+local NONE = {} -- no remarks; most jobs have none
+-- Flaws that say that something is not there: pad, bytes, error block.
+local TOO_MANY = "DS304" -- more parameters than usual
+local ABSENT = {DS311 = true, DS315 = true, DS412 = true}
+
+--- A remark. `args` may be nil; `offset` is the 0-based byte of the message, nil where there is none.
+function M.remark(rule, frame, args, offset)
+  return {rule = rule, frame = frame, args = args, offset = offset}
+end
+
+local function put(remarks, rule, frame, args, offset)
+  remarks[#remarks + 1] = {rule = rule, frame = frame, args = args, offset = offset}
+end
+
+--- Whether a response id belongs to a request id (docs/protocol.md A.3).
+function M.family_fits(request_id, response_id)
+  local known = tables.request_ids[request_id]
+  if response_id == NOT_SUPPORTED then
+    return true
+  elseif known == nil then
+    return response_id % 128 == request_id % 128
+  end
+  return response_id == known.positive or response_id == known.negative
+end
+
+--- Whether the response cannot be the answer to the request (docs/pairing.md, states).
+function M.is_mismatch(job)
+  local request, response = job.message, job.response
+  if request == nil or response == nil then
+    return false
+  end
+  return response.request_reference ~= request.request_reference
+    or response.axis ~= request.axis
+    or response.response_id == nil
+    or request.request_id == nil
+    or not M.family_fits(request.request_id, response.response_id)
+    or #response.blocks > #request.addresses
+end
+
+local is_mismatch = M.is_mismatch
+
+--- The drive's share of the duration, nanoseconds: without the pause the program made before its first Read.
+-- nil where that is not known: the duration, when the Write was accepted, when the first Read was asked for.
+function M.drive_time_ns(job)
+  local write, accepted, read = job:write_request(), job.write_response, job.read_response
+  if write == nil or accepted == nil or read == nil then
+    return nil
+  end
+  local first, poll = job.read_request, job.polls[1]
+  if poll then
+    first = poll.request
+  end
+  if first == nil then
+    return nil
+  end
+  if first.time_ns > accepted.time_ns then -- the parts are exact, whatever the pause
+    return read.time_ns - first.time_ns + (accepted.time_ns - write.time_ns)
+  end
+  return read.time_ns - write.time_ns
+end
+
+-- What is wrong inside a message; what the capture cut off is no fault of it.
+-- `most`: how many parameters the device has shown to take; nil for the usual number.
+local function put_flaws(remarks, flaws, half, most)
+  for number = 1, #flaws do
+    local flaw = flaws[number]
+    local args, silent = flaw.args, half.cut and ABSENT[flaw.rule]
+    if flaw.rule == TOO_MANY and most then
+      silent = silent or args.count <= most
+      args = {count = args.count, limit = most}
+    end
+    if not silent then
+      put(remarks, flaw.rule, half.frame, args, flaw.offset)
+    end
+  end
+end
+
+-- The judge
+
+local Judge = {}
+Judge.__index = Judge
+M.Judge = Judge
+
+--- Judges jobs; keeps the little history that some rules need.
+-- @param limits   the numbers of tables.limits
+-- @param slow_ns  from which share of the drive a transaction is slow, nanoseconds
+function M.new(limits, slow_ns)
+  return setmetatable({
+    limits = limits,
+    slow_ns = slow_ns,
+    written = readback.new(limits.written_values),
+    longest = ordered.new(), -- device -> longest message it takes
+    most = ordered.new(), -- device -> most parameters of one request
+    blank = {}, -- where the remarks of the next job go; made anew only when it had some
+  }, Judge)
+end
+
+--- For a copy of the analysis that only plays the end of the capture: nothing is read back there.
+function Judge:copied(known)
+  known[self.written] = readback.new(self.limits.written_values)
+  known[self.longest], known[self.most] = self.longest, self.most
+end
+
+-- The remarks in `blank`, as those of the job.
+local function owned(self, job)
+  local remarks = self.blank
+  if #remarks == 0 then
+    return NONE
+  end
+  self.blank = {}
+  for _, remark in ipairs(remarks) do
+    remark.job = job
+  end
+  return remarks
+end
+
+local function is_change(job)
+  return job.message ~= nil and job.message.operation == "change"
+end
+
+--- A Write request asks for something. To be called in the order of the capture.
+function Judge:asked(job)
+  self.written:asked(job)
+end
+
+--- A Write was refused.
+function Judge:refused(job)
+  if is_change(job) then
+    self.written:settled(job, false)
+  end
+end
+
+--- A Connect to a device.
+function Judge:connected(device, frame)
+  self.written:connected(device, frame)
+end
+
+--- What its response, and the values in it, say of a job: an array of remarks.
+-- To be called in the order of the capture.
+function Judge:answered(job)
+  local remarks, stray = self.blank, is_mismatch(job)
+  self:_request(remarks, job)
+  self:_reads(remarks, job)
+  self:_response(remarks, job, stray)
+  self:_time(remarks, job)
+  if is_change(job) then
+    self.written:settled(job, stray)
+  elseif job.message == nil then
+    self.written:unasked(job)
+  end
+  if not stray then
+    self:_read_back(remarks, job)
+    self:_learn_limit(job)
+  end
+  return owned(self, job)
+end
+
+--- What is to be said of a job that is closed without a response: an array of remarks.
+-- @param dropped  whether the capture says that frames are missing
+function Judge:unanswered(job, dropped)
+  local remarks = self.blank
+  self:_request(remarks, job)
+  self:_reads(remarks, job)
+  if is_change(job) then
+    self.written:settled(job, false)
+  end
+  local write = job:write_request()
+  if write and not job:write_refused() then
+    local change = is_change(job)
+    if job.superseded_by ~= nil then
+      local args = {request = write.frame, by = job.superseded_by}
+      put(remarks, change and "DS414" or "DS413", job.superseded_by, args)
+    elseif not job.limit then -- else a response may have come later
+      local args = {reason = job.reason ~= "" and job.reason or nil, dropped = dropped}
+      put(remarks, change and "DS402" or "DS401", write.frame, args)
+    end
+  end
+  return owned(self, job)
+end
+
+--- What is certain of a job that still waits: an array of remarks.
+function Judge:certain(job)
+  local remarks = self.blank
+  self:_request(remarks, job, huge) -- the drive may yet answer all of them
+  self:_reads(remarks, job)
+  remarks[#remarks + 1] = self:closed(job)
+  return owned(self, job)
+end
+
+--- What its Write response says of a job: a remark or nil. It may come after the Read.
+function Judge:closed(job)
+  local half = job.write_response
+  if half == nil or half.status == nil or half.status == 0 then
+    return nil
+  end
+  local remark = M.remark("DS203", half.frame, {status = status.status_hex(half.status)})
+  remark.job = job
+  return remark
+end
+
+-- How many parameters of one request the device takes, as far as it has shown; nil: not at all.
+function Judge:_most_parameters(job)
+  local request, response, most = job.message, job.response, self.most:get(job.peer.device)
+  if request == nil or response == nil or is_mismatch(job) then
+    return most
+  end
+  local answered = #response.blocks
+  if answered == #request.addresses and answered == request.parameter_count then
+    return answered
+  end
+  return most
+end
+
+-- `most`: how many parameters are not too many; nil: as many as the device has shown to take.
+function Judge:_request(remarks, job, most)
+  local half, message = job:write_request(), job.message
+  if half == nil then
+    return
+  end
+  put_flaws(remarks, message.flaws, half, most or self:_most_parameters(job))
+  local limit = self.longest:get(job.peer.device)
+  if limit and #half.data > limit then
+    put(remarks, "DS316", half.frame, {length = #half.data, limit = limit}, 0)
+  end
+  if job.previous_reference ~= nil and job.previous_reference == message.request_reference then
+    local args = {reference = message.request_reference, first = job.previous}
+    put(remarks, "DS415", half.frame, args)
+  end
+end
+
+function Judge:_reads(remarks, job)
+  local half = job.read_response
+  if half and half.status and half.status ~= 0 then
+    put(remarks, "DS201", half.frame, {status = status.status_hex(half.status)})
+  end
+  local empty_reads = job.empty_reads
+  for number = 1, #empty_reads do
+    put(remarks, "DS207", empty_reads[number].frame)
+  end
+end
+
+-- How a response comes to stand alone: a key of tables.diagnosis_words.
+local function unasked(job)
+  if not job.record.implicit then
+    return "unasked"
+  end
+  return job.repeats and "unasked_again" or "unasked_without_ar"
+end
+
+function Judge:_response(remarks, job, stray)
+  local half, response = job.read_response, job.response
+  if response == nil then
+    return
+  end
+  put_flaws(remarks, response.flaws, half, self:_most_parameters(job))
+  if job.message == nil then
+    if not job.uncertain then
+      put(remarks, "DS403", half.frame, {case = unasked(job)})
+    end
+  else
+    self:_mirror(remarks, half.frame, job)
+  end
+  self:_blocks(remarks, half.frame, job, stray)
+end
+
+local function put_if_other(remarks, rule, frame, sent, got)
+  if sent ~= got and sent ~= nil and got ~= nil then
+    put(remarks, rule, frame, {sent = sent, got = got})
+  end
+end
+
+function Judge:_mirror(remarks, frame, job)
+  local request, response = job.message, job.response
+  put_if_other(remarks, "DS404", frame, request.request_reference, response.request_reference)
+  put_if_other(remarks, "DS406", frame, request.axis, response.axis)
+  put_if_other(remarks, "DS407", frame, request.parameter_count, response.parameter_count)
+  local sent, got = request.request_id, response.response_id
+  if sent == nil or got == nil then
+    return
+  end
+  if got == NOT_SUPPORTED then
+    put(remarks, "DS418", frame, {id = sent})
+  elseif not M.family_fits(sent, got) then
+    put(remarks, "DS405", frame, {sent = sent, got = got})
+  end
+end
+
+-- Fewer or more values than were asked for. Count 0 asks for the whole simple parameter, one value at least;
+-- a string has as many values as characters.
+local function put_count(remarks, frame, block, address)
+  local asked, got, rule = max(1, address.element_count), block.value_count, nil
+  if got < asked then
+    rule = "DS408"
+  elseif got > asked and address.element_count ~= 0 then
+    rule = "DS409"
+  end
+  if rule and address.attribute == VALUE then
+    put(remarks, rule, frame, {asked = asked, got = got, pnu = address.pnu}, block.offset)
+  end
+end
+
+function Judge:_blocks(remarks, frame, job, stray)
+  local request, blocks = job.message, job.response.blocks
+  local addresses = request and not stray and request.addresses
+  local counted = addresses and request.operation == "read"
+  local told = request == nil and job.repeats ~= nil
+  for number = 1, #blocks do
+    local block = blocks[number]
+    local address = addresses and addresses[number] or nil
+    if block.error ~= nil and not told then
+      put(remarks, "DS410", frame, self:_error_args(job, block, address), block.offset)
+    elseif address and counted then
+      put_count(remarks, frame, block, address)
+    end
+  end
+end
+
+function Judge:_error_args(job, block, address)
+  local code, info = block.error.code, block.error.info
+  return {
+    pnu = address and address.pnu,
+    subindex = address and address.subindex,
+    code = code,
+    vendor_id = job.peer.vendor_id,
+    info = info,
+  }
+end
+
+function Judge:_time(remarks, job)
+  local half, polls = job.read_response, job.polls
+  if #polls >= self.limits.polls then
+    put(remarks, "DS204", half.frame, {count = #polls})
+  end
+  if polls[1] then
+    local since = half.time_ns - (polls[1].request or polls[1].response).time_ns
+    if since > self.limits.polling_ns then
+      local args = {milliseconds = json.float(since / 1e6), limit = floor(self.limits.polling_ns / 1000000)}
+      put(remarks, "DS205", half.frame, args)
+    end
+  end
+  local share = M.drive_time_ns(job)
+  if share ~= nil and share > self.slow_ns and half.data ~= "" then
+    local args = {milliseconds = json.float(share / 1e6), limit = floor(self.slow_ns / 1000000)}
+    put(remarks, "DS416", half.frame, args)
+  end
+end
+
+-- Compares what is read with what was written last.
+function Judge:_read_back(remarks, job)
+  local found = self.written:read(job)
+  for number = 1, #found do
+    put(remarks, "DS417", job.read_response.frame, found[number].args, found[number].offset)
+  end
+end
+
+function Judge:_learn_limit(job)
+  local request, response = job.message, job.response
+  if request == nil or response == nil or request.operation ~= "read" then
+    return
+  end
+  local addresses, blocks = request.addresses, response.blocks
+  for number = 1, #blocks do
+    local address, block = addresses[number], blocks[number]
+    if address.pnu == PNU_ACCESS_IDENTIFICATION and address.attribute == VALUE and not block.float then
+      self:_learn(self.longest, job.peer.device, block.values[1 - address.subindex])
+      self:_learn(self.most, job.peer.device, block.values[2 - address.subindex])
+    end
+  end
+end
+
+-- Keeps a value of r0974 in one of the two memories of that.
+function Judge:_learn(memory, device, value)
+  if type(value) ~= "number" or value <= 0 then
+    return
+  end
+  memory:set(device, value)
+  memory:move_to_end(device)
+  if memory.length > self.limits.longest_messages then
+    memory:pop_first()
+  end
+end
+
+return M

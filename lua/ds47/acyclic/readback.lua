@@ -1,0 +1,354 @@
+-- What was written last to a parameter, and whether a later read brings something else (DS417).
+--
+-- The same as python/ds47/readback.py, where it is explained: a finding speaks only where the value that was
+-- written last is the same in every order that the capture allows, and for every drive object that a request
+-- may have reached.
+
+local drive_objects = require("ds47.profidrive.drive_objects")
+local formats = require("ds47.profidrive.formats")
+local json = require("ds47.support.json")
+local ordered = require("ds47.support.ordered")
+local tables = require("ds47.spec.tables")
+
+local floor, huge, max, sub = math.floor, math.huge, math.max, string.sub
+
+local M = {}
+
+local DO_IDENTIFICATION = drive_objects.DO_IDENTIFICATION
+local VALUE = 0x10 -- attribute (docs/protocol.md A.4)
+local NEVER = huge -- a frame behind the end of every capture
+local KEPT = 8 -- writes that may be the last one of a parameter; of more of them nothing is known
+local CUT = "DS315"
+local DOUBTFUL = {DS309 = true, DS313 = true, [CUT] = true} -- of a message not decoded to its end
+local OF_CHANGES = {[0x02] = true, [0x82] = true, [0x42] = true, [0xC2] = true} -- response IDs of changes
+local NEGATIVE = 0x80 -- the first response id that is negative
+local NONE = {}
+
+local ReadBack = {}
+ReadBack.__index = ReadBack
+
+--- Remembers what was written, and compares what is read.
+-- @param most  parameters that are remembered; of more the one that was written longest ago is forgotten
+function M.new(most)
+  return setmetatable({
+    most = most,
+    objects = drive_objects.new(),
+    written = ordered.new(), -- device, PNU and subindex -> array of writes
+    open = {}, -- changes without a response -> array of {key, number, write}, number of the parameter from 1
+    devices = ordered.new(), -- address -> {forgotten = frame, recomputing = set of jobs, count}
+    pnus = {}, -- every PNU that was ever written: most reads ask for others
+  }, ReadBack)
+end
+
+-- Elements of blocks
+
+-- The number of elements and the bytes of each, for a block whose elements can be told apart; 0 for
+-- errors, texts and strings.
+local function elements(address, block)
+  local count = #block.values
+  if address.attribute ~= VALUE or count == 0 or count ~= block.value_count then
+    return 0
+  end
+  return count, floor(#block.raw / count)
+end
+
+local function key_of(device, pnu, subindex)
+  return device .. "\0" .. pnu .. "\0" .. subindex
+end
+
+-- A value as an argument of a finding.
+local function argument(value, block)
+  return type(value) == "string" and value or json.raw(formats.value_text(value, block))
+end
+
+-- Devices
+
+local function forget_device(self, device)
+  local gone = {}
+  for key in self.written:iterate() do
+    if sub(key, 1, #device + 1) == device .. "\0" then
+      gone[#gone + 1] = key
+    end
+  end
+  for _, key in ipairs(gone) do
+    self.written:pop(key)
+  end
+end
+
+function ReadBack:_device(device)
+  local found = self.devices:get(device)
+  if found == nil then
+    found = {forgotten = 0, recomputing = {}}
+    self.devices:set(device, found)
+    if self.devices.length > tables.known.history then
+      forget_device(self, (self.devices:pop_first()))
+    end
+  end
+  return found
+end
+
+--- A Connect: the drive may have been switched off and on before it.
+function ReadBack:connected(device, frame)
+  self:_device(device).forgotten = frame
+end
+
+-- Changes
+
+local function remember(self, key, write)
+  local there = self.written:get(key)
+  if there == nil then
+    there = {}
+    self.written:set(key, there)
+  else
+    self.written:move_to_end(key)
+  end
+  if #there == KEPT then -- too many at once: nothing is known of it any more
+    write = {
+      access = write.access, raw = "", format = write.format, value = "", asked = write.asked, upto = NEVER,
+    }
+    there = {}
+    self.written:set(key, there)
+  end
+  there[#there + 1] = write
+  if self.written.length > self.most then
+    self.written:pop_first()
+  end
+end
+
+local function note(self, told, access, place, address, block, frame)
+  local count, size = elements(address, block)
+  for number = 0, count - 1 do
+    local subindex = address.subindex + number
+    local key = key_of(access.device, address.pnu, subindex)
+    local write = {
+      access = access, raw = sub(block.raw, number * size + 1, (number + 1) * size), format = block.format,
+      value = block.values[number + 1], block = block, asked = frame, upto = NEVER,
+    }
+    told[#told + 1] = {key = key, number = place, write = write}
+    remember(self, key, write)
+  end
+  self.pnus[address.pnu] = true
+end
+
+-- Whether a message is not decoded to its end, for another reason than `but`.
+local function is_broken(message, but)
+  for _, flaw in ipairs(message.flaws) do
+    if DOUBTFUL[flaw.rule] and flaw.rule ~= but then
+      return true
+    end
+  end
+  return false
+end
+
+--- A Write request asks for something.
+function ReadBack:asked(job)
+  local message, half = job.message, job:write_request()
+  if message.operation ~= "change" then
+    return
+  end
+  local access, told = drive_objects.access(job), {}
+  if is_broken(message) then
+    self:_device(access.device).recomputing[job] = true -- which values it writes is not known
+  end
+  for number, block in ipairs(message.blocks) do
+    local address = message.addresses[number]
+    if tables.known.recomputing[address.pnu] then
+      self:_device(access.device).recomputing[job] = true
+    end
+    local row = tables.parameters[address.pnu]
+    if not (row and row.volatile) then
+      note(self, told, access, number, address, block, half.frame)
+    end
+  end
+  self.open[job] = told
+end
+
+-- The frame by which a change is in force or never will be.
+local function end_of(job)
+  if job.read_response then
+    return job.read_response.frame
+  end
+  return job.superseded_by or NEVER
+end
+
+-- The last frame of a job whose response was not fetched.
+local function last_frame(job)
+  return (job.write_response or job:write_request()).frame
+end
+
+-- Whether the response does not say for sure what became of the parameters that it has blocks of.
+local function is_doubtful(job, response)
+  local half = job.read_response
+  return is_broken(response, CUT) or half.missing ~= 0 or half.status ~= nil and half.status ~= 0
+end
+
+-- Which parameters, from 1, did not take effect (nil: all), and of how many, from the first, this is sure.
+-- A request may name a parameter twice.
+local function outcome(job, stray)
+  local failed, message, response = {}, job.message, job.response
+  if job:write_refused() then
+    return nil, 0
+  elseif response == nil or response.response_id == nil or stray or is_doubtful(job, response) then
+    return failed, 0
+  end
+  for number, block in ipairs(response.blocks) do
+    failed[number] = block.error ~= nil
+  end
+  local whole = response.response_id < NEGATIVE and not is_broken(response)
+  return failed, whole and #message.addresses or #response.blocks
+end
+
+local function kept(there, keep)
+  local result = {}
+  for _, each in ipairs(there) do
+    if keep(each) then
+      result[#result + 1] = each
+    end
+  end
+  return result
+end
+
+local function same_access(one, other)
+  return one.record_index == other.record_index and one.slot == other.slot and one.subslot == other.subslot
+    and one.axis == other.axis
+end
+
+-- A value was accepted: what was written in the same way before it does not count any more.
+local function in_force(self, key, write)
+  write.certain = true
+  local there = self.written:get(key)
+  if there then
+    self.written:set(key, kept(there, function(each)
+      return not same_access(each.access, write.access) or each.upto >= write.asked
+    end))
+  end
+end
+
+local function drop(self, key, write)
+  local there = self.written:get(key)
+  if there then
+    self.written:set(key, kept(there, function(each) return each ~= write end))
+  end
+end
+
+--- A response without its request: that of a change says that something was written by then.
+function ReadBack:unasked(job)
+  local half, response = job.read_response, job.response
+  if response and OF_CHANGES[response.response_id] then
+    local device = self:_device(job.peer.device)
+    device.forgotten = max(device.forgotten, half.frame)
+  end
+end
+
+--- The response to a change is there, or it is over without one.
+-- @param stray  whether the response is another's
+function ReadBack:settled(job, stray)
+  local told, device = self.open[job], self:_device(job.peer.device)
+  local frame = end_of(job)
+  self.open[job] = nil
+  if device.recomputing[job] then
+    device.recomputing[job] = nil
+    device.forgotten = max(device.forgotten, frame == NEVER and last_frame(job) or frame)
+  end
+  if job.response and not stray then
+    self:_refusals(job)
+  end
+  local failed, sure = outcome(job, stray)
+  for _, each in ipairs(told or NONE) do
+    each.write.upto = frame
+    if failed == nil or failed[each.number] then
+      drop(self, each.key, each.write)
+    elseif each.number <= sure then
+      in_force(self, each.key, each.write)
+    end
+  end
+end
+
+function ReadBack:_refusals(job)
+  for _, block in ipairs(job.response.blocks) do
+    if block.error then
+      self.objects:refused(drive_objects.access(job), block.error.code)
+    end
+  end
+end
+
+-- Reads
+
+-- What was written last before frame `asked`, as far as that is sure; nil where it is not.
+function ReadBack:_last(key, pnu, access, asked)
+  local objects, last = self.objects, nil
+  local near = kept(self.written:get(key) or NONE, function(each)
+    return not objects:other(access, each.access, pnu)
+  end)
+  for _, each in ipairs(near) do
+    if each.certain and each.upto < asked and objects:same(access, each.access, pnu)
+      and (last == nil or each.asked > last.asked)
+    then
+      last = each
+    end
+  end
+  for _, each in ipairs(last and near or NONE) do
+    if each.raw ~= last.raw and each.upto >= last.asked then
+      return nil -- may have come later
+    end
+  end
+  return last
+end
+
+local function differs(last, block, raw, value)
+  return #last.raw == #raw and last.raw ~= raw and not (last.format ~= block.format and last.value == value)
+end
+
+function ReadBack:_compare(found, job, access, address, block)
+  local device = self:_device(access.device)
+  if next(device.recomputing) ~= nil then
+    return
+  end
+  local count, size = elements(address, block)
+  for number = 0, count - 1 do
+    local subindex, value = address.subindex + number, block.values[number + 1]
+    local key = key_of(access.device, address.pnu, subindex)
+    local last = self:_last(key, address.pnu, access, job:write_request().frame)
+    local raw = sub(block.raw, number * size + 1, (number + 1) * size)
+    if last and last.asked > device.forgotten and differs(last, block, raw, value) then
+      self.written:set(key, kept(self.written:get(key), function(each) return each.upto == NEVER end))
+      found[#found + 1] = {
+        offset = block.offset,
+        args = {
+          pnu = address.pnu, subindex = subindex, read = argument(value, block),
+          written = argument(last.value, last.block), by = last.asked,
+        },
+      }
+    end
+  end
+end
+
+--- What a read brings that is not what was written last: array of {offset, args of DS417}.
+function ReadBack:read(job)
+  local request, response = job.message, job.response
+  if request == nil or response == nil or request.operation ~= "read" then
+    return NONE
+  end
+  local found, access = {}, nil
+  for number = 1, #response.blocks do
+    local address, block = request.addresses[number], response.blocks[number]
+    if block.error or self.pnus[address.pnu] or address.pnu == DO_IDENTIFICATION then
+      access = access or drive_objects.access(job)
+      self:_look(found, job, access, address, block)
+    end
+  end
+  return found
+end
+
+function ReadBack:_look(found, job, access, address, block)
+  if block.error then
+    self.objects:refused(access, block.error.code)
+  elseif address.pnu == DO_IDENTIFICATION and address.attribute == VALUE and not block.float then
+    self.objects:identified(access, address.subindex, block.values)
+  end
+  if self.pnus[address.pnu] then
+    self:_compare(found, job, access, address, block)
+  end
+end
+
+return M

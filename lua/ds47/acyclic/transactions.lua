@@ -1,0 +1,479 @@
+-- A finished job as the transaction of a report: its state, its parameters, its frames and times.
+--
+-- States and parameters follow docs/pairing.md; findings are made in judge.lua. Keys of a transaction
+-- are those of python/ds47/model.py, and `order`, by which its job is known while the capture goes on.
+
+local parameter = require("ds47.profidrive.parameter")
+local rules = require("ds47.acyclic.judge")
+local spec = require("ds47.spec.lookup")
+local tables = require("ds47.spec.tables")
+
+local byte, format = string.byte, string.format
+local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, rules.NOT_SUPPORTED
+
+local M = {}
+
+--- PROFINET vendor id of the drives whose own parameters parameters.toml names.
+M.SIEMENS = 0x002A
+
+local SIEMENS = M.SIEMENS
+local NIL_UUID = ("\0"):rep(16)
+
+-- Text of AR UUIDs. A capture has few of them; one made to have many must not fill memory.
+local uuids, uuid_count, MOST_UUIDS = {}, 0, 1024
+
+--- An AR UUID, 16 bytes, as text.
+function M.uuid(raw)
+  local text = uuids[raw]
+  if text == nil then
+    text = format("%02x%02x%02x%02x-%02x%02x-%02x%02x-%02x%02x-%02x%02x%02x%02x%02x%02x", byte(raw, 1, 16))
+    if uuid_count >= MOST_UUIDS then
+      uuids, uuid_count = {}, 0
+    end
+    uuids[raw], uuid_count = text, uuid_count + 1
+  end
+  return text
+end
+
+-- Operation and state
+
+-- Response id -> what was asked; of two request ids the one with the smaller code counts.
+local operation_of_response = {}
+do
+  local codes = {}
+  for code in pairs(tables.request_ids) do
+    codes[#codes + 1] = code
+  end
+  table.sort(codes, function(a, b) return a > b end)
+  for _, code in ipairs(codes) do
+    local known = tables.request_ids[code]
+    operation_of_response[known.positive] = known.operation
+    operation_of_response[known.negative] = known.operation
+  end
+end
+
+--- What was asked; for an orphan what its response id says.
+function M.operation(job)
+  if job.message ~= nil then
+    return job.message.operation
+  end
+  local response_id = job.response and job.response.response_id
+  return response_id and operation_of_response[response_id] or "unknown"
+end
+
+local function refused(job)
+  local read = job.read_response
+  return job:write_refused() or (read ~= nil and read.status ~= nil and read.status ~= 0)
+end
+
+-- That of a response whose end the capture cut off; what stood there is not known.
+local function outcome_as_far_as_seen(done, failed, negative)
+  if failed == 0 and not negative then
+    return "ok"
+  end
+  return done > 0 and "partial" or "error"
+end
+
+local function outcome(job, parameters)
+  local response = job.response
+  if response == nil or response.response_id == NOT_SUPPORTED then
+    return "error"
+  end
+  local blocks = response.blocks
+  local known = tables.response_ids[response.response_id or 0]
+  local negative = known ~= nil and known.negative or false
+  if #blocks == 0 and known and known.body ~= "blocks" and not negative then
+    return "ok" -- a positive response that has nothing to carry
+  end
+  local failed = 0
+  for _, block in ipairs(blocks) do
+    if block.error ~= nil then
+      failed = failed + 1
+    end
+  end
+  local done = #blocks - failed
+  if response.cut and blocks[#blocks].error == nil then
+    done = done - 1 -- the last value did not arrive whole
+  end
+  if job.read_response.cut then
+    return outcome_as_far_as_seen(done, failed, negative)
+  end
+  local asked = math.max(#parameters, job.message and #job.message.addresses or 0)
+  if done == asked then
+    return negative and "error" or "ok"
+  end
+  return done > 0 and "partial" or "error"
+end
+
+--- The state of a closed job: the first of docs/pairing.md P39 to P46 that applies.
+function M.state(job, parameters)
+  local read = job.read_response
+  if job.message == nil then
+    return "orphan"
+  elseif refused(job) then
+    return "refused"
+  elseif read == nil then
+    return job.superseded_by ~= nil and "superseded" or "unanswered"
+  elseif is_mismatch(job) then
+    return "mismatch"
+  end
+  return outcome(job, parameters)
+end
+
+-- Parameters
+
+local NONE = {}
+
+-- What a parameter has until it gets its own, where no request names it.
+local NAMELESS = {values = NONE}
+NAMELESS.__index = NAMELESS
+
+-- What is known of a parameter from its address alone. Stands with the address, which equal requests share;
+-- the parameters of transactions have it as their metatable (`parameter.class`).
+local function class_of(address, lang, siemens)
+  local class = address.class
+  if class and class.lang == lang and class.siemens == siemens then
+    return class
+  end
+  local known = tables.parameters[address.pnu]
+  if known and known.family ~= "profile" and not siemens then
+    known = nil
+  end
+  class = {
+    pnu = address.pnu, subindex = address.subindex, attribute = address.attribute_name,
+    element_count = address.element_count, name = nil, unit = known and known.unit or nil, values = NONE,
+    lang = lang, siemens = siemens,
+  }
+  if known then
+    local zh = known.name_zh
+    class.name = lang == "zh" and zh and zh ~= "" and zh or known.name_en
+  end
+  class.class, class.__index = class, class
+  address.class = class
+  return class
+end
+
+-- One parameter: `value` is the block with the values, `answer` the one that may hold an error; either may
+-- be nil.
+local function shown(job, lang, address, value, answer)
+  local result
+  if value and value.error == nil then
+    result = {
+      format = value.format_name, value_count = value.value_count, values = value.values,
+      scaled = value.scaled,
+    }
+  else
+    result = {}
+  end
+  if answer and answer.error ~= nil then
+    local code, info = answer.error.code, answer.error.info
+    local text = code == nil and "" or spec.error_text(code, lang, job.peer.vendor_id)
+    result.error = {code = code, text = text, info = info}
+  end
+  return setmetatable(result, address and class_of(address, lang, job.peer.vendor_id == SIEMENS) or NAMELESS)
+end
+
+--- The parameters of a job as a report shows them (docs/pairing.md P37, P43): an array of {pnu, subindex,
+-- attribute, element_count, name, unit, format, value_count, values, scaled, error}.
+function M.parameters(job, lang)
+  local request = job.message
+  local blocks = job.response and job.response.blocks or NONE
+  local stray = is_mismatch(job)
+  local change = request ~= nil and request.operation == "change"
+  if stray and change then
+    blocks = request.blocks
+  end
+  local result = {}
+  if request == nil or (stray and not refused(job)) then
+    for number, block in ipairs(blocks) do
+      result[number] = shown(job, lang, nil, block, block)
+    end
+    return result
+  end
+  local answers = stray and NONE or blocks
+  local values = change and request.blocks or answers
+  for number, address in ipairs(request.addresses) do
+    result[number] = shown(job, lang, address, values[number], answers[number])
+  end
+  return result
+end
+
+-- Frames
+
+local function pairs_of_frames(reads)
+  if #reads == 0 then
+    return NONE
+  end
+  local result = {}
+  for number, read in ipairs(reads) do
+    result[number] = {request = read.request and read.request.frame, response = read.response.frame}
+  end
+  return result
+end
+
+local function frames_of(job)
+  local write = job:write_request()
+  return {
+    write_request = write and write.frame,
+    write_response = job.write_response and job.write_response.frame,
+    read_request = job.read_request and job.read_request.frame,
+    read_response = job.read_response and job.read_response.frame,
+    polls = pairs_of_frames(job.polls),
+    rereads = pairs_of_frames(job.rereads),
+  }
+end
+
+--- The first frame in which a transaction shows, 0 where it has none.
+function M.first_frame(frames)
+  local first = math.huge
+  local function earlier(frame)
+    if frame and frame < first then
+      first = frame
+    end
+  end
+  earlier(frames.write_request)
+  earlier(frames.write_response)
+  earlier(frames.read_request)
+  earlier(frames.read_response)
+  for _, reads in ipairs({frames.polls, frames.rereads}) do
+    for _, read in ipairs(reads) do
+      earlier(read.request)
+      earlier(read.response)
+    end
+  end
+  return first < math.huge and first or 0
+end
+
+--- Gives a job that was closed its response again: see `Store:add`.
+function M.restore(job, codec)
+  local read = job.read_response
+  if job.phase == "closed" and job.response == nil and read ~= nil and read.data ~= "" then
+    job.response = parameter.decode_response(read.data, job.message, codec)
+  end
+end
+
+-- The keys of a transaction, and what each is: a function of the transaction, which has its job and its
+-- language while it is made, and of the job.
+local KEYS = {}
+
+function KEYS.order(_, job)
+  return job.order
+end
+
+function KEYS.operation(_, job)
+  return M.operation(job)
+end
+
+function KEYS.parameters(item, job)
+  return M.parameters(job, item.lang)
+end
+
+function KEYS.state(item, job)
+  return M.state(job, item.parameters)
+end
+
+function KEYS.frames(_, job)
+  return frames_of(job)
+end
+
+function KEYS.controller(_, job)
+  return job.peer.controller
+end
+
+function KEYS.device(_, job)
+  return job.peer.device
+end
+
+function KEYS.vendor_id(_, job)
+  return job.peer.vendor_id
+end
+
+function KEYS.ar(_, job)
+  local ar = job.record.ar
+  return ar ~= NIL_UUID and M.uuid(ar) or nil
+end
+
+for _, key in ipairs({"api", "slot", "subslot", "index", "position"}) do
+  KEYS[key] = function(_, job) return job.record[key] end
+end
+
+-- A key of the header of a message: that of the request, or of the response to an unknown one.
+local function of_header(key)
+  return function(_, job)
+    local head = job.message or job.response
+    return head and head[key]
+  end
+end
+
+KEYS.request_reference, KEYS.axis = of_header("request_reference"), of_header("axis")
+
+function KEYS.start_ns(_, job)
+  return (job:write_request() or job.read_request or job.read_response).time_ns
+end
+
+function KEYS.duration_ns(_, job)
+  local write, read = job:write_request(), job.read_response
+  return write and read and read.data ~= "" and read.time_ns - write.time_ns or nil
+end
+
+function KEYS.drive_ns(_, job) -- for the statistics; no key of the report
+  return rules.drive_time_ns(job)
+end
+
+function KEYS.request(_, job)
+  local write = job:write_request()
+  return write and write.data
+end
+
+function KEYS.response(_, job)
+  local read = job.read_response
+  return read and read.data ~= "" and read.data or nil
+end
+
+function KEYS.write_status(_, job)
+  return job.write_response and job.write_response.status
+end
+
+function KEYS.read_status(_, job)
+  return job.read_response and job.read_response.status
+end
+
+function KEYS.stray(_, job) -- its response is the one of another request
+  return is_mismatch(job)
+end
+
+local Open = {}
+
+function Open.__index(item, key)
+  local make = KEYS[key]
+  local value = make and make(item, item.job)
+  item[key] = value
+  return value
+end
+
+--- The transaction of a job as far as the job has got: each key is made when it is asked for first.
+-- Times are those of the job: nanoseconds, relative to `base_seconds` of the analysis. Error texts in "en" or
+-- "zh".
+function M.open(job, lang)
+  return setmetatable({job = job, lang = lang}, Open)
+end
+
+-- The transaction of a closed job, all of it, without the job.
+local function build(job, lang)
+  local item = {id = 0, findings = {}, lang = lang}
+  item.parameters = KEYS.parameters(item, job) -- of which the state is made
+  for key, make in pairs(KEYS) do
+    if item[key] == nil then
+      item[key] = make(item, job)
+    end
+  end
+  item.lang = nil
+  return item
+end
+
+--- Counts transactions: in all, by state and by operation.
+function M.summary(all)
+  local summary = {transactions = #all}
+  for _, transaction in ipairs(all) do
+    local state, operation = transaction.state, transaction.operation
+    summary[state] = (summary[state] or 0) + 1
+    summary[operation] = (summary[operation] or 0) + 1
+  end
+  return summary
+end
+
+-- All finished transactions of an analysis
+--
+-- A job is kept as it was closed, without its decoded response, and becomes a transaction when somebody asks:
+-- mostly nobody does while a file is read, and a transaction is three times as large.
+
+local Store = {}
+Store.__index = Store
+M.Store = Store
+
+--- An empty store for closed jobs; language and dialects as those of the analysis.
+function M.store(lang, codec)
+  return setmetatable({
+    lang = lang, codec = codec,
+    all = {}, -- transactions, or jobs of which nobody asked yet, in the order in which they were finished
+    places = {}, -- order of a job -> place in `all`
+    below = nil,
+  }, Store)
+end
+
+--- A store that begins with what this one holds; what is added to it stays its own.
+function Store:on_top()
+  local store = M.store(self.lang, self.codec)
+  store.below = self
+  return store
+end
+
+--- Takes a job that was just closed. Its `response` is decoded anew when it is needed.
+function Store:add(job)
+  local place = #self.all + 1
+  self.all[place] = job
+  self.places[job.order] = place
+  job.response = nil
+end
+
+local function transaction_at(self, place)
+  local found = self.all[place]
+  if found.phase then -- still a job
+    M.restore(found, self.codec)
+    local job = found
+    found = build(job, self.lang)
+    job.response = nil
+    self.all[place] = found
+  end
+  return found
+end
+
+--- The transaction of a job, by the order in which the jobs began; nil where it is not finished.
+function Store:by_order(order)
+  local place = self.places[order]
+  if place then
+    return transaction_at(self, place)
+  end
+  return self.below and self.below:by_order(order)
+end
+
+-- Whether the transactions are in the order of their first frame, then of the position inside it, as they
+-- mostly are: then nothing needs to be sorted.
+local function in_order(all, firsts)
+  for number = 2, #all do
+    local before, after = firsts[all[number - 1]], firsts[all[number]]
+    if before > after or (before == after and all[number - 1].position > all[number].position) then
+      return false
+    end
+  end
+  return true
+end
+
+--- All transactions in the order of their first frame, then of the position inside it (docs/pairing.md P49).
+-- Gives them their ids, and empty lists of findings.
+function Store:numbered()
+  local all, firsts, finished = {}, {}, {}
+  for _, store in ipairs({self.below or NONE, self}) do
+    for place = 1, #(store.all or NONE) do
+      local transaction = transaction_at(store, place)
+      all[#all + 1] = transaction
+      firsts[transaction], finished[transaction] = M.first_frame(transaction.frames), #all
+    end
+  end
+  if not in_order(all, firsts) then
+    table.sort(all, function(a, b)
+      if firsts[a] ~= firsts[b] then
+        return firsts[a] < firsts[b]
+      elseif a.position ~= b.position then
+        return a.position < b.position
+      end
+      return finished[a] < finished[b]
+    end)
+  end
+  for number, transaction in ipairs(all) do
+    transaction.id, transaction.findings = number, {}
+  end
+  return all
+end
+
+return M

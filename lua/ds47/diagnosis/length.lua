@@ -1,0 +1,199 @@
+-- Diagnoses of lengths: LEN, MLEN and the longest message of the device (DS711, 712, 713).
+--
+-- What fits is computed from the request alone: a value takes one byte at least, more where its format is
+-- known. `size_of` gives the bytes of one value of a PNU, nil where they are not known.
+
+local pairing = require("ds47.acyclic.pairing")
+local parameter = require("ds47.profidrive.parameter")
+local rules = require("ds47.acyclic.judge")
+local tables = require("ds47.spec.tables")
+
+local byte, char, floor, max, min = string.byte, string.char, math.floor, math.max, math.min
+
+local M = {}
+
+local STATUS_NOT_READY = pairing.STATUS_NOT_READY
+local VALUE = 0x10
+local HEADER, ADDRESS = 4, 6
+local COUNT_AT = 4 -- place of the number of parameters, from 1
+local BLOCK_HEADER = 2 -- format and number of values
+local BLOCK = 4 -- the shortest value block: format, number of values, one value with its pad
+
+-- The flaw of a message that ends too soon, nil for any other.
+local function missing(flaws)
+  for _, flaw in ipairs(flaws) do
+    if flaw.rule == "DS315" then
+      return flaw
+    end
+  end
+  return nil
+end
+
+local function put(remarks, rule, frame, args, offset)
+  remarks[#remarks + 1] = {rule = rule, frame = frame, args = args, offset = offset}
+end
+
+-- Whether the message ends among the values of a block.
+local function is_cut(block)
+  return #(block.error and block.error.words or block.values) < block.value_count
+end
+
+-- The least length of a request that ends too soon: what is cut, and the shortest form of what follows.
+local function need_of(message, have, more)
+  local count = message.parameter_count
+  if count == nil or count == 0 then
+    count = 1
+  end
+  local blocks = message.blocks
+  local row = tables.request_ids[message.request_id]
+  local last, left = blocks[#blocks], row and row.body == "blocks" and count - #blocks or 0
+  local finish = have + more - (last and is_cut(last) and 0 or BLOCK_HEADER)
+  finish = max(finish, HEADER + ADDRESS * count)
+  return left == 0 and finish or finish + finish % 2 + BLOCK * left
+end
+
+-- Of how many parameters the bytes are a whole request, if byte 3 were wrong; nil for none. Of none where a
+-- value would begin with what is an address: its attribute is a format, too.
+local function fitting_count(message, data)
+  for count = 1, min(message.parameter_count or 0, floor(#data / ADDRESS) + 1) - 1 do
+    local other = parameter.decode_request(data:sub(1, COUNT_AT - 1) .. char(count) .. data:sub(COUNT_AT + 1))
+    if byte(data, HEADER + ADDRESS * count + 1) ~= VALUE and other.shaped and not other.flaws[1] then
+      return count
+    end
+  end
+  return nil
+end
+
+--- LEN of WRREC is too small: the record is whole, the request in it is not.
+-- A drive that refused a value for its type has read it: then the format is wrong, and not the length.
+-- @param refused  the parameters that were refused, by refusal.lua
+function M.request_too_short(remarks, job, refused)
+  local half, message = job:write_request(), job.message
+  if half == nil or half.missing ~= 0 then
+    return
+  end
+  for _, each in ipairs(refused) do
+    if tables.known.type_errors[each.code] then
+      return
+    end
+  end
+  local flaw = missing(message.flaws)
+  if flaw then
+    local have = #half.data
+    local fits = fitting_count(message, half.data)
+    local count = message.parameter_count
+    put(remarks, "DS711", half.frame, {
+      have = have, need = need_of(message, have, flaw.args.need), count = count and count > 0 and count or 1,
+      fits = fits, case = fits and "length_or_count" or "length_short",
+    }, flaw.offset)
+  end
+end
+
+local function least_block(address, size_of)
+  if address.attribute ~= VALUE then
+    return BLOCK
+  end
+  local size = (size_of(address.pnu) or 1) * max(1, address.element_count)
+  return 2 + size + size % 2
+end
+
+-- Bytes of the shortest positive response to a request.
+local function least_answer(message, size_of)
+  local size = HEADER
+  if message.operation == "read" then
+    for _, address in ipairs(message.addresses) do
+      size = size + least_block(address, size_of)
+    end
+  end
+  return size
+end
+
+-- The number of bytes that fill a value block up and are not there, at the place where the message ends.
+local function pads_missing(flaws, offset)
+  for _, flaw in ipairs(flaws) do
+    if flaw.rule == "DS311" and flaw.offset == offset then
+      return 1
+    end
+  end
+  return 0
+end
+
+--- MLEN of RDREC is too small: the response was cut to it, or the Read was refused for it.
+function M.answer_cut(remarks, job, size_of)
+  local asked, answer = job.read_request, job.read_response
+  if asked == nil or answer == nil or asked.stated == 0 then
+    return
+  end
+  local need, status = 0, answer.status
+  if answer.data ~= "" and job.response and #answer.data == asked.stated then
+    local flaw = missing(job.response.flaws)
+    if flaw and answer.missing == 0 then
+      need = #answer.data + pads_missing(job.response.flaws, flaw.offset) + flaw.args.need
+    end
+  elseif status and status ~= 0 and status ~= STATUS_NOT_READY and job.message then
+    need = least_answer(job.message, size_of)
+  end
+  if need > asked.stated then
+    put(remarks, "DS712", answer.frame, {asked = asked.stated, need = need})
+  end
+end
+
+-- How the device says that there was no room, and the first parameter of which it says so (from 1); nil
+-- where room is not what was missing.
+local function without_room(request, blocks, length, most, size_of)
+  local count, refused = #request.addresses, false
+  for number = 1, min(#blocks, count) do
+    local failure = blocks[number].error
+    if failure then
+      refused = true
+      if failure.code == tables.known.too_long then
+        return "too_long", number
+      end
+    end
+  end
+  if refused or #blocks >= count then
+    return nil
+  end
+  local number = #blocks + 1
+  local following = least_block(request.addresses[number], size_of)
+  if length + following > most then
+    return "left_out", number
+  end
+  return nil
+end
+
+-- How many parameters have their values.
+local function answered(request, blocks)
+  local count = 0
+  for number = 1, min(#blocks, #request.addresses) do
+    count = count + (blocks[number].error and 0 or 1)
+  end
+  return count
+end
+
+--- More was asked than one response can carry.
+-- @param stated   r0974 of the device, bytes, if it was read; else nil
+-- @param longest  bytes of the longest response of the device, as far as it is known
+function M.answer_too_long(remarks, job, stated, longest, size_of)
+  local half, request, response = job.read_response, job.message, job.response
+  if half == nil or request == nil or response == nil or request.operation ~= "read" then
+    return
+  end
+  if half.missing ~= 0 or rules.is_mismatch(job) then
+    return
+  end
+  longest = max(longest, #half.data)
+  local limit = stated and stated >= longest and stated or nil
+  local most = limit or max(longest, tables.known.channel_bytes)
+  local what, number = without_room(request, response.blocks, #half.data, most, size_of)
+  if what then
+    local address = request.addresses[number]
+    put(remarks, "DS713", half.frame, {
+      parameters = #request.addresses, number = answered(request, response.blocks), what = what,
+      pnu = address.pnu, subindex = address.subindex,
+      room = limit and "room_stated" or "room_seen", limit = limit or longest,
+    })
+  end
+end
+
+return M

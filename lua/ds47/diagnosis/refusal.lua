@@ -1,0 +1,168 @@
+-- Diagnoses of what the drive refused: from error number and request to what has to be changed (DS701, 709,
+-- 717 to 720).
+--
+-- One error block has one cause. What a repair of the whole request explains is not looked at here.
+
+local formats = require("ds47.profidrive.formats")
+local json = require("ds47.support.json")
+local rules = require("ds47.acyclic.judge")
+local tables = require("ds47.spec.tables")
+local transactions = require("ds47.acyclic.transactions")
+
+local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, rules.NOT_SUPPORTED
+
+local floor = math.floor
+
+local M = {}
+
+local SIEMENS = transactions.SIEMENS
+local WORD_ERRORS = {[0x05] = true, [0x17] = true} -- data type, format: a number where a connector belongs
+local UNSIGNED_32 = "Unsigned32"
+
+--- The parameters of a job that the drive refused: array of {number, code, address, answer, value}.
+-- `value` is the block that was to be written, nil for a read. Empty where the response is that of another
+-- request.
+function M.refusals(job)
+  local request, response, found = job.message, job.response, {}
+  if request == nil or response == nil or is_mismatch(job) then
+    return found
+  end
+  for number, address in ipairs(request.addresses) do
+    local block = response.blocks[number]
+    if block == nil then
+      break
+    end
+    if block.error and block.error.code then
+      found[#found + 1] = {
+        number = number, code = block.error.code, address = address, answer = block,
+        value = request.blocks[number],
+      }
+    end
+  end
+  return found
+end
+
+-- Whether a value was written to what takes the source of a signal.
+local function is_connector(refusal)
+  local value = refusal.value
+  if refusal.code == tables.known.connector_error then
+    return true
+  end
+  return WORD_ERRORS[refusal.code] and tables.known.connectors[refusal.address.pnu]
+    and value.format_name ~= UNSIGNED_32
+end
+
+-- Whether index or count can be what the drive means: an address without both has neither.
+local function index_and_count(refusal)
+  local address, code = refusal.address, refusal.code
+  local either = address.subindex > 0 or address.element_count > 1
+  if code == 0x04 or code == 0x18 then
+    return true
+  end
+  return either and (code == 0x03 or address.pnu ~= 0)
+end
+
+local function rule_of(refusal, siemens)
+  local known, code = tables.known, refusal.code
+  if code == known.axis_error then
+    return "DS709"
+  elseif siemens and refusal.value and #refusal.value.values > 0 and is_connector(refusal) then
+    return "DS720"
+  elseif siemens and known.commissioning[code] then
+    return "DS718"
+  elseif known.running[code] or siemens and known.running_siemens[code] then
+    return "DS719"
+  elseif known.index_errors[code] and index_and_count(refusal) then
+    return "DS717"
+  end
+  return nil
+end
+
+local function value_of(block)
+  local value = block and block.values[1]
+  if value == nil or type(value) == "string" then
+    return value
+  end
+  return json.raw(formats.value_text(value, block))
+end
+
+-- The PNU of the source that a connector was given; nil where it was given a number.
+local function source_of(value)
+  if value == nil or value.format_name ~= UNSIGNED_32 or value.values[1] == nil then
+    return nil
+  end
+  local pnu = floor(value.values[1] / 65536)
+  return pnu > 0 and pnu <= tables.known.source_most and pnu or nil
+end
+
+-- What the rule carries, of all that a refusal shows.
+local function args_of(job, rule, refusal)
+  local address, value = refusal.address, refusal.value
+  local source = source_of(value)
+  local facts, args = {
+    axis = job.message.axis,
+    device = job.peer.device,
+    pnu = address.pnu,
+    subindex = address.subindex,
+    elements = address.element_count,
+    format = value and value.format_name,
+    value = value_of(value),
+    case = source and "source_refused" or "no_source",
+    source = source,
+    state = tables.known.commissioning[refusal.code],
+    code = refusal.code,
+    vendor_id = job.peer.vendor_id,
+  }, {}
+  for name in pairs(tables.rules[rule].args) do
+    args[name] = facts[name]
+  end
+  return args
+end
+
+--- Adds what the refusals of a job say: each parameter by itself, a missing drive object once.
+-- @param refused  what `refusals` gave
+function M.add(remarks, job, refused)
+  local half, missing = job.read_response, false
+  if half == nil then
+    return
+  end
+  local siemens = job.peer.vendor_id == SIEMENS
+  for _, refusal in ipairs(refused) do
+    local rule = rule_of(refusal, siemens)
+    if rule and not (rule == "DS709" and missing) then
+      missing = missing or rule == "DS709"
+      local args = args_of(job, rule, refusal)
+      remarks[#remarks + 1] = rules.remark(rule, half.frame, args, refusal.answer.offset)
+    end
+  end
+end
+
+local function positive(half)
+  return half == nil or half.status == nil or half.status == 0
+end
+
+--- Adds a refusal that no status tells of, and of which nothing better can be said.
+function M.not_seen(remarks, job)
+  local half, response = job.read_response, job.response
+  local id = response and response.response_id
+  if half == nil or id == nil or id < 0x80 or id == NOT_SUPPORTED or is_mismatch(job) then
+    return
+  end
+  if half.status ~= 0 or not positive(job.write_response) then
+    return
+  end
+  if job.message == nil and job.repeats then
+    return -- told of the transaction that it repeats
+  end
+  for _, block in ipairs(response.blocks) do
+    if block.error then
+      remarks[#remarks + 1] = rules.remark("DS701", half.frame, {
+        id = id, code = block.error.code, vendor_id = job.peer.vendor_id,
+        case = job.polls[1] and "status_zero_at_last" or "status_zero", polls = #job.polls,
+      })
+      return
+    end
+  end
+end
+
+return M

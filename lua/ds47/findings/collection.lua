@@ -1,0 +1,220 @@
+-- Remarks to findings: which are wanted, which transaction they belong to, which frames they are about.
+--
+-- Nothing is judged here; a remark comes from the judge, the diagnosis or the record calls. Nothing is worded
+-- here either: that is sentences.lua.
+
+local grouping = require("ds47.findings.grouping")
+local sentences = require("ds47.report.sentences")
+local tables = require("ds47.spec.tables")
+
+local M = {}
+
+local WITHOUT_REQUEST = "DS403"
+local NONE = {}
+
+local Findings = {}
+Findings.__index = Findings
+M.Findings = Findings
+
+--- Collects remarks and makes findings of them.
+-- @param select  array of rule ids or prefixes that are wanted; nil or empty for all
+-- @param ignore  array of rule ids or prefixes that are not
+function M.new(select, ignore)
+  return setmetatable({
+    select = select or {},
+    ignore = ignore or {},
+    decided = {}, -- rule id -> whether it is wanted
+    kept = {}, -- array of remarks; `below` is one that comes before it
+    at_frame = {}, -- frame -> array of remarks, also of those that are not kept yet
+    frames_dropped = false, -- whether the capture says that frames are missing (docs/pairing.md P47)
+  }, Findings)
+end
+
+--- For a copy of the analysis: what is kept is shared, what the copy adds stays its own.
+function Findings:copied(known)
+  known[self.kept] = {below = self.kept}
+  known[self.at_frame] = {}
+end
+
+local function begins_with_one(rule, prefixes)
+  for _, prefix in ipairs(prefixes) do
+    if rule:sub(1, #prefix) == prefix then
+      return true
+    end
+  end
+  return false
+end
+
+--- Whether the user wants to hear of a rule.
+function Findings:wanted(rule)
+  local wanted = self.decided[rule]
+  if wanted == nil then
+    wanted = (#self.select == 0 or begins_with_one(rule, self.select))
+      and not begins_with_one(rule, self.ignore)
+    self.decided[rule] = wanted
+  end
+  return wanted
+end
+
+local function show(self, remark)
+  local there = self.at_frame[remark.frame]
+  if there == nil then
+    there = {}
+    self.at_frame[remark.frame] = there
+  end
+  there[#there + 1] = remark
+end
+
+local function keep(self, remark)
+  local job = remark.job
+  if job then
+    remark.order, remark.job = job.order, nil -- the job itself need not be kept
+  end
+  self.kept[#self.kept + 1] = remark
+end
+
+--- Keeps a remark for `result`, if its rule is wanted.
+function Findings:add(remark)
+  if self:wanted(remark.rule) then
+    show(self, remark)
+    keep(self, remark)
+  end
+end
+
+--- Shows remarks in `at` that `keep` will keep later, when their job is closed.
+function Findings:foresee(remarks)
+  for _, remark in ipairs(remarks) do
+    if self:wanted(remark.rule) then
+      show(self, remark)
+    end
+  end
+end
+
+--- Keeps remarks that were foreseen.
+function Findings:keep(remarks)
+  for _, remark in ipairs(remarks) do
+    if self:wanted(remark.rule) then
+      keep(self, remark)
+    end
+  end
+end
+
+--- The finding of a remark: {rule, severity, frame, frames, transaction (id or nil), order, offset, args}.
+-- It has no words: sentences.lua has them.
+function Findings:finding(remark, transaction)
+  local args = remark.args
+  if remark.rule == WITHOUT_REQUEST then
+    args = {case = args.case, dropped = self.frames_dropped}
+  end
+  return {
+    rule = remark.rule,
+    severity = tables.rules[remark.rule].severity,
+    frame = remark.frame,
+    frames = sentences.frames(remark.rule, remark.frame, args),
+    transaction = transaction,
+    order = remark.job and remark.job.order or remark.order,
+    offset = remark.offset,
+    args = args or NONE,
+  }
+end
+
+-- Results
+
+-- Sorts findings by frame, rule, transaction and offset; of equals the one that was told first comes first.
+-- `owner` is the name of the field that tells the transaction.
+local function sorted(findings, owner)
+  local told = {}
+  for number, finding in ipairs(findings) do
+    told[finding] = number
+  end
+  table.sort(findings, function(a, b)
+    if a.frame ~= b.frame then
+      return a.frame < b.frame
+    elseif a.rule ~= b.rule then
+      return a.rule < b.rule
+    end
+    local first, second = a[owner] or 0, b[owner] or 0
+    if first ~= second then
+      return first < second
+    end
+    first, second = a.offset or 0, b.offset or 0
+    if first ~= second then
+      return first < second
+    end
+    return told[a] < told[b]
+  end)
+  return findings
+end
+
+--- What is known so far of a frame: array of findings without transaction ids.
+function Findings:at(frame)
+  local remarks = self.at_frame[frame]
+  if remarks == nil then
+    return NONE
+  end
+  local result = {}
+  for number, remark in ipairs(remarks) do
+    result[number] = self:finding(remark)
+  end
+  return sorted(result, "order")
+end
+
+local function add_all(self, remarks, store, result, causes)
+  for _, remark in ipairs(remarks) do
+    local owner = remark.order and store:by_order(remark.order)
+    local finding = self:finding(remark, owner and owner.id)
+    result[#result + 1] = finding
+    if grouping.is_diagnosis(remark.rule) then
+      local device = owner and owner.device or finding.args.device
+      causes[#causes + 1] = {finding = finding, device = device}
+    end
+    if owner then
+      local rules = owner.findings
+      local known = false
+      for _, rule in ipairs(rules) do
+        known = known or rule == remark.rule
+      end
+      if not known then
+        rules[#rules + 1] = remark.rule
+      end
+    end
+  end
+end
+
+-- The diagnoses of findings with what they are told apart by; the first frame of a cause gives its arguments.
+local function grouped(causes)
+  for number, each in ipairs(causes) do
+    each.told = number
+  end
+  table.sort(causes, function(a, b)
+    if a.finding.frame ~= b.finding.frame then
+      return a.finding.frame < b.finding.frame
+    end
+    return a.told < b.told
+  end)
+  local groups = grouping.new()
+  for _, each in ipairs(causes) do
+    groups:add(each.finding, each.device)
+  end
+  return groups:result()
+end
+
+--- All findings in the order of their frames; their transactions get to know their rules.
+-- @param transactions  array of all transactions, with their ids
+-- @param store         the transactions.Store that knows them by the order of their jobs
+-- @return findings, diagnoses
+function Findings:result(transactions, store)
+  local result, causes = {}, {}
+  if self.kept.below then
+    add_all(self, self.kept.below, store, result, causes)
+  end
+  add_all(self, self.kept, store, result, causes)
+  for _, transaction in ipairs(transactions) do
+    if #transaction.findings > 1 then
+      table.sort(transaction.findings)
+    end
+  end
+  return sorted(result, "transaction"), grouped(causes)
+end
+
+return M

@@ -1,0 +1,165 @@
+-- Which drive object a request reaches, and whether two requests reach the same one (docs/pairing.md, P60).
+--
+-- The same as python/ds47/drive_objects.py, where it is explained. An access is {device, record_index, slot,
+-- subslot, axis}; nothing is guessed: what is not proved is neither the same nor another one.
+
+local ordered = require("ds47.support.ordered")
+local tables = require("ds47.spec.tables")
+
+local format = string.format
+
+local M = {}
+
+--- Record index of local access: the submodule decides, not the axis byte (docs/protocol.md E.4).
+M.LOCAL = 0xB02E
+--- PNU of the DO identification; element 7 is the DO-ID (docs/protocol.md D.1).
+M.DO_IDENTIFICATION = 975
+
+local LOCAL = M.LOCAL
+local DO_ID = 7
+
+local DriveObjects = {}
+DriveObjects.__index = DriveObjects
+
+--- What a capture shows of the drive objects of its devices, up to now. Memory is bounded.
+function M.new()
+  return setmetatable({
+    submodules = ordered.new(), -- device, slot and subslot -> DO-ID by PNU 975; false where two were read
+    distinguishing = ordered.new(), -- devices that have refused an axis number: they look at it
+    missing = ordered.new(), -- device and axis number that does not exist there
+  }, DriveObjects)
+end
+
+local function put(memory, key, value)
+  memory:set(key, value)
+  memory:move_to_end(key)
+  if memory.length > tables.known.history then
+    memory:pop_first()
+  end
+end
+
+local function submodule(access)
+  return format("%s %d %d", access.device, access.slot, access.subslot)
+end
+
+local function axis_of(device, number)
+  return format("%s %d", device, number)
+end
+
+--- A parameter has a negative response with this error number.
+function DriveObjects:refused(access, code)
+  if code == tables.known.axis_error and access.record_index ~= LOCAL then
+    put(self.distinguishing, access.device, true)
+    if access.axis then
+      put(self.missing, axis_of(access.device, access.axis), true)
+    end
+  end
+end
+
+--- PNU 975 was read, from element `first` on.
+-- @param values  numbers or texts
+function DriveObjects:identified(access, first, values)
+  local value = values[DO_ID - first + 1]
+  if access.record_index ~= LOCAL or first > DO_ID or type(value) ~= "number" or value % 1 ~= 0 then
+    return
+  end
+  local key = submodule(access)
+  local seen = self.submodules:get(key)
+  put(self.submodules, key, (seen == nil or seen == value) and value)
+end
+
+--- The DO-ID of the drive object that a request reaches; nil where it is not proved. 0 names none.
+function DriveObjects:number(access)
+  if access.record_index == LOCAL then
+    return self.submodules:get(submodule(access)) or nil
+  end
+  return access.axis ~= 0 and access.axis or nil
+end
+
+local function is_local(access)
+  return access.record_index == LOCAL
+end
+
+--- False where the device has said that there is no such drive object.
+function DriveObjects:exists(device, number)
+  return self.missing:get(axis_of(device, number)) == nil
+end
+
+-- The same submodule, and where it counts the same axis byte: the same request twice.
+local function is_same_way(one, other)
+  return one.slot == other.slot and one.subslot == other.subslot and is_local(one) == is_local(other)
+    and (is_local(one) or one.axis == other.axis)
+end
+
+-- Whether two DO-IDs tell two drive objects apart: a device that never looked at the axis byte may go by the
+-- submodule alone.
+local function counts(self, one, other)
+  return is_local(one) and is_local(other) or self.distinguishing:get(one.device) ~= nil
+end
+
+--- Whether two requests for a parameter reach the same drive object, whatever is not known.
+function DriveObjects:same(one, other, pnu)
+  if one.device ~= other.device then
+    return false
+  elseif tables.known.global_pnus[pnu] or is_same_way(one, other) then
+    return true
+  end
+  local mine = self:number(one)
+  return mine ~= nil and mine == self:number(other) and counts(self, one, other)
+end
+
+--- Whether they reach two drive objects, whatever is not known.
+function DriveObjects:other(one, other, pnu)
+  if one.device ~= other.device then
+    return true
+  end
+  local mine, theirs = self:number(one), self:number(other)
+  if tables.known.global_pnus[pnu] or mine == nil or theirs == nil or mine == theirs then
+    return false
+  end
+  return counts(self, one, other)
+end
+
+--- How the request of a job reaches its parameters.
+function M.access(job)
+  local record, axis = job.record, job.message and job.message.axis
+  return {
+    device = job.peer.device, record_index = record.index, slot = record.slot, subslot = record.subslot,
+    axis = record.index ~= LOCAL and axis or nil,
+  }
+end
+
+--- How the request of a transaction reaches its parameters.
+function M.access_of(item)
+  return {
+    device = item.device, record_index = item.index, slot = item.slot, subslot = item.subslot,
+    axis = item.index ~= LOCAL and item.axis or nil,
+  }
+end
+
+--- What a finished transaction shows; the response to another request proves nothing.
+function DriveObjects:transaction(item)
+  if item.state == "mismatch" or item.operation ~= "read" and item.operation ~= "change" then
+    return
+  end
+  local access = M.access_of(item)
+  for _, each in ipairs(item.parameters) do
+    if each.error then
+      self:refused(access, each.error.code)
+    elseif each.pnu == M.DO_IDENTIFICATION and item.operation == "read" and each.attribute == "value"
+      and each.subindex then
+      self:identified(access, each.subindex, each.values)
+    end
+  end
+end
+
+--- All that a whole capture shows.
+function M.of(transactions)
+  local shown = M.new()
+  for _, each in ipairs(transactions) do
+    shown:transaction(each)
+  end
+  return shown
+end
+
+return M

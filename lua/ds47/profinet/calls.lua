@@ -1,0 +1,312 @@
+-- RPC calls: which response belongs to which request (docs/pairing.md, RPC level, P4 to P11).
+--
+-- Tells copies, retransmissions and reused numbers apart and hands each call on exactly once. What a call
+-- carries is records.lua's business; what it means for the parameter channel is pairing.lua's.
+--
+-- A call is {request = pdu, response = pdu or nil, in_part = true where fragments of a response were seen,
+-- context = whatever the layer above keeps with it}.
+
+local ordered = require("ds47.support.ordered")
+
+local M = {}
+
+local CallTracker = {}
+CallTracker.__index = CallTracker
+M.CallTracker = CallTracker
+
+--- Feeds on whole RPC messages in the order of the capture.
+--
+-- Memory is bounded by the limits; a call without response is reported as lost when it expires or at
+-- `finish`, and as pushed out when there are too many.
+-- @param limits the flat table of tables.lua (copy_ns, retransmission_ns, call_expiry_ns, datagrams,
+--   activities, calls, answered_calls, rpc_messages)
+-- @param handlers a table with methods request(call), response(call), orphan_response(pdu, certain),
+--   retransmission(call, pdu), fault(call, pdu), lost(call), pushed_out(call, limit); each is called at most
+--   once for one event. `certain`: that the request is not in the capture; `limit`: the name of the one that
+--   pushed the call out, whose response may still come
+function CallTracker.new(limits, handlers)
+  return setmetatable({
+    limits = limits, handlers = handlers, activities = ordered.new(),
+    begun_requests = ordered.new(), -- requests of which fragments were seen, as far as is known
+    datagrams = {}, datagram_count = 0, -- the newest ones by a key (`find_datagram`)
+    -- Their keys in the order in which they came, from `first` to `last`. A key that came again stands there
+    -- twice: `pdu.place` tells which is the right one.
+    keys = {}, first = 1, last = 0,
+    long_keys = 0, -- how many keys of `datagrams` are texts
+    counts = {
+      requests = 0, responses = 0, faults = 0, rejects = 0, pings = 0, working = 0, others = 0,
+      copies = 0, retransmissions = 0, unanswered = 0,
+    },
+  }, CallTracker)
+end
+
+local function same_datagram(one, other)
+  return one.body == other.body and one.activity == other.activity and one.seq == other.seq
+    and one.source == other.source and one.destination == other.destination
+end
+
+--- The key of a datagram and the same datagram from before, if it is remembered.
+-- A number of 52 bits nearly always tells it apart; only where two have the same one, all goes into a text.
+local function find_datagram(self, pdu)
+  local datagrams, seq = self.datagrams, pdu.seq
+  local key = ((seq % 65536 * 65536 + pdu.ip_id) * 65536 + pdu.fragment) * 16 + pdu.ptype
+  local before = datagrams[key]
+  if before and same_datagram(before, pdu) then
+    return key, before
+  end
+  if not before and self.long_keys == 0 then
+    return key, nil
+  end
+  local long = ("%.0f"):format(key) .. pdu.activity .. seq .. "\0" .. pdu.source .. "\0" .. pdu.destination
+    .. "\0" .. pdu.body
+  local other = datagrams[long]
+  if before or other then
+    key = long
+  end
+  return key, other
+end
+
+local PASSED = 1024 -- keys that are passed before the others move to the front of their array
+
+local function forget_oldest(self)
+  local datagrams, keys = self.datagrams, self.keys
+  local first = self.first
+  local key = keys[first]
+  while datagrams[key].place ~= first do
+    first = first + 1
+    key = keys[first]
+  end
+  datagrams[key] = nil
+  self.datagram_count = self.datagram_count - 1
+  if type(key) == "string" then
+    self.long_keys = self.long_keys - 1
+  end
+  self.first = first + 1
+  if first < PASSED then
+    return
+  end
+  for place = first + 1, self.last do
+    local moved = keys[place]
+    keys[place - first] = moved
+    if datagrams[moved].place == place then
+      datagrams[moved].place = place - first
+    end
+  end
+  for place = self.last - first + 1, self.last do
+    keys[place] = nil
+  end
+  self.first, self.last = 1, self.last - first
+end
+
+--- Whether the same datagram with the same IP id was here within the copy window (P6).
+function CallTracker:is_copy(pdu)
+  local key, before = find_datagram(self, pdu)
+  if before then
+    local passed, window = pdu.time_ns - before.time_ns, self.limits.copy_ns
+    if passed <= window and -passed <= window then
+      self.counts.copies = self.counts.copies + 1
+      return true
+    end
+  else
+    self.datagram_count = self.datagram_count + 1
+    if type(key) == "string" then
+      self.long_keys = self.long_keys + 1
+    end
+  end
+  local last = self.last + 1
+  pdu.place, self.last = last, last
+  self.keys[last], self.datagrams[key] = key, pdu
+  if self.datagram_count > self.limits.datagrams then
+    forget_oldest(self)
+  end
+  return false
+end
+
+local function count(self, name)
+  self.counts[name] = self.counts[name] + 1
+end
+
+--- Takes one whole message (not a copy, see `is_copy`).
+function CallTracker:feed(pdu)
+  local ptype = pdu.ptype
+  if ptype == 0 then
+    self:_request(pdu)
+  elseif ptype == 2 then
+    count(self, "responses")
+    self:_response(pdu)
+  elseif ptype == 3 or ptype == 6 then
+    count(self, ptype == 3 and "faults" or "rejects")
+    self:_fault(pdu)
+  else
+    count(self, ptype == 1 and "pings" or ptype == 4 and "working" or "others")
+  end
+end
+
+local function begun_key(pdu)
+  return pdu.conversation .. pdu.seq
+end
+
+--- Takes a fragment that completes no message: its call is not without request or response.
+function CallTracker:begun(pdu)
+  if pdu.ptype == 0 then
+    local begun = self.begun_requests
+    begun:set(begun_key(pdu), true)
+    if begun.length > self.limits.rpc_messages then
+      begun:pop_first()
+    end
+  elseif pdu.ptype == 2 then
+    local activity = self.activities:get(pdu.conversation)
+    local call = activity and activity.calls:get(pdu.seq)
+    if call then
+      call.in_part = true
+    end
+  end
+end
+
+--- The call without a response to which a part of one belongs; nil for none.
+function CallTracker:open_call(pdu)
+  local activity = pdu.ptype == 2 and self.activities:get(pdu.conversation)
+  local call = activity and activity.calls:get(pdu.seq)
+  return call and call.response == nil and call or nil
+end
+
+--- The capture is over: every open call is lost.
+function CallTracker:finish()
+  while self.activities.length > 0 do
+    local _, activity = self.activities:pop_first()
+    for _, call in activity.calls:iterate() do
+      if not call.response then
+        self:_lose(call)
+      end
+    end
+  end
+end
+
+function CallTracker:_request(pdu)
+  count(self, "requests")
+  local activities, seq = self.activities, pdu.seq
+  local key = pdu.conversation
+  local activity = activities:get(key)
+  if activity then
+    activities:move_to_end(key)
+  else
+    activity = {newest = seq, calls = ordered.new()}
+    activities:set(key, activity)
+    self:_make_room()
+  end
+  local calls = activity.calls
+  self:_expire(calls, pdu.time_ns)
+  local call = calls:get(seq)
+  if call then
+    if self:_is_retransmission(activity, call, pdu) then
+      count(self, "retransmissions")
+      self.handlers:retransmission(call, pdu)
+      return
+    end
+    if not call.response then
+      self:_lose(call)
+    end
+    calls:move_to_end(seq)
+  end
+  activity.newest = seq
+  call = {request = pdu, response = nil, context = nil}
+  calls:set(seq, call)
+  self.handlers:request(call)
+end
+
+function CallTracker:_is_retransmission(activity, call, pdu)
+  local request, response = call.request, call.response
+  if request.opnum ~= pdu.opnum or request.body ~= pdu.body then
+    return false
+  end
+  if not response then
+    return true
+  end
+  return pdu.time_ns - response.time_ns <= self.limits.retransmission_ns and activity.newest == pdu.seq
+end
+
+local function activity_of(self, pdu)
+  return self.activities:get(pdu.conversation)
+end
+
+function CallTracker:_response(pdu)
+  local activity, call = activity_of(self, pdu), nil
+  if activity then
+    self:_expire(activity.calls, pdu.time_ns)
+    call = activity.calls:get(pdu.seq)
+  end
+  if not call then
+    self.handlers:orphan_response(pdu, self.begun_requests:get(begun_key(pdu)) == nil)
+  elseif not call.response then
+    call.response = pdu
+    self.handlers:response(call)
+  elseif call.response.body ~= pdu.body then
+    self.handlers:orphan_response(pdu, true)
+  end
+end
+
+function CallTracker:_fault(pdu)
+  local activity = activity_of(self, pdu)
+  local call = activity and activity.calls:get(pdu.seq)
+  if call and not call.response then
+    call.response = pdu
+    self.handlers:fault(call, pdu)
+  end
+end
+
+--- Gives up what is too old or too much. The usual case, that there is nothing, is on the way of every call.
+function CallTracker:_expire(calls, now)
+  local limits = self.limits
+  local _, oldest = calls:first()
+  if not oldest then
+    return
+  end
+  local most = limits.calls
+  if calls.length <= 2 * limits.answered_calls and calls.length <= most
+    and now - oldest.request.time_ns <= limits.call_expiry_ns then
+    return
+  end
+  self:_expire_unanswered(calls, now)
+  while calls.length > most do
+    local _, call = calls:pop_first()
+    if not call.response then
+      self.handlers:pushed_out(call, "calls")
+    end
+  end
+end
+
+--- Loses the unanswered calls that are too old and forgets all but the newest answered ones.
+function CallTracker:_expire_unanswered(calls, now)
+  local late, answered, expiry = {}, {}, self.limits.call_expiry_ns
+  for seq, call in calls:iterate() do
+    if call.response then
+      answered[#answered + 1] = seq
+    elseif now - call.request.time_ns > expiry then
+      late[#late + 1] = seq
+    end
+  end
+  for _, seq in ipairs(late) do
+    self:_lose(calls:pop(seq))
+  end
+  for number = 1, #answered - self.limits.answered_calls do
+    calls:pop(answered[number])
+  end
+end
+
+function CallTracker:_make_room()
+  while self.activities.length > self.limits.activities do
+    local _, activity = self.activities:pop_first()
+    for _, call in activity.calls:iterate() do
+      if not call.response then
+        self.handlers:pushed_out(call, "activities")
+      end
+    end
+  end
+end
+
+function CallTracker:_lose(call)
+  count(self, "unanswered")
+  self.handlers:lost(call)
+end
+
+return M

@@ -1,0 +1,301 @@
+-- IPv4: UDP datagrams put together from fragments.
+--
+-- Not here: whole datagrams (rpc.lua takes their payload as it is), and the header of a packet: whoever
+-- feeds has read it.
+
+local ordered = require("ds47.support.ordered")
+
+local byte, sub = string.byte, string.sub
+
+local M = {}
+
+-- Datagrams that became whole and are remembered, to know a mirror port's copies of their fragments.
+local MOST_DONE = 64
+local COPY_NS = 1000000
+local LONGEST = 65535
+
+-- A heap of numbers, the smallest first.
+
+local function push(heap, value)
+  local at = #heap + 1
+  while at > 1 do
+    local parent = math.floor(at / 2)
+    if heap[parent] <= value then
+      break
+    end
+    heap[at] = heap[parent]
+    at = parent
+  end
+  heap[at] = value
+end
+
+local function pop(heap)
+  local smallest, count = heap[1], #heap
+  local value = heap[count]
+  heap[count] = nil
+  count = count - 1
+  if count == 0 then
+    return smallest
+  end
+  local at = 1
+  while at * 2 <= count do
+    local child = at * 2
+    if child < count and heap[child + 1] < heap[child] then
+      child = child + 1
+    end
+    if value <= heap[child] then
+      break
+    end
+    heap[at] = heap[child]
+    at = child
+  end
+  heap[at] = value
+  return smallest
+end
+
+-- What is known of an unfinished datagram:
+--   first_ns, frame, time_ns   of the first fragment; of the newest one
+--   total                      nil until the last fragment was seen
+--   pieces                     offset -> {data = captured bytes, length = on the wire}
+--   count, bytes               of the pieces, and of their captured bytes
+--   cut                        the first frame that the capture cut, as rpc.parse takes it
+--   reach, beyond              there is no hole up to `reach`; a heap of the offsets behind it
+
+local function add(entry, offset, data, length, more, cut)
+  local known = entry.pieces[offset]
+  if not known or known.length < length then
+    entry.pieces[offset] = {data = data, length = length}
+    entry.bytes = entry.bytes + #data - (known and #known.data or 0)
+    push(entry.beyond, offset)
+    entry.cut = entry.cut or cut
+  end
+  if not more and not entry.total then
+    entry.total = offset + length
+  end
+  if not known then
+    entry.count = entry.count + 1
+  end
+end
+
+--- Whether no hole is left up to the last fragment.
+local function covered(entry)
+  local beyond = entry.beyond
+  while beyond[1] and beyond[1] <= entry.reach do
+    local offset = pop(beyond)
+    entry.reach = math.max(entry.reach, offset + entry.pieces[offset].length)
+  end
+  return entry.reach >= entry.total
+end
+
+--- The captured bytes from offset 0 up to the first hole.
+local function head(entry)
+  local offsets, parts, at = {}, {}, 0
+  for offset in pairs(entry.pieces) do
+    offsets[#offsets + 1] = offset
+  end
+  table.sort(offsets)
+  for _, offset in ipairs(offsets) do
+    local piece = entry.pieces[offset]
+    if offset > at then
+      break
+    end
+    local part = sub(piece.data, at - offset + 1)
+    parts[#parts + 1] = part
+    at = at + #part
+    if #piece.data < piece.length then
+      break
+    end
+  end
+  local data = table.concat(parts)
+  return entry.total and sub(data, 1, entry.total) or data
+end
+
+--- Bytes on the wire of the fragments seen, without the IP headers.
+local function have(entry)
+  local sum = 0
+  for _, piece in pairs(entry.pieces) do
+    sum = sum + piece.length
+  end
+  return sum
+end
+
+--- The UDP payload of a datagram as a packet; nil without a whole UDP header.
+-- @param entry {frame, time_ns, src_ip, dst_ip, ip_id, cut}
+-- @param length bytes of the datagram on the wire, of which `data` was captured
+local function packet_of(entry, data, length)
+  local l1, l2 = byte(data, 5, 6)
+  if #data < 8 then
+    return nil
+  end
+  local stated = l1 * 256 + l2
+  if stated < 8 then -- 0 where the sender left it to its card
+    stated = length
+  end
+  local payload = sub(data, 9, stated)
+  return {
+    payload = payload, frame = entry.frame, time_ns = entry.time_ns, src_ip = entry.src_ip,
+    dst_ip = entry.dst_ip, ip_id = entry.ip_id, src_mac = nil,
+    missing = math.max(0, stated - 8 - #payload), cut = entry.cut,
+  }
+end
+
+local Reassembly = {}
+Reassembly.__index = Reassembly
+M.Reassembly = Reassembly
+
+--- Puts fragments together, whatever their order; copies of a fragment are tolerated.
+--
+-- Memory is bounded: the oldest unfinished datagram goes first. One that is not whole `fragment_expiry_ns` of
+-- capture time after its first fragment is given up. Whoever feeds takes what `take_given_up` gives; what he
+-- leaves there stays.
+-- @param limits the flat table of tables.lua (fragment_expiry_ns, ip_datagrams, ip_fragments, fragment_bytes)
+function Reassembly.new(limits)
+  return setmetatable({
+    expiry_ns = limits.fragment_expiry_ns, most_datagrams = limits.ip_datagrams,
+    most_fragments = limits.ip_fragments, most_bytes = limits.fragment_bytes,
+    open = ordered.new(), done = ordered.new(), fragments = 0, bytes = 0, now_ns = nil,
+    given_up = {},
+  }, Reassembly)
+end
+
+--- A mirror port's copy of a fragment of a datagram that just became whole.
+-- Later than a millisecond it is a new datagram with a reused identification.
+local function is_copy(self, key, offset, data, length)
+  local done = self.done:get(key)
+  if not done or math.abs(self.now_ns - done.time_ns) > COPY_NS then
+    return false
+  end
+  local piece = done.pieces[offset]
+  return piece ~= nil and piece.data == data and piece.length == length
+end
+
+--- Takes a fragment; the packet (as rpc.parse takes it) when this one completes the datagram, else nil.
+-- @param part {frame, time_ns, src_ip, dst_ip, ip_id, src_mac, offset, more, data, missing, cut}: `offset` in
+--   bytes, `more` the flag that more fragments follow, `data` the IP payload as it was captured, `missing`
+--   (nil for 0) the bytes at its end that were not, `cut` as rpc.parse takes it; where the snap length cut
+--   fragments, the payload ends at the first cut
+function Reassembly:feed(part)
+  local time_ns, offset, data = part.time_ns, part.offset, part.data
+  local length = #data + (part.missing or 0)
+  self.now_ns = time_ns
+  local key = part.src_ip .. "\0" .. part.dst_ip .. "\0" .. part.ip_id
+  if length == 0 or offset + length > LONGEST or is_copy(self, key, offset, data, length) then
+    return nil
+  end
+  self:_expire()
+  local entry = self.open:get(key)
+  if not entry then
+    entry = {
+      src_ip = part.src_ip, dst_ip = part.dst_ip, ip_id = part.ip_id, first_ns = time_ns,
+      total = nil, pieces = {}, count = 0, bytes = 0, reach = 0, beyond = {},
+    }
+    self.open:set(key, entry)
+  end
+  local before, bytes_before = entry.count, entry.bytes
+  add(entry, offset, data, length, part.more, part.cut)
+  self.fragments = self.fragments + entry.count - before
+  self.bytes = self.bytes + entry.bytes - bytes_before
+  entry.frame, entry.time_ns = part.frame, time_ns
+  if not entry.total or not covered(entry) then
+    self:_make_room(key)
+    return nil
+  end
+  self:_close(key)
+  self.done:set(key, entry)
+  if self.done.length > MOST_DONE then
+    self.done:pop_first()
+  end
+  local packet = packet_of(entry, head(entry), entry.total)
+  if packet then
+    packet.src_mac = part.src_mac
+  end
+  return packet
+end
+
+--- Adds {packet, have, limit} to an array, if the datagram is one of UDP as far as it goes.
+local function tell(found, entry)
+  local packet = packet_of(entry, head(entry), entry.total or have(entry))
+  if packet then
+    found[#found + 1] = {packet = packet, have = entry.count, limit = entry.limit}
+  end
+end
+
+--- What a fragment that completes no datagram tells alone: a packet; nil where it is not the beginning.
+function Reassembly.begun(part)
+  if part.offset ~= 0 then
+    return nil
+  end
+  return packet_of(part, part.data, #part.data + (part.missing or 0))
+end
+
+--- What is not waited for any more, each told once: an array as of `unfinished`; `limit` is the name of the
+-- one that pushed it out, nil where its time was over. Nil for none.
+function Reassembly:take_given_up()
+  local given_up, found = self.given_up, {}
+  if given_up[1] == nil then
+    return nil
+  end
+  self.given_up = {}
+  for _, entry in ipairs(given_up) do
+    tell(found, entry)
+  end
+  return found
+end
+
+--- What is still waited for, oldest first: an array of {packet, have}.
+-- The packet holds the payload up to the first hole, its frame and time are those of the last fragment seen
+-- and its MAC address is not kept; `have` counts the fragments seen.
+function Reassembly:unfinished()
+  local found = {}
+  for _, entry in self.open:iterate() do
+    tell(found, entry)
+  end
+  return found
+end
+
+function Reassembly:_close(key)
+  local entry = self.open:pop(key)
+  self.fragments = self.fragments - entry.count
+  self.bytes = self.bytes - entry.bytes
+  return entry
+end
+
+--- The order of first fragments is nearly the order of time, so the oldest one decides. The clock may have
+-- stepped back: what began far ahead of it is as old as what began long ago.
+function Reassembly:_expire()
+  while self.open.length > 0 do
+    local key, entry = self.open:first()
+    if math.abs(self.now_ns - entry.first_ns) <= self.expiry_ns then
+      return
+    end
+    self:_give_up(key, nil)
+  end
+end
+
+--- The name of the limit that is passed, nil for none.
+function Reassembly:_over()
+  if self.open.length > self.most_datagrams then
+    return "ip_datagrams"
+  elseif self.fragments > self.most_fragments then
+    return "ip_fragments"
+  end
+  return self.bytes > self.most_bytes and "fragment_bytes" or nil
+end
+
+function Reassembly:_make_room(newest)
+  local open, limit = self.open, self:_over()
+  while limit and open.oldest ~= newest do
+    self:_give_up(open.oldest, limit)
+    limit = self:_over()
+  end
+end
+
+function Reassembly:_give_up(key, limit)
+  local entry = self:_close(key)
+  if entry.pieces[0] then -- without the beginning nobody can tell whose it was
+    entry.limit = limit
+    self.given_up[#self.given_up + 1] = entry
+  end
+end
+
+return M

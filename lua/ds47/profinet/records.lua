@@ -1,0 +1,282 @@
+-- Record calls: the body of a Read, Write or ReadImplicit RPC to the records in it (docs/protocol.md E.3,
+-- E.4).
+--
+-- Opens one level of IODWriteMultiple (0xE040). Knows nothing of DS47: `data` is opaque bytes here.
+--
+-- A Half is {frame, time_ns, data, stated, missing, status}: `stated` is the RecordDataLength (in a Read
+-- request the most that is wanted), `missing` what of it the capture cut off, `status` the PNIOStatus with
+-- ErrorCode first (nil where the PDU carries none).
+-- A Record is {write, implicit, ar, api, slot, subslot, index, position, request, response}; `position` is 0,
+-- or the place inside an IODWriteMultiple; `request` and `response` are halves or nil.
+--
+-- What halves and records repeat stands in their metatables (`half.missing`, `record.place`): a table with a
+-- few keys of its own is what the plugin can afford for a frame.
+
+local rpc = require("ds47.profinet.rpc")
+
+local byte, sub = string.byte, string.sub
+
+local M = {}
+
+local BLOCK_LENGTH = 64
+local WRITE_MULTIPLE = 0xE040
+local NIL_UUID = ("\0"):rep(16)
+M.BLOCK_LENGTH, M.WRITE_MULTIPLE, M.NIL_UUID = BLOCK_LENGTH, WRITE_MULTIPLE, NIL_UUID
+
+local WRITE, READ_IMPLICIT = rpc.WRITE, rpc.READ_IMPLICIT
+local REQUEST_BLOCKS = {[rpc.READ] = 0x0009, [READ_IMPLICIT] = 0x0009, [WRITE] = 0x0008}
+local RESPONSE_BLOCKS = {[rpc.READ] = 0x8009, [READ_IMPLICIT] = 0x8009, [WRITE] = 0x8008}
+local AR_BLOCK = 0x0101
+local ONLY_ARS = {[0x0001] = true, [0x0010] = true}
+local RELEASE_BLOCKS = {[0x0114] = true, [0x0117] = true}
+
+local HALF = {data = "", stated = 0, missing = 0}
+HALF.__index = HALF
+
+--- A half that carries no data.
+function M.half(frame, time_ns, status)
+  return setmetatable({frame = frame, time_ns = time_ns, status = status}, HALF)
+end
+
+-- The fields of a place are those of its records: `write` to `position`. With them stand `spot`, a text for
+-- slot, subslot and index, and the keys of its AR and its channel for the peer that spoke of it last
+-- (`ar_key`, `channel_key`), which is always the same one but for ReadImplicit.
+local places, place_count, MOST_PLACES = {}, 0, 4096
+
+local function new_place(opnum, key)
+  local a1, a2, a3, a4, s1, s2, u1, u2, _, _, i1, i2 = byte(key, 17, 28)
+  local implicit = opnum == READ_IMPLICIT
+  local place = {
+    write = opnum == WRITE, implicit = implicit, ar = implicit and NIL_UUID or sub(key, 1, 16),
+    api = ((a1 * 256 + a2) * 256 + a3) * 256 + a4, slot = s1 * 256 + s2, subslot = u1 * 256 + u2,
+    index = i1 * 256 + i2, position = 0,
+  }
+  place.spot = "\0" .. place.slot * 65536 + place.subslot .. "\0" .. place.index .. "\0"
+  place.text = place.api .. place.spot .. place.ar
+  place.place, place.__index = place, place
+  return place
+end
+
+-- The place of the block at the 0-based offset.
+local function place_at(opnum, data, offset)
+  local known = places[opnum]
+  if known == nil then
+    known = {}
+    places[opnum] = known
+  end
+  local key = sub(data, offset + 9, offset + 36)
+  local place = known[key]
+  if place == nil then
+    place = new_place(opnum, key)
+    if place_count >= MOST_PLACES then
+      places, place_count = {[opnum] = {[key] = place}}, 1
+    else
+      known[key], place_count = place, place_count + 1
+    end
+  end
+  return place
+end
+
+--- What names an AR: controller, device, AR UUID (nil UUID for ReadImplicit).
+function M.ar_text(controller, device, ar)
+  return controller .. "\0" .. device .. "\0" .. ar
+end
+
+local function know_peer(place, peer)
+  local names = peer.controller .. "\0" .. peer.device
+  place.peer, place.ar_key = peer, M.ar_text(peer.controller, peer.device, place.ar)
+  place.channel_key = place.text .. names
+end
+
+--- What names the AR of a record, between two peers: its `ar_text`.
+function M.ar_key(peer, record)
+  local place = record.place
+  if place.peer ~= peer then
+    know_peer(place, peer)
+  end
+  return place.ar_key
+end
+
+--- What names the channel of a record (docs/pairing.md P14).
+function M.channel_key(peer, record)
+  local place = record.place
+  if place.peer ~= peer then
+    know_peer(place, peer)
+  end
+  return place.channel_key
+end
+
+--- The index and the stated data length of the block at the 0-based offset.
+-- nil where the block is not whole or not of the expected type. Blocks are big-endian always (P13).
+local function head(data, offset, expected)
+  local t1, t2 = byte(data, offset + 1, offset + 2)
+  if not t2 or t1 * 256 + t2 ~= expected or #data < offset + 40 then
+    return nil
+  end
+  local i1, i2, l1, l2, l3, l4 = byte(data, offset + 35, offset + 40)
+  return i1 * 256 + i2, ((l1 * 256 + l2) * 256 + l3) * 256 + l4
+end
+
+--- The record whose block stands at the 0-based offset, with one half or the other.
+local function record_at(pdu, data, offset, position, request, response)
+  local record = setmetatable({request = request, response = response}, place_at(pdu.opnum, data, offset))
+  if position ~= 0 then
+    record.position = position
+  end
+  return record
+end
+
+--- The half of a request: what follows the block in a Write, only the wanted length in a Read.
+local function asked(pdu, data, start, stated)
+  local half = {frame = pdu.frame, time_ns = pdu.time_ns, stated = stated, data = nil}
+  if pdu.opnum == WRITE then
+    local payload = sub(data, start + 1, start + stated)
+    half.data = payload
+    if #payload < stated then
+      half.missing = stated - #payload
+    end
+  end
+  return setmetatable(half, HALF)
+end
+
+-- The records of one request.
+local Body = {multiple = false, nested = false}
+Body.__index = Body
+
+--- The records of a Read, Write or ReadImplicit request; what does not parse is absent.
+-- @return {records, multiple, nested}: `nested` when an IODWriteMultiple stands inside another, whose records
+--   are not opened (P18)
+function M.parse_request(pdu)
+  local body, records = pdu.body, {}
+  local result = setmetatable({records = records}, Body)
+  local expected = REQUEST_BLOCKS[pdu.opnum]
+  local index, stated = head(body, 20, expected)
+  if not index then
+    return result
+  end
+  if index ~= WRITE_MULTIPLE or pdu.opnum ~= WRITE then
+    records[1] = record_at(pdu, body, 20, 0, asked(pdu, body, 20 + BLOCK_LENGTH, stated))
+    return result
+  end
+  result.multiple = true
+  local inner = sub(body, 21 + BLOCK_LENGTH, 20 + BLOCK_LENGTH + stated)
+  local offset, position = 0, 1
+  index, stated = head(inner, 0, expected)
+  while index do
+    if index == WRITE_MULTIPLE then
+      result.nested = true
+    end
+    local half = asked(pdu, inner, offset + BLOCK_LENGTH, stated)
+    records[position] = record_at(pdu, inner, offset, position, half)
+    offset = offset + BLOCK_LENGTH + stated + -stated % 4
+    position = position + 1
+    index, stated = head(inner, offset, expected)
+  end
+  return result
+end
+
+--- The PNIOStatus, the first four bytes of the NDR header; nil where they are not there.
+local function status_of(pdu)
+  local a, b, c, d = byte(pdu.body, 1, 4)
+  if not d then
+    return nil
+  end
+  if pdu.little then
+    a, b, c, d = d, c, b, a
+  end
+  return ((a * 256 + b) * 256 + c) * 256 + d
+end
+
+--- The response of one block. The status of a Write is its own, unless the whole call failed.
+local function answer(pdu, offset, stated, ndr_status)
+  local body = pdu.body
+  if pdu.opnum == WRITE then
+    local status = ndr_status
+    if ndr_status == 0 then
+      local a, b, c, d = byte(body, offset + 45, offset + 48)
+      status = d and ((a * 256 + b) * 256 + c) * 256 + d
+    end
+    return M.half(pdu.frame, pdu.time_ns, status)
+  end
+  local data = sub(body, offset + BLOCK_LENGTH + 1, offset + BLOCK_LENGTH + stated)
+  local half = {frame = pdu.frame, time_ns = pdu.time_ns, data = data, stated = stated, status = ndr_status}
+  if #data < stated then
+    half.missing = stated - #data
+  end
+  return setmetatable(half, HALF)
+end
+
+--- The halves of a response, in the order of its blocks.
+-- @return the PNIOStatus of the NDR header (nil for an empty body); an array of halves; whether it is that of
+--   an IODWriteMultiple, of which only the inner halves are told
+function M.parse_halves(pdu)
+  local body, halves = pdu.body, {}
+  local ndr_status = status_of(pdu)
+  if #body < 20 then
+    return ndr_status, halves, false
+  end
+  local write, expected = pdu.opnum == WRITE, RESPONSE_BLOCKS[pdu.opnum]
+  local offset, count = 20, 0
+  local index, stated = head(body, offset, expected)
+  local multiple = write and index == WRITE_MULTIPLE
+  while index do
+    count = count + 1
+    halves[count] = answer(pdu, offset, stated, ndr_status)
+    offset = offset + BLOCK_LENGTH
+    index = nil
+    if write then -- a Read has one block, and its data behind it
+      index, stated = head(body, offset, expected)
+    end
+  end
+  if multiple then
+    local outer = table.remove(halves, 1)
+    if count == 1 and outer.status and outer.status ~= 0 then
+      ndr_status = outer.status
+    end
+  end
+  return ndr_status, halves, multiple
+end
+
+--- The PNIOStatus of the NDR header (nil for an empty body) and the response blocks as records.
+--
+-- The blocks carry their own address, so that a response without its request can still be placed. An
+-- IODWriteMultiple gives its inner responses only.
+function M.parse_response(pdu)
+  local ndr_status, halves, multiple = M.parse_halves(pdu)
+  local records, offset, position = {}, 20, 0
+  if multiple then
+    offset, position = offset + BLOCK_LENGTH, 1
+  end
+  for number, half in ipairs(halves) do
+    records[number] = record_at(pdu, pdu.body, offset, position, nil, half)
+    offset, position = offset + BLOCK_LENGTH, position + 1
+  end
+  return ndr_status, records
+end
+
+--- The AR that a Release request ends, nil where its block does not parse.
+function M.released_ar(pdu)
+  local t1, t2 = byte(pdu.body, 21, 22)
+  if #pdu.body < 44 or not RELEASE_BLOCKS[t1 * 256 + t2] then
+    return nil
+  end
+  return sub(pdu.body, 29, 44)
+end
+
+--- Whether a Connect request with an AR sets up one of which a controller has one with a device.
+-- That is the AR of cyclic data (IOCARSingle, also with IRT); supervisors' ARs may stand beside it.
+function M.is_only_ar(pdu)
+  local t1, t2 = byte(pdu.body, 27, 28)
+  return t2 ~= nil and ONLY_ARS[t1 * 256 + t2] or false
+end
+
+--- The AR that a Connect request sets up, nil where its first block is no ARBlockReq.
+function M.connected_ar(pdu)
+  local t1, t2 = byte(pdu.body, 21, 22)
+  if #pdu.body < 44 or t1 * 256 + t2 ~= AR_BLOCK then
+    return nil
+  end
+  return sub(pdu.body, 29, 44)
+end
+
+return M

@@ -1,0 +1,100 @@
+-- Names for the devices of a capture: RPC object UUID, Connect, DCP and LLDP, put together by IP and MAC.
+
+local later = require("ds47.support.later").module
+local dcp = later("ds47.profinet.dcp")
+local lldp = later("ds47.profinet.lldp")
+local ordered = require("ds47.support.ordered")
+local rpc = require("ds47.profinet.rpc")
+local tables = require("ds47.spec.tables")
+
+local M = {}
+
+local Naming = {}
+Naming.__index = Naming
+M.Naming = Naming
+
+--- Collects what the capture says about who is who.
+-- @param most how many stations are kept, the oldest goes first, and how many devices, the first stay; nil
+--   for the shipped limit
+function Naming.new(most)
+  return setmetatable({
+    servers = ordered.new(), stations = ordered.new(), most = most or tables.limits.stations,
+  }, Naming)
+end
+
+--- Takes a DCP or LLDP packet.
+-- @param kind "dcp" (payload begins with the frame id) or "lldp" (payload is the LLDPDU)
+-- @param src_mac, dst_mac text, or nil where the link type has none; a DCP Set names its destination
+function Naming:station(kind, payload, src_mac, dst_mac)
+  local station
+  if kind == "dcp" then
+    station = dcp.parse(payload, src_mac, dst_mac)
+  else
+    station = lldp.parse(payload, src_mac)
+  end
+  if not station or not station.mac then
+    return
+  end
+  local known = self.stations:pop(station.mac)
+  if known then
+    for key, value in pairs(known) do
+      if station[key] == nil then
+        station[key] = value
+      end
+    end
+  end
+  self.stations:set(station.mac, station)
+  if self.stations.length > self.most then
+    self.stations:pop_first()
+  end
+end
+
+--- Takes an RPC message: responses come from devices, a Connect names device and controller.
+function Naming:message(pdu)
+  if pdu.ptype == 2 then
+    if pdu.opnum ~= rpc.CONTROL then -- a controller answers ApplicationReady
+      self:_learn(pdu.source, pdu.source_mac, pdu.object_uuid)
+    end
+  elseif pdu.ptype == 0 and pdu.opnum == rpc.CONNECT then
+    self:_learn(pdu.destination, nil, pdu.object_uuid)
+  end
+end
+
+--- Every device that answered or was connected to, in the order of first sight.
+-- An array of {ip, mac, station, vendor_id, device_id}, made anew each time.
+function Naming:devices()
+  local by_ip, devices = {}, {}
+  for _, station in self.stations:iterate() do
+    if station.ip then
+      by_ip[station.ip] = station
+    end
+  end
+  for ip, device in self.servers:iterate() do
+    local station = by_ip[ip] or device.mac and self.stations:get(device.mac) or {}
+    devices[#devices + 1] = {
+      ip = ip, mac = device.mac or station.mac, station = station.name,
+      vendor_id = device.vendor_id or station.vendor_id, device_id = device.device_id or station.device_id,
+    }
+  end
+  return devices
+end
+
+function Naming:_learn(ip, mac, object_uuid)
+  local device = self.servers:get(ip)
+  if device and device.mac and device.vendor_id then
+    return -- nothing is left to learn
+  end
+  if not device then
+    if self.servers.length >= self.most then
+      return
+    end
+    device = {ip = ip}
+    self.servers:set(ip, device)
+  end
+  device.mac = device.mac or mac
+  if device.vendor_id == nil then
+    device.vendor_id, device.device_id = rpc.device_identity(object_uuid)
+  end
+end
+
+return M

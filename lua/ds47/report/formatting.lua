@@ -1,0 +1,317 @@
+--- Words of the reports: numbers, values and addresses as a person reads them (Python: ds47.report.words).
+-- Also the little of UTF-8 that fixed-width text needs. No layout here, no file is opened.
+
+local tables = require("ds47.spec.tables")
+local numbers = require("ds47.support.numbers")
+local sentences = require("ds47.report.sentences")
+local spec = require("ds47.spec.lookup")
+
+local M = {}
+
+local floor, format, find, gsub = math.floor, string.format, string.find, string.gsub
+local concat = table.concat
+
+M.VALUES_SHOWN = 8 -- a longer list of values is cut, and its length stated
+M.CHARACTER = "[\0-\127\192-\255][\128-\191]*" -- one UTF-8 character, as a pattern
+
+-- First and last code point of what Python's str.isprintable() calls not printable and a capture or
+-- a table of ours can hold: controls, blanks other than the blank, marks that turn the direction.
+local HIDDEN = {
+  0x00, 0x1F, 0x7F, 0xA0, 0xAD, 0xAD, 0x61C, 0x61C, 0x1680, 0x1680, 0x180E, 0x180E, 0x2000, 0x200F,
+  0x2028, 0x202F, 0x205F, 0x206F, 0x3000, 0x3000, 0xD800, 0xF8FF, 0xFEFF, 0xFEFF, 0xFFF0, 0xFFFB,
+  0xFFFE, 0xFFFF, 0xE0000, 0x10FFFF,
+}
+-- First and last code point of characters that are two columns wide in a fixed-width font.
+local WIDE = {
+  0x1100, 0x115F, 0x2E80, 0xA4CF, 0xAC00, 0xD7A3, 0xF900, 0xFAFF, 0xFE30, 0xFE6F, 0xFF00, 0xFF60,
+  0xFFE0, 0xFFE6, 0x20000, 0x3FFFD,
+}
+local SHORT_ESCAPES = { [9] = "\\t", [10] = "\\n", [13] = "\\r" }
+
+local function within(ranges, point)
+  for i = 1, #ranges, 2 do
+    if point < ranges[i] then
+      return false
+    elseif point <= ranges[i + 1] then
+      return true
+    end
+  end
+  return false
+end
+
+--- The code point of one UTF-8 character, nil where the bytes are none.
+local function code_point(character)
+  local first = character:byte()
+  local size = #character
+  if first < 0x80 then
+    return size == 1 and first or nil
+  end
+  local start = first < 0xE0 and 0xC0 or first < 0xF0 and 0xE0 or 0xF0
+  if first < 0xC2 or first > 0xF4 or size ~= (start == 0xC0 and 2 or start == 0xE0 and 3 or 4) then
+    return nil
+  end
+  local point = first - start
+  for i = 2, size do
+    point = point * 64 + character:byte(i) - 0x80
+  end
+  return point
+end
+
+local function escape_character(character)
+  local point = code_point(character)
+  if not point then
+    return (gsub(character, ".", function(byte)
+      return format("\\x%02x", byte:byte())
+    end))
+  elseif not within(HIDDEN, point) then
+    return character
+  elseif SHORT_ESCAPES[point] then
+    return SHORT_ESCAPES[point]
+  end
+  return format(point < 0x100 and "\\x%02x" or point < 0x10000 and "\\u%04x" or "\\U%08x", point)
+end
+
+--- The text with everything a terminal might obey, or nobody could see, as an escape.
+function M.escape(text)
+  if not find(text, "[^ -~]") then
+    return text
+  end
+  return (gsub(gsub(text, "^[\128-\191]+", ""), M.CHARACTER, escape_character))
+end
+
+--- Characters of a UTF-8 text.
+function M.length(text)
+  return #gsub(text, "[\128-\191]", "")
+end
+
+--- Columns that a UTF-8 text takes in a fixed-width font; a Chinese character takes two.
+function M.width(text)
+  local columns = #text
+  if find(text, "[\128-\255]") then
+    columns = 0
+    for character in text:gmatch(M.CHARACTER) do
+      local point = #character > 1 and code_point(character) or 0
+      columns = columns + (within(WIDE, point) and 2 or 1)
+    end
+  end
+  return columns
+end
+
+--- A whole number without a decimal point in every Lua version.
+-- ("%d" of Lua 5.2 holds only 32 bits on Windows.)
+function M.integer(number)
+  return format("%.0f", number)
+end
+
+--- A whole number in groups of three digits: `12,000`.
+function M.grouped(number)
+  local digits, cut = M.integer(number), 1
+  while cut > 0 do
+    digits, cut = gsub(digits, "^(-?%d+)(%d%d%d)", "%1,%2")
+  end
+  return digits
+end
+
+--- A text of tables.report_words in "en" or "zh" with its values filled in; `n` also chooses between
+-- `one|several`.
+function M.say(lang, key, values)
+  local known = tables.report_words[key]
+  local text = lang == "zh" and known.zh or known.en
+  local one, several = text:match("^(.*)|(.*)$")
+  if one then
+    text = values.n == 1 and one or several
+  end
+  return (gsub(text, "{(%w+)}", function(name)
+    local value = values[name]
+    return type(value) == "number" and M.grouped(value) or tostring(value)
+  end))
+end
+
+--- The name of a state of a transaction: one and the same in every report.
+function M.state(lang, word)
+  return M.say(lang, "state_" .. word)
+end
+
+--- The name of what a transaction asks.
+function M.operation(lang, word)
+  return M.say(lang, "operation_" .. word)
+end
+
+--- A text and a note behind it, in Chinese without a blank; the text alone where there is no note.
+function M.noted(lang, text, note)
+  return note and M.joined(lang, { text, note }, " ", "") or text
+end
+
+--- Texts in a row, with the commas of their language where no separators are given.
+function M.joined(lang, parts, en, zh)
+  return concat(parts, lang == "zh" and (zh or "，") or en or ", ")
+end
+
+--- A time in the unit that fits it: `0.412 ms`, `12.4 ms`, `12.3 s`.
+function M.duration(nanoseconds)
+  local milliseconds = nanoseconds / 1e6
+  if math.abs(milliseconds) >= 10000 then
+    return format("%.1f s", milliseconds / 1000)
+  end
+  return format(math.abs(milliseconds) < 1 and "%.3f ms" or "%.1f ms", milliseconds)
+end
+
+--- `p50303[0]`, `p2902[2..5]`, `p944[0].text`; `p?` where no request names it.
+function M.address(item)
+  if not item.pnu then
+    return "p?"
+  end
+  local first, elements, index = item.subindex, item.element_count or 0, ""
+  if first and elements > 1 then
+    index = format("[%d..%d]", first, first + elements - 1)
+  elseif first then
+    index = format("[%d]", first)
+  end
+  local attribute = item.attribute
+  if attribute == nil or attribute == "value" then
+    attribute = ""
+  else
+    attribute = "." .. attribute
+  end
+  return "p" .. M.integer(item.pnu) .. index .. attribute
+end
+
+--- Whether a value that is a string is text from the drive (docs/protocol.md A.6).
+-- In the other formats it is a number that JSON cannot hold (NaN, 64 bits) or hex digits.
+function M.is_text(format_name)
+  return format_name == nil
+    or find(format_name, "^VisibleString") ~= nil
+    or find(format_name, "^Unicode") ~= nil
+    or find(format_name, "^UNICODE") ~= nil
+end
+
+local floats -- format name -> {values, scaled}: whether they are floats
+local function is_float(format_name, scaled)
+  if not floats then
+    floats = {}
+    for _, row in pairs(tables.formats) do
+      local with_status = row.kind == "with_status" and row.pack == "f"
+      floats[row.name] = {
+        values = row.kind == "float",
+        scaled = row.divide ~= nil or row.kind == "duration" or with_status,
+      }
+    end
+  end
+  local known = floats[format_name]
+  return known and (scaled and known.scaled or not scaled and known.values)
+end
+
+--- A number as Python shows it: a float always with a point or an exponent, an integer never.
+-- The format says which it is: Lua 5.2 has one kind of number only.
+function M.number(number, format_name, scaled)
+  if is_float(format_name, scaled) or floor(number) ~= number then
+    return numbers.float_text(number)
+  end
+  return M.integer(number)
+end
+
+--- One value; text from the drive in quotes.
+function M.value(item, format_name, scaled)
+  if type(item) ~= "string" then
+    return M.number(item, format_name, scaled)
+  end
+  local plain = M.escape(item)
+  return M.is_text(format_name) and '"' .. gsub(plain, '"', '\\"') .. '"' or plain
+end
+
+--- A list of values, cut where it grows long: `1, 2, 3, ... (40 values)`.
+-- @param lang "zh" for Chinese words, else English
+function M.values(items, format_name, scaled, lang)
+  if #items == 1 then
+    return M.value(items[1], format_name, scaled)
+  end
+  local shown = {}
+  for i = 1, math.min(#items, M.VALUES_SHOWN) do
+    shown[i] = M.value(items[i], format_name, scaled)
+  end
+  local text = concat(shown, ", ")
+  return #items > M.VALUES_SHOWN and M.say(lang, "values_cut", { values = text, n = #items }) or text
+end
+
+--- `error 0x11: request cannot be executed (info 3)`; `lang` as in `values`.
+function M.error(item, lang)
+  local text = M.say(lang, "parameter_error") .. (item.code and " " .. spec.error_hex(item.code) or "")
+  if item.text and item.text ~= "" then
+    text = M.joined(lang, { text, M.escape(item.text) }, ": ", "：")
+  end
+  local info = item.info and item.info ~= 0 and { info = M.integer(item.info) }
+  return M.noted(lang, text, info and M.say(lang, "parameter_error_info", info))
+end
+
+--- A parameter with what is known of it: `p50303[0] = 10.0`, with `:=` if it was written.
+-- `lang` as in `values`.
+function M.parameter(item, written, lang)
+  local text = M.address(item)
+  if item.name then
+    text = text .. " (" .. M.escape(item.name) .. ")"
+  end
+  if item.values and #item.values > 0 then
+    local unit = item.unit and " " .. M.escape(item.unit) or ""
+    text = text .. (written and " := " or " = ") .. M.values(item.values, item.format, false, lang)
+    if item.scaled and #item.scaled > 0 then
+      unit = " (" .. M.values(item.scaled, item.format, true, lang) .. unit .. ")"
+    end
+    text = text .. unit
+  end
+  return item.error and text .. " " .. M.error(item.error, lang) or text
+end
+
+--- The message of a finding; where it is about a byte of a message, with its offset in front.
+function M.message(finding, lang)
+  local offset = finding.offset and M.integer(finding.offset)
+  local text = sentences.sentence(finding, lang)
+  return offset and M.say(lang, "finding_offset", { offset = offset, message = text }) or text
+end
+
+-- Lines of a terminal
+
+local STAYS = {} -- characters that do not begin a line
+for character in ("，。；：、）”"):gmatch(M.CHARACTER) do
+  STAYS[character] = true
+end
+
+-- The text in pieces that stay whole: a word with the blanks behind it, or a wide character.
+local function pieces(text)
+  local characters, found, piece = {}, {}, ""
+  for character in text:gmatch(M.CHARACTER) do
+    characters[#characters + 1] = character
+  end
+  for place, character in ipairs(characters) do
+    local following = characters[place + 1] or ""
+    piece = piece .. character
+    local blank = character == " " and following ~= " "
+    local wide = M.width(character) == 2 or M.width(following) == 2
+    if blank or (wide and not STAYS[following]) then
+      found[#found + 1] = piece
+      piece = ""
+    end
+  end
+  found[#found + 1] = piece
+  return found
+end
+
+local function stripped(text)
+  return (gsub(text, " +$", ""))
+end
+
+--- Lines of at most so many columns, all but the first behind `hanging` blanks (Python: ds47.report.wrap).
+function M.wrap(text, width, hanging)
+  local lines, line = {}, ""
+  for _, piece in ipairs(pieces(text)) do
+    if find(line, "%S") and M.width(line .. stripped(piece)) > width then
+      lines[#lines + 1] = stripped(line)
+      line = (" "):rep(hanging or 0)
+      piece = gsub(piece, "^ +", "")
+    end
+    line = line .. piece
+  end
+  lines[#lines + 1] = stripped(line)
+  return lines
+end
+
+return M

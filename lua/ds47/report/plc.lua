@@ -1,0 +1,430 @@
+--- What the PLC saw of a transaction: the outputs of WRREC and RDREC as a program would see them (Python:
+-- ds47.report.plc). Derived from the transaction, from findings about calls that it does not show, and from
+-- what comes after it on its channel: every call of a block with DONE or VALID, ERROR, STATUS and LEN. The
+-- words are those of tables.report_words.
+
+local rules = require("ds47.acyclic.judge")
+local tables = require("ds47.spec.tables")
+local times = require("ds47.support.times")
+local words = require("ds47.report.formatting")
+
+local byte, concat, format = string.byte, table.concat, string.format
+local say = words.say
+
+local M = {}
+
+M.NOT_READY = 0xDE80B500 -- the STATUS of a poll: state conflict on a Read
+local NEGATIVE = 0x80 -- the bit of byte 1 of a response that says that it is a negative one
+
+-- Rules about a call that brought no record, and what the call ended with.
+local LEFT_OUT = { DS101 = "unseen", DS105 = "unseen", DS104 = "fault", DS108 = "bare", DS207 = "empty" }
+local IN_PART, CUT = "DS105", "DS106"
+local NOTHING = "DS206" -- about a Read for which no request was open
+-- The bytes of a request that its response mirrors, but for byte 2, from 1.
+local HEADER = { { "mirror_reference", 1 }, { "mirror_axis", 3 }, { "mirror_count", 4 } }
+
+-- When the last thing that is known of a transaction happened; nil where there is none.
+local function end_of(transactions)
+  local last
+  for _, each in ipairs(transactions) do
+    local stop = times.later(each.start_ns, each.duration_ns or 0)
+    last = (last == nil or last < stop) and stop or last
+  end
+  return last
+end
+
+local function channel_of(item)
+  return concat({
+    item.controller, item.device, item.ar or "", words.integer(item.api), item.slot, item.subslot,
+    item.index,
+  }, "\0")
+end
+
+-- How long transactions without a response were waited for, by their id: "ends" where nothing comes after it
+-- on its channel, "busy" where the capture is known to go on for the time after which a request is given up
+-- and nothing more came on the channel, else "unseen".
+local function waits_of(transactions)
+  local expiry, last = tables.limits.transaction_expiry_ns, end_of(transactions)
+  local after, waits = {}, {}
+  for place = #transactions, 1, -1 do
+    local item = transactions[place]
+    local channel = channel_of(item)
+    local following = after[channel]
+    after[channel] = item.start_ns
+    if item.state == "unanswered" then
+      local quiet = (following or last) - item.start_ns > expiry
+      waits[item.id] = quiet and "busy" or following and "unseen" or "ends"
+    end
+  end
+  return waits
+end
+
+-- The entries {frame, id} of a table by channel; made where there are none yet.
+local function entries_of(kind, channel)
+  local entries = kind[channel]
+  if not entries then
+    entries = {}
+    kind[channel] = entries
+  end
+  return entries
+end
+
+-- The frames of the Reads of a transaction, and of the findings about its calls, as entries.
+local function put_reads(entries, item, found)
+  local frames = item.frames
+  local function put(frame)
+    if frame and frame ~= frames.write_request and frame ~= frames.write_response then
+      entries[#entries + 1] = { frame, item.id }
+    end
+  end
+  put(frames.read_request)
+  put(frames.read_response)
+  for _, key in ipairs({ "polls", "rereads" }) do
+    for _, pair in ipairs(frames[key] or {}) do
+      put(pair.request)
+      put(pair.response)
+    end
+  end
+  for _, each in ipairs(found or {}) do
+    put(each.frame)
+  end
+end
+
+local function sort(entries)
+  table.sort(entries, function(a, b)
+    return a[1] < b[1]
+  end)
+end
+
+-- Whether no Read brought a record, and none was given up.
+local function is_unread(item)
+  return not item.frames.read_request and not item.frames.read_response
+end
+
+-- Where Reads came between the Writes: `reads` by channel, `loose` those of no transaction. Whose they are is
+-- not always known. Of channels on which nobody asks there is nothing.
+local function channels_of(transactions, calls, loose)
+  local wanted = {}
+  for _, item in ipairs(transactions) do
+    if is_unread(item) then
+      wanted[channel_of(item)] = true
+    end
+  end
+  local all = { reads = {}, accepted = {} }
+  for _, item in ipairs(next(wanted) and transactions or {}) do
+    local channel, asked = channel_of(item), item.frames.write_request
+    if wanted[channel] then
+      put_reads(entries_of(all.reads, channel), item, calls[item.id])
+    end
+    if wanted[channel] and asked and item.write_status == 0 then
+      local entries = entries_of(all.accepted, channel)
+      entries[#entries + 1] = { asked, item.id }
+    end
+  end
+  for _, kind in pairs(all) do
+    for _, entries in pairs(kind) do
+      sort(entries)
+    end
+  end
+  sort(loose)
+  all.loose = loose
+  return all
+end
+
+-- The first frame after another one that does not belong to the transaction `but`; huge where there is none.
+local function after(entries, frame, but)
+  local low, high = 1, #entries + 1
+  while low < high do
+    local middle = math.floor((low + high) / 2)
+    if entries[middle][1] > frame then
+      high = middle
+    else
+      low = middle + 1
+    end
+  end
+  while entries[low] and entries[low][2] == but do
+    low = low + 1
+  end
+  return entries[low] and entries[low][1] or math.huge
+end
+
+-- Whether a Read that is told of another transaction, or of none, came before the next accepted Write.
+local function perhaps(channels, item)
+  local channel, begin = channel_of(item), item.frames.write_request
+  if not begin then
+    return false
+  end
+  local limit = after(channels.accepted[channel] or {}, begin)
+  local others = channels.reads[channel] or {}
+  return math.min(after(channels.loose, begin), after(others, begin, item.id)) < limit
+end
+
+-- The newest frame of a transaction, and of the findings about its calls.
+local function newest_of(item, found)
+  local entries, newest = {}, math.max(item.frames.write_request or 0, item.frames.write_response or 0)
+  put_reads(entries, item, found)
+  for _, entry in ipairs(entries) do
+    newest = math.max(newest, entry[1])
+  end
+  return newest
+end
+
+-- Says "unseen" of those behind whose last frame a Read came that may be of their channel.
+local function say_followed(transactions, calls, loose, waits)
+  local newest, stray = {}, 0
+  for _, item in ipairs(transactions) do
+    local channel = channel_of(item)
+    newest[channel] = math.max(newest[channel] or 0, newest_of(item))
+  end
+  for _, entry in ipairs(loose) do
+    stray = math.max(stray, entry[1])
+  end
+  for _, item in ipairs(transactions) do
+    local own = item.state == "unanswered" and newest_of(item, calls[item.id])
+    if own and math.max(stray, newest[channel_of(item)]) > own then
+      waits[item.id] = "unseen"
+    end
+  end
+end
+
+-- Says "beside" of those behind whose Write a Read came that is told of another transaction, or of none: for
+-- which of them the PLC started RDREC is not known then.
+local function say_beside(transactions, calls, loose, waits)
+  local channels = channels_of(transactions, calls, loose)
+  for _, item in ipairs(transactions) do
+    if is_unread(item) and perhaps(channels, item) then
+      waits[item.id] = "beside"
+    end
+  end
+end
+
+-- Witnesses
+
+local Witness = {}
+Witness.__index = Witness
+
+--- Tells what the PLC saw of each transaction of a result {transactions, findings}.
+function M.witness(result)
+  local calls, lengths, loose = {}, {}, {}
+  for _, each in ipairs(result.findings) do
+    local owner = each.transaction
+    if not owner and (LEFT_OUT[each.rule] or each.rule == NOTHING) then
+      loose[#loose + 1] = { each.frame, 0 }
+    elseif LEFT_OUT[each.rule] and owner then
+      calls[owner] = calls[owner] or {}
+      table.insert(calls[owner], each)
+    elseif each.rule == CUT and each.args.completed then
+      lengths[each.args.completed] = each.args.length
+    end
+  end
+  local waits = waits_of(result.transactions)
+  say_followed(result.transactions, calls, loose, waits)
+  say_beside(result.transactions, calls, loose, waits)
+  return setmetatable({
+    calls = calls, -- transaction -> the findings about calls that brought no record
+    lengths = lengths, -- frame of a Read response -> bytes of its record, which the capture cut
+    waits = waits,
+  }, Witness)
+end
+
+--- The same of one transaction while the capture goes on: what its job has learnt so far.
+function M.witness_of(item, job)
+  local findings = {}
+  for _, call in ipairs(job.calls) do
+    findings[#findings + 1] = { rule = call.rule, frame = call.frame, transaction = item.id }
+  end
+  for _, half in ipairs(job.empty_reads) do
+    findings[#findings + 1] = { rule = "DS207", frame = half.frame, transaction = item.id }
+  end
+  local read = job.read_response
+  if read and read.cut then
+    local args = { completed = read.frame, length = read.stated }
+    findings[#findings + 1] = { rule = CUT, frame = read.frame, args = args }
+  end
+  return M.witness({ transactions = { item }, findings = findings })
+end
+
+-- The Reads that brought no record and are none of the frames of a transaction; and whether a part of a
+-- response is there: then it is not that none came.
+local function left_out_of(item, found)
+  local frames, list = item.frames, {}
+  local waits, in_part = frames.read_request and not frames.read_response, false
+  for _, each in ipairs(found) do
+    in_part = in_part or each.rule == IN_PART
+    waits = waits and each.frame ~= frames.read_request -- nothing came for it: the part is another's
+  end
+  for _, each in ipairs(found) do
+    local frame = each.frame
+    if waits and each.rule == IN_PART then
+      waits = false
+    elseif frame ~= frames.write_request and frame ~= frames.write_response and frame ~= frames.read_request
+      and frame ~= frames.read_response then
+      list[#list + 1] = { frame = frame, outcome = LEFT_OUT[each.rule], order = #list }
+    end
+  end
+  return list, in_part
+end
+
+-- Polls, Reads that brought nothing, and the one without a response that is a frame of the transaction, by
+-- their frames; of the last one alone it is told that the capture ended.
+local function in_order(item, left_out, wait)
+  local frames = item.frames
+  local polls, all = frames.polls or {}, {}
+  for place, poll in ipairs(polls) do
+    local order = place - 1 - #polls
+    all[place] = { frame = poll.response or 0, outcome = "polled", status = M.NOT_READY, order = order }
+  end
+  for _, each in ipairs(left_out) do
+    all[#all + 1] = each
+  end
+  local waits = frames.read_request and not frames.read_response
+  if waits then
+    all[#all + 1] = { frame = frames.read_request, outcome = "unseen", order = #left_out }
+  end
+  table.sort(all, function(a, b)
+    return a.frame < b.frame or a.frame == b.frame and a.order < b.order
+  end)
+  if waits and wait == "ends" and all[#all].outcome == "unseen" then
+    all[#all] = { outcome = "ends" }
+  end
+  return all
+end
+
+-- The Reads before the one that was answered: polls, and those that brought nothing.
+local function before(item, left_out, wait)
+  local calls = {}
+  for _, each in ipairs(in_order(item, left_out, wait)) do
+    local newest = calls[#calls]
+    if newest and newest.outcome == each.outcome then
+      newest.times = newest.times + 1
+    else
+      calls[#calls + 1] = { block = "RDREC", outcome = each.outcome, status = each.status, times = 1 }
+    end
+  end
+  return calls
+end
+
+local function is_bare(item, found)
+  for _, each in ipairs(found) do
+    if each.rule == "DS108" and each.frame == item.frames.write_response then
+      return true
+    end
+  end
+  return false
+end
+
+local function write(item, found, left_out, wait)
+  local frames = item.frames
+  local outcome = wait == "beside" and "unseen" or wait
+  if not frames.write_request then
+    outcome = "missing"
+  elseif item.write_status then
+    outcome = item.write_status == 0 and "done" or "error"
+  elseif frames.write_response then
+    outcome = is_bare(item, found) and "bare" or "fault"
+  elseif #left_out > 0 or frames.read_request or frames.read_response or #(frames.polls or {}) > 0 then
+    outcome = "unseen"
+  end
+  return { block = "WRREC", outcome = outcome, status = item.write_status }
+end
+
+-- The Read that a transaction ended with; nil where all are told already.
+local function last_read(item, left_out, length, wait)
+  local frames = item.frames
+  if frames.read_response and item.read_status and item.read_status ~= 0 then
+    return { block = "RDREC", outcome = "error", status = item.read_status }
+  elseif frames.read_response then
+    local captured = item.response and #item.response or 0
+    local outcome = captured < length and "cut" or "done"
+    return { block = "RDREC", outcome = outcome, status = 0, length = length, captured = captured }
+  elseif frames.read_request then
+    return nil
+  elseif item.state == "superseded" then
+    return { block = "RDREC", outcome = "superseded" }
+  elseif #left_out == 0 and wait ~= "beside" then
+    return { block = "RDREC", outcome = #(frames.polls or {}) > 0 and "given_up" or "never" }
+  end
+  return nil
+end
+
+--- The calls of a transaction in their order: array of {block, outcome, status, times, length, captured}, as
+-- in Python.
+function Witness:saw(item)
+  if item.ar == nil and not item.frames.write_request then -- a Read without an AR, which no block makes
+    local length = item.response and #item.response or 0
+    return { { block = "RDREC", outcome = "implicit", status = item.read_status, length = length } }
+  end
+  local found = self.calls[item.id] or {}
+  local left_out, in_part = left_out_of(item, found)
+  local wait = not in_part and self.waits[item.id] or "unseen"
+  local captured = item.response and #item.response or 0
+  local length = self.lengths[item.frames.read_response or 0] or captured
+  local calls = { write(item, found, left_out, wait) }
+  for _, call in ipairs(before(item, left_out, wait)) do
+    calls[#calls + 1] = call
+  end
+  calls[#calls + 1] = last_read(item, left_out, length, wait)
+  local rereads = #(item.frames.rereads or {})
+  if rereads > 0 then
+    calls[#calls + 1] = { block = "RDREC", outcome = "again", status = 0, times = rereads, length = length }
+  end
+  return calls
+end
+
+-- What the response of a mismatch has otherwise than the request: reference, DO, count, ID.
+local function not_mirrored(item, lang)
+  local request, response, parts = item.request or "", item.response or "", {}
+  for _, row in ipairs(HEADER) do
+    local sent, got = byte(request, row[2]), byte(response, row[2])
+    if sent and got and sent ~= got then
+      parts[#parts + 1] = say(lang, row[1])
+    end
+  end
+  local sent, got = byte(request, 2), byte(response, 2)
+  if sent and got and not rules.family_fits(sent, got) then
+    parts[#parts + 1] = say(lang, "mirror_id")
+  end
+  return words.joined(lang, #parts > 0 and parts or { say(lang, "mirror_count") })
+end
+
+--- What STATUS does not tell: that the record does not mirror the request, or is a negative response. Nil
+-- where it is neither.
+function M.remark(item, lang)
+  local response = item.response
+  if response == nil or (item.read_status or 0) ~= 0 then
+    return nil
+  elseif item.state == "mismatch" then
+    return say(lang, "plc_other", { what = not_mirrored(item, lang) })
+  end
+  local id = byte(response, 2) or 0
+  if id < NEGATIVE then
+    return nil
+  end
+  local key = item.state == "partial" and "plc_negative_partial" or "plc_negative"
+  return say(lang, key, { id = format("%02X", id) })
+end
+
+--- `WRREC DONE, STATUS 00000000; RDREC 3 x ERROR, STATUS DE80B500; RDREC VALID ...`
+function Witness:text(item, lang)
+  local parts = {}
+  for number, call in ipairs(self:saw(item)) do
+    local kind = call.block == "WRREC" and "write" or "read"
+    parts[number] = say(lang, "plc_" .. kind .. "_" .. call.outcome, {
+      n = call.times or 1, status = format("%08X", call.status or 0), length = call.length,
+      captured = call.captured,
+    })
+  end
+  local text = words.joined(lang, parts, "; ", "；")
+  local more = M.remark(item, lang)
+  if more then
+    text = text .. (lang == "zh" and "，" or " - ") .. more
+  end
+  return text
+end
+
+--- The same with `PLC: ` in front.
+function Witness:line(item, lang)
+  return say(lang, "plc_line", { calls = self:text(item, lang) })
+end
+
+return M

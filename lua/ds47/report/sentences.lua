@@ -1,0 +1,220 @@
+-- The sentence of a finding: a rule and typed arguments to words, in English or Chinese (Python:
+-- ds47.report.sentences).
+--
+-- The only place that words a finding or a diagnosis; nothing reads a value back out of what it gives. What
+-- the types mean is in spec/rules.toml. A value of a parameter is a string, or what json.raw gives for a
+-- number, and so is a time: the text of a float keeps its point.
+
+local spec = require("ds47.spec.lookup")
+local status = require("ds47.profinet.status")
+local tables = require("ds47.spec.tables")
+
+local concat, floor, format = table.concat, math.floor, string.format
+
+local M = {}
+
+M.VALUES_SHOWN = 4 -- values of a list that a sentence names
+
+local LINE = 100
+
+local ABSENT = {code = true, info = true, status = true, value = true, values = true}
+
+local function integer(number)
+  return format("%d", number)
+end
+
+local function plain(value)
+  if type(value) == "table" then
+    return value.text
+  elseif type(value) == "number" and value == floor(value) then
+    return integer(value)
+  end
+  return tostring(value)
+end
+
+local function list(items)
+  local shown = {}
+  for number, item in ipairs(items) do
+    shown[number] = plain(item)
+  end
+  return concat(shown, ", ")
+end
+
+local function values(items)
+  local shown = {}
+  for number, item in ipairs(items) do
+    if number > M.VALUES_SHOWN then
+      shown[number] = "..."
+      break
+    end
+    shown[number] = plain(item)
+  end
+  return #shown > 0 and concat(shown, ", ") or "-"
+end
+
+--- A record index as people write it: 47, 0xB02E.
+function M.record_index(index)
+  return index < 0x100 and integer(index) or format("0x%04X", index)
+end
+
+local SHOW = {
+  hex = spec.error_hex,
+  code = spec.error_hex,
+  hex32 = function(number) return format("0x%08X", number) end,
+  index = M.record_index,
+  ms = function(number) return format("%.1f", tonumber(plain(number))) end,
+  ms3 = function(number) return format("%.3f", tonumber(plain(number))) end,
+  numbers = list,
+  frames = list,
+  values = values,
+  line = function(text) return #text <= LINE and text or text:sub(1, LINE - 3) .. "..." end,
+}
+
+local function word(texts, lang)
+  return lang == "zh" and texts.zh or texts.en
+end
+
+-- Templates as arrays: text, name of an argument, text, ...
+local templates = {}
+
+local function pieces(template)
+  local found = templates[template]
+  if found == nil then
+    found = {}
+    local at = 1
+    for before, name, after in template:gmatch("([^{]*){([^}]*)}()") do
+      found[#found + 1] = before
+      found[#found + 1] = name
+      at = after
+    end
+    found[#found + 1] = template:sub(at)
+    templates[template] = found
+  end
+  return found
+end
+
+local shown -- forward: the words of a key have arguments too
+
+local function fill(template, rule, args, lang, many)
+  local parts, text = pieces(template), {}
+  for number, part in ipairs(parts) do
+    text[number] = number % 2 == 1 and part or shown(part, rule, args, lang, many)
+  end
+  return concat(text)
+end
+
+-- The words of a key; those for several cases where there are such.
+local function key_words(key, lang, many)
+  local texts = many and tables.diagnosis_words[key .. "_many"] or tables.diagnosis_words[key]
+  return word(texts, lang)
+end
+
+-- The words of the error number or of the status that the rule is about.
+local function text_of(args, lang)
+  if args.code ~= nil then
+    return spec.error_text(args.code, lang, args.vendor_id)
+  end
+  return args.status and status.status_text(tonumber(args.status, 16), lang) or ""
+end
+
+local function reason(args, lang)
+  local text = word(tables.reasons[args.reason], lang)
+  return args.dropped and text .. "; " .. word(tables.reasons.dropped, lang) or text
+end
+
+local function place(where, lang)
+  local values_ = {slot = where.slot, subslot = where.subslot, index = M.record_index(where.index)}
+  return (word(tables.diagnosis_words.place, lang):gsub("{(%w+)}", values_))
+end
+
+function shown(name, rule, args, lang, many)
+  if name == "text" then
+    return text_of(args, lang)
+  end
+  local kind, value = rule.args and rule.args[name] or "text", args[name]
+  if value == nil then
+    return ABSENT[kind] and "-" or "?"
+  elseif kind == "reason" then
+    return reason(args, lang)
+  elseif kind == "key" then
+    return fill(key_words(value, lang, many), rule, args, lang, many)
+  elseif kind == "place" then
+    return place(value, lang)
+  end
+  return (SHOW[kind] or plain)(value)
+end
+
+local NONE = {}
+
+--- The sentence of a rule with these arguments, in "en" or "zh".
+function M.words(rule, args, lang)
+  local row = tables.rules[rule]
+  args = args or NONE
+  local text = fill(lang == "zh" and row.message_zh or row.message, row, args, lang)
+  if args.dropped and args.reason == nil then
+    return text .. " (" .. word(tables.reasons.dropped, lang) .. ")"
+  end
+  return text
+end
+
+-- Whether a sentence shows none of these arguments, nor the words of a key of it.
+local function shows_none(template, rule, args, differs, many)
+  local parts = pieces(template)
+  for number = 2, #parts, 2 do
+    local name = parts[number]
+    if name == "text" then
+      name = rule.args.code and "code" or "status"
+    end
+    local value = args[name]
+    for _, each in ipairs(differs) do
+      if each == name then
+        return false
+      end
+    end
+    if rule.args[name] == "key" and value ~= nil
+      and not shows_none(key_words(value, "en", many), rule, args, differs, many) then
+      return false
+    end
+  end
+  return true
+end
+
+--- What is true of all cases of a finding or a headline {rule, args, differs}; nil where its cases have no
+-- sentence in common: that of one case where nothing that it names differs, else that of many.
+function M.of_all(item, lang)
+  local row, differs = tables.rules[item.rule], item.differs or NONE
+  if #differs == 0 then
+    return M.words(item.rule, item.args, lang)
+  elseif shows_none(row.message, row, item.args, differs, false) then
+    return fill(lang == "zh" and row.message_zh or row.message, row, item.args, lang)
+  elseif row.many and shows_none(row.many, row, item.args, differs, true) then
+    return fill(lang == "zh" and row.many_zh or row.many, row, item.args, lang, true)
+  end
+  return nil
+end
+
+--- What a finding says, or what is true of all findings of a diagnosis.
+function M.sentence(item, lang)
+  return M.of_all(item, lang) or word(tables.diagnosis_words.different, lang)
+end
+
+--- All frames that a finding is about, sorted, each once: the one that it stands on, and those that its
+-- arguments name.
+function M.frames(rule, frame, args)
+  local seen, frames = {[frame] = true}, {frame}
+  for name, kind in pairs(tables.rules[rule].args or NONE) do
+    local value = args and args[name]
+    if value ~= nil and (kind == "frame" or kind == "frames") then
+      for _, number in ipairs(kind == "frames" and value or {value}) do
+        if not seen[number] then
+          seen[number] = true
+          frames[#frames + 1] = number
+        end
+      end
+    end
+  end
+  table.sort(frames)
+  return frames
+end
+
+return M

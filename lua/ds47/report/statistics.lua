@@ -1,0 +1,436 @@
+--- Statistics of a capture as tables of fixed width, in English or Chinese: response times per operation and
+-- device, errors per code, slowest transactions, unanswered requests, findings per rule.
+-- `compute` counts, `text` prints. Takes the result of Analysis:ended(); opens no file.
+
+local report_text = require("ds47.report.text")
+local spec = require("ds47.spec.lookup")
+local status = require("ds47.profinet.status")
+local tables = require("ds47.spec.tables")
+local targets = require("ds47.report.targets")
+local todo = require("ds47.report.todo")
+local verdict = require("ds47.report.verdict")
+local words = require("ds47.report.formatting")
+
+local M = {}
+
+local concat, format, sort = table.concat, string.format, table.sort
+local integer, escape = words.integer, words.escape
+
+M.SLOWEST = 10 -- transactions in the table of the slowest
+M.ROWS = 50 -- rows of the tables of errors and of unanswered requests; how many more is stated
+M.ASKED_WIDTH = 60 -- columns for what was asked
+
+local TEXTS = {
+  en = {
+    lang = "en",
+    title = "DS47 statistics", frames = "%s frames", transactions = "%s transactions",
+    findings = "%s findings", none = "none", more = "and %s more", all = "all",
+    duration = "Response time in ms: from the Write request to the Read response",
+    drive = "Share of the drive in ms: the same without the pause of the program before its first Read",
+    negative = "%s negative times left out: the clock was set back",
+    device = "Device", operation = "Operation", number = "Count", timed = "Timed", min = "Min", mean = "Mean",
+    max = "Max",
+    errors = "Negative responses by error number", code = "Code", first = "First in frame", text = "Meaning",
+    calls = { read = "read", write = "write" },
+    refusals = "Refused record calls", status = "Status", call = "Call",
+    slowest = "Slowest transactions", transaction = "No.", frame = "Frame", took = "ms", share = "Drive",
+    state = "State", asked = "Asked",
+    unanswered = "Requests without a response (unanswered, superseded)",
+    rules = "Findings by rule", rule = "Rule", severity = "Severity",
+    name = "Name",
+  },
+  zh = {
+    lang = "zh",
+    title = "DS47 统计", frames = "%s 帧", transactions = "%s 个任务", findings = "%s 个结论",
+    none = "无", more = "还有 %s 条", all = "全部",
+    duration = "响应时间（ms）：从写请求到读响应",
+    drive = "驱动器所占时间（ms）：不含程序在第一次读之前的停顿",
+    negative = "%s 个负时间未计入：时钟被调回",
+    device = "设备", operation = "操作", number = "数量", timed = "计时", min = "最小", mean = "平均",
+    max = "最大",
+    errors = "按错误号统计的否定应答", code = "代码", first = "首次出现帧", text = "含义",
+    calls = { read = "读", write = "写" },
+    refusals = "被拒绝的记录调用", status = "状态字", call = "调用",
+    slowest = "最慢的任务", transaction = "编号", frame = "帧", took = "ms", share = "驱动器",
+    state = "状态", asked = "请求内容",
+    unanswered = "没有应答的请求（无应答、被取代）",
+    rules = "按规则统计的结论", rule = "规则", severity = "严重程度",
+    name = "名称",
+  },
+}
+
+-- Counting
+
+--- Count, smallest, mean, median, 95th percentile and largest of times in ns; negative ones only counted.
+local function distribution(times)
+  local ordered, sum = {}, 0
+  for _, each in ipairs(times) do
+    if each >= 0 then
+      ordered[#ordered + 1] = each
+      sum = sum + each
+    end
+  end
+  sort(ordered)
+  local timed = #ordered
+  if timed == 0 then
+    return { timed = 0, negative = #times }
+  end
+  return {
+    timed = timed, negative = #times - timed, min = ordered[1], mean = sum / timed,
+    p50 = report_text.percentile(ordered, 50), p95 = report_text.percentile(ordered, 95),
+    max = ordered[timed],
+  }
+end
+
+local function counted_in(row, item)
+  row.count = row.count + 1
+  row.durations[#row.durations + 1] = item.duration_ns
+  if item.duration_ns then
+    row.drives[#row.drives + 1] = item.drive_ns
+  end
+end
+
+local function new_row(device, operation)
+  return { device = device, operation = operation, count = 0, durations = {}, drives = {} }
+end
+
+--- Rows {device, operation, count, duration, drive}, by device in the order of the capture, then operation.
+local function response_times(transactions)
+  local devices, by_device, all = {}, {}, new_row("", "")
+  for _, item in ipairs(transactions) do
+    local device, operation = item.device, item.operation
+    if not by_device[device] then
+      by_device[device] = {}
+      devices[#devices + 1] = device
+    end
+    by_device[device][operation] = by_device[device][operation] or new_row(device, operation)
+    counted_in(by_device[device][operation], item)
+    counted_in(all, item)
+  end
+  local rows = {}
+  for _, device in ipairs(devices) do
+    for _, operation in ipairs(report_text.OPERATIONS) do
+      rows[#rows + 1] = by_device[device][operation]
+    end
+  end
+  if #rows > 1 then
+    rows[#rows + 1] = all -- the sum, behind the others
+  end
+  for _, row in ipairs(rows) do
+    row.duration, row.drive = distribution(row.durations), distribution(row.drives)
+    row.durations, row.drives = nil, nil
+  end
+  return rows
+end
+
+--- Counts things that are equal in `key`: rows as `make` gives them, with `count`; the most frequent first.
+local function counted()
+  local rows, by_key = {}, {}
+  return rows, function(key, row)
+    local known = by_key[key]
+    if known then
+      known.count = known.count + 1
+      return
+    end
+    row.count, row.order = 1, #rows
+    by_key[key] = row
+    rows[#rows + 1] = row
+  end
+end
+
+local function by_count(a, b)
+  return a.count > b.count or a.count == b.count and a.order < b.order
+end
+
+--- Error numbers of parameters: rows {device, code, text, count, frame of the first}.
+local function errors(transactions)
+  local rows, add = counted()
+  for _, item in ipairs(transactions) do
+    for _, parameter in ipairs(item.parameters) do
+      local failed = parameter.error
+      if failed then
+        local code = failed.code and spec.error_hex(failed.code) or "-"
+        local text, frame = failed.text or "", item.frames.read_response
+        local row = { device = item.device, code = code, text = text, frame = frame }
+        add(concat({ item.device, code, text }, "\0"), row)
+      end
+    end
+  end
+  sort(rows, by_count)
+  return rows
+end
+
+--- Record calls with a negative status: rows {device, call, status, text, count, frame of the first}.
+-- Polls are none: they are counted with their transaction.
+local function refusals(transactions, lang)
+  local rows, add = counted()
+  for _, item in ipairs(transactions) do
+    for _, call in ipairs({ "write", "read" }) do
+      local word = item[call .. "_status"]
+      if word and word ~= 0 then
+        local row = {
+          device = item.device, call = call, status = format("%08X", word),
+          text = status.status_text(word, lang), frame = item.frames[call .. "_response"],
+        }
+        add(concat({ item.device, call, row.status }, "\0"), row)
+      end
+    end
+  end
+  sort(rows, by_count)
+  return rows
+end
+
+local function slowest(transactions)
+  local list = {}
+  for _, item in ipairs(transactions) do
+    if item.duration_ns and item.duration_ns >= 0 then
+      list[#list + 1] = item
+    end
+  end
+  sort(list, function(a, b)
+    return a.duration_ns > b.duration_ns or a.duration_ns == b.duration_ns and a.id < b.id
+  end)
+  for i = #list, M.SLOWEST + 1, -1 do
+    list[i] = nil
+  end
+  return list
+end
+
+local function unanswered(transactions)
+  local list = {}
+  for _, item in ipairs(transactions) do
+    if item.state == "unanswered" or item.state == "superseded" then
+      list[#list + 1] = item
+    end
+  end
+  return list
+end
+
+--- Counts what a capture holds.
+-- @param result what Analysis:ended() gives
+-- @param lang "en" or "zh": of the meaning of a status
+-- @return {transactions, findings (how many), states, response_times, errors, refusals, slowest, unanswered,
+--   rules}: the last six are arrays of rows
+function M.compute(result, lang)
+  local list = result.transactions
+  local groups = todo.by_rule(result.findings)
+  local rules = {}
+  for i, group in ipairs(groups) do
+    rules[i] = { rule = group[1].rule, severity = group[1].severity, count = #group, frame = group[1].frame }
+  end
+  return {
+    transactions = #list, findings = #result.findings, states = verdict.counts(result).states,
+    response_times = response_times(list), errors = errors(list),
+    refusals = refusals(list, lang),
+    slowest = slowest(list), unanswered = unanswered(list), rules = rules,
+  }
+end
+
+-- Printing
+
+--- Rows of cells as lines of fixed width.
+-- @param columns array of {title, align}: align ">" for the right; the last column ends where its text does
+-- @param rows array of arrays of texts
+local function table_lines(add, columns, rows)
+  local widths = {}
+  for i, column in ipairs(columns) do
+    widths[i] = words.width(column[1])
+    for _, row in ipairs(rows) do
+      widths[i] = math.max(widths[i], words.width(row[i]))
+    end
+  end
+  local function line(cells)
+    local parts = {}
+    for i, column in ipairs(columns) do
+      local blanks = (" "):rep(widths[i] - words.width(cells[i]))
+      parts[i] = column[2] == ">" and blanks .. cells[i] or cells[i] .. blanks
+    end
+    add((("  " .. concat(parts, "  ")):gsub(" +$", "")))
+  end
+  local titles, total = {}, -2
+  for i, column in ipairs(columns) do
+    titles[i] = column[1]
+    total = total + widths[i] + 2
+  end
+  line(titles)
+  add("  " .. ("-"):rep(total))
+  for _, row in ipairs(rows) do
+    line(row)
+  end
+end
+
+--- A titled table; `none` where it has no row, and how many rows were left out.
+local function section(add, texts, title, columns, list, cells)
+  add("")
+  add(title)
+  if #list == 0 then
+    add("  " .. texts.none)
+    return
+  end
+  local rows = {}
+  for i = 1, math.min(#list, M.ROWS) do
+    rows[i] = cells(list[i])
+  end
+  table_lines(add, columns, rows)
+  if #list > M.ROWS then
+    add("  " .. format(texts.more, integer(#list - M.ROWS)))
+  end
+end
+
+local function milliseconds(nanoseconds)
+  return nanoseconds and format("%.3f", nanoseconds / 1e6) or "-"
+end
+
+local function number(value)
+  return value and integer(value) or "-"
+end
+
+--- Cuts a text to a number of columns.
+local function shortened(text, columns)
+  if words.width(text) <= columns then
+    return text
+  end
+  local parts, width = {}, 3
+  for character in text:gmatch(words.CHARACTER) do
+    width = width + words.width(character)
+    if width > columns then
+      break
+    end
+    parts[#parts + 1] = character
+  end
+  return concat(parts) .. "..."
+end
+
+--- What a transaction asked for: `p50303[0]; p50304[0] := 100.0`, cut where it grows long.
+local function asked(item)
+  local parts, change = {}, item.operation == "change"
+  for i, parameter in ipairs(item.parameters) do
+    local text = words.address(parameter)
+    if change and #parameter.values > 0 then
+      text = text .. " := " .. words.values(parameter.values, parameter.format)
+    end
+    parts[i] = text
+  end
+  return shortened(#parts > 0 and concat(parts, "; ") or "-", M.ASKED_WIDTH)
+end
+
+local function operation_of(texts, key)
+  return words.operation(texts.lang, key)
+end
+
+-- The device, and what of it a request addresses, as far as that is known.
+local function place(names, item)
+  local where = names:place(item, false)
+  return where == "" and escape(item.device) or escape(item.device) .. " " .. where
+end
+
+local function response_time_section(add, texts, rows, key)
+  local columns = {
+    { texts.device }, { texts.operation }, { texts.number, ">" }, { texts.timed, ">" }, { texts.min, ">" },
+    { texts.mean, ">" }, { "p50", ">" }, { "p95", ">" }, { texts.max, ">" },
+  }
+  local negative = 0
+  section(add, texts, texts[key], columns, rows, function(row)
+    local times = row[key]
+    negative = math.max(negative, times.negative)
+    local operation = row.operation == "" and "" or operation_of(texts, row.operation)
+    return {
+      row.device == "" and texts.all or escape(row.device), operation, integer(row.count),
+      integer(times.timed), milliseconds(times.min), milliseconds(times.mean), milliseconds(times.p50),
+      milliseconds(times.p95), milliseconds(times.max),
+    }
+  end)
+  if negative > 0 then
+    add("  " .. format(texts.negative, integer(negative)))
+  end
+end
+
+local function error_sections(add, texts, statistics)
+  local columns = {
+    { texts.code }, { texts.number, ">" }, { texts.first, ">" }, { texts.device }, { texts.text },
+  }
+  section(add, texts, texts.errors, columns, statistics.errors, function(row)
+    return { row.code, integer(row.count), number(row.frame), escape(row.device), escape(row.text) }
+  end)
+  columns[1] = { texts.status }
+  table.insert(columns, 2, { texts.call })
+  section(add, texts, texts.refusals, columns, statistics.refusals, function(row)
+    local call = texts.calls[row.call]
+    return { row.status, call, integer(row.count), number(row.frame), escape(row.device), escape(row.text) }
+  end)
+end
+
+local function transaction_sections(add, texts, statistics, names)
+  local columns = {
+    { texts.took, ">" }, { texts.share, ">" }, { texts.transaction, ">" }, { texts.frame, ">" },
+    { texts.operation }, { texts.device }, { texts.asked },
+  }
+  section(add, texts, texts.slowest, columns, statistics.slowest, function(item)
+    return {
+      milliseconds(item.duration_ns), milliseconds(item.drive_ns), "#" .. integer(item.id),
+      number(item.frames.read_response), operation_of(texts, item.operation), place(names, item), asked(item),
+    }
+  end)
+  columns = {
+    { texts.frame, ">" }, { texts.transaction, ">" }, { texts.state }, { texts.operation }, { texts.device },
+    { texts.asked },
+  }
+  section(add, texts, texts.unanswered, columns, statistics.unanswered, function(item)
+    return {
+      number(item.frames.write_request), "#" .. integer(item.id), words.state(texts.lang, item.state),
+      operation_of(texts, item.operation), place(names, item), asked(item),
+    }
+  end)
+end
+
+local function rule_section(add, texts, rows, rules)
+  local columns = {
+    { texts.rule }, { texts.severity }, { texts.number, ">" }, { texts.first, ">" }, { texts.name },
+  }
+  section(add, texts, texts.rules, columns, rows, function(row)
+    local rule = rules[row.rule]
+    return {
+      row.rule, words.say(texts.lang, "severity_" .. row.severity), integer(row.count), number(row.frame),
+      rule and rule.name or "",
+    }
+  end)
+end
+
+local function heading(add, texts, statistics, options)
+  local named = options.path and options.path ~= "-" -- "-": a file whose name nobody knows
+  add(texts.title .. (named and ": " .. escape(options.path) or ""))
+  local parts = {}
+  if options.frames then
+    parts[1] = format(texts.frames, integer(options.frames))
+  end
+  parts[#parts + 1] = format(texts.transactions, integer(statistics.transactions))
+  local states = verdict.by_state(statistics.states, texts.lang)
+  if #states > 0 then
+    parts[#parts] = parts[#parts] .. " (" .. concat(states, ", ") .. ")"
+  end
+  parts[#parts + 1] = format(texts.findings, integer(statistics.findings))
+  add(concat(parts, ", "))
+end
+
+--- The statistics of one capture as text of fixed width.
+-- @param result what Analysis:ended() gives
+-- @param options nil or {lang = "en" or "zh", path = name of the capture, frames = frames in it}
+-- @return text, every line ended with LF
+function M.text(result, options)
+  options = options or {}
+  local texts = TEXTS[options.lang] or TEXTS.en
+  local statistics, lines = M.compute(result, texts.lang), {}
+  local function add(line)
+    lines[#lines + 1] = line
+  end
+  heading(add, texts, statistics, options)
+  response_time_section(add, texts, statistics.response_times, "duration")
+  response_time_section(add, texts, statistics.response_times, "drive")
+  error_sections(add, texts, statistics)
+  transaction_sections(add, texts, statistics, targets.new(result.transactions))
+  rule_section(add, texts, statistics.rules, tables.rules)
+  add("")
+  return concat(lines, "\n")
+end
+
+return M

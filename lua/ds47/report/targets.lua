@@ -1,0 +1,45 @@
+--- What requests address, in words: a drive object only where the capture proves that it is one.
+-- Which two requests reach the same drive object is drive_objects.lua; here it gets a name (Python:
+-- ds47.report.targets).
+
+local drive_objects = require("ds47.profidrive.drive_objects")
+
+local format = string.format
+
+local M = {}
+
+local Targets = {}
+Targets.__index = Targets
+
+--- The names in one capture.
+-- @param transactions  all of it
+function M.new(transactions)
+  return setmetatable({ shown = drive_objects.of(transactions) }, Targets)
+end
+
+--- The number of the drive object that a request reaches; nil where it is not known or does not exist.
+function Targets:drive_object(item)
+  local number = self.shown:number(drive_objects.access_of(item))
+  return number and self.shown:exists(item.device, number) and number or nil
+end
+
+--- `DO 2`, `axis 0`; empty where only the submodule is known.
+function Targets:words(item)
+  local number, axis = self:drive_object(item), drive_objects.access_of(item).axis
+  if number then
+    return format("DO %d", number)
+  end
+  return axis and format("axis %d", axis) or ""
+end
+
+--- The same with the slot in front, if that is wanted or where the submodule decides.
+function Targets:place(item, with_slot)
+  local words = self:words(item)
+  if not with_slot and item.index ~= drive_objects.LOCAL then
+    return words
+  end
+  local slot = format("slot %d.%d", item.slot, item.subslot)
+  return words == "" and slot or slot .. " " .. words
+end
+
+return M

@@ -1,0 +1,360 @@
+--- Report as text, for a person: the verdict and what to do, a line per transaction, findings, a summary.
+-- The same bytes as `ds47 report` prints for the same capture (Python: ds47.report.text), but for what the
+-- analyzer alone has: diagnoses about the whole capture, and corrected requests. What stands in a line is
+-- decided here, in the first lines in ds47.report_opening; how values are written in ds47.report_words. Opens
+-- no file.
+
+local filters = require("ds47.report.filters")
+local opening = require("ds47.report.summary")
+local plc = require("ds47.report.plc")
+local tables = require("ds47.spec.tables")
+local targets = require("ds47.report.targets")
+local todo = require("ds47.report.todo")
+local verdict = require("ds47.report.verdict")
+local words = require("ds47.report.formatting")
+
+local M = {}
+
+local duration, escape, integer = words.duration, words.escape, words.integer
+local joined, noted, say = words.joined, words.noted, words.say
+local concat, format, sort = table.concat, string.format, table.sort
+
+M.LINE_LENGTH = 120 -- parameters that make a line longer than this stand below it, one a line
+M.FINDINGS_PER_RULE = 12
+M.OPERATIONS = { "read", "change", "vendor", "unknown" }
+M.STATES = verdict.STATES
+M.SEVERITIES = { "error", "warning", "note" } -- from serious to harmless
+
+local RPC_COUNTS = {
+  "requests", "responses", "faults", "rejects", "pings", "working", "others", "copies",
+  "retransmissions", "unanswered",
+}
+
+local function distinct_sorted(list)
+  local seen, result = {}, {}
+  for _, number in ipairs(list) do
+    if not seen[number] then
+      seen[number] = true
+      result[#result + 1] = number
+    end
+  end
+  sort(result)
+  return result
+end
+
+--- Every frame of a transaction, sorted, each once. `frames` is Transaction.frames.
+function M.all_frames(frames)
+  local list = {}
+  for _, key in ipairs({ "write_request", "write_response", "read_request", "read_response" }) do
+    list[#list + 1] = frames[key]
+  end
+  for _, key in ipairs({ "polls", "rereads" }) do
+    for _, pair in ipairs(frames[key] or {}) do
+      list[#list + 1] = pair.request
+      list[#list + 1] = pair.response
+    end
+  end
+  return distinct_sorted(list)
+end
+
+--- The nearest-rank percentile of sorted numbers: always one that was measured.
+function M.percentile(ordered, percent)
+  return ordered[math.max(1, math.ceil(percent * #ordered / 100))]
+end
+
+--- `4 ok, 1 error`: the counts that are not zero, in the order given. `kind` begins the keys of their words.
+local function told_counts(lang, order, counts, kind)
+  local parts = {}
+  for _, key in ipairs(order) do
+    if counts[key] and counts[key] > 0 then
+      parts[#parts + 1] = integer(counts[key]) .. " " .. say(lang, kind .. key)
+    end
+  end
+  return joined(lang, parts)
+end
+
+--- How often each value of a key occurs in a list of tables.
+function M.tally(list, key)
+  local counts = {}
+  for _, item in ipairs(list) do
+    counts[item[key]] = (counts[item[key]] or 0) + 1
+  end
+  return counts
+end
+
+local function pad(text, width)
+  return text .. (" "):rep(width - words.length(text))
+end
+
+--- What a capture without transactions has instead, so that nobody doubts it was read.
+local function traffic(result, lang)
+  local indices, calls, rpc = {}, {}, {}
+  for index in pairs(result.records or {}) do
+    indices[#indices + 1] = index
+  end
+  sort(indices, function(a, b)
+    return tonumber(a) < tonumber(b)
+  end)
+  for _, index in ipairs(indices) do
+    for _, kind in ipairs({ "read", "write" }) do
+      local number = result.records[index][kind]
+      if number and number > 0 then
+        local values = { index = index, kind = kind, number = integer(number) }
+        calls[#calls + 1] = say(lang, "record_index", values)
+      end
+    end
+  end
+  for _, name in ipairs(RPC_COUNTS) do
+    local number = result.rpc and result.rpc[name]
+    if number and number > 0 then
+      rpc[#rpc + 1] = format("%s %d", name, number)
+    end
+  end
+  if #rpc == 0 then
+    return nil
+  end
+  local shown = {}
+  for i = 1, math.min(6, #calls) do
+    shown[i] = calls[i]
+  end
+  if #calls > 6 then
+    shown[7] = say(lang, "more", { number = integer(#calls - 6) })
+  end
+  local records = #calls > 0 and say(lang, "record_calls", { calls = joined(lang, shown) }) or ""
+  return joined(lang, { "RPC", joined(lang, rpc) }, ": ", "：") .. records
+end
+
+local function header(add, result, counts, options)
+  local lang = options.lang
+  local frames = say(lang, "frames", { n = options.frames or result.frames or 0 })
+  add(escape(options.path or "-") .. ": " .. frames)
+  add(verdict.verdict(counts, lang))
+  if result.complete == false or result.problem then
+    local problem = escape(result.problem or say(lang, "file_ends_early"))
+    add("  " .. say(lang, "partly_read", { problem = problem }))
+  end
+  if result.dropped and result.dropped > 0 then
+    add("  " .. say(lang, "machine_dropped", { n = result.dropped }))
+  end
+  if #result.transactions == 0 then
+    local there = traffic(result, lang) or say(lang, "no_rpc")
+    add("  " .. say(lang, "no_transaction") .. " (" .. there .. ")")
+  end
+end
+
+local function differ(list, key)
+  local first = key(list[1])
+  for i = 2, #list do
+    if key(list[i]) ~= first then
+      return true
+    end
+  end
+  return false
+end
+
+--- What the transactions of one capture need to be told apart, and how wide that is.
+local function columns_of(transactions, lang)
+  local columns = { operation = 0, number = 0, route = 0, targets = targets.new(transactions) }
+  columns.controllers = differ(transactions, function(each)
+    return each.controller
+  end)
+  columns.slots = differ(transactions, function(each)
+    return format("%.0f.%d.%d", each.api, each.slot, each.subslot)
+  end)
+  for _, each in ipairs(transactions) do
+    columns.operation = math.max(columns.operation, words.width(words.operation(lang, each.operation)))
+    columns.number = math.max(columns.number, #integer(each.id) + 1)
+    columns.route = math.max(columns.route, words.length(M.route(each, columns)))
+  end
+  return columns
+end
+
+--- Where a request goes: `192.168.0.2 -> 192.168.0.33 slot 1.1 DO 2`, controller and slot where asked for.
+-- @param columns {controllers, slots, targets}
+function M.route(item, columns)
+  local text = escape(item.device)
+  if columns.controllers then
+    text = escape(item.controller) .. " -> " .. text
+  end
+  local place = columns.targets:place(item, columns.slots)
+  return place == "" and text or text .. " " .. place
+end
+
+local function state_mark(item, lang)
+  local parts = { words.state(lang, item.state) }
+  if item.state == "refused" then
+    for _, key in ipairs({ "write_status", "read_status" }) do
+      local status = item[key]
+      if status and status ~= 0 then
+        parts[#parts + 1] = format("%08X", status)
+      end
+    end
+  end
+  return "[" .. concat(parts, " ") .. "]"
+end
+
+local function timing(item, lang)
+  local text = say(lang, "frames", { n = #M.all_frames(item.frames) })
+  if item.duration_ns then
+    text = text .. " " .. duration(item.duration_ns)
+  end
+  local parts = { text }
+  for _, kind in ipairs({ { "polls", "polled" }, { "rereads", "read_again" } }) do
+    local number = #(item.frames[kind[1]] or {})
+    if number > 0 then
+      parts[#parts + 1] = say(lang, kind[2], { times = say(lang, "times", { n = number }) })
+    end
+  end
+  return joined(lang, parts)
+end
+
+local function transaction_lines(add, item, columns, lang)
+  local operation = words.operation(lang, item.operation)
+  local blanks = (" "):rep(columns.operation - words.width(operation))
+  local left = pad("#" .. integer(item.id), columns.number) .. " " .. operation .. blanks
+    .. "  " .. pad(M.route(item, columns), columns.route)
+  local parts, length = {}, words.length(left)
+  for i, each in ipairs(item.parameters) do
+    parts[i] = words.parameter(each, item.operation == "change", lang)
+    length = length + words.length(parts[i])
+  end
+  local below = #parts > 1 and length > M.LINE_LENGTH
+  local line = { left }
+  if below then
+    line[2] = say(lang, "parameters", { n = #parts })
+  elseif #parts > 0 then
+    line[2] = concat(parts, "; ")
+  end
+  if item.state ~= "ok" then
+    line[#line + 1] = state_mark(item, lang)
+  end
+  line[#line + 1] = timing(item, lang)
+  add(concat(line, "  "))
+  for _, part in ipairs(below and parts or {}) do
+    add("      " .. part)
+  end
+end
+
+local function transaction_table(add, result, options)
+  local transactions = result.transactions
+  if #transactions == 0 then
+    return
+  end
+  local witness = plc.witness(result)
+  add("")
+  add(say(options.lang, "transactions_head"))
+  local columns = columns_of(transactions, options.lang)
+  for _, each in ipairs(transactions) do
+    transaction_lines(add, each, columns, options.lang)
+    if options.plc or each.state ~= "ok" then
+      add("      " .. witness:line(each, options.lang))
+    end
+  end
+end
+
+local function finding_group(add, group, rules, lang)
+  local first, frames = group[1], {}
+  local rule = rules[first.rule]
+  local name = rule and " " .. rule.name or ""
+  add("  " .. say(lang, "findings_of_rule", {
+    rule = first.rule,
+    severity = say(lang, "severity_" .. first.severity),
+    name = name,
+    findings = say(lang, "findings", { n = #group }),
+  }))
+  for i, each in ipairs(group) do
+    frames[i] = each.frame
+    if i <= M.FINDINGS_PER_RULE then
+      add("    " .. say(lang, "finding_line", {
+        frame = say(lang, "frame", { frame = integer(each.frame) }),
+        job = each.transaction and " #" .. integer(each.transaction) or "",
+        message = escape(words.message(each, lang)),
+      }))
+    end
+  end
+  if #group > M.FINDINGS_PER_RULE then
+    add("    " .. say(lang, "more", { number = integer(#group - M.FINDINGS_PER_RULE) }))
+  end
+  local filter, left_out = filters.display_filter(frames)
+  add("    " .. filter .. (left_out > 0 and "  " .. say(lang, "frames_more", { n = left_out }) or ""))
+end
+
+local function findings(add, list, rules, lang)
+  if #list == 0 then
+    return
+  end
+  add("")
+  add(say(lang, "findings_head"))
+  for _, group in ipairs(todo.by_rule(list)) do
+    finding_group(add, group, rules, lang)
+  end
+end
+
+--- Percentiles of the times that can be true: a clock set back leaves negative ones.
+local function latency(transactions, lang)
+  local ordered, odd = {}, 0
+  for _, each in ipairs(transactions) do
+    if each.duration_ns and each.duration_ns >= 0 then
+      ordered[#ordered + 1] = each.duration_ns
+    elseif each.duration_ns then
+      odd = odd + 1
+    end
+  end
+  local note = odd > 0 and say(lang, "negative_times", { n = odd }) or nil
+  if #ordered == 0 then
+    return note and noted(lang, say(lang, "latency_unknown"), note)
+  end
+  sort(ordered)
+  return noted(lang, say(lang, "latency", {
+    half = duration(M.percentile(ordered, 50)),
+    most = duration(M.percentile(ordered, 95)),
+    longest = duration(ordered[#ordered]),
+  }), note)
+end
+
+--- How many transactions and findings there are, by state, operation and severity: two lines.
+local function summary(result, lang)
+  local list = result.transactions
+  local transactions = { say(lang, "transactions", { n = #list }) }
+  if #list > 0 then
+    local states = told_counts(lang, M.STATES, M.tally(list, "state"), "state_")
+    local operations = told_counts(lang, M.OPERATIONS, M.tally(list, "operation"), "operation_")
+    transactions[2] = joined(lang, { states, operations }, "; ", "；")
+  end
+  local findings_told = { say(lang, "findings", { n = #result.findings }) }
+  if #result.findings > 0 then
+    findings_told[2] = told_counts(lang, M.SEVERITIES, M.tally(result.findings, "severity"), "severity_")
+  end
+  return joined(lang, transactions, ": ", "："), joined(lang, findings_told, ": ", "：")
+end
+
+--- The report of one capture.
+-- @param result what Analysis:ended() gives
+-- @param options nil or {path = name of the capture, frames = frames in the file, rules = catalogue,
+--   lang = "en" or "zh", plc = true for what the PLC saw of every job}
+-- @return text, every line ended with LF
+function M.report(result, options)
+  options = options or {}
+  local rules = options.rules or tables.rules
+  local counts, lines = verdict.counts(result), {}
+  local function add(line)
+    lines[#lines + 1] = line
+  end
+  header(add, result, counts, options)
+  opening.lines(add, result, counts, { lang = options.lang, rules = rules })
+  transaction_table(add, result, options)
+  findings(add, result.findings, rules, options.lang)
+  add("")
+  add(say(options.lang, "summary_head"))
+  local transactions, found = summary(result, options.lang)
+  add("  " .. transactions)
+  add("  " .. found)
+  local times = latency(result.transactions, options.lang)
+  if times then
+    add("  " .. times)
+  end
+  add("")
+  return concat(lines, "\n")
+end
+
+return M

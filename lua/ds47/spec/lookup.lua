@@ -1,0 +1,85 @@
+-- Looking things up in the protocol tables where that takes more than an index: texts of error numbers, and
+-- templates with their names filled in. The tables themselves are tables.lua; a PNIOStatus in words is
+-- status.lua.
+
+local entries = require("ds47.support.later").entries
+local numbers = require("ds47.support.numbers")
+local tables = require("ds47.spec.tables")
+
+local format, gsub = string.format, string.gsub
+
+local M = {}
+
+local CACHED = 4096
+
+local filling -- what a template is filled with; here so that no call makes a function
+
+local function field(name, digits)
+  local value = filling[name]
+  if value == nil then return nil end
+  if digits ~= "" then return format("%0" .. digits .. "X", value) end
+  if type(value) == "number" then return numbers.text(value) end
+  return value
+end
+
+--- A template with its {names} filled in, {name:02X} as hexadecimal digits.
+-- @param template string; a name that `args` lacks stays as it is
+-- @param args table of strings and numbers
+function M.fill(template, args)
+  filling = args
+  return (gsub(template, "{([%w_]+):?0?(%d*)X?}", field))
+end
+
+--- An error number as people write it: `0x11`, and above one byte `0x0811`.
+function M.error_hex(code)
+  return format(code <= 0xFF and "0x%02X" or "0x%04X", code)
+end
+
+local function words(entry, code, lang)
+  local text = lang == "zh" and entry.zh or entry.en
+  return M.fill(text, {code = M.error_hex(code), above = code - (entry.code or code)})
+end
+
+local by_id = entries(function(id)
+  for _, vendor in ipairs(tables.vendors) do
+    if vendor.id == id then return vendor end
+  end
+  return nil
+end)
+
+local function error_words(code, lang, vendor_id)
+  local vendor = vendor_id and by_id[vendor_id]
+  if vendor and vendor.errors[code] then return words(vendor.errors[code], code, lang) end
+  if tables.errors[code] then return words(tables.errors[code], code, lang) end
+  local text = words(tables.error_fallback, code, lang)
+  local usual = tables.vendors[1]
+  local hint = not vendor_id and usual.errors[code]
+  if not hint then return text end
+  return text .. " (" .. usual.name .. ": " .. words(hint, code, lang) .. ")"
+end
+
+local texts, held = {}, 0
+
+--- What an error number means, in words (docs/protocol.md B).
+-- @param code error value 1, 0..0xFFFF
+-- @param lang "en" or "zh"; anything else gives English
+-- @param vendor_id PROFINET vendor id of the device or nil. Numbers from 0x65 on belong to the vendor:
+--   without an id the meaning on SINAMICS is given as such, and a vendor without a table gets no meaning
+function M.error_text(code, lang, vendor_id)
+  local key = code * 131072 + (vendor_id and vendor_id + 1 or 0) + (lang == "zh" and 0.5 or 0)
+  local text = texts[key]
+  if not text then
+    if held >= CACHED then texts, held = {}, 0 end
+    text = error_words(code, lang, vendor_id)
+    texts[key], held = text, held + 1
+  end
+  return text
+end
+
+--- What error value 2 means for an error number: "none", "subindex" or "unknown".
+function M.error_info_meaning(code)
+  local entry = tables.errors[code]
+  return entry and entry.info or "unknown"
+end
+
+return M

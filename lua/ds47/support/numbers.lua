@@ -1,0 +1,217 @@
+-- Numbers of the wire as Lua numbers, and the text by which they are shown: floats, and integers that a
+-- double cannot hold. The same numbers and the same texts as in Python. Which format has which of them is in
+-- formats.lua.
+--
+-- Lua 5.2 knows no integers. The caller knows whether 10 is shown as 10 or as 10.0: it calls float_text for
+-- floats and text for the rest.
+
+local entries = require("ds47.support.later").entries
+
+local byte, find, format, gsub, match = string.byte, string.find, string.format, string.gsub, string.match
+local rep, sub = string.rep, string.sub
+local floor = math.floor
+
+local M = {}
+
+local EXACT_HIGH = 2097152 -- upper half of 2^53, beyond which a double no longer holds every whole number
+local SMALLEST_NORMAL = 2.2250738585072014e-308
+
+-- POWER[e] is 2^e, by doubling and halving, because pow() need not be exact. Made when it is asked for.
+local POWER = entries(function(exponent)
+  local value = 1.0
+  for _ = 1, exponent do
+    value = value * 2
+  end
+  for _ = -1, exponent, -1 do
+    value = value / 2
+  end
+  return value
+end)
+
+local function not_finite(fraction, negative)
+  if fraction ~= 0 then return "NaN" end
+  return negative and "-Infinity" or "Infinity"
+end
+
+local SHORTER = {"%.1g", "%.2g", "%.3g", "%.4g", "%.5g", "%.6g", "%.7g", "%.8g"}
+local NORMAL32 = POWER[-126] -- below it a Float32 has fewer digits
+local TOO_LARGE32 = POWER[128] - POWER[103] -- from here on a double is infinite as a Float32
+
+-- Whether a double rounds to the Float32 fraction * scale. `narrow`: a power of two, whose neighbour below
+-- is nearer than the one above.
+local function rounds_to(short, fraction, scale, narrow)
+  local off = short / scale - fraction
+  if narrow and off < 0 then return off >= -0.25 end
+  return off > -0.5 and off < 0.5 or (off == 0.5 or off == -0.5) and fraction % 2 == 0
+end
+
+-- The shortest decimal that gives the same Float32, as a double and as text.
+local function shortest(number, fraction, scale, narrow)
+  for i = number >= NORMAL32 and 6 or 1, 8 do
+    local text = format(SHORTER[i], number)
+    local short = tonumber(text) + 0.0
+    if short < TOO_LARGE32 and rounds_to(short, fraction, scale, narrow) then return short, text end
+  end
+  local text = format("%.9g", number)
+  return tonumber(text) + 0.0, text
+end
+
+-- The amount of a Float32, its sign, and its decimal where that had to be found; nil and what it is called
+-- where it is no number.
+local function read32(data, offset)
+  local a, b, c, d = byte(data, offset + 1, offset + 4)
+  local negative = a >= 128
+  local exponent = a % 128 * 2 + (b >= 128 and 1 or 0)
+  local fraction = (b % 128 * 256 + c) * 256 + d
+  if exponent == 255 then return nil, not_finite(fraction, negative) end
+  if exponent == 0 then
+    exponent = 1
+  else
+    fraction = fraction + 8388608
+  end
+  local scale = POWER[exponent - 150]
+  local number = fraction * scale
+  if number >= 16777216 or number % 1 ~= 0 then
+    local short, text = shortest(number, fraction, scale, fraction == 8388608 and exponent > 1)
+    return short, negative, text
+  end
+  return number, negative
+end
+
+--- A Float32 as the shortest decimal that gives it again; "NaN", "Infinity" and "-Infinity" as text.
+-- @param offset number of the first byte, from 0
+function M.float32(data, offset)
+  local number, negative = read32(data, offset)
+  if number == nil then return negative end
+  if negative then return -number end
+  return number
+end
+
+--- A Float64; "NaN", "Infinity" and "-Infinity" as text.
+function M.float64(data, offset)
+  local a, b, c, d, e, f, g, h = byte(data, offset + 1, offset + 8)
+  local negative = a >= 128
+  local exponent = a % 128 * 16 + floor(b / 16)
+  local fraction = (((((b % 16 * 256 + c) * 256 + d) * 256 + e) * 256 + f) * 256 + g) * 256 + h
+  if exponent == 2047 then return not_finite(fraction, negative) end
+  if exponent == 0 then
+    exponent = 1
+  else
+    fraction = fraction + 4503599627370496
+  end
+  local number = fraction * POWER[exponent - 1075]
+  if negative then return -number end
+  return number
+end
+
+-- high * 2^32 + low in decimal digits, by three digits groups of seven.
+local function decimal(high, low)
+  local top, middle, bottom = 0, 0, high
+  for _ = 1, 4 do -- 2^32 at once would leave what a double holds
+    bottom = bottom * 256
+    middle = middle * 256 + floor(bottom / 10000000)
+    bottom = bottom % 10000000
+    top = top * 256 + floor(middle / 10000000)
+    middle = middle % 10000000
+  end
+  bottom = bottom + low
+  middle = middle + floor(bottom / 10000000)
+  top = top + floor(middle / 10000000)
+  local text = format("%d%07d%07d", top, middle % 10000000, bottom % 10000000)
+  return (gsub(text, "^0+(%d)", "%1"))
+end
+
+local function value(high, low, negative)
+  if high < EXACT_HIGH or high == EXACT_HIGH and low == 0 then
+    local number = high * 4294967296 + low
+    if negative then return -number end
+    return number
+  end
+  return (negative and "-" or "") .. decimal(high, low)
+end
+
+--- The unsigned integer of 1 to 8 big-endian bytes: a number, or its digits where it is beyond 2^53.
+function M.unsigned(data, offset, size)
+  local high, low = 0, 0
+  for i = offset + 1, offset + size - 4 do high = high * 256 + byte(data, i) end
+  for i = offset + (size > 4 and size - 3 or 1), offset + size do low = low * 256 + byte(data, i) end
+  return value(high, low, false)
+end
+
+--- The signed integer of 8 big-endian bytes: a number, or its digits where it is beyond 2^53 either way.
+function M.signed64(data, offset)
+  local a, b, c, d, e, f, g, h = byte(data, offset + 1, offset + 8)
+  local high, low = ((a * 256 + b) * 256 + c) * 256 + d, ((e * 256 + f) * 256 + g) * 256 + h
+  if a < 128 then return value(high, low, false) end
+  if low == 0 then return value(4294967296 - high, 0, true) end
+  return value(4294967295 - high, 4294967296 - low, true)
+end
+
+-- Digits and exponent laid out as Python's repr does.
+local function layout(sign, digits, exponent)
+  digits = gsub(digits, "(%d)0+$", "%1")
+  if exponent >= -4 and exponent < 0 then return sign .. "0." .. rep("0", -exponent - 1) .. digits end
+  if exponent >= 0 and exponent < 16 then
+    digits = digits .. rep("0", exponent + 1 - #digits)
+    local behind = sub(digits, exponent + 2)
+    return sign .. sub(digits, 1, exponent + 1) .. "." .. (behind == "" and "0" or behind)
+  end
+  local behind = sub(digits, 2)
+  local tail = format("e%s%02d", exponent < 0 and "-" or "+", math.abs(exponent))
+  return sign .. sub(digits, 1, 1) .. (behind == "" and "" or "." .. behind) .. tail
+end
+
+-- The decimal that is one higher in its last digit.
+local function next_decimal(text)
+  local head, digit, nines, tail = match(text, "^(.-)([0-8])(9*)(e.*)$")
+  return head and head .. format("%d", digit + 1) .. rep("0", #nines) .. tail or text
+end
+
+-- The fewest digits that read back as the same double. Next to a power of two the nearest decimal may not do
+-- that while the one above does, as doubles lie closer below than above.
+local function fewest(number)
+  local text
+  local normal = number >= SMALLEST_NORMAL or number <= -SMALLEST_NORMAL
+  for digits = normal and 14 or 0, 16 do -- behind the first one
+    text = format("%." .. digits .. "e", number)
+    if tonumber(text) == number then break end
+    text = next_decimal(text)
+    if tonumber(text) == number then break end
+  end
+  -- Any one character for the point: what it is depends on the locale of the program around us.
+  local sign, first, others, exponent = match(text, "^(-?)(%d)%D?(%d*)e([-+]%d+)$")
+  return layout(sign, first .. others, tonumber(exponent))
+end
+
+--- The text of a float: shortest that reads back the same, always with a point or an exponent (10.0, 1e-05).
+function M.float_text(number)
+  if number ~= number then return "NaN" end
+  if number == math.huge then return "Infinity" end
+  if number == -math.huge then return "-Infinity" end
+  local text = format("%.15g", number)
+  if find(text, "e", 1, true) or tonumber(text) ~= number then return fewest(number) end
+  if not find(text, "%D", 2) then return text .. ".0" end
+  return (gsub(text, ",", "."))
+end
+
+--- The text of the Float32 at `offset`: float_text(float32(data, offset)), but found on the way.
+function M.float32_text(data, offset)
+  local number, negative, text = read32(data, offset)
+  if number == nil then return negative end
+  if text and find(text, "^%d+%.%d+$") then return negative and "-" .. text or text end
+  if number % 1 == 0 and number < 1e15 then
+    text = format("%.0f.0", number)
+    return negative and "-" .. text or text
+  end
+  return M.float_text(negative and -number or number)
+end
+
+--- The text of a number that is a whole number if it looks like one.
+function M.text(number)
+  if number % 1 == 0 and number >= -9007199254740992 and number <= 9007199254740992 then
+    return format("%.0f", number) -- "%d" holds 32 bits only in Lua 5.2 on Windows
+  end
+  return M.float_text(number)
+end
+
+return M
