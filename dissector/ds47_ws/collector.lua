@@ -15,8 +15,9 @@ local M = {}
 local LOOK_EVERY = 64 -- calls
 local YOUNG = _VERSION >= "Lua 5.4" -- knows what was there before, and leaves it alone
 local PILE = YOUNG and 80 or 250 -- kB that may pile up between two collections
--- Looking through everything that is alive takes longer the more there is: then more may pile up.
-local PILE_SHARE = 0.15
+-- Looking through everything that is alive takes longer the more there is: then more may pile up. What is
+-- larger than a cache is out of it anyway: then as much again may.
+local PILE_SHARE, LARGE_SHARE, LARGE = 0.15, 1, 8192 -- kB
 local OWN_PAUSE = 400 -- per cent of what is alive, where Lua collects all: its own pace
 local OWN_YOUNG, OWN_OLD = 100, 100 -- per cent by which that grows, where it collects the young ones
 
@@ -33,7 +34,7 @@ end
 function M.collect_all()
   collect()
   local alive = collect("count")
-  enough = alive + math.max(PILE, alive * PILE_SHARE)
+  enough = alive + math.max(PILE, alive * (alive < LARGE and PILE_SHARE or LARGE_SHARE))
 end
 
 local function collect_young()

@@ -252,12 +252,18 @@ function LIVE.__index(view, key)
   return LIVE[key]
 end
 
-local function live_view(job, role)
+local live_views = {} -- the same tables for every frame
+
+local function live_view(number, job, role)
+  local view = live_views[number]
+  if view == nil then
+    view = setmetatable({}, LIVE)
+    live_views[number] = view
+  end
   transactions.restore(job, current.codec) -- a Write response may come late
-  return setmetatable({
-    role = role, item = transactions.open(job, current.lang), job = job, message = job.message,
-    response = job.response,
-  }, LIVE)
+  view.role, view.item, view.job = role, transactions.open(job, current.lang), job
+  view.message, view.response = job.message, job.response
+  return view
 end
 
 -- Findings of an open job that are certain already, as far as they stand on the newest frame.
@@ -268,6 +274,15 @@ local function certain(findings, job)
       findings[#findings + 1] = known[number]
     end
   end
+end
+
+-- Whether a frame may show findings of a job that is open: those of its Write request, of a refusal, and of
+-- Reads that brought nothing.
+local function may_be_certain(job, role)
+  if role == "write_response" then
+    return not job.response and job:write_refused()
+  end
+  return not job.response and role ~= "read_request" and role ~= "poll"
 end
 
 local some_views, some_findings = {}, {}
@@ -290,9 +305,9 @@ function M.live_views()
   for number = 1, count do
     local job, role = touched[number].job, touched[number].role
     if role ~= "empty_read" then -- of which nothing but its finding is shown
-      views[#views + 1] = live_view(job, role)
+      views[#views + 1] = live_view(#views + 1, job, role)
     end
-    if not job.response and role ~= "read_request" and role ~= "poll" then
+    if may_be_certain(job, role) then
       certain(findings, job)
     end
   end

@@ -373,14 +373,13 @@ local function duration(nanoseconds)
 end
 
 local function add_links(parent, view)
-  local frames = view.item.frames
-  if view.role ~= "write_request" then
-    derive(parent, "request_in", frames.write_request)
+  if view.role ~= "write_request" and wanted("request_in") then
+    derive(parent, "request_in", view.item.frames.write_request)
   end
-  if view.role ~= "read_response" then
-    derive(parent, "response_in", frames.read_response)
+  if view.role ~= "read_response" and wanted("response_in") then
+    derive(parent, "response_in", view.item.frames.read_response)
   end
-  if view.item.duration_ns and wanted("time") then
+  if wanted("time") and view.item.duration_ns then
     derive(parent, "time", duration(view.item.duration_ns))
   end
 end
@@ -405,8 +404,19 @@ local function state_is_certain(view)
 end
 
 local CHANNEL = { "controller", "device", "ar", "api", "slot", "subslot", "index" }
-local FRAMES = {
+local OF_TRANSACTION = {
+  "transaction", "operation", "state", "request_reference", "axis", "polls", "start", "duration_ms",
+  "bytes.request", "bytes.response", "status.write", "status.read", "plc", "frames.write_request",
+  "frames.write_response", "frames.read_request", "frames.read_response", "frames.poll.request",
+  "frames.poll.response", "frames.reread.request", "frames.reread.response", "controller", "device", "ar",
+  "api", "slot", "subslot", "index",
+}
+local HALVES = {
   "frames.write_request", "frames.write_response", "frames.read_request", "frames.read_response",
+}
+local FRAMES = {
+  "frames.write_request", "frames.write_response", "frames.read_request", "frames.read_response", "polls",
+  "frames.poll.request", "frames.poll.response", "frames.reread.request", "frames.reread.response",
 }
 
 local function add_bytes(parent, view)
@@ -429,8 +439,8 @@ end
 
 local function add_frames(parent, view)
   local frames = view.item.frames
-  for number = 1, #FRAMES do
-    derive(parent, FRAMES[number], frames[sub(FRAMES[number], #"frames." + 1)])
+  for number = 1, #HALVES do
+    derive(parent, HALVES[number], frames[sub(HALVES[number], #"frames." + 1)])
   end
   derive(parent, "polls", #frames.polls)
   if is_main(view) then
@@ -439,25 +449,37 @@ local function add_frames(parent, view)
   end
 end
 
+-- Adds a field that has the name of a key of the transaction, which is made only where it is wanted.
+local function derive_key(parent, item, key)
+  if wanted(key) then
+    derive(parent, key, item[key])
+  end
+end
+
 local function add_transaction(parent, view, context)
+  if not any_wanted(OF_TRANSACTION) then
+    return
+  end
   local item = view.item
   local shown = derive(parent, "transaction", view.complete and item.id or item.order) or parent
-  derive(shown, "operation", item.operation)
+  derive_key(shown, item, "operation")
   if wanted("state") and state_is_certain(view) then
     derive(shown, "state", item.state)
   end
-  for _, key in ipairs(CHANNEL) do
-    derive(shown, key, item[key])
+  for number = 1, #CHANNEL do
+    derive_key(shown, item, CHANNEL[number])
   end
   if not HEADERS[view.role] then
-    derive(shown, "request_reference", item.request_reference)
-    derive(shown, "axis", item.axis)
+    derive_key(shown, item, "request_reference")
+    derive_key(shown, item, "axis")
   end
-  add_frames(shown, view)
+  if any_wanted(FRAMES) then
+    add_frames(shown, view)
+  end
   if wanted("start") then
     derive(shown, "start", csv.timestamp(context.base_seconds, item.start_ns))
   end
-  if item.duration_ns then
+  if wanted("duration_ms") and item.duration_ns then
     derive(shown, "duration_ms", item.duration_ns / 1000000)
   end
   derive(shown, "status.write", item.write_status)

@@ -243,7 +243,9 @@ function Judge:_request(remarks, job, most)
   if half == nil then
     return
   end
-  put_flaws(remarks, message.flaws, half, most or self:_most_parameters(job))
+  if message.flaws[1] then
+    put_flaws(remarks, message.flaws, half, most or self:_most_parameters(job))
+  end
   local limit = self.longest:get(job.peer.device)
   if limit and #half.data > limit then
     put(remarks, "DS316", half.frame, {length = #half.data, limit = limit}, 0)
@@ -278,7 +280,9 @@ function Judge:_response(remarks, job, stray)
   if response == nil then
     return
   end
-  put_flaws(remarks, response.flaws, half, self:_most_parameters(job))
+  if response.flaws[1] then
+    put_flaws(remarks, response.flaws, half, self:_most_parameters(job))
+  end
   if job.message == nil then
     if not job.uncertain then
       put(remarks, "DS403", half.frame, {case = unasked(job)})

@@ -56,7 +56,9 @@ local function new_job(peer, record, message, order)
     message = message,
     phase = "asked",
     order = order,
-    channel_key = nil, write_response = nil, read_request = nil, -- named here to be given room at once
+    -- named here to be given room at once
+    channel_key = nil, write_response = nil, read_request = nil, read_response = nil, response = nil,
+    previous_reference = nil, previous = nil, accepted = nil,
   }, Job)
 end
 

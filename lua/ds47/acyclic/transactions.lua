@@ -355,7 +355,10 @@ end
 -- Times are those of the job: nanoseconds, relative to `base_seconds` of the analysis. Error texts in "en" or
 -- "zh".
 function M.open(job, lang)
-  return setmetatable({job = job, lang = lang}, Open)
+  return setmetatable({
+    job = job, lang = lang,
+    operation = nil, request_reference = nil, axis = nil, parameters = nil, -- named to be given room at once
+  }, Open)
 end
 
 -- The transaction of a closed job, all of it, without the job.

@@ -119,7 +119,10 @@ end
 
 --- The record whose block stands at the 0-based offset, with one half or the other.
 local function record_at(pdu, data, offset, position, request, response)
-  local record = setmetatable({request = request, response = response}, place_at(pdu.opnum, data, offset))
+  -- the job that recordcalls.lua puts there is named to be given room at once
+  local record = setmetatable(
+    {request = request, response = response, job = nil}, place_at(pdu.opnum, data, offset)
+  )
   if position ~= 0 then
     record.position = position
   end
