@@ -9,7 +9,7 @@
 -- (`ended`), and the analysis itself stays as it was.
 
 local calls = require("ds47.profinet.calls")
-local copy = require("ds47.support.later").module("ds47.support.copy")
+local copy = require("ds47.support.later").module("ds47.acyclic.copy")
 local diagnosis = require("ds47.diagnosis.transaction")
 local findings = require("ds47.findings.collection")
 local gate = require("ds47.acyclic.index47")

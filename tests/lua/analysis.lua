@@ -48,7 +48,8 @@ end
 
 local function values(items, format, scaled)
   return items and list(items, function(value)
-    return type(value) == "number" and json.raw(formats.value_text(value, format, scaled)) or value
+    return type(value) ~= "number" and value
+      or json.raw(formats.number_text(value, formats.name_of(format), scaled))
   end)
 end
 

@@ -3,7 +3,7 @@
 local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
 package.path = root .. "../../lua/?.lua;" .. package.path
 
-local copy = require("ds47.support.copy")
+local copy = require("ds47.acyclic.copy")
 local pairing = require("ds47.acyclic.pairing")
 local tables = require("ds47.spec.tables")
 

@@ -129,3 +129,52 @@ def test_a_room_imports_only_from_those_below_it() -> None:
 
 def test_four_modules_stand_loose() -> None:
     assert {file.stem for file in SOURCES.glob("*.py")} == LOOSE
+
+
+# The same house in Lua
+
+PURE = REPOSITORY / "lua" / "ds47"
+SUPPORT = {"support"}
+"""Rooms of Lua alone, below all others: what Python has in its standard library."""
+
+
+def lua_imports() -> dict[str, set[str]]:
+    """Module -> the modules that it requires, at once or when they are used."""
+    wanted = re.compile(r'(?:require|later|entries)\("(ds47\.[\w.]+)"')
+    return {
+        ".".join(file.relative_to(PURE.parent).with_suffix("").parts): set(
+            wanted.findall(file.read_text("utf-8"))
+        )
+        for file in sorted(PURE.rglob("*.lua"))
+    }
+
+
+def test_no_modules_of_lua_require_each_other_in_a_circle() -> None:
+    graph = lua_imports()
+    assert {other for others in graph.values() for other in others} <= graph.keys()
+    assert not circle(graph)
+
+
+def test_the_rooms_of_lua_are_those_of_python_in_the_same_order() -> None:
+    order = [*SUPPORT, *floors()]
+    assert {room(module) for module in lua_imports()} <= set(order)
+    upwards = {
+        f"{module} -> {other}"
+        for module, others in lua_imports().items()
+        for other in others
+        if order.index(room(other)) > order.index(room(module))
+    }
+    assert upwards == set()
+
+
+def test_a_module_of_lua_has_its_twin_in_python() -> None:
+    own = {
+        "ds47.acyclic.copy", "ds47.diagnosis.memory", "ds47.diagnosis.transaction", "ds47.report.statistics",
+        "ds47.spec.lookup", "ds47.spec.tables",
+    }  # fmt: skip
+    alone = {
+        module
+        for module in lua_imports()
+        if module not in modules() and room(module) not in SUPPORT
+    }
+    assert alone == own

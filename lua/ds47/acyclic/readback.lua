@@ -58,7 +58,7 @@ end
 
 -- A value as an argument of a finding.
 local function argument(value, block)
-  return type(value) == "string" and value or json.raw(formats.value_text(value, block))
+  return type(value) == "string" and value or json.raw(formats.number_text(value, formats.name_of(block)))
 end
 
 -- Devices

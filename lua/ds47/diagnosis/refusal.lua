@@ -83,7 +83,7 @@ local function value_of(block)
   if value == nil or type(value) == "string" then
     return value
   end
-  return json.raw(formats.value_text(value, block))
+  return json.raw(formats.number_text(value, formats.name_of(block)))
 end
 
 -- The PNU of the source that a connector was given; nil where it was given a number.

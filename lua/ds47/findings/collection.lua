@@ -4,7 +4,6 @@
 -- here either: that is sentences.lua.
 
 local grouping = require("ds47.findings.grouping")
-local sentences = require("ds47.report.sentences")
 local tables = require("ds47.spec.tables")
 
 local M = {}
@@ -99,6 +98,25 @@ function Findings:keep(remarks)
   end
 end
 
+-- All frames that a finding is about, sorted, each once: the one that it stands on, and those that its
+-- arguments name.
+local function frames_of(rule, frame, args)
+  local seen, frames = {[frame] = true}, {frame}
+  for name, kind in pairs(tables.rules[rule].args or NONE) do
+    local value = args and args[name]
+    if value ~= nil and (kind == "frame" or kind == "frames") then
+      for _, number in ipairs(kind == "frames" and value or {value}) do
+        if not seen[number] then
+          seen[number] = true
+          frames[#frames + 1] = number
+        end
+      end
+    end
+  end
+  table.sort(frames)
+  return frames
+end
+
 --- The finding of a remark: {rule, severity, frame, frames, transaction (id or nil), order, offset, args}.
 -- It has no words: sentences.lua has them.
 function Findings:finding(remark, transaction)
@@ -110,7 +128,7 @@ function Findings:finding(remark, transaction)
     rule = remark.rule,
     severity = tables.rules[remark.rule].severity,
     frame = remark.frame,
-    frames = sentences.frames(remark.rule, remark.frame, args),
+    frames = frames_of(remark.rule, remark.frame, args),
     transaction = transaction,
     order = remark.job and remark.job.order or remark.order,
     offset = remark.offset,

@@ -4,7 +4,6 @@
 
 local numbers = require("ds47.support.numbers")
 local reader = require("ds47.support.bytes")
-local report_words = require("ds47.report.formatting")
 local tables = require("ds47.spec.tables")
 
 local byte, floor, format, sub = string.byte, math.floor, string.format, string.sub
@@ -249,16 +248,37 @@ function M.codec(code, size)
   return codec
 end
 
---- One value as it is shown everywhere; text from the drive in quotes, floats with a point or an exponent.
--- @param value number or string
--- @param block a block, a parameter of a transaction, or the name of the format
--- @param scaled true for a value of `scaled`
-function M.value_text(value, block, scaled)
-  local name = block
-  if type(block) == "table" then
-    name = block.format_name or type(block.format) == "string" and block.format or nil
+local floats -- format name -> {values, scaled}: whether they are floats
+local function is_float(format_name, scaled)
+  if not floats then
+    floats = {}
+    for _, row in pairs(tables.formats) do
+      local with_status = row.kind == "with_status" and row.pack == "f"
+      floats[row.name] = {
+        values = row.kind == "float",
+        scaled = row.divide ~= nil or row.kind == "duration" or with_status,
+      }
+    end
   end
-  return report_words.value(value, name, scaled)
+  local known = floats[format_name]
+  return known and (scaled and known.scaled or not scaled and known.values)
+end
+
+--- The name of the format of a block, of a parameter of a transaction, or that name itself.
+function M.name_of(block)
+  if type(block) == "table" then
+    return block.format_name or type(block.format) == "string" and block.format or nil
+  end
+  return block
+end
+
+--- A number as Python shows it: a float always with a point or an exponent, an integer never.
+-- The format says which it is: Lua 5.2 has one kind of number only.
+function M.number_text(number, format_name, scaled)
+  if is_float(format_name, scaled) or floor(number) ~= number then
+    return numbers.float_text(number)
+  end
+  return format("%.0f", number) -- "%d" of Lua 5.2 holds only 32 bits on Windows
 end
 
 return M

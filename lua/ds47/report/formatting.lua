@@ -2,13 +2,13 @@
 -- Also the little of UTF-8 that fixed-width text needs. No layout here, no file is opened.
 
 local tables = require("ds47.spec.tables")
-local numbers = require("ds47.support.numbers")
+local formats = require("ds47.profidrive.formats")
 local sentences = require("ds47.report.sentences")
 local spec = require("ds47.spec.lookup")
 
 local M = {}
 
-local floor, format, find, gsub = math.floor, string.format, string.find, string.gsub
+local format, find, gsub = string.format, string.find, string.gsub
 local concat = table.concat
 
 M.VALUES_SHOWN = 8 -- a longer list of values is cut, and its length stated
@@ -185,30 +185,8 @@ function M.is_text(format_name)
     or find(format_name, "^UNICODE") ~= nil
 end
 
-local floats -- format name -> {values, scaled}: whether they are floats
-local function is_float(format_name, scaled)
-  if not floats then
-    floats = {}
-    for _, row in pairs(tables.formats) do
-      local with_status = row.kind == "with_status" and row.pack == "f"
-      floats[row.name] = {
-        values = row.kind == "float",
-        scaled = row.divide ~= nil or row.kind == "duration" or with_status,
-      }
-    end
-  end
-  local known = floats[format_name]
-  return known and (scaled and known.scaled or not scaled and known.values)
-end
-
---- A number as Python shows it: a float always with a point or an exponent, an integer never.
--- The format says which it is: Lua 5.2 has one kind of number only.
-function M.number(number, format_name, scaled)
-  if is_float(format_name, scaled) or floor(number) ~= number then
-    return numbers.float_text(number)
-  end
-  return M.integer(number)
-end
+--- A number as Python shows it.
+M.number = formats.number_text
 
 --- One value; text from the drive in quotes.
 function M.value(item, format_name, scaled)
@@ -217,6 +195,11 @@ function M.value(item, format_name, scaled)
   end
   local plain = M.escape(item)
   return M.is_text(format_name) and '"' .. gsub(plain, '"', '\\"') .. '"' or plain
+end
+
+--- One value of a block, of a parameter of a transaction, or of a format with this name.
+function M.value_of(item, block, scaled)
+  return M.value(item, formats.name_of(block), scaled)
 end
 
 --- A list of values, cut where it grows long: `1, 2, 3, ... (40 values)`.

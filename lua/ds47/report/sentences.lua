@@ -198,23 +198,4 @@ function M.sentence(item, lang)
   return M.of_all(item, lang) or word(tables.diagnosis_words.different, lang)
 end
 
---- All frames that a finding is about, sorted, each once: the one that it stands on, and those that its
--- arguments name.
-function M.frames(rule, frame, args)
-  local seen, frames = {[frame] = true}, {frame}
-  for name, kind in pairs(tables.rules[rule].args or NONE) do
-    local value = args and args[name]
-    if value ~= nil and (kind == "frame" or kind == "frames") then
-      for _, number in ipairs(kind == "frames" and value or {value}) do
-        if not seen[number] then
-          seen[number] = true
-          frames[#frames + 1] = number
-        end
-      end
-    end
-  end
-  table.sort(frames)
-  return frames
-end
-
 return M
