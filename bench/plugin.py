@@ -1,9 +1,11 @@
 """What the Wireshark plugin costs: the CPU time of tshark with it and without.
 
-Two captures: cyclic RT frames with a few transactions among them (make_noise), and nothing but
-record calls (make_dense). Both are read as people read them (MODES): nothing asked of the plugin, a
-filter on one of its fields, and two passes. A filter that matches nothing makes tshark dissect all
-and print nothing. Runs with and without take turns; the medians are compared. Each tshark
+Three captures: cyclic RT frames with a few transactions among them (make_noise), and nothing but
+record calls, of many drives by the lab (make_dense) and of one drive by a generator that shares no
+code with it (make_one_ar). They are read as people read them (MODES): printed, with a filter on
+one of our fields, printed with the columns of the profile, and in two passes. A filter that
+matches nothing makes tshark dissect all and print nothing. Runs with and without take turns; the
+medians are compared. Each tshark
 under build/wireshark (`make matrix` puts them there) is measured, otherwise the one on the PATH.
 The full captures give the table in docs/benchmarks.md.
 Not a test: it fails where the plugin does not load or meets an error, not where it is slow. POSIX
@@ -28,6 +30,7 @@ ROOT = HERE.parent
 DATA = HERE / "data"
 TSHARKS = ROOT / "build" / "wireshark"
 PLUGIN = ROOT / "dissector" / "ds47.lua"
+PROFILE = ROOT / "dissector" / "profile" / "preferences"
 DOCUMENT = ROOT / "docs" / "benchmarks.md"
 BEGIN, END = "<!-- bench/plugin.py writes from here -->", "<!-- the plugin: to here -->"
 COMPLAINTS = ("Lua Error", "Error during loading")
@@ -43,11 +46,18 @@ class Mode:
     including: tuple[str, ...]
 
 
-_NOTHING = ("-Y", "frame.number==1")
+def columns() -> tuple[str, str]:
+    """The option that gives tshark the columns of the profile."""
+    text = PROFILE.read_text(encoding="utf-8").partition("gui.column.format:")[2]
+    return "-o", "gui.column.format:" + " ".join(text.split())
+
+
+_TWO = ("-2", "-R", "frame", "-Y", "frame.number==1")
 MODES = (
-    Mode("nothing asked for", _NOTHING, _NOTHING),
+    Mode("print", (), ()),
     Mode("a filter on a field", ("-Y", "pn_io.index==9"), ("-Y", "ds47.pnu==65535")),
-    Mode("two passes", ("-2", "-R", "frame", *_NOTHING), ("-2", "-R", "frame", *_NOTHING)),
+    Mode("print, columns of the profile", (), columns()),
+    Mode("two passes", _TWO, _TWO),
 )
 
 
@@ -63,7 +73,7 @@ class Load:
     def capture(self, small: bool) -> Path:
         """The capture, written by a process of its own where it is missing."""
         frames = self.small if small else self.frames
-        suffix = ".pcap" if self.maker == "make_noise" else ".pcapng"
+        suffix = ".pcapng" if self.maker == "make_dense" else ".pcap"
         path = DATA / f"{self.maker.removeprefix('make_')}-{frames}{suffix}"
         if not path.exists():
             part = path.with_suffix(".part")
@@ -76,7 +86,8 @@ class Load:
 
 LOADS = (
     Load("RT frames", "make_noise", 1_000_000, 100_000),
-    Load("record frames", "make_dense", 100_000, 20_000),
+    Load("record frames, 16 drives", "make_dense", 100_000, 20_000),
+    Load("record frames, one AR", "make_one_ar", 100_000, 20_000),
 )
 
 
@@ -98,7 +109,7 @@ class Cost:
     def line(self) -> str:
         """As it is printed."""
         times = f"{self.without:>9.2f}{self.including:>9.2f}{self.ratio:>8.2f}"
-        return f"{self.version:<9}{self.capture:<26}{self.mode:<22}{times}"
+        return f"{self.version:<9}{self.capture:<34}{self.mode:<30}{times}"
 
     def row(self) -> str:
         """As it stands in the document."""
@@ -187,7 +198,7 @@ def main() -> None:
     captures = {load: load.capture(arguments.small) for load in LOADS}
     print(f"CPU seconds of tshark, median of {arguments.n}")
     columns = f"{'without':>9}{'with':>9}{'ratio':>8}"
-    print(f"{'tshark':<9}{'capture':<26}{'read with':<22}{columns}")
+    print(f"{'tshark':<9}{'capture':<34}{'read with':<30}{columns}")
     costs = []
     with tempfile.TemporaryDirectory() as home:
         Path(home).chmod(0o755)

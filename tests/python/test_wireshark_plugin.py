@@ -15,6 +15,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 from fake_tshark import real_tshark
@@ -414,6 +415,35 @@ def test_values_in_fragments_are_marked_where_they_were_put_together(
 
 
 # What is in a frame, and what its request says
+
+
+ALONE = (
+    "ds47", "ds47.pnu", "ds47.value", "ds47.value.float", "ds47.error.code", "ds47.format",
+    "ds47.axis", "ds47.state", "ds47.api", "ds47.request_in", "ds47.frames.read_response",
+    "ds47.duration_ms", "ds47.plc", "ds47.finding", "ds47.finding.severity",
+)  # fmt: skip
+"""Fields of every part of the tree."""
+
+
+def test_a_tree_that_nobody_sees_has_the_one_field_that_is_asked_for(tshark: Tshark) -> None:
+    """For a filter and a column only that field is made; for PDML the whole tree is."""
+    path = CAPTURES["tour-machine.pcapng"]
+    whole = ElementTree.fromstring(
+        tshark("-r", path, *COMPLETE, "-T", "pdml", "-J", "frame ds47").encode()
+    )
+    for name in ALONE:
+        column = ("-o", f'gui.column.format:"No.","%m","Asked","%Cus:{name}:0:R"')
+        asked = tshark("-r", path, *COMPLETE, "-Y", name, *column)
+        found = [line.split(maxsplit=1)[0] for line in asked.splitlines()]
+        wanted = [
+            number.get("show")
+            for packet in whole.iter("packet")
+            for number in packet.iterfind(".//field[@name='frame.number']")
+            if packet.find(f".//*[@name='{name}']") is not None
+        ]
+        assert found == wanted != [], name
+        if name != "ds47":  # a column has no text of a protocol alone
+            assert all(len(line.split()) > 1 for line in asked.splitlines()), name
 
 
 def changes(client: Client) -> None:
