@@ -181,12 +181,9 @@ class RecordCalls:
         context = call.context = _Context(body, peer(pdu))
         if body.multiple:
             self._count(WRITE_MULTIPLE, write=True)
-        counts, pairing = self.counts, self._pairing
+        pairing = self._pairing
         for record in body.records:
-            if record.index in counts:
-                counts[record.index]["write" if record.write else "read"] += 1
-            else:
-                self._count(record.index, write=record.write)
+            self._count(record.index, write=record.write)
             pairing.goes_on(pdu.client, pdu.server, record.ar)
         if body.nested:
             self._remark(Remark("DS208", pdu.frame))
