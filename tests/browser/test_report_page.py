@@ -113,6 +113,7 @@ def test_a_job_opens_to_its_frames_with_bytes_beside_their_meaning(browser, tour
     assert not browser.all(f"{JOBS} tr.detail")
 
 
+@pytest.mark.slow
 def test_the_bytes_shown_are_all_the_bytes_there_are(browser, long, stack):
     browser.open(long)
     browser.run(
@@ -193,6 +194,7 @@ def test_one_parameter_is_one_row_and_no_two_drive_objects_look_alike(browser, l
         assert not any(text.endswith("DO 0") for text in named)
 
 
+@pytest.mark.slow
 def test_the_language_changes_everywhere_and_keeps_the_place(browser, tour):
     browser.open(tour)
     browser.plots()
@@ -338,6 +340,7 @@ def test_paper_holds_the_findings_unfolded(browser, tour):
 WAITING = "return document.querySelectorAll('.waiting').length"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("key", [False, True])
 def test_the_button_and_its_key_print_when_everything_is_there(browser, write, captures, key):
     from selenium.webdriver import ActionChains, Keys
@@ -377,6 +380,7 @@ def test_paper_holds_every_capture_and_says_which_plots_it_lacks(browser, write,
     assert not browser.all("details.capture-fold[open]")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dark", [False, True])
 def test_a_phone_shows_it_without_scrolling_sideways(browser, tour, dark):
     browser.look((390, 844), dark=dark, touch=True)
@@ -491,6 +495,7 @@ def test_a_parameter_is_found_as_siemens_writes_it(browser, write, query, found)
     assert [each for each in column(browser, JOBS, 1) if each.startswith("#")] == found
 
 
+@pytest.mark.slow
 def test_hostile_text_stays_text(browser, write):
     evil = "<img src=x onerror=alert(1)><script>alert(1)</script>\"'><b>"
     parameter = Parameter(1, 0, "value", 1, evil, evil, "VisibleString", 1, [evil])

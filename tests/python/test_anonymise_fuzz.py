@@ -182,6 +182,7 @@ def one(seed: int, folder: Path) -> tuple[Outcome | None, list[bytes]]:
     return outcome, list(remains(target.read_bytes())) if outcome.frames else []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, 120, 30))
 def test_no_piece_of_a_secret_leaves(first: int, tmp_path: Path) -> None:
     exported = 0

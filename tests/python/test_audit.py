@@ -125,6 +125,7 @@ def forged() -> Iterator[tuple[Finding, str, Reading]]:
                     yield lie, name, item
 
 
+@pytest.mark.slow
 def test_a_false_argument_is_noticed() -> None:
     missed, tried = [], Counter[str]()
     for lie, name, item in forged():

@@ -139,6 +139,7 @@ def test_a_cluster_says_what_one_machine_says(
     assert run(capsys, *arguments, "--scheduler", cluster.address) == alone
 
 
+@pytest.mark.slow
 def test_stored_results_are_the_same_bytes(
     capsys: Any, folder: Path, cluster: Cluster, tmp_path: Path
 ) -> None:
@@ -268,6 +269,7 @@ def test_a_lost_scheduler_ends_the_run_and_says_how_to_go_on(
     assert len(list(results.iterdir())) == 61
 
 
+@pytest.mark.slow
 def test_a_capture_that_kills_every_worker_is_named(tmp_path: Path, monkeypatch: Any) -> None:
     monkeypatch.setitem(ENVIRONMENT, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "1")
     monkeypatch.setitem(ENVIRONMENT, "PYTHONPATH", str(Path(__file__).parent))
@@ -420,6 +422,7 @@ def bucket() -> Iterator[Any]:
     system.rm("/out", recursive=True)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_results_behind_a_url(
     capsys: Any, folder: Path, bucket: Any, tmp_path: Path, monkeypatch: Any, jobs: str

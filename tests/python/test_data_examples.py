@@ -140,6 +140,7 @@ def test_the_tables_are_those_of_the_schema():
         assert "\n".join(rows) in PAGE, name
 
 
+@pytest.mark.slow
 def test_last_values(examples, transactions):
     expected = expected_last(transactions)
     assert len(expected) > 100

@@ -340,16 +340,19 @@ def test_every_message_in_every_dialect(lua: str) -> None:
     compare(lua, in_every_dialect())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lua", LUAS)
 def test_every_format(lua: str) -> None:
     compare(lua, in_every_format())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lua", LUAS)
 def test_every_cut(lua: str) -> None:
     compare(lua, cut())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lua", LUAS)
 def test_every_kind_of_damage(lua: str) -> None:
     compare(lua, damaged())
@@ -418,6 +421,7 @@ def status_texts() -> list[Case]:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lua", LUAS)
 def test_numbers(lua: str) -> None:
     compare(lua, numbers())

@@ -57,6 +57,7 @@ def test_what_is_not_expected_fails(tmp_path: Path) -> None:
     assert failed == [case["id"] for case in cases], result.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["copy", "memory"])
 @pytest.mark.parametrize("version", ["5.2", "5.3", "5.4"])
 def test_what_the_open_state_is_made_of(version: str, name: str) -> None:

@@ -153,6 +153,7 @@ def at_random() -> tuple[list[Question], list[str]]:
     return questions, [line(shown(repair_of(question))) for question in questions]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lua", LUAS)
 def test_random_requests(lua: str) -> None:
     compare(lua, *at_random())

@@ -372,6 +372,7 @@ def compare(version: str, captures: list[tuple[str, list[Frame]]], *, forbid: bo
     assert next(printed, None) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_stored_captures(version: str, captures: Path) -> None:
     paths = sorted(captures.glob("*.pcapng"))

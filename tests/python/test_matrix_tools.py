@@ -42,6 +42,7 @@ def test_lines_of_the_roots_are_read(matrix: ModuleType) -> None:
     assert second.version == "4.6.9"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "passed", "failed", "skipped", "good"),
     [

@@ -26,6 +26,7 @@ def folder(pytester, captures):
     return place
 
 
+@pytest.mark.slow
 def test_captures_are_tests(pytester, folder):
     pytester.runpytest_subprocess("--ds47", "captures").assert_outcomes(passed=2)
     result = pytester.runpytest_subprocess("captures")
@@ -90,6 +91,7 @@ def with_an_unreadable_one(folder, captures):
     return 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "make",
     [without_result, without_capture, with_nothing_but_results, with_a_link_to_nothing,
@@ -111,6 +113,7 @@ def test_it_fails_where_check_fails_and_says_the_same(pytester, folder, captures
         assert line in result.outlines
 
 
+@pytest.mark.slow
 def test_a_folder_without_captures_is_wrong_use(pytester, folder):
     (pytester.path / "empty" / "below").mkdir(parents=True)
     result = pytester.runpytest_subprocess("--ds47", "captures", "empty")
@@ -151,6 +154,7 @@ def test_a_cut_capture_fails(pytester, folder):
     pytester.runpytest_subprocess("--ds47", "captures").assert_outcomes(passed=1, failed=1)
 
 
+@pytest.mark.slow
 def test_the_fixture(pytester, folder, captures):
     shutil.copy(captures / "conversation-error.pcapng", folder)
     pytester.makepyfile(
@@ -195,6 +199,7 @@ def test_the_example_of_the_documentation(pytester, folder):
     assert result.parseoutcomes().get("passed", 0) >= 2
 
 
+@pytest.mark.slow
 def test_a_series_with_a_stored_result_is_one_test(pytester, captures):
     from ds47.cli import main
 
@@ -213,6 +218,7 @@ def test_a_series_with_a_stored_result_is_one_test(pytester, captures):
     )
 
 
+@pytest.mark.slow
 def test_without_its_option_a_series_of_tcpdump_fails_and_says_so(pytester, captures):
     from ds47.cli import main
 

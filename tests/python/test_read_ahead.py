@@ -113,6 +113,7 @@ def damaged(data: bytes, draw: Callable[[st.SearchStrategy[int]], int]) -> bytes
     return bytes(result)
 
 
+@pytest.mark.slow
 @many
 @given(traffic, st.sampled_from("<>"), st.sampled_from((0xA1B2C3D4, 0xA1B2CD34)), chunks, st.data())
 def test_pcap(
@@ -269,6 +270,7 @@ def test_a_file_that_cannot_be_read_on(
     assert capture.problem.startswith("reading failed: [Errno")
 
 
+@pytest.mark.slow
 def test_a_file_that_is_cut_meanwhile(capture: Capture, tmp_path: Path) -> None:
     os.truncate(tmp_path / "x.pcap", 12 << 20)
     with capture:

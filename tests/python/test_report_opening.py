@@ -494,6 +494,7 @@ def tsharks(repository: Path) -> list[str]:
     return [*([own] if own else []), *map(str, sorted(repository.glob("build/wireshark/*/tshark")))]
 
 
+@pytest.mark.slow
 def test_every_tshark_takes_the_filter(repository: Path, captures: Path, tmp_path: Path):
     found = tsharks(repository)
     if not found:

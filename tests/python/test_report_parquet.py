@@ -129,6 +129,7 @@ def test_the_line_of_ndjson_is_that_of_the_report():
     assert own["$defs"] == {name: whole[name] for name in own["$defs"]}
 
 
+@pytest.mark.slow
 def test_every_line_of_ndjson_is_valid(results):
     stream = io.StringIO()
     ndjson.write(Report(results), stream)

@@ -101,6 +101,7 @@ def enhanced(frames: list[bytes], order: str, snap: int, interfaces: int) -> byt
     return b"".join(out)
 
 
+@pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(traffic, orders, kinds, links, cuts, st.lists(st.integers(24, 3000), max_size=3), st.data())
 def test_pcap_loops_agree(

@@ -632,6 +632,7 @@ def started(watch: Watch, client: Client) -> str:
     raise AssertionError([watch.errors.get_nowait() for _ in range(watch.errors.qsize())])
 
 
+@pytest.mark.slow
 def test_on_the_loopback_interface() -> None:
     needs_dumpcap()
     with loopback() as client, watching("-i", "lo", stdin=subprocess.DEVNULL) as watch:

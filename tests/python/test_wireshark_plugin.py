@@ -425,6 +425,7 @@ ALONE = (
 """Fields of every part of the tree."""
 
 
+@pytest.mark.slow
 def test_a_tree_that_nobody_sees_has_the_one_field_that_is_asked_for(tshark: Tshark) -> None:
     """For a filter and a column only that field is made; for PDML the whole tree is."""
     path = CAPTURES["tour-machine.pcapng"]

@@ -206,6 +206,7 @@ def test_a_file_that_cannot_be_written_is_said(
     assert said.out.startswith("DS47 statistics\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["report", "csv", "statistics"])
 def test_a_capture_is_not_written_over(
     shark: Run, plugin: list[str], tour: Path, tmp_path: Path, kind: str

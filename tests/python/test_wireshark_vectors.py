@@ -99,6 +99,7 @@ def test_every_message_is_of_a_dialect() -> None:
     assert sum(len(of_dialect(each)) for each in dialects) == VECTORS["count"]["messages"]
 
 
+@pytest.mark.slow
 def test_every_conversation(tmp_path: Path) -> None:
     program()
     assert len(CASES) >= CONVERSATIONS_AT_LEAST
