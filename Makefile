@@ -84,6 +84,7 @@ pythons:
 
 bench: $(STAMP)
 	$(BIN)/python bench/run.py $(BENCH)
+	$(BIN)/python bench/formats.py $(BENCH)
 	$(BIN)/python bench/plugin.py $(BENCH)
 
 dist: $(RUN)

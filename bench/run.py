@@ -162,13 +162,13 @@ def packed(path: Path, suffix: str) -> Path:
 # Programs
 
 
-def installed(kind: str) -> Path:
+def installed(kind: str, source: Path = ROOT, name: str = "") -> Path:
     """The package as pip installs it, "plain" or "compiled", with its byte code."""
-    target = PACKAGES / kind
+    target = PACKAGES / (name or kind)
     shutil.rmtree(target, ignore_errors=True)
     environment = os.environ | {"DS47_COMPILE": "0" if kind == "plain" else "1"}
     command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-index",
-               "--no-build-isolation", "--target", str(target), str(ROOT)]  # fmt: skip
+               "--no-build-isolation", "--target", str(target), str(source)]  # fmt: skip
     subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
     subprocess.run([sys.executable, "-m", "compileall", "-q", str(target)], check=True)
     return target
@@ -364,13 +364,13 @@ def _lines(path: str) -> list[str]:
         return []
 
 
-def write(text: str) -> None:
-    """Put the tables between the two marks of docs/benchmarks.md."""
+def write(text: str, begin: str = BEGIN, end: str = END) -> None:
+    """Put the tables between two marks of docs/benchmarks.md."""
     document = DOCUMENT.read_text(encoding="utf-8")
-    before, rest = document.split(BEGIN, 1)
-    after = rest.split(END, 1)[1]
+    before, rest = document.split(begin, 1)
+    after = rest.split(end, 1)[1]
     DOCUMENT.write_text(
-        f"{before}{BEGIN}\n\n{text}\n\n{END}{after}", encoding="utf-8", newline="\n"
+        f"{before}{begin}\n\n{text}\n\n{end}{after}", encoding="utf-8", newline="\n"
     )
 
 

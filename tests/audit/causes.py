@@ -490,7 +490,8 @@ def _better(case: Case, deal: Deal) -> Iterator[str]:
     # By the list, or by the bits: what the drive reads later nobody knows in the frame on which this stands,
     # and a transaction may be read once more until the next one on its channel has its response.
     before = [each for each in case.reading.deals if _over(each, case.reading) < (deal.write or 0)]
-    known = [formats(case.memory, case.reading, deal, pnu, each) for each in before]
+    # A read of what may be another drive object says nothing against the list.
+    known = [formats(case.memory, case.reading, deal, pnu, each, kinds=(SURE,)) for each in before]
     seen = seen if told == "format_read" else set().union(*known)
     if seen and better not in seen:
         yield f"the drive reads it as {sorted(seen)}"
@@ -582,11 +583,12 @@ def formats(
     pnu: object,
     only: Deal | None = None,
     target: Target | None = None,
+    kinds: tuple[str, ...] = (SURE, MAYBE),
 ) -> set[int]:
     """The formats in which a parameter of the drive object of a transaction was read, in one transaction or in any."""
     return {
         block.format for each in ([only] if only else reading.deals) if each.operation == "read"
-        if memory.same(memory.target(each), target or memory.target(deal)) in (SURE, MAYBE)
+        if memory.same(memory.target(each), target or memory.target(deal)) in kinds
         and each.device == deal.device
         for address, block in each.pairs()
         if address.pnu == pnu and address.attribute == message.VALUE and not block.failed
