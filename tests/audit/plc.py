@@ -430,7 +430,11 @@ def _not_mirrored(told: set[str], deal: Deal) -> Iterator[str]:
         name for name, at in MIRROR.items()
         if at < min(len(request), len(response)) and response[at] != request[at]
     }  # fmt: skip
-    if len(response) > 1 and response[1] in (request[1], request[1] | 0x80, 0x80):
+    if min(len(request), len(response)) > 1 and response[1] in (
+        request[1],
+        request[1] | 0x80,
+        0x80,
+    ):
         true.discard("ID")
     if told - {"count"} != true - {"count"} or (true and told != true):
         yield f"{sorted(told)} are not mirrored: {sorted(true)}"

@@ -21,6 +21,9 @@ def of_seed(seed: int, folder: Path) -> list[Complaint]:
     made.tape.write(path)
     try:
         return run.audit(path, made.drives)
+    except Exception as error:
+        error.add_note(f"seed {seed}")
+        raise
     finally:
         path.unlink()
 
