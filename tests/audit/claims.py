@@ -651,7 +651,7 @@ def _reason(case: Case, deal: Deal) -> Iterator[str]:
     elif told == "expired" and not silent and not later:
         yield "no ten minutes passed"
     elif told == "unseen":
-        yield from _unseen(case, deal, later)
+        yield from _unseen(case, deal)
     elif told == "later":
         yield from _later(case, deal, refused)
     elif told not in (None, "later", "release", "end", "expired", "dropped"):
@@ -668,9 +668,10 @@ def _older(case: Case, deal: Deal, frame: int) -> bool:
     )  # fmt: skip
 
 
-def _unseen(case: Case, deal: Deal, later: list[int]) -> Iterator[str]:
+def _unseen(case: Case, deal: Deal) -> Iterator[str]:
     """That its responses are not in the capture: the channel went on, and neither call of it has one."""
-    if not later:
+    calls = [each.asked or each.answered or 0 for each in case.reading.on_channel[deal.channel]]
+    if not any(frame > (deal.write or 0) and frame not in deal.all_frames for frame in calls):
         yield "nothing follows on this channel, the capture ends"
     if deal.frames["write_response"] is not None or deal.polls:
         yield "a response of it is in the capture"

@@ -221,7 +221,7 @@ def _target(deal: Deal, new: message.Message) -> Target:
 
 def _alike(part: tuple[object, ...], other: tuple[object, ...], code: int | None) -> bool:
     """Whether the refusal of one parameter is that of the other, too."""
-    if part[2] != other[2]:
+    if part[2] != other[2] or code == 0x15:  # which speaks of the whole response
         return False
     if code == 0x03:  # no such subindex: nor one behind it
         return _last(part) >= _last(other)

@@ -104,6 +104,15 @@ def test_a_format_that_was_read_is_the_right_one_and_the_corrected_request_has_i
     assert offered(told) == change((FIXED, TEN))
 
 
+def test_the_corrected_request_leaves_out_what_was_refused_though_the_number_is_cut_off() -> None:
+    talk = Talk()
+    talk.read(FIXED)
+    asked = change((FIXED, BITS), (OTHER, WORD))
+    answer = message.answer(1, 0x82, 1, message.error(FORMAT), bytes.fromhex("440200"))
+    told = only(talk.closed(asked, answer), "DS714")
+    assert offered(told) == change((FIXED, TEN))
+
+
 def test_a_format_of_the_list_is_told_as_such_and_nothing_is_offered() -> None:
     told = only(Talk().refused(change((FIXED, BITS)), FORMAT), "DS714")
     assert (told.args["case"], told.args["seen"], offered(told)) == ("format_listed", None, None)

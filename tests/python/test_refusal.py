@@ -123,7 +123,7 @@ def test_no_element_means_one() -> None:
 
 def simple(asked: bytes, *blocks: bytes, number: int = 0) -> bytes | None:
     case = refused(asked, *blocks)
-    return without_index(case, refusals(case), number)
+    return without_index(case, number)
 
 
 def test_the_simple_request_has_index_0_and_one_element_and_is_alone_if_others_failed() -> None:
@@ -132,13 +132,15 @@ def test_the_simple_request_has_index_0_and_one_element_and_is_alone_if_others_f
     assert simple(both, message.error(4), TEN) == message.read(1, 1, FIXED, message.address(21))
     assert simple(both, message.error(4), message.error(0x6B)) == fixed
     assert simple(both, message.error(4)) == fixed, "the response says nothing of the other"
+    cut = bytes.fromhex("4402")
+    assert simple(both, message.error(4), cut) == fixed, "the number of the other error is cut off"
     assert simple(message.read(1, 1, message.address(2900, 3)) + b"\1", message.error(4)) == fixed
 
 
 def test_without_the_request_or_with_a_text_there_is_no_simple_request() -> None:
     """Of a text no part is meant, be it one character."""
     unseen = job(None, message.answer(1, 0x81, 1, message.error(4)))
-    assert without_index(unseen, [], 0) is None
+    assert without_index(unseen, 0) is None
     text = message.change(1, 1, (message.address(2900, 3), bytes((0x09, 1)) + b"A\0"))
     assert simple(text, message.error(4)) is None
 

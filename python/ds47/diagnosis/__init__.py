@@ -137,7 +137,7 @@ class Diagnoses:
             if remark.rule == "DS709":
                 self._suggest_axis(job, remark)
             elif remark.rule == "DS717" and each.code == known().no_array:
-                remark.corrected = self._simple(job, refused, each.number)
+                remark.corrected = self._simple(job, each.number)
             remarks.append(remark)
         yield from remarks or refusal.not_seen(job)
 
@@ -180,8 +180,10 @@ class Diagnoses:
             each.number: each.bits != "number_other" and self._is_proven(job, request, each.number)
             for each in found.each
         }
-        told = len(job.response.blocks) if job.response is not None else 0
-        whole = all(sure.values()) and sure.keys() >= errors.keys()
+        told, failed = 0, set[int]()
+        if job.response is not None:
+            told, failed = len(job.response.blocks), refusal.failed(job.response)
+        whole = all(sure.values()) and sure.keys() >= failed
         whole = whole and told >= len(request.addresses)  # of what is not answered nothing is known
         for each in meant:
             args = {**each.args, "better_code": each.args["code"], "bits": each.bits}
@@ -208,12 +210,12 @@ class Diagnoses:
         seen = self._formats.get((job.peer.device, reach_of(job.record, request.axis), address.pnu))
         return seen is not None and seen.format == block.format
 
-    def _simple(self, job: Job, refused: list[refusal.Refusal], number: int) -> bytes | None:
+    def _simple(self, job: Job, number: int) -> bytes | None:
         """The request for a parameter that is no array; a change only where its format is proven."""
         request = job.message
         if request is None or (request.blocks and not self._is_proven(job, request, number)):
             return None
-        return refusal.without_index(job, refused, number)
+        return refusal.without_index(job, number)
 
     def _suggest_axis(self, job: Job, remark: Remark) -> None:
         """A read may be asked of the only drive object that answers; a change never goes elsewhere."""

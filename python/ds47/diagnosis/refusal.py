@@ -52,6 +52,11 @@ def refusals(job: Job) -> list[Refusal]:
     ]
 
 
+def failed(response: Response) -> set[int]:
+    """Which parameters have an error block, by their place: also one that ends before its error number."""
+    return {number for number, block in enumerate(response.blocks) if block.error is not None}
+
+
 def _value(blocks: list[Block], number: int) -> Block | None:
     return blocks[number] if number < len(blocks) else None
 
@@ -202,7 +207,7 @@ def _source(value: Block | None) -> int | None:
     return pnu if 0 < pnu <= known().source_most else None
 
 
-def without_index(job: Job, refused: list[Refusal], number: int) -> bytes | None:
+def without_index(job: Job, number: int) -> bytes | None:
     """The request for a parameter that is no array, as that of a simple one; None where it is none.
 
     That one alone where others were refused, or where the response ends before it says what became of them. Of
@@ -220,7 +225,7 @@ def without_index(job: Job, refused: list[Refusal], number: int) -> bytes | None
         return None
     request = decode_request(whole)
     told = len(response.blocks)
-    if told < len(message.addresses) or any(each.number != number for each in refused):
+    if told < len(message.addresses) or failed(response) - {number}:
         return suggest.only(request, [number])
     # bytes behind its end belong to no request
     return suggest.only(request, range(len(request.addresses))) if any(request.rest) else whole
