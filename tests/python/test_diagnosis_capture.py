@@ -305,6 +305,15 @@ def test_a_place_that_accepts_is_the_right_one() -> None:
         assert Whole(refused(READ, NO_SLOT, 5, THERE), takes, answers).of("DS708") == [away(6)]
 
 
+@pytest.mark.parametrize(("status", "wrong"), [(0, False), (LOCKED, True), (None, True)])
+def test_a_write_that_is_accepted_counts_though_its_request_is_not_in_the_capture(
+    status: int | None, wrong: bool
+) -> None:
+    whole = Whole(refused(READ, NO_SLOT, 5, (1, 1, 100)), job(READ, ANSWER, at=THERE, frame=20))
+    whole.foreign(30, 100, None, status)
+    assert bool(whole.of("DS708")) is wrong
+
+
 def test_only_a_place_that_answered_is_another_one() -> None:
     no = refused(READ, NO_SLOT, 5, THERE)
     assert Whole(no).end() == []

@@ -166,9 +166,12 @@ class WholeCapture:
         """A Write that is no job has been answered: its index is not ours, or its request is missing."""
         asked, answer = record.request, record.response
         if asked is None:
-            asks = peer.controller, peer.device, _place(record)[1:]
+            spot = _place(record)[1:]
+            asks = peer.controller, peer.device, spot
             if asks not in self._asking.entries:
                 self._asking.put(asks, True)
+            if answer is not None and answer.status == 0:
+                self._accepting.put((peer.device, spot), True)
             return
         if answer is None or len(asked.data) > known().channel_bytes:
             return
