@@ -83,7 +83,7 @@ end
 local function show(views, findings, tvb, pinfo, tree, offset, whole)
   if #views > 0 then
     local columns = pinfo.cols
-    columns.protocol, columns.info = "DS47", info.text(views)
+    columns.protocol, columns.info = "DS47", info.text(views, track.lang)
   end
   if whole and #views + #findings > 0 then
     local context = { base_seconds = track.base_seconds(), lang = track.lang }

@@ -27,9 +27,9 @@ from ds47.profidrive.notation import format_request_line
 from ds47.profinet import rpc
 from ds47.profinet.link import Packets
 from ds47.profinet.records import Half, Record, parse_request, parse_response
-from ds47.profinet.status import status_hex
 from ds47.report import Options, text
 from ds47.spec import Rule, rules
+from ds47.spec.statuses import status_hex
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "diagnoses.md"

@@ -6,8 +6,9 @@
 
 local entries = require("ds47.support.later").entries
 local spec = require("ds47.spec.lookup")
-local status = require("ds47.profinet.status")
+local status = require("ds47.spec.statuses")
 local words = require("ds47.report.formatting")
+local error_words = require("ds47.report.sentences").error_words
 
 local M = {}
 
@@ -35,11 +36,13 @@ local function head(item)
   return "ref " .. reference(item) .. drive_object(item.axis)
 end
 
+local language -- of the texts of error numbers, "en" or "zh"
+
 -- `0x02 value outside limits`; the second word where it says something.
 local function error_of(failed)
-  local text = failed.code and spec.error_hex(failed.code) or "error"
-  if failed.text ~= "" then
-    text = text .. " " .. words.escape(failed.text)
+  local text = "error"
+  if failed.code then
+    text = spec.error_hex(failed.code) .. " " .. error_words(failed, language)
   end
   if failed.info and failed.info ~= 0 then
     text = string.format("%s (info %d)", text, failed.info)
@@ -175,16 +178,17 @@ function sentences.reread(view)
   return "read again: " .. outcome(view) .. parameters_of(view)
 end
 
---- The sentence of one view, without the name of the protocol.
-function M.sentence(view)
+--- The sentence of one view, without the name of the protocol; error numbers in "en" or "zh".
+function M.sentence(view, lang)
+  language = lang
   return sentences[view.role](view)
 end
 
 --- The Info column of a frame: the sentences of all its views.
-function M.text(views)
-  local text = "DS47 " .. M.sentence(views[1])
+function M.text(views, lang)
+  local text = "DS47 " .. M.sentence(views[1], lang)
   for number = 2, #views do
-    text = text .. "; " .. M.sentence(views[number])
+    text = text .. "; " .. M.sentence(views[number], lang)
   end
   return text
 end

@@ -54,7 +54,7 @@ local function rules(text)
   return list
 end
 
---- The preferences as they are now, as the options of `ds47.analysis`.
+--- The preferences as they are now: the options of `ds47.analysis`, and the language of the texts.
 function M.options(proto)
   local prefs = proto.prefs
   local set = indices(prefs.indices)
@@ -64,14 +64,13 @@ function M.options(proto)
   return {
     indices = set,
     forbid_47 = prefs.index_47 == NEVER,
-    lang = prefs.language == CHINESE and "zh" or "en",
     slow_ms = prefs.slow_ms,
     ignore = rules(prefs.ignore),
     codec = {
       legacy_g120_formats = prefs.legacy_g120_formats,
       profile_v3_types = prefs.profile_v3_types,
     },
-  }
+  }, prefs.language == CHINESE and "zh" or "en"
 end
 
 return M

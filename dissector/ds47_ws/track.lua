@@ -55,7 +55,8 @@ local function mac_text(raw)
     or remember(mac_texts, raw, format("%02x:%02x:%02x:%02x:%02x:%02x", byte(raw, 1, 6)))
 end
 
---- Tells where the options of an analysis come from: a function that is asked for each new file.
+--- Tells where the options of an analysis, and the language of what is shown, come from: a function that is
+-- asked for each new file.
 function M.configure(get_options)
   options = get_options
 end
@@ -70,8 +71,11 @@ M.reset()
 
 local function the_analysis()
   if current == nil then
-    current = analysis.new(options and options())
-    M.lang = current.lang
+    local chosen
+    if options then
+      chosen, M.lang = options()
+    end
+    current = analysis.new(chosen)
   end
   return current
 end
@@ -261,7 +265,7 @@ local function live_view(number, job, role)
     live_views[number] = view
   end
   transactions.restore(job, current.codec) -- a Write response may come late
-  view.role, view.item, view.job = role, transactions.open(job, current.lang), job
+  view.role, view.item, view.job = role, transactions.open(job), job
   view.message, view.response = job.message, job.response
   return view
 end
@@ -380,7 +384,7 @@ function PARTS.parameters(view)
     return item.parameters
   end
   local job = { message = view.message, peer = { vendor_id = item.vendor_id } }
-  return transactions.parameters(job, current.lang)
+  return transactions.parameters(job)
 end
 
 local COMPLETE = { complete = true }

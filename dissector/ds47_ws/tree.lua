@@ -34,6 +34,7 @@ end
 -- Small things
 
 local frame_tree, referenced -- the tree of the frame, and its method of that name
+local language -- of its texts, "en" or "zh"
 local marked -- whether it is seen where a value comes from
 
 -- Whether somebody wants a field.
@@ -204,7 +205,7 @@ local function add_address(parent, item, address, asked, record)
   put("element_count", item.element_count, 1, 1)
   put("pnu", item.pnu, 2, 2)
   put("subindex", item.subindex, 4, 2)
-  derive(parent, "name", item.name)
+  derive(parent, "name", sentences.name(item, language))
   derive(parent, "unit", item.unit)
 end
 
@@ -227,8 +228,10 @@ local function add_raw(parent, record, offset, size)
 end
 
 -- The words of an error block: the number, the additional information, and what else there is.
-local function add_error(parent, failed, text, block, record)
+-- `worded` is the error of the transaction, nil where the block belongs to none of its parameters.
+local function add_error(parent, failed, worded, block, record)
   local at, shown = block.offset + 2, 0
+  local text = worded and sentences.error_words(worded, language)
   if failed.code then
     local item = add(parent, "error.code", failed.code, record, at, 2)
     if item then
@@ -294,7 +297,7 @@ local function add_parameter(parent, view, number, record)
   local shown = parent
   if wanted("parameter") then
     local place, size = asked and address or block, asked and 6 or block and 2 + #block.raw
-    local label = words.parameter(item, view.item.operation == "change")
+    local label = words.parameter(item, view.item.operation == "change", language)
     shown = add(parent, "parameter", label, place and record, place and place.offset, size)
     if not asked and not (block and here) then
       mark_generated(shown)
@@ -311,7 +314,7 @@ local function add_parameter(parent, view, number, record)
     add_value(shown, item, place, here and block or nil, record)
   end
   if block and block.error and not asked then
-    add_error(shown, block.error, item.error and item.error.text, block, record)
+    add_error(shown, block.error, item.error, block, record)
   elseif block and not (here and #item.values > 0) then
     add_raw(shown, record, block.offset + 2, #block.raw)
   end
@@ -533,7 +536,7 @@ local function of_view(finding, view)
 end
 
 local function add_view(tree, view, findings, taken, record, context)
-  local label = marked and "DS47 " .. info.sentence(view) or "DS47"
+  local label = marked and "DS47 " .. info.sentence(view, language) or "DS47"
   local root = record and tree:add(protocol, record, label) or tree:add(protocol, label)
   add_message(root, view, record)
   add_links(root, view)
@@ -552,7 +555,7 @@ end
 -- @param find_record a function that gives the TvbRange of a record in this frame, or nil
 -- @param context {base_seconds = second since 1970 that the times are relative to, lang = "en" or "zh"}
 function M.add(tree, views, findings, find_record, context)
-  frame_tree, referenced, marked = tree, tree.referenced, tree.visible
+  frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, context.lang
   local taken = {}
   for _, view in ipairs(views) do
     local data

@@ -21,7 +21,7 @@ local recordcalls = require("ds47.acyclic.record_calls")
 local records = require("ds47.profinet.records")
 local rpc = require("ds47.profinet.rpc")
 local rules = require("ds47.acyclic.judge")
-local status = require("ds47.profinet.status")
+local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
 local new_time = require("ds47.support.times").new
 local transactions = require("ds47.acyclic.transactions")
@@ -45,7 +45,6 @@ local UNCHANGING = {
 -- @param options what a user may choose; nil, or any of:
 --   indices       set of further record indices that carry the parameter channel
 --   forbid_47     true: index 47 never does
---   lang          language of error and finding texts, "en" or "zh"
 --   slow_ms       share of the drive from which a transaction is slow; nil for the shipped limit
 --   select        array of rule ids or prefixes to report; empty for all
 --   ignore        array of rule ids or prefixes to leave out
@@ -54,12 +53,10 @@ local UNCHANGING = {
 function M.new(options)
   options = options or {}
   local limits = tables.limits
-  local lang = options.lang or "en"
   local slow_ns = options.slow_ms and math.floor(options.slow_ms * 1e6) or limits.slow_ns
   local self = setmetatable({
     base_seconds = nil, -- second since 1970 that all times are relative to: see `time_ns`
     options = options,
-    lang = lang,
     codec = options.codec or {},
     findings = findings.new(options.select, options.ignore),
     judge = rules.new(limits, slow_ns),
@@ -68,7 +65,7 @@ function M.new(options)
     fragments = rpc.Fragments.new(limits.fragment_expiry_ns),
     reassembly = ip.Reassembly.new(limits),
     answers = {}, -- job -> its remarks, from the answer until the job is closed
-    finished_jobs = transactions.store(lang, options.codec),
+    finished_jobs = transactions.store(options.codec),
     last_frame = nil,
     last_call = nil,
     result = nil,

@@ -26,9 +26,9 @@ from ds47.profidrive import Options, decode_response
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.records import Record
 from ds47.profinet.stations import Stations
-from ds47.profinet.status import status_hex
 from ds47.profinet.transport import Transport
 from ds47.spec.semantics import limits
+from ds47.spec.statuses import status_hex
 
 OnTransaction = Callable[[Transaction, list[Finding]], None]
 
@@ -52,7 +52,6 @@ class AnalysisOptions:
 
     Attributes:
         indices: further record indices that carry the parameter channel.
-        lang: language of error and finding texts, "en" or "zh".
         slow_ms: share of the drive from which a transaction is slow; None for the shipped limit.
         select: rule ids or prefixes to report; empty for all.
         ignore: rule ids or prefixes to leave out.
@@ -61,7 +60,6 @@ class AnalysisOptions:
     """
 
     indices: frozenset[int] = frozenset()
-    lang: str = "en"
     slow_ms: float | None = None
     select: tuple[str, ...] = ()
     ignore: tuple[str, ...] = ()
@@ -71,7 +69,7 @@ class AnalysisOptions:
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         """To another process, compiled too: pickle itself cannot fill in what is frozen."""
         return type(self), (
-            self.indices, self.lang, self.slow_ms, self.select, self.ignore, self.codec, self.digest,
+            self.indices, self.slow_ms, self.select, self.ignore, self.codec, self.digest,
         )  # fmt: skip
 
 
@@ -223,7 +221,7 @@ class Analysis:
 
     def _settled(self, job: Job, remarks: list[Remark], early: Early) -> None:
         remarks = remarks + self._remarks.get(job, [])
-        self._hand_out(job, build(job, self._options.lang), remarks, early.settled)
+        self._hand_out(job, build(job), remarks, early.settled)
 
     def _closed(self, job: Job) -> None:
         remarks = self._answers.pop(job, None)
@@ -234,7 +232,7 @@ class Analysis:
         remarks += self._judge.closed(job)
         remarks += self._diagnoses.closed(job)
         remarks += self._remarks.pop(job, [])
-        transaction = build(job, self._options.lang)
+        transaction = build(job)
         summarise(self._summary, transaction.state, transaction.operation)
         if self._on_transaction is None:
             self._transactions[job.order] = transaction

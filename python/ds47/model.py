@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
+from ds47.spec import Pnu, error_text, parameters
 from ds47.spec.units import milliseconds, status, timestamp
 
 Value = int | float | str
@@ -52,21 +53,34 @@ class _Plain:
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
 class ParameterError(_Plain):
-    """What the drive answered instead of a value (docs/protocol.md A.7, B)."""
+    """What the drive answered instead of a value (docs/protocol.md A.7, B).
+
+    It has no words but those in English: `ds47.report.sentences` has them in either language.
+    """
 
     code: int | None
-    text: str
     info: int | None
+    vendor_id: int | None
+    """PROFINET vendor id of the device: it decides what the numbers of vendors mean."""
+    said: str | None
+    """The text of a stored result, where this version has another one for the number; else None."""
 
     def __init__(
         self,
         code: int | None,
-        text: str,
         info: int | None,
+        vendor_id: int | None = None,
+        said: str | None = None,
     ) -> None:
         self.code = code
-        self.text = text
         self.info = info
+        self.vendor_id = vendor_id
+        self.said = said
+
+    @property
+    def text(self) -> str:
+        """What the error number means, in English; empty where there is no number."""
+        return error_text(self.code, "en", self.vendor_id) if self.said is None else self.said
 
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
@@ -77,7 +91,8 @@ class Parameter(_Plain):
     subindex: int | None
     attribute: str | None
     element_count: int | None
-    name: str | None
+    listed: bool
+    """Whether spec/parameters.toml says what the PNU means on this device; then the report names it."""
     unit: str | None
     format: str | None
     value_count: int | None
@@ -91,7 +106,7 @@ class Parameter(_Plain):
         subindex: int | None,
         attribute: str | None,
         element_count: int | None,
-        name: str | None = None,
+        listed: bool = False,
         unit: str | None = None,
         format: str | None = None,  # noqa: A002 (a key of the report)
         value_count: int | None = None,
@@ -103,13 +118,23 @@ class Parameter(_Plain):
         self.subindex = subindex
         self.attribute = attribute
         self.element_count = element_count
-        self.name = name
+        self.listed = listed
         self.unit = unit
         self.format = format
         self.value_count = value_count
         self.values = [] if values is None else values
         self.scaled = scaled
         self.error = error
+
+    @property
+    def known(self) -> Pnu | None:
+        """What spec/parameters.toml says of it; None where it is not listed."""
+        return parameters().get(self.pnu) if self.listed and self.pnu is not None else None
+
+    @property
+    def name(self) -> str | None:
+        """The name of a listed parameter, in English; None of any other."""
+        return None if self.known is None else self.known.name_en
 
 
 class Read(NamedTuple):

@@ -15,7 +15,7 @@ local formats = require("ds47.profidrive.formats")
 local json = require("ds47.support.json")
 local unhex = require("ds47.support.bytes").unhex
 local sentences = require("ds47.report.sentences")
-local status = require("ds47.profinet.status")
+local status = require("ds47.spec.statuses")
 local times = require("ds47.support.times")
 
 local function hex(bytes)
@@ -53,11 +53,18 @@ local function values(items, format, scaled)
   end)
 end
 
+local language -- of the texts
+
 local function parameter(item)
-  local result = object(item, "pnu subindex attribute element_count name unit format value_count")
+  local result = object(item, "pnu subindex attribute element_count unit format value_count")
+  result.name = null(sentences.name(item, language))
   result.values = values(item.values, item.format)
   result.scaled = null(values(item.scaled, item.format, true))
-  result.error = null(item.error and object(item.error, "code text info"))
+  result.error = json.null
+  if item.error then
+    result.error = object(item.error, "code info")
+    result.error.text = sentences.error_words(item.error, language)
+  end
   return result
 end
 
@@ -88,13 +95,13 @@ local run -- the analysis
 local function finding(item)
   local result = object(item, "rule severity frame transaction offset")
   result.args, result.frames = item.args, json.array(item.frames)
-  result.message = sentences.sentence(item, run.lang)
+  result.message = sentences.sentence(item, language)
   return result
 end
 
 local function diagnosis(item)
   local result = object(item, "rule severity device count")
-  result.args, result.message = item.args, sentences.sentence(item, run.lang)
+  result.args, result.message = item.args, sentences.sentence(item, language)
   result.differs, result.frames_left_out = json.array(item.differs), item.frames_left_out
   result.frames, result.transactions = json.array(item.frames), json.array(item.transactions)
   return result
@@ -136,8 +143,8 @@ end
 local take = {}
 
 function take.begin(line)
-  run = analysis.new({lang = line.lang})
-  look = line.look
+  run = analysis.new()
+  language, look = line.lang, line.look
 end
 
 function take.udp(line)

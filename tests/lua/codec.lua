@@ -13,7 +13,7 @@ local numbers = require("ds47.support.numbers")
 local parameter = require("ds47.profidrive.parameter")
 local reader = require("ds47.support.bytes")
 local spec = require("ds47.spec.lookup")
-local status = require("ds47.profinet.status")
+local status = require("ds47.spec.statuses")
 
 local function known(value)
   if value == json.null then return nil end

@@ -9,7 +9,7 @@ package.path = root .. "../../lua/?.lua;" .. package.path
 local analysis = require("ds47.analysis")
 local json = require("ds47.support.json")
 local unhex = require("ds47.support.bytes").unhex
-local status = require("ds47.profinet.status")
+local status = require("ds47.spec.statuses")
 
 local failures = {}
 

@@ -11,7 +11,7 @@ local json = require("ds47.support.json")
 local parameter = require("ds47.profidrive.parameter")
 local reader = require("ds47.support.bytes")
 local spec = require("ds47.spec.lookup")
-local status = require("ds47.profinet.status")
+local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
 
 local file = assert(io.open(arg[1], "rb"))

@@ -19,8 +19,8 @@ from whole_capture import of_transactions
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture.writer import PcapngWriter
 from ds47.model import CaptureResult, Finding, Transaction
-from ds47.profinet.status import status_hex
 from ds47.spec import rules
+from ds47.spec.statuses import status_hex
 
 ROOT = Path(__file__).resolve().parents[2]
 VECTORS = ROOT / "tests/vectors"

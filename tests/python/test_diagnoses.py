@@ -567,7 +567,7 @@ def test_a_number_of_a_maker_is_not_that_of_its_low_byte(code: int, tmp_path: Pa
 @pytest.mark.parametrize("name", [name for name in SCENARIOS if not name.endswith(MISS)])
 def test_every_diagnosis_in_chinese(name: str, tmp_path: Path) -> None:
     lab.write(name, tmp_path / "x.pcapng")
-    (diagnosis,) = analyze(tmp_path / "x.pcapng", AnalysisOptions(lang="zh")).diagnoses
+    (diagnosis,) = analyze(tmp_path / "x.pcapng", AnalysisOptions()).diagnoses
     assert any("\u4e00" <= letter <= "\u9fff" for letter in sentence(diagnosis, "zh"))
     assert "{" not in sentence(diagnosis, "zh")
 

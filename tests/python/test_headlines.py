@@ -299,7 +299,7 @@ def test_problems_count_frames_and_show_them_all():
         refused(102, rule="DS410", code=0x84, job=2), refused(102, rule="DS410", code=0x11, job=2),
     ]  # fmt: skip
     result = capture(*jobs, findings=findings)
-    found = problems(result, {}, Targets(jobs))
+    found = problems(result, Targets(jobs))
     shown = [(each.count, each.times.en, each.filter) for each in found]
     assert shown == [
         (3, "3 times in 2 frames", "frame.number in {101..102}"),
@@ -315,7 +315,7 @@ def test_frames_that_a_problem_names_are_links():
         "other_ar": None, "first": 3,
     }  # fmt: skip
     told = Diagnosis("DS705", "error", args, DRIVE, 1, [9], [9])
-    (problem,) = problems(capture(*jobs, diagnoses=[told]), {}, Targets(jobs))
+    (problem,) = problems(capture(*jobs, diagnoses=[told]), Targets(jobs))
     assert problem.others == [(3, 3)]
 
 

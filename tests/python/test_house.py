@@ -14,6 +14,7 @@ from pathlib import Path
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SOURCES = REPOSITORY / "python" / "ds47"
+PURE = REPOSITORY / "lua" / "ds47"
 LOOSE = {"__init__", "__main__", "analysis", "model"}
 """Modules that stand in no room: the door, and what joins the rooms."""
 VERSION = "ds47.__version__"
@@ -131,9 +132,36 @@ def test_four_modules_stand_loose() -> None:
     assert {file.stem for file in SOURCES.glob("*.py")} == LOOSE
 
 
+ANALYSIS = ("capture", "profinet", "profidrive", "acyclic", "findings", "diagnosis", "analysis")
+"""The rooms without words, in both languages of the code: the report words what they find."""
+LANGUAGE = re.compile(r"\b(lang|zh|\w+_zh|\w+_en|error_text|status_text)\b")
+"""A language of people, or what has texts in several."""
+
+
+def naming_a_language(sources: Path) -> set[str]:
+    """The files of the analysis in a folder that name a language, comments included."""
+    found = set()
+    for file in [*sources.rglob("*.py"), *sources.rglob("*.lua")]:
+        place = file.relative_to(sources)
+        if place.with_suffix("").parts[0] in ANALYSIS and LANGUAGE.search(file.read_text("utf-8")):
+            found.add(place.as_posix())
+    return found
+
+
+def test_the_analysis_knows_no_language() -> None:
+    assert naming_a_language(SOURCES) == naming_a_language(PURE) == set()
+
+
+def test_a_language_in_the_analysis_is_found(tmp_path: Path) -> None:
+    for name in ("acyclic/judge.py", "analysis.lua", "report/text.py"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("build(job, lang)")
+    (tmp_path / "acyclic" / "pairing.py").write_text("build(job, slang)")
+    assert naming_a_language(tmp_path) == {"acyclic/judge.py", "analysis.lua"}
+
+
 # The same house in Lua
 
-PURE = REPOSITORY / "lua" / "ds47"
 SUPPORT = {"support"}
 """Rooms of Lua alone, below all others: what Python has in its standard library."""
 

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 import ds47
-from ds47 import cli
+from ds47 import cli, spec
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLE = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -52,6 +52,14 @@ def test_the_examples_run_as_they_stand(run: Callable[[str], str]) -> None:
     assert "50303 Float32 [10.0]" in told
     assert "192.168.133.33 DO 2 p50303[0] 10.0" in told
     assert "03 01 02 01 10 08 03 b1 00 00" in told
+
+
+def test_an_error_is_worded_when_somebody_asks() -> None:
+    result = ds47.analyze(ROOT / "captures" / "conversation-error.pcapng")
+    (error,) = (item.error for _, item in result.parameters if item.error)
+    vendor_id = result.devices[0].vendor_id
+    assert error.text == result.message(error) == spec.error_text(error.code, "en", vendor_id)
+    assert result.message(error, lang="zh") == spec.error_text(error.code, "zh", vendor_id)
 
 
 def test_every_name_is_there_and_told() -> None:

@@ -23,7 +23,7 @@ from test_conversations import CASES, capture
 from tests.audit import conversations
 from whole_capture import of_transactions
 
-from ds47.analysis import AnalysisOptions, analyze
+from ds47.analysis import analyze
 from ds47.capture import Frame, open_capture
 from ds47.capture.scan import ETHERNET, IPV4, network_layer
 from ds47.capture.writer import PcapngWriter
@@ -124,7 +124,7 @@ def stored() -> Iterator[Source]:
 
 
 def expected(source: Source, lang: str) -> dict[str, Any]:
-    result = analyze(source.open(), AnalysisOptions(lang=lang))
+    result = analyze(source.open())
     told = report.capture(result, lang)
     for name in ("path", "sha256", "frames", "start", "complete"):
         del told[name]

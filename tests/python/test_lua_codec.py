@@ -26,8 +26,8 @@ from ds47.lab.formats import EXAMPLES
 from ds47.lab.messages import ROWS
 from ds47.profidrive import Options, Request, Response, decode_request, decode_response
 from ds47.profidrive.formats import float32_value, number_value
-from ds47.profinet.status import status_hex, status_text
 from ds47.report import formatting
+from ds47.spec.statuses import status_hex, status_text
 
 ROOT = Path(__file__).resolve().parents[2]
 VECTORS = ROOT / "tests" / "vectors" / "messages.json"

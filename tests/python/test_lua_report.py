@@ -33,11 +33,11 @@ from ds47.model import (
     Report,
     Transaction,
 )
-from ds47.profinet.status import status_text
 from ds47.report import Options
 from ds47.report import csv as csv_report
 from ds47.report import text as text_report
 from ds47.report.summary import OF_ONE_RULE
+from ds47.spec.statuses import status_text
 
 Run = Callable[[list[dict[str, Any]]], list[str]]
 
@@ -162,11 +162,11 @@ def odd_result() -> CaptureResult:
     parameters += [
         Parameter(65535, 0, "value", 12, format="Float64", value_count=12, values=list(numbers)),
         Parameter(1, 1, "0x50", 0, format="0x7F", value_count=1, values=[]),
-        Parameter(2, 65535, "value", 3, "名称", "°C", "N2", 3, [1, -2, 0], [0.1, -0.2, 0.0]),
-        Parameter(3, 0, "value", 2, None, "s", "Unsigned64", 2, [2**53, "9007199254740993"]),
-        Parameter(3, 0, "value", 1, None, None, "TimeOfDay", 1, [77], ["00:00:00.077"]),
-        Parameter(4, 0, "value", 1, None, None, "VisibleString", 5, ["\t\x1b[2J\x9b\xad\x7f"]),
-        Parameter(4, 1, "value", 2, None, "＝1", "VisibleString2", 2, [" =\\x1b", "\x85\xad é"]),
+        Parameter(2, 65535, "value", 3, True, "°C", "N2", 3, [1, -2, 0], [0.1, -0.2, 0.0]),
+        Parameter(3, 0, "value", 2, False, "s", "Unsigned64", 2, [2**53, "9007199254740993"]),
+        Parameter(3, 0, "value", 1, False, None, "TimeOfDay", 1, [77], ["00:00:00.077"]),
+        Parameter(4, 0, "value", 1, False, None, "VisibleString", 5, ["\t\x1b[2J\x9b\xad\x7f"]),
+        Parameter(4, 1, "value", 2, False, "＝1", "VisibleString2", 2, [" =\\x1b", "\x85\xad é"]),
         Parameter(None, None, None, None, format="Unsigned8+Unsigned8", value_count=1, values=["0102"],
                   scaled=[1]),
     ]  # fmt: skip
@@ -643,16 +643,16 @@ def test_the_meaning_of_a_status_is_of_the_language_asked_for(lua: Run) -> None:
 def test_error_numbers_and_refused_calls_are_counted_the_most_frequent_first(lua: Run) -> None:
     """By device and meaning; what is as frequent as another stands as it came. STATUS 0 is no refusal."""
 
-    def negative(code: int | None, text: str | None) -> Parameter:
-        error = ParameterError(code, text, None)
+    def negative(code: int | None) -> Parameter:
+        error = ParameterError(code, None, 0x2A)
         return Parameter(5, 0, "value", 1, format="Error", value_count=1, values=[], error=error)
 
-    no, never = negative(0x6B, "no"), negative(0x11, "never")
+    no, never = negative(0x6B), negative(0x11)
     jobs = [
         timed(1, 1, parameters=[never]),
         timed(2, 1, parameters=[no, Parameter(6, 0, "value", 1, values=[])]),
         timed(3, 1, device=B, parameters=[no]),
-        timed(4, 1, parameters=[negative(None, None), no]),
+        timed(4, 1, parameters=[negative(None), no]),
         timed(5, 1, state="refused", write_status=0xDF80B500, read_status=None),
         timed(6, 1, state="refused", read_status=0xDE80B700),
         timed(7, 1, state="refused", read_status=0xDE80B700),
@@ -660,9 +660,9 @@ def test_error_numbers_and_refused_calls_are_counted_the_most_frequent_first(lua
     ]
     text = statistics(lua, *jobs)
     assert rows(text, "Negative responses by error number") == [
-        ["0x6B", "2", "11", A, "no"],
-        ["0x11", "1", "7", A, "never"],
-        ["0x6B", "1", "15", B, "no"],
+        ["0x6B", "2", "11", A, *spec.error_text(0x6B, "en", 0x2A).split()],
+        ["0x11", "1", "7", A, *spec.error_text(0x11).split()],
+        ["0x6B", "1", "15", B, *spec.error_text(0x6B, "en", 0x2A).split()],
         ["-", "1", "19", A],
     ]
     assert [row[:5] for row in rows(text, "Refused record calls")] == [
@@ -740,7 +740,7 @@ def test_a_read_asks_for_no_value(lua: Run) -> None:
 def test_the_statistics_as_they_are_printed(lua: Run) -> None:
     """Numbers end under each other, texts begin there; the line below the titles is as wide as the table."""
     value = Parameter(50303, 0, "value", 1, format="Unsigned8", value_count=1, values=[10])
-    error = ParameterError(0x6B, "no", 0)
+    error = ParameterError(0x6B, 0, 0x2A)
     jobs = [
         timed(1, 12, parameters=[value]),
         timed(2, 1234, operation="change", state="error",
@@ -776,8 +776,8 @@ Share of the drive in ms: the same without the pause of the program before its f
 
 Negative responses by error number
   Code  Count  First in frame  Device          Meaning
-  ----------------------------------------------------
-  0x6B      1              11  192.168.133.33  no
+  ---------------------------------------------------------------------------------------------
+  0x6B      1              11  192.168.133.33  No change access while the controller is enabled
 
 Refused record calls
   none

@@ -23,7 +23,7 @@ from ds47.profidrive import (
     encode_request,
     encode_response,
 )
-from ds47.profinet.status import status_text
+from ds47.spec.statuses import status_text
 
 ROOT = Path(__file__).resolve().parents[2]
 FILE = ROOT / "tests/vectors/messages.json"

@@ -176,7 +176,7 @@ def test_the_fixture(pytester, folder, captures):
             ds47_capture("captures/none.pcapng")
 
         def test_error(ds47_capture):
-            cap = ds47_capture("captures/conversation-error.pcapng", lang="zh")
+            cap = ds47_capture("captures/conversation-error.pcapng")
             assert [each.rule for each in cap.findings("error")] == ["DS410"]
             assert cap.findings(rule="drive-error") == cap.findings(rule="DS410")
             assert cap.findings(rule="DS1") == []

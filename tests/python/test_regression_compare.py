@@ -17,6 +17,7 @@ from ds47.regression.difference_report import lines
 from ds47.regression.run import fails
 from ds47.regression.shape import flaw
 from ds47.regression.summary import Summary
+from ds47.spec import error_text
 
 CAPTURE = Path("fw/a.pcapng")
 
@@ -258,6 +259,26 @@ def _places(item, path=()):
         yield (*path, key)
         if isinstance(value, dict | list):
             yield from _places(value, (*path, key))
+
+
+@pytest.mark.parametrize("name", ["conversation-error", "tour-machine"])
+def test_a_result_stored_in_another_language_is_no_change(captures, name):
+    result = analyze(captures / f"{name}.pcapng")
+    stored, now = baseline.content(result, "zh"), baseline.content(result)
+    assert stored["transactions"] != now["transactions"]
+    assert compare(stored, now, Config(), CAPTURE) == []
+
+
+def test_an_error_number_is_worded_in_the_language_asked_for(captures):
+    now = baseline.content(analyze(captures / "conversation-error.pcapng"))
+    stored = deepcopy(now)
+    (parameter, *_) = (each for item in stored["transactions"] for each in item["parameters"])
+    error = parameter["error"]
+    error["code"], error["text"] = 0x6B, error_text(0x6B, "en", 0x2A)
+    (change,) = compare(stored, now, Config(), CAPTURE, "zh")
+    assert change.kind == "error"
+    assert error_text(0x6B, "zh", 0x2A) in change.text
+    assert error["text"] not in change.text
 
 
 _GONE = object()

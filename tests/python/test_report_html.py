@@ -31,7 +31,6 @@ from ds47.model import (
     Report,
     Transaction,
 )
-from ds47.profinet.status import status_text
 from ds47.report import causes, html, sentences
 from ds47.report.html import embed, messages, plots, texts
 from ds47.report.html.verdict import quality
@@ -44,6 +43,7 @@ from ds47.report.overview import Row, total
 from ds47.report.verdict import Counts, blind, verdict
 from ds47.spec.reporting import report_words
 from ds47.spec.semantics import diagnosis_words
+from ds47.spec.statuses import status_text
 
 HOSTILE = "<script>alert(1)</script>"
 QUOTES = "\"press\" & 'line' <b>1</b> </script>"
@@ -75,7 +75,7 @@ def parameter(pnu=50303, subindex=0, values=(10.0,), **changes):
         subindex,
         "value",
         max(1, len(values)),
-        None,
+        False,
         None,
         "Float32",
         len(values),
@@ -84,8 +84,8 @@ def parameter(pnu=50303, subindex=0, values=(10.0,), **changes):
     return replace(item, **changes)
 
 
-def failed(code=0x6B, text="no", **changes):
-    return parameter(error=ParameterError(code, text, 0), **changes)
+def failed(code=0x6B, vendor_id=0x2A, **changes):
+    return parameter(error=ParameterError(code, 0, vendor_id), **changes)
 
 
 def capture(*transactions, findings=(), **changes):
@@ -312,7 +312,7 @@ def test_drive_errors_are_put_together_by_their_number_and_direction():
         )
         for number, pnu, code in ((1, 50303, 0x6B), (1, 5, 0x6B), (2, 50303, 0x6B), (3, 50303, 0))
     ]
-    found = problems(capture(*items, findings=findings), {DRIVE: 0x2A})
+    found = problems(capture(*items, findings=findings))
     assert [(each.count, each.what.en) for each in found] == [
         (3, "The drive does not accept a value: No change access while the controller is enabled (0x6B)"),
         (1, "The drive does not give a value: Illegal parameter number: the parameter does not exist (0x00)"),
@@ -328,7 +328,7 @@ def test_refusals_are_put_together_by_their_status():
         for number, word in enumerate(words, 1)
     ]
     findings = [handmade.finding("DS203", "error", "m", 1, number) for number in (1, 2, 3)]
-    found = problems(capture(*items, findings=findings), {})
+    found = problems(capture(*items, findings=findings))
     assert [each.count for each in found] == [2, 1]
     assert "(DF80B700)" in found[0].what.en
     assert found[0].advice == texts.Both(
@@ -343,7 +343,7 @@ def test_diagnoses_come_first_then_errors_then_warnings_and_notes_last():
         handmade.diagnosis("DS701", "warning", "m", count=1),
         handmade.diagnosis("DS721", "note", "m", count=9),
     ]
-    found = problems(capture(findings=findings, diagnoses=diagnoses), {})
+    found = problems(capture(findings=findings, diagnoses=diagnoses))
     assert [each.rule for each in found] == ["DS701", "DS315", "DS417", "DS721"]
 
 
@@ -365,7 +365,7 @@ def diagnosis(rule="DS719", args=RUNNING, **changes):
 def test_a_diagnosis_is_told_in_both_languages_with_what_to_do(lang):
     item = diagnosis(corrected=bytes.fromhex("030102011001004c0001"))
     findings = [finding(rule, "error", 9, 2, 4, **RUNNING) for rule in ("DS410", "DS719")]
-    (found,) = problems(capture(transaction(2), findings=findings, diagnoses=[item]), {DRIVE: 0x2A})
+    (found,) = problems(capture(transaction(2), findings=findings, diagnoses=[item]))
     assert found.what.en.startswith("p76[1] cannot be changed now: 0x6B No change access while")
     assert found.what.zh.endswith("0x6B " + spec.error_text(0x6B, "zh", 0x2A))
     assert (found.count, found.frame, found.job) == (3, 9, 2)
@@ -417,13 +417,13 @@ def test_a_problem_names_four_places_and_counts_the_others(number, told):
     count = range(1, number + 1)
     items = [transaction(n, state="error", parameters=[failed(pnu=n)]) for n in count]
     findings = [finding("DS410", "error", 1, n, code=0x6B, pnu=n) for n in count]
-    (found,) = problems(capture(*items, findings=findings), {})
+    (found,) = problems(capture(*items, findings=findings))
     assert found.where is not None
     assert found.where.en == told
 
 
 def test_a_problem_of_the_whole_capture_has_no_place():
-    (found,) = problems(capture(diagnoses=[handmade.diagnosis("DS725", "warning", "m")]), {})
+    (found,) = problems(capture(diagnoses=[handmade.diagnosis("DS725", "warning", "m")]))
     assert found.where is None
 
 
@@ -432,24 +432,24 @@ def test_findings_that_differ_are_told_by_an_example_with_the_places_they_name()
         finding("DS417", "warning", 1, 1, pnu=pnu, subindex=0, read=1, written=2, by=3)
         for pnu in (7, 8)
     ]
-    (found,) = problems(capture(transaction(), findings=findings), {})
+    (found,) = problems(capture(transaction(), findings=findings))
     one = "Parameter 7[0] reads back 1, but 2 is the last value that this capture shows being written to it"
     assert found.title.en == f"{one} (frame 3) (for example)"
     assert found.places == {"p7[0] DO 2": 1, "p8[0] DO 2": 1}
-    (alone,) = problems(capture(transaction(), findings=findings[:1]), {})
+    (alone,) = problems(capture(transaction(), findings=findings[:1]))
     assert alone.title.en == f"{one} (frame 3)"
 
 
 def test_a_finding_that_names_no_parameter_stands_at_the_first_of_its_transaction():
     items = [transaction(1, parameters=[parameter(7), parameter(8)]), transaction(2, parameters=[])]
     findings = [finding("DS315", "error", 1, n, need=5, what="values") for n in (1, 2)]
-    (found,) = problems(capture(*items, findings=findings), {})
+    (found,) = problems(capture(*items, findings=findings))
     assert found.places == {"p7[0] DO 2": 1, f"{DRIVE} DO 2": 1}
 
 
 def test_frames_for_which_there_was_no_room_are_counted():
     told = diagnosis(frames=[9], count=5, frames_left_out=4)
-    (found,) = problems(capture(diagnoses=[told]), {})
+    (found,) = problems(capture(diagnoses=[told]))
     assert (found.times.en, found.filter_left_out) == ("5 times", 4)
 
 
@@ -459,7 +459,7 @@ def test_the_first_screen_tells_three_problems_of_one_rule_and_then_the_others()
     diagnoses = [
         handmade.diagnosis(rule, "error", f"m{n}", count=99 - n) for n, rule in enumerate(rules)
     ]
-    told = first_screen(problems(capture(diagnoses=diagnoses), {}))
+    told = first_screen(problems(capture(diagnoses=diagnoses)))
     assert [each.what.en for each in told] == ["m0", "m1", "m2", "m4", "m5", "m6"]
 
 
@@ -467,7 +467,7 @@ def test_many_problems_of_one_rule_do_not_hide_the_others():
     items = [transaction(n, state="error", parameters=[failed(n)]) for n in range(1, 9)]
     findings = [finding("DS410", "error", 1, n, pnu=n, code=n) for n in range(1, 9)]
     findings.append(handmade.finding("DS417", "warning", "read back", 1, 1))
-    told = first_screen(problems(capture(*items, findings=findings), {}))
+    told = first_screen(problems(capture(*items, findings=findings)))
     assert [each.rule for each in told] == ["DS410"] * 5 + ["DS417"]
     assert "3 more kinds of problem" in page(capture(*items, findings=findings))
 
@@ -583,8 +583,8 @@ def test_control_characters_and_turned_text_are_made_visible():
 def hostile():
     item = transaction(
         1, state="error", operation="change",
-        parameters=[parameter(values=(HOSTILE, QUOTES), format="VisibleString", name=HOSTILE, unit=QUOTES,
-                              error=ParameterError(None, HOSTILE, 0))],
+        parameters=[parameter(values=(HOSTILE, QUOTES), format="VisibleString", unit=QUOTES,
+                              error=ParameterError(None, 0, said=HOSTILE))],
     )  # fmt: skip
     return capture(
         item,
@@ -760,7 +760,7 @@ def test_rows_are_short_and_their_tables_hold_what_repeats():
         transaction(1),
         transaction(2, state="error", parameters=[failed()], findings=["DS410"]),
     ]
-    data = packed_rows(capture(*items), {DRIVE: 0x2A}, 100)
+    data = packed_rows(capture(*items), 100)
     one, two = (dict(zip(ROW, row, strict=True)) for row in data["rows"])
     assert (one["id"], one["start"], one["duration"]) == (1, 0, 12_400.0)
     assert two["start"] == 1_000_000
@@ -779,7 +779,7 @@ def test_a_row_has_the_frames_of_polls_and_further_reads():
     """0 where there are none, which is shorter."""
     frames = Frames(1, 2, 7, 8, polls=[(3, 4), (5, 6)], rereads=[(9, 10)])
     items = [transaction(1, frames=frames), transaction(2)]
-    rows = packed_rows(capture(*items), {}, 100)["rows"]
+    rows = packed_rows(capture(*items), 100)["rows"]
     polls, rereads = ROW.index("polls"), ROW.index("rereads")
     assert [(row[polls], row[rereads]) for row in rows] == [
         ([(3, 4), (5, 6)], [(9, 10)]), (0, 0),
@@ -789,30 +789,30 @@ def test_a_row_has_the_frames_of_polls_and_further_reads():
 def test_times_count_from_the_first_frame_of_the_capture():
     item = transaction(1)
     result = capture(item, start_ns=item.start_ns - 2_500_000_000)
-    data = packed_rows(result, {}, 100)
+    data = packed_rows(result, 100)
     assert data["rows"][0][ROW.index("start")] == 2_500_000
     assert data["start_ms"] == result.start_ns / 1e6
 
 
 def test_times_of_a_result_without_that_frame_count_from_the_first_transaction():
     items = [transaction(2, id=1), transaction(1, id=2)]
-    data = packed_rows(capture(*items), {}, 100)
+    data = packed_rows(capture(*items), 100)
     assert [row[ROW.index("start")] for row in data["rows"]] == [1_000_000, 0]
     assert data["start_ms"] == items[1].start_ns / 1e6
-    assert packed_rows(capture(), {}, 100)["start_ms"] == 0
+    assert packed_rows(capture(), 100)["start_ms"] == 0
 
 
 def test_the_page_knows_the_size_of_a_value_where_there_is_one():
     """A TimeDifference has four bytes or six, a UnicodeString any number of them."""
-    sizes = packed_rows(capture(), {}, 100)["sizes"]
+    sizes = packed_rows(capture(), 100)["sizes"]
     assert (sizes["Unsigned8"], sizes["Float64"], sizes["Date"]) == (1, 8, 7)
     assert not {"TimeDifference", "UnicodeString", "Zero"} & sizes.keys()
 
 
 def test_a_long_message_is_cut_and_the_page_knows():
-    data = packed_rows(capture(transaction(request=bytes(5000))), {}, 100)
+    data = packed_rows(capture(transaction(request=bytes(5000))), 100)
     assert data["rows"][0][ROW.index("request")] == "00" * 2048 + "+2952"
-    data = packed_rows(capture(transaction(request=bytes(2048))), {}, 100)
+    data = packed_rows(capture(transaction(request=bytes(2048))), 100)
     assert data["rows"][0][ROW.index("request")] == "00" * 2048
 
 
@@ -820,7 +820,7 @@ def test_scaled_values_stand_behind_the_others():
     items = [
         transaction(1, parameters=[parameter(scaled=[0.5]), failed(scaled=[0.5])]),
     ]
-    data = packed_rows(capture(*items), {}, 100)
+    data = packed_rows(capture(*items), 100)
     assert data["rows"][0][ROW.index("parameters")] == [
         [0, [10.0], 1, ["0.5"]], [0, [10.0], 1, ["0.5"], 0],
     ]  # fmt: skip
@@ -885,7 +885,7 @@ def test_a_diagnosis_links_the_frames_it_names_but_not_the_first_which_stands_be
         "other_ar": None,
     }
     told = diagnosis("DS705", {**args, "first": 5}, frames=[5, 9, 13])
-    (found,) = problems(capture(transaction(1), transaction(2), diagnoses=[told]), {})
+    (found,) = problems(capture(transaction(1), transaction(2), diagnoses=[told]))
     assert (found.frame, found.others) == (5, [(9, 2)])
 
 
@@ -895,9 +895,7 @@ def test_a_missing_drive_object_is_told_with_those_that_answer():
         "DS709", "error", "drive object 7 does not exist", DRIVE, 1, [14], [3]
     )
     other = replace(told, rule="DS719")
-    found = {
-        each.rule: each.what.en for each in problems(capture(*jobs, diagnoses=[told, other]), {})
-    }
+    found = {each.rule: each.what.en for each in problems(capture(*jobs, diagnoses=[told, other]))}
     assert found["DS719"] == "drive object 7 does not exist"
     assert found["DS709"].startswith("drive object 7 does not exist; ")
     assert "2, 3" in found["DS709"]
@@ -926,7 +924,7 @@ def test_a_parameter_keeps_its_last_value_and_its_last_refusal():
         transaction(9, parameters=[failed(values=())]),
         transaction(10, **change, state="superseded", parameters=[parameter(values=(9.0,))]),
     ]
-    table, left_out = elements(capture(*items), {DRIVE: 0x2A})
+    table, left_out = elements(capture(*items))
     assert left_out == 0
     one = row_of(table, 50303, 0)
     assert (one["reads"], one["accepted"]) == (1, 1)
@@ -944,7 +942,7 @@ def test_a_text_is_one_value():
             parameters=[parameter(values=("abc",), format="VisibleString", element_count=9)]
         )
     ]
-    table, _ = elements(capture(*items), {})
+    table, _ = elements(capture(*items))
     assert [row[12] for row in table["rows"]] == ['"abc"']
 
 

@@ -103,7 +103,7 @@ def value(format_name: str, *values: Any, scaled: Any = None, **more: Any) -> Pa
         2,
         "value",
         len(values),
-        None,
+        False,
         None,
         format_name,
         len(values),
@@ -228,7 +228,7 @@ def test_a_value_is_text_number_and_integer(arrow):
 
 
 def test_an_element_is_the_subindex_of_its_value(arrow):
-    error = ParameterError(0x11, "no", 7)
+    error = ParameterError(0x11, 7)
     text = Parameter(944, 3, "text", 2, None, None, "VisibleString16", 2, ["a", "b"])
     failed = Parameter(901, 4, "value", 1, error=error)
     item = transaction(value("Float32", 1.0, 2.0, 3.0), text, failed)

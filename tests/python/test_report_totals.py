@@ -247,7 +247,7 @@ def parameter(pnu: int | None = 5, subindex: int | None = 0, **changes: Any) -> 
 
 def table_of(*jobs: Transaction) -> list[list[Any]]:
     """The rows: device, drive object, PNU, subindex, 3 of the name, reads, accepted, negative, ..."""
-    rows: list[list[Any]] = elements(capture(*jobs), {})[0]["rows"]
+    rows: list[list[Any]] = elements(capture(*jobs))[0]["rows"]
     return rows
 
 
@@ -282,7 +282,7 @@ def test_an_access_is_as_many_elements_as_it_asked_for_and_256_at_most() -> None
     def subindices(**changes: Any) -> list[int]:
         return [row[3] for row in table_of(job(1, parameters=[parameter(**changes)]))]
 
-    no = ParameterError(0x6B, "no", 0)
+    no = ParameterError(0x6B, 0)
     assert subindices(subindex=3, element_count=3, values=[], error=no) == [3, 4, 5]
     assert subindices(subindex=3, element_count=3, values=[1], error=no) == [3, 4, 5]
     assert subindices(subindex=None, element_count=None, values=[]) == [0]
@@ -319,7 +319,7 @@ def test_of_too_many_parameters_the_page_says_how_many_are_left_out(
 ) -> None:
     monkeypatch.setattr(sys.modules[elements.__module__], "MOST", 2)
     jobs = [job(n, parameters=[parameter(pnu)]) for n, pnu in enumerate((1, 2, 3, 4, 3, 1), 1)]
-    shown, left_out = elements(capture(*jobs), {})
+    shown, left_out = elements(capture(*jobs))
     assert [(row[2], row[7]) for row in shown["rows"]] == [(1, 2), (2, 1)]
     assert left_out == 2
 

@@ -23,6 +23,7 @@ from ds47.model import Frames, Parameter, ParameterError, Transaction
 from ds47.profidrive import Options, decode_request, decode_response, parameter
 from ds47.profinet import link, rpc
 from ds47.report import json
+from ds47.report.bilingual import LANGUAGES
 from ds47.spec.semantics import limits
 
 HEADERS = 130
@@ -133,9 +134,9 @@ values = st.lists(
     st.one_of(st.integers(-(2**53), 2**53), st.floats(allow_nan=False, allow_infinity=False), st.text(max_size=5)),
     max_size=4,
 )  # fmt: skip
-errors = st.one_of(st.none(), st.builds(ParameterError, numbers, st.text(max_size=5), numbers))
+errors = st.one_of(st.none(), st.builds(ParameterError, numbers, numbers, numbers, texts))
 parameters_ = st.builds(
-    Parameter, numbers, numbers, texts, numbers, texts, texts, texts, numbers, values,
+    Parameter, numbers, numbers, texts, numbers, st.booleans(), texts, texts, numbers, values,
     st.one_of(st.none(), values), errors,
 )  # fmt: skip
 pairs = st.lists(st.tuples(numbers, numbers), max_size=2)
@@ -152,15 +153,15 @@ transactions = st.builds(
 
 
 @settings(max_examples=300)
-@given(transactions)
-def test_the_line_of_a_transaction_is_its_dictionary(item: Transaction) -> None:
-    assert json.transaction_line(item) == json.text(json.transaction(item))
+@given(transactions, st.sampled_from(LANGUAGES))
+def test_the_line_of_a_transaction_is_its_dictionary(item: Transaction, lang: str) -> None:
+    assert json.transaction_line(item, lang) == json.text(json.transaction(item, lang))
 
 
 def test_a_value_that_is_no_json_is_an_error() -> None:
     item = Parameter(1, 0, "value", 1, format="Float32", value_count=1, values=[float("nan")])
     with pytest.raises(ValueError, match="JSON"):
-        json._parameter_text(item)
+        json._parameter_text(item, "en")
 
 
 def test_stored_captures_take_the_short_way(captures: Any) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from ds47 import spec
-from ds47.profinet.status import status_hex, status_text
 from ds47.spec.semantics import known, limits
+from ds47.spec.statuses import status_hex, status_text
 
 
 def test_response_ids_of_requests_are_known() -> None:

@@ -26,7 +26,7 @@ LOCAL, GLOBAL = 0xB02E, 0xB02F
 
 def job(number=1, axis=2, index=47, slot=1, pnu=2900, value=1, error=None, **changes):
     """A read of one parameter."""
-    failed = None if error is None else ParameterError(error, "no", 0)
+    failed = None if error is None else ParameterError(error, 0)
     item = Parameter(
         pnu, 0, "value", 0, format="Unsigned16", values=[] if failed else [value], error=failed
     )
@@ -44,7 +44,7 @@ def identified(number, slot, drive_object):
 
 def rows(*jobs):
     """(drive object, PNU, subindex, reads with a value) of the table of parameters."""
-    table, _ = elements(capture(*jobs), {}, Targets(jobs))
+    table, _ = elements(capture(*jobs), Targets(jobs))
     return [(row[1], row[2], row[3], row[7]) for row in table["rows"]]
 
 
@@ -137,7 +137,7 @@ def test_of_a_wrong_drive_object_those_that_answer_are_named():
 
 def test_rows_name_what_they_reach_and_keep_the_axis_byte():
     jobs = [job(1, index=LOCAL, axis=9), job(2), job(3, slot=2, index=LOCAL)]
-    data = packed_rows(capture(*jobs), {}, 100, Targets(jobs))
+    data = packed_rows(capture(*jobs), 100, Targets(jobs))
     place, axis = ROW.index("object"), ROW.index("axis")
     assert [(data["objects"][row[place]], row[axis]) for row in data["rows"]] == [
         ("slot 1.1", 9), ("DO 2", 2), ("slot 2.1", 2),

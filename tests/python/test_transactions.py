@@ -9,6 +9,7 @@ from ds47.acyclic.pairing import Job
 from ds47.acyclic.transactions import build, summarise
 from ds47.lab import message
 from ds47.profinet.records import NIL_UUID, Half
+from ds47.report.sentences import name
 from ds47.spec import error_text, parameters
 
 RAMP, SPEED = message.address(1120, 3), message.address(1121)
@@ -132,9 +133,12 @@ def test_summary() -> None:
 
 
 def test_names_are_in_the_language_that_was_asked_for() -> None:
-    made = job(message.read(1, 1, message.address(964)))
+    (made,) = build(job(message.read(1, 1, message.address(964)))).parameters
     row = parameters()[964]
     assert row.name_zh
     assert row.name_zh != row.name_en
-    names = [build(made, lang).parameters[0].name for lang in ("en", "zh")]
-    assert names == [row.name_en, row.name_zh]
+    assert [made.name, *(name(made, lang) for lang in ("en", "zh"))] == [
+        row.name_en,
+        row.name_en,
+        row.name_zh,
+    ]

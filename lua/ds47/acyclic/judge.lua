@@ -10,7 +10,7 @@
 local json = require("ds47.support.json")
 local ordered = require("ds47.support.ordered")
 local readback = require("ds47.acyclic.readback")
-local status = require("ds47.profinet.status")
+local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
 
 local floor, huge, max = math.floor, math.huge, math.max

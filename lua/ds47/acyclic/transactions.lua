@@ -5,7 +5,6 @@
 
 local parameter = require("ds47.profidrive.parameter")
 local rules = require("ds47.acyclic.judge")
-local spec = require("ds47.spec.lookup")
 local tables = require("ds47.spec.tables")
 
 local byte, format = string.byte, string.format
@@ -130,9 +129,9 @@ NAMELESS.__index = NAMELESS
 
 -- What is known of a parameter from its address alone. Stands with the address, which equal requests share;
 -- the parameters of transactions have it as their metatable (`parameter.class`).
-local function class_of(address, lang, siemens)
+local function class_of(address, siemens)
   local class = address.class
-  if class and class.lang == lang and class.siemens == siemens then
+  if class and class.siemens == siemens then
     return class
   end
   local known = tables.parameters[address.pnu]
@@ -141,13 +140,9 @@ local function class_of(address, lang, siemens)
   end
   class = {
     pnu = address.pnu, subindex = address.subindex, attribute = address.attribute_name,
-    element_count = address.element_count, name = nil, unit = known and known.unit or nil, values = NONE,
-    lang = lang, siemens = siemens,
+    element_count = address.element_count, listed = known ~= nil, unit = known and known.unit or nil,
+    values = NONE, siemens = siemens,
   }
-  if known then
-    local zh = known.name_zh
-    class.name = lang == "zh" and zh and zh ~= "" and zh or known.name_en
-  end
   class.class, class.__index = class, class
   address.class = class
   return class
@@ -155,7 +150,7 @@ end
 
 -- One parameter: `value` is the block with the values, `answer` the one that may hold an error; either may
 -- be nil.
-local function shown(job, lang, address, value, answer)
+local function shown(job, address, value, answer)
   local result
   if value and value.error == nil then
     result = {
@@ -166,16 +161,14 @@ local function shown(job, lang, address, value, answer)
     result = {}
   end
   if answer and answer.error ~= nil then
-    local code, info = answer.error.code, answer.error.info
-    local text = code == nil and "" or spec.error_text(code, lang, job.peer.vendor_id)
-    result.error = {code = code, text = text, info = info}
+    result.error = {code = answer.error.code, info = answer.error.info, vendor_id = job.peer.vendor_id}
   end
-  return setmetatable(result, address and class_of(address, lang, job.peer.vendor_id == SIEMENS) or NAMELESS)
+  return setmetatable(result, address and class_of(address, job.peer.vendor_id == SIEMENS) or NAMELESS)
 end
 
 --- The parameters of a job as a report shows them (docs/pairing.md P37, P43): an array of {pnu, subindex,
--- attribute, element_count, name, unit, format, value_count, values, scaled, error}.
-function M.parameters(job, lang)
+-- attribute, element_count, listed, unit, format, value_count, values, scaled, error}.
+function M.parameters(job)
   local request = job.message
   local blocks = job.response and job.response.blocks or NONE
   local stray = is_mismatch(job)
@@ -186,14 +179,14 @@ function M.parameters(job, lang)
   local result = {}
   if request == nil or (stray and not refused(job)) then
     for number, block in ipairs(blocks) do
-      result[number] = shown(job, lang, nil, block, block)
+      result[number] = shown(job, nil, block, block)
     end
     return result
   end
   local answers = stray and NONE or blocks
   local values = change and request.blocks or answers
   for number, address in ipairs(request.addresses) do
-    result[number] = shown(job, lang, address, values[number], answers[number])
+    result[number] = shown(job, address, values[number], answers[number])
   end
   return result
 end
@@ -252,8 +245,8 @@ function M.restore(job, codec)
   end
 end
 
--- The keys of a transaction, and what each is: a function of the transaction, which has its job and its
--- language while it is made, and of the job.
+-- The keys of a transaction, and what each is: a function of the transaction, as far as it is made, and of
+-- the job.
 local KEYS = {}
 
 function KEYS.order(_, job)
@@ -264,8 +257,8 @@ function KEYS.operation(_, job)
   return M.operation(job)
 end
 
-function KEYS.parameters(item, job)
-  return M.parameters(job, item.lang)
+function KEYS.parameters(_, job)
+  return M.parameters(job)
 end
 
 function KEYS.state(item, job)
@@ -352,25 +345,23 @@ function Open.__index(item, key)
 end
 
 --- The transaction of a job as far as the job has got: each key is made when it is asked for first.
--- Times are those of the job: nanoseconds, relative to `base_seconds` of the analysis. Error texts in "en" or
--- "zh".
-function M.open(job, lang)
+-- Times are those of the job: nanoseconds, relative to `base_seconds` of the analysis.
+function M.open(job)
   return setmetatable({
-    job = job, lang = lang,
+    job = job,
     operation = nil, request_reference = nil, axis = nil, parameters = nil, -- named to be given room at once
   }, Open)
 end
 
 -- The transaction of a closed job, all of it, without the job.
-local function build(job, lang)
-  local item = {id = 0, findings = {}, lang = lang}
+local function build(job)
+  local item = {id = 0, findings = {}}
   item.parameters = KEYS.parameters(item, job) -- of which the state is made
   for key, make in pairs(KEYS) do
     if item[key] == nil then
       item[key] = make(item, job)
     end
   end
-  item.lang = nil
   return item
 end
 
@@ -394,10 +385,10 @@ local Store = {}
 Store.__index = Store
 M.Store = Store
 
---- An empty store for closed jobs; language and dialects as those of the analysis.
-function M.store(lang, codec)
+--- An empty store for closed jobs; dialects as those of the analysis.
+function M.store(codec)
   return setmetatable({
-    lang = lang, codec = codec,
+    codec = codec,
     all = {}, -- transactions, or jobs of which nobody asked yet, in the order in which they were finished
     places = {}, -- order of a job -> place in `all`
     below = nil,
@@ -406,7 +397,7 @@ end
 
 --- A store that begins with what this one holds; what is added to it stays its own.
 function Store:on_top()
-  local store = M.store(self.lang, self.codec)
+  local store = M.store(self.codec)
   store.below = self
   return store
 end
@@ -424,7 +415,7 @@ local function transaction_at(self, place)
   if found.phase then -- still a job
     M.restore(found, self.codec)
     local job = found
-    found = build(job, self.lang)
+    found = build(job)
     job.response = nil
     self.all[place] = found
   end

@@ -4,6 +4,7 @@
 -- could see is an escape, so that a row is a line. Opens no file.
 
 local numbers = require("ds47.support.numbers")
+local sentences = require("ds47.report.sentences")
 local times = require("ds47.support.times")
 local words = require("ds47.report.formatting")
 
@@ -137,27 +138,29 @@ local function transaction_cells(item, path, base_seconds)
   return cells
 end
 
-local function parameter_cells(item)
+local function parameter_cells(item, lang)
   local cells, failed = {}, item.error or {}
-  append(cells, 8, item.pnu, item.subindex, item.attribute, item.element_count, M.guarded(item.name),
-    M.guarded(item.unit), item.format, item.value_count)
+  local text = item.error and M.guarded(sentences.error_words(failed, lang))
+  append(cells, 8, item.pnu, item.subindex, item.attribute, item.element_count,
+    M.guarded(sentences.name(item, lang)), M.guarded(item.unit), item.format, item.value_count)
   append(cells, 5, values(item.values, item.format), values(item.scaled, item.format, true), failed.code,
-    M.guarded(failed.text), failed.info)
+    text, failed.info)
   return cells
 end
 
 --- The transactions of one capture.
 -- @param result what Analysis:ended() gives
--- @param options nil or {path = name of the capture}
+-- @param options nil or {path = name of the capture, lang = "en" or "zh"}
 -- @return text: the header, then a row per parameter; each line ended with LF
 function M.report(result, options)
-  local path = options and options.path or "-"
+  options = options or {}
+  local path = options.path or "-"
   local rows = { concat(M.TRANSACTION_COLUMNS, ",") .. "," .. concat(M.PARAMETER_COLUMNS, ",") }
   local nothing = (","):rep(#M.PARAMETER_COLUMNS - 1)
   for _, item in ipairs(result.transactions) do
     local left = concat(transaction_cells(item, path, result.base_seconds or 0), ",") .. ","
     for _, parameter in ipairs(item.parameters) do
-      rows[#rows + 1] = left .. concat(parameter_cells(parameter), ",")
+      rows[#rows + 1] = left .. concat(parameter_cells(parameter, options.lang), ",")
     end
     if #item.parameters == 0 then
       rows[#rows + 1] = left .. nothing

@@ -219,8 +219,9 @@ end
 --- `error 0x11: request cannot be executed (info 3)`; `lang` as in `values`.
 function M.error(item, lang)
   local text = M.say(lang, "parameter_error") .. (item.code and " " .. spec.error_hex(item.code) or "")
-  if item.text and item.text ~= "" then
-    text = M.joined(lang, { text, M.escape(item.text) }, ": ", "：")
+  local told = sentences.error_words(item, lang)
+  if told ~= "" then
+    text = M.joined(lang, { text, told }, ": ", "：")
   end
   local info = item.info and item.info ~= 0 and { info = M.integer(item.info) }
   return M.noted(lang, text, info and M.say(lang, "parameter_error_info", info))
@@ -229,9 +230,9 @@ end
 --- A parameter with what is known of it: `p50303[0] = 10.0`, with `:=` if it was written.
 -- `lang` as in `values`.
 function M.parameter(item, written, lang)
-  local text = M.address(item)
-  if item.name then
-    text = text .. " (" .. M.escape(item.name) .. ")"
+  local text, name = M.address(item), sentences.name(item, lang)
+  if name then
+    text = text .. " (" .. name .. ")"
   end
   if item.values and #item.values > 0 then
     local unit = item.unit and " " .. M.escape(item.unit) or ""

@@ -1,12 +1,12 @@
--- The sentence of a finding: a rule and typed arguments to words, in English or Chinese (Python:
--- ds47.report.sentences).
+-- What an analysis found in words, English or Chinese: findings and diagnoses, error numbers, names of
+-- parameters (Python: ds47.report.sentences).
 --
--- The only place that words a finding or a diagnosis; nothing reads a value back out of what it gives. What
--- the types mean is in spec/rules.toml. A value of a parameter is a string, or what json.raw gives for a
+-- The only place that words them; nothing reads a value back out of what it gives. What the types of
+-- arguments mean is in spec/rules.toml. A value of a parameter is a string, or what json.raw gives for a
 -- number, and so is a time: the text of a float keeps its point.
 
 local spec = require("ds47.spec.lookup")
-local status = require("ds47.profinet.status")
+local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
 
 local concat, floor, format = table.concat, math.floor, string.format
@@ -145,6 +145,17 @@ function shown(name, rule, args, lang, many)
 end
 
 local NONE = {}
+
+--- What the error number of a parameter means on the drive that sent it; "" where there is no number.
+function M.error_words(item, lang)
+  return item.code and spec.error_text(item.code, lang, item.vendor_id) or ""
+end
+
+--- The name of a listed parameter; nil of any other.
+function M.name(item, lang)
+  local known = item.listed and tables.parameters[item.pnu]
+  return known and (lang == "zh" and known.name_zh or known.name_en) or nil
+end
 
 --- The sentence of a rule with these arguments, in "en" or "zh".
 function M.words(rule, args, lang)

@@ -3,8 +3,9 @@
 -- `compute` counts, `text` prints. Takes the result of Analysis:ended(); opens no file.
 
 local report_text = require("ds47.report.text")
+local sentences = require("ds47.report.sentences")
 local spec = require("ds47.spec.lookup")
-local status = require("ds47.profinet.status")
+local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
 local targets = require("ds47.report.targets")
 local todo = require("ds47.report.todo")
@@ -143,14 +144,14 @@ local function by_count(a, b)
 end
 
 --- Error numbers of parameters: rows {device, code, text, count, frame of the first}.
-local function errors(transactions)
+local function errors(transactions, lang)
   local rows, add = counted()
   for _, item in ipairs(transactions) do
     for _, parameter in ipairs(item.parameters) do
       local failed = parameter.error
       if failed then
         local code = failed.code and spec.error_hex(failed.code) or "-"
-        local text, frame = failed.text or "", item.frames.read_response
+        local text, frame = sentences.error_words(failed, lang), item.frames.read_response
         local row = { device = item.device, code = code, text = text, frame = frame }
         add(concat({ item.device, code, text }, "\0"), row)
       end
@@ -208,7 +209,7 @@ end
 
 --- Counts what a capture holds.
 -- @param result what Analysis:ended() gives
--- @param lang "en" or "zh": of the meaning of a status
+-- @param lang "en" or "zh": of the meaning of an error number and of a status
 -- @return {transactions, findings (how many), states, response_times, errors, refusals, slowest, unanswered,
 --   rules}: the last six are arrays of rows
 function M.compute(result, lang)
@@ -220,7 +221,7 @@ function M.compute(result, lang)
   end
   return {
     transactions = #list, findings = #result.findings, states = verdict.counts(result).states,
-    response_times = response_times(list), errors = errors(list),
+    response_times = response_times(list), errors = errors(list, lang),
     refusals = refusals(list, lang),
     slowest = slowest(list), unanswered = unanswered(list), rules = rules,
   }

@@ -1,6 +1,6 @@
 -- Looking things up in the protocol tables where that takes more than an index: texts of error numbers, and
 -- templates with their names filled in. The tables themselves are tables.lua; a PNIOStatus in words is
--- status.lua.
+-- statuses.lua.
 
 local entries = require("ds47.support.later").entries
 local numbers = require("ds47.support.numbers")

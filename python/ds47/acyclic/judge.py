@@ -17,9 +17,9 @@ from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Block, Flaw, Request, Response
 from ds47.profidrive.model import VALUE
 from ds47.profinet.records import Half
-from ds47.profinet.status import status_hex
 from ds47.spec import request_ids
 from ds47.spec.semantics import Limits
+from ds47.spec.statuses import status_hex
 
 PNU_ACCESS_IDENTIFICATION: Final = 974
 """r0974[0] is the longest message the device takes (docs/protocol.md A.5, D.1)."""

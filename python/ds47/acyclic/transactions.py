@@ -14,14 +14,14 @@ from ds47.acyclic.pairing import Job
 from ds47.model import Frames, Parameter, ParameterError, Read, Transaction
 from ds47.profidrive import Address, Block
 from ds47.profinet.records import NIL_UUID, Half
-from ds47.spec import error_text, parameters, request_ids, response_ids
+from ds47.spec import parameters, request_ids, response_ids
 
 SIEMENS: Final = 0x002A
 """PROFINET vendor id of the drives whose own parameters parameters.toml names."""
 
 
-def build(job: Job, lang: str = "en") -> Transaction:
-    """The transaction of a closed job; error texts in "en" or "zh"."""
+def build(job: Job) -> Transaction:
+    """The transaction of a closed job."""
     message, response, record, peer = job.message, job.response, job.record, job.peer
     write, read = job.write_request, job.read_response
     first = write or job.read_request or read
@@ -34,7 +34,7 @@ def build(job: Job, lang: str = "en") -> Transaction:
     answer = (read.data or None) if read else None
     took = read.time_ns - write.time_ns if answer and read and write else None
     stray = is_mismatch(job)
-    parameters_ = _parameters(job, lang, stray)
+    parameters_ = _parameters(job, stray)
     return Transaction(
         operation(job),
         _state(job, parameters_, stray),
@@ -127,49 +127,42 @@ def _outcome_as_far_as_seen(done: int, failed: int, negative: bool) -> str:
     return "partial" if done else "error"
 
 
-def _parameters(job: Job, lang: str, stray: bool) -> list[Parameter]:
+def _parameters(job: Job, stray: bool) -> list[Parameter]:
     request, response = job.message, job.response
     blocks: list[Block] = response.blocks if response else []
     change = request is not None and request.operation == "change"
     if stray and request is not None and change:
         blocks = request.blocks
     if request is None or (stray and not _refused(job)):
-        return [_parameter(job, lang, None, block, block) for block in blocks]
+        return [_parameter(job, None, block, block) for block in blocks]
     addresses = request.addresses
     answers: list[Block | None] = [] if stray else list(blocks)
     values: list[Block | None] = list(request.blocks) if change else answers
     rows = zip_longest(addresses, values[: len(addresses)], answers)
-    return [_parameter(job, lang, *row) for row in rows if row[0] is not None]
+    return [_parameter(job, *row) for row in rows if row[0] is not None]
 
 
 def _parameter(
-    job: Job, lang: str, address: Address | None, value: Block | None, answer: Block | None
+    job: Job, address: Address | None, value: Block | None, answer: Block | None
 ) -> Parameter:
-    pnu = subindex = attribute = elements = name = unit = None
+    pnu = subindex = attribute = elements = unit = None
+    listed = False
     if address is not None:
         pnu, subindex, elements = address.pnu, address.subindex, address.element_count
         attribute = address.attribute_name
-        name, unit = _name_and_unit(pnu, job.peer.vendor_id == SIEMENS, lang)
-    result = Parameter(pnu, subindex, attribute, elements, name, unit)
+        known = parameters().get(pnu)
+        if known is not None and (known.family == "profile" or job.peer.vendor_id == SIEMENS):
+            listed, unit = True, known.unit
+    result = Parameter(pnu, subindex, attribute, elements, listed, unit)
     if value is not None and value.error is None:
         result.format = value.format_name
         result.value_count = value.value_count
         result.values = list(value.values)
         result.scaled = value.scaled
     if answer is not None and answer.error is not None:
-        code, info = answer.error.code, answer.error.info
-        text = "" if code is None else error_text(code, lang, job.peer.vendor_id)
-        result.error = ParameterError(code, text, info)
+        failed = answer.error
+        result.error = ParameterError(failed.code, failed.info, job.peer.vendor_id)
     return result
-
-
-@lru_cache(maxsize=4096)
-def _name_and_unit(pnu: int, siemens: bool, lang: str) -> tuple[str | None, str | None]:
-    """What parameters.toml says of a parameter, where it speaks of this device."""
-    known = parameters().get(pnu)
-    if known is None or (known.family != "profile" and not siemens):
-        return None, None
-    return (known.name_zh if lang == "zh" and known.name_zh else known.name_en), known.unit
 
 
 def _frames(job: Job) -> Frames:

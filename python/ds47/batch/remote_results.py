@@ -33,9 +33,9 @@ class RemoteResults(Results):
         ds47.capture.CaptureError: nothing opens such a URL.
     """
 
-    def __init__(self, url: str, options: AnalysisOptions) -> None:
+    def __init__(self, url: str, options: AnalysisOptions, lang: str) -> None:
         self._scratch = TemporaryDirectory(prefix="ds47-")
-        super().__init__(Path(self._scratch.name), options)
+        super().__init__(Path(self._scratch.name), options, lang)
         self._url = url if url.endswith("://") else url.rstrip("/")
         self._system, base = file_system(url)
         self._base = base.rstrip("/")
@@ -139,15 +139,15 @@ class RemoteResults(Results):
             raise OSError(errno.EIO, reason(problem), self._url) from problem
 
 
-def results_at(name: str, options: AnalysisOptions) -> Results:
+def results_at(name: str, options: AnalysisOptions, lang: str = "en") -> Results:
     """The results in a folder of this machine, or behind a URL.
 
     Raises:
         ds47.capture.CaptureError: nothing opens such a URL.
     """
     if not is_url(name):
-        return Results(Path(name), options)
+        return Results(Path(name), options, lang)
     system, path = file_system(name)
     if "file" in system.protocol:
-        return Results(Path(path), options)
-    return RemoteResults(name, options)
+        return Results(Path(path), options, lang)
+    return RemoteResults(name, options, lang)

@@ -45,6 +45,7 @@ class Result:
     """A product: the result as it is stored."""
 
     options: AnalysisOptions
+    lang: str = "en"
 
     def __call__(self, task: Task, stream: BinaryIO) -> None:
         """Writes `ds47.report/2` with the key `run`, which stands in the first line."""
@@ -53,8 +54,9 @@ class Result:
         text = io.TextIOWrapper(
             cast(BinaryIO, sealed), "utf-8", errors="backslashreplace", newline="\n"
         )
-        writer = contract.Writer(text, ReportOptions(lang=self.options.lang))
-        run = {"seal": _UNSEALED, **_made_of(task, self.options), "row": Row.of(result).plain()}
+        writer = contract.Writer(text, ReportOptions(lang=self.lang))
+        made = _made_of(task, self.options, self.lang)
+        run = {"seal": _UNSEALED, **made, "row": Row.of(result).plain()}
         writer.about = {"run": run}
         writer.capture(result)
         writer.close()
@@ -97,10 +99,9 @@ def _whole(data: bytes, seal: str) -> bool:
     return len(seal) == len(_UNSEALED) and hashlib.sha256(unsealed).hexdigest() == seal
 
 
-def _made_of(task: Task, options: AnalysisOptions) -> dict[str, Any]:
+def _made_of(task: Task, options: AnalysisOptions, lang: str) -> dict[str, Any]:
     """What a result depends on, besides the version: when it is the same, so is the result."""
-    chosen = asdict(options)
-    chosen["indices"] = sorted(options.indices)
+    chosen = asdict(options) | {"indices": sorted(options.indices), "lang": lang}
     sources = [
         {"path": each.name, "size": each.size, "mark": each.mark, "missing_before": each.missing}
         for each in task.sources
@@ -113,9 +114,9 @@ def _made_of(task: Task, options: AnalysisOptions) -> dict[str, Any]:
 class Results:
     """A folder of results, and which of them there are already."""
 
-    def __init__(self, folder: Path, options: AnalysisOptions) -> None:
+    def __init__(self, folder: Path, options: AnalysisOptions, lang: str = "en") -> None:
         self.folder = folder
-        self._options = options
+        self._options, self._lang = options, lang
         self._names: dict[str, str] = {}
 
     def place(self, task: Task) -> Path:
@@ -144,7 +145,7 @@ class Results:
         except (OSError, *_MISSHAPEN):
             # os.path: a name that is too long is no error there
             return DAMAGED if os.path.exists(self.place(task)) else "no result"  # noqa: PTH110
-        now = _made_of(task, self._options)
+        now = _made_of(task, self._options, self._lang)
         if version != __version__:
             return "another version of ds47"
         if not self._intact(task, made):

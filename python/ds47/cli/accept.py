@@ -47,6 +47,7 @@ def command(
     yes: bool,
     show_all: bool,
     series: bool,
+    lang: str,
     **options: Any,
 ) -> int:
     """Take over what changed into the stored results of captures.
@@ -57,12 +58,11 @@ def command(
     from ds47.report.bilingual import say
 
     refuse_urls(paths)
-    lang = options["lang"]
     try:
         where = parse_where(conditions)
     except WhereError as problem:
         raise click.UsageError(str(problem)) from problem
-    found, status = _find(paths, series, where, options)
+    found, status = _find(paths, series, where, lang, options)
     if not found:
         click.echo(say("accept_nothing").text(lang))
         return status
@@ -84,7 +84,7 @@ def command(
 
 
 def _find(
-    paths: Sequence[str], series: bool, where: dict[str, str], options: dict[str, Any]
+    paths: Sequence[str], series: bool, where: dict[str, str], lang: str, options: dict[str, Any]
 ) -> tuple[list[tuple[Outcome, list[Change]]], int]:
     """The captures with changes that were asked for; and the exit status so far."""
     from ds47.regression.accept import chosen
@@ -95,7 +95,7 @@ def _find(
     found, status, misses = [], 0, Misses()
     for task in tasks(paths, series, misses):
         try:
-            outcome = check(task, analysis)
+            outcome = check(task, analysis, lang=lang)
         except ConfigError as problem:
             raise click.ClickException(str(problem)) from problem
         tell_lacking(task.path, outcome.missing_files, outcome.problem, misses)

@@ -21,7 +21,7 @@ from ds47.cli.series import series_option, tasks, tell_lacking
 @click.option("--force", is_flag=True, help="Write over a result that is there already.")
 @series_option
 @analysis_options
-def command(paths: Sequence[str], force: bool, series: bool, **options: Any) -> int:
+def command(paths: Sequence[str], force: bool, series: bool, lang: str, **options: Any) -> int:
     """Store the result of each capture beside it, as NAME.ds47.json.
 
     A result that is there already stays as it is; ds47 accept takes over what changed.
@@ -38,7 +38,7 @@ def command(paths: Sequence[str], force: bool, series: bool, **options: Any) -> 
     for task in tasks(paths, series, misses):
         target = place_of(task)
         if os.path.exists(target) and not force:  # noqa: PTH110 (of a name that is too long: False)
-            _say(say("baseline_there", target=str(target)).text(analysis.lang))
+            _say(say("baseline_there", target=str(target)).text(lang))
             continue
         try:
             result = result_of(task, analysis)
@@ -57,7 +57,7 @@ def command(paths: Sequence[str], force: bool, series: bool, **options: Any) -> 
             transactions=say("baseline_transactions", n=jobs, number=str(jobs)),
             findings=say("baseline_findings", n=findings, number=str(findings)),
         )
-        _say(stored.text(analysis.lang))
+        _say(stored.text(lang))
         tell_lacking(task.path, result.missing_files, result.lacking, misses)
     return 3 if misses else 0
 

@@ -66,6 +66,7 @@ def command(
     summary: bool,
     show_all: bool,
     series: bool,
+    lang: str,
     **options: Any,
 ) -> int:
     """Compare captures with their stored results (NAME.ds47.json).
@@ -76,12 +77,12 @@ def command(
     """
     refuse_urls(paths)
     spare_captures(junit, sarif)
-    outcomes, seconds, misses = _run(paths, series, fail_on, options)
+    outcomes, seconds, misses = _run(paths, series, fail_on, lang, options)
     if format_name == "json":
         _print_json(outcomes, summary)
     else:
         shown = None if show_all else _SHOWN
-        _print_text(outcomes, summary, series, shown, options["lang"])
+        _print_text(outcomes, summary, series, shown, lang)
     if junit:
         _write_junit(outcomes, seconds, junit)
     if sarif:
@@ -92,7 +93,7 @@ def command(
 
 
 def _run(
-    paths: Sequence[str], series: bool, fail_on: str | None, options: dict[str, Any]
+    paths: Sequence[str], series: bool, fail_on: str | None, lang: str, options: dict[str, Any]
 ) -> tuple[list[Outcome], list[float], Misses]:
     from ds47.regression.config import ConfigError
     from ds47.regression.run import check
@@ -102,7 +103,7 @@ def _run(
     for task in tasks(paths, series, misses):
         begin = time.perf_counter()
         try:
-            outcome = check(task, analysis, fail_on)
+            outcome = check(task, analysis, fail_on, lang)
         except ConfigError as problem:
             raise click.ClickException(str(problem)) from problem
         outcomes.append(outcome)

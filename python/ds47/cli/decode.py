@@ -125,7 +125,7 @@ def _rows(message: Message, lang: str) -> Iterator[tuple[int, str]]:
     for offset, (name, value, show) in enumerate(header):
         if value is not None:
             yield offset, f"{name} {show(value)}"
-    for address, block, item in message.rows(lang):
+    for address, block, item in message.rows():
         if address is not None and asks:
             yield address.offset, _address_words(item, lang)
         if block is not None:

@@ -46,6 +46,7 @@ def command(
     everything: bool,
     exit_code: bool,
     series: bool,
+    lang: str,
     **options: Any,
 ) -> int:
     """Show what differs between A and B: values, negative responses, states, findings, latency.
@@ -58,17 +59,19 @@ def command(
 
     analysis = options_from(**options)
     spare_captures(output_name)
-    one, one_whole = _side(a, series, analysis)
-    other, other_whole = _side(b, series, analysis)
+    one, one_whole = _side(a, series, analysis, lang)
+    other, other_whole = _side(b, series, analysis, lang)
     found = difference(one, other, (a, b))
     with output(output_name) as stream:
-        write(found, format_name, stream, analysis.lang, everything=everything)
+        write(found, format_name, stream, lang, everything=everything)
     if not (one_whole and other_whole):
         return 3
     return int(exit_code and bool(found.changed))
 
 
-def _side(path: str, series: bool, analysis: AnalysisOptions) -> tuple[dict[str, Any], bool]:
+def _side(
+    path: str, series: bool, analysis: AnalysisOptions, lang: str
+) -> tuple[dict[str, Any], bool]:
     """One side as a capture object, and whether it was read as a whole."""
     from ds47.capture import CaptureError
     from ds47.regression import baseline
@@ -83,7 +86,7 @@ def _side(path: str, series: bool, analysis: AnalysisOptions) -> tuple[dict[str,
         warn(about(path, str(problem)))
         raise click.exceptions.Exit(3) from problem
     tell_lacking(task.path, result.missing_files, result.lacking)
-    return baseline.content(result), result.complete
+    return baseline.content(result, lang), result.complete
 
 
 def _one(path: str, series: bool) -> Task:

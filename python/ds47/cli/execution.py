@@ -38,6 +38,7 @@ class Execution(NamedTuple):
     """How the captures are analysed, and where: what the options say."""
 
     analysis: AnalysisOptions
+    lang: str
     engine: str
     tshark: str | None
     jobs: int | None
@@ -67,7 +68,7 @@ class Execution(NamedTuple):
         from ds47.capture import CaptureError
 
         try:
-            results = results_at(self.folder, self.analysis)
+            results = results_at(self.folder, self.analysis, self.lang)
             results.name(tasks, roots)
             results.begin()
             if self.resume:
@@ -92,7 +93,7 @@ class Execution(NamedTuple):
     ) -> None:
         """Analyses what is to be done and reports on all."""
         if results is None and self.scheduler is None and self._jobs(tasks) == 1:
-            run.here(tasks, _analyzer(self.engine, self.analysis, self.tshark))
+            run.here(tasks, _analyzer(self.engine, self.analysis, self.tshark, self.lang))
             return
         from ds47.batch.endings import Failed, Lost
 
@@ -129,7 +130,7 @@ class Execution(NamedTuple):
         from ds47.report.overview import Writer as Overview
 
         rows = writer.rows if isinstance(writer, Overview) else None
-        runner = self._runner(todo, Result(self.analysis), results.place)
+        runner = self._runner(todo, Result(self.analysis, self.lang), results.place)
         results.end(run.stored(results, tasks, todo, runner, rows), os.getpid())
 
     def _jobs(self, tasks: Sequence[Task]) -> int:
@@ -169,7 +170,7 @@ def _todo(results: Results, tasks: Sequence[Task]) -> list[Task]:
     return [task for task in tasks if reasons[task.path] is not None]
 
 
-def _analyzer(engine: str, options: AnalysisOptions, tshark: str | None) -> Analyzer:
+def _analyzer(engine: str, options: AnalysisOptions, tshark: str | None, lang: str) -> Analyzer:
     """What analyses a capture with these options, in this process."""
     if engine == "native":
         from ds47.batch.tasks import read
@@ -179,7 +180,7 @@ def _analyzer(engine: str, options: AnalysisOptions, tshark: str | None) -> Anal
     from ds47.wireshark.tshark import NotReadyError
 
     try:
-        other = Engine("both" if engine == "both" else "tshark", options, tshark)
+        other = Engine("both" if engine == "both" else "tshark", options, tshark, lang)
     except NotReadyError as problem:
         raise click.ClickException(str(problem)) from problem
 

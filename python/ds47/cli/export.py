@@ -117,6 +117,7 @@ def command(
     everything: bool | None,
     key_name: str | None,
     series: bool,
+    lang: str,
     **options: Any,
 ) -> int:
     """Write the frames of transactions, findings, a device or a time span as pcapng.
@@ -144,7 +145,7 @@ def command(
         all_frames=all_frames,
     )
     span = _Span(_moment("--from", start), _moment("--to", end))
-    run = _Run(options_from(**options), selection, span, bool(everything))
+    run = _Run(options_from(**options), selection, span, bool(everything), lang)
     found = tasks(paths, series, run.misses)
     targets = _targets(found, output_name)
     refuse_links(targets)
@@ -192,9 +193,15 @@ class _Run:
     """Goes from capture to capture, and says what became of each."""
 
     def __init__(
-        self, options: AnalysisOptions, selection: Selection, span: _Span, everything: bool
+        self,
+        options: AnalysisOptions,
+        selection: Selection,
+        span: _Span,
+        everything: bool,
+        lang: str,
     ) -> None:
         self._options = options
+        self._lang = lang
         self._selection = selection
         self._span = span
         self._everything = everything
@@ -242,7 +249,7 @@ class _Run:
         from ds47.report.bilingual import say
         from ds47.report.formatting import escape
 
-        name, lang = "stdin" if path == STDIN else path, self._options.lang
+        name, lang = "stdin" if path == STDIN else path, self._lang
         tell = warn if target == STDIN else _print
         result = done.result
         tell_lacking(path, result.missing_files, result.lacking, self.misses)

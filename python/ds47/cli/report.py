@@ -111,6 +111,7 @@ def command(
     resume: bool,
     scheduler: str | None,
     no_progress: bool,
+    lang: str,
     **options: Any,
 ) -> int:
     """Report the DS47 transactions of captures.
@@ -120,14 +121,14 @@ def command(
     """
     collect_rarely()
     execution = Execution(
-        options_from(**options), engine, tshark, jobs, results_name, resume, scheduler
+        options_from(**options), lang, engine, tshark, jobs, results_name, resume, scheduler
     )  # fmt: skip
     execution.check(paths, series)
     lacking: list[str] = []
     found = tasks(paths, series, lacking.append)
     name = format_name or ("overview" if results_name else "text")
     with output(output_name) as stream:
-        writer = _writer(name, stream, fail_on, execution.analysis.lang, plc)
+        writer = _writer(name, stream, fail_on, lang, plc)
         results, todo = execution.results(found, paths)
         quiet = name == "overview" or not stream.isatty()
         shown = quiet and not no_progress and len(todo) > 1 and sys.stderr.isatty()

@@ -75,6 +75,7 @@ def command(
     no_follow: bool,
     format_name: str,
     fail_on: str,
+    lang: str,
     **options: Any,
 ) -> int:
     """Show DS47 transactions as they happen.
@@ -93,8 +94,8 @@ def command(
 
     analysis = options_from(**options)
     name = source or "+".join(interfaces)
-    show = _show(format_name, name, analysis.lang)
-    watch = _Watch(name, analysis, show)
+    show = _show(format_name, name, lang)
+    watch = _Watch(name, analysis, show, lang)
     try:
         if source:
             with _opened(source) as descriptor:
@@ -144,10 +145,11 @@ def _grows(source: str, descriptor: int) -> bool:
 class _Watch:
     """One watch, from the first byte to the summary."""
 
-    def __init__(self, name: str, options: AnalysisOptions, show: Show) -> None:
+    def __init__(self, name: str, options: AnalysisOptions, show: Show, lang: str) -> None:
         self._name = name
         self._options = options
         self._show = show
+        self._lang = lang
         self._frames: Callable[[], int] = int
 
     def run_dumpcap(
@@ -176,9 +178,9 @@ class _Watch:
         feed = Feed(descriptor, self._summary, end, drain=running is not None, follow=follow)
         keys = keyboard(descriptor)
         if follow:
-            warn(say("watch_follows", name=self._name).text(self._options.lang))
+            warn(say("watch_follows", name=self._name).text(self._lang))
         if keys is not None:
-            hint = say("watch_hint", name=self._name).text(self._options.lang)
+            hint = say("watch_hint", name=self._name).text(self._lang)
             click.echo(f"ds47: {hint}", err=True)
         with feed.listening(keys):
             return self._read(feed, running)

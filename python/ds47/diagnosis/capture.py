@@ -21,9 +21,9 @@ from ds47.profidrive import Request, Response, decode_request
 from ds47.profidrive.drive_objects import LOCAL
 from ds47.profidrive.model import Address
 from ds47.profinet.records import Record
-from ds47.profinet.status import status_hex
 from ds47.spec import parameters
 from ds47.spec.semantics import known
+from ds47.spec.statuses import status_hex
 
 CHANGED, CHANGED_IN_PART = 0x02, 0x82
 """Response ids of a change."""

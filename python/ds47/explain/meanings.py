@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 from ds47 import spec
 from ds47.explain.forms import FORMAT, RULE, STATUS, WORD, Reading, UnknownFormError, read
-from ds47.profinet.status import status_hex, status_text
 from ds47.spec import explanations
 from ds47.spec.explanations import Entry
+from ds47.spec.statuses import status_hex, status_text
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from ds47.profidrive import Address, Block, Flaw, Options, Request, Response
 from ds47.profidrive.notation import parse_hex, parse_request_line
 from ds47.report import json
 from ds47.report.sentences import at_offset, words
-from ds47.spec import error_text, rules
+from ds47.spec import rules
 
 Hex = bytes | bytearray | memoryview | str
 """Bytes, or hex digits as people write them: `03 01 02 01`, `16#0301 16#0201`."""
@@ -100,14 +100,14 @@ class Message:
             for each in self.flaws
         ]  # fmt: skip
 
-    def rows(self, lang: str = "en") -> Iterator[Row]:
-        """Its parameters with their parts of the message; error texts in "en" or "zh"."""
+    def rows(self) -> Iterator[Row]:
+        """Its parameters with their parts of the message."""
         shown = self.plain if isinstance(self.plain, Request) else self.asked
         addresses = shown.addresses if shown is not None else []
         for address, block in zip_longest(addresses, self.plain.blocks):
-            yield address, block, self._parameter(address, block, lang)
+            yield address, block, self._parameter(address, block)
 
-    def _parameter(self, address: Address | None, block: Block | None, lang: str) -> Parameter:
+    def _parameter(self, address: Address | None, block: Block | None) -> Parameter:
         item = Parameter(None, None, None, None)
         if address is not None:
             item.pnu, item.subindex = address.pnu, address.subindex
@@ -116,9 +116,7 @@ class Message:
             item.format, item.value_count = block.format_name, block.value_count
             item.values, item.scaled = block.values, block.scaled
             if block.error is not None:
-                code = block.error.code
-                text = "" if code is None else error_text(code, lang, self._vendor_id)
-                item.error = ParameterError(code, text, block.error.info)
+                item.error = ParameterError(block.error.code, block.error.info, self._vendor_id)
         return item
 
     def to_dict(self) -> dict[str, Any]:

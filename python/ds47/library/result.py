@@ -16,6 +16,7 @@ from ds47.model import (
     Diagnosis,
     Finding,
     Parameter,
+    ParameterError,
     Report,
     Transaction,
     Value,
@@ -23,7 +24,7 @@ from ds47.model import (
 from ds47.profidrive import Options
 from ds47.report import csv, json
 from ds47.report.filters import display_filter
-from ds47.report.sentences import message, sentence
+from ds47.report.sentences import error_words, message, sentence
 from ds47.report.targets import Targets
 from ds47.spec import extras, rule_prefix
 
@@ -192,8 +193,10 @@ class Result:
                 found[about, parameter.pnu, subindex] = key, last
         return dict(found.values())
 
-    def message(self, item: Finding | Diagnosis, lang: str = "en") -> str:
-        """What a finding or a diagnosis says: a line in "en" or "zh"."""
+    def message(self, item: Finding | Diagnosis | ParameterError, lang: str = "en") -> str:
+        """What a finding, a diagnosis or an error of a parameter says: a line in "en" or "zh"."""
+        if isinstance(item, ParameterError):
+            return error_words(item, lang)
         return message(item, lang) if isinstance(item, Finding) else sentence(item, lang)
 
     def filter(self, item: Finding | Diagnosis) -> str:

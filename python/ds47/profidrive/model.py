@@ -91,7 +91,7 @@ class ErrorValue:
 
     `code` is the whole first word, 0..0xFFFF. `code` and `info` are None where the block has no such
     word, and inside vendor messages where the first word is up to 0xFF: there it is no PROFIdrive
-    error number. `spec.error_text` has the text, `spec.error_hex` the number as people write it.
+    error number. `spec.error_hex` has the number as people write it.
     """
 
     code: int | None

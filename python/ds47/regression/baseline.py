@@ -100,14 +100,14 @@ def _is_other(capture: Path, path: Path) -> bool:
         return False
 
 
-def content(result: CaptureResult) -> dict[str, Any]:
+def content(result: CaptureResult, lang: str = "en") -> dict[str, Any]:
     """What is stored of a result: the capture object of `ds47.report/2` without its path and its time.
 
     Files of a series go by their names alone: they stand beside it.
     """
     from ds47.report.json import capture
 
-    stored = capture(result)
+    stored = capture(result, lang)
     del stored["path"], stored["start"]
     for file in stored.get("files", ()):
         name = Path(file["path"]).name

@@ -21,9 +21,9 @@ from ds47 import spec
 from ds47.model import SEVERITIES, CaptureFile
 from ds47.regression.config import Config, ParameterTolerance
 from ds47.report import load
-from ds47.report.bilingual import Both, operation, say, state
+from ds47.report.bilingual import LANGUAGES, Both, operation, say, state
 from ds47.report.places import Places
-from ds47.report.sentences import at_offset, sentence
+from ds47.report.sentences import at_offset, error_words, sentence
 
 KINDS = (
     "value", "error", "state", "timing", "field", "finding_new", "finding_gone",
@@ -112,6 +112,11 @@ class Comparison:
             "args" in each for result in (stored, now) for each in result.get("findings", [])
         )
         self._old_places, self._new_places = _places(stored), _places(now)
+        self._vendors = {
+            each["ip"]: each.get("vendor_id")
+            for result in (stored, now)
+            for each in result.get("devices", [])
+        }
         self._olds: list[Json] = stored["transactions"]
         self._news: list[Json] = now["transactions"]
         self.pairs = self._align()
@@ -206,14 +211,15 @@ class Comparison:
         about = about | {"pnu": pnu}
         name = "value" if pnu is None else f"p{pnu}"
         for key in (*_ADDRESS, "name", "unit", "format", "value_count"):
-            if old.get(key) != new.get(key):
+            if _fact(key, old) != _fact(key, new):
                 was, now = _show(old.get(key)), _show(new.get(key))
                 text = self._say("change_field_of", where, field=key, name=name, was=was, now=now)
                 yield Change("field", text, path=("parameters", number, key), was=old.get(key),
                              is_now=new.get(key), subindex=new.get("subindex"), **about)  # fmt: skip
-        if old.get("error") != new.get("error"):
+        if _fact("error", old) != _fact("error", new):
+            vendor_id = self._vendors.get(about["device"])
             text = self._say("change_outcome", where, name=f"{name}[{first}]",
-                             was=_outcome(old), now=_outcome(new))  # fmt: skip
+                             was=_outcome(old, vendor_id), now=_outcome(new, vendor_id))  # fmt: skip
             yield Change("error", text, path=("parameters", number, "error"), was=old.get("error"),
                          is_now=new.get("error"), subindex=new.get("subindex"), **about)  # fmt: skip
         for key in ("values", "scaled"):
@@ -417,6 +423,14 @@ def _sentence(finding: Json, lang: str) -> str:
     return at_offset(offset, text, lang)
 
 
+def _fact(key: str, parameter: Json) -> Any:
+    """What is compared of a key of a parameter: never words, which may be those of the other language."""
+    value = parameter.get(key)
+    if key == "name":
+        return value is not None
+    return (value["code"], value.get("info")) if key == "error" and value else value
+
+
 def _frozen(item: Any) -> Any:
     """Something of JSON that can be counted; equal where it is equal."""
     if isinstance(item, dict):
@@ -430,15 +444,16 @@ def _address(parameter: Json) -> str:
     return "p?" if pnu is None else f"p{pnu}[{subindex}]"
 
 
-def _outcome(parameter: Json) -> Both:
-    error = parameter.get("error")
-    if error is None:
+def _outcome(parameter: Json, vendor_id: int | None) -> Both:
+    if not parameter.get("error"):
         values = parameter.get("values") or []
         if len(values) == 1:
             return say("change_outcome_value", value=_show(values[0]))
         return say("change_outcome_answered")
-    code = "-" if error["code"] is None else spec.error_hex(error["code"])
-    return say("change_outcome_refused", error=f"{code} {error['text']}")
+    error = load.error(parameter["error"], vendor_id)
+    code = "-" if error.code is None else spec.error_hex(error.code)
+    told = Both(*(f"{code} {error_words(error, lang)}" for lang in LANGUAGES))
+    return say("change_outcome_refused", error=told)
 
 
 def _show(value: Any) -> Both:

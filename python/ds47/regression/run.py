@@ -152,15 +152,18 @@ def lonely(folder: str, *, series: bool) -> Iterator[Lonely]:
 
 
 def check(
-    task: Task, options: AnalysisOptions | None = None, fail_on: str | None = None
+    task: Task,
+    options: AnalysisOptions | None = None,
+    fail_on: str | None = None,
+    lang: str = "en",
 ) -> Outcome:
     """Compares a capture with its stored result. Files that cannot be used are in `error`.
 
     Args:
         task: the capture or series.
-        options: how to analyse it; the same as when the result was stored. What changed is said in
-            their language.
+        options: how to analyse it; the same as when the result was stored.
         fail_on: from which severity on a new finding is a failure; None for what `ds47.toml` says.
+        lang: language in which it is said what changed, "en" or "zh".
 
     Raises:
         ds47.regression.config.ConfigError: the `ds47.toml` of the capture cannot be used.
@@ -185,7 +188,6 @@ def check(
     except baseline.BaselineError as problem:
         outcome.error = str(problem)
         return outcome
-    lang = "en" if options is None else options.lang
     comparison = Comparison(outcome.stored, outcome.now, settings, capture, lang)
     outcome.changes, outcome.pairs = list(comparison.changes()), comparison.pairs
     return outcome

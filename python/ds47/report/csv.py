@@ -21,6 +21,7 @@ from ds47.model import Finding, Parameter, Report, Transaction, Value
 from ds47.report import Options, is_text, json, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.formatting import escape
+from ds47.report.sentences import error_words, name
 
 TRANSACTION_COLUMNS = (
     "path",
@@ -97,7 +98,7 @@ class Writer(_Writer):
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         left = _transaction_cells(path, transaction)
         for parameter in transaction.parameters:
-            self._csv.writerow(left + _parameter_cells(parameter))
+            self._csv.writerow(left + _parameter_cells(parameter, self.options.lang))
         if not transaction.parameters:
             self._csv.writerow(left + [None] * len(PARAMETER_COLUMNS))
 
@@ -145,21 +146,21 @@ def _transaction_cells(path: str, item: Transaction) -> list[Cell]:
     ]
 
 
-def _parameter_cells(item: Parameter) -> list[Cell]:
+def _parameter_cells(item: Parameter, lang: str) -> list[Cell]:
     error = item.error
     return [
         item.pnu,
         item.subindex,
         item.attribute,
         item.element_count,
-        guarded(item.name),
+        guarded(name(item, lang)),
         guarded(item.unit),
         item.format,
         item.value_count,
         _values(item.values, item.format),
         _values(item.scaled or [], item.format),
         error.code if error else None,
-        guarded(error.text) if error else None,
+        guarded(error_words(error, lang)) if error else None,
         error.info if error else None,
     ]
 

@@ -11,6 +11,8 @@ from ds47 import spec
 from ds47.model import Parameter, ParameterError, Value
 from ds47.report import is_text
 from ds47.report.bilingual import Both, say
+from ds47.report.sentences import error_words
+from ds47.report.sentences import name as parameter_name
 
 VALUES_SHOWN = 8
 """A longer list of values is cut, and its length stated."""
@@ -75,8 +77,8 @@ def error(item: ParameterError, lang: str = "en") -> str:
     told = say("parameter_error")
     if item.code is not None:
         told = told.joined(Both.same(spec.error_hex(item.code)), zh=" ")
-    if item.text:
-        told = told.joined(Both.same(escape(item.text)), ": ", "：")
+    if text := error_words(item, lang):
+        told = told.joined(Both.same(escape(text)), ": ", "：")
     if item.info:
         told = told.joined(say("parameter_error_info", info=str(item.info)))
     return told.text(lang)
@@ -84,10 +86,11 @@ def error(item: ParameterError, lang: str = "en") -> str:
 
 def parameter(item: Parameter, written: bool, lang: str = "en") -> str:
     """A parameter with what is known of it: `p50303[0] = 10.0`, with `:=` if it was written."""
-    name = f" ({escape(item.name)})" if item.name else ""
+    name = parameter_name(item, lang)
+    about = f" ({name})" if name else ""
     unit = f" {escape(item.unit)}" if item.unit and item.values else ""
     sign = ":=" if written else "="
     given = f" {sign} {values(item.values, item.format, lang)}" if item.values else ""
     scaled = f" ({values(item.scaled, item.format, lang)}{unit})" if item.scaled else unit
     failed = f" {error(item.error, lang)}" if item.error else ""
-    return f"{address(item)}{name}{given}{scaled if given else ''}{failed}"
+    return f"{address(item)}{about}{given}{scaled if given else ''}{failed}"

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import lru_cache
-from itertools import islice
+from itertools import islice, repeat
 from json import JSONEncoder
 from json.encoder import encode_basestring as _quoted
 from typing import Any, Final, TextIO
@@ -31,7 +31,7 @@ from ds47.model import (
 from ds47.report import SCHEMA, Options, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.filters import display_filter
-from ds47.report.sentences import message, sentence
+from ds47.report.sentences import error_words, message, name, sentence
 from ds47.spec.units import milliseconds as milliseconds
 from ds47.spec.units import status as status
 from ds47.spec.units import timestamp as timestamp
@@ -65,11 +65,11 @@ def frames(item: Frames) -> dict[str, Any]:
     }
 
 
-def parameter(item: Parameter) -> dict[str, Any]:
-    """A parameter of a transaction as an object of the contract."""
+def parameter(item: Parameter, lang: str = "en") -> dict[str, Any]:
+    """A parameter of a transaction as an object of the contract, its texts in "en" or "zh"."""
     error = item.error and {
         "code": item.error.code,
-        "text": item.error.text,
+        "text": error_words(item.error, lang),
         "info": item.error.info,
     }
     return {
@@ -77,7 +77,7 @@ def parameter(item: Parameter) -> dict[str, Any]:
         "subindex": item.subindex,
         "attribute": item.attribute,
         "element_count": item.element_count,
-        "name": item.name,
+        "name": name(item, lang),
         "unit": item.unit,
         "format": item.format,
         "value_count": item.value_count,
@@ -87,8 +87,8 @@ def parameter(item: Parameter) -> dict[str, Any]:
     }
 
 
-def transaction(item: Transaction) -> dict[str, Any]:
-    """A transaction as an object of the contract."""
+def transaction(item: Transaction, lang: str = "en") -> dict[str, Any]:
+    """A transaction as an object of the contract, its texts in "en" or "zh"."""
     return {
         "id": item.id,
         "operation": item.operation,
@@ -110,13 +110,13 @@ def transaction(item: Transaction) -> dict[str, Any]:
             "response": None if item.response is None else item.response.hex(),
         },
         "status": {"write": status(item.write_status), "read": status(item.read_status)},
-        "parameters": [parameter(each) for each in item.parameters],
+        "parameters": [parameter(each, lang) for each in item.parameters],
         "findings": item.findings,
     }
 
 
-def transaction_line(item: Transaction) -> str:
-    """What `text(transaction(item))` gives, without the dictionaries: there are many transactions."""
+def transaction_line(item: Transaction, lang: str = "en") -> str:
+    """What `text(transaction(item, lang))` gives, without the dictionaries: there are many transactions."""
     frames_ = item.frames
     polls = reads = "[]"
     if frames_.polls or frames_.rereads:
@@ -139,7 +139,7 @@ def transaction_line(item: Transaction) -> str:
         f'"bytes": {{"request": {_hex(request)}, "response": {_hex(response)}}}, '
         f'"status": {{"write": {_NULL if write is None else f"""{_QUOTE}{write:08X}{_QUOTE}"""}, '
         f'"read": {_NULL if read is None else f"""{_QUOTE}{read:08X}{_QUOTE}"""}}}, '
-        f'"parameters": [{", ".join([_parameter_text(each) for each in item.parameters])}]'
+        f'"parameters": [{", ".join([_parameter_text(each, lang) for each in item.parameters])}]'
         f', "findings": {text(item.findings) if item.findings else _NONE}}}'
     )
 
@@ -157,20 +157,21 @@ def _hex(data: bytes | None) -> str:
     return _NULL if data is None else f'"{data.hex()}"'
 
 
-def _parameter_text(item: Parameter) -> str:
+def _parameter_text(item: Parameter, lang: str) -> str:
     error = item.error
     failed = _NULL
     if error is not None:
-        failed = text({"code": error.code, "text": error.text, "info": error.info})
+        failed = text({"code": error.code, "text": error_words(error, lang), "info": error.info})
     scaled = _NULL if item.scaled is None else list_text(item.scaled)
-    return f'{parameter_head(item)}, "values": {list_text(item.values)}, "scaled": {scaled}, "error": {failed}}}'
+    head, values = parameter_head(item, lang), list_text(item.values)
+    return f'{head}, "values": {values}, "scaled": {scaled}, "error": {failed}}}'
 
 
-def parameter_head(item: Parameter) -> str:
+def parameter_head(item: Parameter, lang: str) -> str:
     """A parameter up to its values."""
     return _parameter_head(
-        item.pnu, item.subindex, item.attribute, item.element_count, item.name, item.unit,
-        item.format, item.value_count,
+        item.pnu, item.subindex, item.attribute, item.element_count, item.listed, item.unit,
+        item.format, item.value_count, lang,
     )  # fmt: skip
 
 
@@ -180,13 +181,14 @@ def _parameter_head(
     subindex: int | None,
     attribute: str | None,
     element_count: int | None,
-    name: str | None,
+    listed: bool,
     unit: str | None,
     format_: str | None,
     value_count: int | None,
+    lang: str,
 ) -> str:
-    about = Parameter(pnu, subindex, attribute, element_count, name, unit, format_, value_count)
-    head = parameter(about)
+    about = Parameter(pnu, subindex, attribute, element_count, listed, unit, format_, value_count)
+    head = parameter(about, lang)
     for key in ("values", "scaled", "error"):
         del head[key]
     return text(head)[:-1]
@@ -277,10 +279,10 @@ def capture_file(item: CaptureFile) -> dict[str, Any]:
 
 
 def capture(result: CaptureResult, lang: str = "en") -> dict[str, Any]:
-    """A capture as an object of the contract, its messages in "en" or "zh"."""
+    """A capture as an object of the contract, its texts in "en" or "zh"."""
     return capture_head(result) | {
         "devices": [device(each) for each in result.devices],
-        "transactions": [transaction(each) for each in result.transactions],
+        "transactions": [transaction(each, lang) for each in result.transactions],
         "findings": [finding(each, lang) for each in result.findings],
         "diagnoses": [diagnosis(each, lang) for each in result.diagnoses],
         "summary": result.summary,
@@ -320,9 +322,10 @@ class Writer(_Writer):
         write_line = self.stream.write
         write_line("\n" + text(capture_head(result))[:-1])
         self._lines("devices", (text(device(each)) for each in result.devices))
-        # map: mypyc makes a list of a generator expression, here of all lines
-        self._lines("transactions", map(transaction_line, result.transactions))
         lang = self.options.lang
+        # map: mypyc makes a list of a generator expression, here of all lines
+        lines = map(transaction_line, result.transactions, repeat(lang))
+        self._lines("transactions", lines)
         self._lines("findings", (text(finding(each, lang)) for each in result.findings))
         self._lines("diagnoses", (text(diagnosis(each, lang)) for each in result.diagnoses))
         write_line(f',\n"summary": {text(result.summary)}}}')

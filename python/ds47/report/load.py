@@ -1,7 +1,8 @@
 """A report in JSON back to the model: the reverse of `ds47.report.json`.
 
 What the contract does not hold is not there again: `Transaction.position`. Written once more, in any format,
-it is the same report. Results of `ds47.report/1` have findings with a sentence and without args.
+it is the same report. Texts that are those of this version are left out: the report words them anew. Results of
+`ds47.report/1` have findings with a sentence and without args.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ from ds47.model import (
     Read,
     Transaction,
 )
+from ds47.report.bilingual import LANGUAGES
+from ds47.spec import error_text
 
 _EPOCH_DAY = date(1970, 1, 1).toordinal()
 _DAYS_IN_400_YEARS = 146_097
@@ -32,6 +35,8 @@ _AT_OFFSET = re.compile(r"offset (\d+): (.*)", re.DOTALL)
 
 def capture(item: dict[str, Any]) -> CaptureResult:
     """A capture of the contract; `problem` and `dropped` are not in it."""
+    devices = [Device(**each) for each in item["devices"]]
+    vendors = {each.ip: each.vendor_id for each in devices}
     return CaptureResult(
         path=item["path"],
         sha256=item["sha256"],
@@ -40,8 +45,10 @@ def capture(item: dict[str, Any]) -> CaptureResult:
         complete=item["complete"],
         rpc=item["rpc"],
         records=item["records"],
-        devices=[Device(**each) for each in item["devices"]],
-        transactions=[transaction(each) for each in item["transactions"]],
+        devices=devices,
+        transactions=[
+            transaction(each, vendors.get(each["device"])) for each in item["transactions"]
+        ],
         findings=[finding(each) for each in item["findings"]],
         diagnoses=[diagnosis(each) for each in item["diagnoses"]],
         summary=item["summary"],
@@ -49,8 +56,8 @@ def capture(item: dict[str, Any]) -> CaptureResult:
     )
 
 
-def transaction(item: dict[str, Any]) -> Transaction:
-    """A transaction of the contract. Raises ValueError where `start` is no time."""
+def transaction(item: dict[str, Any], vendor_id: int | None = None) -> Transaction:
+    """A transaction of the contract, with a device of this vendor. Raises ValueError where `start` is no time."""
     return Transaction(
         operation=item["operation"],
         state=item["state"],
@@ -70,7 +77,7 @@ def transaction(item: dict[str, Any]) -> Transaction:
         response=_bytes(item["bytes"]["response"]),
         write_status=_status(item["status"]["write"]),
         read_status=_status(item["status"]["read"]),
-        parameters=[_parameter(each) for each in item["parameters"]],
+        parameters=[_parameter(each, vendor_id) for each in item["parameters"]],
         findings=list(item["findings"]),
         id=item["id"],
     )
@@ -149,9 +156,20 @@ def _frames(item: dict[str, Any]) -> Frames:
     )  # fmt: skip
 
 
-def _parameter(item: dict[str, Any]) -> Parameter:
-    error = item["error"]
-    return Parameter(**{**item, "error": None if error is None else ParameterError(**error)})
+def error(item: dict[str, Any], vendor_id: int | None) -> ParameterError:
+    """An error of a parameter, of a device of this vendor; its text tells whether the vendor was known then."""
+    code, info, text = item["code"], item.get("info"), item["text"]
+    for vendor in (vendor_id, None):
+        if text in (error_text(code, lang, vendor) for lang in LANGUAGES):
+            return ParameterError(code, info, vendor)
+    return ParameterError(code, info, said=text)
+
+
+def _parameter(item: dict[str, Any], vendor_id: int | None) -> Parameter:
+    known = {key: value for key, value in item.items() if key != "name"}
+    known["listed"] = item["name"] is not None
+    known["error"] = None if item["error"] is None else error(item["error"], vendor_id)
+    return Parameter(**known)
 
 
 def _bytes(digits: str | None) -> bytes | None:

@@ -30,7 +30,7 @@ class Writer(_Writer):
     streams: ClassVar[bool] = True
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
-        line = json.transaction_line(transaction)
+        line = json.transaction_line(transaction, self.options.lang)
         about = (
             json.text([json.finding(each, self.options.lang) for each in findings])
             if findings

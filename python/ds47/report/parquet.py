@@ -21,6 +21,7 @@ from ds47 import __version__, spec
 from ds47.model import Finding, Parameter, Report, Transaction, Value
 from ds47.report import CannotWriteError, Options, json, schema, write_all
 from ds47.report import Writer as _Writer
+from ds47.report.sentences import error_words, name
 from ds47.spec.extras import install
 
 SCHEMA = "ds47.table/1"
@@ -73,7 +74,9 @@ class Writer(_Writer):
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         left = _transaction_cells(path, transaction)
         for position, parameter in enumerate(transaction.parameters):
-            self._rows += [left + cells for cells in _parameter_cells(position, parameter)]
+            self._rows += [
+                left + cells for cells in _parameter_cells(position, parameter, self.options.lang)
+            ]
         if not transaction.parameters:
             self._rows.append(left + _NO_PARAMETER)
         if len(self._rows) >= _ROWS_AT_ONCE:
@@ -193,7 +196,7 @@ def _transaction_cells(path: str, item: Transaction) -> Row:
     ]
 
 
-def _parameter_cells(position: int, item: Parameter) -> list[Row]:
+def _parameter_cells(position: int, item: Parameter, lang: str) -> list[Row]:
     """A row for each value of the parameter, one row where it has none."""
     head = [
         position,
@@ -201,14 +204,14 @@ def _parameter_cells(position: int, item: Parameter) -> list[Row]:
         item.subindex,
         item.attribute,
         item.element_count,
-        _text(item.name),
+        name(item, lang),
         _text(item.unit),
         item.format,
         item.value_count,
     ]
     tail: Row = [None, None, None]
     if item.error is not None:
-        tail = [item.error.code, _text(item.error.text), item.error.info]
+        tail = [item.error.code, _text(error_words(item.error, lang)), item.error.info]
     first = item.subindex if item.attribute == "value" else None
     if not item.values:
         return [[*head, None, first, None, None, None, None, None, *tail]]

@@ -1,8 +1,8 @@
-"""The sentence of a finding: a rule and typed arguments to words, in English or Chinese.
+"""What an analysis found in words, English or Chinese: findings and diagnoses, error numbers, names of parameters.
 
-The only place that words a finding or a diagnosis; nothing reads a value back out of what it gives. What the
-types mean is in spec/rules.toml, the words of keys are in spec/diagnoses.toml and spec/pairing.toml. Used by
-every report, by `watch`, `check` and `decode`; lua/ds47/report/sentences.lua says the same.
+The only place that words them; nothing reads a value back out of what it gives. What the types of arguments
+mean is in spec/rules.toml, the words of keys are in spec/diagnoses.toml and spec/pairing.toml. Used by every
+report, by `watch`, `check` and `decode`; lua/ds47/report/sentences.lua says the same.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from collections.abc import Callable, Iterator, Mapping
 from string import Formatter
 from typing import Any, Final
 
-from ds47.model import Diagnosis, Finding
-from ds47.profinet.status import status_text
+from ds47.model import Diagnosis, Finding, Parameter, ParameterError
 from ds47.report.bilingual import say
 from ds47.spec import Rule, error_hex, error_text, rules
 from ds47.spec.semantics import diagnosis_words, reasons
+from ds47.spec.statuses import status_text
 
 VALUES_SHOWN: Final = 4
 """Values of a list that a sentence names."""
@@ -94,6 +94,19 @@ def at_offset(offset: int | None, text: str, lang: str = "en") -> str:
 def message(item: Finding, lang: str = "en") -> str:
     """The sentence of a finding; where it is about a byte of a message, with its offset in front."""
     return at_offset(item.offset, sentence(item, lang), lang)
+
+
+def error_words(item: ParameterError, lang: str = "en") -> str:
+    """What an error number means on the drive that sent it; empty where there is no number."""
+    return error_text(item.code, lang, item.vendor_id) if item.said is None else item.said
+
+
+def name(item: Parameter, lang: str = "en") -> str | None:
+    """The name of a listed parameter; None of any other."""
+    known = item.known
+    if known is None:
+        return None
+    return known.name_zh if lang == "zh" else known.name_en
 
 
 def renumbered(rule: str, args: Mapping[str, Any], number: Callable[[int], int]) -> dict[str, Any]:

@@ -289,16 +289,18 @@ def error_hex(code: int) -> str:
 
 
 @lru_cache(maxsize=4096)
-def error_text(code: int, lang: str = "en", vendor_id: int | None = None) -> str:
+def error_text(code: int | None, lang: str = "en", vendor_id: int | None = None) -> str:
     """What an error number means, in words (docs/protocol.md B).
 
     Args:
-        code: error value 1, 0..0xFFFF.
+        code: error value 1, 0..0xFFFF; of None the text is empty.
         lang: "en" or "zh"; anything else gives English.
         vendor_id: PROFINET vendor id of the device. Numbers from 0x65 on belong to the vendor:
             without an id the meaning on SINAMICS is given as such, and a vendor without a table
             gets no meaning.
     """
+    if code is None:
+        return ""
     vendor = _vendor(vendor_id) if vendor_id is not None else None
     if vendor and code in vendor.errors:
         return _words(vendor.errors[code], code, lang)

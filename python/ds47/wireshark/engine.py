@@ -52,16 +52,22 @@ class Engine:
             plugin differs.
         options: choices of the user, for all captures.
         program: tshark; None for the one of this machine.
+        lang: language in which it is said where the two differ, "en" or "zh".
 
     Raises:
         ds47.wireshark.tshark.NotReadyError: something is missing, in one line.
     """
 
     def __init__(
-        self, name: Literal["tshark", "both"], options: AnalysisOptions, program: str | None = None
+        self,
+        name: Literal["tshark", "both"],
+        options: AnalysisOptions,
+        program: str | None = None,
+        lang: str = "en",
     ) -> None:
         self._both = name == "both"
         self._options = options
+        self._lang = lang
         self._findings = Findings(options.select, options.ignore)
         self._preferences = preferences(options)
         self._tshark = tshark.prepare(program)
@@ -109,7 +115,7 @@ class Engine:
         if not capture.numbers:
             return result, []
         answer = tshark.ask(self._tshark, extract, self._preferences)
-        original = _Original(capture, bool(native.dropped))
+        original = _Original(capture, native)
         findings = [original.finding(each) for each in answer.fields.findings]
         findings = [each for each in findings if self._findings.wanted(each.rule)]
         result.findings = sorted(findings + whole, key=_place)
@@ -134,7 +140,7 @@ class Engine:
         if found is not None:
             findings += [
                 self._difference(change.text, _frame(change, native, found) or first)
-                for change in differences(native, found, self._options.lang)
+                for change in differences(native, found, self._lang)
             ]
         native.findings = sorted(native.findings + findings, key=_place)
         return native
@@ -191,7 +197,7 @@ def preferences(options: AnalysisOptions) -> list[str]:
     return [
         *([f"ds47.indices:{indices}"] if indices else []),
         "ds47.index_47:auto",
-        f"ds47.language:{options.lang}",
+        "ds47.language:en",
         f"ds47.slow_ms:{int(slow_ms)}",
         f"ds47.legacy_g120_formats:{str(codec.legacy_g120_formats).upper()}",
         f"ds47.profile_v3_types:{str(codec.profile_v3_types).upper()}",
@@ -248,14 +254,15 @@ class _Extract(Capture):
 class _Original:
     """Puts what the plugin cannot know into what it says: numbers and times, and that frames are lost."""
 
-    def __init__(self, capture: _Extract, dropped: bool) -> None:
+    def __init__(self, capture: _Extract, native: CaptureResult) -> None:
         self._numbers = capture.numbers
         self._shift = capture.shift
-        self._dropped = dropped
+        self._dropped = bool(native.dropped)
+        self._vendors = {each.ip: each.vendor_id for each in native.devices}
 
     def transaction(self, item: Json) -> Transaction:
         """The transaction, with the frame numbers and the time of the capture."""
-        transaction = load.transaction(item)
+        transaction = load.transaction(item, self._vendors.get(item["device"]))
         transaction.start_ns -= self._shift
         frames = transaction.frames
         for name in ("write_request", "write_response", "read_request", "read_response"):

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from ds47 import spec
-from ds47.model import Diagnosis, Finding, Parameter
-from ds47.profinet.status import status_text
+from ds47.model import Diagnosis, Finding, Parameter, ParameterError
 from ds47.report.formatting import escape
 from ds47.report.html.texts import LANGUAGES, Both
-from ds47.report.sentences import at_offset, sentence
+from ds47.report.sentences import at_offset, error_words, sentence
+from ds47.report.sentences import name as parameter_name
+from ds47.spec.statuses import status_text
 
 
 def message(item: Finding | Diagnosis) -> Both:
@@ -39,11 +40,9 @@ def advice(rule: str) -> Both:
     return Both(known.advice, known.advice_zh) if known else Both("", "")
 
 
-def error(code: int | None, text: str, vendor_id: int | None) -> Both:
+def error(item: ParameterError) -> Both:
     """The error number of a drive in words."""
-    if code is None:
-        return Both.same(escape(text))
-    return Both(*(escape(spec.error_text(code, lang, vendor_id)) for lang in LANGUAGES))
+    return Both(*(escape(error_words(item, lang)) for lang in LANGUAGES))
 
 
 def status(word: int) -> Both:
@@ -53,9 +52,4 @@ def status(word: int) -> Both:
 
 def name(item: Parameter) -> Both:
     """The name of a well-known parameter; empty for any other."""
-    if not item.name:
-        return Both("", "")
-    known = spec.parameters().get(item.pnu) if item.pnu is not None else None
-    if known is None or item.name not in (known.name_en, known.name_zh):
-        return Both.same(escape(item.name))
-    return Both(known.name_en, known.name_zh or known.name_en)
+    return Both(*(parameter_name(item, lang) or "" for lang in LANGUAGES))

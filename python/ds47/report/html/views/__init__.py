@@ -107,11 +107,10 @@ class CaptureView:
 
 def capture_view(result: CaptureResult, number: int, most_rows: int) -> CaptureView:
     """What the page shows of a capture, with at most so many of its transactions."""
-    vendors = {each.ip: each.vendor_id for each in result.devices}
     found = groups(result)
     targets = Targets(result.transactions)
-    table, left_out = elements(result, vendors, targets)
-    data = packed_rows(result, vendors, most_rows, targets)
+    table, left_out = elements(result, targets)
+    data = packed_rows(result, most_rows, targets)
     data["elements"] = table
     data["messages"] = _by_transaction(found)
     counts = Counts.of(result)
@@ -119,7 +118,7 @@ def capture_view(result: CaptureResult, number: int, most_rows: int) -> CaptureV
     data["kinds"] = KINDS
     remarks = quality(result)
     worst = max((LEVELS.index(each.level) for each in remarks), default=0)
-    wrong = problems(result, vendors, targets)
+    wrong = problems(result, targets)
     told = first_screen(wrong)
     durations = sorted(
         each.duration_ns

@@ -6,7 +6,6 @@ were asked for.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -49,9 +48,7 @@ Key = tuple[Identity, int, int]
 """The drive object, PNU and subindex."""
 
 
-def elements(
-    result: CaptureResult, vendors: Mapping[str, int | None], targets: Targets | None = None
-) -> tuple[dict[str, Any], int]:
+def elements(result: CaptureResult, targets: Targets | None = None) -> tuple[dict[str, Any], int]:
     """The table for the script, and how many elements it leaves out."""
     targets = targets or Targets(result.transactions)
     found: dict[Key, Element] = {}
@@ -68,7 +65,7 @@ def elements(
     labels = targets.labels(result.transactions)
     names = {key: labels.get(key[0], "") for key in found}
     order = sorted(found, key=lambda key: (key[0].device, names[key], key[1], key[2]))
-    rows = [_row(key, names[key], found[key], vendors.get(key[0].device)) for key in order]
+    rows = [_row(key, names[key], found[key]) for key in order]
     return {"rows": rows}, len(left_out)
 
 
@@ -116,7 +113,7 @@ def _width(each: Parameter) -> int:
     return min(max(asked, len(each.values)), WIDEST)
 
 
-def _row(key: Key, name: str, element: Element, vendor: int | None) -> list[Any]:
+def _row(key: Key, name: str, element: Element) -> list[Any]:
     about, pnu, subindex = key
     last, failed = element.last, element.failed
     return [
@@ -124,7 +121,7 @@ def _row(key: Key, name: str, element: Element, vendor: int | None) -> list[Any]
         *messages.name(element.first), element.first.unit,
         element.reads, element.accepted, element.negative, element.sent, element.refused,
         last and _text(last[1], last[2]), int(bool(last and last[0].operation == "change")), last and last[0].id,
-        failed and _error(*failed, vendor), failed and failed[0].id,
+        failed and _error(*failed), failed and failed[0].id,
     ]  # fmt: skip
 
 
@@ -134,9 +131,9 @@ def _text(each: Parameter, number: int) -> str:
     return shown if scaled is None else f"{shown} ({scaled})"
 
 
-def _error(item: Transaction, each: Parameter, vendor: int | None) -> list[str]:
+def _error(item: Transaction, each: Parameter) -> list[str]:
     if each.error is not None:
         code = "" if each.error.code is None else f" ({spec.error_hex(each.error.code)})"
-        return [text + code for text in messages.error(each.error.code, each.error.text, vendor)]
+        return [text + code for text in messages.error(each.error)]
     word = item.write_status or item.read_status or 0
     return [f"{text} ({word:08X})" for text in messages.status(word)]

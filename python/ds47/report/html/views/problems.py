@@ -11,7 +11,15 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ds47 import spec
-from ds47.model import DIAGNOSIS, SEVERITIES, CaptureResult, Diagnosis, Finding, Transaction
+from ds47.model import (
+    DIAGNOSIS,
+    SEVERITIES,
+    CaptureResult,
+    Diagnosis,
+    Finding,
+    ParameterError,
+    Transaction,
+)
 from ds47.report.filters import display_filter
 from ds47.report.formatting import address
 from ds47.report.html import messages
@@ -109,9 +117,7 @@ class Problem:
         return text.joined(say("and_more", n=more), ", ", "，") if more > 0 else text
 
 
-def problems(
-    result: CaptureResult, vendors: Mapping[str, int | None], targets: Targets | None = None
-) -> list[Problem]:
+def problems(result: CaptureResult, targets: Targets | None = None) -> list[Problem]:
     """The problems of a capture; findings that are notes are none."""
     told, links = [], Links(result)
     for each in result.diagnoses:
@@ -120,7 +126,7 @@ def problems(
             problem.what = problem.what.joined(say("answering", list=axes), "; ", "；")
         told.append(problem)
     return sorted(
-        [*told, *_others(result, vendors, targets or Targets(result.transactions))],
+        [*told, *_others(result, targets or Targets(result.transactions))],
         key=_serious_first,
     )
 
@@ -144,15 +150,13 @@ def _diagnosed(item: Diagnosis, links: Links) -> Problem:
     )
 
 
-def _others(
-    result: CaptureResult, vendors: Mapping[str, int | None], targets: Targets
-) -> Iterable[Problem]:
+def _others(result: CaptureResult, targets: Targets) -> Iterable[Problem]:
     """The findings that no diagnosis covers, by their cause."""
     by_id = {each.id: each for each in result.transactions}
     found: dict[tuple[str, object], Problem] = {}
     for finding in uncovered(result):
         owner = by_id.get(finding.transaction) if finding.transaction is not None else None
-        key, what = _kind(finding, owner, vendors)
+        key, what = _kind(finding, owner)
         problem = found.setdefault(key, _problem(finding, what))
         problem.count += 1
         problem.frames.add(finding.frame)
@@ -183,9 +187,7 @@ def _serious_first(item: Problem) -> tuple[bool, bool, int, int]:
     return (note, not diagnosed, -SEVERITIES.index(item.severity), -item.count)
 
 
-def _kind(
-    finding: Finding, owner: Transaction | None, vendors: Mapping[str, int | None]
-) -> tuple[tuple[str, object], Both]:
+def _kind(finding: Finding, owner: Transaction | None) -> tuple[tuple[str, object], Both]:
     """What the finding is counted with, and its words: the drive says itself what is wrong."""
     if owner is not None and finding.rule in (_READ_REFUSED, _WRITE_REFUSED):
         write = finding.rule == _WRITE_REFUSED
@@ -197,15 +199,15 @@ def _kind(
             )
     code = finding.args.get("code")
     if owner is not None and finding.rule == _DRIVE_ERROR and code is not None:
-        text, change = _error(code, vendors.get(owner.device)), owner.operation == "change"
+        text, change = _error(code, finding.args.get("vendor_id")), owner.operation == "change"
         key = "drive_error_change" if change else "drive_error_read"
         return (finding.rule, (code, text, change)), say(key, text=text)
     return (finding.rule, ""), messages.message(finding)
 
 
-def _error(code: int, vendor: int | None) -> Both:
+def _error(code: int, vendor_id: int | None) -> Both:
     """An error number in words, with the number behind where they do not name it."""
-    text, number = messages.error(code, "", vendor), spec.error_hex(code)
+    text, number = messages.error(ParameterError(code, None, vendor_id)), spec.error_hex(code)
     return text if number in text.en else text.joined(Both.same(f" ({number})"), "", "")
 
 

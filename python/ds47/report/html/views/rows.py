@@ -9,7 +9,7 @@ from collections.abc import Hashable, Mapping
 from typing import Any
 
 from ds47 import spec
-from ds47.model import OPERATIONS, STATES, CaptureResult, Parameter, Transaction
+from ds47.model import OPERATIONS, STATES, CaptureResult, Parameter, ParameterError, Transaction
 from ds47.profidrive.drive_objects import Identity
 from ds47.report import plc
 from ds47.report.formatting import address, escape, value
@@ -30,12 +30,7 @@ VALUES = 64
 """Values of one parameter that the page shows; the last of a row says how many there are."""
 
 
-def packed_rows(
-    result: CaptureResult,
-    vendors: Mapping[str, int | None],
-    most: int,
-    targets: Targets | None = None,
-) -> dict[str, Any]:
+def packed_rows(result: CaptureResult, most: int, targets: Targets | None = None) -> dict[str, Any]:
     """The rows of a capture with their tables; `object` is what `objects` has the name of."""
     items = _chosen(result.transactions, most)
     base = result.start_ns
@@ -43,7 +38,7 @@ def packed_rows(
         base = min((each.start_ns for each in items), default=0)
     stations = {each.ip: each.station for each in result.devices}
     targets = targets or Targets(result.transactions)
-    tables = _Tables(vendors, stations, targets, targets.labels(result.transactions))
+    tables = _Tables(stations, targets, targets.labels(result.transactions))
     witness = plc.Witness(result)
     rows = [_row(each, base, tables, witness) for each in items]
     return {
@@ -78,12 +73,10 @@ class _Tables:
 
     def __init__(
         self,
-        vendors: Mapping[str, int | None],
         stations: Mapping[str, str | None],
         targets: Targets,
         labels: Mapping[Identity, str],
     ) -> None:
-        self.vendors = vendors
         self.targets = targets
         self._labels = labels
         self._stations = stations
@@ -107,24 +100,23 @@ class _Tables:
         found["rules"] = [[rule, messages.rule_name(rule)] for rule in found.get("rules", [])]
         found["addresses"] = [_address(*each) for each in found.get("addresses", [])]
         found["errors"] = [
-            [code, *messages.error(code, text, vendor), info]
-            for code, text, info, vendor in found.get("errors", [])
+            [code, *messages.error(ParameterError(code, info, vendor_id, said)), info]
+            for code, info, vendor_id, said in found.get("errors", [])
         ]
         return {"controllers": [], "channels": [], "plc": [], **found}
 
 
 def _address(
     pnu: int | None, subindex: int | None, attribute: str | None, count: int | None,
-    name: str | None, unit: str | None, format_name: str | None,
+    listed: bool, unit: str | None, format_name: str | None,
 ) -> list[Any]:  # fmt: skip
-    item = Parameter(pnu, subindex, attribute, count, name, unit, format_name)
+    item = Parameter(pnu, subindex, attribute, count, listed, unit, format_name)
     return [address(item), pnu, subindex, attribute, count, *messages.name(item), unit, format_name]
 
 
 def _row(item: Transaction, base: int, tables: _Tables, witness: plc.Witness) -> list[Any]:
     place = tables.place
     frames = item.frames
-    vendor = tables.vendors.get(item.device)
     return [
         item.id,
         OPERATIONS.index(item.operation),
@@ -146,7 +138,7 @@ def _row(item: Transaction, base: int, tables: _Tables, witness: plc.Witness) ->
         None if item.read_status is None else place("statuses", item.read_status),
         _hex(item.request),
         _hex(item.response),
-        [_parameter(each, tables, vendor) for each in item.parameters],
+        [_parameter(each, tables) for each in item.parameters],
         [place("rules", rule) for rule in item.findings],
         place("plc", witness.line(item)),
         place("objects", tables.targets.identity(item)),
@@ -160,10 +152,10 @@ def _hex(data: bytes | None) -> str | None:
     return cut if len(data) <= MOST_BYTES else f"{cut}+{len(data) - MOST_BYTES}"
 
 
-def _parameter(item: Parameter, tables: _Tables, vendor: int | None) -> list[Any]:
+def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
     """Address, values, how many there are; then, where there are any, scaled values and error."""
     known = (
-        item.pnu, item.subindex, item.attribute, item.element_count, item.name, item.unit, item.format,
+        item.pnu, item.subindex, item.attribute, item.element_count, item.listed, item.unit, item.format,
     )  # fmt: skip
     row: list[Any] = [
         tables.place("addresses", known),
@@ -175,6 +167,6 @@ def _parameter(item: Parameter, tables: _Tables, vendor: int | None) -> list[Any
     ]
     scaled = None if item.scaled is None else [str(each) for each in item.scaled[:VALUES]]
     if item.error is not None:
-        error = (item.error.code, item.error.text, item.error.info, vendor)
+        error = (item.error.code, item.error.info, item.error.vendor_id, item.error.said)
         return [*row, scaled or 0, tables.place("errors", error)]
     return [*row, scaled] if scaled else row
