@@ -8,58 +8,35 @@ whole capture are not here: Wireshark has none of them.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
-from pathlib import Path
 from uuid import UUID
 
-import conversations as base
+from book import NOTHING, Row, Tape, Vectors, par, real, tx
 from conversations import (
     AR2,
     BAD_HEADER,
     CUT,
     HOME2,
     NOT_POSSIBLE,
-    NOTHING,
-    Play,
-    Row,
-    Tape,
     ask,
-    par,
+    implicit,
     put,
-    real,
     second,
     tell,
-    tx,
 )
 
 from ds47.lab import message, wire
 from ds47.lab.client import BUSY, Client, drive
 
-TARGET = base.ROOT / "tests/vectors/diagnoses.json"
-ABOUT = (
+BOOK = Vectors(
+    "diagnoses.json",
     "Conversations and the diagnoses (DS7xx) of their messages and transactions, for every implementation. "
-    "tests/vectors/README.md says how to run them; tests/vectors/sources/diagnoses.py writes this file."
+    "tests/vectors/README.md says how to run them; tests/vectors/sources/diagnoses.py writes this file.",
 )
 TEN = 0x41200000
 """The bits of 10.0 as Float32."""
 TURNED = 0x00002041
 """The same with its bytes in the other order: 1.157e-41."""
 ANOTHER_MAKE = 0x0119
-INVALID_PARAMETER = 0xDE80B800
-
-CASES: list[Row] = []
-
-
-def case(
-    name: str,
-    flags: str,
-    transactions: Sequence[Row],
-    findings: str = "",
-    diagnoses: str = "",
-) -> Callable[[Play], Play]:
-    """Decorator: as that of conversations.py; the rule is the beginning of the name."""
-    rule = name.partition("-")[0]
-    return base.case(name, rule, flags, transactions, findings, diagnoses=diagnoses, cases=CASES)
 
 
 def refused(reference: int, code: int, identifier: int = 0x81, axis: int = 1) -> bytes:
@@ -75,23 +52,22 @@ def change(pnu: int, block: bytes) -> bytes:
 # DS701: the program does not see the refusal
 
 
-@case(
+@BOOK.scene(
     "DS701-only-in-the-record",
     "drive-error",
-    [tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(1, 0)))],
-    "DS410@4#1",
-    "DS701@4#1",
+    tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(1, 0))),
+    rules="DS410@4#1 DS701@4#1",
 )
 def _(tape: Tape) -> None:
     """Every status is 0, the record refuses."""
     Client(tape).exchange(ask(), refused(1, 0x01))
 
 
-@case(
+@BOOK.scene(
     "DS701-of-another-request",
     "mismatch drive-error",
-    [tx(1, "mismatch", (1, 2, 3, 4), 3, par(None, error=(1, 0)))],
-    "DS404@4#1 DS410@4#1",
+    tx(1, "mismatch", (1, 2, 3, 4), 3, par(None, error=(1, 0))),
+    rules="DS404@4#1 DS410@4#1",
 )
 def _(tape: Tape) -> None:
     """Near miss: what was read refuses another request."""
@@ -101,12 +77,11 @@ def _(tape: Tape) -> None:
 # DS702: read too early
 
 
-@case(
+@BOOK.scene(
     "DS702-poll",
     "disorder poll",
-    [tx(1, "ok", (1, 3, 5, 6), 5, real(1.5), polls=[(2, 4)])],
-    "",
-    "DS702@2#1",
+    tx(1, "ok", (1, 3, 5, 6), 5, real(1.5), polls=[(2, 4)]),
+    rules="DS702@2#1",
 )
 def _(tape: Tape) -> None:
     """The Read that was sent before the Write response is refused as not ready; the next one is answered."""
@@ -117,11 +92,11 @@ def _(tape: Tape) -> None:
     client.read(tell(1, 1.5))
 
 
-@case(
+@BOOK.scene(
     "DS702-write-response-lost",
     "lost",
-    [tx(1, "ok", (1, None, 2, 3), 2, real(1.5), write=None)],
-    "DS101@1#1",
+    tx(1, "ok", (1, None, 2, 3), 2, real(1.5)),
+    rules="DS101@1#1",
 )
 def _(tape: Tape) -> None:
     """Near miss: when the Write was answered is not in the capture."""
@@ -133,15 +108,12 @@ def _(tape: Tape) -> None:
 # DS704: an old answer taken for a new one
 
 
-@case(
+@BOOK.scene(
     "DS704-after-a-refused-write",
     "refused mismatch",
-    [
-        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-        tx(2, "refused", (5, 6, 7, 8), 3, par(27), ref=2, write="DF80B700"),
-    ],
-    "DS203@6#2 DS404@8#2",
-    "DS704@8#2",
+    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+    tx(2, "refused", (5, 6, 7, 8), 3, par(27), ref=2, write="DF80B700"),
+    rules="DS203@6#2 DS404@8#2 DS704@8#2",
 )
 def _(tape: Tape) -> None:
     """The second Write fails, the Read behind it brings the first response again."""
@@ -151,14 +123,12 @@ def _(tape: Tape) -> None:
     client.read(tell(1, 1.5))
 
 
-@case(
+@BOOK.scene(
     "DS704-new-answer-after-a-refused-write",
     "refused",
-    [
-        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-        tx(2, "refused", (5, 6, 7, 8), 3, real(2.5, pnu=27), ref=2, write="DF80B700"),
-    ],
-    "DS203@6#2",
+    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+    tx(2, "refused", (5, 6, 7, 8), 3, real(2.5, pnu=27), ref=2, write="DF80B700"),
+    rules="DS203@6#2",
 )
 def _(tape: Tape) -> None:
     """Near miss: the Write is refused, but what is read is new."""
@@ -168,14 +138,12 @@ def _(tape: Tape) -> None:
     client.read(tell(2, 2.5))
 
 
-@case(
+@BOOK.scene(
     "DS704-write-response-lost",
     "lost",
-    [
-        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-        tx(2, "ok", (5, None, 6, 7), 2, real(1.5, pnu=27), write=None),
-    ],
-    "DS101@5#2 DS415@5#2",
+    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+    tx(2, "ok", (5, None, 6, 7), 2, real(1.5, pnu=27)),
+    rules="DS101@5#2 DS415@5#2",
 )
 def _(tape: Tape) -> None:
     """Near miss: two parameters may have the same value; only the Write response could say more."""
@@ -185,15 +153,12 @@ def _(tape: Tape) -> None:
     client.read(tell(1, 1.5))
 
 
-@case(
+@BOOK.scene(
     "DS704-unaccepted-between",
     "lost",
-    [
-        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), rereads=[(6, 7)]),
-        tx(2, "unanswered", (5, None, None, None), None, par(27), ref=2, write=None, read=None),
-    ],
-    "DS101@5#2 DS401@5#2",
-    "DS704@7#1",
+    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), rereads=[(6, 7)]),
+    tx(2, "unanswered", (5,), None, par(27), ref=2),
+    rules="DS101@5#2 DS401@5#2 DS704@7#1",
 )
 def _(tape: Tape) -> None:
     """A request lies between, and the capture does not show that it was accepted."""
@@ -203,14 +168,12 @@ def _(tape: Tape) -> None:
     client.read(tell(1, 1.5))
 
 
-@case(
+@BOOK.scene(
     "DS704-same-question",
     "lost",
-    [
-        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-        tx(2, "ok", (5, None, 6, 7), 2, real(1.5), write=None),
-    ],
-    "DS101@5#2 DS415@5#2",
+    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+    tx(2, "ok", (5, None, 6, 7), 2, real(1.5)),
+    rules="DS101@5#2 DS415@5#2",
 )
 def _(tape: Tape) -> None:
     """Near miss: the same question may have the same answer."""
@@ -220,25 +183,25 @@ def _(tape: Tape) -> None:
     client.read(tell(1, 1.5))
 
 
-@case(
+@BOOK.scene(
     "DS704-without-ar",
     "implicit reread",
-    [tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(1, 0)), index=0xB02F, rereads=[(5, 6)])],
-    "DS410@4#1",
-    "DS701@4#1 DS704@6#1",
+    tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(1, 0)), index=0xB02F, rereads=[(5, 6)]),
+    rules="DS410@4#1 DS701@4#1 DS704@6#1",
 )
 def _(tape: Tape) -> None:
     """A ReadImplicit brings the response once more: one transaction, one refusal."""
     client = Client(tape)
     client.exchange(ask(), refused(1, 0x01), at=client.at(index=0xB02F))
-    base.implicit(client, refused(1, 0x01))
+    implicit(client, refused(1, 0x01))
 
 
-@case(
+@BOOK.scene(
     "DS704-asked-anew",
-    "none",
-    [tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)), tx(2, "ok", (5, 6, 7, 8), 3, real(1.5))],
-    "DS415@5#2",
+    "",
+    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+    tx(2, "ok", (5, 6, 7, 8), 3, real(1.5)),
+    rules="DS415@5#2",
 )
 def _(tape: Tape) -> None:
     """Near miss: the bytes are read again, but a new Write stands behind them."""
@@ -250,14 +213,12 @@ def _(tape: Tape) -> None:
 # DS705: two users of one channel
 
 
-@case(
+@BOOK.scene(
     "DS705-same-question",
     "superseded",
-    [
-        tx(1, "superseded", (1, 2, None, None), None, NOTHING, read=None),
-        tx(2, "ok", (3, 4, 5, 6), 3, real(1.5), ref=2),
-    ],
-    "DS413@3#1",
+    tx(1, "superseded", (1, 2), None, NOTHING),
+    tx(2, "ok", (3, 4, 5, 6), 3, real(1.5), ref=2),
+    rules="DS413@3#1",
 )
 def _(tape: Tape) -> None:
     """Near miss: only the reference differs, that is one user who does not wait."""
@@ -266,18 +227,13 @@ def _(tape: Tape) -> None:
     client.exchange(ask(2), tell(2, 1.5))
 
 
-@case(
+@BOOK.scene(
     "DS705-displaced-change",
     "superseded",
-    [
-        tx(
-            1, "superseded", (1, 2, None, None), None, real(1.0, pnu=1120),
-            operation="change", read=None,
-        ),
-        tx(2, "ok", (3, 4, 5, 6), 3, real(1.5), ref=2),
-    ],
-    "DS414@3#1",
-)  # fmt: skip
+    tx(1, "change superseded", (1, 2), None, real(1.0, pnu=1120)),
+    tx(2, "ok", (3, 4, 5, 6), 3, real(1.5), ref=2),
+    rules="DS414@3#1",
+)
 def _(tape: Tape) -> None:
     """Near miss: a change whose response nobody wants."""
     client = Client(tape)
@@ -285,19 +241,13 @@ def _(tape: Tape) -> None:
     client.exchange(ask(2), tell(2, 1.5))
 
 
-@case(
+@BOOK.scene(
     "DS705-another-controller",
     "refused interleaved",
-    [
-        tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)),
-        tx(
-            2, "refused", (3, 4, None, None), None, par(27),
-            write="DF80B500", read=None, **HOME2,
-        ),
-    ],
-    "DS203@4#2",
-    "DS705@3#2",
-)  # fmt: skip
+    tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)),
+    tx(2, "refused", (3, 4), None, par(27), write="DF80B500", **HOME2),
+    rules="DS203@4#2 DS705@3#2",
+)
 def _(tape: Tape) -> None:
     """A second controller is turned away while the request of the first is open."""
     first, other = Client(tape), second(tape)
@@ -306,19 +256,13 @@ def _(tape: Tape) -> None:
     first.read(tell(1, 1.5))
 
 
-@case(
+@BOOK.scene(
     "DS705-another-ar",
     "refused interleaved",
-    [
-        tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)),
-        tx(
-            2, "refused", (3, 4, None, None), None, par(27),
-            write="DF80B500", read=None, ar=str(AR2),
-        ),
-    ],
-    "DS203@4#2",
-    "DS705@3#2",
-)  # fmt: skip
+    tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)),
+    tx(2, "refused", (3, 4), None, par(27), write="DF80B500", ar=str(AR2)),
+    rules="DS203@4#2 DS705@3#2",
+)
 def _(tape: Tape) -> None:
     """The same controller is turned away on its second AR."""
     first = Client(tape)
@@ -328,18 +272,13 @@ def _(tape: Tape) -> None:
     first.read(tell(1, 1.5))
 
 
-@case(
+@BOOK.scene(
     "DS705-refused-otherwise",
     "refused interleaved",
-    [
-        tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)),
-        tx(
-            2, "refused", (3, 4, None, None), None, par(27),
-            write="DF80B700", read=None, **HOME2,
-        ),
-    ],
-    "DS203@4#2",
-)  # fmt: skip
+    tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)),
+    tx(2, "refused", (3, 4), None, par(27), write="DF80B700", **HOME2),
+    rules="DS203@4#2",
+)
 def _(tape: Tape) -> None:
     """Near miss: turned away while another is open, but not for that."""
     first, other = Client(tape), second(tape)
@@ -351,12 +290,11 @@ def _(tape: Tape) -> None:
 # DS709: a drive object that is not there
 
 
-@case(
+@BOOK.scene(
     "DS709-axis",
     "drive-error",
-    [tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(0x19, 0)), axis=9)],
-    "DS410@4#1",
-    "DS709@4#1",
+    tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(0x19, 0)), axis=9),
+    rules="DS410@4#1 DS709@4#1",
 )
 def _(tape: Tape) -> None:
     """Drive object 9 does not exist."""
@@ -366,11 +304,11 @@ def _(tape: Tape) -> None:
 # DS711: the request is not whole (cut ones are among the conversations of pairing)
 
 
-@case(
+@BOOK.scene(
     "DS711-stated-more",
     "malformed refused other-index",
-    [tx(1, "refused", (1, 2, None, None), None, ref=7, write="DF80B700", read=None, index=0xB02F)],
-    "DS202@1 DS203@2#1 DS315@1#1",
+    tx(1, "refused", (1, 2), None, ref=7, write="DF80B700", index=0xB02F),
+    rules="DS202@1 DS203@2#1 DS315@1#1",
 )
 def _(tape: Tape) -> None:
     """Near miss: the record itself is shorter than it says, so LEN is not to blame."""
@@ -380,17 +318,13 @@ def _(tape: Tape) -> None:
     client.accept_write(call, CUT, place, BAD_HEADER)
 
 
-@case(
+@BOOK.scene(
     "DS711-wrong-format",
     "malformed drive-error",
-    [
-        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-        tx(2, "error", (5, 6, 7, 8), 3, par(1120, "Unsigned64", error=(0x17, 0)),
-           ref=2, operation="change"),
-    ],
-    "DS315@5#2 DS410@8#2",
-    "DS701@8#2",
-)  # fmt: skip
+    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+    tx(2, "change error", (5, 6, 7, 8), 3, par(1120, "Unsigned64", error=(0x17, 0)), ref=2),
+    rules="DS315@5#2 DS410@8#2 DS701@8#2",
+)
 def _(tape: Tape) -> None:
     """Near miss: the drive has read four bytes and says that the format of eight is wrong."""
     client = Client(tape)
@@ -400,26 +334,21 @@ def _(tape: Tape) -> None:
     client.exchange(request, refused(2, 0x17, 0x82))
 
 
-@case(
+@BOOK.scene(
     "DS711-address-as-value",
     "malformed refused other-index",
-    [
-        tx(
-            1,
-            "refused",
-            (1, 2, None, None),
-            None,
-            par(1120, "Integer64"),
-            par(971),
-            par(100),
-            operation="change",
-            write="DF80B700",
-            read=None,
-            index=0xB02F,
-        )
-    ],
-    "DS203@2#1 DS315@1#1",
-    "DS711@1#1",
+    tx(
+        1,
+        "change refused",
+        (1, 2),
+        None,
+        par(1120, "Integer64"),
+        par(971),
+        par(100),
+        write="DF80B700",
+        index=0xB02F,
+    ),
+    rules="DS203@2#1 DS315@1#1 DS711@1#1",
 )
 def _(tape: Tape) -> None:
     """Two of three addresses read as a value of format 0x10: no request for one parameter is meant."""
@@ -440,32 +369,28 @@ def _cut_change(tape: Tape, length: int) -> None:
     client.accept_write(client.ask_write(asked[:length], place), asked[:length], place, BAD_HEADER)
 
 
-def _of_cut_change(*parameters: Row) -> list[Row]:
+def _of_cut_change(*parameters: Row) -> Row:
     """The transaction of it."""
-    return [
-        tx(1, "refused", (1, 2, None, None), None, *parameters, ref=7, operation="change",
-           write="DF80B700", read=None, index=0xB02F)
-    ]  # fmt: skip
+    more = {"ref": 7, "write": "DF80B700", "index": 0xB02F}
+    return tx(1, "change refused", (1, 2), None, *parameters, **more)
 
 
-@case(
+@BOOK.scene(
     "DS711-first-of-two-values",
     "malformed refused other-index",
     _of_cut_change(par(2900, "Float32"), par(2901)),
-    "DS203@2#1 DS315@1#1",
-    "DS711@1#1",
+    rules="DS203@2#1 DS315@1#1 DS711@1#1",
 )
 def _(tape: Tape) -> None:
     """The first value is cut, the second one is not there: 20 bytes are 26 at least."""
     _cut_change(tape, 20)
 
 
-@case(
+@BOOK.scene(
     "DS711-second-of-two-values",
     "malformed refused other-index",
     _of_cut_change(real(10.0, pnu=2900), par(2901)),
-    "DS203@2#1 DS315@1#1",
-    "DS711@1#1",
+    rules="DS203@2#1 DS315@1#1 DS711@1#1",
 )
 def _(tape: Tape) -> None:
     """The second value block is not there: 22 bytes are 26 at least."""
@@ -475,12 +400,11 @@ def _(tape: Tape) -> None:
 # DS712: the Read asks for too few bytes
 
 
-@case(
+@BOOK.scene(
     "DS712-cut-at-a-pad",
     "malformed",
-    [tx(1, "partial", (1, 2, 3, 4), 3, par(21, "Unsigned8", 7), par(27))],
-    "DS311@4#1 DS315@4#1",
-    "DS712@4#1",
+    tx(1, "partial", (1, 2, 3, 4), 3, par(21, "Unsigned8", 7), par(27)),
+    rules="DS311@4#1 DS315@4#1 DS712@4#1",
 )
 def _(tape: Tape) -> None:
     """The Read takes 7 bytes: the byte that fills the first block up is not there, nor is the next block."""
@@ -489,12 +413,8 @@ def _(tape: Tape) -> None:
     client.accept_read(client.ask_read(maximum=7), message.header(1, 1, 1, 2) + bytes((5, 1, 7)))
 
 
-@case(
-    "DS712-cut",
-    "malformed",
-    [tx(1, "error", (1, 2, 3, 4), 3, real())],
-    "DS315@4#1",
-    "DS712@4#1",
+@BOOK.scene(
+    "DS712-cut", "malformed", tx(1, "error", (1, 2, 3, 4), 3, real()), rules="DS315@4#1 DS712@4#1"
 )
 def _(tape: Tape) -> None:
     """The Read takes 8 bytes, the response has 10 and ends after 8."""
@@ -503,11 +423,8 @@ def _(tape: Tape) -> None:
     client.accept_read(client.ask_read(maximum=8), tell(1, 1.5)[:8])
 
 
-@case(
-    "DS712-cut-by-itself",
-    "malformed",
-    [tx(1, "error", (1, 2, 3, 4), 3, real())],
-    "DS315@4#1",
+@BOOK.scene(
+    "DS712-cut-by-itself", "malformed", tx(1, "error", (1, 2, 3, 4), 3, real()), rules="DS315@4#1"
 )
 def _(tape: Tape) -> None:
     """Near miss: the response is cut, though the Read would have taken more."""
@@ -516,38 +433,33 @@ def _(tape: Tape) -> None:
     client.accept_read(client.ask_read(maximum=240), tell(1, 1.5)[:8])
 
 
-@case(
+@BOOK.scene(
     "DS712-refused",
     "read-refused",
-    [tx(1, "refused", (1, 2, 3, 4), None, NOTHING, par(27), read="DE80B800")],
-    "DS201@4#1",
-    "DS712@4#1",
+    tx(1, "refused", (1, 2, 3, 4), None, NOTHING, par(27), read="DE80B800"),
+    rules="DS201@4#1 DS712@4#1",
 )
 def _(tape: Tape) -> None:
     """Two parameters need more than 8 bytes, whatever their values: the Read is refused."""
     client = Client(tape)
     client.write(ask(1, 21, 27))
-    client.refuse_read(client.ask_read(maximum=8), INVALID_PARAMETER)
+    client.refuse_read(client.ask_read(maximum=8), 0xDE80B800)
 
 
-@case(
+@BOOK.scene(
     "DS712-refused-for-something-else",
     "read-refused",
-    [tx(1, "refused", (1, 2, 3, 4), None, NOTHING, par(27), read="DE80B800")],
-    "DS201@4#1",
+    tx(1, "refused", (1, 2, 3, 4), None, NOTHING, par(27), read="DE80B800"),
+    rules="DS201@4#1",
 )
 def _(tape: Tape) -> None:
     """Near miss: refused, though there was room."""
     client = Client(tape)
     client.write(ask(1, 21, 27))
-    client.refuse_read(client.ask_read(maximum=240), INVALID_PARAMETER)
+    client.refuse_read(client.ask_read(maximum=240), 0xDE80B800)
 
 
-@case(
-    "DS712-not-ready",
-    "poll",
-    [tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), polls=[(3, 4)])],
-)
+@BOOK.scene("DS712-not-ready", "poll", tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), polls=[(3, 4)]))
 def _(tape: Tape) -> None:
     """Near miss: a Read for 6 bytes is refused because the response is not ready."""
     client = Client(tape)
@@ -559,33 +471,26 @@ def _(tape: Tape) -> None:
 # DS713: more asked than one response carries
 
 
-@case(
+@BOOK.scene(
     "DS713-said",
     "drive-error",
-    [
-        tx(
-            1, "partial", (1, 2, 3, 4), 3,
-            real(1.5), par(27, error=(0x15, 0)), par(25, error=(0x15, 0)),
-        )
-    ],
-    "DS410@4#1 DS410@4#1",
-    "DS713@4#1",
-)  # fmt: skip
+    tx(
+        1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, error=(0x15, 0)), par(25, error=(0x15, 0))
+    ),
+    rules="DS410@4#1 DS410@4#1 DS713@4#1",
+)
 def _(tape: Tape) -> None:
     """The drive says of the second and the third parameter that they do not fit."""
     blocks = (message.real(1.5), message.error(0x15), message.error(0x15))
     Client(tape).exchange(ask(1, 21, 27, 25), message.answer(1, 0x81, 1, *blocks))
 
 
-@case(
+@BOOK.scene(
     "DS713-left-out",
     "count",
-    [
-        tx(1, "ok", (1, 2, 3, 4), 3, par(974, "Unsigned16", 16)),
-        tx(2, "partial", (5, 6, 7, 8), 3, real(1.5), real(2.5, pnu=27), par(25), ref=2),
-    ],
-    "DS316@5#2 DS407@8#2",
-    "DS713@8#2",
+    tx(1, "ok", (1, 2, 3, 4), 3, par(974, "Unsigned16", 16)),
+    tx(2, "partial", (5, 6, 7, 8), 3, real(1.5), real(2.5, pnu=27), par(25), ref=2),
+    rules="DS316@5#2 DS407@8#2 DS713@8#2",
 )
 def _(tape: Tape) -> None:
     """The drive takes 16 bytes, and answers two of three parameters in them."""
@@ -594,11 +499,11 @@ def _(tape: Tape) -> None:
     client.exchange(ask(2, 21, 27, 25), tell(2, 1.5, 2.5))
 
 
-@case(
+@BOOK.scene(
     "DS713-room-left",
     "count",
-    [tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), real(2.5, pnu=27), par(25))],
-    "DS407@4#1",
+    tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), real(2.5, pnu=27), par(25)),
+    rules="DS407@4#1",
 )
 def _(tape: Tape) -> None:
     """Near miss: one of three is left out, though a usual channel has room for it."""
@@ -608,68 +513,49 @@ def _(tape: Tape) -> None:
 # DS714 to DS716: what the bytes were meant to be
 
 
-@case(
+@BOOK.scene(
     "DS714-float-as-integer",
     "drive-error",
-    [
-        tx(
-            1, "error", (1, 2, 3, 4), 3, par(1120, "Unsigned32", TEN, error=(5, 0)),
-            operation="change",
-        )
-    ],
-    "DS410@4#1",
-    "DS714@1#1",
-)  # fmt: skip
+    tx(1, "change error", (1, 2, 3, 4), 3, par(1120, "Unsigned32", TEN, error=(5, 0))),
+    rules="DS410@4#1 DS714@1#1",
+)
 def _(tape: Tape) -> None:
     """The bits of 10.0 under Unsigned32, refused for the data type."""
     block = message.raw_block(0x07, 1, TEN.to_bytes(4, "big"))
     Client(tape).exchange(change(1120, block), refused(1, 0x05, 0x82))
 
 
-@case(
+@BOOK.scene(
     "DS714-integer",
     "drive-error",
-    [
-        tx(
-            1, "error", (1, 2, 3, 4), 3, par(1120, "Unsigned32", 10, error=(2, 0)),
-            operation="change",
-        )
-    ],
-    "DS410@4#1",
-    "DS701@4#1",
-)  # fmt: skip
+    tx(1, "change error", (1, 2, 3, 4), 3, par(1120, "Unsigned32", 10, error=(2, 0))),
+    rules="DS410@4#1 DS701@4#1",
+)
 def _(tape: Tape) -> None:
     """Near miss: 10 as it should be, outside of the limits."""
     block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
     Client(tape).exchange(change(1120, block), refused(1, 0x02, 0x82))
 
 
-@case(
+@BOOK.scene(
     "DS714-integer-as-float",
     "values",
-    [tx(1, "ok", (1, 2, 3, 4), 3, par(1120, "Float32") | {"values": ["NaN"]}, operation="change")],
-    "",
-    "DS714@1#1",
-)  # fmt: skip
+    tx(1, "change ok", (1, 2, 3, 4), 3, par(1120, "Float32") | {"values": ["NaN"]}),
+    rules="DS714@1#1",
+)
 def _(tape: Tape) -> None:
     """The bits of -1 under Float32, where they are no number; the drive takes it."""
     block = message.raw_block(0x08, 1, b"\xff" * 4)
     Client(tape).exchange(change(1120, block), message.changed(1, 1))
 
 
-@case(
+@BOOK.scene(
     "DS714-read-in-this-way",
     "drive-error",
-    [
-        tx(1, "ok", (1, 2, 3, 4), 3, par(2900, "Unsigned16", 7)),
-        tx(
-            2, "error", (5, 6, 7, 8), 3, par(2900, "Unsigned32", 10, error=(5, 0)),
-            operation="change",
-        ),
-    ],
-    "DS410@8#2 DS415@5#2",
-    "DS714@5#2",
-)  # fmt: skip
+    tx(1, "ok", (1, 2, 3, 4), 3, par(2900, "Unsigned16", 7)),
+    tx(2, "change error", (5, 6, 7, 8), 3, par(2900, "Unsigned32", 10, error=(5, 0))),
+    rules="DS410@8#2 DS415@5#2 DS714@5#2",
+)
 def _(tape: Tape) -> None:
     """The drive object reads it as Unsigned16, whatever the list of parameters says."""
     client = Client(tape)
@@ -678,19 +564,13 @@ def _(tape: Tape) -> None:
     client.exchange(change(2900, block), refused(1, 0x05, 0x82))
 
 
-@case(
+@BOOK.scene(
     "DS714-read-of-another-drive-object",
     "drive-error",
-    [
-        tx(1, "ok", (1, 2, 3, 4), 3, par(2900, "Unsigned16", 7), axis=2),
-        tx(
-            2, "error", (5, 6, 7, 8), 3, par(2900, "Unsigned32", 10, error=(5, 0)),
-            operation="change",
-        ),
-    ],
-    "DS410@8#2 DS415@5#2",
-    "DS701@8#2",
-)  # fmt: skip
+    tx(1, "ok", (1, 2, 3, 4), 3, par(2900, "Unsigned16", 7), axis=2),
+    tx(2, "change error", (5, 6, 7, 8), 3, par(2900, "Unsigned32", 10, error=(5, 0))),
+    rules="DS410@8#2 DS415@5#2 DS701@8#2",
+)
 def _(tape: Tape) -> None:
     """Near miss: drive object 2 reads it in a format that is not that of the list; of 1 nobody knows."""
     client = Client(tape)
@@ -699,18 +579,12 @@ def _(tape: Tape) -> None:
     client.exchange(change(2900, block), refused(1, 0x05, 0x82))
 
 
-@case(
+@BOOK.scene(
     "DS714-another-make",
     "drive-error",
-    [
-        tx(
-            1, "error", (1, 2, 3, 4), 3, par(2900, "Unsigned32", 10, error=(5, 0)),
-            operation="change",
-        )
-    ],
-    "DS410@4#1",
-    "DS701@4#1",
-)  # fmt: skip
+    tx(1, "change error", (1, 2, 3, 4), 3, par(2900, "Unsigned32", 10, error=(5, 0))),
+    rules="DS410@4#1 DS701@4#1",
+)
 def _(tape: Tape) -> None:
     """Near miss: p2900 is in the list of one maker, and the drive is of another."""
     client = Client(tape, device=drive(vendor_id=ANOTHER_MAKE))
@@ -718,38 +592,34 @@ def _(tape: Tape) -> None:
     client.exchange(change(2900, block), refused(1, 0x05, 0x82))
 
 
-@case(
+@BOOK.scene(
     "DS715-values",
     "values",
-    [
-        tx(
-            1, "ok", (1, 2, 3, 4), 3,
-            real(1.157e-41, pnu=1120),
-            operation="change",
-        )
-    ],
-    "",
-    "DS715@1#1",
-)  # fmt: skip
+    tx(1, "change ok", (1, 2, 3, 4), 3, real(1.157e-41, pnu=1120)),
+    rules="DS715@1#1",
+)
 def _(tape: Tape) -> None:
     """10.0 with its bytes turned round, and the drive takes it."""
     block = message.raw_block(0x08, 1, TURNED.to_bytes(4, "big"))
     Client(tape).exchange(change(1120, block), message.changed(1, 1))
 
 
-@case(
+@BOOK.scene(
     "DS716-zeros",
     "malformed refused other-index",
-    [
-        tx(
-            1, "refused", (1, 2, None, None), None,
-            par(1, subindex=16) | {"attribute": "0x00"},
-            ref=0, axis=0, write="DF80B700", read=None, index=0xB02F,
-        )
-    ],
-    "DS203@2#1 DS301@1#1 DS305@1#1 DS313@1#1",
-    "DS716@1#1",
-)  # fmt: skip
+    tx(
+        1,
+        "refused",
+        (1, 2),
+        None,
+        par(1, subindex=16) | {"attribute": "0x00"},
+        ref=0,
+        axis=0,
+        write="DF80B700",
+        index=0xB02F,
+    ),
+    rules="DS203@2#1 DS301@1#1 DS305@1#1 DS313@1#1 DS716@1#1",
+)
 def _(tape: Tape) -> None:
     """A zero before each byte of a read."""
     client = Client(tape)
@@ -760,12 +630,11 @@ def _(tape: Tape) -> None:
 # DS717 to DS720: what the error numbers say
 
 
-@case(
+@BOOK.scene(
     "DS717-no-array",
     "drive-error",
-    [tx(1, "error", (1, 2, 3, 4), 3, par(21, subindex=3, error=(4, 0)))],
-    "DS410@4#1",
-    "DS717@4#1",
+    tx(1, "error", (1, 2, 3, 4), 3, par(21, subindex=3, error=(4, 0))),
+    rules="DS410@4#1 DS717@4#1",
 )
 def _(tape: Tape) -> None:
     """Two elements of what is no array."""
@@ -773,78 +642,86 @@ def _(tape: Tape) -> None:
     Client(tape).exchange(request, refused(1, 0x04))
 
 
-@case(
+@BOOK.scene(
     "DS717-no-subindex",
     "drive-error",
-    [tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(3, 0)))],
-    "DS410@4#1",
-    "DS701@4#1",
+    tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(3, 0))),
+    rules="DS410@4#1 DS701@4#1",
 )
 def _(tape: Tape) -> None:
     """Near miss: 0x03, but nothing was indexed."""
     Client(tape).exchange(ask(), refused(1, 0x03))
 
 
-@case(
+@BOOK.scene(
     "DS718-quick-commissioning",
     "drive-error",
-    [tx(1, "error", (1, 2, 3, 4), 3, real(1.0, pnu=304) | {"error": {"code": 0x70, "info": 0}},
-        operation="change")],
-    "DS410@4#1",
-    "DS718@4#1",
-)  # fmt: skip
+    tx(
+        1,
+        "change error",
+        (1, 2, 3, 4),
+        3,
+        real(1.0, pnu=304) | {"error": {"code": 0x70, "info": 0}},
+    ),
+    rules="DS410@4#1 DS718@4#1",
+)
 def _(tape: Tape) -> None:
     """0x70 of a Siemens drive: only with p0010 = 1."""
     Client(tape).exchange(put(1, 1.0, 304), refused(1, 0x70, 0x82))
 
 
-@case(
+@BOOK.scene(
     "DS718-another-make",
     "drive-error",
-    [tx(1, "error", (1, 2, 3, 4), 3, real(1.0, pnu=304) | {"error": {"code": 0x70, "info": 0}},
-        operation="change")],
-    "DS410@4#1",
-    "DS701@4#1",
-)  # fmt: skip
+    tx(
+        1,
+        "change error",
+        (1, 2, 3, 4),
+        3,
+        real(1.0, pnu=304) | {"error": {"code": 0x70, "info": 0}},
+    ),
+    rules="DS410@4#1 DS701@4#1",
+)
 def _(tape: Tape) -> None:
     """Near miss: the same number of another make means something else."""
     client = Client(tape, device=drive(vendor_id=ANOTHER_MAKE))
     client.exchange(put(1, 1.0, 304), refused(1, 0x70, 0x82))
 
 
-@case(
+@BOOK.scene(
     "DS719-another-make",
     "drive-error",
-    [tx(1, "error", (1, 2, 3, 4), 3, real(1.0, pnu=1120) | {"error": {"code": 0x6B, "info": 0}},
-        operation="change")],
-    "DS410@4#1",
-    "DS701@4#1",
-)  # fmt: skip
+    tx(
+        1,
+        "change error",
+        (1, 2, 3, 4),
+        3,
+        real(1.0, pnu=1120) | {"error": {"code": 0x6B, "info": 0}},
+    ),
+    rules="DS410@4#1 DS701@4#1",
+)
 def _(tape: Tape) -> None:
     """Near miss: 0x6B says that a Siemens drive is enabled, and nothing of others."""
     client = Client(tape, device=drive(vendor_id=ANOTHER_MAKE))
     client.exchange(put(1, 1.0), refused(1, 0x6B, 0x82))
 
 
-@case(
+@BOOK.scene(
     "DS720-word",
     "drive-error",
-    [tx(1, "error", (1, 2, 3, 4), 3, par(1070, "Unsigned16", 1024, error=(5, 0)),
-        operation="change")],
-    "DS410@4#1",
-    "DS720@4#1",
-)  # fmt: skip
+    tx(1, "change error", (1, 2, 3, 4), 3, par(1070, "Unsigned16", 1024, error=(5, 0))),
+    rules="DS410@4#1 DS720@4#1",
+)
 def _(tape: Tape) -> None:
     """A source of signals written as 16 bits."""
     Client(tape).exchange(change(1070, message.word(1024)), refused(1, 0x05, 0x82))
 
 
-@case(
+@BOOK.scene(
     "DS720-no-value",
     "drive-error malformed",
-    [tx(1, "error", (1, 2, 3, 4), 3, par(1070, "Unsigned32", error=(0x83, 0)), operation="change")],
-    "DS315@1#1 DS410@4#1",
-    "DS711@1#1",
+    tx(1, "change error", (1, 2, 3, 4), 3, par(1070, "Unsigned32", error=(0x83, 0))),
+    rules="DS315@1#1 DS410@4#1 DS711@1#1",
 )
 def _(tape: Tape) -> None:
     """Near miss: the request ends inside the source of signals, and that is the cause."""
@@ -855,12 +732,11 @@ def _(tape: Tape) -> None:
 # DS722: the connection ends inside a job
 
 
-@case(
+@BOOK.scene(
     "DS722-connect",
     "unanswered",
-    [tx(1, "unanswered", (1, 2, None, None), None, NOTHING, read=None)],
-    "DS401@1#1",
-    "DS722@1#1",
+    tx(1, "unanswered", (1, 2), None, NOTHING),
+    rules="DS401@1#1 DS722@1#1",
 )
 def _(tape: Tape) -> None:
     """The controller connects anew while its request is open."""
@@ -869,12 +745,11 @@ def _(tape: Tape) -> None:
     client.connect("plc")
 
 
-@case(
+@BOOK.scene(
     "DS722-read-under-way",
     "unanswered lost",
-    [tx(1, "unanswered", (1, 2, 3, None), None, NOTHING, read=None)],
-    "DS101@3#1 DS401@1#1",
-    "DS722@1#1",
+    tx(1, "unanswered", (1, 2, 3), None, NOTHING),
+    rules="DS101@3#1 DS401@1#1 DS722@1#1",
 )
 def _(tape: Tape) -> None:
     """The same while its Read is under way."""
@@ -884,49 +759,38 @@ def _(tape: Tape) -> None:
     client.connect("plc")
 
 
-@case(
+@BOOK.scene(
     "DS722-change-polled",
     "unanswered poll",
-    [
-        tx(
-            1, "unanswered", (1, 2, None, None), None, real(1.0, pnu=1120),
-            operation="change", read=None, polls=[(3, 4)],
-        )
-    ],
-    "DS402@1#1",
-    "DS722@1#1",
-)  # fmt: skip
+    tx(1, "change unanswered", (1, 2), None, real(1.0, pnu=1120), polls=[(3, 4)]),
+    rules="DS402@1#1 DS722@1#1",
+)
 def _(tape: Tape) -> None:
     """A change whose answer is waited for when the connection ends."""
     client = Client(tape)
     client.write(put(1, 1.0))
     client.poll()
-    base.release(client)
+    client.release()
 
 
-@case(
+@BOOK.scene(
     "DS722-change-unread",
     "unanswered release",
-    [
-        tx(
-            1, "unanswered", (1, 2, None, None), None, real(1.0, pnu=1120),
-            operation="change", read=None,
-        )
-    ],
-    "DS402@1#1",
-)  # fmt: skip
+    tx(1, "change unanswered", (1, 2), None, real(1.0, pnu=1120)),
+    rules="DS402@1#1",
+)
 def _(tape: Tape) -> None:
     """Near miss: a change whose answer nobody asks for."""
     client = Client(tape)
     client.write(put(1, 1.0))
-    base.release(client)
+    client.release()
 
 
-@case(
+@BOOK.scene(
     "DS722-connected-before",
     "unanswered",
-    [tx(1, "unanswered", (3, 4, None, None), None, NOTHING, read=None)],
-    "DS401@3#1",
+    tx(1, "unanswered", (3, 4), None, NOTHING),
+    rules="DS401@3#1",
 )
 def _(tape: Tape) -> None:
     """Near miss: the connection is older than the request."""
@@ -935,11 +799,11 @@ def _(tape: Tape) -> None:
     client.write(ask())
 
 
-@case(
+@BOOK.scene(
     "DS722-another-connects",
     "unanswered",
-    [tx(1, "unanswered", (1, 2, None, None), None, NOTHING, read=None)],
-    "DS401@1#1",
+    tx(1, "unanswered", (1, 2), None, NOTHING),
+    rules="DS401@1#1",
 )
 def _(tape: Tape) -> None:
     """Near miss: another controller connects to the drive."""
@@ -947,15 +811,12 @@ def _(tape: Tape) -> None:
     second(tape).connect("panel")
 
 
-@case(
+@BOOK.scene(
     "DS722-restart",
     "unanswered",
-    [
-        tx(1, "unanswered", (3, 4, None, None), None, NOTHING, read=None),
-        tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), ar=str(AR2)),
-    ],
-    "DS401@3#1",
-    "DS722@3#1",
+    tx(1, "unanswered", (3, 4), None, NOTHING),
+    tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), ar=str(AR2)),
+    rules="DS401@3#1 DS722@3#1",
 )
 def _(tape: Tape) -> None:
     """The controller sets up another AR of the kind of which it has one, and goes on with that."""
@@ -967,14 +828,12 @@ def _(tape: Tape) -> None:
     client.exchange(ask(), tell(1, 1.5))
 
 
-@case(
+@BOOK.scene(
     "DS722-connect-not-seen",
     "unanswered",
-    [
-        tx(1, "unanswered", (1, 2, None, None), None, NOTHING, read=None),
-        tx(2, "ok", (5, 6, 7, 8), 3, real(1.5), ar=str(AR2)),
-    ],
-    "DS401@1#1",
+    tx(1, "unanswered", (1, 2), None, NOTHING),
+    tx(2, "ok", (5, 6, 7, 8), 3, real(1.5), ar=str(AR2)),
+    rules="DS401@1#1",
 )
 def _(tape: Tape) -> None:
     """Near miss: of what kind the first AR is, the capture does not show; there may be both."""
@@ -985,14 +844,12 @@ def _(tape: Tape) -> None:
     client.exchange(ask(), tell(1, 1.5))
 
 
-@case(
+@BOOK.scene(
     "DS722-supervisor-connects",
     "unanswered",
-    [
-        tx(1, "unanswered", (3, 4, None, None), None, NOTHING, read=None),
-        tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), ar=str(AR2)),
-    ],
-    "DS401@3#1",
+    tx(1, "unanswered", (3, 4), None, NOTHING),
+    tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), ar=str(AR2)),
+    rules="DS401@3#1",
 )
 def _(tape: Tape) -> None:
     """Near miss: the same station sets up a supervisor's AR, which stands beside the other."""
@@ -1004,14 +861,12 @@ def _(tape: Tape) -> None:
     client.exchange(ask(), tell(1, 1.5))
 
 
-@case(
+@BOOK.scene(
     "DS722-another-ar-connects",
     "unanswered",
-    [
-        tx(1, "unanswered", (3, 4, None, None), None, NOTHING, read=None),
-        tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), slot=2),
-    ],
-    "DS401@3#1",
+    tx(1, "unanswered", (3, 4), None, NOTHING),
+    tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), slot=2),
+    rules="DS401@3#1",
 )
 def _(tape: Tape) -> None:
     """Near miss: the same controller sets up another AR, and the one that asked goes on."""
@@ -1022,14 +877,12 @@ def _(tape: Tape) -> None:
     client.exchange(ask(), tell(1, 1.5), at=client.at(slot=2))
 
 
-@case(
+@BOOK.scene(
     "DS722-second-ar-connects",
     "unanswered",
-    [
-        tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), ar=str(AR2)),
-        tx(2, "unanswered", (5, 6, None, None), None, NOTHING, read=None),
-    ],
-    "DS401@5#2",
+    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), ar=str(AR2)),
+    tx(2, "unanswered", (5, 6), None, NOTHING),
+    rules="DS401@5#2",
 )
 def _(tape: Tape) -> None:
     """Near miss: the controller has two ARs already; which one the third replaces is not known."""
@@ -1039,27 +892,26 @@ def _(tape: Tape) -> None:
     Client(tape, channel=client.at(ar=UUID(int=3)), activity=UUID(int=3)).connect("plc")
 
 
-@case("DS722-answered", "release", [tx(1, "ok", (1, 2, 3, 4), 3, real(1.5))])
+@BOOK.scene("DS722-answered", "release", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)))
 def _(tape: Tape) -> None:
     """Near miss: the connection ends when the response was read."""
     client = Client(tape)
     client.exchange(ask(), tell(1, 1.5))
-    base.release(client)
+    client.release()
 
 
-@case(
+@BOOK.scene(
     "DS722-refused",
     "release refused",
-    [tx(1, "refused", (1, 2, None, None), None, NOTHING, write="DF80B700", read=None)],
-    "DS203@2#1",
+    tx(1, "refused", (1, 2), None, NOTHING, write="DF80B700"),
+    rules="DS203@2#1",
 )
 def _(tape: Tape) -> None:
     """Near miss: the connection ends after a Write that was refused: nothing was open."""
     client = Client(tape)
     client.write(ask(), BAD_HEADER)
-    base.release(client)
+    client.release()
 
 
 if __name__ == "__main__":
-    target = Path(sys.argv[1]) if len(sys.argv) > 1 else TARGET
-    target.write_text(base.text(CASES, ABOUT), "utf-8", newline="\n")
+    BOOK.write(sys.argv[1:])
