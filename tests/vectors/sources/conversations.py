@@ -102,24 +102,18 @@ def _(tape: Tape) -> None:
     Client(tape, fragment=60).exchange(ask(), tell(1, 1.5))
 
 
-@BOOK.scene("P29-late-read", "P48 late-read", tx(1, "ok", (1, 2, 3, 4), 30003, real(1.5)))
-def _(tape: Tape) -> None:
-    """The response is fetched 30 s after the Write: still the same transaction, and not slow."""
-    client = Client(tape)
-    client.write(ask())
-    tape.wait(30_000)
-    client.read(tell(1, 1.5))
-
-
-@BOOK.scene(
-    "P2-time-back", "P48 time-back", tx(1, "ok", (1, 2, 3, 4), -2497, real(1.5)), rules="DS107@3"
+BOOK.lab(
+    "P29", "conversation-late-read", "P48 late-read", tx(1, "ok", (1, 2, 3, 4), 30003, real(10.0))
 )
-def _(tape: Tape) -> None:
-    """The clock steps back by 2.5 s before the Read: the order of the frames counts."""
-    client = Client(tape)
-    client.write(ask())
-    tape.wait(-2500)
-    client.read(tell(1, 1.5))
+
+
+BOOK.lab(
+    "P2",
+    "transport-time-back",
+    "P48 time-back",
+    tx(1, "ok", (1, 2, 3, 4), -2497, real(1500.0)),
+    rules="DS107@3",
+)
 
 
 # RPC level
@@ -249,21 +243,13 @@ def _(tape: Tape) -> None:
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene(
-    "P8-retransmission-answered",
+BOOK.lab(
+    "P8",
+    "transport-retransmission-answered",
     "P10 retransmission",
-    tx(1, "ok", (1, 2, 5, 6), 2005, real(1.5)),
+    tx(1, "ok", (1, 2, 5, 6), 505, real(1500.0)),
     rules="DS103@3#1",
 )
-def _(tape: Tape) -> None:
-    """The identical Write 2 s after its answer, and its answer again."""
-    client = Client(tape)
-    call = client.ask_write(ask())
-    client.accept_write(call, ask())
-    tape.wait(2000)
-    again(client, call, ask())
-    client.accept_write(call, ask())
-    client.read(tell(1, 1.5))
 
 
 @BOOK.scene(
@@ -583,20 +569,15 @@ def _(tape: Tape) -> None:
         client.read(tell(place.slot, float(place.slot)), at=place)
 
 
-@BOOK.scene(
-    "P17-one-refused",
+BOOK.lab(
+    "P17",
+    "record-multiple-refused",
     "P25 P49 write-multiple refused",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.0)),
-    tx(2, "refused", (1, 2), None, NOTHING, ref=2, slot=2, write="DF80B500"),
-    tx(3, "ok", (1, 2, 5, 6), 5, real(3.0), ref=3, slot=3),
+    tx(1, "ok", (1, 2, 3, 4), 3, real(1.0), axis=2),
+    tx(2, "refused", (1, 2), None, par(22), ref=2, axis=3, slot=2, write="DF80B500"),
+    tx(3, "ok", (1, 2, 5, 6), 5, real(3.0, pnu=23), ref=3, axis=4, slot=3),
     rules="DS203@2#2 DS705@1#2",
 )
-def _(tape: Tape) -> None:
-    """The second of three inner responses is negative: paired by position, only it is refused."""
-    client = Client(tape)
-    places = multiple(client, (0, NOT_POSSIBLE, 0))
-    for place in (places[0], places[2]):
-        client.read(tell(place.slot, float(place.slot)), at=place)
 
 
 def nested(client: Client) -> tuple[wire.Channel, bytes, int]:
@@ -605,14 +586,13 @@ def nested(client: Client) -> tuple[wire.Channel, bytes, int]:
     return place, wire.write_request(0, client.at(slot=2), ask(2)), 0xDF80B401
 
 
-@BOOK.scene(
-    "P18-nested", "write-multiple nested", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)), rules="DS208@5"
+BOOK.lab(
+    "P18",
+    "record-multiple-nested",
+    "write-multiple nested",
+    tx(1, "ok", (1, 2, 3, 4), 3, real(1500.0)),
+    rules="DS208@5",
 )
-def _(tape: Tape) -> None:
-    """An IODWriteMultiple inside another one: a finding, no transaction."""
-    client = Client(tape)
-    client.exchange(ask(), tell(1, 1.5))
-    client.write_multiple([nested(client)])
 
 
 @BOOK.scene(
@@ -631,16 +611,13 @@ def _(tape: Tape) -> None:
 # Which records are ours
 
 
-@BOOK.scene(
-    "P19-malformed-on-b02f",
+BOOK.lab(
+    "P19",
+    "message-missing-request",
     "P25 P40 P53 malformed refused",
-    tx(1, "refused", (1, 2), None, ref=7, write="DF80B700", index=0xB02F),
+    tx(1, "refused", (1, 2), None, write="DF80B700", index=0xB02F),
     rules="DS315@1#1 DS203@2#1 DS711@1#1",
 )
-def _(tape: Tape) -> None:
-    """A cut request on 0xB02F is ours though nothing else is there: a finding, no exception."""
-    client = Client(tape)
-    client.write(CUT, status=BAD_HEADER, at=client.at(index=0xB02F))
 
 
 @BOOK.scene(
@@ -692,18 +669,14 @@ def _(tape: Tape) -> None:
     client.write(CUT, status=BAD_HEADER)
 
 
-@BOOK.scene(
-    "P22-malformed-before",
+BOOK.lab(
+    "P22",
+    "record-foreign-then-ours",
     "P20 malformed refused",
     tx(1, "refused", (1, 2), None, ref=7, write="DF80B700"),
-    tx(2, "ok", (3, 4, 5, 6), 3, real(1.5)),
+    tx(2, "ok", (3, 4, 5, 6), 3, real(1500.0)),
     rules="DS315@1#1 DS203@2#1 DS711@1#1",
 )
-def _(tape: Tape) -> None:
-    """A cut and refused request before the first shaped one is taken in too."""
-    client = Client(tape)
-    client.write(CUT, status=BAD_HEADER)
-    client.exchange(ask(), tell(1, 1.5))
 
 
 @BOOK.scene(
@@ -790,60 +763,44 @@ def _(tape: Tape) -> None:
 # The Write
 
 
-@BOOK.scene(
-    "P25-refused-write",
+BOOK.lab(
+    "P25",
+    "record-write-refused",
     "P40 refused",
     tx(1, "refused", (1, 2), None, NOTHING, write="DF80B700"),
     rules="DS203@2#1",
 )
-def _(tape: Tape) -> None:
-    """A refused Write is a transaction of its own."""
-    Client(tape).write(ask(), status=BAD_HEADER)
 
 
-@BOOK.scene(
-    "P26-refused-displaces-nothing",
+BOOK.lab(
+    "P26",
+    "record-write-refused-open",
     "P25 P29 P40 refused",
-    tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)),
+    tx(1, "ok", (1, 2, 5, 6), 5, real(1500.0)),
     tx(2, "refused", (3, 4), None, par(27), ref=2, write="DF80B500"),
     rules="DS203@4#2 DS705@3#2",
 )
-def _(tape: Tape) -> None:
-    """A second Write is refused while the first is open: the Read brings the first's response."""
-    client = Client(tape)
-    client.write(ask())
-    client.write(ask(2, 27), status=NOT_POSSIBLE)
-    client.read(tell(1, 1.5))
 
 
-@BOOK.scene(
-    "P27-superseded-read",
+BOOK.lab(
+    "P27",
+    "conversation-superseded-read",
     "P41 superseded",
     tx(1, "superseded", (1, 2), None, NOTHING),
-    tx(2, "ok", (3, 4, 5, 6), 3, real(2.5, pnu=27), ref=2),
+    tx(2, "ok", (3, 4, 5, 6), 3, real(5.0, pnu=27), ref=2),
     rules="DS413@3#1 DS705@3#1",
 )
-def _(tape: Tape) -> None:
-    """An accepted Write before the response of the first: reported on its request."""
-    client = Client(tape)
-    client.write(ask())
-    client.exchange(ask(2, 27), tell(2, 2.5))
 
 
-@BOOK.scene(
-    "P27-superseded-changes",
+BOOK.lab(
+    "P27",
+    "conversation-superseded-change",
     "P41 superseded",
     tx(1, "change superseded", (1, 2), None, real(10.0, pnu=1120)),
     tx(2, "change superseded", (3, 4), None, real(11.0, pnu=1120), ref=2),
     tx(3, "change ok", (5, 6, 7, 8), 3, real(12.0, pnu=1120), ref=3),
     rules="DS414@3#1 DS414@5#2",
 )
-def _(tape: Tape) -> None:
-    """Three changes, only the response of the last is fetched."""
-    client = Client(tape)
-    client.write(put(1, 10.0))
-    client.write(put(2, 11.0))
-    client.exchange(put(3, 12.0), message.changed(3, 1))
 
 
 @BOOK.scene(
@@ -961,28 +918,13 @@ def _(tape: Tape) -> None:
     client.ask_read()
 
 
-@BOOK.scene(
-    "P69-later",
-    "lost unanswered",
-    tx(1, "unanswered", (1, 2), None, NOTHING),
-    tx(2, "unanswered", (3,), None, par(27), ref=2),
-    rules="DS101@3#2 DS401@1#1 DS401@3#2",
+BOOK.lab(
+    "P28",
+    "transport-write-unanswered",
+    "lost",
+    tx(1, "ok", (1, None, 2, 3), 2, real(1500.0)),
+    rules="DS101@1#1",
 )
-def _(tape: Tape) -> None:
-    """A Write without its response may have displaced the one before it."""
-    client = Client(tape)
-    client.write(ask())
-    client.ask_write(ask(2, 27))
-
-
-@BOOK.scene(
-    "P28-write-response-lost", "lost", tx(1, "ok", (1, None, 2, 3), 2, real(1.5)), rules="DS101@1#1"
-)
-def _(tape: Tape) -> None:
-    """The Write response is not in the capture: the Read proves that the Write was accepted."""
-    client = Client(tape)
-    client.ask_write(ask())
-    client.read(tell(1, 1.5))
 
 
 @BOOK.scene(
@@ -1153,18 +1095,13 @@ def _(tape: Tape) -> None:
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene(
-    "P31-reread",
+BOOK.lab(
+    "P31",
+    "record-reread",
     "P48 reread",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), rereads=[(5, 6), (7, 8)]),
+    tx(1, "ok", (1, 2, 3, 4), 3, real(1500.0), rereads=[(5, 6), (7, 8)]),
     rules="DS704@6#1",
 )
-def _(tape: Tape) -> None:
-    """The same bytes read twice more: re-reads, and the duration is that of the first Read."""
-    client = Client(tape)
-    client.exchange(ask(), tell(1, 1.5))
-    client.read(tell(1, 1.5))
-    client.read(tell(1, 1.5))
 
 
 @BOOK.scene(
@@ -1196,21 +1133,13 @@ def _(tape: Tape) -> None:
     client.read(tell(1, 2.5))
 
 
-@BOOK.scene(
-    "P32-starts-late",
+BOOK.lab(
+    "P32",
+    "transport-starts-late",
     "P39 P48 starts-late orphan",
-    tx(1, "orphan", (None, None, 2, 3), None, real(1.5, pnu=None), index=0xB02F),
+    tx(1, "orphan", (None, None, 2, 3), None, real(1500.0, pnu=None), index=0xB02F),
     rules="DS102@1 DS403@3#1",
 )
-def _(tape: Tape) -> None:
-    """The capture starts after the Write request."""
-    client = Client(tape)
-    client.channel = client.at(index=0xB02F)
-    tape.deaf = True
-    call = client.ask_write(ask())
-    tape.deaf = False
-    client.accept_write(call, ask())
-    client.read(tell(1, 1.5))
 
 
 @BOOK.scene("P33-empty-body-nothing-asked", "P53 nothing-to-read malformed", rules="DS108@2")
@@ -1231,12 +1160,12 @@ def _(tape: Tape) -> None:
     client.read(b"")
 
 
-@BOOK.scene(
-    "P34-polls", "P48 poll", tx(1, "ok", (1, 2, 7, 8), 27, real(1.5), polls=[(3, 4), (5, 6)])
+BOOK.lab(
+    "P34",
+    "record-polls",
+    "P48 poll",
+    tx(1, "ok", (1, 2, 9, 10), 39, real(1500.0), polls=[(3, 4), (5, 6), (7, 8)]),
 )
-def _(tape: Tape) -> None:
-    """DE80B500 twice, then the record; the duration runs to the record."""
-    Client(tape).exchange(ask(), tell(1, 1.5), polls=2)
 
 
 @BOOK.scene(
@@ -1267,15 +1196,13 @@ def _(tape: Tape) -> None:
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene(
-    "P36-empty-read", "empty-read", tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)), rules="DS207@4#1"
+BOOK.lab(
+    "P36",
+    "record-read-empty",
+    "empty-read",
+    tx(1, "ok", (1, 2, 5, 6), 25, real(1500.0)),
+    rules="DS207@4#1",
 )
-def _(tape: Tape) -> None:
-    """A positive Read without data: a finding, and the transaction stays open."""
-    client = Client(tape)
-    client.write(ask())
-    client.read(b"")
-    client.read(tell(1, 1.5))
 
 
 @BOOK.scene(
@@ -1430,15 +1357,13 @@ def _(tape: Tape) -> None:
     Client(tape).exchange(ask(1, 21, 27), answer)
 
 
-@BOOK.scene(
-    "P44-not-supported",
+BOOK.lab(
+    "P44",
+    "conversation-not-supported",
     "drive-error",
     tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(0x21, 0))),
     rules="DS410@4#1 DS418@4#1",
 )
-def _(tape: Tape) -> None:
-    """Response id 0x80 is of every family: an error, not a mismatch."""
-    Client(tape).exchange(ask(), message.answer(1, 0x80, 1, message.error(0x21)))
 
 
 @BOOK.scene(
@@ -1453,20 +1378,18 @@ def _(tape: Tape) -> None:
     Client(tape).exchange(ask(1, 21, 27), answer)
 
 
-@BOOK.scene(
-    "P45-partial-read",
+BOOK.lab(
+    "P45",
+    "conversation-partial-read",
     "P37 drive-error",
-    tx(1, "partial", (1, 2, 3, 4), 3, par(21, error=(0, 0)), real(2.5, pnu=27)),
+    tx(1, "partial", (1, 2, 3, 4), 3, real(10.0), par(27, error=(0, 0))),
     rules="DS410@4#1 DS701@4#1",
 )
-def _(tape: Tape) -> None:
-    """The first of two parameters failed."""
-    answer = message.answer(1, 0x81, 1, message.error(0), message.real(2.5))
-    Client(tape).exchange(ask(1, 21, 27), answer)
 
 
-@BOOK.scene(
-    "P45-partial-change",
+BOOK.lab(
+    "P45",
+    "conversation-partial-change",
     "P37 drive-error",
     tx(
         1,
@@ -1478,15 +1401,6 @@ def _(tape: Tape) -> None:
     ),
     rules="DS410@4#1 DS719@4#1",
 )
-def _(tape: Tape) -> None:
-    """The second of two changes failed: it keeps the value that was written."""
-    request = message.change(
-        1,
-        1,
-        (message.address(1120), message.real(10.0)),
-        (message.address(1121), message.real(5.0)),
-    )
-    Client(tape).exchange(request, message.answer(1, 0x82, 1, message.done(), message.error(0x6B)))
 
 
 @BOOK.scene(
@@ -1529,29 +1443,23 @@ FAULT_CODE = bytes.fromhex("0300011c")
 """nca_s_unknown_interface, as a little-endian PDU writes it."""
 
 
-@BOOK.scene(
-    "P25-rpc-fault",
+BOOK.lab(
+    "P25",
+    "transport-fault",
     "P12 P40 P53 fault refused",
     tx(1, "refused", (1, 2), None, NOTHING, write=None),
-    tx(2, "ok", (3, 4, 5, 6), 3, real(1.5), ref=2),
+    tx(2, "ok", (3, 4, 5, 6), 3, real(1500.0), ref=2),
     rules="DS104@2#1",
 )
-def _(tape: Tape) -> None:
-    """The drive answers the Write with an RPC fault: refused, though no status says so."""
-    client = Client(tape)
-    client.reply(client.ask_write(ask()), FAULT_CODE, wire.FAULT)
-    client.exchange(ask(2), tell(2, 1.5))
 
 
-@BOOK.scene(
-    "P29-rpc-reject", "P12 P53 fault", tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)), rules="DS104@4#1"
+BOOK.lab(
+    "P29",
+    "transport-reject",
+    "P12 P53 fault",
+    tx(1, "ok", (1, 2, 5, 6), 55, real(1500.0)),
+    rules="DS104@4#1",
 )
-def _(tape: Tape) -> None:
-    """The drive rejects the first Read on the RPC level: the next one brings the response."""
-    client = Client(tape)
-    client.write(ask())
-    client.reply(client.ask_read(), FAULT_CODE, wire.REJECT)
-    client.read(tell(1, 1.5))
 
 
 @BOOK.scene(
@@ -1637,28 +1545,18 @@ def _(tape: Tape) -> None:
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene(
-    "P53-record-length", "malformed", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)), rules="DS202@4"
+BOOK.lab(
+    "P53", "record-length", "malformed", tx(1, "ok", (1, 2, 3, 4), 3, real(1500.0)), rules="DS202@4"
 )
-def _(tape: Tape) -> None:
-    """The header of the record says 12 bytes, 10 are there, and the frame is whole."""
-    client = Client(tape)
-    client.write(ask())
-    client.accept_read(client.ask_read(), tell(1, 1.5), stated=12)
 
 
-@BOOK.scene(
-    "P53-empty-body",
+BOOK.lab(
+    "P53",
+    "transport-empty-body",
     "P12 P29 malformed",
-    tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)),
+    tx(1, "ok", (1, 2, 5, 6), 55, real(1500.0)),
     rules="DS108@4#1",
 )
-def _(tape: Tape) -> None:
-    """The response to the first Read has no body at all; the second one brings the record."""
-    client = Client(tape)
-    client.write(ask())
-    client.reply(client.ask_read(), b"")
-    client.read(tell(1, 1.5))
 
 
 def polled(count: int) -> list[tuple[int, int]]:
@@ -1774,16 +1672,13 @@ def _(tape: Tape) -> None:
     client.read(message.changed(1, 1))
 
 
-@BOOK.scene(
-    "P37-fewer-values",
+BOOK.lab(
+    "P37",
+    "conversation-fewer-values",
     "P46 values",
-    tx(1, "ok", (1, 2, 3, 4), 3, par(27, "Unsigned16", 7, 8, subindex=3)),
+    tx(1, "ok", (1, 2, 3, 4), 3, real(1.0, 2.0, pnu=2902)),
     rules="DS408@4#1",
 )
-def _(tape: Tape) -> None:
-    """Four elements asked for, two answered."""
-    request = message.read(1, 1, message.address(27, 3, 4))
-    Client(tape).exchange(request, message.answer(1, 1, 1, message.word(7, 8)))
 
 
 @BOOK.scene(
@@ -1798,15 +1693,13 @@ def _(tape: Tape) -> None:
     Client(tape).exchange(request, message.answer(1, 1, 1, message.real()))
 
 
-@BOOK.scene(
-    "P37-more-values",
+BOOK.lab(
+    "P37",
+    "conversation-more-values",
     "P46 values",
-    tx(1, "ok", (1, 2, 3, 4), 3, par(964, "Unsigned16", 42, 4711, 2)),
+    tx(1, "ok", (1, 2, 3, 4), 3, par(964, "Unsigned16", 1, 2, 3, 4, 5)),
     rules="DS409@4#1",
 )
-def _(tape: Tape) -> None:
-    """One element asked for, the whole array answered."""
-    Client(tape).exchange(ask(1, 964), message.answer(1, 1, 1, message.word(42, 4711, 2)))
 
 
 @BOOK.scene(
@@ -1844,12 +1737,13 @@ def _(tape: Tape) -> None:
     Client(tape).exchange(ask(), answer[:3] + bytes([2]) + answer[4:])
 
 
-@BOOK.scene(
-    "P44-negative-id", "malformed", tx(1, "error", (1, 2, 3, 4), 3, real(1.5)), rules="DS412@4#1"
+BOOK.lab(
+    "P44",
+    "conversation-negative-without-error",
+    "malformed",
+    tx(1, "error", (1, 2, 3, 4), 3, real(10.0)),
+    rules="DS412@4#1",
 )
-def _(tape: Tape) -> None:
-    """No block holds an error, and the response id says that something failed."""
-    Client(tape).exchange(ask(), tell(1, 1.5, identifier=0x81))
 
 
 @BOOK.scene(
@@ -1863,12 +1757,13 @@ def _(tape: Tape) -> None:
     Client(tape).exchange(put(1, 10.0), message.answer(1, 0x82, 1, message.done()))
 
 
-@BOOK.scene(
-    "P44-response-cut", "malformed", tx(1, "error", (1, 2, 3, 4), 3, real()), rules="DS315@4#1"
+BOOK.lab(
+    "P44",
+    "message-missing-response",
+    "malformed",
+    tx(1, "error", (1, 2, 3, 4), 3, real(), index=0xB02F),
+    rules="DS315@4#1",
 )
-def _(tape: Tape) -> None:
-    """The device sent half of the only value."""
-    Client(tape).exchange(ask(), tell(1, 1.5)[:-2])
 
 
 @BOOK.scene(

@@ -16,15 +16,13 @@ from conversations import (
     BAD_HEADER,
     CUT,
     HOME2,
-    NOT_POSSIBLE,
     ask,
-    implicit,
     put,
     second,
     tell,
 )
 
-from ds47.lab import message, wire
+from ds47.lab import message
 from ds47.lab.client import BUSY, Client, drive
 
 BOOK = Vectors(
@@ -32,8 +30,6 @@ BOOK = Vectors(
     "Conversations and the diagnoses (DS7xx) of their messages and transactions, for every implementation. "
     "tests/vectors/README.md says how to run them; tests/vectors/sources/diagnoses.py writes this file.",
 )
-TEN = 0x41200000
-"""The bits of 10.0 as Float32."""
 TURNED = 0x00002041
 """The same with its bytes in the other order: 1.157e-41."""
 ANOTHER_MAKE = 0x0119
@@ -52,15 +48,13 @@ def change(pnu: int, block: bytes) -> bytes:
 # DS701: the program does not see the refusal
 
 
-@BOOK.scene(
-    "DS701-only-in-the-record",
+BOOK.lab(
+    "DS701",
+    "diagnosis-refusal-not-seen",
     "drive-error",
-    tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(1, 0))),
+    tx(1, "change error", (1, 2, 3, 4), 13, par(2902, "Float32", 10.0, subindex=2, error=(1, 2))),
     rules="DS410@4#1 DS701@4#1",
 )
-def _(tape: Tape) -> None:
-    """Every status is 0, the record refuses."""
-    Client(tape).exchange(ask(), refused(1, 0x01))
 
 
 @BOOK.scene(
@@ -77,32 +71,21 @@ def _(tape: Tape) -> None:
 # DS702: read too early
 
 
-@BOOK.scene(
-    "DS702-poll",
+BOOK.lab(
+    "DS702",
+    "diagnosis-read-too-early",
     "disorder poll",
-    tx(1, "ok", (1, 3, 5, 6), 5, real(1.5), polls=[(2, 4)]),
+    tx(1, "ok", (1, 3, 5, 6), 15, real(1500.0), polls=[(2, 4)]),
     rules="DS702@2#1",
 )
-def _(tape: Tape) -> None:
-    """The Read that was sent before the Write response is refused as not ready; the next one is answered."""
-    client = Client(tape)
-    write, read = client.ask_write(ask()), client.ask_read()
-    client.accept_write(write, ask())
-    client.refuse_read(read, BUSY)
-    client.read(tell(1, 1.5))
 
 
-@BOOK.scene(
-    "DS702-write-response-lost",
-    "lost",
-    tx(1, "ok", (1, None, 2, 3), 2, real(1.5)),
-    rules="DS101@1#1",
+BOOK.lab(
+    "DS702",
+    "diagnosis-read-too-early-not",
+    "poll",
+    tx(1, "ok", (1, 2, 5, 6), 15, real(1500.0), polls=[(3, 4)]),
 )
-def _(tape: Tape) -> None:
-    """Near miss: when the Write was answered is not in the capture."""
-    client = Client(tape)
-    client.ask_write(ask())
-    client.read(tell(1, 1.5))
 
 
 # DS704: an old answer taken for a new one
@@ -183,93 +166,51 @@ def _(tape: Tape) -> None:
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene(
-    "DS704-without-ar",
-    "implicit reread",
-    tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(1, 0)), index=0xB02F, rereads=[(5, 6)]),
-    rules="DS410@4#1 DS701@4#1 DS704@6#1",
-)
-def _(tape: Tape) -> None:
-    """A ReadImplicit brings the response once more: one transaction, one refusal."""
-    client = Client(tape)
-    client.exchange(ask(), refused(1, 0x01), at=client.at(index=0xB02F))
-    implicit(client, refused(1, 0x01))
-
-
-@BOOK.scene(
-    "DS704-asked-anew",
+BOOK.lab(
+    "DS704",
+    "diagnosis-old-answer-not",
     "",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-    tx(2, "ok", (5, 6, 7, 8), 3, real(1.5)),
+    tx(1, "ok", (1, 2, 3, 4), 3, par(945, "Unsigned16", 7900, 0, 0, 0)),
+    tx(2, "ok", (5, 6, 7, 8), 13, par(945, "Unsigned16", 7900, 0, 0, 0)),
     rules="DS415@5#2",
 )
-def _(tape: Tape) -> None:
-    """Near miss: the bytes are read again, but a new Write stands behind them."""
-    client = Client(tape)
-    client.exchange(ask(1), tell(1, 1.5))
-    client.exchange(ask(1), tell(1, 1.5))
 
 
 # DS705: two users of one channel
 
 
-@BOOK.scene(
-    "DS705-same-question",
+BOOK.lab(
+    "DS705",
+    "diagnosis-two-users-again-not",
     "superseded",
     tx(1, "superseded", (1, 2), None, NOTHING),
-    tx(2, "ok", (3, 4, 5, 6), 3, real(1.5), ref=2),
+    tx(2, "ok", (3, 4, 5, 6), 3, real(12.5), ref=2),
     rules="DS413@3#1",
 )
-def _(tape: Tape) -> None:
-    """Near miss: only the reference differs, that is one user who does not wait."""
-    client = Client(tape)
-    client.write(ask(1))
-    client.exchange(ask(2), tell(2, 1.5))
 
 
-@BOOK.scene(
-    "DS705-displaced-change",
-    "superseded",
-    tx(1, "change superseded", (1, 2), None, real(1.0, pnu=1120)),
-    tx(2, "ok", (3, 4, 5, 6), 3, real(1.5), ref=2),
-    rules="DS414@3#1",
-)
-def _(tape: Tape) -> None:
-    """Near miss: a change whose response nobody wants."""
-    client = Client(tape)
-    client.write(put(1, 1.0))
-    client.exchange(ask(2), tell(2, 1.5))
-
-
-@BOOK.scene(
-    "DS705-another-controller",
+SECOND = {"controller": "192.168.133.3", "ar": "47474747-0002-4000-8000-000000000002"}
+THIRD = {"ar": "74747474-0003-4000-8000-000000000003"}
+BOOK.lab(
+    "DS705",
+    "diagnosis-two-users-across",
     "refused interleaved",
-    tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)),
-    tx(2, "refused", (3, 4), None, par(27), write="DF80B500", **HOME2),
-    rules="DS203@4#2 DS705@3#2",
+    tx(1, "ok", (1, 2, 3, 4), 3, real(1500.0), **SECOND),
+    tx(2, "ok", (5, 6, 9, 10), 5, real(1500.0), ref=7),
+    tx(3, "refused", (7, 8), None, NOTHING, ref=2, write="DF80B500", **SECOND),
+    rules="DS203@8#3 DS705@7#3",
 )
-def _(tape: Tape) -> None:
-    """A second controller is turned away while the request of the first is open."""
-    first, other = Client(tape), second(tape)
-    first.write(ask(1))
-    other.write(ask(1, 27), NOT_POSSIBLE)
-    first.read(tell(1, 1.5))
 
 
-@BOOK.scene(
-    "DS705-another-ar",
+BOOK.lab(
+    "DS705",
+    "diagnosis-two-users-connections",
     "refused interleaved",
-    tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)),
-    tx(2, "refused", (3, 4), None, par(27), write="DF80B500", ar=str(AR2)),
-    rules="DS203@4#2 DS705@3#2",
+    tx(1, "ok", (1, 2, 3, 4), 3, real(1500.0), **THIRD),
+    tx(2, "ok", (5, 6, 9, 10), 5, real(1500.0), ref=7),
+    tx(3, "refused", (7, 8), None, NOTHING, ref=2, write="DF80B500", **THIRD),
+    rules="DS203@8#3 DS705@7#3",
 )
-def _(tape: Tape) -> None:
-    """The same controller is turned away on its second AR."""
-    first = Client(tape)
-    other = Client(tape, activity=UUID(int=0x47), channel=wire.Channel(AR2))
-    first.write(ask(1))
-    other.write(ask(1, 27), NOT_POSSIBLE)
-    first.read(tell(1, 1.5))
 
 
 @BOOK.scene(
@@ -290,15 +231,21 @@ def _(tape: Tape) -> None:
 # DS709: a drive object that is not there
 
 
-@BOOK.scene(
-    "DS709-axis",
+BOOK.lab(
+    "DS709",
+    "diagnosis-wrong-drive-object",
     "drive-error",
-    tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(0x19, 0)), axis=9),
-    rules="DS410@4#1 DS709@4#1",
+    tx(1, "ok", (1, 2, 3, 4), 13, real(1500.0)),
+    tx(2, "error", (5, 6, 7, 8), 13, par(21, error=(0x19, 0)), ref=2, axis=2),
+    rules="DS410@8#2 DS709@8#2",
 )
-def _(tape: Tape) -> None:
-    """Drive object 9 does not exist."""
-    Client(tape).exchange(ask(1, axis=9), refused(1, 0x19, axis=9))
+BOOK.lab(
+    "DS709",
+    "diagnosis-wrong-drive-object-not",
+    "",
+    tx(1, "ok", (1, 2, 3, 4), 13, real(1500.0)),
+    tx(2, "ok", (5, 6, 7, 8), 13, real(1500.0), ref=2, axis=2),
+)
 
 
 # DS711: the request is not whole (cut ones are among the conversations of pairing)
@@ -413,14 +360,13 @@ def _(tape: Tape) -> None:
     client.accept_read(client.ask_read(maximum=7), message.header(1, 1, 1, 2) + bytes((5, 1, 7)))
 
 
-@BOOK.scene(
-    "DS712-cut", "malformed", tx(1, "error", (1, 2, 3, 4), 3, real()), rules="DS315@4#1 DS712@4#1"
+BOOK.lab(
+    "DS712",
+    "diagnosis-read-length",
+    "malformed",
+    tx(1, "error", (1, 2, 3, 4), 13, par(2902, "Float32", 10.0, subindex=2)),
+    rules="DS315@4#1 DS712@4#1",
 )
-def _(tape: Tape) -> None:
-    """The Read takes 8 bytes, the response has 10 and ends after 8."""
-    client = Client(tape)
-    client.write(ask())
-    client.accept_read(client.ask_read(maximum=8), tell(1, 1.5)[:8])
 
 
 @BOOK.scene(
@@ -513,16 +459,13 @@ def _(tape: Tape) -> None:
 # DS714 to DS716: what the bytes were meant to be
 
 
-@BOOK.scene(
-    "DS714-float-as-integer",
+BOOK.lab(
+    "DS714",
+    "diagnosis-value-in-wrong-type",
     "drive-error",
-    tx(1, "change error", (1, 2, 3, 4), 3, par(1120, "Unsigned32", TEN, error=(5, 0))),
+    tx(1, "change error", (1, 2, 3, 4), 13, par(2900, "Unsigned32", 0x41200000, error=(5, 0))),
     rules="DS410@4#1 DS714@1#1",
 )
-def _(tape: Tape) -> None:
-    """The bits of 10.0 under Unsigned32, refused for the data type."""
-    block = message.raw_block(0x07, 1, TEN.to_bytes(4, "big"))
-    Client(tape).exchange(change(1120, block), refused(1, 0x05, 0x82))
 
 
 @BOOK.scene(
@@ -630,16 +573,13 @@ def _(tape: Tape) -> None:
 # DS717 to DS720: what the error numbers say
 
 
-@BOOK.scene(
-    "DS717-no-array",
+BOOK.lab(
+    "DS717",
+    "diagnosis-index-and-count",
     "drive-error",
-    tx(1, "error", (1, 2, 3, 4), 3, par(21, subindex=3, error=(4, 0))),
+    tx(1, "error", (1, 2, 3, 4), 13, par(2900, subindex=1, error=(4, 0))),
     rules="DS410@4#1 DS717@4#1",
 )
-def _(tape: Tape) -> None:
-    """Two elements of what is no array."""
-    request = message.read(1, 1, message.address(21, 3, 2))
-    Client(tape).exchange(request, refused(1, 0x04))
 
 
 @BOOK.scene(
@@ -653,21 +593,13 @@ def _(tape: Tape) -> None:
     Client(tape).exchange(ask(), refused(1, 0x03))
 
 
-@BOOK.scene(
-    "DS718-quick-commissioning",
+BOOK.lab(
+    "DS718",
+    "diagnosis-commissioning-state",
     "drive-error",
-    tx(
-        1,
-        "change error",
-        (1, 2, 3, 4),
-        3,
-        real(1.0, pnu=304) | {"error": {"code": 0x70, "info": 0}},
-    ),
+    tx(1, "change error", (1, 2, 3, 4), 13, par(304, "Unsigned16", 400, error=(0x70, 0))),
     rules="DS410@4#1 DS718@4#1",
 )
-def _(tape: Tape) -> None:
-    """0x70 of a Siemens drive: only with p0010 = 1."""
-    Client(tape).exchange(put(1, 1.0, 304), refused(1, 0x70, 0x82))
 
 
 @BOOK.scene(
@@ -706,15 +638,13 @@ def _(tape: Tape) -> None:
     client.exchange(put(1, 1.0), refused(1, 0x6B, 0x82))
 
 
-@BOOK.scene(
-    "DS720-word",
+BOOK.lab(
+    "DS720",
+    "diagnosis-connector-as-number-word",
     "drive-error",
-    tx(1, "change error", (1, 2, 3, 4), 3, par(1070, "Unsigned16", 1024, error=(5, 0))),
+    tx(1, "change error", (1, 2, 3, 4), 13, par(840, "Unsigned16", 1, error=(0x17, 0))),
     rules="DS410@4#1 DS720@4#1",
 )
-def _(tape: Tape) -> None:
-    """A source of signals written as 16 bits."""
-    Client(tape).exchange(change(1070, message.word(1024)), refused(1, 0x05, 0x82))
 
 
 @BOOK.scene(
@@ -773,17 +703,13 @@ def _(tape: Tape) -> None:
     client.release()
 
 
-@BOOK.scene(
-    "DS722-change-unread",
+BOOK.lab(
+    "DS722",
+    "diagnosis-connection-lost-unread-not",
     "unanswered release",
-    tx(1, "change unanswered", (1, 2), None, real(1.0, pnu=1120)),
-    rules="DS402@1#1",
+    tx(1, "change unanswered", (3, 4), None, par(977, "Unsigned16", 1)),
+    rules="DS402@3#1",
 )
-def _(tape: Tape) -> None:
-    """Near miss: a change whose answer nobody asks for."""
-    client = Client(tape)
-    client.write(put(1, 1.0))
-    client.release()
 
 
 @BOOK.scene(
@@ -811,21 +737,14 @@ def _(tape: Tape) -> None:
     second(tape).connect("panel")
 
 
-@BOOK.scene(
-    "DS722-restart",
+BOOK.lab(
+    "DS722",
+    "diagnosis-connection-lost-restart",
     "unanswered",
     tx(1, "unanswered", (3, 4), None, NOTHING),
-    tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), ar=str(AR2)),
+    tx(2, "ok", (7, 8, 9, 10), 3, real(1500.0), ref=2, ar="47474747-0003-4000-8000-000000000003"),
     rules="DS401@3#1 DS722@3#1",
 )
-def _(tape: Tape) -> None:
-    """The controller sets up another AR of the kind of which it has one, and goes on with that."""
-    client = Client(tape)
-    client.connect("plc")
-    client.write(ask())
-    client.channel = client.at(ar=AR2)
-    client.connect("plc")
-    client.exchange(ask(), tell(1, 1.5))
 
 
 @BOOK.scene(
@@ -892,12 +811,12 @@ def _(tape: Tape) -> None:
     Client(tape, channel=client.at(ar=UUID(int=3)), activity=UUID(int=3)).connect("plc")
 
 
-@BOOK.scene("DS722-answered", "release", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)))
-def _(tape: Tape) -> None:
-    """Near miss: the connection ends when the response was read."""
-    client = Client(tape)
-    client.exchange(ask(), tell(1, 1.5))
-    client.release()
+BOOK.lab(
+    "DS722",
+    "diagnosis-connection-lost-not",
+    "release poll",
+    tx(1, "ok", (3, 4, 9, 10), 27, real(1500.0), polls=[(5, 6), (7, 8)]),
+)
 
 
 @BOOK.scene(
