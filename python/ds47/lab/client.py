@@ -58,6 +58,10 @@ class Client:
         """The client's channel with another slot, subslot, index, API or AR."""
         return replace(self.channel, **place)
 
+    def wait(self, milliseconds: float) -> None:
+        """Let time pass; a negative number steps the clock of the capture point back."""
+        self.stage.wait(milliseconds)
+
     # RPC
 
     def call(self, opnum: int) -> Call:
@@ -163,7 +167,7 @@ class Client:
         self.write(request, at=at)
         for _ in range(polls):
             self.poll(at=at)
-            self.stage.wait(10)
+            self.wait(10)
         self.read(response, at)
 
     def write_multiple(self, records: Sequence[tuple[Channel, bytes, int]]) -> None:

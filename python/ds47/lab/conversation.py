@@ -5,7 +5,6 @@ from __future__ import annotations
 from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
-from ds47.lab.stage import Stage
 
 BOOK = Book("conversation")
 
@@ -61,8 +60,8 @@ EXCHANGES: tuple[tuple[str, str, str, tuple[str, str], bytes, bytes], ...] = (
 def _enter(row: tuple[str, str, str, tuple[str, str], bytes, bytes]) -> None:
     name, title, rules, expect, request, response = row
 
-    def build(stage: Stage) -> None:
-        Client(stage).exchange(request, response)
+    def build(client: Client) -> None:
+        client.exchange(request, response)
 
     shows = f"{rules.replace(' ', ', ')} and no other finding"
     BOOK.add(name, title, shows, build, [expect], rules)
@@ -73,9 +72,9 @@ for _row in EXCHANGES:
 
 
 @BOOK.scene("read-unanswered", "RDREC is never started", ("read", "unanswered"), rules="DS401")
-def read_unanswered(stage: Stage) -> None:
+def read_unanswered(client: Client) -> None:
     """A read whose response nobody fetches."""
-    Client(stage).write(READ)
+    client.write(READ)
 
 
 @BOOK.scene(
@@ -84,15 +83,14 @@ def read_unanswered(stage: Stage) -> None:
     ("change", "unanswered"),
     rules="DS402",
 )
-def change_unread(stage: Stage) -> None:
+def change_unread(client: Client) -> None:
     """A change whose response nobody fetches."""
-    Client(stage).write(CHANGE)
+    client.write(CHANGE)
 
 
 @BOOK.scene("orphan", "the Write request was not captured", ("read", "orphan"), rules="DS403 DS725")
-def orphan(stage: Stage) -> None:
+def orphan(client: Client) -> None:
     """A response without its request."""
-    client = Client(stage)
     client.read(ANSWER, at=client.at(index=0xB02F))
 
 
@@ -103,9 +101,8 @@ def orphan(stage: Stage) -> None:
     OK_READ,
     rules="DS413 DS705",
 )
-def superseded_read(stage: Stage) -> None:
+def superseded_read(client: Client) -> None:
     """A read displaced by a new request."""
-    client = Client(stage)
     client.write(READ)
     client.exchange(message.read(2, 1, CURRENT), message.answer(2, 1, 1, FIVE))
 
@@ -118,39 +115,35 @@ def superseded_read(stage: Stage) -> None:
     OK_CHANGE,
     rules="DS414 DS721",
 )
-def superseded_change(stage: Stage) -> None:
+def superseded_change(client: Client) -> None:
     """Changes without reading the responses."""
-    client = Client(stage)
     client.write(CHANGE)
     client.write(message.change(2, 1, (RAMP, message.real(11.0))))
     client.exchange(message.change(3, 1, (RAMP, message.real(12.0))), message.changed(3, 1))
 
 
 @BOOK.scene("late-read", "the response is fetched 30 s after the Write", OK_READ)
-def late_read(stage: Stage) -> None:
+def late_read(client: Client) -> None:
     """A late read."""
-    client = Client(stage)
     client.write(READ)
-    stage.wait(30_000)
+    client.wait(30_000)
     client.read(ANSWER)
 
 
 @BOOK.scene("slow", "the drive holds back its Read response for 1.5 s", OK_READ, rules="DS416")
-def slow(stage: Stage) -> None:
+def slow(client: Client) -> None:
     """A slow drive."""
-    client = Client(stage)
     client.write(READ)
     call = client.ask_read()
-    stage.wait(1500)
+    client.wait(1500)
     client.accept_read(call, ANSWER)
 
 
 @BOOK.scene(
     "read-back", "10.0 was written, 9.5 is read back", OK_CHANGE, OK_READ, rules="DS417 DS721"
 )
-def read_back(stage: Stage) -> None:
+def read_back(client: Client) -> None:
     """A value that reads back differently."""
-    client = Client(stage)
     client.exchange(CHANGE, message.changed(1, 1))
     client.exchange(message.read(2, 1, RAMP), message.answer(2, 1, 1, message.real(9.5)))
 
@@ -158,20 +151,18 @@ def read_back(stage: Stage) -> None:
 @BOOK.scene(
     "read-back-equal", "10.0 was written and is read back", OK_CHANGE, OK_READ, rules="DS721"
 )
-def read_back_equal(stage: Stage) -> None:
+def read_back_equal(client: Client) -> None:
     """A value that reads back as written."""
-    client = Client(stage)
     client.exchange(CHANGE, message.changed(1, 1))
     client.exchange(message.read(2, 1, RAMP), message.answer(2, 1, 1, TEN))
 
 
 @BOOK.scene("constant-reference", "three requests with reference 1", *[OK_READ] * 3, rules="DS415")
-def constant_reference(stage: Stage) -> None:
+def constant_reference(client: Client) -> None:
     """The reference never changes."""
-    client = Client(stage)
     for _ in range(3):
         client.exchange(READ, ANSWER)
-        stage.wait(100)
+        client.wait(100)
 
 
 @BOOK.scene(
@@ -181,9 +172,8 @@ def constant_reference(stage: Stage) -> None:
     ("read", "mismatch"),
     rules="DS404 DS413 DS705",
 )
-def other_response(stage: Stage) -> None:
+def other_response(client: Client) -> None:
     """The response of another request."""
-    client = Client(stage)
     client.write(READ)
     client.write(message.read(2, 1, CURRENT))
     client.read(ANSWER)
@@ -195,9 +185,8 @@ def other_response(stage: Stage) -> None:
     ("read", "unanswered"),
     rules="DS401 DS722",
 )
-def released(stage: Stage) -> None:
+def released(client: Client) -> None:
     """Release of the AR inside a job."""
-    client = Client(stage)
     client.write(READ)
     client.poll()
     client.release()

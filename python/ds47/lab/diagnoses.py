@@ -8,13 +8,11 @@ The other causes: `diagnoses_places`, `diagnoses_whole`, `diagnoses_refused` and
 
 from __future__ import annotations
 
-from dataclasses import replace
 from uuid import UUID
 
 from ds47.lab import message
-from ds47.lab.client import BUSY, Client, controller, drive
+from ds47.lab.client import BUSY, Client, controller
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
-from ds47.lab.stage import Stage
 from ds47.lab.wire import Channel
 
 BOOK = Book("diagnosis")
@@ -53,21 +51,21 @@ def fixed(reference: int, value: float) -> bytes:
 def save(client: Client, reference: int) -> None:
     """Copy RAM to ROM: p0977 = 1, which takes the drive a while."""
     request = message.change(reference, 1, (message.address(977), message.word(1)))
-    client.stage.wait(CYCLE)
+    client.wait(CYCLE)
     client.exchange(request, message.changed(reference, 1), polls=3)
 
 
 def ask(client: Client, reference: int, value: float = 1500.0, at: Channel | None = None) -> None:
     """A read of r0021 that nothing is wrong with."""
     client.exchange(read(reference), speed(reference, value), at=at)
-    client.stage.wait(CYCLE)
+    client.wait(CYCLE)
 
 
 def polls(client: Client, count: int, pause: float = CYCLE, at: Channel | None = None) -> None:
     """Reads that are refused with DE80B500, and a pause behind each."""
     for _ in range(count):
         client.poll(at=at)
-        client.stage.wait(pause)
+        client.wait(pause)
 
 
 # The Read before the Write response (DS702)
@@ -79,15 +77,14 @@ def polls(client: Client, count: int, pause: float = CYCLE, at: Channel | None =
     OK_READ,
     rules="DS702",
 )
-def read_too_early(stage: Stage) -> None:
+def read_too_early(client: Client) -> None:
     """Read and Write started in the same cycle."""
-    client = Client(stage)
     request = read(1)
     write = client.ask_write(request)
     early = client.ask_read()
     client.accept_write(write, request)
     client.refuse_read(early, BUSY)
-    stage.wait(CYCLE)
+    client.wait(CYCLE)
     client.read(speed(1))
 
 
@@ -96,9 +93,8 @@ def read_too_early(stage: Stage) -> None:
     "the same frames, but the first Read is sent after the Write response: an ordinary poll",
     OK_READ,
 )
-def read_too_early_not(stage: Stage) -> None:
+def read_too_early_not(client: Client) -> None:
     """Read started with DONE of the Write, the drive not ready yet."""
-    client = Client(stage)
     client.exchange(read(1), speed(1), polls=1)
 
 
@@ -111,9 +107,8 @@ def read_too_early_not(stage: Stage) -> None:
     OK_READ,
     rules="DS206 DS703",
 )
-def nothing_to_read(stage: Stage) -> None:
+def nothing_to_read(client: Client) -> None:
     """Reads without a request."""
-    client = Client(stage)
     ask(client, 1)
     polls(client, 3)
 
@@ -124,9 +119,8 @@ def nothing_to_read(stage: Stage) -> None:
     OK_READ,
     OK_READ,
 )
-def nothing_to_read_not(stage: Stage) -> None:
+def nothing_to_read_not(client: Client) -> None:
     """Reads while the drive works on a request."""
-    client = Client(stage)
     ask(client, 1)
     client.write(read(2))
     polls(client, 3)
@@ -140,9 +134,9 @@ def _faults(client: Client, status: int) -> None:
     """The fault buffer, asked for twice with the same reference; `status` is that of the second Write."""
     answer = message.answer(1, 1, 1, message.word(7900, 0, 0, 0))
     client.exchange(read(1, FAULTS), answer)
-    client.stage.wait(500)
+    client.wait(500)
     client.write(read(1, FAULTS), status=status)
-    client.stage.wait(CYCLE)
+    client.wait(CYCLE)
     client.read(answer)
 
 
@@ -153,9 +147,9 @@ def _faults(client: Client, status: int) -> None:
     REFUSED,
     rules="DS203 DS415 DS704",
 )
-def old_answer(stage: Stage) -> None:
+def old_answer(client: Client) -> None:
     """An old response after a failed Write."""
-    _faults(Client(stage), DF_BUSY)
+    _faults(client, DF_BUSY)
 
 
 @BOOK.scene(
@@ -165,9 +159,9 @@ def old_answer(stage: Stage) -> None:
     OK_READ,
     rules="DS415",
 )
-def old_answer_not(stage: Stage) -> None:
+def old_answer_not(client: Client) -> None:
     """The same value asked for twice."""
-    _faults(Client(stage), 0)
+    _faults(client, 0)
 
 
 @BOOK.scene(
@@ -176,12 +170,11 @@ def old_answer_not(stage: Stage) -> None:
     OK_READ,
     rules="DS704",
 )
-def old_answer_unsent(stage: Stage) -> None:
+def old_answer_unsent(client: Client) -> None:
     """One request, three Reads."""
-    client = Client(stage)
     ask(client, 1)
     for _ in range(2):
-        stage.wait(500)
+        client.wait(500)
         client.read(speed(1))
 
 
@@ -193,9 +186,8 @@ def old_answer_unsent(stage: Stage) -> None:
     OK_CHANGE,
     rules="DS206 DS414 DS703",
 )
-def nothing_to_read_elsewhere(stage: Stage) -> None:
+def nothing_to_read_elsewhere(client: Client) -> None:
     """A Read without a request, while another submodule has one open."""
-    client = Client(stage)
     client.write(fixed(1, 25.0))
     there = client.at(slot=2)
     ask(client, 1, at=there)
@@ -213,9 +205,8 @@ def nothing_to_read_elsewhere(stage: Stage) -> None:
     OK_READ,
     rules="DS413 DS705",
 )
-def two_users(stage: Stage) -> None:
+def two_users(client: Client) -> None:
     """Two blocks on one channel of one AR."""
-    client = Client(stage)
     client.write(read(1))
     client.exchange(read(2, CURRENT), speed(2, 12.5))
 
@@ -227,9 +218,8 @@ def two_users(stage: Stage) -> None:
     OK_READ,
     rules="DS413",
 )
-def two_users_again_not(stage: Stage) -> None:
+def two_users_again_not(client: Client) -> None:
     """One block that asks again."""
-    client = Client(stage)
     client.write(read(1))
     client.exchange(read(2), speed(2, 12.5))
 
@@ -240,24 +230,21 @@ def two_users_again_not(stage: Stage) -> None:
     OK_READ,
     OK_READ,
 )
-def two_users_not(stage: Stage) -> None:
+def two_users_not(client: Client) -> None:
     """Two blocks that take turns."""
-    client = Client(stage)
     client.exchange(read(1), speed(1))
     client.exchange(read(2, CURRENT), speed(2, 12.5))
 
 
-def two_controllers(stage: Stage) -> tuple[Client, Client]:
-    """Two controllers with an AR each to the same submodule of one drive."""
-    first = Client(stage, controller(1), drive())
-    second = Client(
-        stage,
+def second_controller(client: Client) -> Client:
+    """Another controller with an AR to the same submodule of the same drive."""
+    return Client(
+        client.stage,
         controller(2),
-        first.device,
+        client.device,
         activity=UUID("1f2e3d4c-5b6a-11f0-8a47-00000a0b0c02"),
-        channel=replace(first.channel, ar=UUID("47474747-0002-4000-8000-000000000002")),
+        channel=client.at(ar=UUID("47474747-0002-4000-8000-000000000002")),
     )
-    return first, second
 
 
 @BOOK.scene(
@@ -268,13 +255,13 @@ def two_controllers(stage: Stage) -> tuple[Client, Client]:
     REFUSED,
     rules="DS203 DS705",
 )
-def two_users_across(stage: Stage) -> None:
+def two_users_across(client: Client) -> None:
     """Two controllers on one channel."""
-    first, second = two_controllers(stage)
+    second = second_controller(client)
     ask(second, 1)
-    first.write(read(7))
+    client.write(read(7))
     second.write(read(2), status=DF_STATE)
-    first.read(speed(7))
+    client.read(speed(7))
 
 
 @BOOK.scene(
@@ -282,11 +269,11 @@ def two_users_across(stage: Stage) -> None:
     "the same two controllers, the second one asks when the first has its response",
     *[OK_READ] * 3,
 )
-def two_users_across_not(stage: Stage) -> None:
+def two_users_across_not(client: Client) -> None:
     """Two controllers that take turns."""
-    first, second = two_controllers(stage)
+    second = second_controller(client)
     ask(second, 1)
-    ask(first, 7)
+    ask(client, 7)
     ask(second, 2)
 
 
@@ -298,20 +285,19 @@ def two_users_across_not(stage: Stage) -> None:
     REFUSED,
     rules="DS203 DS705",
 )
-def two_users_connections(stage: Stage) -> None:
+def two_users_connections(client: Client) -> None:
     """Two connections of one controller on one channel."""
-    first = Client(stage)
     second = Client(
-        stage,
-        first.host,
-        first.device,
+        client.stage,
+        client.host,
+        client.device,
         activity=UUID("1f2e3d4c-5b6a-11f0-8a47-00000a0b0c03"),
-        channel=replace(first.channel, ar=UUID("74747474-0003-4000-8000-000000000003")),
+        channel=client.at(ar=UUID("74747474-0003-4000-8000-000000000003")),
     )
     ask(second, 1)
-    first.write(read(7))
+    client.write(read(7))
     second.write(read(2), status=DF_STATE)
-    first.read(speed(7))
+    client.read(speed(7))
 
 
 @BOOK.scene(
@@ -321,11 +307,10 @@ def two_users_connections(stage: Stage) -> None:
     OK_READ,
     rules="DS203 DS705",
 )
-def two_users_unknown(stage: Stage) -> None:
+def two_users_unknown(client: Client) -> None:
     """A channel that somebody else uses."""
-    client = Client(stage)
     client.write(read(1), status=DF_STATE)
-    stage.wait(50)
+    client.wait(50)
     ask(client, 2)
 
 
@@ -336,9 +321,8 @@ def two_users_unknown(stage: Stage) -> None:
     OK_READ,
     rules="DS203",
 )
-def two_users_unknown_not(stage: Stage) -> None:
+def two_users_unknown_not(client: Client) -> None:
     """A Write refused for another reason."""
-    client = Client(stage)
     client.write(read(1), status=DF_BUSY)
-    stage.wait(50)
+    client.wait(50)
     ask(client, 2)

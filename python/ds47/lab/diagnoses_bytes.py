@@ -35,7 +35,6 @@ from ds47.lab.diagnoses_refused import (
     taken,
 )
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
-from ds47.lab.stage import Stage
 
 BOOK = Book("diagnosis")
 
@@ -269,11 +268,10 @@ for _row in (*REPAIR_ROWS, *LENGTH_ROWS):
 # MLEN of RDREC (DS712)
 
 
-def _four(stage: Stage, maximum: int, status: int = 0) -> None:
+def _four(client: Client, maximum: int, status: int = 0) -> None:
     """Four Float32 asked for, 22 bytes; the Read wants `maximum` bytes and the drive keeps to it."""
-    client = Client(stage)
     client.write(read(1, message.address(2902, 2, 4)))
-    stage.wait(CYCLE)
+    client.wait(CYCLE)
     call = client.ask_read(maximum=maximum)
     if status:
         client.refuse_read(call, status)
@@ -288,15 +286,15 @@ def _four(stage: Stage, maximum: int, status: int = 0) -> None:
     ("read", "error"),
     rules="DS315 DS712",
 )
-def read_length(stage: Stage) -> None:
+def read_length(client: Client) -> None:
     """MLEN smaller than the response."""
-    _four(stage, 10)
+    _four(client, 10)
 
 
 @BOOK.scene("read-length-not", "MLEN 22, the response to the byte", OK_READ)
-def read_length_not(stage: Stage) -> None:
+def read_length_not(client: Client) -> None:
     """MLEN as long as the response."""
-    _four(stage, 22)
+    _four(client, 22)
 
 
 @BOOK.scene(
@@ -305,9 +303,9 @@ def read_length_not(stage: Stage) -> None:
     REFUSED,
     rules="DS201 DS712",
 )
-def read_length_refused(stage: Stage) -> None:
+def read_length_refused(client: Client) -> None:
     """MLEN smaller than the response: refused."""
-    _four(stage, 10, DE_PARAMETER)
+    _four(client, 10, DE_PARAMETER)
 
 
 @BOOK.scene(
@@ -316,6 +314,6 @@ def read_length_refused(stage: Stage) -> None:
     REFUSED,
     rules="DS201",
 )
-def read_length_refused_not(stage: Stage) -> None:
+def read_length_refused_not(client: Client) -> None:
     """A Read refused for another reason."""
-    _four(stage, 22, DE_PARAMETER)
+    _four(client, 22, DE_PARAMETER)

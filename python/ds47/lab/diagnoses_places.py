@@ -23,7 +23,6 @@ from ds47.lab.diagnoses import (
     speed,
 )
 from ds47.lab.scenario import OK_READ, Book
-from ds47.lab.stage import Stage
 
 BOOK = Book("diagnosis")
 
@@ -36,11 +35,10 @@ BOOK = Book("diagnosis")
     UNANSWERED,
     rules="DS206 DS401 DS706",
 )
-def request_here_read_there(stage: Stage) -> None:
+def request_here_read_there(client: Client) -> None:
     """Two hardware identifiers: the Read is refused."""
-    client = Client(stage)
     client.write(read(1))
-    stage.wait(CYCLE)
+    client.wait(CYCLE)
     polls(client, 3, at=client.at(subslot=2))
 
 
@@ -49,11 +47,10 @@ def request_here_read_there(stage: Stage) -> None:
     "the same polls at the submodule that was asked, and the response at last",
     OK_READ,
 )
-def request_here_read_there_not(stage: Stage) -> None:
+def request_here_read_there_not(client: Client) -> None:
     """One hardware identifier for both blocks."""
-    client = Client(stage)
     client.write(read(1))
-    stage.wait(CYCLE)
+    client.wait(CYCLE)
     polls(client, 3)
     client.read(speed(1))
 
@@ -65,11 +62,10 @@ def request_here_read_there_not(stage: Stage) -> None:
     ORPHAN,
     rules="DS401 DS403 DS706",
 )
-def request_here_read_there_answered(stage: Stage) -> None:
+def request_here_read_there_answered(client: Client) -> None:
     """Two hardware identifiers: the Read is answered."""
-    client = Client(stage)
     client.write(read(1))
-    stage.wait(CYCLE)
+    client.wait(CYCLE)
     client.read(speed(1), at=client.at(subslot=2))
 
 
@@ -81,25 +77,23 @@ def request_here_read_there_answered(stage: Stage) -> None:
     "INDEX := 16#47: the drive has no record 71 and says so",
     rules="DS707",
 )
-def wrong_record_index(stage: Stage) -> None:
+def wrong_record_index(client: Client) -> None:
     """A request on record 71."""
-    client = Client(stage)
     for reference in (1, 2):
         client.write(read(reference), status=DF_INDEX, at=client.at(index=CONFUSED))
-        stage.wait(500)
+        client.wait(500)
 
 
 @BOOK.scene(
     "wrong-record-index-not",
     "record 71 refused as well, but what it holds is no parameter request",
 )
-def wrong_record_index_not(stage: Stage) -> None:
+def wrong_record_index_not(client: Client) -> None:
     """Another record with the number 71."""
-    client = Client(stage)
     for number in (1, 2):
         recipe = bytes((number, 0, 0, 25)) + b"recipe"
         client.write(recipe, status=DF_INDEX, at=client.at(index=CONFUSED))
-        stage.wait(500)
+        client.wait(500)
 
 
 @BOOK.scene(
@@ -108,11 +102,10 @@ def wrong_record_index_not(stage: Stage) -> None:
     OK_READ,
     rules="DS707",
 )
-def wrong_record_index_other(stage: Stage) -> None:
+def wrong_record_index_other(client: Client) -> None:
     """A request on record 0xB02D, then on 0xB02E."""
-    client = Client(stage)
     client.write(read(1), status=DF_INDEX, at=client.at(index=LOCAL - 1))
-    stage.wait(500)
+    client.wait(500)
     ask(client, 2, at=client.at(index=LOCAL))
 
 
@@ -121,11 +114,10 @@ def wrong_record_index_other(stage: Stage) -> None:
     "record 0xB02D is accepted: the device has one of that number, whatever it means there",
     OK_READ,
 )
-def wrong_record_index_other_not(stage: Stage) -> None:
+def wrong_record_index_other_not(client: Client) -> None:
     """A record of the maker that looks like a request."""
-    client = Client(stage)
     client.write(read(1), at=client.at(index=LOCAL - 1))
-    stage.wait(500)
+    client.wait(500)
     ask(client, 2, at=client.at(index=LOCAL))
 
 
@@ -139,11 +131,10 @@ def wrong_record_index_other_not(stage: Stage) -> None:
     OK_READ,
     rules="DS203 DS708",
 )
-def wrong_slot(stage: Stage) -> None:
+def wrong_slot(client: Client) -> None:
     """The hardware identifier of a slot that is not there."""
-    client = Client(stage)
     client.write(read(1), status=DF_SLOT, at=client.at(slot=5))
-    stage.wait(100)
+    client.wait(100)
     ask(client, 2)
 
 
@@ -154,12 +145,11 @@ def wrong_slot(stage: Stage) -> None:
     REFUSED,
     rules="DS203",
 )
-def wrong_slot_not(stage: Stage) -> None:
+def wrong_slot_not(client: Client) -> None:
     """A slot that is not there, and no other."""
-    client = Client(stage)
     for reference in (1, 2):
         client.write(read(reference), status=DF_SLOT, at=client.at(slot=5))
-        stage.wait(100)
+        client.wait(100)
 
 
 @BOOK.scene(
@@ -169,11 +159,10 @@ def wrong_slot_not(stage: Stage) -> None:
     OK_READ,
     rules="DS203 DS708",
 )
-def wrong_slot_denied(stage: Stage) -> None:
+def wrong_slot_denied(client: Client) -> None:
     """The station's own submodule instead of the drive's."""
-    client = Client(stage)
     client.write(read(1), status=DF_ACCESS, at=client.at(slot=0))
-    stage.wait(100)
+    client.wait(100)
     ask(client, 2)
 
 
@@ -184,26 +173,26 @@ def wrong_slot_denied(stage: Stage) -> None:
     OK_READ,
     rules="DS203",
 )
-def wrong_slot_other_drive_not(stage: Stage) -> None:
+def wrong_slot_other_drive_not(client: Client) -> None:
     """A slot that is not there, and another drive that answers."""
-    client = Client(stage)
     client.write(read(1), status=DF_SLOT, at=client.at(slot=5))
-    stage.wait(100)
-    other = Client(stage, device=drive(2), channel=client.at(ar=UUID(int=2)), activity=UUID(int=2))
+    client.wait(100)
+    other = Client(
+        client.stage, device=drive(2), channel=client.at(ar=UUID(int=2)), activity=UUID(int=2)
+    )
     ask(other, 1)
 
 
 # The axis byte that nobody looks at (DS710)
 
 
-def _two_axes(stage: Stage, index: int) -> None:
+def _two_axes(client: Client, index: int) -> None:
     """DO 1 and DO 2 asked at the same submodule."""
-    client = Client(stage)
     for axis in (1, 2):
         client.exchange(
             read(axis, axis=axis), speed(axis, 1500.0, axis), at=client.at(slot=2, index=index)
         )
-        stage.wait(CYCLE)
+        client.wait(CYCLE)
 
 
 @BOOK.scene(
@@ -213,9 +202,9 @@ def _two_axes(stage: Stage, index: int) -> None:
     OK_READ,
     rules="DS710",
 )
-def axis_byte_ignored(stage: Stage) -> None:
+def axis_byte_ignored(client: Client) -> None:
     """Two axis numbers on the local access point."""
-    _two_axes(stage, LOCAL)
+    _two_axes(client, LOCAL)
 
 
 @BOOK.scene(
@@ -224,9 +213,9 @@ def axis_byte_ignored(stage: Stage) -> None:
     OK_READ,
     OK_READ,
 )
-def axis_byte_ignored_not(stage: Stage) -> None:
+def axis_byte_ignored_not(client: Client) -> None:
     """Two axis numbers on the global access point."""
-    _two_axes(stage, GLOBAL)
+    _two_axes(client, GLOBAL)
 
 
 # The connection ends inside a job (DS722)
@@ -238,9 +227,8 @@ def axis_byte_ignored_not(stage: Stage) -> None:
     UNANSWERED,
     rules="DS401 DS722",
 )
-def connection_lost(stage: Stage) -> None:
+def connection_lost(client: Client) -> None:
     """Release inside a job."""
-    client = Client(stage)
     client.connect("plc-1")
     client.write(read(1))
     polls(client, 2)
@@ -252,9 +240,8 @@ def connection_lost(stage: Stage) -> None:
     "the response is read, then the AR is released",
     OK_READ,
 )
-def connection_lost_not(stage: Stage) -> None:
+def connection_lost_not(client: Client) -> None:
     """Release after the job."""
-    client = Client(stage)
     client.connect("plc-1")
     client.write(read(1))
     polls(client, 2)
@@ -268,23 +255,21 @@ def connection_lost_not(stage: Stage) -> None:
     ("change", "unanswered"),
     rules="DS402",
 )
-def connection_lost_unread_not(stage: Stage) -> None:
+def connection_lost_unread_not(client: Client) -> None:
     """Release long after a change."""
-    client = Client(stage)
     client.connect("plc-1")
     client.write(message.change(1, 1, (message.address(977), message.word(1))))
-    stage.wait(60_000)
+    client.wait(60_000)
     client.release()
 
 
-def _restart(stage: Stage, *, read_before: bool) -> None:
+def _restart(client: Client, *, read_before: bool) -> None:
     """The drive restarts; the controller sets up a new AR, under another UUID, and asks again."""
-    client = Client(stage)
     client.connect("plc-1")
     client.write(read(1))
     if read_before:
         client.read(speed(1))
-    stage.wait(3000)
+    client.wait(3000)
     client.channel = client.at(ar=UUID("47474747-0003-4000-8000-000000000003"))
     client.connect("plc-1")
     ask(client, 2)
@@ -297,9 +282,9 @@ def _restart(stage: Stage, *, read_before: bool) -> None:
     OK_READ,
     rules="DS401 DS722",
 )
-def connection_lost_restart(stage: Stage) -> None:
+def connection_lost_restart(client: Client) -> None:
     """A new Connect inside a job."""
-    _restart(stage, read_before=False)
+    _restart(client, read_before=False)
 
 
 @BOOK.scene(
@@ -308,6 +293,6 @@ def connection_lost_restart(stage: Stage) -> None:
     OK_READ,
     OK_READ,
 )
-def connection_lost_restart_not(stage: Stage) -> None:
+def connection_lost_restart_not(client: Client) -> None:
     """A new Connect between two jobs."""
-    _restart(stage, read_before=True)
+    _restart(client, read_before=True)

@@ -13,7 +13,6 @@ from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.diagnoses import CYCLE, DF_HEADER, read, save, speed
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
-from ds47.lab.stage import Stage
 
 BOOK = Book("diagnosis")
 
@@ -50,9 +49,9 @@ class Exchange:
             client.write(self.request, status=self.status)
         else:
             client.write(self.request)
-            client.stage.wait(CYCLE)
+            client.wait(CYCLE)
             client.read(self.response)
-        client.stage.wait(CYCLE)
+        client.wait(CYCLE)
 
 
 def taken(request: bytes) -> Exchange:
@@ -86,8 +85,7 @@ class Row:
 def enter(book: Book, row: Row) -> None:
     """Enter the scenario of a row."""
 
-    def build(stage: Stage) -> None:
-        client = Client(stage)
+    def build(client: Client) -> None:
         for exchange in row.exchanges:
             exchange.play(client)
         if OK_CHANGE in row.transactions:

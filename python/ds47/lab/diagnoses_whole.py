@@ -16,8 +16,8 @@ from ds47.lab.diagnoses import (
     polls,
     read,
     save,
+    second_controller,
     speed,
-    two_controllers,
 )
 from ds47.lab.ether import Host
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
@@ -36,12 +36,11 @@ BOOK = Book("diagnosis")
     OK_CHANGE,
     rules="DS721",
 )
-def lost_at_power_off(stage: Stage) -> None:
+def lost_at_power_off(client: Client) -> None:
     """Changes that stay in RAM."""
-    client = Client(stage)
     for reference, value in ((1, 25.0), (2, 30.0)):
         client.exchange(fixed(reference, value), message.changed(reference, 1))
-        stage.wait(CYCLE)
+        client.wait(CYCLE)
 
 
 @BOOK.scene(
@@ -49,11 +48,10 @@ def lost_at_power_off(stage: Stage) -> None:
     "the same two changes, then p0977 = 1",
     *[OK_CHANGE] * 3,
 )
-def lost_at_power_off_not(stage: Stage) -> None:
+def lost_at_power_off_not(client: Client) -> None:
     """Changes that are copied to ROM."""
-    lost_at_power_off(stage)
-    client = Client(stage, sequence=4)
-    save(client, 3)
+    lost_at_power_off(client)
+    save(Client(client.stage, sequence=4), 3)
 
 
 @BOOK.scene(
@@ -63,9 +61,8 @@ def lost_at_power_off_not(stage: Stage) -> None:
     OK_CHANGE,
     OK_READ,
 )
-def lost_at_power_off_order_not(stage: Stage) -> None:
+def lost_at_power_off_order_not(client: Client) -> None:
     """Changes at one submodule, copied to ROM at another."""
-    client = Client(stage)
     client.exchange(fixed(1, 25.0), message.changed(1, 1), at=client.at(slot=2))
     save(client, 2)
     ask(client, 3)
@@ -74,12 +71,11 @@ def lost_at_power_off_order_not(stage: Stage) -> None:
 # The same change again and again (DS723)
 
 
-def _changes(stage: Stage, values: list[float]) -> None:
+def _changes(client: Client, values: list[float]) -> None:
     """A change every 100 ms, then the copy to ROM."""
-    client = Client(stage)
     for reference, value in enumerate(values, start=1):
         client.exchange(fixed(reference, value), message.changed(reference, 1))
-        stage.wait(96)
+        client.wait(96)
     save(client, len(values) + 1)
 
 
@@ -89,9 +85,9 @@ def _changes(stage: Stage, values: list[float]) -> None:
     *[OK_CHANGE] * 9,
     rules="DS723",
 )
-def request_held(stage: Stage) -> None:
+def request_held(client: Client) -> None:
     """The same change again and again."""
-    _changes(stage, [25.0] * 8)
+    _changes(client, [25.0] * 8)
 
 
 @BOOK.scene(
@@ -99,22 +95,21 @@ def request_held(stage: Stage) -> None:
     "eight changes at the same period, each with a value of its own: a ramp",
     *[OK_CHANGE] * 9,
 )
-def request_held_not(stage: Stage) -> None:
+def request_held_not(client: Client) -> None:
     """Changes of a value that moves."""
-    _changes(stage, [25.0 + number for number in range(8)])
+    _changes(client, [25.0 + number for number in range(8)])
 
 
 # Polls without a pause (DS724)
 
 
-def _asked(stage: Stage, jobs: int, count: int, pause: float) -> None:
+def _asked(client: Client, jobs: int, count: int, pause: float) -> None:
     """Reads of r0021, each polled `count` times with a pause between."""
-    client = Client(stage)
     for reference in range(1, jobs + 1):
         client.write(read(reference))
         polls(client, count, pause)
         client.read(speed(reference, 1500.0 + reference))
-        stage.wait(CYCLE)
+        client.wait(CYCLE)
 
 
 @BOOK.scene(
@@ -123,9 +118,9 @@ def _asked(stage: Stage, jobs: int, count: int, pause: float) -> None:
     *[OK_READ] * 3,
     rules="DS204 DS724",
 )
-def polling_storm(stage: Stage) -> None:
+def polling_storm(client: Client) -> None:
     """A Read in every cycle."""
-    _asked(stage, 3, 12, 0)
+    _asked(client, 3, 12, 0)
 
 
 @BOOK.scene(
@@ -133,9 +128,9 @@ def polling_storm(stage: Stage) -> None:
     "the same drive, as slow as before, asked every 12 ms: two polls each",
     *[OK_READ] * 3,
 )
-def polling_storm_not(stage: Stage) -> None:
+def polling_storm_not(client: Client) -> None:
     """Reads with a pause."""
-    _asked(stage, 3, 2, CYCLE)
+    _asked(client, 3, 2, CYCLE)
 
 
 @BOOK.scene(
@@ -144,9 +139,9 @@ def polling_storm_not(stage: Stage) -> None:
     OK_READ,
     rules="DS204 DS724",
 )
-def polling_storm_one(stage: Stage) -> None:
+def polling_storm_one(client: Client) -> None:
     """More than a hundred Reads for one response."""
-    _asked(stage, 1, 120, 0)
+    _asked(client, 1, 120, 0)
 
 
 # A part of the conversation (DS725)
@@ -170,8 +165,9 @@ class _OneWay(Stage):
         super().send(source, target, payload, ports)
 
 
-def _heard_from(stage: Stage, speaker: str) -> None:
-    client = Client(_OneWay(stage, speaker), channel=Channel(UUID(int=1), index=LOCAL))
+def _heard_from(client: Client, speaker: str) -> None:
+    client.stage = _OneWay(client.stage, speaker)
+    client.channel = Channel(UUID(int=1), index=LOCAL)
     for reference in (1, 2, 3):
         ask(client, reference, 1500.0 + reference)
 
@@ -182,9 +178,9 @@ def _heard_from(stage: Stage, speaker: str) -> None:
     *[UNANSWERED] * 3,
     rules="DS101 DS401 DS725",
 )
-def half_captured(stage: Stage) -> None:
+def half_captured(client: Client) -> None:
     """Requests only."""
-    _heard_from(stage, controller().ip)
+    _heard_from(client, controller().ip)
 
 
 @BOOK.scene(
@@ -193,9 +189,9 @@ def half_captured(stage: Stage) -> None:
     *[ORPHAN] * 3,
     rules="DS102 DS403 DS725",
 )
-def half_captured_responses(stage: Stage) -> None:
+def half_captured_responses(client: Client) -> None:
     """Responses only."""
-    _heard_from(stage, drive().ip)
+    _heard_from(client, drive().ip)
 
 
 @BOOK.scene(
@@ -205,11 +201,11 @@ def half_captured_responses(stage: Stage) -> None:
     ORPHAN,
     rules="DS403 DS725",
 )
-def half_captured_reads(stage: Stage) -> None:
+def half_captured_reads(client: Client) -> None:
     """Reads without any Write."""
-    for reference, client in enumerate(two_controllers(stage), start=1):
-        client.read(speed(reference), at=client.at(index=LOCAL))
-        stage.wait(CYCLE)
+    for reference, each in enumerate((client, second_controller(client)), start=1):
+        each.read(speed(reference), at=each.at(index=LOCAL))
+        client.wait(CYCLE)
 
 
 @BOOK.scene(
@@ -218,9 +214,9 @@ def half_captured_reads(stage: Stage) -> None:
     OK_READ,
     rules="DS106 DS725",
 )
-def half_captured_cut(stage: Stage) -> None:
+def half_captured_cut(client: Client) -> None:
     """Frames cut by the snap length: the values."""
-    _ten_values(stage, 230)
+    _ten_values(client, 230)
 
 
 @BOOK.scene(
@@ -228,9 +224,9 @@ def half_captured_cut(stage: Stage) -> None:
     "the capture keeps 260 bytes of each frame, and none is longer",
     OK_READ,
 )
-def half_captured_cut_not(stage: Stage) -> None:
+def half_captured_cut_not(client: Client) -> None:
     """A snap length that cuts nothing."""
-    _ten_values(stage, 260)
+    _ten_values(client, 260)
 
 
 @BOOK.scene(
@@ -238,15 +234,15 @@ def half_captured_cut_not(stage: Stage) -> None:
     "the capture keeps 128 bytes of each frame: no record is left of any of them",
     rules="DS725",
 )
-def half_captured_cut_short(stage: Stage) -> None:
+def half_captured_cut_short(client: Client) -> None:
     """Frames cut by the snap length: all that matters."""
-    _ten_values(stage, 128)
+    _ten_values(client, 128)
 
 
-def _ten_values(stage: Stage, snap: int) -> None:
-    stage.snap = snap
+def _ten_values(client: Client, snap: int) -> None:
+    client.stage.snap = snap
     answer = message.answer(1, 1, 1, message.real(*range(10)))
-    Client(stage).exchange(read(1, message.address(2902, 0, 10)), answer)
+    client.exchange(read(1, message.address(2902, 0, 10)), answer)
 
 
 @BOOK.scene(
@@ -257,9 +253,9 @@ def _ten_values(stage: Stage, snap: int) -> None:
     OK_READ,
     rules="DS401 DS725",
 )
-def half_captured_dropped(stage: Stage) -> None:
+def half_captured_dropped(client: Client) -> None:
     """Frames lost while capturing."""
-    _with_a_gap(stage, dropped=14)
+    _with_a_gap(client, dropped=14)
 
 
 @BOOK.scene(
@@ -270,21 +266,20 @@ def half_captured_dropped(stage: Stage) -> None:
     OK_READ,
     rules="DS401",
 )
-def half_captured_dropped_not(stage: Stage) -> None:
+def half_captured_dropped_not(client: Client) -> None:
     """A Read that never was."""
-    _with_a_gap(stage, dropped=0)
+    _with_a_gap(client, dropped=0)
 
 
-def _with_a_gap(stage: Stage, dropped: int) -> None:
-    client = Client(stage)
+def _with_a_gap(client: Client, dropped: int) -> None:
     ask(client, 1)
     client.write(read(2))
-    stage.deaf = True
+    client.stage.deaf = True
     client.read(speed(2))
-    stage.deaf = False
+    client.stage.deaf = False
     other = client.at(slot=2)
     ask(client, 3, at=other)
-    stage.dropped = dropped
+    client.stage.dropped = dropped
 
 
 @BOOK.scene(
@@ -295,13 +290,12 @@ def _with_a_gap(stage: Stage, dropped: int) -> None:
     OK_READ,
     rules="DS403",
 )
-def half_captured_not(stage: Stage) -> None:
+def half_captured_not(client: Client) -> None:
     """A capture that starts between Write and Read."""
-    client = Client(stage)
-    stage.deaf = True
+    client.stage.deaf = True
     client.write(read(1))
-    stage.deaf = False
+    client.stage.deaf = False
     client.read(speed(1))
     for reference in (2, 3):
-        stage.wait(100)
+        client.wait(100)
         ask(client, reference, 1480.0)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
-from ds47.lab.stage import Stage
 
 BOOK = Book("format")
 
@@ -71,16 +70,14 @@ EXAMPLES: tuple[tuple[int, int, str], ...] = (
 """(format, number of values, values in hex); PNU n of the scenarios is 1000 + row."""
 
 
-def _read(stage: Stage) -> None:
-    client = Client(stage)
+def _read(client: Client) -> None:
     for row, (code, count, data) in enumerate(EXAMPLES):
         place = message.address(1000 + row, elements=count)
         block = message.raw_block(code, count, bytes.fromhex(data))
         client.exchange(message.read(row + 1, 1, place), message.answer(row + 1, 1, 1, block))
 
 
-def _change(stage: Stage) -> None:
-    client = Client(stage)
+def _change(client: Client) -> None:
     for row, (code, count, data) in enumerate(EXAMPLES):
         place = message.address(1000 + row, elements=count)
         block = message.raw_block(code, count, bytes.fromhex(data))
@@ -88,9 +85,8 @@ def _change(stage: Stage) -> None:
         client.exchange(request, message.changed(row + 1, 1))
 
 
-def _together(stage: Stage) -> None:
+def _together(client: Client) -> None:
     """Odd and even blocks in turn: without the pad byte everything behind an odd one shifts."""
-    client = Client(stage)
     chosen = [row for row in EXAMPLES if row[0] in (0x01, 0x05, 0x09, 0x02, 0x08, 0x41, 0x37)]
     places = [message.address(1000 + n, elements=row[1]) for n, row in enumerate(chosen)]
     blocks = [message.raw_block(code, count, bytes.fromhex(data)) for code, count, data in chosen]
@@ -122,9 +118,8 @@ BOOK.add(
     "attributes 0x20 and 0x30: one element, the name, the whole description, a text array",
     *[OK_READ] * 4,
 )
-def description(stage: Stage) -> None:
+def description(client: Client) -> None:
     """Parameter description and text."""
-    client = Client(stage)
     whole = bytes.fromhex("8106 0000 3f800000 00 00 00000000") + b"Speed setpoint  "
     whole += bytes.fromhex("00000000 0000ffff 0000 0000 07d0 800e")
     about, text = message.DESCRIPTION, message.TEXT

@@ -11,7 +11,6 @@ from functools import partial
 from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
-from ds47.lab.stage import Stage
 
 BOOK = Book("message")
 
@@ -79,8 +78,7 @@ ROWS = (
 )  # fmt: skip
 
 
-def _play(row: Row, stage: Stage) -> None:
-    client = Client(stage)
+def _play(row: Row, client: Client) -> None:
     place = client.at(index=0xB02F)
     if row.response is None:
         client.write(bytes.fromhex(row.request), status=BAD_HEADER, at=place)
@@ -99,9 +97,8 @@ for _row in ROWS:
     ("unknown", "refused"),
     rules="DS203 DS315 DS711",
 )
-def empty(stage: Stage) -> None:
+def empty(client: Client) -> None:
     """A request of no bytes."""
-    client = Client(stage)
     client.write(b"", status=BAD_HEADER, at=client.at(index=0xB02F))
 
 
@@ -112,9 +109,8 @@ def empty(stage: Stage) -> None:
     OK_CHANGE,
     rules="DS316 DS721",
 )
-def long(stage: Stage) -> None:
+def long(client: Client) -> None:
     """A message longer than the drive says it takes."""
-    client = Client(stage)
     longest = message.address(974, 0, 3)
     client.exchange(message.read(1, 1, longest), message.answer(1, 1, 1, message.word(240, 39, 0)))
     array = (message.address(2902, 0, 100), message.real(*range(100)))
@@ -122,9 +118,8 @@ def long(stage: Stage) -> None:
 
 
 @BOOK.scene("vendor", "request IDs 0x51 and 0x42 of a VLT", ("vendor", "ok"), ("vendor", "ok"))
-def vendor(stage: Stage) -> None:
+def vendor(client: Client) -> None:
     """Vendor requests of the standard shape."""
-    client = Client(stage)
     place = message.address(1200)
     client.exchange(
         message.header(1, 0x51, 0, 1) + place,

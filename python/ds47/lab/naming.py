@@ -8,7 +8,6 @@ from ds47.lab import ether, message
 from ds47.lab.client import Client
 from ds47.lab.ether import Host
 from ds47.lab.scenario import OK_READ, Book
-from ds47.lab.stage import Stage
 from ds47.lab.wire import mac_bytes
 
 BOOK = Book("naming")
@@ -52,12 +51,11 @@ def lldp(host: Host, station: str) -> bytes:
 
 
 @BOOK.scene("all", "station names, vendor and device id for the report", OK_READ)
-def naming(stage: Stage) -> None:
+def naming(client: Client) -> None:
     """Connect, DCP and LLDP name the controller and the drive."""
-    client = Client(stage)
     plc, motor = client.host, client.device
-    stage.frame(ether.bare(motor.mac, plc.mac, DCP, dcp_identify(motor, "press-1-drive")))
-    stage.frame(ether.bare(motor.mac, LLDP_MULTICAST, LLDP, lldp(motor, "press-1-drive")))
+    client.stage.frame(ether.bare(motor.mac, plc.mac, DCP, dcp_identify(motor, "press-1-drive")))
+    client.stage.frame(ether.bare(motor.mac, LLDP_MULTICAST, LLDP, lldp(motor, "press-1-drive")))
     client.connect("plc-1")
     client.exchange(
         message.read(1, 1, message.address(21)), message.answer(1, 1, 1, message.real(1500.0))

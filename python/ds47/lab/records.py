@@ -5,7 +5,6 @@ from __future__ import annotations
 from ds47.lab import message, wire
 from ds47.lab.client import BUSY, OK, Client
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
-from ds47.lab.stage import Stage
 from ds47.lab.wire import Channel
 
 BOOK = Book("record")
@@ -18,63 +17,58 @@ BAD_HEADER = 0xDF80B700
 
 
 @BOOK.scene("local", "index 0xB02E, API 0x3A00", OK_READ)
-def local(stage: Stage) -> None:
+def local(client: Client) -> None:
     """Base Mode Parameter Access, local."""
-    client = Client(stage)
     client.exchange(READ, ANSWER, at=client.at(index=0xB02E, api=0x3A00))
 
 
 @BOOK.scene("global", "index 0xB02F", OK_READ)
-def global_(stage: Stage) -> None:
+def global_(client: Client) -> None:
     """Base Mode Parameter Access, global."""
-    client = Client(stage)
     client.exchange(READ, ANSWER, at=client.at(index=0xB02F))
 
 
 @BOOK.scene("polls", "three refused Reads before the response", OK_READ)
-def polls(stage: Stage) -> None:
+def polls(client: Client) -> None:
     """Polling."""
-    Client(stage).exchange(READ, ANSWER, polls=3)
+    client.exchange(READ, ANSWER, polls=3)
 
 
 @BOOK.scene(
     "polls-many", "fifteen refused Reads, without a header of their own", OK_READ, rules="DS204"
 )
-def polls_many(stage: Stage) -> None:
+def polls_many(client: Client) -> None:
     """Polling many times."""
-    client = Client(stage)
     client.write(READ)
     for _ in range(15):
         client.poll(with_header=False)
-        stage.wait(10)
+        client.wait(10)
     client.read(ANSWER)
 
 
 @BOOK.scene("polls-long", "the drive is busy for 4 s", OK_READ, rules="DS205 DS416")
-def polls_long(stage: Stage) -> None:
+def polls_long(client: Client) -> None:
     """Polling for a long time."""
-    client = Client(stage)
     client.write(READ)
     for _ in range(4):
         client.poll()
-        stage.wait(1000)
+        client.wait(1000)
     client.read(ANSWER)
 
 
 @BOOK.scene("reread", "the response is read three times", OK_READ, rules="DS704")
-def reread(stage: Stage) -> None:
+def reread(client: Client) -> None:
     """A response read again."""
-    client = Client(stage)
     client.exchange(READ, ANSWER)
     for _ in range(2):
-        stage.wait(20)
+        client.wait(20)
         client.read(ANSWER)
 
 
 @BOOK.scene("write-refused", "DF80B700: an error in the header", ("read", "refused"), rules="DS203")
-def write_refused(stage: Stage) -> None:
+def write_refused(client: Client) -> None:
     """A refused Write."""
-    Client(stage).write(READ, status=BAD_HEADER)
+    client.write(READ, status=BAD_HEADER)
 
 
 @BOOK.scene(
@@ -84,36 +78,32 @@ def write_refused(stage: Stage) -> None:
     ("read", "refused"),
     rules="DS203 DS705",
 )
-def write_refused_open(stage: Stage) -> None:
+def write_refused_open(client: Client) -> None:
     """A Write refused while another request is open."""
-    client = Client(stage)
     client.write(READ)
     client.write(message.read(2, 1, message.address(27)), status=NOT_POSSIBLE)
     client.read(ANSWER)
 
 
 @BOOK.scene("read-refused", "DE80B600: access denied", ("read", "refused"), rules="DS201")
-def read_refused(stage: Stage) -> None:
+def read_refused(client: Client) -> None:
     """A refused Read."""
-    client = Client(stage)
     client.write(READ)
     client.poll(0xDE80B600)
 
 
 @BOOK.scene("read-empty", "a positive Read without data, then the response", OK_READ, rules="DS207")
-def read_empty(stage: Stage) -> None:
+def read_empty(client: Client) -> None:
     """A positive Read without data."""
-    client = Client(stage)
     client.write(READ)
     client.read(b"")
-    stage.wait(20)
+    client.wait(20)
     client.read(ANSWER)
 
 
 @BOOK.scene("nothing-to-read", "a Read before the first Write", OK_READ, rules="DS206 DS703")
-def nothing_to_read(stage: Stage) -> None:
+def nothing_to_read(client: Client) -> None:
     """A Read that no request goes before."""
-    client = Client(stage)
     client.poll(BUSY)
     client.exchange(READ, ANSWER)
 
@@ -124,9 +114,8 @@ def nothing_to_read(stage: Stage) -> None:
     OK_READ,
     rules="DS202",
 )
-def length(stage: Stage) -> None:
+def length(client: Client) -> None:
     """A record length that lies."""
-    client = Client(stage)
     client.write(READ)
     client.accept_read(client.ask_read(), ANSWER, stated=len(ANSWER) + 4)
 
@@ -139,9 +128,8 @@ def _slots(client: Client) -> list[tuple[Channel, bytes, int]]:
 
 
 @BOOK.scene("multiple", "three requests in one IODWriteMultiple, read one by one", *[OK_READ] * 3)
-def multiple(stage: Stage) -> None:
+def multiple(client: Client) -> None:
     """IODWriteMultiple."""
-    client = Client(stage)
     records = _slots(client)
     client.write_multiple(records)
     for number, (channel, _, _) in enumerate(records, start=1):
@@ -157,9 +145,8 @@ def multiple(stage: Stage) -> None:
     OK_READ,
     rules="DS203 DS705",
 )
-def multiple_refused(stage: Stage) -> None:
+def multiple_refused(client: Client) -> None:
     """IODWriteMultiple with a refused record."""
-    client = Client(stage)
     records = _slots(client)
     records[1] = (*records[1][:2], NOT_POSSIBLE)
     client.write_multiple(records)
@@ -174,9 +161,8 @@ def multiple_refused(stage: Stage) -> None:
     OK_READ,
     rules="DS208",
 )
-def multiple_nested(stage: Stage) -> None:
+def multiple_nested(client: Client) -> None:
     """IODWriteMultiple, nested."""
-    client = Client(stage)
     client.exchange(READ, ANSWER)
     inner_place = client.at(slot=0xFFFF, subslot=0xFFFF, api=0xFFFFFFFF, index=wire.WRITE_MULTIPLE)
     inside = wire.write_request(0, client.at(slot=2), message.read(2, 1, SPEED))
@@ -189,9 +175,8 @@ def multiple_nested(stage: Stage) -> None:
     OK_READ,
     rules="DS206",
 )
-def implicit(stage: Stage) -> None:
+def implicit(client: Client) -> None:
     """ReadImplicit."""
-    client = Client(stage)
     place = client.at(index=0xB02F)
     client.write(READ, at=place)
     call = client.call(wire.READ_IMPLICIT)
@@ -207,9 +192,8 @@ def implicit(stage: Stage) -> None:
     ("read", "orphan"),
     rules="DS403 DS725",
 )
-def implicit_orphan(stage: Stage) -> None:
+def implicit_orphan(client: Client) -> None:
     """ReadImplicit with data."""
-    client = Client(stage)
     call = client.call(wire.READ_IMPLICIT)
     nowhere = client.at(ar=wire.NIL, index=0xB02F)
     client.ask(call, wire.read_request(call.sequence, nowhere))
@@ -217,9 +201,8 @@ def implicit_orphan(stage: Stage) -> None:
 
 
 @BOOK.scene("foreign", "record 47 of something that is no drive: no transaction")
-def foreign(stage: Stage) -> None:
+def foreign(client: Client) -> None:
     """Index 47 that is not a parameter channel."""
-    client = Client(stage)
     for text in (b"Hello, world", b"\x00\x00\x00\x10calibration data", b"\xff" * 8):
         client.write(text)
         client.read(text)
@@ -232,9 +215,8 @@ def foreign(stage: Stage) -> None:
     OK_READ,
     rules="DS203 DS315 DS711",
 )
-def foreign_then_ours(stage: Stage) -> None:
+def foreign_then_ours(client: Client) -> None:
     """A broken request first."""
-    client = Client(stage)
     client.write(message.read(7, 1, SPEED)[:8], status=BAD_HEADER)
     client.exchange(READ, ANSWER)
 
@@ -245,9 +227,8 @@ def foreign_then_ours(stage: Stage) -> None:
     OK_CHANGE,
     rules="DS721",
 )
-def other_index(stage: Stage) -> None:
+def other_index(client: Client) -> None:
     """Other records on the same AR."""
-    client = Client(stage)
     client.read(bytes(54), at=client.at(index=0xAFF0))
     change = message.change(1, 1, (message.address(1070), message.word(7)))
     client.exchange(change, message.changed(1, 1))

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from ds47.lab.client import Client
 from ds47.lab.stage import Stage
 
-Build = Callable[[Stage], None]
+Build = Callable[[Client], None]
 DIAGNOSES = "DS7"
 """How the ids of diagnoses begin."""
 OK_READ = ("read", "ok")
@@ -39,7 +40,7 @@ class Scenario:
     def play(self) -> Stage:
         """Let it happen on a fresh stage: the same frames every time."""
         stage = Stage()
-        self.build(stage)
+        self.build(Client(stage))
         return stage
 
 
@@ -53,7 +54,7 @@ class Book:
     def scene(
         self, name: str, shows: str, *transactions: tuple[str, str], rules: str = ""
     ) -> Callable[[Build], Build]:
-        """Decorator: a function that fills a stage becomes a scenario; its docstring is the title.
+        """Decorator: a function of what a client does becomes a scenario; its docstring is the title.
 
         `transactions` are (operation, state); `rules` the ids that are expected, with spaces, those
         of diagnoses among them.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from ds47.lab.client import Client
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
-from ds47.lab.stage import Stage
 
 BOOK = Book("seed")
 
@@ -20,36 +19,36 @@ G120_CHANGE = (
 )
 
 
-def _play(stage: Stage, *examples: tuple[str, str], buffer: int = 0) -> None:
+def _play(client: Client, *examples: tuple[str, str], buffer: int = 0) -> None:
     """Each example as a transaction; requests are filled with zeros up to `buffer` bytes."""
-    client = Client(stage, order=">")
+    client.order = ">"
     for request, response in examples:
         client.exchange(bytes.fromhex(request).ljust(buffer, b"\0"), bytes.fromhex(response))
-        stage.wait(100)
+        client.wait(100)
 
 
 @BOOK.scene("dcm-read", "one parameter, Float32 10.0, DO 2", OK_READ)
-def dcm_read(stage: Stage) -> None:
+def dcm_read(client: Client) -> None:
     """SINAMICS DCM: read p50303."""
-    _play(stage, DCM_READ)
+    _play(client, DCM_READ)
 
 
 @BOOK.scene("dcm-change", "one parameter, Float32 100.0, DO 2", OK_CHANGE, rules="DS721")
-def dcm_change(stage: Stage) -> None:
+def dcm_change(client: Client) -> None:
     """SINAMICS DCM: change p50304."""
-    _play(stage, DCM_CHANGE)
+    _play(client, DCM_CHANGE)
 
 
 @BOOK.scene("g120-read", "two parameters, one of them four elements of an array", OK_READ)
-def g120_read(stage: Stage) -> None:
+def g120_read(client: Client) -> None:
     """G120: read P2900 and r2902[2..5]."""
-    _play(stage, G120_READ)
+    _play(client, G120_READ)
 
 
 @BOOK.scene("g120-change", "two parameters in one change", OK_CHANGE, rules="DS721")
-def g120_change(stage: Stage) -> None:
+def g120_change(client: Client) -> None:
     """G120: change P2900 and P2901."""
-    _play(stage, G120_CHANGE)
+    _play(client, G120_CHANGE)
 
 
 @BOOK.scene(
@@ -59,9 +58,9 @@ def g120_change(stage: Stage) -> None:
     OK_CHANGE,
     rules="DS415 DS721",
 )
-def g120_constant_reference(stage: Stage) -> None:
+def g120_constant_reference(client: Client) -> None:
     """G120: read, then change, with the reference left as it is."""
-    _play(stage, G120_READ, G120_CHANGE)
+    _play(client, G120_READ, G120_CHANGE)
 
 
 @BOOK.scene(
@@ -70,6 +69,6 @@ def g120_constant_reference(stage: Stage) -> None:
     OK_CHANGE,
     rules="DS314 DS721",
 )
-def dcm_buffer(stage: Stage) -> None:
+def dcm_buffer(client: Client) -> None:
     """SINAMICS DCM: change p50304 from a buffer of 40 bytes."""
-    _play(stage, DCM_CHANGE, buffer=40)
+    _play(client, DCM_CHANGE, buffer=40)

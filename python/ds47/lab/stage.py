@@ -67,9 +67,6 @@ class Stage:
                 self.shots.append(Shot(self.now_ns + number * 20_000, kept, len(data)))
         self.now_ns += self.gap_ns
 
-    def repeat(self, number: int = -1) -> None:
-        """A frame that was seen before is seen again, byte for byte."""
-        self.shots.append(
-            Shot(self.now_ns, self.shots[number].data, self.shots[number].original_length)
-        )
-        self.now_ns += self.gap_ns
+    def lose(self, number: int = -1) -> None:
+        """A frame that went past was not captured, the newest one where no other is named."""
+        del self.shots[number]

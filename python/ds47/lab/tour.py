@@ -6,7 +6,6 @@ from ds47.lab import ether, message
 from ds47.lab.client import Client
 from ds47.lab.naming import DCP, dcp_identify
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
-from ds47.lab.stage import Stage
 
 BOOK = Book("tour")
 
@@ -30,29 +29,30 @@ LOCKED, OUT_OF_LIMITS = 0x6B, 0x02
     ("change", "unanswered"),
     rules="DS203 DS402 DS410 DS417 DS701 DS705 DS719 DS721",
 )
-def machine(stage: Stage) -> None:
+def machine(client: Client) -> None:
     """Commissioning of a DC drive: what works, what is refused, what is forgotten."""
-    client = Client(stage)
     drive = client.device
-    stage.frame(ether.bare(drive.mac, client.host.mac, DCP, dcp_identify(drive, "press-1-drive")))
+    client.stage.frame(
+        ether.bare(drive.mac, client.host.mac, DCP, dcp_identify(drive, "press-1-drive"))
+    )
     ten, hundred = message.real(10.0), message.real(100.0)
 
     client.exchange(message.read(1, DO, RAMP_UP), message.answer(1, 1, DO, ten))
-    stage.wait(250)
+    client.wait(250)
     client.exchange(message.change(2, DO, (RAMP_DOWN, hundred)), message.changed(2, DO), polls=2)
-    stage.wait(100)
+    client.wait(100)
     client.exchange(message.read(3, DO, RAMP_DOWN), message.answer(3, 1, DO, message.real(60.0)))
-    stage.wait(400)
+    client.wait(400)
     faults = message.word(7900, 30002, 0, 0)
     client.write(message.read(4, DO, FAULTS))
     client.poll()
     client.write(message.change(5, DO, (RAMP_UP, ten)), status=REFUSED_WHILE_BUSY)
     client.read(message.answer(4, 1, DO, faults))
-    stage.wait(400)
+    client.wait(400)
     locked = message.answer(6, 0x82, DO, message.error(LOCKED))
     client.exchange(message.change(6, DO, (message.address(50076, 1, 1), hundred)), locked)
-    stage.wait(150)
+    client.wait(150)
     mixed = message.answer(7, 0x81, DO, ten, message.error(0x00, 0))
     client.exchange(message.read(7, DO, RAMP_UP, message.address(50999)), mixed)
-    stage.wait(150)
+    client.wait(150)
     client.write(message.change(8, DO, (RAMP_UP, ten)))

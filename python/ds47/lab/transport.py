@@ -8,7 +8,6 @@ from uuid import UUID
 from ds47.lab import ether, message, wire
 from ds47.lab.client import Client, controller, drive
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
-from ds47.lab.stage import Stage
 from ds47.lab.wire import Order
 
 BOOK = Book("transport")
@@ -38,8 +37,8 @@ def _long_change(client: Client, reference: int = 2) -> None:
 
 
 def _orders(order: Order, answer: Order | None, name: str, title: str) -> None:
-    def build(stage: Stage) -> None:
-        client = Client(stage, order=order, answer_order=answer)
+    def build(client: Client) -> None:
+        client.order, client.answer_order = order, answer
         _speed(client)
         client.exchange(
             message.change(2, 1, (message.address(1070), message.word(7))), message.changed(2, 1)
@@ -62,54 +61,53 @@ _orders("<", ">", "little-big", "Little-endian controller, big-endian drive")
 
 
 @BOOK.scene("vlan", "802.1Q tag, priority 6", OK_READ)
-def vlan(stage: Stage) -> None:
+def vlan(client: Client) -> None:
     """One VLAN tag."""
-    stage.tags = ((ether.CTAG, 10),)
-    _speed(Client(stage))
+    client.stage.tags = ((ether.CTAG, 10),)
+    _speed(client)
 
 
 @BOOK.scene("qinq", "802.1ad tag around an 802.1Q tag", OK_READ)
-def qinq(stage: Stage) -> None:
+def qinq(client: Client) -> None:
     """Two VLAN tags."""
-    stage.tags = ((ether.STAG, 100), (ether.CTAG, 10))
-    _speed(Client(stage))
+    client.stage.tags = ((ether.STAG, 100), (ether.CTAG, 10))
+    _speed(client)
 
 
 @BOOK.scene("sll", "link type 113, as `tcpdump -i any` writes", OK_READ)
-def sll(stage: Stage) -> None:
+def sll(client: Client) -> None:
     """Linux cooked capture, version 1."""
-    stage.link = ether.COOKED
-    _speed(Client(stage))
+    client.stage.link = ether.COOKED
+    _speed(client)
 
 
 @BOOK.scene("sll2", "link type 276, as newer `tcpdump -i any` writes", OK_READ)
-def sll2(stage: Stage) -> None:
+def sll2(client: Client) -> None:
     """Linux cooked capture, version 2."""
-    stage.link = ether.COOKED2
-    _speed(Client(stage))
+    client.stage.link = ether.COOKED2
+    _speed(client)
 
 
 @BOOK.scene(
     "ip-fragments", "requests and responses in IP fragments", OK_READ, OK_CHANGE, rules="DS721"
 )
-def ip_fragments(stage: Stage) -> None:
+def ip_fragments(client: Client) -> None:
     """IP fragments."""
-    stage.mtu = 176
-    client = Client(stage)
+    client.stage.mtu = 176
     _long(client)
     _long_change(client)
 
 
 @BOOK.scene("ip-fragments-disorder", "the last IP fragment comes first", OK_READ)
-def ip_fragments_disorder(stage: Stage) -> None:
+def ip_fragments_disorder(client: Client) -> None:
     """IP fragments in the wrong order."""
-    stage.mtu = 176
-    _long(Client(stage))
-    shots = stage.shots
+    client.stage.mtu = 176
+    _long(client)
+    shots = client.stage.shots
     times = [shot.time_ns for shot in shots]
     # The last three frames are fragments of the Read response.
     ordered = [*shots[:-3], shots[-1], shots[-3], shots[-2]]
-    stage.shots = [replace(shot, time_ns=t) for t, shot in zip(times, ordered, strict=True)]
+    client.stage.shots = [replace(shot, time_ns=t) for t, shot in zip(times, ordered, strict=True)]
 
 
 @BOOK.scene(
@@ -118,22 +116,21 @@ def ip_fragments_disorder(stage: Stage) -> None:
     OK_READ,
     rules="DS105",
 )
-def ip_fragments_incomplete(stage: Stage) -> None:
+def ip_fragments_incomplete(client: Client) -> None:
     """IP fragments, one of them lost."""
-    stage.mtu = 176
-    client = Client(stage)
+    client.stage.mtu = 176
     _long(client)
-    del stage.shots[-2]
-    stage.wait(500)
+    client.stage.lose(-2)
+    client.wait(500)
     client.read(message.answer(1, 1, 1, message.real(*range(50))))
 
 
 @BOOK.scene(
     "rpc-fragments", "requests and responses in RPC fragments", OK_READ, OK_CHANGE, rules="DS721"
 )
-def rpc_fragments(stage: Stage) -> None:
+def rpc_fragments(client: Client) -> None:
     """RPC fragments."""
-    client = Client(stage, fragment=100)
+    client.fragment = 100
     _long(client)
     _long_change(client)
 
@@ -144,12 +141,12 @@ def rpc_fragments(stage: Stage) -> None:
     OK_READ,
     rules="DS105",
 )
-def rpc_fragments_incomplete(stage: Stage) -> None:
+def rpc_fragments_incomplete(client: Client) -> None:
     """RPC fragments, one of them lost."""
-    client = Client(stage, fragment=100)
+    client.fragment = 100
     _long(client)
-    del stage.shots[-2]
-    stage.wait(500)
+    client.stage.lose(-2)
+    client.wait(500)
     client.read(message.answer(1, 1, 1, message.real(*range(50))))
 
 
@@ -159,19 +156,18 @@ def rpc_fragments_incomplete(stage: Stage) -> None:
     ("read", "ok"),
     rules="DS106 DS725",
 )
-def snap_length(stage: Stage) -> None:
+def snap_length(client: Client) -> None:
     """Frames cut by the snap length."""
-    client = Client(stage)
     client.write(message.read(1, 1, LONG))
-    stage.snap = 260
+    client.stage.snap = 260
     client.read(message.answer(1, 1, 1, message.real(*range(50))))
 
 
 @BOOK.scene("copies", "a mirror port shows each frame twice, same IP id, 20 us apart", OK_READ)
-def copies(stage: Stage) -> None:
+def copies(client: Client) -> None:
     """Every frame captured twice."""
-    stage.copies = 2
-    _speed(Client(stage))
+    client.stage.copies = 2
+    _speed(client)
 
 
 @BOOK.scene(
@@ -180,12 +176,11 @@ def copies(stage: Stage) -> None:
     OK_READ,
     rules="DS103",
 )
-def retransmission(stage: Stage) -> None:
+def retransmission(client: Client) -> None:
     """A Write sent again before its answer."""
-    client = Client(stage)
     request = message.read(1, 1, SPEED)
     call = client.ask_write(request)
-    stage.wait(500)
+    client.wait(500)
     client.ask(call, wire.write_request(call.sequence, client.channel, request))
     client.accept_write(call, request)
     client.read(message.answer(1, 1, 1, message.real(1500.0)))
@@ -197,13 +192,12 @@ def retransmission(stage: Stage) -> None:
     OK_READ,
     rules="DS103",
 )
-def retransmission_answered(stage: Stage) -> None:
+def retransmission_answered(client: Client) -> None:
     """A Write sent again after its answer."""
-    client = Client(stage)
     request = message.read(1, 1, SPEED)
     call = client.ask_write(request)
     client.accept_write(call, request)
-    stage.wait(500)
+    client.wait(500)
     client.ask(call, wire.write_request(call.sequence, client.channel, request))
     client.accept_write(call, request)
     client.read(message.answer(1, 1, 1, message.real(1500.0)))
@@ -215,19 +209,17 @@ def retransmission_answered(stage: Stage) -> None:
     OK_READ,
     OK_READ,
 )
-def reused_numbers(stage: Stage) -> None:
+def reused_numbers(client: Client) -> None:
     """Activity and sequence numbers used again after 59 s."""
-    client = Client(stage)
     _speed(client)
-    stage.wait(59_000)
+    client.wait(59_000)
     client.sequence = 0
     _speed(client, reference=2, value=1480.0)
 
 
 @BOOK.scene("ping-working", "ping and working PDUs between request and response", OK_READ)
-def ping_working(stage: Stage) -> None:
+def ping_working(client: Client) -> None:
     """A slow answer with ping and working."""
-    client = Client(stage)
     request = message.read(1, 1, SPEED)
     call = client.ask_write(request)
     client.ask(call, b"", wire.PING)
@@ -247,12 +239,11 @@ def _status(client: Client, code: int) -> bytes:
     OK_READ,
     rules="DS104",
 )
-def fault(stage: Stage) -> None:
+def fault(client: Client) -> None:
     """An RPC fault."""
-    client = Client(stage)
     call = client.ask_write(message.read(1, 1, SPEED))
     client.reply(call, _status(client, NCA_UNKNOWN_INTERFACE), wire.FAULT)
-    stage.wait(100)
+    client.wait(100)
     _speed(client, reference=2)
 
 
@@ -262,13 +253,13 @@ def fault(stage: Stage) -> None:
     OK_READ,
     rules="DS104",
 )
-def reject(stage: Stage) -> None:
+def reject(client: Client) -> None:
     """An RPC reject."""
-    client = Client(stage, order=">")
+    client.order = ">"
     client.write(message.read(1, 1, SPEED))
     call = client.ask_read()
     client.reply(call, _status(client, NCA_BUSY), wire.REJECT)
-    stage.wait(50)
+    client.wait(50)
     client.read(message.answer(1, 1, 1, message.real(1500.0)))
 
 
@@ -278,30 +269,28 @@ def reject(stage: Stage) -> None:
     OK_READ,
     rules="DS108",
 )
-def empty_body(stage: Stage) -> None:
+def empty_body(client: Client) -> None:
     """A response without a body."""
-    client = Client(stage)
     client.write(message.read(1, 1, SPEED))
     client.reply(client.ask_read(), b"")
-    stage.wait(50)
+    client.wait(50)
     client.read(message.answer(1, 1, 1, message.real(1500.0)))
 
 
 @BOOK.scene("time-back", "the clock steps back by 2.5 s between two frames", OK_READ, rules="DS107")
-def time_back(stage: Stage) -> None:
+def time_back(client: Client) -> None:
     """Time steps backwards."""
-    client = Client(stage)
     client.write(message.read(1, 1, SPEED))
-    stage.wait(-2500)
+    client.wait(-2500)
     client.read(message.answer(1, 1, 1, message.real(1500.0)))
 
 
 @BOOK.scene(
     "ephemeral-port", "the drive answers from port 49153 and is asked there", OK_READ, OK_READ
 )
-def ephemeral_port(stage: Stage) -> None:
+def ephemeral_port(client: Client) -> None:
     """Answers from another port."""
-    client = Client(stage, answer_port=49153)
+    client.answer_port = 49153
     _speed(client)
     _speed(client, reference=2)
 
@@ -312,9 +301,8 @@ def ephemeral_port(stage: Stage) -> None:
     OK_READ,
     rules="DS101",
 )
-def write_unanswered(stage: Stage) -> None:
+def write_unanswered(client: Client) -> None:
     """A Write response that is missing."""
-    client = Client(stage)
     request = message.read(1, 1, SPEED)
     client.ask_write(request)
     client.read(message.answer(1, 1, 1, message.real(1500.0)))
@@ -326,13 +314,12 @@ def write_unanswered(stage: Stage) -> None:
     ("read", "orphan"),
     rules="DS102 DS403 DS725",
 )
-def starts_late(stage: Stage) -> None:
+def starts_late(client: Client) -> None:
     """Capture starts in the middle of a transaction."""
-    client = Client(stage)
-    stage.deaf = True
+    client.stage.deaf = True
     request = message.read(1, 1, SPEED)
     call = client.ask_write(request, at=client.at(index=0xB02F))
-    stage.deaf = False
+    client.stage.deaf = False
     client.accept_write(call, request, at=client.at(index=0xB02F))
     client.read(message.answer(1, 1, 1, message.real(1500.0)), at=client.at(index=0xB02F))
 
@@ -344,9 +331,8 @@ def starts_late(stage: Stage) -> None:
     ("read", "unanswered"),
     rules="DS401",
 )
-def ends_early(stage: Stage) -> None:
+def ends_early(client: Client) -> None:
     """Capture ends in the middle of a transaction."""
-    client = Client(stage)
     _speed(client)
     client.write(message.read(2, 1, SPEED))
 
@@ -358,9 +344,8 @@ def ends_early(stage: Stage) -> None:
     ("read", "unanswered"),
     rules="DS101 DS401",
 )
-def ends_in_call(stage: Stage) -> None:
+def ends_in_call(client: Client) -> None:
     """Capture ends in the middle of a call."""
-    client = Client(stage)
     _speed(client)
     client.ask_write(message.read(2, 1, SPEED))
 
@@ -370,24 +355,22 @@ def ends_in_call(stage: Stage) -> None:
     "two controllers on one drive at the same time, same references and sequence numbers",
     *[OK_READ] * 6,
 )
-def two_controllers(stage: Stage) -> None:
+def two_controllers(client: Client) -> None:
     """Two controllers, one drive."""
-    shared = drive()
-    first = Client(stage, controller(1), shared)
     second = Client(
-        stage,
+        client.stage,
         controller(2),
-        shared,
+        client.device,
         order=">",
         activity=UUID("1f2e3d4c-5b6a-11f0-8a47-00000a0b0c02"),
     )
     second.channel = second.at(ar=UUID("47474747-0002-4000-8000-000000000002"), slot=2)
     for reference in (1, 2, 3):
         request = message.read(reference, 1, SPEED)
-        first.write(request)
+        client.write(request)
         second.write(request)
         second.read(message.answer(reference, 1, 1, message.real(20.0)))
-        first.read(message.answer(reference, 1, 1, message.real(10.0)))
+        client.read(message.answer(reference, 1, 1, message.real(10.0)))
 
 
 @BOOK.scene(
@@ -395,17 +378,20 @@ def two_controllers(stage: Stage) -> None:
     "two drives, two slots each, DO 2 and 3: all asked, then all read in another order",
     *[OK_READ] * 4,
 )
-def many_channels(stage: Stage) -> None:
+def many_channels(client: Client) -> None:
     """Several drives, slots and axes interleaved."""
     clients = [
         Client(
-            stage, device=drive(n), activity=UUID(int=0x4700 + n), channel=wire.Channel(UUID(int=n))
+            client.stage,
+            device=drive(n),
+            activity=UUID(int=0x4700 + n),
+            channel=wire.Channel(UUID(int=n)),
         )
         for n in (1, 2)
     ]
-    jobs = [(client, client.at(slot=slot)) for client in clients for slot in (1, 2)]
-    for client, channel in jobs:
-        client.write(message.read(7, channel.slot + 1, SPEED), at=channel)
-    for number, (client, channel) in enumerate(reversed(jobs)):
+    jobs = [(each, each.at(slot=slot)) for each in clients for slot in (1, 2)]
+    for each, channel in jobs:
+        each.write(message.read(7, channel.slot + 1, SPEED), at=channel)
+    for number, (each, channel) in enumerate(reversed(jobs)):
         value = message.real(float(number))
-        client.read(message.answer(7, 1, channel.slot + 1, value), at=channel)
+        each.read(message.answer(7, 1, channel.slot + 1, value), at=channel)

@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "python"))
 
 from ds47.lab import scenarios, wire  # noqa: E402
-from ds47.lab.client import CONTROLLER_AR  # noqa: E402
+from ds47.lab.client import CONTROLLER_AR, Client  # noqa: E402
 from ds47.lab.ether import PNIO_PORT, Host  # noqa: E402
 from ds47.lab.scenario import DIAGNOSES, Book, Build  # noqa: E402
 from ds47.lab.stage import START_NS, Stage  # noqa: E402
@@ -63,9 +63,9 @@ class Tape(Stage):
             self.steps.append(step)
         self.now_ns += self.gap_ns
 
-    def cut(self, count: int) -> None:
-        """The capture cuts so many bytes off the newest frame."""
-        step = self.steps[-1]
+    def cut(self, count: int, number: int = -1) -> None:
+        """The capture cuts so many bytes off a frame, the newest one where no other is named."""
+        step = self.steps[number]
         step["bytes"] = step["bytes"][: -2 * count]
         step["cut"] = count
 
@@ -73,6 +73,16 @@ class Tape(Stage):
         """The newest datagram is seen again, with its IP id."""
         self.steps.append({**self.steps[-1], "t": self.now_ns - START_NS})
         self.now_ns += self.gap_ns
+
+    def lose(self, number: int = -1) -> None:
+        """A datagram goes past unseen."""
+        del self.steps[number]
+
+
+def tape(client: Client) -> Tape:
+    """The tape on which a client plays, for what only a tape can do."""
+    assert isinstance(client.stage, Tape)
+    return client.stage
 
 
 # What is expected
@@ -198,7 +208,7 @@ class Vectors(Book):
     ) -> None:
         """Play a scene, and enter it with what is expected of it."""
         tape = Tape()
-        build(tape)
+        build(Client(tape))
         words = [name.partition("-")[0], *shows.split()]
         flags = [word for word in words if word.islower()]
         row: Row = {

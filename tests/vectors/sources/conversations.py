@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any
 from uuid import UUID
 
-from book import NOTHING, Row, Tape, Vectors, par, real, tx
+from book import NOTHING, Row, Vectors, par, real, tape, tx
 
 from ds47.lab import message, wire
 from ds47.lab.client import BUSY, CONTROLLER_AR, Client, controller, drive
@@ -61,10 +61,10 @@ def again(client: Client, call: wire.Call, record: bytes) -> None:
     client.ask(call, wire.write_request(call.sequence, client.channel, record))
 
 
-def second(tape: Tape, **more: Any) -> Client:
+def second(client: Client, **more: Any) -> Client:
     """A second controller on the same drive, with an AR of its own."""
     settings = {"activity": UUID(int=0x47), "channel": wire.Channel(AR2), **more}
-    return Client(tape, controller(2), **settings)
+    return Client(client.stage, controller(2), **settings)
 
 
 HOME2: Row = {"controller": "192.168.133.3", "ar": str(AR2)}
@@ -74,15 +74,15 @@ HOME2: Row = {"controller": "192.168.133.3", "ar": str(AR2)}
 
 
 @BOOK.scene("P24-read", "P2 P3 P14 P29 P46 P48", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)))
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Write request and response, Read request and response: one read."""
-    Client(tape).exchange(ask(), tell(1, 1.5))
+    client.exchange(ask(), tell(1, 1.5))
 
 
 @BOOK.scene("P24-change", "P29 P46", tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)))
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A change; its values are those that were written."""
-    Client(tape).exchange(put(1, 10.0), message.changed(1, 1))
+    client.exchange(put(1, 10.0), message.changed(1, 1))
 
 
 @BOOK.scene(
@@ -90,16 +90,17 @@ def _(tape: Tape) -> None:
     "",
     tx(1, "ok", (1, 2, 3, 4), 3, par(27, "Unsigned16", 7, 8, subindex=3), par(21, "Float32", 1.5)),
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Two parameters in another order than their numbers: the n-th block is the n-th address."""
     request = message.read(1, 1, message.address(27, 3, 2), message.address(21))
-    Client(tape).exchange(request, message.answer(1, 1, 1, message.word(7, 8), message.real(1.5)))
+    client.exchange(request, message.answer(1, 1, 1, message.word(7, 8), message.real(1.5)))
 
 
 @BOOK.scene("P3-fragments", "P48 fragments", tx(1, "ok", (2, 4, 6, 8), 6, real(1.5)))
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Every PDU in two RPC fragments: frame and time are those of the second one."""
-    Client(tape, fragment=60).exchange(ask(), tell(1, 1.5))
+    client.fragment = 60
+    client.exchange(ask(), tell(1, 1.5))
 
 
 BOOK.lab(
@@ -125,16 +126,15 @@ BOOK.lab(
     tx(1, "ok", (1, 4, 6, 8), 7, real(1.5)),
     tx(2, "ok", (2, 3, 5, 7), 5, real(2.5), **HOME2),
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Two controllers with the same activity UUID and the same sequence numbers at one time."""
-    first = Client(tape)
-    other = second(tape, activity=first.activity)
-    one, two = first.ask_write(ask()), other.ask_write(ask())
+    other = second(client, activity=client.activity)
+    one, two = client.ask_write(ask()), other.ask_write(ask())
     other.accept_write(two, ask())
-    first.accept_write(one, ask())
-    two, one = other.ask_read(), first.ask_read()
+    client.accept_write(one, ask())
+    two, one = other.ask_read(), client.ask_read()
     other.accept_read(two, tell(1, 2.5))
-    first.accept_read(one, tell(1, 1.5))
+    client.accept_read(one, tell(1, 1.5))
 
 
 @BOOK.scene(
@@ -142,9 +142,9 @@ def _(tape: Tape) -> None:
     "P13 byte-order",
     tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), polls=[(3, 4)]),
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Big-endian controller, little-endian drive; the poll's status swaps, the blocks do not."""
-    client = Client(tape, order=">", answer_order="<")
+    client.order, client.answer_order = ">", "<"
     client.write(ask())
     client.poll()
     client.read(tell(1, 1.5))
@@ -155,23 +155,22 @@ def _(tape: Tape) -> None:
     "P13 byte-order",
     tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), polls=[(3, 4)]),
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Little-endian controller, big-endian drive."""
-    client = Client(tape, order="<", answer_order=">")
+    client.order, client.answer_order = "<", ">"
     client.write(ask())
     client.poll(with_header=False)
     client.read(tell(1, 1.5))
 
 
 @BOOK.scene("P6-copies", "copy", tx(1, "ok", (1, 3, 5, 7), 3.3, real(1.5)))
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A mirror port shows every datagram twice, 0.1 to 1 ms apart: the first one counts."""
-    client = Client(tape)
-    tape.gap_ns = 100_000
+    client.stage.gap_ns = 100_000
 
     def twice() -> None:
-        tape.repeat()
-        tape.wait(0.9)
+        tape(client).repeat()
+        client.wait(0.9)
 
     call = client.ask_write(ask())
     twice()
@@ -180,16 +179,15 @@ def _(tape: Tape) -> None:
     call = client.ask_read()
     twice()
     client.accept_read(call, tell(1, 1.5))
-    tape.wait(0.9)
-    tape.repeat()
+    client.wait(0.9)
+    tape(client).repeat()
 
 
 @BOOK.scene("P6-limit-of-copy", "copy", tx(1, "ok", (1, 3, 4, 5), 4, real(1.5)))
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Exactly 1 ms apart is still a copy."""
-    client = Client(tape)
     call = client.ask_write(ask())
-    tape.repeat()
+    tape(client).repeat()
     client.accept_write(call, ask())
     client.read(tell(1, 1.5))
 
@@ -200,12 +198,11 @@ def _(tape: Tape) -> None:
     tx(1, "ok", (1, 3, 4, 5), 5, real(1.5)),
     rules="DS103@2#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """2 ms apart is no copy, though the IP id is the same: a retransmission."""
-    client = Client(tape)
     call = client.ask_write(ask())
-    tape.wait(1)
-    tape.repeat()
+    client.wait(1)
+    tape(client).repeat()
     client.accept_write(call, ask())
     client.read(tell(1, 1.5))
 
@@ -216,9 +213,8 @@ def _(tape: Tape) -> None:
     tx(1, "ok", (1, 3, 4, 5), 4, real(1.5)),
     rules="DS103@2#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """1 ms apart is no copy where the IP id differs: a retransmission."""
-    client = Client(tape)
     call = client.ask_write(ask())
     again(client, call, ask())
     client.accept_write(call, ask())
@@ -231,13 +227,12 @@ def _(tape: Tape) -> None:
     tx(1, "ok", (1, 4, 5, 6), 25_005, real(1.5)),
     rules="DS103@2#1 DS103@3#1 DS416@6#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A Write sent three times within 25 s before its answer: one call, however long it takes."""
-    client = Client(tape)
     call = client.ask_write(ask())
-    tape.wait(12_500)
+    client.wait(12_500)
     again(client, call, ask())
-    tape.wait(12_500)
+    client.wait(12_500)
     again(client, call, ask())
     client.accept_write(call, ask())
     client.read(tell(1, 1.5))
@@ -259,12 +254,11 @@ BOOK.lab(
     tx(2, "ok", (3, 4, 5, 6), 3, real(1.5)),
     rules="DS413@3#1 DS415@3#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The identical Write 10.001 s after its answer is a new call."""
-    client = Client(tape)
     call = client.ask_write(ask())
     client.accept_write(call, ask())
-    tape.wait(10_000)
+    client.wait(10_000)
     again(client, call, ask())
     client.accept_write(call, ask())
     client.read(tell(1, 1.5))
@@ -277,9 +271,8 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (5, 6, 7, 8), 3, real(1.5)),
     rules="DS413@5#1 DS415@5#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The identical Write after another sequence number of the activity is a new call."""
-    client = Client(tape)
     call = client.ask_write(ask())
     client.accept_write(call, ask())
     client.poll()
@@ -295,9 +288,8 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (3, 4, 5, 6), 3, real(2.5, pnu=27), ref=2),
     rules="DS413@3#1 DS705@3#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The same sequence number with another record right after the answer is a new call."""
-    client = Client(tape)
     call = client.ask_write(ask())
     client.accept_write(call, ask())
     again(client, call, ask(2, 27))
@@ -312,11 +304,10 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (5, 6, 7, 8), 3, real(2.5)),
     rules="DS415@5#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """59 s later the same activity, sequence numbers and bytes again: a new transaction."""
-    client = Client(tape)
     client.exchange(ask(), tell(1, 1.5))
-    tape.wait(59_000)
+    client.wait(59_000)
     client.sequence = 0
     client.exchange(ask(), tell(1, 2.5))
 
@@ -328,9 +319,8 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (2, 3, 4, 5), 3, real(2.5, pnu=27), ref=2),
     rules="DS101@1#1 DS401@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The same sequence number with another record while the call is open: not the same request."""
-    client = Client(tape)
     call = client.ask_write(ask())
     again(client, call, ask(2, 27))
     client.accept_write(call, ask(2, 27))
@@ -343,9 +333,8 @@ def _(tape: Tape) -> None:
     tx(1, "unanswered", (1, 2, 3), None, NOTHING),
     rules="DS401@1#1 DS101@3#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The capture ends after the Read request: call and transaction are unanswered."""
-    client = Client(tape)
     client.write(ask())
     client.ask_read()
 
@@ -356,11 +345,10 @@ def _(tape: Tape) -> None:
     tx(1, "ok", (1, None, 3, 4), 61_003, real(1.5)),
     rules="DS101@1#1 DS102@2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A Write response 61 s after its request: the call was given up after 60 s."""
-    client = Client(tape)
     call = client.ask_write(ask())
-    tape.wait(61_000)
+    client.wait(61_000)
     client.accept_write(call, ask())
     client.read(tell(1, 1.5))
 
@@ -368,12 +356,11 @@ def _(tape: Tape) -> None:
 @BOOK.scene(
     "P12-other-index", "retransmission lost other-index", tx(1, "ok", (4, 5, 6, 7), 3, real(1.5))
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A retransmission, a refused and a lost Read on I&M0 are none of our business."""
-    client = Client(tape)
     place = client.at(index=0xAFF0)
     call = client.ask_read(at=place)
-    tape.wait(500)
+    client.wait(500)
     client.ask(call, wire.read_request(call.sequence, place))
     client.refuse_read(call, 0xDE80B000, at=place)
     client.exchange(ask(), tell(1, 1.5))
@@ -401,9 +388,8 @@ PLACES: tuple[dict[str, Any], ...] = (
         for n, place in enumerate(PLACES, 1)
     ],
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Six channels of one AR with the same reference: all asked, then read in reverse order."""
-    client = Client(tape)
     places = [client.at(**place) for place in PLACES]
     for place in places:
         client.write(ask(), at=place)
@@ -417,13 +403,13 @@ def _(tape: Tape) -> None:
     tx(1, "ok", (1, 2, 7, 8), 7, real(1.5)),
     tx(2, "ok", (3, 4, 5, 6), 3, real(2.5), **HOME2),
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Two controllers on one drive, same place, reference and sequence numbers."""
-    first, other = Client(tape), second(tape)
-    first.write(ask())
+    other = second(client)
+    client.write(ask())
     other.write(ask())
     other.read(tell(1, 2.5))
-    first.read(tell(1, 1.5))
+    client.read(tell(1, 1.5))
 
 
 @BOOK.scene(
@@ -433,12 +419,12 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (3, 4, 7, 8), 5, real(2.5), controller="192.168.133.3"),
     tx(3, "ok", (5, 6, 11, 12), 7, real(3.5), device="192.168.133.34"),
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The same AR UUID with two controllers and with two devices: three channels."""
     clients = [
-        Client(tape),
-        second(tape, channel=wire.Channel(CONTROLLER_AR)),
-        Client(tape, device=drive(2), activity=UUID(int=0x48)),
+        client,
+        second(client, channel=wire.Channel(CONTROLLER_AR)),
+        Client(client.stage, device=drive(2), activity=UUID(int=0x48)),
     ]
     for client in clients:
         client.write(ask())
@@ -454,9 +440,8 @@ def _(tape: Tape) -> None:
     tx(2, "orphan", (None, None, 3, 4), None, real(9.5, pnu=None), ref=7, index=0xB02F, ar=None),
     rules="DS403@4#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A ReadImplicit between Write and Read of an AR does not take the response of the AR."""
-    client = Client(tape)
     place, nowhere = client.at(index=0xB02F), client.at(ar=wire.NIL, index=0xB02F)
     client.write(ask(), at=place)
     call = client.call(wire.READ_IMPLICIT)
@@ -472,13 +457,12 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (7, 8, 9, 10), 3, real(2.5), ref=2, index=0xB02F),
     rules="DS410@4#1 DS701@4#1 DS704@6#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Another station reads the response of an AR without one: nothing was asked, nothing fails once more."""
-    client = Client(tape)
     place = client.at(index=0xB02F)
     failed = message.answer(1, 0x81, 1, message.error(1))
     client.exchange(ask(), failed, at=place)
-    implicit(second(tape), failed)
+    implicit(second(client), failed)
     client.exchange(ask(2), tell(2, 2.5), at=place)
 
 
@@ -490,9 +474,9 @@ def _(tape: Tape) -> None:
     tx(3, "orphan", (None, None, 11, 12), None, real(1.5, pnu=None), index=0xB02F, ar=None),
     rules="DS403@12#3 DS704@10#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Of two that asked at a place the last one counts; the response before it is nobody's any more."""
-    client, other = Client(tape), second(tape)
+    other = second(client)
     client.exchange(ask(), tell(1, 1.5), at=client.at(index=0xB02F))
     other.exchange(ask(), tell(1, 2.5), at=other.at(index=0xB02F))
     implicit(client, tell(1, 2.5))
@@ -515,9 +499,8 @@ def _(tape: Tape) -> None:
     ),
     rules="DS410@4#1 DS403@8#2 DS701@4#1 DS704@8#2 DS704@10#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The transaction was over when its response was read again; its error is not told twice."""
-    client = Client(tape)
     place = client.at(index=0xB02F)
     failed = message.answer(1, 0x81, 1, message.error(1))
     client.exchange(ask(), failed, at=place)
@@ -533,9 +516,9 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (5, 6, 7, 8), 3, real(2.5, pnu=27)),
     rules="DS415@5#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Block sequence number and reference never change, the drive answers from another port."""
-    client = Client(tape, answer_port=49999)
+    client.answer_port = 49999
     place = client.channel
     for pnu, value in ((21, 1.5), (27, 2.5)):
         call = client.call(wire.WRITE)
@@ -562,9 +545,8 @@ def multiple(client: Client, statuses: Sequence[int]) -> list[wire.Channel]:
     tx(2, "ok", (1, 2, 5, 6), 5, real(2.0), ref=2, slot=2),
     tx(3, "ok", (1, 2, 3, 4), 3, real(3.0), ref=3, slot=3),
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Three requests in one Write, read in reverse order: ids follow the place in the Write."""
-    client = Client(tape)
     for place in reversed(multiple(client, (0, 0, 0))):
         client.read(tell(place.slot, float(place.slot)), at=place)
 
@@ -601,9 +583,8 @@ BOOK.lab(
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
     rules="DS208@1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Beside the nested one stands a request of the first level: that one is opened."""
-    client = Client(tape)
     client.write_multiple([(client.channel, ask(), 0), nested(client)])
     client.read(tell(1, 1.5))
 
@@ -626,9 +607,9 @@ BOOK.lab(
     tx(1, "orphan", (None, None, 1, 2), None, real(1.5, pnu=None)),
     rules="DS403@2#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """On index 47 a shaped response is proof enough."""
-    Client(tape).read(tell(1, 1.5))
+    client.read(tell(1, 1.5))
 
 
 @BOOK.scene(
@@ -638,20 +619,19 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (7, 8, 9, 10), 3, real(2.5), ref=2),
     rules="DS319@4#1 DS405@4#1 DS704@6#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A response without the shape of DS47, read once more without an AR while a shaped request is known."""
-    client = Client(tape)
     client.exchange(ask(), tell(1, 1.5, identifier=0x03))
     implicit(client, tell(1, 1.5, identifier=0x03), index=47)
     client.exchange(ask(2), tell(2, 2.5))
 
 
 @BOOK.scene("P20-per-ar", "P23 foreign", tx(1, "ok", (3, 4, 5, 6), 3, real(1.5)))
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Index 47 of one AR is a parameter channel, of another AR on the same device it is not."""
-    foreign = second(tape)
+    foreign = second(client)
     foreign.write(b"Hello, world")
-    Client(tape).exchange(ask(), tell(1, 1.5))
+    client.exchange(ask(), tell(1, 1.5))
     foreign.read(b"Hello, world")
 
 
@@ -662,9 +642,8 @@ def _(tape: Tape) -> None:
     tx(2, "refused", (5, 6), None, ref=7, write="DF80B700"),
     rules="DS315@5#2 DS203@6#2 DS711@5#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """After a shaped message a cut one on index 47 is decoded with its findings."""
-    client = Client(tape)
     client.exchange(ask(), tell(1, 1.5))
     client.write(CUT, status=BAD_HEADER)
 
@@ -687,11 +666,10 @@ BOOK.lab(
     tx(3, "ok", (7, 8, 9, 10), 3, real(1.5)),
     rules="DS315@1#1 DS203@2#1 DS711@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """What waited for its AR to prove itself is taken in behind frames of another one: no clock stepped back."""
-    client = Client(tape)
     client.write(CUT, status=BAD_HEADER)
-    second(tape).exchange(ask(), tell(1, 1.5))
+    second(client).exchange(ask(), tell(1, 1.5))
     client.exchange(ask(), tell(1, 1.5))
 
 
@@ -703,11 +681,10 @@ def _(tape: Tape) -> None:
     tx(3, "ok", (7, 8, 9, 10), 3, real(1.5)),
     rules="DS107@5 DS315@5#2 DS203@6#2 DS711@5#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The clock steps back at a frame that waits for its AR to prove itself: there, and not behind it."""
-    second(tape).exchange(ask(), tell(1, 1.5))
-    client = Client(tape)
-    tape.wait(-50)
+    second(client).exchange(ask(), tell(1, 1.5))
+    client.wait(-50)
     client.write(CUT, status=BAD_HEADER)
     client.exchange(ask(), tell(1, 1.5))
 
@@ -719,9 +696,8 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (3, 4, 5, 6), 3, real(1.5)),
     rules="DS315@1#1 DS413@3#1 DS711@1#1 DS705@3#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A cut but accepted request before the first shaped one was open when that one came."""
-    client = Client(tape)
     client.write(CUT)
     client.exchange(ask(), tell(1, 1.5))
 
@@ -733,18 +709,16 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (5, 6, 7, 8), 3, real(1.5)),
     rules="DS315@1#1 DS401@1#1 DS711@1#1 DS722@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A cut request was over by the Release of its AR when the first shaped one came, which displaces nothing."""
-    client = Client(tape)
     client.write(CUT)
     client.release()
     client.exchange(ask(), tell(1, 1.5))
 
 
 @BOOK.scene("P23-foreign", "P12 foreign lost")
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Index 47 of a device that is no drive: no transaction and no finding, lost calls included."""
-    client = Client(tape)
     for data in (b"Hello, world", b"\0\0\0\x10calibration", b"\xff" * 8):
         client.write(data)
         client.read(data)
@@ -753,10 +727,9 @@ def _(tape: Tape) -> None:
 
 
 @BOOK.scene("P14-index-of-the-user", "", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), index=0x1234))
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """An index that the user names is ours."""
-    tape.options = {"indices": [0x1234]}
-    client = Client(tape)
+    tape(client).options = {"indices": [0x1234]}
     client.exchange(ask(), tell(1, 1.5), at=client.at(index=0x1234))
 
 
@@ -810,9 +783,8 @@ BOOK.lab(
     tx(2, "ok", (7, 8, 9, 10), 3, real(2.5, pnu=27), ref=2),
     rules="DS413@7#1 DS705@7#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A polled request is displaced: superseded, not refused, for a poll is no response."""
-    client = Client(tape)
     client.write(ask())
     client.poll()
     client.poll()
@@ -827,9 +799,8 @@ def _(tape: Tape) -> None:
     tx(3, "orphan", (None, None, 8, 9), None, real(1.5, pnu=None)),
     rules="DS101@1#1 DS206@7 DS401@1#1 DS403@9#3",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A Read finds no request open: a record that comes after that is not the response to an older Write."""
-    client = Client(tape)
     client.ask_write(ask())
     client.exchange(ask(2, 27), tell(2, 2.5))
     client.poll()
@@ -845,9 +816,8 @@ def _(tape: Tape) -> None:
     tx(4, "orphan", (None, None, 9, 10), None, real(1.5, pnu=None)),
     rules="DS101@1#1 DS102@6 DS401@1#1 DS403@8#3 DS403@10#4",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A Write is accepted whose request is lost: the same record once more may be the response to that."""
-    client = Client(tape)
     client.ask_write(ask())
     client.exchange(ask(2, 27), tell(2, 2.5))
     client.accept_write(client.call(wire.WRITE), ask())
@@ -862,9 +832,8 @@ def _(tape: Tape) -> None:
     tx(2, "orphan", (None, None, 8, 9), None, real(1.5, pnu=None)),
     rules="DS102@5 DS203@2#1 DS206@7 DS403@9#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A Write is refused whose request is lost: no Read after it is for the refused Write before it."""
-    client = Client(tape)
     client.write(ask(), BAD_HEADER)
     client.poll()
     client.accept_write(client.call(wire.WRITE), ask(), status=BAD_HEADER)
@@ -879,9 +848,8 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (4, 5, 6, 7), 3, real(2.5, pnu=27), ref=2),
     rules="DS101@1#1 DS207@3#1 DS401@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A Read that brings nothing does not prove that the Write before it was accepted: it is not superseded."""
-    client = Client(tape)
     client.ask_write(ask())
     client.read(b"")
     client.exchange(ask(2, 27), tell(2, 2.5))
@@ -894,9 +862,8 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (2, 3, 6, 7), 5, real(2.5, pnu=27), ref=2),
     rules="DS101@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The record of an older Write comes when a newer one was accepted already: it displaces nothing."""
-    client = Client(tape)
     client.ask_write(ask())
     client.write(ask(2, 27))
     client.read(tell(1, 1.5))
@@ -910,9 +877,8 @@ def _(tape: Tape) -> None:
     tx(2, "unanswered", (3, None, 4), None, par(27), ref=2),
     rules="DS101@3#2 DS101@4#2 DS203@2#1 DS401@3#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The Read without a response comes after a Write without a response, and is not one of the refused Write."""
-    client = Client(tape)
     client.write(ask(), BAD_HEADER)
     client.ask_write(ask(2, 27))
     client.ask_read()
@@ -933,9 +899,8 @@ BOOK.lab(
     tx(1, "ok", (1, 4, 2, 3), 2, real(1.5)),
     rules="DS702@2#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The Write response comes after the Read response: it still belongs to its transaction."""
-    client = Client(tape)
     call = client.ask_write(ask())
     client.read(tell(1, 1.5))
     client.accept_write(call, ask())
@@ -948,9 +913,8 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (2, None, 3, 4), 2, real(2.5, pnu=27), ref=2),
     rules="DS101@1#1 DS101@2#2 DS401@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Two Writes without response, the Read brings the record of the second."""
-    client = Client(tape)
     client.ask_write(ask())
     client.ask_write(ask(2, 27))
     client.read(tell(2, 2.5))
@@ -963,9 +927,8 @@ def _(tape: Tape) -> None:
     tx(2, "unanswered", (2,), None, par(27), ref=2),
     rules="DS101@1#1 DS101@2#2 DS401@2#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Two Writes without response, the Read brings the record of the first."""
-    client = Client(tape)
     client.ask_write(ask())
     client.ask_write(ask(2, 27))
     client.read(tell(1, 1.5))
@@ -978,9 +941,8 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (6, 7, 8, 9), 3, real(2.5, pnu=27), ref=2),
     rules="DS101@3#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A Read never got its RPC response: it belongs to the request before it, though another is open later."""
-    client = Client(tape)
     client.write(ask())
     client.ask_read()
     client.read(tell(1, 1.5))
@@ -994,9 +956,8 @@ def _(tape: Tape) -> None:
     tx(2, "unanswered", (3,), None, par(27), ref=2),
     rules="DS101@3#2 DS401@1#1 DS401@3#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The channel goes on behind an open request, with a Write whose response is not in the capture."""
-    client = Client(tape)
     client.write(ask())
     client.ask_write(ask(2, 27))
 
@@ -1008,9 +969,8 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (3, None, 4, 5), 2, real(2.5, pnu=27), ref=2),
     rules="DS101@3#2 DS413@3#1 DS705@3#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """While one request is open the Read brings another's record, whose Write response is lost."""
-    client = Client(tape)
     client.write(ask())
     client.ask_write(ask(2, 27))
     client.read(tell(2, 2.5))
@@ -1024,9 +984,8 @@ def _(tape: Tape) -> None:
     tx(3, "ok", (8, 9, 10, 11), 3, real(1.5), ref=3),
     rules="DS101@1#1 DS206@7 DS402@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A Write without its response, then an accepted one: no later Read is that of the first."""
-    client = Client(tape)
     client.ask_write(put(1, 1.0))
     client.exchange(ask(2, 27), tell(2, 2.5))
     client.poll()
@@ -1042,9 +1001,8 @@ def _(tape: Tape) -> None:
     tx(1, "refused", (1, 2, 3, 4), 3, real(1.5), write="DF80B500"),
     rules="DS203@2#1 DS705@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Without an open request a Read belongs to the refused Write; the state stays refused."""
-    client = Client(tape)
     client.write(ask(), status=NOT_POSSIBLE)
     client.read(tell(1, 1.5))
 
@@ -1056,9 +1014,8 @@ def _(tape: Tape) -> None:
     tx(2, "refused", (3, 4, 5, 6), 3, real(2.5, pnu=27), ref=2, write="DF80B500"),
     rules="DS203@2#1 DS203@4#2 DS705@1#1 DS705@3#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Two refused Writes: the Read belongs to the latest."""
-    client = Client(tape)
     client.write(ask(), status=NOT_POSSIBLE)
     client.write(ask(2, 27), status=NOT_POSSIBLE)
     client.read(tell(2, 2.5))
@@ -1071,9 +1028,8 @@ def _(tape: Tape) -> None:
     tx(2, "refused", (5, 6, 7, 8), 3, real(1.5), write="DF80B500"),
     rules="DS415@5#2 DS203@6#2 DS705@5#2 DS704@8#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The refused Write comes before the last response, even where the bytes are the same."""
-    client = Client(tape)
     client.exchange(ask(), tell(1, 1.5))
     client.write(ask(), status=NOT_POSSIBLE)
     client.read(tell(1, 1.5))
@@ -1086,9 +1042,8 @@ def _(tape: Tape) -> None:
     tx(2, "refused", (3, 4), None, par(27), ref=2, write="DF80B500"),
     rules="DS203@4#2 DS705@3#2 DS704@8#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Something was read since the refused Write: the next Read is not its own."""
-    client = Client(tape)
     client.write(ask())
     client.write(ask(2, 27), status=NOT_POSSIBLE)
     client.read(tell(1, 1.5))
@@ -1111,11 +1066,10 @@ BOOK.lab(
     tx(2, "orphan", (None, None, 5, 6), None, real(1.5, pnu=None)),
     rules="DS403@6#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """After 600 s without a call the channel is forgotten, its last response too: an orphan."""
-    client = Client(tape)
     client.exchange(ask(), tell(1, 1.5))
-    tape.wait(601_000)
+    client.wait(601_000)
     client.read(tell(1, 1.5))
 
 
@@ -1126,9 +1080,8 @@ def _(tape: Tape) -> None:
     tx(2, "orphan", (None, None, 5, 6), None, real(2.5, pnu=None)),
     rules="DS403@6#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Another Read with other bytes than the last response: an orphan."""
-    client = Client(tape)
     client.exchange(ask(), tell(1, 1.5))
     client.read(tell(1, 2.5))
 
@@ -1143,17 +1096,15 @@ BOOK.lab(
 
 
 @BOOK.scene("P33-empty-body-nothing-asked", "P53 nothing-to-read malformed", rules="DS108@2")
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A Read on a channel without a request, whose response has no body: that is the cause, and said once."""
-    client = Client(tape)
     client.channel = client.at(index=0xB02F)
     client.reply(client.ask_read(), b"")
 
 
 @BOOK.scene("P33-nothing-to-read", "nothing-to-read", rules="DS206@2 DS206@4 DS206@6")
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Reads without data on a channel without a request: busy, refused, and positive."""
-    client = Client(tape)
     client.channel = client.at(index=0xB02F)
     client.poll(BUSY)
     client.poll(0xDE80B000, with_header=False)
@@ -1174,9 +1125,8 @@ BOOK.lab(
     tx(1, "unanswered", (1, 2), None, NOTHING, polls=[(3, 4)]),
     rules="DS401@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Only polls until the end of the capture: unanswered, not refused."""
-    client = Client(tape)
     client.write(ask())
     client.poll()
 
@@ -1188,9 +1138,8 @@ def _(tape: Tape) -> None:
     tx(2, "orphan", (None, None, 5, 6), None, real(1.5, pnu=None)),
     rules="DS201@4#1 DS403@6#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Any other negative status ends the transaction: a record that comes later is an orphan."""
-    client = Client(tape)
     client.write(ask())
     client.poll(0xDE80B600)
     client.read(tell(1, 1.5))
@@ -1212,9 +1161,8 @@ BOOK.lab(
     tx(2, "change unanswered", (3, 4), None, real(10.0, pnu=1120), ref=2, slot=2),
     rules="DS401@1#1 DS402@3#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A read and a change that nobody fetches until the capture ends."""
-    client = Client(tape)
     client.write(ask())
     client.write(put(2, 10.0), at=client.at(slot=2))
 
@@ -1226,9 +1174,8 @@ def _(tape: Tape) -> None:
     tx(2, "orphan", (None, None, 5, 6), None, real(1.5, pnu=None)),
     rules="DS401@1#1 DS403@6#2 DS722@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The AR is released: what was open stays unanswered, a later Read finds nothing."""
-    client = Client(tape)
     client.write(ask())
     client.release()
     client.read(tell(1, 1.5))
@@ -1241,13 +1188,13 @@ def _(tape: Tape) -> None:
     tx(2, "unanswered", (3, 4), None, NOTHING, **HOME2),
     rules="DS401@3#2 DS722@3#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The release of one AR leaves the other alone."""
-    first, other = Client(tape), second(tape)
-    first.write(ask())
+    other = second(client)
+    client.write(ask())
     other.write(ask())
     other.release()
-    first.read(tell(1, 1.5))
+    client.read(tell(1, 1.5))
 
 
 @BOOK.scene(
@@ -1257,13 +1204,13 @@ def _(tape: Tape) -> None:
     tx(2, "unanswered", (3, 4), None, NOTHING, controller="192.168.133.3"),
     rules="DS401@3#2 DS722@3#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """An AR with the same UUID between another controller and the drive is another AR."""
-    first, other = Client(tape), second(tape, channel=wire.Channel(CONTROLLER_AR))
-    first.write(ask())
+    other = second(client, channel=wire.Channel(CONTROLLER_AR))
+    client.write(ask())
     other.write(ask())
     other.release()
-    first.read(tell(1, 1.5))
+    client.read(tell(1, 1.5))
 
 
 @BOOK.scene(
@@ -1273,20 +1220,18 @@ def _(tape: Tape) -> None:
     tx(2, "orphan", (None, None, 3, 4), None, real(1.5, pnu=None)),
     rules="DS401@1#1 DS403@4#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A Read 601 s after the Write comes too late."""
-    client = Client(tape)
     client.write(ask())
-    tape.wait(601_000)
+    client.wait(601_000)
     client.read(tell(1, 1.5))
 
 
 @BOOK.scene("P38-not-expired", "P29 late-read", tx(1, "ok", (1, 2, 3, 4), 599_003, real(1.5)))
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A Read 599 s after the Write is in time."""
-    client = Client(tape)
     client.write(ask())
-    tape.wait(599_000)
+    client.wait(599_000)
     client.read(tell(1, 1.5))
 
 
@@ -1299,9 +1244,8 @@ def _(tape: Tape) -> None:
     tx(1, "refused", (1, 4, 2, 3), 2, real(1.5), write="DF80B500"),
     rules="DS203@4#1 DS705@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A negative Write response after the Read that brought the record: refused, and it is said."""
-    client = Client(tape)
     call = client.ask_write(ask())
     client.read(tell(1, 1.5))
     client.accept_write(call, ask(), status=NOT_POSSIBLE)
@@ -1326,9 +1270,8 @@ for _name, _rules, _values in (
     tx(3, "ok", (9, 10, 11, 12), 3, real(10.0, pnu=1120), ref=3),
     rules="DS404@8#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The value of a mismatch is not compared with what was written (no DS417)."""
-    client = Client(tape)
     client.exchange(put(1, 10.0), message.changed(1, 1))
     client.exchange(ask(2, 1120), tell(1, 9.5))
     client.exchange(ask(3, 1120), tell(3, 10.0))
@@ -1340,9 +1283,9 @@ def _(tape: Tape) -> None:
     tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)),
     rules="DS407@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A change answered with count 2 but no value block: a finding, no mismatch."""
-    Client(tape).exchange(put(1, 10.0), message.changed(1, 1, count=2))
+    client.exchange(put(1, 10.0), message.changed(1, 1, count=2))
 
 
 @BOOK.scene(
@@ -1351,10 +1294,10 @@ def _(tape: Tape) -> None:
     tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(0, 0)), par(27, error=(0x6B, 3))),
     rules="DS410@4#1 DS410@4#1 DS719@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Both parameters failed."""
     answer = message.answer(1, 0x81, 1, message.error(0), message.error(0x6B, 3))
-    Client(tape).exchange(ask(1, 21, 27), answer)
+    client.exchange(ask(1, 21, 27), answer)
 
 
 BOOK.lab(
@@ -1372,10 +1315,10 @@ BOOK.lab(
     tx(1, "error", (1, 2, 3, 4), 3, real(1.5), par(27, error=(0x21, 0))),
     rules="DS410@4#1 DS418@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Response id 0x80 is an error, whatever its blocks say."""
     answer = message.answer(1, 0x80, 1, message.real(1.5), message.error(0x21))
-    Client(tape).exchange(ask(1, 21, 27), answer)
+    client.exchange(ask(1, 21, 27), answer)
 
 
 BOOK.lab(
@@ -1411,10 +1354,9 @@ BOOK.lab(
     tx(3, "orphan", (None, None, 5, 6), None, real(1.5, pnu=None), slot=3),
     rules="DS401@1#1 DS402@3#2 DS403@6#3",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The capture says that it lost 12 frames: unanswered and orphan transactions say so."""
-    tape.dropped = 12
-    client = Client(tape)
+    client.stage.dropped = 12
     client.write(ask())
     client.write(put(2, 10.0), at=client.at(slot=2))
     client.read(tell(1, 1.5), at=client.at(slot=3))
@@ -1427,9 +1369,8 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (2, 3, 4, 5), 3, real(1.5), slot=2),
     rules="DS403@6#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A Read that began first and ended last has the lower id."""
-    client = Client(tape)
     other = replace(client, activity=UUID(int=0x48), channel=client.at(slot=2))
     call = client.ask_read()
     other.exchange(ask(), tell(1, 1.5))
@@ -1468,12 +1409,12 @@ BOOK.lab(
     tx(1, "ok", (2, 4, 9, 11), 10, real(1.5)),
     rules="DS105@7#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The last fragment of the Read response is lost, and the record is read again: it is there in part."""
-    client = Client(tape, fragment=60)
+    client.fragment = 60
     client.write(ask())
     client.read(tell(1, 1.5))
-    del tape.steps[-1]
+    client.stage.lose()
     client.read(tell(1, 1.5))
 
 
@@ -1483,21 +1424,20 @@ def _(tape: Tape) -> None:
     tx(1, "ok", (2, 4, 9, 11), 10, real(1.5)),
     rules="DS105@7#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The first fragment of the Read response is lost: the last one says whose it is, by its RPC header."""
-    client = Client(tape, fragment=60)
+    client.fragment = 60
     client.write(ask())
     client.read(tell(1, 1.5))
-    del tape.steps[-2]
+    client.stage.lose(-2)
     client.read(tell(1, 1.5))
 
 
 @BOOK.scene("P53-frame-cut", "P67 malformed", tx(1, "ok", (1, 2, 3, 4), 3, real()), rules="DS106@4")
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The frame of the Read response lacks its last two bytes, half of the only value."""
-    client = Client(tape)
     client.exchange(ask(), tell(1, 1.5))
-    tape.cut(2)
+    tape(client).cut(2)
 
 
 @BOOK.scene(
@@ -1506,11 +1446,11 @@ def _(tape: Tape) -> None:
     tx(1, "error", (1, 2, 3, 4), 3, real()),
     rules="DS202@4 DS315@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The datagram of the Read response ends two bytes too early, and the frame is whole: nothing was cut."""
-    client = Client(tape)
     client.exchange(ask(), tell(1, 1.5))
-    tape.steps[-1]["bytes"] = tape.steps[-1]["bytes"][:-4]
+    step = tape(client).steps[-1]
+    step["bytes"] = step["bytes"][:-4]
 
 
 @BOOK.scene(
@@ -1519,14 +1459,12 @@ def _(tape: Tape) -> None:
     tx(1, "ok", (2, 3, 4, 6), 4, real()),
     rules="DS106@5",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The frame with the first of two fragments of the Read response is cut: that one is named."""
-    client = Client(tape, fragment=92)
+    client.fragment = 92
     client.write(ask())
     client.read(tell(1, 1.5))
-    last = tape.steps.pop()
-    tape.cut(2)
-    tape.steps.append(last)
+    tape(client).cut(2, -2)
 
 
 @BOOK.scene(
@@ -1535,11 +1473,11 @@ def _(tape: Tape) -> None:
     tx(1, "orphan", (None, None, 3, 4), None, real(1.5, pnu=None), ref=1),
     rules="DS105@1 DS403@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The last fragment of the Write request is lost: its response is not without a request in the capture."""
-    client = Client(tape, fragment=60)
+    client.fragment = 60
     call = client.ask_write(ask())
-    del tape.steps[-1]
+    client.stage.lose()
     client.fragment = None
     client.accept_write(call, ask())
     client.read(tell(1, 1.5))
@@ -1564,9 +1502,8 @@ def polled(count: int) -> list[tuple[int, int]]:
     return [(3 + 2 * n, 4 + 2 * n) for n in range(count)]
 
 
-def play_polls(tape: Tape, count: int) -> None:
+def play_polls(client: Client, count: int) -> None:
     """A read whose response is there after so many polls."""
-    client = Client(tape)
     client.write(ask())
     for _ in range(count):
         client.poll()
@@ -1574,9 +1511,9 @@ def play_polls(tape: Tape, count: int) -> None:
 
 
 @BOOK.scene("P34-nine-polls", "poll", tx(1, "ok", (1, 2, 21, 22), 21, real(1.5), polls=polled(9)))
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Nine polls are nothing to speak of."""
-    play_polls(tape, 9)
+    play_polls(client, 9)
 
 
 @BOOK.scene(
@@ -1585,9 +1522,9 @@ def _(tape: Tape) -> None:
     tx(1, "ok", (1, 2, 23, 24), 23, real(1.5), polls=polled(10)),
     rules="DS204@24#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Ten polls are worth a note."""
-    play_polls(tape, 10)
+    play_polls(client, 10)
 
 
 @BOOK.scene(
@@ -1596,16 +1533,15 @@ def _(tape: Tape) -> None:
     tx(1, "ok", (1, 2, 6, 7), 1507, real(1.5), polls=[(None, 3), (4, 5)]),
     rules="DS102@3 DS205@7#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The request of the first Read is missing: how long the drive took of 1507 ms is not known."""
-    client = Client(tape)
     client.write(ask())
-    tape.deaf = True
+    client.stage.deaf = True
     read = client.ask_read()
-    tape.deaf = False
+    client.stage.deaf = False
     client.refuse_read(read, BUSY)
     client.poll()
-    tape.wait(1500)
+    client.wait(1500)
     client.read(tell(1, 1.5))
 
 
@@ -1615,12 +1551,11 @@ def _(tape: Tape) -> None:
     tx(1, "ok", (1, 2, 5, 6), 1002, real(1.5), polls=[(3, 4)]),
     rules="DS416@6#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Exactly 1000 ms from the first poll to the response: not too long, but the drive is slow."""
-    client = Client(tape)
     client.write(ask())
     client.poll()
-    tape.wait(997)
+    client.wait(997)
     client.read(tell(1, 1.5))
 
 
@@ -1630,12 +1565,11 @@ def _(tape: Tape) -> None:
     tx(1, "ok", (1, 2, 5, 6), 1003, real(1.5), polls=[(3, 4)]),
     rules="DS205@6#1 DS416@6#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """1001 ms from the first poll to the response."""
-    client = Client(tape)
     client.write(ask())
     client.poll()
-    tape.wait(998)
+    client.wait(998)
     client.read(tell(1, 1.5))
 
 
@@ -1646,9 +1580,8 @@ def _(tape: Tape) -> None:
     tx(2, "unanswered", (6, 7), None, par(27), ref=2),
     rules="DS101@5 DS401@6#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A Read without its RPC response came before the Write that is open when it is given up: not its Read."""
-    client = Client(tape)
     client.exchange(ask(1), tell(1, 1.5))
     client.ask_read()
     client.write(ask(2, 27))
@@ -1662,9 +1595,8 @@ def _(tape: Tape) -> None:
     tx(3, "change refused", (9, 10, 11, 12), 3, real(10.0, pnu=1120), write="DF80B700"),
     rules="DS201@8#2 DS203@10#3 DS415@5#2 DS415@9#3",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The Read of an accepted change is refused: a later response may be its, and is not called an old one."""
-    client = Client(tape)
     client.exchange(put(1, 10.0), message.changed(1, 1))
     client.write(put(1, 10.0))
     client.poll(0xDE80B700)
@@ -1687,10 +1619,10 @@ BOOK.lab(
     tx(1, "ok", (1, 2, 3, 4), 3, real()),
     rules="DS408@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Number of elements 0 asks for one value, as 1 does; the block has none."""
     request = message.read(1, 1, message.address(21, elements=0))
-    Client(tape).exchange(request, message.answer(1, 1, 1, message.real()))
+    client.exchange(request, message.answer(1, 1, 1, message.real()))
 
 
 BOOK.lab(
@@ -1708,10 +1640,10 @@ BOOK.lab(
     tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, error=(0x11, 0))),
     rules="DS410@4#1 DS411@4#1 DS719@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """One of two failed, and the response id says that none did."""
     answer = message.answer(1, 0x01, 1, message.real(1.5), message.error(0x11))
-    Client(tape).exchange(ask(1, 21, 27), answer)
+    client.exchange(ask(1, 21, 27), answer)
 
 
 @BOOK.scene(
@@ -1720,9 +1652,9 @@ def _(tape: Tape) -> None:
     tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)),
     rules="DS315@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The positive response id says that the change was done; the number of parameters is missing."""
-    Client(tape).exchange(put(1, 10.0), message.changed(1, 1)[:3])
+    client.exchange(put(1, 10.0), message.changed(1, 1)[:3])
 
 
 @BOOK.scene(
@@ -1731,10 +1663,10 @@ def _(tape: Tape) -> None:
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
     rules="DS315@4#1 DS407@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Two blocks announced, the only one that was asked for is there: no parameter is missing."""
     answer = tell(1, 1.5)
-    Client(tape).exchange(ask(), answer[:3] + bytes([2]) + answer[4:])
+    client.exchange(ask(), answer[:3] + bytes([2]) + answer[4:])
 
 
 BOOK.lab(
@@ -1752,9 +1684,9 @@ BOOK.lab(
     tx(1, "change error", (1, 2, 3, 4), 3, real(10.0, pnu=1120)),
     rules="DS412@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The same of a change: done, says the block, and the response id says that something failed."""
-    Client(tape).exchange(put(1, 10.0), message.answer(1, 0x82, 1, message.done()))
+    client.exchange(put(1, 10.0), message.answer(1, 0x82, 1, message.done()))
 
 
 BOOK.lab(
@@ -1772,9 +1704,9 @@ BOOK.lab(
     tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, "Float32")),
     rules="DS315@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The device sent the first of two values, and half of the second."""
-    Client(tape).exchange(ask(1, 21, 27), tell(1, 1.5, 2.5)[:-2])
+    client.exchange(ask(1, 21, 27), tell(1, 1.5, 2.5)[:-2])
 
 
 @BOOK.scene(
@@ -1783,11 +1715,10 @@ def _(tape: Tape) -> None:
     tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, "Float32")),
     rules="DS106@4",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """One value was captured, the other half; the response id says that something failed."""
-    client = Client(tape)
     client.exchange(ask(1, 21, 27), tell(1, 1.5, 2.5, identifier=0x81))
-    tape.cut(2)
+    tape(client).cut(2)
 
 
 @BOOK.scene(
@@ -1796,11 +1727,10 @@ def _(tape: Tape) -> None:
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), par(27)),
     rules="DS106@4",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The capture lacks the second block, and the response id says that nothing failed."""
-    client = Client(tape)
     client.exchange(ask(1, 21, 27), tell(1, 1.5, 2.5))
-    tape.cut(6)
+    tape(client).cut(6)
 
 
 @BOOK.scene(
@@ -1811,9 +1741,8 @@ def _(tape: Tape) -> None:
     tx(3, "ok", (9, 10, 11, 12), 3, real(11.0, pnu=1120), ref=3),
     rules="DS417@12#3",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """What was written is read back, first as it was written, then another value."""
-    client = Client(tape)
     client.exchange(put(1, 10.0), message.changed(1, 1))
     client.exchange(ask(2, 1120), tell(2, 10.0))
     client.exchange(ask(3, 1120), tell(3, 11.0))
@@ -1827,9 +1756,8 @@ def _(tape: Tape) -> None:
     tx(3, "ok", (9, 10, 11, 12), 3, real(1.5), real(2.5, pnu=27), real(3.5, pnu=25), ref=3),
     rules="DS316@9#3",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The drive says that it takes 16 bytes: a request of 16 is no finding, one of 22 is."""
-    client = Client(tape)
     client.exchange(ask(1, 974), message.answer(1, 1, 1, message.word(16)))
     client.exchange(ask(2, 21, 27), tell(2, 1.5, 2.5))
     client.exchange(ask(3, 21, 27, 25), tell(3, 1.5, 2.5, 3.5))
@@ -1844,9 +1772,9 @@ MANY = range(100, 140)
     "values",
     tx(1, "ok", (1, 2, 3, 4), 3, *(real(pnu / 2, pnu=pnu) for pnu in MANY)),
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """40 parameters of which the drive gives all: not too many, and not called so while the response is due."""
-    Client(tape).exchange(ask(1, *MANY), tell(1, *(pnu / 2 for pnu in MANY)))
+    client.exchange(ask(1, *MANY), tell(1, *(pnu / 2 for pnu in MANY)))
 
 
 # Which parameter is meant
@@ -1890,9 +1818,8 @@ def row(number: int, *parameters: Row, state: str = "ok", **more: Any) -> Row:
     row(4, ramp(9.5), axis=2, index=LOCAL),
     rules="DS417@8#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Local access: the axis byte does not count, the slot does."""
-    client = Client(tape)
     here, there = client.at(index=LOCAL), client.at(index=LOCAL, slot=2)
     client.exchange(*changed(10.0, 1, axis=9), at=there)
     client.exchange(*fetched(9.5, 2, axis=0), at=there)
@@ -1907,9 +1834,8 @@ def _(tape: Tape) -> None:
     row(2, ramp(9.5), state="change ok", index=LOCAL, slot=2),
     row(3, ramp(9.5)),
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Local access may have reached the same drive object: the value that was written last is not known."""
-    client = Client(tape)
     client.exchange(*changed(10.0, 1))
     client.exchange(*changed(9.5, 2), at=client.at(index=LOCAL, slot=2))
     client.exchange(*fetched(9.5, 3))
@@ -1924,9 +1850,8 @@ def _(tape: Tape) -> None:
     row(4, ramp(9.5), axis=9, index=LOCAL, slot=2),
     rules="DS410@4#1 DS417@16#4 DS709@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """PNU 975[7] of a submodule is its DO-ID: what was written to that drive object is read back there."""
-    client = Client(tape)
     there = client.at(index=LOCAL, slot=2)
     client.exchange(ask(1, RAMP, axis=77), message.answer(1, 0x81, 77, message.error(0x19)))
     asked = message.read(2, 0, message.address(975, 7))
@@ -1947,9 +1872,8 @@ def _(tape: Tape) -> None:
     row(7, ramp(9.5), axis=2),
     rules="DS410@16#4 DS417@28#7 DS709@16#4",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Two axis numbers may be one drive object until the device has refused a third."""
-    client = Client(tape)
     client.exchange(*changed(10.0, 1, axis=2))
     client.exchange(*changed(9.5, 2, axis=3))
     client.exchange(*fetched(9.5, 3, axis=2))
@@ -1966,9 +1890,8 @@ def _(tape: Tape) -> None:
     row(2, real(9.5, pnu=61000), axis=3, index=LOCAL, slot=2),
     rules="DS417@8#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """PNU 61000 is one parameter, whichever drive object is asked."""
-    client = Client(tape)
     client.exchange(*changed(10.0, 1, axis=2, pnu=61000))
     client.exchange(*fetched(9.5, 2, axis=3, pnu=61000), at=client.at(index=LOCAL, slot=2))
 
@@ -1980,9 +1903,8 @@ def _(tape: Tape) -> None:
     tx(2, "change ok", (5, 6, 11, 12), 7, ramp(9.5), ref=2, index=0xB02F),
     tx(3, "ok", (7, 8, 9, 10), 3, ramp(9.5), ref=3),
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A change that was accepted is in force perhaps, before its response is fetched."""
-    client = Client(tape)
     asked, answer = changed(9.5, 2)
     other = client.at(index=0xB02F)
     client.exchange(*changed(10.0, 1))
@@ -1999,9 +1921,8 @@ def _(tape: Tape) -> None:
     row(3, ramp(10.0)),
     rules="DS410@8#2 DS701@8#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A change writes a parameter twice, and the second time it is refused: the first value is in force."""
-    client = Client(tape)
     where = message.address(RAMP)
     client.exchange(*changed(9.5, 1))
     asked = message.change(2, 1, (where, message.real(10.0)), (where, message.real(8.0)))
@@ -2017,9 +1938,8 @@ def _(tape: Tape) -> None:
     tx(3, "ok", (7, 8, 9, 10), 3, ramp(9.5), ref=3),
     rules="DS403@6#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The response to a change says that something was written, and its request is not there: it may be any."""
-    client = Client(tape)
     client.exchange(*changed(10.0, 1))
     client.read(message.changed(2, 1), at=client.at(slot=2))
     client.exchange(*fetched(9.5, 3))
@@ -2034,9 +1954,8 @@ def _(tape: Tape) -> None:
     tx(4, "ok", (11, 12, 13, 14), 3, ramp(8.0), ref=4),
     rules="DS414@7#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A change whose response nobody fetched makes the value unknown, on every channel."""
-    client = Client(tape)
     other = client.at(index=0xB02F)
     client.exchange(*changed(10.0, 1))
     client.write(changed(9.5, 2)[0], at=other)
@@ -2051,9 +1970,8 @@ def _(tape: Tape) -> None:
     row(2, par(340, "Unsigned16", 1), state="change ok"),
     row(3, ramp(9.5)),
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """p0340 computes others: what was written before it is not known any more."""
-    client = Client(tape)
     client.exchange(*changed(10.0, 1))
     asked = message.change(2, 1, (message.address(340), message.word(1)))
     client.exchange(asked, message.changed(2, 1))
@@ -2068,9 +1986,8 @@ def _(tape: Tape) -> None:
     row(3, par(RAMP, "Unsigned32", 10), state="change ok"),
     row(4, ramp(10.0)),
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """-32765 and 32771 are the same 16 bits; 10 and 10.0 the same number."""
-    client = Client(tape)
     where = message.address(2900)
     asked = message.change(1, 1, (where, message.block(0x03, "h", -32765)))
     client.exchange(asked, message.changed(1, 1))
@@ -2090,9 +2007,8 @@ def _(tape: Tape) -> None:
     tx(5, "ok", (15, 16, 17, 18), 3, ramp(9.5), ref=5),
     rules="DS414@3#1 DS417@18#5",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A change may be in force until it is displaced, so perhaps after the one that displaced it; no longer."""
-    client = Client(tape)
     client.write(changed(9.5, 1)[0])
     client.exchange(*changed(10.0, 2))
     client.exchange(*fetched(9.5, 3))
@@ -2109,9 +2025,8 @@ def _(tape: Tape) -> None:
     row(4, ramp(7.0), real(4.0, pnu=1121)),
     rules="DS410@4#1 DS417@8#2 DS410@12#3 DS407@12#3 DS719@4#1 DS719@12#3",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """What did not fail is in force; a block that is not there says nothing."""
-    client = Client(tape)
     both = message.address(RAMP), message.address(1121)
     asked = message.change(1, 1, (both[0], message.real(10.0)), (both[1], message.real(5.0)))
     client.exchange(asked, message.answer(1, 0x82, 1, message.done(), message.error(0x6B)))
@@ -2130,9 +2045,8 @@ def _(tape: Tape) -> None:
     row(4, par(2900, "Unsigned16", 7, subindex=4)),
     rules="DS417@8#2 DS417@16#4",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Each element is a parameter of its own; of what differs it is told once."""
-    client = Client(tape)
     asked = message.change(1, 1, (message.address(2900, 4, 3), message.word(1, 2, 3)))
     client.exchange(asked, message.changed(1, 1))
     for number, first, values in ((2, 5, (9,)), (3, 5, (8, 3)), (4, 4, (7,))):
@@ -2151,9 +2065,8 @@ def _(tape: Tape) -> None:
     tx(6, "ok", (19, 20, 21, 22), 3, ramp(9.5), ref=6),
     rules="DS414@7#1 DS417@22#6",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A change of p0340 whose response nobody fetched may have come until it was displaced."""
-    client = Client(tape)
     other = client.at(index=0xB02F)
     asked = message.change(1, 1, (message.address(340), message.word(1)))
     client.write(asked, at=other)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from uuid import UUID
 
-from book import NOTHING, Row, Tape, Vectors, par, real, tx
+from book import NOTHING, Row, Vectors, par, real, tx
 from conversations import (
     AR2,
     BAD_HEADER,
@@ -63,9 +63,9 @@ BOOK.lab(
     tx(1, "mismatch", (1, 2, 3, 4), 3, par(None, error=(1, 0))),
     rules="DS404@4#1 DS410@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: what was read refuses another request."""
-    Client(tape).exchange(ask(1), refused(2, 0x01))
+    client.exchange(ask(1), refused(2, 0x01))
 
 
 # DS702: read too early
@@ -98,9 +98,8 @@ BOOK.lab(
     tx(2, "refused", (5, 6, 7, 8), 3, par(27), ref=2, write="DF80B700"),
     rules="DS203@6#2 DS404@8#2 DS704@8#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The second Write fails, the Read behind it brings the first response again."""
-    client = Client(tape)
     client.exchange(ask(1), tell(1, 1.5))
     client.write(ask(2, 27), BAD_HEADER)
     client.read(tell(1, 1.5))
@@ -113,9 +112,8 @@ def _(tape: Tape) -> None:
     tx(2, "refused", (5, 6, 7, 8), 3, real(2.5, pnu=27), ref=2, write="DF80B700"),
     rules="DS203@6#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: the Write is refused, but what is read is new."""
-    client = Client(tape)
     client.exchange(ask(1), tell(1, 1.5))
     client.write(ask(2, 27), BAD_HEADER)
     client.read(tell(2, 2.5))
@@ -128,9 +126,8 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (5, None, 6, 7), 2, real(1.5, pnu=27)),
     rules="DS101@5#2 DS415@5#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: two parameters may have the same value; only the Write response could say more."""
-    client = Client(tape)
     client.exchange(ask(1), tell(1, 1.5))
     client.ask_write(ask(1, 27))
     client.read(tell(1, 1.5))
@@ -143,9 +140,8 @@ def _(tape: Tape) -> None:
     tx(2, "unanswered", (5,), None, par(27), ref=2),
     rules="DS101@5#2 DS401@5#2 DS704@7#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A request lies between, and the capture does not show that it was accepted."""
-    client = Client(tape)
     client.exchange(ask(1), tell(1, 1.5))
     client.ask_write(ask(2, 27))
     client.read(tell(1, 1.5))
@@ -158,9 +154,8 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (5, None, 6, 7), 2, real(1.5)),
     rules="DS101@5#2 DS415@5#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: the same question may have the same answer."""
-    client = Client(tape)
     client.exchange(ask(1), tell(1, 1.5))
     client.ask_write(ask(1))
     client.read(tell(1, 1.5))
@@ -220,12 +215,12 @@ BOOK.lab(
     tx(2, "refused", (3, 4), None, par(27), write="DF80B700", **HOME2),
     rules="DS203@4#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: turned away while another is open, but not for that."""
-    first, other = Client(tape), second(tape)
-    first.write(ask(1))
+    other = second(client)
+    client.write(ask(1))
     other.write(ask(1, 27), BAD_HEADER)
-    first.read(tell(1, 1.5))
+    client.read(tell(1, 1.5))
 
 
 # DS709: a drive object that is not there
@@ -257,9 +252,8 @@ BOOK.lab(
     tx(1, "refused", (1, 2), None, ref=7, write="DF80B700", index=0xB02F),
     rules="DS202@1 DS203@2#1 DS315@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: the record itself is shorter than it says, so LEN is not to blame."""
-    client = Client(tape)
     place = client.at(index=0xB02F)
     call = client.ask_write(CUT, place, stated=len(CUT) + 2)
     client.accept_write(call, CUT, place, BAD_HEADER)
@@ -272,9 +266,8 @@ def _(tape: Tape) -> None:
     tx(2, "change error", (5, 6, 7, 8), 3, par(1120, "Unsigned64", error=(0x17, 0)), ref=2),
     rules="DS315@5#2 DS410@8#2 DS701@8#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: the drive has read four bytes and says that the format of eight is wrong."""
-    client = Client(tape)
     client.exchange(ask(1), tell(1, 1.5))
     block = message.raw_block(0x38, 1, bytes(4))
     request = message.change(2, 1, (message.address(1120), block))
@@ -297,21 +290,19 @@ def _(tape: Tape) -> None:
     ),
     rules="DS203@2#1 DS315@1#1 DS711@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Two of three addresses read as a value of format 0x10: no request for one parameter is meant."""
     addresses = [message.address(pnu) for pnu in (1120, 971, 100)]
     asked = message.header(1, 2, 1, 3) + b"".join(addresses) + bytes((0x37, 1))
-    client = Client(tape)
     place = client.at(index=0xB02F)
     client.accept_write(client.ask_write(asked, place), asked, place, BAD_HEADER)
 
 
-def _cut_change(tape: Tape, length: int) -> None:
+def _cut_change(client: Client, length: int) -> None:
     """The first bytes of a change of two parameters; the drive turns the request away."""
     asked = message.change(
         7, 1, *[(message.address(pnu), message.real(10.0)) for pnu in (2900, 2901)]
     )
-    client = Client(tape)
     place = client.at(index=0xB02F)
     client.accept_write(client.ask_write(asked[:length], place), asked[:length], place, BAD_HEADER)
 
@@ -328,9 +319,9 @@ def _of_cut_change(*parameters: Row) -> Row:
     _of_cut_change(par(2900, "Float32"), par(2901)),
     rules="DS203@2#1 DS315@1#1 DS711@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The first value is cut, the second one is not there: 20 bytes are 26 at least."""
-    _cut_change(tape, 20)
+    _cut_change(client, 20)
 
 
 @BOOK.scene(
@@ -339,9 +330,9 @@ def _(tape: Tape) -> None:
     _of_cut_change(real(10.0, pnu=2900), par(2901)),
     rules="DS203@2#1 DS315@1#1 DS711@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The second value block is not there: 22 bytes are 26 at least."""
-    _cut_change(tape, 22)
+    _cut_change(client, 22)
 
 
 # DS712: the Read asks for too few bytes
@@ -353,9 +344,8 @@ def _(tape: Tape) -> None:
     tx(1, "partial", (1, 2, 3, 4), 3, par(21, "Unsigned8", 7), par(27)),
     rules="DS311@4#1 DS315@4#1 DS712@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The Read takes 7 bytes: the byte that fills the first block up is not there, nor is the next block."""
-    client = Client(tape)
     client.write(ask(1, 21, 27))
     client.accept_read(client.ask_read(maximum=7), message.header(1, 1, 1, 2) + bytes((5, 1, 7)))
 
@@ -372,9 +362,8 @@ BOOK.lab(
 @BOOK.scene(
     "DS712-cut-by-itself", "malformed", tx(1, "error", (1, 2, 3, 4), 3, real()), rules="DS315@4#1"
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: the response is cut, though the Read would have taken more."""
-    client = Client(tape)
     client.write(ask())
     client.accept_read(client.ask_read(maximum=240), tell(1, 1.5)[:8])
 
@@ -385,9 +374,8 @@ def _(tape: Tape) -> None:
     tx(1, "refused", (1, 2, 3, 4), None, NOTHING, par(27), read="DE80B800"),
     rules="DS201@4#1 DS712@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Two parameters need more than 8 bytes, whatever their values: the Read is refused."""
-    client = Client(tape)
     client.write(ask(1, 21, 27))
     client.refuse_read(client.ask_read(maximum=8), 0xDE80B800)
 
@@ -398,17 +386,15 @@ def _(tape: Tape) -> None:
     tx(1, "refused", (1, 2, 3, 4), None, NOTHING, par(27), read="DE80B800"),
     rules="DS201@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: refused, though there was room."""
-    client = Client(tape)
     client.write(ask(1, 21, 27))
     client.refuse_read(client.ask_read(maximum=240), 0xDE80B800)
 
 
 @BOOK.scene("DS712-not-ready", "poll", tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), polls=[(3, 4)]))
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: a Read for 6 bytes is refused because the response is not ready."""
-    client = Client(tape)
     client.write(ask())
     client.refuse_read(client.ask_read(maximum=6), BUSY)
     client.read(tell(1, 1.5))
@@ -425,10 +411,10 @@ def _(tape: Tape) -> None:
     ),
     rules="DS410@4#1 DS410@4#1 DS713@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The drive says of the second and the third parameter that they do not fit."""
     blocks = (message.real(1.5), message.error(0x15), message.error(0x15))
-    Client(tape).exchange(ask(1, 21, 27, 25), message.answer(1, 0x81, 1, *blocks))
+    client.exchange(ask(1, 21, 27, 25), message.answer(1, 0x81, 1, *blocks))
 
 
 @BOOK.scene(
@@ -438,9 +424,8 @@ def _(tape: Tape) -> None:
     tx(2, "partial", (5, 6, 7, 8), 3, real(1.5), real(2.5, pnu=27), par(25), ref=2),
     rules="DS316@5#2 DS407@8#2 DS713@8#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The drive takes 16 bytes, and answers two of three parameters in them."""
-    client = Client(tape)
     client.exchange(ask(1, 974), message.answer(1, 1, 1, message.word(16)))
     client.exchange(ask(2, 21, 27, 25), tell(2, 1.5, 2.5))
 
@@ -451,9 +436,9 @@ def _(tape: Tape) -> None:
     tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), real(2.5, pnu=27), par(25)),
     rules="DS407@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: one of three is left out, though a usual channel has room for it."""
-    Client(tape).exchange(ask(1, 21, 27, 25), tell(1, 1.5, 2.5))
+    client.exchange(ask(1, 21, 27, 25), tell(1, 1.5, 2.5))
 
 
 # DS714 to DS716: what the bytes were meant to be
@@ -474,10 +459,10 @@ BOOK.lab(
     tx(1, "change error", (1, 2, 3, 4), 3, par(1120, "Unsigned32", 10, error=(2, 0))),
     rules="DS410@4#1 DS701@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: 10 as it should be, outside of the limits."""
     block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
-    Client(tape).exchange(change(1120, block), refused(1, 0x02, 0x82))
+    client.exchange(change(1120, block), refused(1, 0x02, 0x82))
 
 
 @BOOK.scene(
@@ -486,10 +471,10 @@ def _(tape: Tape) -> None:
     tx(1, "change ok", (1, 2, 3, 4), 3, par(1120, "Float32") | {"values": ["NaN"]}),
     rules="DS714@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The bits of -1 under Float32, where they are no number; the drive takes it."""
     block = message.raw_block(0x08, 1, b"\xff" * 4)
-    Client(tape).exchange(change(1120, block), message.changed(1, 1))
+    client.exchange(change(1120, block), message.changed(1, 1))
 
 
 @BOOK.scene(
@@ -499,9 +484,8 @@ def _(tape: Tape) -> None:
     tx(2, "change error", (5, 6, 7, 8), 3, par(2900, "Unsigned32", 10, error=(5, 0))),
     rules="DS410@8#2 DS415@5#2 DS714@5#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The drive object reads it as Unsigned16, whatever the list of parameters says."""
-    client = Client(tape)
     client.exchange(ask(1, 2900), message.answer(1, 1, 1, message.word(7)))
     block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
     client.exchange(change(2900, block), refused(1, 0x05, 0x82))
@@ -514,9 +498,8 @@ def _(tape: Tape) -> None:
     tx(2, "change error", (5, 6, 7, 8), 3, par(2900, "Unsigned32", 10, error=(5, 0))),
     rules="DS410@8#2 DS415@5#2 DS701@8#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: drive object 2 reads it in a format that is not that of the list; of 1 nobody knows."""
-    client = Client(tape)
     client.exchange(ask(1, 2900, axis=2), message.answer(1, 1, 2, message.word(7)))
     block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
     client.exchange(change(2900, block), refused(1, 0x05, 0x82))
@@ -528,9 +511,9 @@ def _(tape: Tape) -> None:
     tx(1, "change error", (1, 2, 3, 4), 3, par(2900, "Unsigned32", 10, error=(5, 0))),
     rules="DS410@4#1 DS701@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: p2900 is in the list of one maker, and the drive is of another."""
-    client = Client(tape, device=drive(vendor_id=ANOTHER_MAKE))
+    client.device = drive(vendor_id=ANOTHER_MAKE)
     block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
     client.exchange(change(2900, block), refused(1, 0x05, 0x82))
 
@@ -541,10 +524,10 @@ def _(tape: Tape) -> None:
     tx(1, "change ok", (1, 2, 3, 4), 3, real(1.157e-41, pnu=1120)),
     rules="DS715@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """10.0 with its bytes turned round, and the drive takes it."""
     block = message.raw_block(0x08, 1, TURNED.to_bytes(4, "big"))
-    Client(tape).exchange(change(1120, block), message.changed(1, 1))
+    client.exchange(change(1120, block), message.changed(1, 1))
 
 
 @BOOK.scene(
@@ -563,9 +546,8 @@ def _(tape: Tape) -> None:
     ),
     rules="DS203@2#1 DS301@1#1 DS305@1#1 DS313@1#1 DS716@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A zero before each byte of a read."""
-    client = Client(tape)
     spread = b"".join(bytes((0, byte)) for byte in ask())
     client.write(spread, BAD_HEADER, client.at(index=0xB02F))
 
@@ -588,9 +570,9 @@ BOOK.lab(
     tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(3, 0))),
     rules="DS410@4#1 DS701@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: 0x03, but nothing was indexed."""
-    Client(tape).exchange(ask(), refused(1, 0x03))
+    client.exchange(ask(), refused(1, 0x03))
 
 
 BOOK.lab(
@@ -614,9 +596,9 @@ BOOK.lab(
     ),
     rules="DS410@4#1 DS701@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: the same number of another make means something else."""
-    client = Client(tape, device=drive(vendor_id=ANOTHER_MAKE))
+    client.device = drive(vendor_id=ANOTHER_MAKE)
     client.exchange(put(1, 1.0, 304), refused(1, 0x70, 0x82))
 
 
@@ -632,9 +614,9 @@ def _(tape: Tape) -> None:
     ),
     rules="DS410@4#1 DS701@4#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: 0x6B says that a Siemens drive is enabled, and nothing of others."""
-    client = Client(tape, device=drive(vendor_id=ANOTHER_MAKE))
+    client.device = drive(vendor_id=ANOTHER_MAKE)
     client.exchange(put(1, 1.0), refused(1, 0x6B, 0x82))
 
 
@@ -653,10 +635,10 @@ BOOK.lab(
     tx(1, "change error", (1, 2, 3, 4), 3, par(1070, "Unsigned32", error=(0x83, 0))),
     rules="DS315@1#1 DS410@4#1 DS711@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: the request ends inside the source of signals, and that is the cause."""
     whole = change(1070, message.block(0x07, "I", 0x34_0000))
-    Client(tape).exchange(whole[:-2], refused(1, 0x83, 0x82))
+    client.exchange(whole[:-2], refused(1, 0x83, 0x82))
 
 
 # DS722: the connection ends inside a job
@@ -668,9 +650,8 @@ def _(tape: Tape) -> None:
     tx(1, "unanswered", (1, 2), None, NOTHING),
     rules="DS401@1#1 DS722@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The controller connects anew while its request is open."""
-    client = Client(tape)
     client.write(ask())
     client.connect("plc")
 
@@ -681,9 +662,8 @@ def _(tape: Tape) -> None:
     tx(1, "unanswered", (1, 2, 3), None, NOTHING),
     rules="DS101@3#1 DS401@1#1 DS722@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """The same while its Read is under way."""
-    client = Client(tape)
     client.write(ask())
     client.ask_read()
     client.connect("plc")
@@ -695,9 +675,8 @@ def _(tape: Tape) -> None:
     tx(1, "change unanswered", (1, 2), None, real(1.0, pnu=1120), polls=[(3, 4)]),
     rules="DS402@1#1 DS722@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """A change whose answer is waited for when the connection ends."""
-    client = Client(tape)
     client.write(put(1, 1.0))
     client.poll()
     client.release()
@@ -718,9 +697,8 @@ BOOK.lab(
     tx(1, "unanswered", (3, 4), None, NOTHING),
     rules="DS401@3#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: the connection is older than the request."""
-    client = Client(tape)
     client.connect("plc")
     client.write(ask())
 
@@ -731,10 +709,10 @@ def _(tape: Tape) -> None:
     tx(1, "unanswered", (1, 2), None, NOTHING),
     rules="DS401@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: another controller connects to the drive."""
-    Client(tape).write(ask())
-    second(tape).connect("panel")
+    client.write(ask())
+    second(client).connect("panel")
 
 
 BOOK.lab(
@@ -754,9 +732,8 @@ BOOK.lab(
     tx(2, "ok", (5, 6, 7, 8), 3, real(1.5), ar=str(AR2)),
     rules="DS401@1#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: of what kind the first AR is, the capture does not show; there may be both."""
-    client = Client(tape)
     client.write(ask())
     client.channel = client.at(ar=AR2)
     client.connect("plc")
@@ -770,9 +747,8 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), ar=str(AR2)),
     rules="DS401@3#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: the same station sets up a supervisor's AR, which stands beside the other."""
-    client = Client(tape)
     client.connect("plc")
     client.write(ask())
     client.channel = client.at(ar=AR2)
@@ -787,12 +763,11 @@ def _(tape: Tape) -> None:
     tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), slot=2),
     rules="DS401@3#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: the same controller sets up another AR, and the one that asked goes on."""
-    client = Client(tape)
     client.connect("plc")
     client.write(ask())
-    Client(tape, channel=client.at(ar=AR2), activity=AR2).connect("plc")
+    Client(client.stage, channel=client.at(ar=AR2), activity=AR2).connect("plc")
     client.exchange(ask(), tell(1, 1.5), at=client.at(slot=2))
 
 
@@ -803,12 +778,11 @@ def _(tape: Tape) -> None:
     tx(2, "unanswered", (5, 6), None, NOTHING),
     rules="DS401@5#2",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: the controller has two ARs already; which one the third replaces is not known."""
-    client = Client(tape)
     client.exchange(ask(), tell(1, 1.5), at=client.at(ar=AR2))
     client.write(ask())
-    Client(tape, channel=client.at(ar=UUID(int=3)), activity=UUID(int=3)).connect("plc")
+    Client(client.stage, channel=client.at(ar=UUID(int=3)), activity=UUID(int=3)).connect("plc")
 
 
 BOOK.lab(
@@ -825,9 +799,8 @@ BOOK.lab(
     tx(1, "refused", (1, 2), None, NOTHING, write="DF80B700"),
     rules="DS203@2#1",
 )
-def _(tape: Tape) -> None:
+def _(client: Client) -> None:
     """Near miss: the connection ends after a Write that was refused: nothing was open."""
-    client = Client(tape)
     client.write(ask(), BAD_HEADER)
     client.release()
 
