@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -817,130 +818,78 @@ request(
 # Messages cut at each byte
 
 
-def cut_header(kind: Any, name: str, whole: str, fields: Sequence[int]) -> None:
-    for end in range(4):
-        kind(
-            f"{name}-cut-{end:02d}", "reject cut", whole[: 2 * end], fields[:end],
-            findings=[F("DS315", end, need=4 - end, what="header")], shaped=False,
-        )  # fmt: skip
+HEADER = (0, 4, "header", 4, {})
 
 
-def cut_read() -> None:
-    """A read of two parameters: header, address, address."""
-    whole, head = "070103021001039a000020020b540003", (7, 1, 3, 2)
-    cut_header(request, "read", whole, head)
-    for end in range(4, 10):
-        request(
-            f"read-cut-{end:02d}", "reject cut", whole[: 2 * end], head,
-            findings=[F("DS315", end, need=16 - end, what="address 1 of 2")],
-            rest=whole[8 : 2 * end], shaped=False,
-        )  # fmt: skip
-    for end in range(10, 16):
-        request(
-            f"read-cut-{end:02d}", "reject cut", whole[: 2 * end], head, [A(922)],
-            findings=[F("DS315", end, need=16 - end, what="address 2 of 2")],
-            rest=whole[20 : 2 * end], shaped=False,
-        )  # fmt: skip
-    request("read-cut-none", "none", whole, head, [A(922), A(2900, 3, 2, "description")])
+def cut(
+    kind: Any,
+    name: str,
+    whole: str,
+    head: Sequence[int],
+    starts: Sequence[int],
+    *parts: tuple[int, int, str, int, Row],
+) -> None:
+    """A message that ends too early, at each byte.
+
+    `starts` are the bytes at which its value blocks begin. Each of `parts` says for which ends it is: from, and up
+    to; what is cut there and where that would be complete; and what was decoded before.
+    """
+    for first, last, what, complete, before in parts:
+        for end in range(first, last):
+            edges = [0, *starts[: len(before.get("blocks", ()))], end]
+            text = "|".join(whole[2 * one : 2 * two] for one, two in pairwise(edges))
+            opaque = what.startswith(("address", "value block"))
+            kind(
+                f"{name}-cut-{end:02d}", "reject cut", text, head[:end], **before,
+                findings=[F("DS315", end, need=complete - end, what=what)],
+                rest=whole[2 * first : 2 * end] if opaque else "", shaped=False,
+            )  # fmt: skip
 
 
-def cut_change() -> None:
-    """A change: header, address, one Float32."""
-    whole, head, where = "020202011001c480000008 0142c80000", (2, 2, 2, 1), [A(50304)]
-    whole = whole.replace(" ", "")
-    cut_header(request, "change", whole, head)
-    for end in range(4, 10):
-        request(
-            f"change-cut-{end:02d}", "reject cut", whole[: 2 * end], head,
-            findings=[F("DS315", end, need=10 - end, what="address 1 of 1")],
-            rest=whole[8 : 2 * end], shaped=False,
-        )  # fmt: skip
-    for end in (10, 11):
-        request(
-            f"change-cut-{end:02d}", "reject cut", whole[: 2 * end], head, where,
-            findings=[F("DS315", end, need=12 - end, what="value block 1 of 1")],
-            rest=whole[20 : 2 * end], shaped=False,
-        )  # fmt: skip
-    for end in range(12, 16):
-        request(
-            f"change-cut-{end:02d}", "reject cut", whole[:20] + "|" + whole[20 : 2 * end], head,
-            where, [V("Float32", n=1)],
-            [F("DS315", end, need=16 - end, what="values of block 1")], shaped=False,
-        )  # fmt: skip
+# A read of two parameters: header, address, address.
+WHOLE, HEAD = "070103021001039a000020020b540003", (7, 1, 3, 2)
+cut(
+    request, "read", WHOLE, HEAD, (), HEADER,
+    (4, 10, "address 1 of 2", 16, {}),
+    (10, 16, "address 2 of 2", 16, {"addresses": [A(922)]}),
+)  # fmt: skip
+request("read-cut-none", "none", WHOLE, HEAD, [A(922), A(2900, 3, 2, "description")])
 
+# A change: header, address, one Float32.
+WHERE = {"addresses": [A(50304)]}
+cut(
+    request, "change", "020202011001c4800000080142c80000", (2, 2, 2, 1), (10,), HEADER,
+    (4, 10, "address 1 of 1", 10, {}),
+    (10, 12, "value block 1 of 1", 12, WHERE),
+    (12, 16, "values of block 1", 16, {**WHERE, "blocks": [V("Float32", n=1)]}),
+)  # fmt: skip
 
-def cut_answer() -> None:
-    """A response: header, one Float32, three Unsigned8 and their pad."""
-    head, real = (7, 1, 3, 2), V("Float32", 10.0)
-    whole = "07010302080141200000050301020300"
-    cut_header(response, "answer", whole, head)
-    for end in (4, 5):
-        response(
-            f"answer-cut-{end:02d}", "reject cut", whole[: 2 * end], head,
-            findings=[F("DS315", end, need=6 - end, what="value block 1 of 2")],
-            rest=whole[8 : 2 * end], shaped=False,
-        )  # fmt: skip
-    for end in range(6, 10):
-        response(
-            f"answer-cut-{end:02d}", "reject cut", whole[:8] + "|" + whole[8 : 2 * end], head,
-            [V("Float32", n=1)], [F("DS315", end, need=10 - end, what="values of block 1")],
-            shaped=False,
-        )  # fmt: skip
-    for end in (10, 11):
-        response(
-            f"answer-cut-{end:02d}", "reject cut", whole[:8] + "|" + whole[8 : 2 * end], head,
-            [real], [F("DS315", end, need=12 - end, what="value block 2 of 2")],
-            rest=whole[20 : 2 * end], shaped=False,
-        )  # fmt: skip
-    for end, values in ((12, ()), (13, (1,)), (14, (1, 2))):
-        response(
-            f"answer-cut-{end:02d}", "reject cut",
-            whole[:8] + "|" + whole[8:20] + "|" + whole[20 : 2 * end], head,
-            [real, V("Unsigned8", *values, n=3)],
-            [F("DS315", end, need=15 - end, what="values of block 2")], shaped=False,
-        )  # fmt: skip
-    response(
-        "answer-cut-15", "cut padding", whole[:8] + "|" + whole[8:20] + "|" + whole[20:30], head,
-        [real, V("Unsigned8", 1, 2, 3)], [F("DS311", 15)],
-    )  # fmt: skip
+# A response: header, one Float32, three Unsigned8 and their pad.
+WHOLE, HEAD, TEN = "07010302080141200000050301020300", (7, 1, 3, 2), V("Float32", 10.0)
+cut(
+    response, "answer", WHOLE, HEAD, (4, 10), HEADER,
+    (4, 6, "value block 1 of 2", 6, {}),
+    (6, 10, "values of block 1", 10, {"blocks": [V("Float32", n=1)]}),
+    (10, 12, "value block 2 of 2", 12, {"blocks": [TEN]}),
+    (12, 13, "values of block 2", 15, {"blocks": [TEN, V("Unsigned8", n=3)]}),
+    (13, 14, "values of block 2", 15, {"blocks": [TEN, V("Unsigned8", 1, n=3)]}),
+    (14, 15, "values of block 2", 15, {"blocks": [TEN, V("Unsigned8", 1, 2, n=3)]}),
+)  # fmt: skip
+response(
+    "answer-cut-15", "cut padding", "07010302 |080141200000 |0503010203", HEAD,
+    [TEN, V("Unsigned8", 1, 2, 3)], [F("DS311", 15)],
+)  # fmt: skip
 
-
-def cut_error() -> None:
-    """A negative response: header, one Unsigned16, an error of two words."""
-    head, word = (9, 0x81, 1, 2), V("Unsigned16", 31)
-    whole = "098101020601001f440200030006"
-    cut_header(response, "error", whole, head)
-    for end in (4, 5):
-        response(
-            f"error-cut-{end:02d}", "reject cut", whole[: 2 * end], head,
-            findings=[F("DS315", end, need=6 - end, what="value block 1 of 2")],
-            rest=whole[8 : 2 * end], shaped=False,
-        )  # fmt: skip
-    for end in (6, 7):
-        response(
-            f"error-cut-{end:02d}", "reject cut", whole[:8] + "|" + whole[8 : 2 * end], head,
-            [V("Unsigned16", n=1)], [F("DS315", end, need=8 - end, what="values of block 1")],
-            shaped=False,
-        )  # fmt: skip
-    for end in (8, 9):
-        response(
-            f"error-cut-{end:02d}", "reject cut", whole[:8] + "|" + whole[8 : 2 * end], head,
-            [word], [F("DS315", end, need=10 - end, what="value block 2 of 2")],
-            rest=whole[16 : 2 * end], shaped=False,
-        )  # fmt: skip
-    for end, words in ((10, ()), (11, ()), (12, (3,)), (13, (3,))):
-        response(
-            f"error-cut-{end:02d}", "reject cut",
-            whole[:8] + "|" + whole[8:16] + "|" + whole[16 : 2 * end], head,
-            [word, E(*words, n=2)],
-            [F("DS315", end, need=14 - end, what="values of block 2")], shaped=False,
-        )  # fmt: skip
-
-
-cut_read()
-cut_change()
-cut_answer()
-cut_error()
+# A negative response: header, one Unsigned16, an error of two words.
+WORD = V("Unsigned16", 31)
+cut(
+    response, "error", "098101020601001f440200030006", (9, 0x81, 1, 2), (4, 8), HEADER,
+    (4, 6, "value block 1 of 2", 6, {}),
+    (6, 8, "values of block 1", 8, {"blocks": [V("Unsigned16", n=1)]}),
+    (8, 10, "value block 2 of 2", 10, {"blocks": [WORD]}),
+    (10, 12, "values of block 2", 14, {"blocks": [WORD, E(n=2)]}),
+    (12, 14, "values of block 2", 14, {"blocks": [WORD, E(3, n=2)]}),
+)  # fmt: skip
 
 
 # Formats: code, name, bytes per value, unit, then samples: bytes, how many values, values, scaled
