@@ -113,10 +113,14 @@ class Client:
     # Record services
 
     def ask_write(
-        self, record: bytes, at: Channel | None = None, stated: int | None = None
+        self,
+        record: bytes,
+        at: Channel | None = None,
+        stated: int | None = None,
+        again: Call | None = None,
     ) -> Call:
-        """Write request alone."""
-        call = self.call(wire.WRITE)
+        """Write request alone; `again` is the call whose request is sent once more."""
+        call = again or self.call(wire.WRITE)
         channel = at or self.channel
         self.ask(call, wire.write_request(call.sequence, channel, record, stated))
         return call
@@ -137,6 +141,12 @@ class Client:
         """Read request alone."""
         call = self.call(wire.READ)
         self.ask(call, wire.read_request(call.sequence, at or self.channel, maximum))
+        return call
+
+    def ask_implicit(self, at: Channel) -> Call:
+        """Request of a ReadImplicit alone; the place has no AR."""
+        call = self.call(wire.READ_IMPLICIT)
+        self.ask(call, wire.read_request(call.sequence, at))
         return call
 
     def accept_read(

@@ -179,10 +179,8 @@ def implicit(client: Client) -> None:
     """ReadImplicit."""
     place = client.at(index=0xB02F)
     client.write(READ, at=place)
-    call = client.call(wire.READ_IMPLICIT)
     nowhere = client.at(ar=wire.NIL, index=0xB02F)
-    client.ask(call, wire.read_request(call.sequence, nowhere))
-    client.refuse_read(call, 0xDE80B000, at=nowhere)
+    client.refuse_read(client.ask_implicit(nowhere), 0xDE80B000, at=nowhere)
     client.read(ANSWER, at=place)
 
 
@@ -194,10 +192,8 @@ def implicit(client: Client) -> None:
 )
 def implicit_orphan(client: Client) -> None:
     """ReadImplicit with data."""
-    call = client.call(wire.READ_IMPLICIT)
     nowhere = client.at(ar=wire.NIL, index=0xB02F)
-    client.ask(call, wire.read_request(call.sequence, nowhere))
-    client.accept_read(call, ANSWER, at=nowhere)
+    client.accept_read(client.ask_implicit(nowhere), ANSWER, at=nowhere)
 
 
 @BOOK.scene("foreign", "record 47 of something that is no drive: no transaction")

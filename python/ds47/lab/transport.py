@@ -181,7 +181,7 @@ def retransmission(client: Client) -> None:
     request = message.read(1, 1, SPEED)
     call = client.ask_write(request)
     client.wait(500)
-    client.ask(call, wire.write_request(call.sequence, client.channel, request))
+    client.ask_write(request, again=call)
     client.accept_write(call, request)
     client.read(message.answer(1, 1, 1, message.real(1500.0)))
 
@@ -198,7 +198,7 @@ def retransmission_answered(client: Client) -> None:
     call = client.ask_write(request)
     client.accept_write(call, request)
     client.wait(500)
-    client.ask(call, wire.write_request(call.sequence, client.channel, request))
+    client.ask_write(request, again=call)
     client.accept_write(call, request)
     client.read(message.answer(1, 1, 1, message.real(1500.0)))
 

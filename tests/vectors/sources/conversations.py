@@ -51,14 +51,7 @@ CUT = ask(7)[:8]
 def implicit(client: Client, record: bytes, index: int = 0xB02F) -> None:
     """A ReadImplicit brings a record."""
     nowhere = client.at(ar=wire.NIL, index=index)
-    call = client.call(wire.READ_IMPLICIT)
-    client.ask(call, wire.read_request(call.sequence, nowhere))
-    client.accept_read(call, record, at=nowhere)
-
-
-def again(client: Client, call: wire.Call, record: bytes) -> None:
-    """The Write request of a call is sent once more, with an IP id of its own."""
-    client.ask(call, wire.write_request(call.sequence, client.channel, record))
+    client.accept_read(client.ask_implicit(nowhere), record, at=nowhere)
 
 
 def second(client: Client, **more: Any) -> Client:
@@ -216,7 +209,7 @@ def _(client: Client) -> None:
 def _(client: Client) -> None:
     """1 ms apart is no copy where the IP id differs: a retransmission."""
     call = client.ask_write(ask())
-    again(client, call, ask())
+    client.ask_write(ask(), again=call)
     client.accept_write(call, ask())
     client.read(tell(1, 1.5))
 
@@ -231,9 +224,9 @@ def _(client: Client) -> None:
     """A Write sent three times within 25 s before its answer: one call, however long it takes."""
     call = client.ask_write(ask())
     client.wait(12_500)
-    again(client, call, ask())
+    client.ask_write(ask(), again=call)
     client.wait(12_500)
-    again(client, call, ask())
+    client.ask_write(ask(), again=call)
     client.accept_write(call, ask())
     client.read(tell(1, 1.5))
 
@@ -259,7 +252,7 @@ def _(client: Client) -> None:
     call = client.ask_write(ask())
     client.accept_write(call, ask())
     client.wait(10_000)
-    again(client, call, ask())
+    client.ask_write(ask(), again=call)
     client.accept_write(call, ask())
     client.read(tell(1, 1.5))
 
@@ -276,7 +269,7 @@ def _(client: Client) -> None:
     call = client.ask_write(ask())
     client.accept_write(call, ask())
     client.poll()
-    again(client, call, ask())
+    client.ask_write(ask(), again=call)
     client.accept_write(call, ask())
     client.read(tell(1, 1.5))
 
@@ -292,7 +285,7 @@ def _(client: Client) -> None:
     """The same sequence number with another record right after the answer is a new call."""
     call = client.ask_write(ask())
     client.accept_write(call, ask())
-    again(client, call, ask(2, 27))
+    client.ask_write(ask(2, 27), again=call)
     client.accept_write(call, ask(2, 27))
     client.read(tell(2, 2.5))
 
@@ -322,7 +315,7 @@ def _(client: Client) -> None:
 def _(client: Client) -> None:
     """The same sequence number with another record while the call is open: not the same request."""
     call = client.ask_write(ask())
-    again(client, call, ask(2, 27))
+    client.ask_write(ask(2, 27), again=call)
     client.accept_write(call, ask(2, 27))
     client.read(tell(2, 2.5))
 
@@ -442,11 +435,9 @@ def _(client: Client) -> None:
 )
 def _(client: Client) -> None:
     """A ReadImplicit between Write and Read of an AR does not take the response of the AR."""
-    place, nowhere = client.at(index=0xB02F), client.at(ar=wire.NIL, index=0xB02F)
+    place = client.at(index=0xB02F)
     client.write(ask(), at=place)
-    call = client.call(wire.READ_IMPLICIT)
-    client.ask(call, wire.read_request(call.sequence, nowhere))
-    client.accept_read(call, tell(7, 9.5), at=nowhere)
+    implicit(client, tell(7, 9.5))
     client.read(tell(1, 1.5), at=place)
 
 
