@@ -12,6 +12,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 
@@ -19,32 +20,18 @@ from ds47.lab.scenario import Expect, Scenario
 
 __all__ = ["Expect", "Scenario", "scenarios", "write"]
 
+BOOKS = (
+    "conversation", "diagnoses", "diagnoses_bytes", "diagnoses_places", "diagnoses_refused",
+    "diagnoses_whole", "formats", "messages", "naming", "records", "seeds", "tour", "transport",
+)  # fmt: skip
+"""The modules with scenarios."""
 _INTERFACE_STATISTICS, _ISB_IFDROP = 5, 5
 
 
 @cache
 def scenarios() -> Mapping[str, Scenario]:
     """Every scenario by its name, in the order of the names."""
-    from ds47.lab import (
-        conversation,
-        diagnoses,
-        diagnoses_bytes,
-        diagnoses_places,
-        diagnoses_refused,
-        diagnoses_whole,
-        formats,
-        messages,
-        naming,
-        records,
-        seeds,
-        tour,
-        transport,
-    )
-
-    modules = (
-        conversation, diagnoses, diagnoses_bytes, diagnoses_places, diagnoses_refused,
-        diagnoses_whole, formats, messages, naming, records, seeds, tour, transport,
-    )  # fmt: skip
+    modules = (import_module(f"ds47.lab.{name}") for name in BOOKS)
     every = [scenario for module in modules for scenario in module.BOOK.scenarios]
     names = {scenario.name: scenario for scenario in every}
     if len(names) != len(every):

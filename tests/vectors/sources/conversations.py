@@ -99,8 +99,6 @@ def _(client: Client) -> None:
 BOOK.lab(
     "P29", "conversation-late-read", "P48 late-read", tx(1, "ok", (1, 2, 3, 4), 30003, real(10.0))
 )
-
-
 BOOK.lab(
     "P2",
     "transport-time-back",
@@ -734,8 +732,6 @@ BOOK.lab(
     tx(1, "refused", (1, 2), None, NOTHING, write="DF80B700"),
     rules="DS203@2#1",
 )
-
-
 BOOK.lab(
     "P26",
     "record-write-refused-open",
@@ -744,8 +740,6 @@ BOOK.lab(
     tx(2, "refused", (3, 4), None, par(27), ref=2, write="DF80B500"),
     rules="DS203@4#2 DS705@3#2",
 )
-
-
 BOOK.lab(
     "P27",
     "conversation-superseded-read",
@@ -754,8 +748,6 @@ BOOK.lab(
     tx(2, "ok", (3, 4, 5, 6), 3, real(5.0, pnu=27), ref=2),
     rules="DS413@3#1 DS705@3#1",
 )
-
-
 BOOK.lab(
     "P27",
     "conversation-superseded-change",
@@ -1319,8 +1311,6 @@ BOOK.lab(
     tx(1, "partial", (1, 2, 3, 4), 3, real(10.0), par(27, error=(0, 0))),
     rules="DS410@4#1 DS701@4#1",
 )
-
-
 BOOK.lab(
     "P45",
     "conversation-partial-change",
@@ -1383,8 +1373,6 @@ BOOK.lab(
     tx(2, "ok", (3, 4, 5, 6), 3, real(1500.0), ref=2),
     rules="DS104@2#1",
 )
-
-
 BOOK.lab(
     "P29",
     "transport-reject",
@@ -1477,8 +1465,6 @@ def _(client: Client) -> None:
 BOOK.lab(
     "P53", "record-length", "malformed", tx(1, "ok", (1, 2, 3, 4), 3, real(1500.0)), rules="DS202@4"
 )
-
-
 BOOK.lab(
     "P53",
     "transport-empty-body",

@@ -78,8 +78,6 @@ BOOK.lab(
     tx(1, "ok", (1, 3, 5, 6), 15, real(1500.0), polls=[(2, 4)]),
     rules="DS702@2#1",
 )
-
-
 BOOK.lab(
     "DS702",
     "diagnosis-read-too-early-not",
@@ -195,8 +193,6 @@ BOOK.lab(
     tx(3, "refused", (7, 8), None, NOTHING, ref=2, write="DF80B500", **SECOND),
     rules="DS203@8#3 DS705@7#3",
 )
-
-
 BOOK.lab(
     "DS705",
     "diagnosis-two-users-connections",
