@@ -71,31 +71,25 @@ for _row in EXCHANGES:
     _enter(_row)
 
 
-@BOOK.scene("read-unanswered", "RDREC is never started", ("read", "unanswered"), rules="DS401")
+@BOOK.scene("RDREC is never started", ("read", "unanswered"), rules="DS401")
 def read_unanswered(client: Client) -> None:
     """A read whose response nobody fetches."""
     client.write(READ)
 
 
-@BOOK.scene(
-    "change-unread",
-    "WRREC only, as many programs do",
-    ("change", "unanswered"),
-    rules="DS402",
-)
+@BOOK.scene("WRREC only, as many programs do", ("change", "unanswered"), rules="DS402")
 def change_unread(client: Client) -> None:
     """A change whose response nobody fetches."""
     client.write(CHANGE)
 
 
-@BOOK.scene("orphan", "the Write request was not captured", ("read", "orphan"), rules="DS403 DS725")
+@BOOK.scene("the Write request was not captured", ("read", "orphan"), rules="DS403 DS725")
 def orphan(client: Client) -> None:
     """A response without its request."""
     client.read(ANSWER, at=client.at(index=0xB02F))
 
 
 @BOOK.scene(
-    "superseded-read",
     "a new request before the response of the first was fetched",
     ("read", "superseded"),
     OK_READ,
@@ -108,7 +102,6 @@ def superseded_read(client: Client) -> None:
 
 
 @BOOK.scene(
-    "superseded-change",
     "changes one after another, responses never fetched but the last",
     ("change", "superseded"),
     ("change", "superseded"),
@@ -122,7 +115,7 @@ def superseded_change(client: Client) -> None:
     client.exchange(message.change(3, 1, (RAMP, message.real(12.0))), message.changed(3, 1))
 
 
-@BOOK.scene("late-read", "the response is fetched 30 s after the Write", OK_READ)
+@BOOK.scene("the response is fetched 30 s after the Write", OK_READ)
 def late_read(client: Client) -> None:
     """A late read."""
     client.write(READ)
@@ -130,7 +123,7 @@ def late_read(client: Client) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene("slow", "the drive holds back its Read response for 1.5 s", OK_READ, rules="DS416")
+@BOOK.scene("the drive holds back its Read response for 1.5 s", OK_READ, rules="DS416")
 def slow(client: Client) -> None:
     """A slow drive."""
     client.write(READ)
@@ -139,25 +132,21 @@ def slow(client: Client) -> None:
     client.accept_read(call, ANSWER)
 
 
-@BOOK.scene(
-    "read-back", "10.0 was written, 9.5 is read back", OK_CHANGE, OK_READ, rules="DS417 DS721"
-)
+@BOOK.scene("10.0 was written, 9.5 is read back", OK_CHANGE, OK_READ, rules="DS417 DS721")
 def read_back(client: Client) -> None:
     """A value that reads back differently."""
     client.exchange(CHANGE, message.changed(1, 1))
     client.exchange(message.read(2, 1, RAMP), message.answer(2, 1, 1, message.real(9.5)))
 
 
-@BOOK.scene(
-    "read-back-equal", "10.0 was written and is read back", OK_CHANGE, OK_READ, rules="DS721"
-)
+@BOOK.scene("10.0 was written and is read back", OK_CHANGE, OK_READ, rules="DS721")
 def read_back_equal(client: Client) -> None:
     """A value that reads back as written."""
     client.exchange(CHANGE, message.changed(1, 1))
     client.exchange(message.read(2, 1, RAMP), message.answer(2, 1, 1, TEN))
 
 
-@BOOK.scene("constant-reference", "three requests with reference 1", *[OK_READ] * 3, rules="DS415")
+@BOOK.scene("three requests with reference 1", *[OK_READ] * 3, rules="DS415")
 def constant_reference(client: Client) -> None:
     """The reference never changes."""
     for _ in range(3):
@@ -166,7 +155,6 @@ def constant_reference(client: Client) -> None:
 
 
 @BOOK.scene(
-    "other-response",
     "two program parts on one channel: the second Read finds the response of the first",
     ("read", "superseded"),
     ("read", "mismatch"),
@@ -179,12 +167,7 @@ def other_response(client: Client) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene(
-    "released",
-    "the AR is released while the drive works",
-    ("read", "unanswered"),
-    rules="DS401 DS722",
-)
+@BOOK.scene("the AR is released while the drive works", ("read", "unanswered"), rules="DS401 DS722")
 def released(client: Client) -> None:
     """Release of the AR inside a job."""
     client.write(READ)

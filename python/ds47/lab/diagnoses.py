@@ -72,7 +72,6 @@ def polls(client: Client, count: int, pause: float = CYCLE, at: Channel | None =
 
 
 @BOOK.scene(
-    "read-too-early",
     "RDREC starts together with WRREC: its first Read overtakes the Write response",
     OK_READ,
     rules="DS702",
@@ -89,7 +88,6 @@ def read_too_early(client: Client) -> None:
 
 
 @BOOK.scene(
-    "read-too-early-not",
     "the same frames, but the first Read is sent after the Write response: an ordinary poll",
     OK_READ,
 )
@@ -102,24 +100,18 @@ def read_too_early_not(client: Client) -> None:
 
 
 @BOOK.scene(
-    "nothing-was-asked",
-    "RDREC goes on after the response was read: three times DE80B500",
-    OK_READ,
-    rules="DS206 DS703",
+    "RDREC goes on after the response was read: three times DE80B500", OK_READ, rules="DS206 DS703"
 )
-def nothing_to_read(client: Client) -> None:
+def nothing_was_asked(client: Client) -> None:
     """Reads without a request."""
     ask(client, 1)
     polls(client, 3)
 
 
 @BOOK.scene(
-    "nothing-was-asked-not",
-    "the same three DE80B500, but a request stands before them: the drive is busy",
-    OK_READ,
-    OK_READ,
+    "the same three DE80B500, but a request stands before them: the drive is busy", OK_READ, OK_READ
 )
-def nothing_to_read_not(client: Client) -> None:
+def nothing_was_asked_not(client: Client) -> None:
     """Reads while the drive works on a request."""
     ask(client, 1)
     client.write(read(2))
@@ -141,7 +133,6 @@ def _faults(client: Client, status: int) -> None:
 
 
 @BOOK.scene(
-    "old-answer",
     "the second Write fails, the Read brings the first response again: a fault long acknowledged still shows",
     OK_READ,
     REFUSED,
@@ -153,7 +144,6 @@ def old_answer(client: Client) -> None:
 
 
 @BOOK.scene(
-    "old-answer-not",
     "the same bytes, but the second Write is accepted: the fault is really still there",
     OK_READ,
     OK_READ,
@@ -165,7 +155,6 @@ def old_answer_not(client: Client) -> None:
 
 
 @BOOK.scene(
-    "old-answer-unsent",
     "RDREC runs again without WRREC: the same response three times, 500 ms apart",
     OK_READ,
     rules="DS704",
@@ -179,14 +168,13 @@ def old_answer_unsent(client: Client) -> None:
 
 
 @BOOK.scene(
-    "nothing-was-asked-elsewhere",
     "a change at slot 1 that nobody reads; at slot 2 a whole transaction, and one Read too many behind it",
     ("change", "superseded"),
     OK_READ,
     OK_CHANGE,
     rules="DS206 DS414 DS703",
 )
-def nothing_to_read_elsewhere(client: Client) -> None:
+def nothing_was_asked_elsewhere(client: Client) -> None:
     """A Read without a request, while another submodule has one open."""
     client.write(fixed(1, 25.0))
     there = client.at(slot=2)
@@ -199,7 +187,6 @@ def nothing_to_read_elsewhere(client: Client) -> None:
 
 
 @BOOK.scene(
-    "two-users",
     "block B writes its request before block A has read its response, which is lost",
     ("read", "superseded"),
     OK_READ,
@@ -212,7 +199,6 @@ def two_users(client: Client) -> None:
 
 
 @BOOK.scene(
-    "two-users-again-not",
     "the same question once more before its response was read: one user who does not wait",
     ("read", "superseded"),
     OK_READ,
@@ -225,7 +211,6 @@ def two_users_again_not(client: Client) -> None:
 
 
 @BOOK.scene(
-    "two-users-not",
     "the same two requests one after the other: each response is read before the next request",
     OK_READ,
     OK_READ,
@@ -248,7 +233,6 @@ def second_controller(client: Client) -> Client:
 
 
 @BOOK.scene(
-    "two-users-across",
     "the second controller asks while the first one's request is open: DF80B500",
     OK_READ,
     OK_READ,
@@ -265,9 +249,7 @@ def two_users_across(client: Client) -> None:
 
 
 @BOOK.scene(
-    "two-users-across-not",
-    "the same two controllers, the second one asks when the first has its response",
-    *[OK_READ] * 3,
+    "the same two controllers, the second one asks when the first has its response", *[OK_READ] * 3
 )
 def two_users_across_not(client: Client) -> None:
     """Two controllers that take turns."""
@@ -278,7 +260,6 @@ def two_users_across_not(client: Client) -> None:
 
 
 @BOOK.scene(
-    "two-users-connections",
     "one controller with two ARs, such as the program and a diagnostic block: DF80B500",
     OK_READ,
     OK_READ,
@@ -301,7 +282,6 @@ def two_users_connections(client: Client) -> None:
 
 
 @BOOK.scene(
-    "two-users-unknown",
     "DF80B500 and nobody else to be seen: the other user is not in the capture",
     REFUSED,
     OK_READ,
@@ -315,7 +295,6 @@ def two_users_unknown(client: Client) -> None:
 
 
 @BOOK.scene(
-    "two-users-unknown-not",
     "the same, refused with DF80C200: the drive is short of resources and says nothing of another user",
     REFUSED,
     OK_READ,

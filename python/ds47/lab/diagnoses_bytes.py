@@ -281,27 +281,21 @@ def _four(client: Client, maximum: int, status: int = 0) -> None:
 
 
 @BOOK.scene(
-    "read-length",
-    "MLEN 10 for a response of 22 bytes: the drive sends 10",
-    ("read", "error"),
-    rules="DS315 DS712",
+    "MLEN 10 for a response of 22 bytes: the drive sends 10", ("read", "error"), rules="DS315 DS712"
 )
 def read_length(client: Client) -> None:
     """MLEN smaller than the response."""
     _four(client, 10)
 
 
-@BOOK.scene("read-length-not", "MLEN 22, the response to the byte", OK_READ)
+@BOOK.scene("MLEN 22, the response to the byte", OK_READ)
 def read_length_not(client: Client) -> None:
     """MLEN as long as the response."""
     _four(client, 22)
 
 
 @BOOK.scene(
-    "read-length-refused",
-    "MLEN 10 for a response of 22 bytes: the drive refuses the Read",
-    REFUSED,
-    rules="DS201 DS712",
+    "MLEN 10 for a response of 22 bytes: the drive refuses the Read", REFUSED, rules="DS201 DS712"
 )
 def read_length_refused(client: Client) -> None:
     """MLEN smaller than the response: refused."""
@@ -309,10 +303,7 @@ def read_length_refused(client: Client) -> None:
 
 
 @BOOK.scene(
-    "read-length-refused-not",
-    "MLEN 22, and the same status all the same: it has another reason",
-    REFUSED,
-    rules="DS201",
+    "MLEN 22, and the same status all the same: it has another reason", REFUSED, rules="DS201"
 )
 def read_length_refused_not(client: Client) -> None:
     """A Read refused for another reason."""

@@ -30,7 +30,6 @@ BOOK = Book("diagnosis")
 
 
 @BOOK.scene(
-    "request-here-read-there",
     "WRREC has the hardware identifier of slot 1.1, RDREC that of 1.2: the drive has nothing there",
     UNANSWERED,
     rules="DS206 DS401 DS706",
@@ -42,11 +41,7 @@ def request_here_read_there(client: Client) -> None:
     polls(client, 3, at=client.at(subslot=2))
 
 
-@BOOK.scene(
-    "request-here-read-there-not",
-    "the same polls at the submodule that was asked, and the response at last",
-    OK_READ,
-)
+@BOOK.scene("the same polls at the submodule that was asked, and the response at last", OK_READ)
 def request_here_read_there_not(client: Client) -> None:
     """One hardware identifier for both blocks."""
     client.write(read(1))
@@ -56,7 +51,6 @@ def request_here_read_there_not(client: Client) -> None:
 
 
 @BOOK.scene(
-    "request-here-read-there-answered",
     "asked at slot 1.1, answered at 1.2: a drive with one channel for all its submodules",
     UNANSWERED,
     ORPHAN,
@@ -72,11 +66,7 @@ def request_here_read_there_answered(client: Client) -> None:
 # 16#47 is not 47 (DS707)
 
 
-@BOOK.scene(
-    "wrong-record-index",
-    "INDEX := 16#47: the drive has no record 71 and says so",
-    rules="DS707",
-)
+@BOOK.scene("INDEX := 16#47: the drive has no record 71 and says so", rules="DS707")
 def wrong_record_index(client: Client) -> None:
     """A request on record 71."""
     for reference in (1, 2):
@@ -84,10 +74,7 @@ def wrong_record_index(client: Client) -> None:
         client.wait(500)
 
 
-@BOOK.scene(
-    "wrong-record-index-not",
-    "record 71 refused as well, but what it holds is no parameter request",
-)
+@BOOK.scene("record 71 refused as well, but what it holds is no parameter request")
 def wrong_record_index_not(client: Client) -> None:
     """Another record with the number 71."""
     for number in (1, 2):
@@ -96,12 +83,7 @@ def wrong_record_index_not(client: Client) -> None:
         client.wait(500)
 
 
-@BOOK.scene(
-    "wrong-record-index-other",
-    "a digit off: 16#B02D instead of 16#B02E, refused",
-    OK_READ,
-    rules="DS707",
-)
+@BOOK.scene("a digit off: 16#B02D instead of 16#B02E, refused", OK_READ, rules="DS707")
 def wrong_record_index_other(client: Client) -> None:
     """A request on record 0xB02D, then on 0xB02E."""
     client.write(read(1), status=DF_INDEX, at=client.at(index=LOCAL - 1))
@@ -110,9 +92,7 @@ def wrong_record_index_other(client: Client) -> None:
 
 
 @BOOK.scene(
-    "wrong-record-index-other-not",
-    "record 0xB02D is accepted: the device has one of that number, whatever it means there",
-    OK_READ,
+    "record 0xB02D is accepted: the device has one of that number, whatever it means there", OK_READ
 )
 def wrong_record_index_other_not(client: Client) -> None:
     """A record of the maker that looks like a request."""
@@ -125,7 +105,6 @@ def wrong_record_index_other_not(client: Client) -> None:
 
 
 @BOOK.scene(
-    "wrong-slot",
     "slot 5 is refused with DF80B200, slot 1 of the same drive answers",
     REFUSED,
     OK_READ,
@@ -139,7 +118,6 @@ def wrong_slot(client: Client) -> None:
 
 
 @BOOK.scene(
-    "wrong-slot-not",
     "slot 5 is refused, and no other was asked: the capture does not know a better one",
     REFUSED,
     REFUSED,
@@ -153,7 +131,6 @@ def wrong_slot_not(client: Client) -> None:
 
 
 @BOOK.scene(
-    "wrong-slot-denied",
     "the diagnostic address of slot 0: DF80B600; slot 1 of the same drive answers",
     REFUSED,
     OK_READ,
@@ -167,7 +144,6 @@ def wrong_slot_denied(client: Client) -> None:
 
 
 @BOOK.scene(
-    "wrong-slot-other-drive-not",
     "slot 5 of one drive is refused, slot 1 of another one answers: that says nothing of the first",
     REFUSED,
     OK_READ,
@@ -196,7 +172,6 @@ def _two_axes(client: Client, index: int) -> None:
 
 
 @BOOK.scene(
-    "axis-byte-ignored",
     "axes 1 and 2 asked through 0xB02E of slot 2: both times the same drive object answers",
     OK_READ,
     OK_READ,
@@ -207,12 +182,7 @@ def axis_byte_ignored(client: Client) -> None:
     _two_axes(client, LOCAL)
 
 
-@BOOK.scene(
-    "axis-byte-ignored-not",
-    "the same through 0xB02F, where the axis byte counts",
-    OK_READ,
-    OK_READ,
-)
+@BOOK.scene("the same through 0xB02F, where the axis byte counts", OK_READ, OK_READ)
 def axis_byte_ignored_not(client: Client) -> None:
     """Two axis numbers on the global access point."""
     _two_axes(client, GLOBAL)
@@ -221,12 +191,7 @@ def axis_byte_ignored_not(client: Client) -> None:
 # The connection ends inside a job (DS722)
 
 
-@BOOK.scene(
-    "connection-lost",
-    "the controller releases the AR while the drive works",
-    UNANSWERED,
-    rules="DS401 DS722",
-)
+@BOOK.scene("the controller releases the AR while the drive works", UNANSWERED, rules="DS401 DS722")
 def connection_lost(client: Client) -> None:
     """Release inside a job."""
     client.connect("plc-1")
@@ -235,11 +200,7 @@ def connection_lost(client: Client) -> None:
     client.release()
 
 
-@BOOK.scene(
-    "connection-lost-not",
-    "the response is read, then the AR is released",
-    OK_READ,
-)
+@BOOK.scene("the response is read, then the AR is released", OK_READ)
 def connection_lost_not(client: Client) -> None:
     """Release after the job."""
     client.connect("plc-1")
@@ -250,7 +211,6 @@ def connection_lost_not(client: Client) -> None:
 
 
 @BOOK.scene(
-    "connection-lost-unread-not",
     "a change whose response nobody reads (WRREC only), and a minute later the AR is released",
     ("change", "unanswered"),
     rules="DS402",
@@ -276,7 +236,6 @@ def _restart(client: Client, *, read_before: bool) -> None:
 
 
 @BOOK.scene(
-    "connection-lost-restart",
     "no Release: a new Connect 3 s after the request, the drive was restarted",
     UNANSWERED,
     OK_READ,
@@ -287,12 +246,7 @@ def connection_lost_restart(client: Client) -> None:
     _restart(client, read_before=False)
 
 
-@BOOK.scene(
-    "connection-lost-restart-not",
-    "the same restart, but the response was read before",
-    OK_READ,
-    OK_READ,
-)
+@BOOK.scene("the same restart, but the response was read before", OK_READ, OK_READ)
 def connection_lost_restart_not(client: Client) -> None:
     """A new Connect between two jobs."""
     _restart(client, read_before=True)

@@ -30,7 +30,6 @@ BOOK = Book("diagnosis")
 
 
 @BOOK.scene(
-    "lost-at-power-off",
     "two changes, and no p0971 or p0977 until the end of the capture",
     OK_CHANGE,
     OK_CHANGE,
@@ -43,11 +42,7 @@ def lost_at_power_off(client: Client) -> None:
         client.wait(CYCLE)
 
 
-@BOOK.scene(
-    "lost-at-power-off-not",
-    "the same two changes, then p0977 = 1",
-    *[OK_CHANGE] * 3,
-)
+@BOOK.scene("the same two changes, then p0977 = 1", *[OK_CHANGE] * 3)
 def lost_at_power_off_not(client: Client) -> None:
     """Changes that are copied to ROM."""
     lost_at_power_off(client)
@@ -55,7 +50,6 @@ def lost_at_power_off_not(client: Client) -> None:
 
 
 @BOOK.scene(
-    "lost-at-power-off-order-not",
     "a change at slot 2, then p0977 = 1 at slot 1, and the program goes on reading there",
     OK_CHANGE,
     OK_CHANGE,
@@ -80,7 +74,6 @@ def _changes(client: Client, values: list[float]) -> None:
 
 
 @BOOK.scene(
-    "request-held",
     "P2900 := 25.0, eight times, every 100 ms: REQ of WRREC stays TRUE",
     *[OK_CHANGE] * 9,
     rules="DS723",
@@ -91,9 +84,7 @@ def request_held(client: Client) -> None:
 
 
 @BOOK.scene(
-    "request-held-not",
-    "eight changes at the same period, each with a value of its own: a ramp",
-    *[OK_CHANGE] * 9,
+    "eight changes at the same period, each with a value of its own: a ramp", *[OK_CHANGE] * 9
 )
 def request_held_not(client: Client) -> None:
     """Changes of a value that moves."""
@@ -113,7 +104,6 @@ def _asked(client: Client, jobs: int, count: int, pause: float) -> None:
 
 
 @BOOK.scene(
-    "polling-storm",
     "three reads in a row, RDREC in every cycle of 2 ms: twelve polls each",
     *[OK_READ] * 3,
     rules="DS204 DS724",
@@ -123,22 +113,13 @@ def polling_storm(client: Client) -> None:
     _asked(client, 3, 12, 0)
 
 
-@BOOK.scene(
-    "polling-storm-not",
-    "the same drive, as slow as before, asked every 12 ms: two polls each",
-    *[OK_READ] * 3,
-)
+@BOOK.scene("the same drive, as slow as before, asked every 12 ms: two polls each", *[OK_READ] * 3)
 def polling_storm_not(client: Client) -> None:
     """Reads with a pause."""
     _asked(client, 3, 2, CYCLE)
 
 
-@BOOK.scene(
-    "polling-storm-one",
-    "one read, polled 120 times in 240 ms",
-    OK_READ,
-    rules="DS204 DS724",
-)
+@BOOK.scene("one read, polled 120 times in 240 ms", OK_READ, rules="DS204 DS724")
 def polling_storm_one(client: Client) -> None:
     """More than a hundred Reads for one response."""
     _asked(client, 1, 120, 0)
@@ -173,7 +154,6 @@ def _heard_from(client: Client, speaker: str) -> None:
 
 
 @BOOK.scene(
-    "half-captured",
     "a mirror port that carries what the controller sends and nothing else",
     *[UNANSWERED] * 3,
     rules="DS101 DS401 DS725",
@@ -184,7 +164,6 @@ def half_captured(client: Client) -> None:
 
 
 @BOOK.scene(
-    "half-captured-responses",
     "a mirror port that carries what the drive sends and nothing else",
     *[ORPHAN] * 3,
     rules="DS102 DS403 DS725",
@@ -195,7 +174,6 @@ def half_captured_responses(client: Client) -> None:
 
 
 @BOOK.scene(
-    "half-captured-reads",
     "Reads of two controllers' responses, and no Write of anybody",
     ORPHAN,
     ORPHAN,
@@ -209,7 +187,6 @@ def half_captured_reads(client: Client) -> None:
 
 
 @BOOK.scene(
-    "half-captured-cut",
     "the capture keeps 230 bytes of each frame: of ten values of an array four are there",
     OK_READ,
     rules="DS106 DS725",
@@ -219,20 +196,14 @@ def half_captured_cut(client: Client) -> None:
     _ten_values(client, 230)
 
 
-@BOOK.scene(
-    "half-captured-cut-not",
-    "the capture keeps 260 bytes of each frame, and none is longer",
-    OK_READ,
-)
+@BOOK.scene("the capture keeps 260 bytes of each frame, and none is longer", OK_READ)
 def half_captured_cut_not(client: Client) -> None:
     """A snap length that cuts nothing."""
     _ten_values(client, 260)
 
 
 @BOOK.scene(
-    "half-captured-cut-short",
-    "the capture keeps 128 bytes of each frame: no record is left of any of them",
-    rules="DS725",
+    "the capture keeps 128 bytes of each frame: no record is left of any of them", rules="DS725"
 )
 def half_captured_cut_short(client: Client) -> None:
     """Frames cut by the snap length: all that matters."""
@@ -246,7 +217,6 @@ def _ten_values(client: Client, snap: int) -> None:
 
 
 @BOOK.scene(
-    "half-captured-dropped",
     "the capturing machine says that it lost 14 frames, among them those of a Read",
     OK_READ,
     UNANSWERED,
@@ -259,7 +229,6 @@ def half_captured_dropped(client: Client) -> None:
 
 
 @BOOK.scene(
-    "half-captured-dropped-not",
     "the same Read is missing, but the capture says that it lost nothing: nobody read",
     OK_READ,
     UNANSWERED,
@@ -283,7 +252,6 @@ def _with_a_gap(client: Client, dropped: int) -> None:
 
 
 @BOOK.scene(
-    "half-captured-not",
     "the capture starts inside a transaction: one response without request, then whole conversations",
     ORPHAN,
     OK_READ,

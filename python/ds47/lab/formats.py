@@ -114,7 +114,6 @@ BOOK.add(
 
 
 @BOOK.scene(
-    "description",
     "attributes 0x20 and 0x30: one element, the name, the whole description, a text array",
     *[OK_READ] * 4,
 )

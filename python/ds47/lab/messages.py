@@ -92,7 +92,6 @@ for _row in ROWS:
 
 
 @BOOK.scene(
-    "empty",
     "a Write whose record is empty, on an index that is always ours",
     ("unknown", "refused"),
     rules="DS203 DS315 DS711",
@@ -103,7 +102,6 @@ def empty(client: Client) -> None:
 
 
 @BOOK.scene(
-    "long",
     "the drive says in r0974[0] that it takes 240 bytes, then gets a change of 412",
     OK_READ,
     OK_CHANGE,
@@ -117,7 +115,7 @@ def long(client: Client) -> None:
     client.exchange(message.change(2, 1, array), message.changed(2, 1))
 
 
-@BOOK.scene("vendor", "request IDs 0x51 and 0x42 of a VLT", ("vendor", "ok"), ("vendor", "ok"))
+@BOOK.scene("request IDs 0x51 and 0x42 of a VLT", ("vendor", "ok"), ("vendor", "ok"))
 def vendor(client: Client) -> None:
     """Vendor requests of the standard shape."""
     place = message.address(1200)

@@ -50,8 +50,8 @@ def lldp(host: Host, station: str) -> bytes:
     return b"".join(struct.pack(">H", kind << 9 | len(data)) + data for kind, data in parts)
 
 
-@BOOK.scene("all", "station names, vendor and device id for the report", OK_READ)
-def naming(client: Client) -> None:
+@BOOK.scene("station names, vendor and device id for the report", OK_READ)
+def all_(client: Client) -> None:
     """Connect, DCP and LLDP name the controller and the drive."""
     plc, motor = client.host, client.device
     client.stage.frame(ether.bare(motor.mac, plc.mac, DCP, dcp_identify(motor, "press-1-drive")))

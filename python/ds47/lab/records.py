@@ -16,27 +16,25 @@ NOT_POSSIBLE = 0xDF80B500
 BAD_HEADER = 0xDF80B700
 
 
-@BOOK.scene("local", "index 0xB02E, API 0x3A00", OK_READ)
+@BOOK.scene("index 0xB02E, API 0x3A00", OK_READ)
 def local(client: Client) -> None:
     """Base Mode Parameter Access, local."""
     client.exchange(READ, ANSWER, at=client.at(index=0xB02E, api=0x3A00))
 
 
-@BOOK.scene("global", "index 0xB02F", OK_READ)
+@BOOK.scene("index 0xB02F", OK_READ)
 def global_(client: Client) -> None:
     """Base Mode Parameter Access, global."""
     client.exchange(READ, ANSWER, at=client.at(index=0xB02F))
 
 
-@BOOK.scene("polls", "three refused Reads before the response", OK_READ)
+@BOOK.scene("three refused Reads before the response", OK_READ)
 def polls(client: Client) -> None:
     """Polling."""
     client.exchange(READ, ANSWER, polls=3)
 
 
-@BOOK.scene(
-    "polls-many", "fifteen refused Reads, without a header of their own", OK_READ, rules="DS204"
-)
+@BOOK.scene("fifteen refused Reads, without a header of their own", OK_READ, rules="DS204")
 def polls_many(client: Client) -> None:
     """Polling many times."""
     client.write(READ)
@@ -46,7 +44,7 @@ def polls_many(client: Client) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene("polls-long", "the drive is busy for 4 s", OK_READ, rules="DS205 DS416")
+@BOOK.scene("the drive is busy for 4 s", OK_READ, rules="DS205 DS416")
 def polls_long(client: Client) -> None:
     """Polling for a long time."""
     client.write(READ)
@@ -56,7 +54,7 @@ def polls_long(client: Client) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene("reread", "the response is read three times", OK_READ, rules="DS704")
+@BOOK.scene("the response is read three times", OK_READ, rules="DS704")
 def reread(client: Client) -> None:
     """A response read again."""
     client.exchange(READ, ANSWER)
@@ -65,14 +63,13 @@ def reread(client: Client) -> None:
         client.read(ANSWER)
 
 
-@BOOK.scene("write-refused", "DF80B700: an error in the header", ("read", "refused"), rules="DS203")
+@BOOK.scene("DF80B700: an error in the header", ("read", "refused"), rules="DS203")
 def write_refused(client: Client) -> None:
     """A refused Write."""
     client.write(READ, status=BAD_HEADER)
 
 
 @BOOK.scene(
-    "write-refused-open",
     "a second request while the first is open is refused; the Read brings the first one's response",
     OK_READ,
     ("read", "refused"),
@@ -85,14 +82,14 @@ def write_refused_open(client: Client) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene("read-refused", "DE80B600: access denied", ("read", "refused"), rules="DS201")
+@BOOK.scene("DE80B600: access denied", ("read", "refused"), rules="DS201")
 def read_refused(client: Client) -> None:
     """A refused Read."""
     client.write(READ)
     client.poll(0xDE80B600)
 
 
-@BOOK.scene("read-empty", "a positive Read without data, then the response", OK_READ, rules="DS207")
+@BOOK.scene("a positive Read without data, then the response", OK_READ, rules="DS207")
 def read_empty(client: Client) -> None:
     """A positive Read without data."""
     client.write(READ)
@@ -101,7 +98,7 @@ def read_empty(client: Client) -> None:
     client.read(ANSWER)
 
 
-@BOOK.scene("nothing-to-read", "a Read before the first Write", OK_READ, rules="DS206 DS703")
+@BOOK.scene("a Read before the first Write", OK_READ, rules="DS206 DS703")
 def nothing_to_read(client: Client) -> None:
     """A Read that no request goes before."""
     client.poll(BUSY)
@@ -109,10 +106,7 @@ def nothing_to_read(client: Client) -> None:
 
 
 @BOOK.scene(
-    "length",
-    "RecordDataLength of the Read response says 12, 8 bytes are there",
-    OK_READ,
-    rules="DS202",
+    "RecordDataLength of the Read response says 12, 8 bytes are there", OK_READ, rules="DS202"
 )
 def length(client: Client) -> None:
     """A record length that lies."""
@@ -127,7 +121,7 @@ def _slots(client: Client) -> list[tuple[Channel, bytes, int]]:
     ]
 
 
-@BOOK.scene("multiple", "three requests in one IODWriteMultiple, read one by one", *[OK_READ] * 3)
+@BOOK.scene("three requests in one IODWriteMultiple, read one by one", *[OK_READ] * 3)
 def multiple(client: Client) -> None:
     """IODWriteMultiple."""
     records = _slots(client)
@@ -138,7 +132,6 @@ def multiple(client: Client) -> None:
 
 
 @BOOK.scene(
-    "multiple-refused",
     "the second of three requests in one IODWriteMultiple is refused",
     OK_READ,
     ("read", "refused"),
@@ -155,12 +148,7 @@ def multiple_refused(client: Client) -> None:
         client.read(answer, at=records[number - 1][0])
 
 
-@BOOK.scene(
-    "multiple-nested",
-    "an IODWriteMultiple inside another one is not opened",
-    OK_READ,
-    rules="DS208",
-)
+@BOOK.scene("an IODWriteMultiple inside another one is not opened", OK_READ, rules="DS208")
 def multiple_nested(client: Client) -> None:
     """IODWriteMultiple, nested."""
     client.exchange(READ, ANSWER)
@@ -170,7 +158,6 @@ def multiple_nested(client: Client) -> None:
 
 
 @BOOK.scene(
-    "implicit",
     "ReadImplicit of 0xB02F is a channel of its own: nothing there, though the AR has a response",
     OK_READ,
     rules="DS206",
@@ -185,10 +172,7 @@ def implicit(client: Client) -> None:
 
 
 @BOOK.scene(
-    "implicit-orphan",
-    "ReadImplicit brings a response that nobody asked for",
-    ("read", "orphan"),
-    rules="DS403 DS725",
+    "ReadImplicit brings a response that nobody asked for", ("read", "orphan"), rules="DS403 DS725"
 )
 def implicit_orphan(client: Client) -> None:
     """ReadImplicit with data."""
@@ -196,7 +180,7 @@ def implicit_orphan(client: Client) -> None:
     client.accept_read(client.ask_implicit(nowhere), ANSWER, at=nowhere)
 
 
-@BOOK.scene("foreign", "record 47 of something that is no drive: no transaction")
+@BOOK.scene("record 47 of something that is no drive: no transaction")
 def foreign(client: Client) -> None:
     """Index 47 that is not a parameter channel."""
     for text in (b"Hello, world", b"\x00\x00\x00\x10calibration data", b"\xff" * 8):
@@ -205,7 +189,6 @@ def foreign(client: Client) -> None:
 
 
 @BOOK.scene(
-    "foreign-then-ours",
     "a broken request before the AR shows its parameter channel is taken in too",
     ("read", "refused"),
     OK_READ,
@@ -218,10 +201,7 @@ def foreign_then_ours(client: Client) -> None:
 
 
 @BOOK.scene(
-    "other-index",
-    "other records around the parameter channel: I&M0, PDRealData",
-    OK_CHANGE,
-    rules="DS721",
+    "other records around the parameter channel: I&M0, PDRealData", OK_CHANGE, rules="DS721"
 )
 def other_index(client: Client) -> None:
     """Other records on the same AR."""

@@ -52,15 +52,16 @@ class Book:
     scenarios: list[Scenario] = field(default_factory=list)
 
     def scene(
-        self, name: str, shows: str, *transactions: tuple[str, str], rules: str = ""
+        self, shows: str, *transactions: tuple[str, str], rules: str = ""
     ) -> Callable[[Build], Build]:
-        """Decorator: a function of what a client does becomes a scenario; its docstring is the title.
+        """Decorator: a function of what a client does becomes a scenario of its name; its docstring is the title.
 
         `transactions` are (operation, state); `rules` the ids that are expected, with spaces, those
         of diagnoses among them.
         """
 
         def enter(build: Build) -> Build:
+            name = build.__name__.rstrip("_").replace("_", "-")
             title = (build.__doc__ or "").strip().rstrip(".")
             self.add(name, title, shows, build, transactions, rules)
             return build

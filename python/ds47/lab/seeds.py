@@ -27,32 +27,31 @@ def _play(client: Client, *examples: tuple[str, str], buffer: int = 0) -> None:
         client.wait(100)
 
 
-@BOOK.scene("dcm-read", "one parameter, Float32 10.0, DO 2", OK_READ)
+@BOOK.scene("one parameter, Float32 10.0, DO 2", OK_READ)
 def dcm_read(client: Client) -> None:
     """SINAMICS DCM: read p50303."""
     _play(client, DCM_READ)
 
 
-@BOOK.scene("dcm-change", "one parameter, Float32 100.0, DO 2", OK_CHANGE, rules="DS721")
+@BOOK.scene("one parameter, Float32 100.0, DO 2", OK_CHANGE, rules="DS721")
 def dcm_change(client: Client) -> None:
     """SINAMICS DCM: change p50304."""
     _play(client, DCM_CHANGE)
 
 
-@BOOK.scene("g120-read", "two parameters, one of them four elements of an array", OK_READ)
+@BOOK.scene("two parameters, one of them four elements of an array", OK_READ)
 def g120_read(client: Client) -> None:
     """G120: read P2900 and r2902[2..5]."""
     _play(client, G120_READ)
 
 
-@BOOK.scene("g120-change", "two parameters in one change", OK_CHANGE, rules="DS721")
+@BOOK.scene("two parameters in one change", OK_CHANGE, rules="DS721")
 def g120_change(client: Client) -> None:
     """G120: change P2900 and P2901."""
     _play(client, G120_CHANGE)
 
 
 @BOOK.scene(
-    "g120-constant-reference",
     "the two G120 programs one after the other, both with reference 1",
     OK_READ,
     OK_CHANGE,
@@ -64,7 +63,6 @@ def g120_constant_reference(client: Client) -> None:
 
 
 @BOOK.scene(
-    "dcm-buffer",
     "WRREC sends its whole buffer of 40 bytes: zeros behind a request of 16",
     OK_CHANGE,
     rules="DS314 DS721",

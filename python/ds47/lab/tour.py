@@ -17,7 +17,6 @@ LOCKED, OUT_OF_LIMITS = 0x6B, 0x02
 
 
 @BOOK.scene(
-    "machine",
     "reads, changes, polls, refusals and an answer nobody fetched, as a report shows them",
     OK_READ,
     OK_CHANGE,

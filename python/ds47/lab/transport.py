@@ -60,37 +60,35 @@ _orders(">", "<", "big-little", "Big-endian controller, little-endian drive")
 _orders("<", ">", "little-big", "Little-endian controller, big-endian drive")
 
 
-@BOOK.scene("vlan", "802.1Q tag, priority 6", OK_READ)
+@BOOK.scene("802.1Q tag, priority 6", OK_READ)
 def vlan(client: Client) -> None:
     """One VLAN tag."""
     client.stage.tags = ((ether.CTAG, 10),)
     _speed(client)
 
 
-@BOOK.scene("qinq", "802.1ad tag around an 802.1Q tag", OK_READ)
+@BOOK.scene("802.1ad tag around an 802.1Q tag", OK_READ)
 def qinq(client: Client) -> None:
     """Two VLAN tags."""
     client.stage.tags = ((ether.STAG, 100), (ether.CTAG, 10))
     _speed(client)
 
 
-@BOOK.scene("sll", "link type 113, as `tcpdump -i any` writes", OK_READ)
+@BOOK.scene("link type 113, as `tcpdump -i any` writes", OK_READ)
 def sll(client: Client) -> None:
     """Linux cooked capture, version 1."""
     client.stage.link = ether.COOKED
     _speed(client)
 
 
-@BOOK.scene("sll2", "link type 276, as newer `tcpdump -i any` writes", OK_READ)
+@BOOK.scene("link type 276, as newer `tcpdump -i any` writes", OK_READ)
 def sll2(client: Client) -> None:
     """Linux cooked capture, version 2."""
     client.stage.link = ether.COOKED2
     _speed(client)
 
 
-@BOOK.scene(
-    "ip-fragments", "requests and responses in IP fragments", OK_READ, OK_CHANGE, rules="DS721"
-)
+@BOOK.scene("requests and responses in IP fragments", OK_READ, OK_CHANGE, rules="DS721")
 def ip_fragments(client: Client) -> None:
     """IP fragments."""
     client.stage.mtu = 176
@@ -98,7 +96,7 @@ def ip_fragments(client: Client) -> None:
     _long_change(client)
 
 
-@BOOK.scene("ip-fragments-disorder", "the last IP fragment comes first", OK_READ)
+@BOOK.scene("the last IP fragment comes first", OK_READ)
 def ip_fragments_disorder(client: Client) -> None:
     """IP fragments in the wrong order."""
     client.stage.mtu = 176
@@ -111,10 +109,7 @@ def ip_fragments_disorder(client: Client) -> None:
 
 
 @BOOK.scene(
-    "ip-fragments-incomplete",
-    "a fragment of the Read response is lost; the controller reads again",
-    OK_READ,
-    rules="DS105",
+    "a fragment of the Read response is lost; the controller reads again", OK_READ, rules="DS105"
 )
 def ip_fragments_incomplete(client: Client) -> None:
     """IP fragments, one of them lost."""
@@ -125,9 +120,7 @@ def ip_fragments_incomplete(client: Client) -> None:
     client.read(message.answer(1, 1, 1, message.real(*range(50))))
 
 
-@BOOK.scene(
-    "rpc-fragments", "requests and responses in RPC fragments", OK_READ, OK_CHANGE, rules="DS721"
-)
+@BOOK.scene("requests and responses in RPC fragments", OK_READ, OK_CHANGE, rules="DS721")
 def rpc_fragments(client: Client) -> None:
     """RPC fragments."""
     client.fragment = 100
@@ -136,7 +129,6 @@ def rpc_fragments(client: Client) -> None:
 
 
 @BOOK.scene(
-    "rpc-fragments-incomplete",
     "the middle fragment of the Read response is lost; the controller reads again",
     OK_READ,
     rules="DS105",
@@ -151,7 +143,6 @@ def rpc_fragments_incomplete(client: Client) -> None:
 
 
 @BOOK.scene(
-    "snap-length",
     "the capture keeps 260 bytes of each frame: the response is there in part",
     ("read", "ok"),
     rules="DS106 DS725",
@@ -163,7 +154,7 @@ def snap_length(client: Client) -> None:
     client.read(message.answer(1, 1, 1, message.real(*range(50))))
 
 
-@BOOK.scene("copies", "a mirror port shows each frame twice, same IP id, 20 us apart", OK_READ)
+@BOOK.scene("a mirror port shows each frame twice, same IP id, 20 us apart", OK_READ)
 def copies(client: Client) -> None:
     """Every frame captured twice."""
     client.stage.copies = 2
@@ -171,7 +162,6 @@ def copies(client: Client) -> None:
 
 
 @BOOK.scene(
-    "retransmission",
     "no answer for 500 ms: the controller sends the Write again, the drive answers once",
     OK_READ,
     rules="DS103",
@@ -187,7 +177,6 @@ def retransmission(client: Client) -> None:
 
 
 @BOOK.scene(
-    "retransmission-answered",
     "the answer was lost on the way: the same Write again 2 s later, and its answer again",
     OK_READ,
     rules="DS103",
@@ -204,7 +193,6 @@ def retransmission_answered(client: Client) -> None:
 
 
 @BOOK.scene(
-    "reused-numbers",
     "the controller starts again: same activity, same sequence numbers, a new request",
     OK_READ,
     OK_READ,
@@ -217,7 +205,7 @@ def reused_numbers(client: Client) -> None:
     _speed(client, reference=2, value=1480.0)
 
 
-@BOOK.scene("ping-working", "ping and working PDUs between request and response", OK_READ)
+@BOOK.scene("ping and working PDUs between request and response", OK_READ)
 def ping_working(client: Client) -> None:
     """A slow answer with ping and working."""
     request = message.read(1, 1, SPEED)
@@ -233,7 +221,6 @@ def _status(client: Client, code: int) -> bytes:
 
 
 @BOOK.scene(
-    "fault",
     "the drive answers the Write with an RPC fault; the next attempt works",
     ("read", "refused"),
     OK_READ,
@@ -248,7 +235,6 @@ def fault(client: Client) -> None:
 
 
 @BOOK.scene(
-    "reject",
     "the drive rejects the first Read, server too busy; the second one works",
     OK_READ,
     rules="DS104",
@@ -264,10 +250,7 @@ def reject(client: Client) -> None:
 
 
 @BOOK.scene(
-    "empty-body",
-    "an RPC response to the Read without any body; the second Read works",
-    OK_READ,
-    rules="DS108",
+    "an RPC response to the Read without any body; the second Read works", OK_READ, rules="DS108"
 )
 def empty_body(client: Client) -> None:
     """A response without a body."""
@@ -277,7 +260,7 @@ def empty_body(client: Client) -> None:
     client.read(message.answer(1, 1, 1, message.real(1500.0)))
 
 
-@BOOK.scene("time-back", "the clock steps back by 2.5 s between two frames", OK_READ, rules="DS107")
+@BOOK.scene("the clock steps back by 2.5 s between two frames", OK_READ, rules="DS107")
 def time_back(client: Client) -> None:
     """Time steps backwards."""
     client.write(message.read(1, 1, SPEED))
@@ -285,9 +268,7 @@ def time_back(client: Client) -> None:
     client.read(message.answer(1, 1, 1, message.real(1500.0)))
 
 
-@BOOK.scene(
-    "ephemeral-port", "the drive answers from port 49153 and is asked there", OK_READ, OK_READ
-)
+@BOOK.scene("the drive answers from port 49153 and is asked there", OK_READ, OK_READ)
 def ephemeral_port(client: Client) -> None:
     """Answers from another port."""
     client.answer_port = 49153
@@ -296,7 +277,6 @@ def ephemeral_port(client: Client) -> None:
 
 
 @BOOK.scene(
-    "write-unanswered",
     "the response to the Write was not captured; the Read proves that it was accepted",
     OK_READ,
     rules="DS101",
@@ -309,10 +289,7 @@ def write_unanswered(client: Client) -> None:
 
 
 @BOOK.scene(
-    "starts-late",
-    "the capture starts after the Write request",
-    ("read", "orphan"),
-    rules="DS102 DS403 DS725",
+    "the capture starts after the Write request", ("read", "orphan"), rules="DS102 DS403 DS725"
 )
 def starts_late(client: Client) -> None:
     """Capture starts in the middle of a transaction."""
@@ -325,11 +302,7 @@ def starts_late(client: Client) -> None:
 
 
 @BOOK.scene(
-    "ends-early",
-    "the capture ends after the Write response",
-    OK_READ,
-    ("read", "unanswered"),
-    rules="DS401",
+    "the capture ends after the Write response", OK_READ, ("read", "unanswered"), rules="DS401"
 )
 def ends_early(client: Client) -> None:
     """Capture ends in the middle of a transaction."""
@@ -338,7 +311,6 @@ def ends_early(client: Client) -> None:
 
 
 @BOOK.scene(
-    "ends-in-call",
     "the last frame of the capture is a Write request",
     OK_READ,
     ("read", "unanswered"),
@@ -351,7 +323,6 @@ def ends_in_call(client: Client) -> None:
 
 
 @BOOK.scene(
-    "two-controllers",
     "two controllers on one drive at the same time, same references and sequence numbers",
     *[OK_READ] * 6,
 )
@@ -374,7 +345,6 @@ def two_controllers(client: Client) -> None:
 
 
 @BOOK.scene(
-    "many-channels",
     "two drives, two slots each, DO 2 and 3: all asked, then all read in another order",
     *[OK_READ] * 4,
 )

@@ -188,8 +188,8 @@ def found(text: str) -> list[Row]:
 class Vectors(Book):
     """The scenes of one file of vectors.
 
-    A scene's name begins with the sentence (P..) or the rule (DS7..) that it shows. `shows` has further
-    sentences, and flags: what is out of the ordinary. `rules` has all findings, as `found` reads them.
+    A scene's name begins with the sentence (p24_..) or the rule (ds704_..) that it shows. `shows` has further
+    sentences, and flags: what is out of the ordinary, or `none`. `rules` has all findings, as `found` reads them.
     """
 
     def __init__(self, target: str, about: str) -> None:
@@ -209,13 +209,14 @@ class Vectors(Book):
         """Play a scene, and enter it with what is expected of it."""
         tape = Tape()
         build(Client(tape))
-        words = [name.partition("-")[0], *shows.split()]
+        shown, _, rest = name.partition("-")
+        words = [shown.upper(), *shows.split()]
         flags = [word for word in words if word.islower()]
         row: Row = {
-            "id": name,
+            "id": f"{shown.upper()}-{rest}",
             "comment": " ".join(title.split()) + ".",
             "shows": [word for word in words if word not in flags],
-            "flags": flags or ["none"],
+            "flags": flags,
         }
         if tape.options:
             row["options"] = tape.options

@@ -66,31 +66,30 @@ HOME2: Row = {"controller": "192.168.133.3", "ar": str(AR2)}
 # The plain life of a transaction
 
 
-@BOOK.scene("P24-read", "P2 P3 P14 P29 P46 P48", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)))
-def _(client: Client) -> None:
+@BOOK.scene("P2 P3 P14 P29 P46 P48 none", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)))
+def p24_read(client: Client) -> None:
     """Write request and response, Read request and response: one read."""
     client.exchange(ask(), tell(1, 1.5))
 
 
-@BOOK.scene("P24-change", "P29 P46", tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)))
-def _(client: Client) -> None:
+@BOOK.scene("P29 P46 none", tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)))
+def p24_change(client: Client) -> None:
     """A change; its values are those that were written."""
     client.exchange(put(1, 10.0), message.changed(1, 1))
 
 
 @BOOK.scene(
-    "P37-by-position",
-    "",
+    "none",
     tx(1, "ok", (1, 2, 3, 4), 3, par(27, "Unsigned16", 7, 8, subindex=3), par(21, "Float32", 1.5)),
 )
-def _(client: Client) -> None:
+def p37_by_position(client: Client) -> None:
     """Two parameters in another order than their numbers: the n-th block is the n-th address."""
     request = message.read(1, 1, message.address(27, 3, 2), message.address(21))
     client.exchange(request, message.answer(1, 1, 1, message.word(7, 8), message.real(1.5)))
 
 
-@BOOK.scene("P3-fragments", "P48 fragments", tx(1, "ok", (2, 4, 6, 8), 6, real(1.5)))
-def _(client: Client) -> None:
+@BOOK.scene("P48 fragments", tx(1, "ok", (2, 4, 6, 8), 6, real(1.5)))
+def p3_fragments(client: Client) -> None:
     """Every PDU in two RPC fragments: frame and time are those of the second one."""
     client.fragment = 60
     client.exchange(ask(), tell(1, 1.5))
@@ -112,12 +111,11 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "P4-same-activity",
     "P14 interleaved",
     tx(1, "ok", (1, 4, 6, 8), 7, real(1.5)),
     tx(2, "ok", (2, 3, 5, 7), 5, real(2.5), **HOME2),
 )
-def _(client: Client) -> None:
+def p4_same_activity(client: Client) -> None:
     """Two controllers with the same activity UUID and the same sequence numbers at one time."""
     other = second(client, activity=client.activity)
     one, two = client.ask_write(ask()), other.ask_write(ask())
@@ -128,12 +126,8 @@ def _(client: Client) -> None:
     client.accept_read(one, tell(1, 1.5))
 
 
-@BOOK.scene(
-    "P5-big-asks-little-answers",
-    "P13 byte-order",
-    tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), polls=[(3, 4)]),
-)
-def _(client: Client) -> None:
+@BOOK.scene("P13 byte-order", tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), polls=[(3, 4)]))
+def p5_big_asks_little_answers(client: Client) -> None:
     """Big-endian controller, little-endian drive; the poll's status swaps, the blocks do not."""
     client.order, client.answer_order = ">", "<"
     client.write(ask())
@@ -141,12 +135,8 @@ def _(client: Client) -> None:
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene(
-    "P5-little-asks-big-answers",
-    "P13 byte-order",
-    tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), polls=[(3, 4)]),
-)
-def _(client: Client) -> None:
+@BOOK.scene("P13 byte-order", tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), polls=[(3, 4)]))
+def p5_little_asks_big_answers(client: Client) -> None:
     """Little-endian controller, big-endian drive."""
     client.order, client.answer_order = "<", ">"
     client.write(ask())
@@ -154,8 +144,8 @@ def _(client: Client) -> None:
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene("P6-copies", "copy", tx(1, "ok", (1, 3, 5, 7), 3.3, real(1.5)))
-def _(client: Client) -> None:
+@BOOK.scene("copy", tx(1, "ok", (1, 3, 5, 7), 3.3, real(1.5)))
+def p6_copies(client: Client) -> None:
     """A mirror port shows every datagram twice, 0.1 to 1 ms apart: the first one counts."""
     client.stage.gap_ns = 100_000
 
@@ -174,8 +164,8 @@ def _(client: Client) -> None:
     tape(client).repeat()
 
 
-@BOOK.scene("P6-limit-of-copy", "copy", tx(1, "ok", (1, 3, 4, 5), 4, real(1.5)))
-def _(client: Client) -> None:
+@BOOK.scene("copy", tx(1, "ok", (1, 3, 4, 5), 4, real(1.5)))
+def p6_limit_of_copy(client: Client) -> None:
     """Exactly 1 ms apart is still a copy."""
     call = client.ask_write(ask())
     tape(client).repeat()
@@ -183,13 +173,8 @@ def _(client: Client) -> None:
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene(
-    "P7-same-ip-id-2-ms",
-    "P6 P10 retransmission",
-    tx(1, "ok", (1, 3, 4, 5), 5, real(1.5)),
-    rules="DS103@2#1",
-)
-def _(client: Client) -> None:
+@BOOK.scene("P6 P10 retransmission", tx(1, "ok", (1, 3, 4, 5), 5, real(1.5)), rules="DS103@2#1")
+def p7_same_ip_id_2_ms(client: Client) -> None:
     """2 ms apart is no copy, though the IP id is the same: a retransmission."""
     call = client.ask_write(ask())
     client.wait(1)
@@ -198,13 +183,8 @@ def _(client: Client) -> None:
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene(
-    "P7-other-ip-id-within-1-ms",
-    "P6 P10 retransmission",
-    tx(1, "ok", (1, 3, 4, 5), 4, real(1.5)),
-    rules="DS103@2#1",
-)
-def _(client: Client) -> None:
+@BOOK.scene("P6 P10 retransmission", tx(1, "ok", (1, 3, 4, 5), 4, real(1.5)), rules="DS103@2#1")
+def p7_other_ip_id_within_1_ms(client: Client) -> None:
     """1 ms apart is no copy where the IP id differs: a retransmission."""
     call = client.ask_write(ask())
     client.ask_write(ask(), again=call)
@@ -213,12 +193,11 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P7-retransmission-unanswered",
     "P10 retransmission",
     tx(1, "ok", (1, 4, 5, 6), 25_005, real(1.5)),
     rules="DS103@2#1 DS103@3#1 DS416@6#1",
 )
-def _(client: Client) -> None:
+def p7_retransmission_unanswered(client: Client) -> None:
     """A Write sent three times within 25 s before its answer: one call, however long it takes."""
     call = client.ask_write(ask())
     client.wait(12_500)
@@ -239,13 +218,12 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "P8-after-10-s",
     "P9 P27 P41 reused-number superseded",
     tx(1, "superseded", (1, 2), None, NOTHING),
     tx(2, "ok", (3, 4, 5, 6), 3, real(1.5)),
     rules="DS413@3#1 DS415@3#2",
 )
-def _(client: Client) -> None:
+def p8_after_10_s(client: Client) -> None:
     """The identical Write 10.001 s after its answer is a new call."""
     call = client.ask_write(ask())
     client.accept_write(call, ask())
@@ -256,13 +234,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P8-other-number-between",
     "P9 P27 P41 reused-number superseded poll",
     tx(1, "superseded", (1, 2), None, NOTHING, polls=[(3, 4)]),
     tx(2, "ok", (5, 6, 7, 8), 3, real(1.5)),
     rules="DS413@5#1 DS415@5#2",
 )
-def _(client: Client) -> None:
+def p8_other_number_between(client: Client) -> None:
     """The identical Write after another sequence number of the activity is a new call."""
     call = client.ask_write(ask())
     client.accept_write(call, ask())
@@ -273,13 +250,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P8-not-identical",
     "P9 reused-number superseded",
     tx(1, "superseded", (1, 2), None, NOTHING),
     tx(2, "ok", (3, 4, 5, 6), 3, real(2.5, pnu=27), ref=2),
     rules="DS413@3#1 DS705@3#1",
 )
-def _(client: Client) -> None:
+def p8_not_identical(client: Client) -> None:
     """The same sequence number with another record right after the answer is a new call."""
     call = client.ask_write(ask())
     client.accept_write(call, ask())
@@ -289,13 +265,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P9-reused-after-59-s",
     "P16 reused-number",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
     tx(2, "ok", (5, 6, 7, 8), 3, real(2.5)),
     rules="DS415@5#2",
 )
-def _(client: Client) -> None:
+def p9_reused_after_59_s(client: Client) -> None:
     """59 s later the same activity, sequence numbers and bytes again: a new transaction."""
     client.exchange(ask(), tell(1, 1.5))
     client.wait(59_000)
@@ -304,13 +279,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P9-other-record-unanswered",
     "P7 P11 P42 reused-number lost",
     tx(1, "unanswered", (1,), None, NOTHING),
     tx(2, "ok", (2, 3, 4, 5), 3, real(2.5, pnu=27), ref=2),
     rules="DS101@1#1 DS401@1#1",
 )
-def _(client: Client) -> None:
+def p9_other_record_unanswered(client: Client) -> None:
     """The same sequence number with another record while the call is open: not the same request."""
     call = client.ask_write(ask())
     client.ask_write(ask(2, 27), again=call)
@@ -319,24 +293,20 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P11-call-at-end",
-    "P38 P42 lost",
-    tx(1, "unanswered", (1, 2, 3), None, NOTHING),
-    rules="DS401@1#1 DS101@3#1",
+    "P38 P42 lost", tx(1, "unanswered", (1, 2, 3), None, NOTHING), rules="DS401@1#1 DS101@3#1"
 )
-def _(client: Client) -> None:
+def p11_call_at_end(client: Client) -> None:
     """The capture ends after the Read request: call and transaction are unanswered."""
     client.write(ask())
     client.ask_read()
 
 
 @BOOK.scene(
-    "P11-response-after-expiry",
     "P28 lost late-response",
     tx(1, "ok", (1, None, 3, 4), 61_003, real(1.5)),
     rules="DS101@1#1 DS102@2",
 )
-def _(client: Client) -> None:
+def p11_response_after_expiry(client: Client) -> None:
     """A Write response 61 s after its request: the call was given up after 60 s."""
     call = client.ask_write(ask())
     client.wait(61_000)
@@ -344,10 +314,8 @@ def _(client: Client) -> None:
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene(
-    "P12-other-index", "retransmission lost other-index", tx(1, "ok", (4, 5, 6, 7), 3, real(1.5))
-)
-def _(client: Client) -> None:
+@BOOK.scene("retransmission lost other-index", tx(1, "ok", (4, 5, 6, 7), 3, real(1.5)))
+def p12_other_index(client: Client) -> None:
     """A retransmission, a refused and a lost Read on I&M0 are none of our business."""
     place = client.at(index=0xAFF0)
     call = client.ask_read(at=place)
@@ -372,14 +340,13 @@ PLACES: tuple[dict[str, Any], ...] = (
 
 
 @BOOK.scene(
-    "P14-places",
     "P16 interleaved",
     *[
         tx(n, "ok", (2 * n - 1, 2 * n, 25 - 2 * n, 26 - 2 * n), 27 - 4 * n, real(n), **place)
         for n, place in enumerate(PLACES, 1)
     ],
 )
-def _(client: Client) -> None:
+def p14_places(client: Client) -> None:
     """Six channels of one AR with the same reference: all asked, then read in reverse order."""
     places = [client.at(**place) for place in PLACES]
     for place in places:
@@ -389,12 +356,11 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P14-two-controllers",
     "P16 interleaved",
     tx(1, "ok", (1, 2, 7, 8), 7, real(1.5)),
     tx(2, "ok", (3, 4, 5, 6), 3, real(2.5), **HOME2),
 )
-def _(client: Client) -> None:
+def p14_two_controllers(client: Client) -> None:
     """Two controllers on one drive, same place, reference and sequence numbers."""
     other = second(client)
     client.write(ask())
@@ -404,13 +370,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P14-same-ar-uuid",
     "interleaved",
     tx(1, "ok", (1, 2, 9, 10), 9, real(1.5)),
     tx(2, "ok", (3, 4, 7, 8), 5, real(2.5), controller="192.168.133.3"),
     tx(3, "ok", (5, 6, 11, 12), 7, real(3.5), device="192.168.133.34"),
 )
-def _(client: Client) -> None:
+def p14_same_ar_uuid(client: Client) -> None:
     """The same AR UUID with two controllers and with two devices: three channels."""
     clients = [
         client,
@@ -425,13 +390,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P15-implicit-own-channel",
     "P32 implicit orphan",
     tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), index=0xB02F),
     tx(2, "orphan", (None, None, 3, 4), None, real(9.5, pnu=None), ref=7, index=0xB02F, ar=None),
     rules="DS403@4#2",
 )
-def _(client: Client) -> None:
+def p15_implicit_own_channel(client: Client) -> None:
     """A ReadImplicit between Write and Read of an AR does not take the response of the AR."""
     place = client.at(index=0xB02F)
     client.write(ask(), at=place)
@@ -440,13 +404,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P55-implicit-reread",
     "implicit reread",
     tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(1, 0)), index=0xB02F, rereads=[(5, 6)]),
     tx(2, "ok", (7, 8, 9, 10), 3, real(2.5), ref=2, index=0xB02F),
     rules="DS410@4#1 DS701@4#1 DS704@6#1",
 )
-def _(client: Client) -> None:
+def p55_implicit_reread(client: Client) -> None:
     """Another station reads the response of an AR without one: nothing was asked, nothing fails once more."""
     place = client.at(index=0xB02F)
     failed = message.answer(1, 0x81, 1, message.error(1))
@@ -456,14 +419,13 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P55-implicit-of-another-ar",
     "implicit reread",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), index=0xB02F),
     tx(2, "ok", (5, 6, 7, 8), 3, real(2.5), index=0xB02F, rereads=[(9, 10)], **HOME2),
     tx(3, "orphan", (None, None, 11, 12), None, real(1.5, pnu=None), index=0xB02F, ar=None),
     rules="DS403@12#3 DS704@10#2",
 )
-def _(client: Client) -> None:
+def p55_implicit_of_another_ar(client: Client) -> None:
     """Of two that asked at a place the last one counts; the response before it is nobody's any more."""
     other = second(client)
     client.exchange(ask(), tell(1, 1.5), at=client.at(index=0xB02F))
@@ -473,7 +435,6 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P55-implicit-after-release",
     "P38 implicit orphan release reread",
     tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(1, 0)), index=0xB02F),
     tx(
@@ -488,7 +449,7 @@ def _(client: Client) -> None:
     ),
     rules="DS410@4#1 DS403@8#2 DS701@4#1 DS704@8#2 DS704@10#2",
 )
-def _(client: Client) -> None:
+def p55_implicit_after_release(client: Client) -> None:
     """The transaction was over when its response was read again; its error is not told twice."""
     place = client.at(index=0xB02F)
     failed = message.answer(1, 0x81, 1, message.error(1))
@@ -499,13 +460,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P16-no-keys",
-    "",
+    "none",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
     tx(2, "ok", (5, 6, 7, 8), 3, real(2.5, pnu=27)),
     rules="DS415@5#2",
 )
-def _(client: Client) -> None:
+def p16_no_keys(client: Client) -> None:
     """Block sequence number and reference never change, the drive answers from another port."""
     client.answer_port = 49999
     place = client.channel
@@ -528,13 +488,12 @@ def multiple(client: Client, statuses: Sequence[int]) -> list[wire.Channel]:
 
 
 @BOOK.scene(
-    "P17-write-multiple",
     "P49 write-multiple",
     tx(1, "ok", (1, 2, 7, 8), 7, real(1.0)),
     tx(2, "ok", (1, 2, 5, 6), 5, real(2.0), ref=2, slot=2),
     tx(3, "ok", (1, 2, 3, 4), 3, real(3.0), ref=3, slot=3),
 )
-def _(client: Client) -> None:
+def p17_write_multiple(client: Client) -> None:
     """Three requests in one Write, read in reverse order: ids follow the place in the Write."""
     for place in reversed(multiple(client, (0, 0, 0))):
         client.read(tell(place.slot, float(place.slot)), at=place)
@@ -566,13 +525,8 @@ BOOK.lab(
 )
 
 
-@BOOK.scene(
-    "P18-nested-beside-a-request",
-    "P17 write-multiple nested",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-    rules="DS208@1",
-)
-def _(client: Client) -> None:
+@BOOK.scene("P17 write-multiple nested", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)), rules="DS208@1")
+def p18_nested_beside_a_request(client: Client) -> None:
     """Beside the nested one stands a request of the first level: that one is opened."""
     client.write_multiple([(client.channel, ask(), 0), nested(client)])
     client.read(tell(1, 1.5))
@@ -591,32 +545,30 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "P20-response-opens",
     "P32 starts-late orphan",
     tx(1, "orphan", (None, None, 1, 2), None, real(1.5, pnu=None)),
     rules="DS403@2#1",
 )
-def _(client: Client) -> None:
+def p20_response_opens(client: Client) -> None:
     """On index 47 a shaped response is proof enough."""
     client.read(tell(1, 1.5))
 
 
 @BOOK.scene(
-    "P20-once-more-without-an-ar",
     "P43 P55 mismatch implicit",
     tx(1, "mismatch", (1, 2, 3, 4), 3, real(1.5, pnu=None), rereads=[(5, 6)]),
     tx(2, "ok", (7, 8, 9, 10), 3, real(2.5), ref=2),
     rules="DS319@4#1 DS405@4#1 DS704@6#1",
 )
-def _(client: Client) -> None:
+def p20_once_more_without_an_ar(client: Client) -> None:
     """A response without the shape of DS47, read once more without an AR while a shaped request is known."""
     client.exchange(ask(), tell(1, 1.5, identifier=0x03))
     implicit(client, tell(1, 1.5, identifier=0x03), index=47)
     client.exchange(ask(2), tell(2, 2.5))
 
 
-@BOOK.scene("P20-per-ar", "P23 foreign", tx(1, "ok", (3, 4, 5, 6), 3, real(1.5)))
-def _(client: Client) -> None:
+@BOOK.scene("P23 foreign", tx(1, "ok", (3, 4, 5, 6), 3, real(1.5)))
+def p20_per_ar(client: Client) -> None:
     """Index 47 of one AR is a parameter channel, of another AR on the same device it is not."""
     foreign = second(client)
     foreign.write(b"Hello, world")
@@ -625,13 +577,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P21-malformed-later",
     "malformed refused",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
     tx(2, "refused", (5, 6), None, ref=7, write="DF80B700"),
     rules="DS315@5#2 DS203@6#2 DS711@5#2",
 )
-def _(client: Client) -> None:
+def p21_malformed_later(client: Client) -> None:
     """After a shaped message a cut one on index 47 is decoded with its findings."""
     client.exchange(ask(), tell(1, 1.5))
     client.write(CUT, status=BAD_HEADER)
@@ -648,14 +599,13 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "P22-late-is-no-step-back",
     "P20 malformed refused interleaved",
     tx(1, "refused", (1, 2), None, ref=7, write="DF80B700"),
     tx(2, "ok", (3, 4, 5, 6), 3, real(1.5), **HOME2),
     tx(3, "ok", (7, 8, 9, 10), 3, real(1.5)),
     rules="DS315@1#1 DS203@2#1 DS711@1#1",
 )
-def _(client: Client) -> None:
+def p22_late_is_no_step_back(client: Client) -> None:
     """What waited for its AR to prove itself is taken in behind frames of another one: no clock stepped back."""
     client.write(CUT, status=BAD_HEADER)
     second(client).exchange(ask(), tell(1, 1.5))
@@ -663,14 +613,13 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P22-late-step-back",
     "P2 malformed refused interleaved time-back",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), **HOME2),
     tx(2, "refused", (5, 6), None, ref=7, write="DF80B700"),
     tx(3, "ok", (7, 8, 9, 10), 3, real(1.5)),
     rules="DS107@5 DS315@5#2 DS203@6#2 DS711@5#2",
 )
-def _(client: Client) -> None:
+def p22_late_step_back(client: Client) -> None:
     """The clock steps back at a frame that waits for its AR to prove itself: there, and not behind it."""
     second(client).exchange(ask(), tell(1, 1.5))
     client.wait(-50)
@@ -679,34 +628,32 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P22-in-its-place",
     "P27 P41 malformed superseded",
     tx(1, "superseded", (1, 2), None, ref=7),
     tx(2, "ok", (3, 4, 5, 6), 3, real(1.5)),
     rules="DS315@1#1 DS413@3#1 DS711@1#1 DS705@3#1",
 )
-def _(client: Client) -> None:
+def p22_in_its_place(client: Client) -> None:
     """A cut but accepted request before the first shaped one was open when that one came."""
     client.write(CUT)
     client.exchange(ask(), tell(1, 1.5))
 
 
 @BOOK.scene(
-    "P22-release-in-its-place",
     "P38 malformed release unanswered",
     tx(1, "unanswered", (1, 2), None, ref=7),
     tx(2, "ok", (5, 6, 7, 8), 3, real(1.5)),
     rules="DS315@1#1 DS401@1#1 DS711@1#1 DS722@1#1",
 )
-def _(client: Client) -> None:
+def p22_release_in_its_place(client: Client) -> None:
     """A cut request was over by the Release of its AR when the first shaped one came, which displaces nothing."""
     client.write(CUT)
     client.release()
     client.exchange(ask(), tell(1, 1.5))
 
 
-@BOOK.scene("P23-foreign", "P12 foreign lost")
-def _(client: Client) -> None:
+@BOOK.scene("P12 foreign lost")
+def p23_foreign(client: Client) -> None:
     """Index 47 of a device that is no drive: no transaction and no finding, lost calls included."""
     for data in (b"Hello, world", b"\0\0\0\x10calibration", b"\xff" * 8):
         client.write(data)
@@ -715,8 +662,8 @@ def _(client: Client) -> None:
     client.ask_write(b"again")
 
 
-@BOOK.scene("P14-index-of-the-user", "", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), index=0x1234))
-def _(client: Client) -> None:
+@BOOK.scene("none", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), index=0x1234))
+def p14_index_of_the_user(client: Client) -> None:
     """An index that the user names is ours."""
     tape(client).options = {"indices": [0x1234]}
     client.exchange(ask(), tell(1, 1.5), at=client.at(index=0x1234))
@@ -760,13 +707,12 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "P27-superseded-after-polls",
     "P34 P40 P41 superseded poll",
     tx(1, "superseded", (1, 2), None, NOTHING, polls=[(3, 4), (5, 6)]),
     tx(2, "ok", (7, 8, 9, 10), 3, real(2.5, pnu=27), ref=2),
     rules="DS413@7#1 DS705@7#1",
 )
-def _(client: Client) -> None:
+def p27_superseded_after_polls(client: Client) -> None:
     """A polled request is displaced: superseded, not refused, for a poll is no response."""
     client.write(ask())
     client.poll()
@@ -775,14 +721,13 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P28-passed-over",
     "P33 lost poll orphan",
     tx(1, "unanswered", (1,), None, NOTHING),
     tx(2, "ok", (2, 3, 4, 5), 3, real(2.5, pnu=27), ref=2),
     tx(3, "orphan", (None, None, 8, 9), None, real(1.5, pnu=None)),
     rules="DS101@1#1 DS206@7 DS401@1#1 DS403@9#3",
 )
-def _(client: Client) -> None:
+def p28_passed_over(client: Client) -> None:
     """A Read finds no request open: a record that comes after that is not the response to an older Write."""
     client.ask_write(ask())
     client.exchange(ask(2, 27), tell(2, 2.5))
@@ -791,7 +736,6 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P70-unasked-write",
     "P31 lost orphan",
     tx(1, "unanswered", (1,), None, NOTHING),
     tx(2, "ok", (2, 3, 4, 5), 3, real(2.5, pnu=27), ref=2),
@@ -799,7 +743,7 @@ def _(client: Client) -> None:
     tx(4, "orphan", (None, None, 9, 10), None, real(1.5, pnu=None)),
     rules="DS101@1#1 DS102@6 DS401@1#1 DS403@8#3 DS403@10#4",
 )
-def _(client: Client) -> None:
+def p70_unasked_write(client: Client) -> None:
     """A Write is accepted whose request is lost: the same record once more may be the response to that."""
     client.ask_write(ask())
     client.exchange(ask(2, 27), tell(2, 2.5))
@@ -809,13 +753,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P70-unasked-refused",
     "P30 lost poll refused",
     tx(1, "refused", (1, 2), None, NOTHING, write="DF80B700", polls=[(3, 4)]),
     tx(2, "orphan", (None, None, 8, 9), None, real(1.5, pnu=None)),
     rules="DS102@5 DS203@2#1 DS206@7 DS403@9#2",
 )
-def _(client: Client) -> None:
+def p70_unasked_refused(client: Client) -> None:
     """A Write is refused whose request is lost: no Read after it is for the refused Write before it."""
     client.write(ask(), BAD_HEADER)
     client.poll()
@@ -825,13 +768,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P28-nothing-read",
     "P36 lost unanswered",
     tx(1, "unanswered", (1,), None, NOTHING),
     tx(2, "ok", (4, 5, 6, 7), 3, real(2.5, pnu=27), ref=2),
     rules="DS101@1#1 DS207@3#1 DS401@1#1",
 )
-def _(client: Client) -> None:
+def p28_nothing_read(client: Client) -> None:
     """A Read that brings nothing does not prove that the Write before it was accepted: it is not superseded."""
     client.ask_write(ask())
     client.read(b"")
@@ -839,13 +781,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P28-late-record",
     "P27 lost interleaved",
     tx(1, "ok", (1, None, 4, 5), 4, real(1.5)),
     tx(2, "ok", (2, 3, 6, 7), 5, real(2.5, pnu=27), ref=2),
     rules="DS101@1#1",
 )
-def _(client: Client) -> None:
+def p28_late_record(client: Client) -> None:
     """The record of an older Write comes when a newer one was accepted already: it displaces nothing."""
     client.ask_write(ask())
     client.write(ask(2, 27))
@@ -854,13 +795,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P68-behind-a-refused-write",
     "lost refused unanswered",
     tx(1, "refused", (1, 2), None, NOTHING, write="DF80B700"),
     tx(2, "unanswered", (3, None, 4), None, par(27), ref=2),
     rules="DS101@3#2 DS101@4#2 DS203@2#1 DS401@3#2",
 )
-def _(client: Client) -> None:
+def p68_behind_a_refused_write(client: Client) -> None:
     """The Read without a response comes after a Write without a response, and is not one of the refused Write."""
     client.write(ask(), BAD_HEADER)
     client.ask_write(ask(2, 27))
@@ -876,13 +816,8 @@ BOOK.lab(
 )
 
 
-@BOOK.scene(
-    "P28-read-before-write-response",
-    "P29 disorder",
-    tx(1, "ok", (1, 4, 2, 3), 2, real(1.5)),
-    rules="DS702@2#1",
-)
-def _(client: Client) -> None:
+@BOOK.scene("P29 disorder", tx(1, "ok", (1, 4, 2, 3), 2, real(1.5)), rules="DS702@2#1")
+def p28_read_before_write_response(client: Client) -> None:
     """The Write response comes after the Read response: it still belongs to its transaction."""
     call = client.ask_write(ask())
     client.read(tell(1, 1.5))
@@ -890,13 +825,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P28-two-asked-second-answered",
     "P42 lost",
     tx(1, "unanswered", (1,), None, NOTHING),
     tx(2, "ok", (2, None, 3, 4), 2, real(2.5, pnu=27), ref=2),
     rules="DS101@1#1 DS101@2#2 DS401@1#1",
 )
-def _(client: Client) -> None:
+def p28_two_asked_second_answered(client: Client) -> None:
     """Two Writes without response, the Read brings the record of the second."""
     client.ask_write(ask())
     client.ask_write(ask(2, 27))
@@ -904,13 +838,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P28-two-asked-first-answered",
     "P42 lost",
     tx(1, "ok", (1, None, 3, 4), 3, real(1.5)),
     tx(2, "unanswered", (2,), None, par(27), ref=2),
     rules="DS101@1#1 DS101@2#2 DS401@2#2",
 )
-def _(client: Client) -> None:
+def p28_two_asked_first_answered(client: Client) -> None:
     """Two Writes without response, the Read brings the record of the first."""
     client.ask_write(ask())
     client.ask_write(ask(2, 27))
@@ -918,13 +851,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P68-lost-read-of-an-older-request",
     "lost",
     tx(1, "ok", (1, 2, 4, 5), 4, real(1.5)),
     tx(2, "ok", (6, 7, 8, 9), 3, real(2.5, pnu=27), ref=2),
     rules="DS101@3#1",
 )
-def _(client: Client) -> None:
+def p68_lost_read_of_an_older_request(client: Client) -> None:
     """A Read never got its RPC response: it belongs to the request before it, though another is open later."""
     client.write(ask())
     client.ask_read()
@@ -933,26 +865,24 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P69-a-later-write-may-have-displaced-it",
     "lost",
     tx(1, "unanswered", (1, 2), None, NOTHING),
     tx(2, "unanswered", (3,), None, par(27), ref=2),
     rules="DS101@3#2 DS401@1#1 DS401@3#2",
 )
-def _(client: Client) -> None:
+def p69_a_later_write_may_have_displaced_it(client: Client) -> None:
     """The channel goes on behind an open request, with a Write whose response is not in the capture."""
     client.write(ask())
     client.ask_write(ask(2, 27))
 
 
 @BOOK.scene(
-    "P28-presumed-displaces",
     "P27 P41 lost superseded",
     tx(1, "superseded", (1, 2), None, NOTHING),
     tx(2, "ok", (3, None, 4, 5), 2, real(2.5, pnu=27), ref=2),
     rules="DS101@3#2 DS413@3#1 DS705@3#1",
 )
-def _(client: Client) -> None:
+def p28_presumed_displaces(client: Client) -> None:
     """While one request is open the Read brings another's record, whose Write response is lost."""
     client.write(ask())
     client.ask_write(ask(2, 27))
@@ -960,14 +890,13 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P28-passed",
     "lost poll",
     tx(1, "change unanswered", (1,), None, real(1.0, pnu=1120)),
     tx(2, "ok", (2, 3, 4, 5), 3, real(2.5, pnu=27), ref=2),
     tx(3, "ok", (8, 9, 10, 11), 3, real(1.5), ref=3),
     rules="DS101@1#1 DS206@7 DS402@1#1",
 )
-def _(client: Client) -> None:
+def p28_passed(client: Client) -> None:
     """A Write without its response, then an accepted one: no later Read is that of the first."""
     client.ask_write(put(1, 1.0))
     client.exchange(ask(2, 27), tell(2, 2.5))
@@ -979,25 +908,23 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P30-read-after-refused",
     "P40 refused",
     tx(1, "refused", (1, 2, 3, 4), 3, real(1.5), write="DF80B500"),
     rules="DS203@2#1 DS705@1#1",
 )
-def _(client: Client) -> None:
+def p30_read_after_refused(client: Client) -> None:
     """Without an open request a Read belongs to the refused Write; the state stays refused."""
     client.write(ask(), status=NOT_POSSIBLE)
     client.read(tell(1, 1.5))
 
 
 @BOOK.scene(
-    "P30-latest-refused",
     "P40 refused",
     tx(1, "refused", (1, 2), None, NOTHING, write="DF80B500"),
     tx(2, "refused", (3, 4, 5, 6), 3, real(2.5, pnu=27), ref=2, write="DF80B500"),
     rules="DS203@2#1 DS203@4#2 DS705@1#1 DS705@3#2",
 )
-def _(client: Client) -> None:
+def p30_latest_refused(client: Client) -> None:
     """Two refused Writes: the Read belongs to the latest."""
     client.write(ask(), status=NOT_POSSIBLE)
     client.write(ask(2, 27), status=NOT_POSSIBLE)
@@ -1005,13 +932,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P30-before-reread",
     "P31 refused",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
     tx(2, "refused", (5, 6, 7, 8), 3, real(1.5), write="DF80B500"),
     rules="DS415@5#2 DS203@6#2 DS705@5#2 DS704@8#2",
 )
-def _(client: Client) -> None:
+def p30_before_reread(client: Client) -> None:
     """The refused Write comes before the last response, even where the bytes are the same."""
     client.exchange(ask(), tell(1, 1.5))
     client.write(ask(), status=NOT_POSSIBLE)
@@ -1019,13 +945,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P30-read-since",
     "P31 P26 refused reread",
     tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), rereads=[(7, 8)]),
     tx(2, "refused", (3, 4), None, par(27), ref=2, write="DF80B500"),
     rules="DS203@4#2 DS705@3#2 DS704@8#1",
 )
-def _(client: Client) -> None:
+def p30_read_since(client: Client) -> None:
     """Something was read since the refused Write: the next Read is not its own."""
     client.write(ask())
     client.write(ask(2, 27), status=NOT_POSSIBLE)
@@ -1043,13 +968,12 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "P54-read-after-600-s",
     "P32 orphan late-read",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
     tx(2, "orphan", (None, None, 5, 6), None, real(1.5, pnu=None)),
     rules="DS403@6#2",
 )
-def _(client: Client) -> None:
+def p54_read_after_600_s(client: Client) -> None:
     """After 600 s without a call the channel is forgotten, its last response too: an orphan."""
     client.exchange(ask(), tell(1, 1.5))
     client.wait(601_000)
@@ -1057,13 +981,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P32-other-bytes",
     "P31 P39 orphan",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
     tx(2, "orphan", (None, None, 5, 6), None, real(2.5, pnu=None)),
     rules="DS403@6#2",
 )
-def _(client: Client) -> None:
+def p32_other_bytes(client: Client) -> None:
     """Another Read with other bytes than the last response: an orphan."""
     client.exchange(ask(), tell(1, 1.5))
     client.read(tell(1, 2.5))
@@ -1078,15 +1001,15 @@ BOOK.lab(
 )
 
 
-@BOOK.scene("P33-empty-body-nothing-asked", "P53 nothing-to-read malformed", rules="DS108@2")
-def _(client: Client) -> None:
+@BOOK.scene("P53 nothing-to-read malformed", rules="DS108@2")
+def p33_empty_body_nothing_asked(client: Client) -> None:
     """A Read on a channel without a request, whose response has no body: that is the cause, and said once."""
     client.channel = client.at(index=0xB02F)
     client.reply(client.ask_read(), b"")
 
 
-@BOOK.scene("P33-nothing-to-read", "nothing-to-read", rules="DS206@2 DS206@4 DS206@6")
-def _(client: Client) -> None:
+@BOOK.scene("nothing-to-read", rules="DS206@2 DS206@4 DS206@6")
+def p33_nothing_to_read(client: Client) -> None:
     """Reads without data on a channel without a request: busy, refused, and positive."""
     client.channel = client.at(index=0xB02F)
     client.poll(BUSY)
@@ -1103,25 +1026,23 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "P34-polls-then-end",
     "P38 P40 P42 poll",
     tx(1, "unanswered", (1, 2), None, NOTHING, polls=[(3, 4)]),
     rules="DS401@1#1",
 )
-def _(client: Client) -> None:
+def p34_polls_then_end(client: Client) -> None:
     """Only polls until the end of the capture: unanswered, not refused."""
     client.write(ask())
     client.poll()
 
 
 @BOOK.scene(
-    "P35-read-refused",
     "P32 P40 read-refused orphan",
     tx(1, "refused", (1, 2, 3, 4), None, NOTHING, read="DE80B600"),
     tx(2, "orphan", (None, None, 5, 6), None, real(1.5, pnu=None)),
     rules="DS201@4#1 DS403@6#2",
 )
-def _(client: Client) -> None:
+def p35_read_refused(client: Client) -> None:
     """Any other negative status ends the transaction: a record that comes later is an orphan."""
     client.write(ask())
     client.poll(0xDE80B600)
@@ -1138,26 +1059,24 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "P38-end",
     "P42 unanswered",
     tx(1, "unanswered", (1, 2), None, NOTHING),
     tx(2, "change unanswered", (3, 4), None, real(10.0, pnu=1120), ref=2, slot=2),
     rules="DS401@1#1 DS402@3#2",
 )
-def _(client: Client) -> None:
+def p38_end(client: Client) -> None:
     """A read and a change that nobody fetches until the capture ends."""
     client.write(ask())
     client.write(put(2, 10.0), at=client.at(slot=2))
 
 
 @BOOK.scene(
-    "P38-release",
     "P42 P32 release orphan",
     tx(1, "unanswered", (1, 2), None, NOTHING),
     tx(2, "orphan", (None, None, 5, 6), None, real(1.5, pnu=None)),
     rules="DS401@1#1 DS403@6#2 DS722@1#1",
 )
-def _(client: Client) -> None:
+def p38_release(client: Client) -> None:
     """The AR is released: what was open stays unanswered, a later Read finds nothing."""
     client.write(ask())
     client.release()
@@ -1165,13 +1084,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P38-release-of-another-ar",
     "P14 release interleaved",
     tx(1, "ok", (1, 2, 7, 8), 7, real(1.5)),
     tx(2, "unanswered", (3, 4), None, NOTHING, **HOME2),
     rules="DS401@3#2 DS722@3#2",
 )
-def _(client: Client) -> None:
+def p38_release_of_another_ar(client: Client) -> None:
     """The release of one AR leaves the other alone."""
     other = second(client)
     client.write(ask())
@@ -1181,13 +1099,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P38-release-by-another-controller",
     "P14 release interleaved",
     tx(1, "ok", (1, 2, 7, 8), 7, real(1.5)),
     tx(2, "unanswered", (3, 4), None, NOTHING, controller="192.168.133.3"),
     rules="DS401@3#2 DS722@3#2",
 )
-def _(client: Client) -> None:
+def p38_release_by_another_controller(client: Client) -> None:
     """An AR with the same UUID between another controller and the drive is another AR."""
     other = second(client, channel=wire.Channel(CONTROLLER_AR))
     client.write(ask())
@@ -1197,21 +1114,20 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P38-expiry",
     "P32 P42 expiry orphan",
     tx(1, "unanswered", (1, 2), None, NOTHING),
     tx(2, "orphan", (None, None, 3, 4), None, real(1.5, pnu=None)),
     rules="DS401@1#1 DS403@4#2",
 )
-def _(client: Client) -> None:
+def p38_expiry(client: Client) -> None:
     """A Read 601 s after the Write comes too late."""
     client.write(ask())
     client.wait(601_000)
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene("P38-not-expired", "P29 late-read", tx(1, "ok", (1, 2, 3, 4), 599_003, real(1.5)))
-def _(client: Client) -> None:
+@BOOK.scene("P29 late-read", tx(1, "ok", (1, 2, 3, 4), 599_003, real(1.5)))
+def p38_not_expired(client: Client) -> None:
     """A Read 599 s after the Write is in time."""
     client.write(ask())
     client.wait(599_000)
@@ -1222,12 +1138,11 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P40-refused-after-the-read",
     "P28 disorder refused",
     tx(1, "refused", (1, 4, 2, 3), 2, real(1.5), write="DF80B500"),
     rules="DS203@4#1 DS705@1#1",
 )
-def _(client: Client) -> None:
+def p40_refused_after_the_read(client: Client) -> None:
     """A negative Write response after the Read that brought the record: refused, and it is said."""
     call = client.ask_write(ask())
     client.read(tell(1, 1.5))
@@ -1246,14 +1161,13 @@ for _name, _rules, _values in (
 
 
 @BOOK.scene(
-    "P43-no-history",
     "mismatch",
     tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)),
     tx(2, "mismatch", (5, 6, 7, 8), 3, real(9.5, pnu=None), ref=2),
     tx(3, "ok", (9, 10, 11, 12), 3, real(10.0, pnu=1120), ref=3),
     rules="DS404@8#2",
 )
-def _(client: Client) -> None:
+def p43_no_history(client: Client) -> None:
     """The value of a mismatch is not compared with what was written (no DS417)."""
     client.exchange(put(1, 10.0), message.changed(1, 1))
     client.exchange(ask(2, 1120), tell(1, 9.5))
@@ -1261,23 +1175,19 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P43-count-without-blocks",
-    "P46 count",
-    tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)),
-    rules="DS407@4#1",
+    "P46 count", tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)), rules="DS407@4#1"
 )
-def _(client: Client) -> None:
+def p43_count_without_blocks(client: Client) -> None:
     """A change answered with count 2 but no value block: a finding, no mismatch."""
     client.exchange(put(1, 10.0), message.changed(1, 1, count=2))
 
 
 @BOOK.scene(
-    "P44-all-failed",
     "drive-error",
     tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(0, 0)), par(27, error=(0x6B, 3))),
     rules="DS410@4#1 DS410@4#1 DS719@4#1",
 )
-def _(client: Client) -> None:
+def p44_all_failed(client: Client) -> None:
     """Both parameters failed."""
     answer = message.answer(1, 0x81, 1, message.error(0), message.error(0x6B, 3))
     client.exchange(ask(1, 21, 27), answer)
@@ -1293,12 +1203,11 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "P44-not-supported-in-part",
     "drive-error",
     tx(1, "error", (1, 2, 3, 4), 3, real(1.5), par(27, error=(0x21, 0))),
     rules="DS410@4#1 DS418@4#1",
 )
-def _(client: Client) -> None:
+def p44_not_supported_in_part(client: Client) -> None:
     """Response id 0x80 is an error, whatever its blocks say."""
     answer = message.answer(1, 0x80, 1, message.real(1.5), message.error(0x21))
     client.exchange(ask(1, 21, 27), answer)
@@ -1328,14 +1237,13 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "P47-dropped",
     "dropped orphan unanswered",
     tx(1, "unanswered", (1, 2), None, NOTHING),
     tx(2, "change unanswered", (3, 4), None, real(10.0, pnu=1120), ref=2, slot=2),
     tx(3, "orphan", (None, None, 5, 6), None, real(1.5, pnu=None), slot=3),
     rules="DS401@1#1 DS402@3#2 DS403@6#3",
 )
-def _(client: Client) -> None:
+def p47_dropped(client: Client) -> None:
     """The capture says that it lost 12 frames: unanswered and orphan transactions say so."""
     client.stage.dropped = 12
     client.write(ask())
@@ -1344,13 +1252,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P49-by-first-frame",
     "interleaved orphan",
     tx(1, "orphan", (None, None, 1, 6), None, real(9.5, pnu=None), ref=7),
     tx(2, "ok", (2, 3, 4, 5), 3, real(1.5), slot=2),
     rules="DS403@6#1",
 )
-def _(client: Client) -> None:
+def p49_by_first_frame(client: Client) -> None:
     """A Read that began first and ended last has the lower id."""
     other = replace(client, activity=UUID(int=0x48), channel=client.at(slot=2))
     call = client.ask_read()
@@ -1383,12 +1290,9 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "P3-fragment-lost",
-    "P11 P12 P29 P48 fragments lost",
-    tx(1, "ok", (2, 4, 9, 11), 10, real(1.5)),
-    rules="DS105@7#1",
+    "P11 P12 P29 P48 fragments lost", tx(1, "ok", (2, 4, 9, 11), 10, real(1.5)), rules="DS105@7#1"
 )
-def _(client: Client) -> None:
+def p3_fragment_lost(client: Client) -> None:
     """The last fragment of the Read response is lost, and the record is read again: it is there in part."""
     client.fragment = 60
     client.write(ask())
@@ -1398,12 +1302,9 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P3-first-fragment-lost",
-    "P11 P12 P29 P48 fragments lost",
-    tx(1, "ok", (2, 4, 9, 11), 10, real(1.5)),
-    rules="DS105@7#1",
+    "P11 P12 P29 P48 fragments lost", tx(1, "ok", (2, 4, 9, 11), 10, real(1.5)), rules="DS105@7#1"
 )
-def _(client: Client) -> None:
+def p3_first_fragment_lost(client: Client) -> None:
     """The first fragment of the Read response is lost: the last one says whose it is, by its RPC header."""
     client.fragment = 60
     client.write(ask())
@@ -1412,33 +1313,23 @@ def _(client: Client) -> None:
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene("P53-frame-cut", "P67 malformed", tx(1, "ok", (1, 2, 3, 4), 3, real()), rules="DS106@4")
-def _(client: Client) -> None:
+@BOOK.scene("P67 malformed", tx(1, "ok", (1, 2, 3, 4), 3, real()), rules="DS106@4")
+def p53_frame_cut(client: Client) -> None:
     """The frame of the Read response lacks its last two bytes, half of the only value."""
     client.exchange(ask(), tell(1, 1.5))
     tape(client).cut(2)
 
 
-@BOOK.scene(
-    "P53-pdu-longer-than-its-datagram",
-    "malformed",
-    tx(1, "error", (1, 2, 3, 4), 3, real()),
-    rules="DS202@4 DS315@4#1",
-)
-def _(client: Client) -> None:
+@BOOK.scene("malformed", tx(1, "error", (1, 2, 3, 4), 3, real()), rules="DS202@4 DS315@4#1")
+def p53_pdu_longer_than_its_datagram(client: Client) -> None:
     """The datagram of the Read response ends two bytes too early, and the frame is whole: nothing was cut."""
     client.exchange(ask(), tell(1, 1.5))
     step = tape(client).steps[-1]
     step["bytes"] = step["bytes"][:-4]
 
 
-@BOOK.scene(
-    "P53-fragment-cut",
-    "P3 fragments malformed",
-    tx(1, "ok", (2, 3, 4, 6), 4, real()),
-    rules="DS106@5",
-)
-def _(client: Client) -> None:
+@BOOK.scene("P3 fragments malformed", tx(1, "ok", (2, 3, 4, 6), 4, real()), rules="DS106@5")
+def p53_fragment_cut(client: Client) -> None:
     """The frame with the first of two fragments of the Read response is cut: that one is named."""
     client.fragment = 92
     client.write(ask())
@@ -1447,12 +1338,11 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P11-request-in-part",
     "P3 P32 P39 fragments lost orphan",
     tx(1, "orphan", (None, None, 3, 4), None, real(1.5, pnu=None), ref=1),
     rules="DS105@1 DS403@4#1",
 )
-def _(client: Client) -> None:
+def p11_request_in_part(client: Client) -> None:
     """The last fragment of the Write request is lost: its response is not without a request in the capture."""
     client.fragment = 60
     call = client.ask_write(ask())
@@ -1487,30 +1377,26 @@ def play_polls(client: Client, count: int) -> None:
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene("P34-nine-polls", "poll", tx(1, "ok", (1, 2, 21, 22), 21, real(1.5), polls=polled(9)))
-def _(client: Client) -> None:
+@BOOK.scene("poll", tx(1, "ok", (1, 2, 21, 22), 21, real(1.5), polls=polled(9)))
+def p34_nine_polls(client: Client) -> None:
     """Nine polls are nothing to speak of."""
     play_polls(client, 9)
 
 
 @BOOK.scene(
-    "P34-ten-polls",
-    "poll",
-    tx(1, "ok", (1, 2, 23, 24), 23, real(1.5), polls=polled(10)),
-    rules="DS204@24#1",
+    "poll", tx(1, "ok", (1, 2, 23, 24), 23, real(1.5), polls=polled(10)), rules="DS204@24#1"
 )
-def _(client: Client) -> None:
+def p34_ten_polls(client: Client) -> None:
     """Ten polls are worth a note."""
     play_polls(client, 10)
 
 
 @BOOK.scene(
-    "P34-first-poll-half-lost",
     "P48 poll lost",
     tx(1, "ok", (1, 2, 6, 7), 1507, real(1.5), polls=[(None, 3), (4, 5)]),
     rules="DS102@3 DS205@7#1",
 )
-def _(client: Client) -> None:
+def p34_first_poll_half_lost(client: Client) -> None:
     """The request of the first Read is missing: how long the drive took of 1507 ms is not known."""
     client.write(ask())
     client.stage.deaf = True
@@ -1523,12 +1409,9 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P34-polled-1000-ms",
-    "P48 poll slow",
-    tx(1, "ok", (1, 2, 5, 6), 1002, real(1.5), polls=[(3, 4)]),
-    rules="DS416@6#1",
+    "P48 poll slow", tx(1, "ok", (1, 2, 5, 6), 1002, real(1.5), polls=[(3, 4)]), rules="DS416@6#1"
 )
-def _(client: Client) -> None:
+def p34_polled_1000_ms(client: Client) -> None:
     """Exactly 1000 ms from the first poll to the response: not too long, but the drive is slow."""
     client.write(ask())
     client.poll()
@@ -1537,12 +1420,11 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P34-polled-1001-ms",
     "P48 poll slow",
     tx(1, "ok", (1, 2, 5, 6), 1003, real(1.5), polls=[(3, 4)]),
     rules="DS205@6#1 DS416@6#1",
 )
-def _(client: Client) -> None:
+def p34_polled_1001_ms(client: Client) -> None:
     """1001 ms from the first poll to the response."""
     client.write(ask())
     client.poll()
@@ -1551,13 +1433,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P29-lost-read-before-the-write",
     "P11 P38 lost unanswered",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
     tx(2, "unanswered", (6, 7), None, par(27), ref=2),
     rules="DS101@5 DS401@6#2",
 )
-def _(client: Client) -> None:
+def p29_lost_read_before_the_write(client: Client) -> None:
     """A Read without its RPC response came before the Write that is open when it is given up: not its Read."""
     client.exchange(ask(1), tell(1, 1.5))
     client.ask_read()
@@ -1565,14 +1446,13 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P35-old-response-after-refused-read",
     "P30 refused",
     tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)),
     tx(2, "change refused", (5, 6, 7, 8), None, real(10.0, pnu=1120), read="DE80B700"),
     tx(3, "change refused", (9, 10, 11, 12), 3, real(10.0, pnu=1120), write="DF80B700"),
     rules="DS201@8#2 DS203@10#3 DS415@5#2 DS415@9#3",
 )
-def _(client: Client) -> None:
+def p35_old_response_after_refused_read(client: Client) -> None:
     """The Read of an accepted change is refused: a later response may be its, and is not called an old one."""
     client.exchange(put(1, 10.0), message.changed(1, 1))
     client.write(put(1, 10.0))
@@ -1590,13 +1470,8 @@ BOOK.lab(
 )
 
 
-@BOOK.scene(
-    "P37-zero-asked-none-answered",
-    "P46 values",
-    tx(1, "ok", (1, 2, 3, 4), 3, real()),
-    rules="DS408@4#1",
-)
-def _(client: Client) -> None:
+@BOOK.scene("P46 values", tx(1, "ok", (1, 2, 3, 4), 3, real()), rules="DS408@4#1")
+def p37_zero_asked_none_answered(client: Client) -> None:
     """Number of elements 0 asks for one value, as 1 does; the block has none."""
     request = message.read(1, 1, message.address(21, elements=0))
     client.exchange(request, message.answer(1, 1, 1, message.real()))
@@ -1612,35 +1487,30 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "P45-positive-id",
     "drive-error malformed",
     tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, error=(0x11, 0))),
     rules="DS410@4#1 DS411@4#1 DS719@4#1",
 )
-def _(client: Client) -> None:
+def p45_positive_id(client: Client) -> None:
     """One of two failed, and the response id says that none did."""
     answer = message.answer(1, 0x01, 1, message.real(1.5), message.error(0x11))
     client.exchange(ask(1, 21, 27), answer)
 
 
 @BOOK.scene(
-    "P46-change-header-cut",
     "P43 P44 malformed",
     tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)),
     rules="DS315@4#1",
 )
-def _(client: Client) -> None:
+def p46_change_header_cut(client: Client) -> None:
     """The positive response id says that the change was done; the number of parameters is missing."""
     client.exchange(put(1, 10.0), message.changed(1, 1)[:3])
 
 
 @BOOK.scene(
-    "P46-announced-block-missing",
-    "P43 P44 malformed count",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-    rules="DS315@4#1 DS407@4#1",
+    "P43 P44 malformed count", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)), rules="DS315@4#1 DS407@4#1"
 )
-def _(client: Client) -> None:
+def p46_announced_block_missing(client: Client) -> None:
     """Two blocks announced, the only one that was asked for is there: no parameter is missing."""
     answer = tell(1, 1.5)
     client.exchange(ask(), answer[:3] + bytes([2]) + answer[4:])
@@ -1656,12 +1526,9 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "P44-negative-id-change",
-    "malformed",
-    tx(1, "change error", (1, 2, 3, 4), 3, real(10.0, pnu=1120)),
-    rules="DS412@4#1",
+    "malformed", tx(1, "change error", (1, 2, 3, 4), 3, real(10.0, pnu=1120)), rules="DS412@4#1"
 )
-def _(client: Client) -> None:
+def p44_negative_id_change(client: Client) -> None:
     """The same of a change: done, says the block, and the response id says that something failed."""
     client.exchange(put(1, 10.0), message.answer(1, 0x82, 1, message.done()))
 
@@ -1676,49 +1543,37 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "P45-response-cut",
-    "malformed",
-    tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, "Float32")),
-    rules="DS315@4#1",
+    "malformed", tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, "Float32")), rules="DS315@4#1"
 )
-def _(client: Client) -> None:
+def p45_response_cut(client: Client) -> None:
     """The device sent the first of two values, and half of the second."""
     client.exchange(ask(1, 21, 27), tell(1, 1.5, 2.5)[:-2])
 
 
 @BOOK.scene(
-    "P67-negative-frame-cut",
-    "malformed",
-    tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, "Float32")),
-    rules="DS106@4",
+    "malformed", tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, "Float32")), rules="DS106@4"
 )
-def _(client: Client) -> None:
+def p67_negative_frame_cut(client: Client) -> None:
     """One value was captured, the other half; the response id says that something failed."""
     client.exchange(ask(1, 21, 27), tell(1, 1.5, 2.5, identifier=0x81))
     tape(client).cut(2)
 
 
-@BOOK.scene(
-    "P67-blocks-not-captured",
-    "malformed",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), par(27)),
-    rules="DS106@4",
-)
-def _(client: Client) -> None:
+@BOOK.scene("malformed", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), par(27)), rules="DS106@4")
+def p67_blocks_not_captured(client: Client) -> None:
     """The capture lacks the second block, and the response id says that nothing failed."""
     client.exchange(ask(1, 21, 27), tell(1, 1.5, 2.5))
     tape(client).cut(6)
 
 
 @BOOK.scene(
-    "P46-read-back",
     "values",
     tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)),
     tx(2, "ok", (5, 6, 7, 8), 3, real(10.0, pnu=1120), ref=2),
     tx(3, "ok", (9, 10, 11, 12), 3, real(11.0, pnu=1120), ref=3),
     rules="DS417@12#3",
 )
-def _(client: Client) -> None:
+def p46_read_back(client: Client) -> None:
     """What was written is read back, first as it was written, then another value."""
     client.exchange(put(1, 10.0), message.changed(1, 1))
     client.exchange(ask(2, 1120), tell(2, 10.0))
@@ -1726,14 +1581,13 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P46-message-long",
     "values",
     tx(1, "ok", (1, 2, 3, 4), 3, par(974, "Unsigned16", 16)),
     tx(2, "ok", (5, 6, 7, 8), 3, real(1.5), real(2.5, pnu=27), ref=2),
     tx(3, "ok", (9, 10, 11, 12), 3, real(1.5), real(2.5, pnu=27), real(3.5, pnu=25), ref=3),
     rules="DS316@9#3",
 )
-def _(client: Client) -> None:
+def p46_message_long(client: Client) -> None:
     """The drive says that it takes 16 bytes: a request of 16 is no finding, one of 22 is."""
     client.exchange(ask(1, 974), message.answer(1, 1, 1, message.word(16)))
     client.exchange(ask(2, 21, 27), tell(2, 1.5, 2.5))
@@ -1744,12 +1598,8 @@ MANY = range(100, 140)
 """Parameters: one more than the usual number."""
 
 
-@BOOK.scene(
-    "P46-as-many-parameters-as-the-drive-takes",
-    "values",
-    tx(1, "ok", (1, 2, 3, 4), 3, *(real(pnu / 2, pnu=pnu) for pnu in MANY)),
-)
-def _(client: Client) -> None:
+@BOOK.scene("values", tx(1, "ok", (1, 2, 3, 4), 3, *(real(pnu / 2, pnu=pnu) for pnu in MANY)))
+def p46_as_many_parameters_as_the_drive_takes(client: Client) -> None:
     """40 parameters of which the drive gives all: not too many, and not called so while the response is due."""
     client.exchange(ask(1, *MANY), tell(1, *(pnu / 2 for pnu in MANY)))
 
@@ -1787,7 +1637,6 @@ def row(number: int, *parameters: Row, state: str = "ok", **more: Any) -> Row:
 
 
 @BOOK.scene(
-    "P60-the-submodule-decides",
     "values",
     row(1, ramp(10.0), state="change ok", axis=9, index=LOCAL, slot=2),
     row(2, ramp(9.5), axis=0, index=LOCAL, slot=2),
@@ -1795,7 +1644,7 @@ def row(number: int, *parameters: Row, state: str = "ok", **more: Any) -> Row:
     row(4, ramp(9.5), axis=2, index=LOCAL),
     rules="DS417@8#2",
 )
-def _(client: Client) -> None:
+def p60_the_submodule_decides(client: Client) -> None:
     """Local access: the axis byte does not count, the slot does."""
     here, there = client.at(index=LOCAL), client.at(index=LOCAL, slot=2)
     client.exchange(*changed(10.0, 1, axis=9), at=there)
@@ -1805,13 +1654,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P60-two-ways-to-one-parameter",
     "values",
     row(1, ramp(10.0), state="change ok"),
     row(2, ramp(9.5), state="change ok", index=LOCAL, slot=2),
     row(3, ramp(9.5)),
 )
-def _(client: Client) -> None:
+def p60_two_ways_to_one_parameter(client: Client) -> None:
     """Local access may have reached the same drive object: the value that was written last is not known."""
     client.exchange(*changed(10.0, 1))
     client.exchange(*changed(9.5, 2), at=client.at(index=LOCAL, slot=2))
@@ -1819,7 +1667,6 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P61-a-submodule-names-itself",
     "values drive-error",
     row(1, par(RAMP, error=(0x19, 0)), state="error", axis=77),
     row(2, par(975, "Unsigned16", 3, subindex=7), axis=0, index=LOCAL, slot=2),
@@ -1827,7 +1674,7 @@ def _(client: Client) -> None:
     row(4, ramp(9.5), axis=9, index=LOCAL, slot=2),
     rules="DS410@4#1 DS417@16#4 DS709@4#1",
 )
-def _(client: Client) -> None:
+def p61_a_submodule_names_itself(client: Client) -> None:
     """PNU 975[7] of a submodule is its DO-ID: what was written to that drive object is read back there."""
     there = client.at(index=LOCAL, slot=2)
     client.exchange(ask(1, RAMP, axis=77), message.answer(1, 0x81, 77, message.error(0x19)))
@@ -1838,7 +1685,6 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P62-two-axes",
     "values drive-error",
     row(1, ramp(10.0), state="change ok", axis=2),
     row(2, ramp(9.5), state="change ok", axis=3),
@@ -1849,7 +1695,7 @@ def _(client: Client) -> None:
     row(7, ramp(9.5), axis=2),
     rules="DS410@16#4 DS417@28#7 DS709@16#4",
 )
-def _(client: Client) -> None:
+def p62_two_axes(client: Client) -> None:
     """Two axis numbers may be one drive object until the device has refused a third."""
     client.exchange(*changed(10.0, 1, axis=2))
     client.exchange(*changed(9.5, 2, axis=3))
@@ -1861,26 +1707,24 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P63-one-for-the-whole-device",
     "values",
     row(1, real(10.0, pnu=61000), state="change ok", axis=2),
     row(2, real(9.5, pnu=61000), axis=3, index=LOCAL, slot=2),
     rules="DS417@8#2",
 )
-def _(client: Client) -> None:
+def p63_one_for_the_whole_device(client: Client) -> None:
     """PNU 61000 is one parameter, whichever drive object is asked."""
     client.exchange(*changed(10.0, 1, axis=2, pnu=61000))
     client.exchange(*fetched(9.5, 2, axis=3, pnu=61000), at=client.at(index=LOCAL, slot=2))
 
 
 @BOOK.scene(
-    "P64-not-settled-yet",
     "values",
     row(1, ramp(10.0), state="change ok"),
     tx(2, "change ok", (5, 6, 11, 12), 7, ramp(9.5), ref=2, index=0xB02F),
     tx(3, "ok", (7, 8, 9, 10), 3, ramp(9.5), ref=3),
 )
-def _(client: Client) -> None:
+def p64_not_settled_yet(client: Client) -> None:
     """A change that was accepted is in force perhaps, before its response is fetched."""
     asked, answer = changed(9.5, 2)
     other = client.at(index=0xB02F)
@@ -1891,14 +1735,13 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P64-one-parameter-twice",
     "P44 values drive-error",
     row(1, ramp(9.5), state="change ok"),
     row(2, ramp(10.0), par(RAMP, "Float32", 8.0, error=(0x17, 0)), state="change partial"),
     row(3, ramp(10.0)),
     rules="DS410@8#2 DS701@8#2",
 )
-def _(client: Client) -> None:
+def p64_one_parameter_twice(client: Client) -> None:
     """A change writes a parameter twice, and the second time it is refused: the first value is in force."""
     where = message.address(RAMP)
     client.exchange(*changed(9.5, 1))
@@ -1908,14 +1751,13 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P64-change-without-its-request",
     "P32 values orphan",
     row(1, ramp(10.0), state="change ok"),
     tx(2, "change orphan", (None, None, 5, 6), None, ref=2, slot=2),
     tx(3, "ok", (7, 8, 9, 10), 3, ramp(9.5), ref=3),
     rules="DS403@6#2",
 )
-def _(client: Client) -> None:
+def p64_change_without_its_request(client: Client) -> None:
     """The response to a change says that something was written, and its request is not there: it may be any."""
     client.exchange(*changed(10.0, 1))
     client.read(message.changed(2, 1), at=client.at(slot=2))
@@ -1923,7 +1765,6 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P64-response-not-fetched",
     "values superseded",
     row(1, ramp(10.0), state="change ok"),
     tx(2, "change superseded", (5, 6), None, ramp(9.5), ref=2, index=0xB02F),
@@ -1931,7 +1772,7 @@ def _(client: Client) -> None:
     tx(4, "ok", (11, 12, 13, 14), 3, ramp(8.0), ref=4),
     rules="DS414@7#2",
 )
-def _(client: Client) -> None:
+def p64_response_not_fetched(client: Client) -> None:
     """A change whose response nobody fetched makes the value unknown, on every channel."""
     other = client.at(index=0xB02F)
     client.exchange(*changed(10.0, 1))
@@ -1941,13 +1782,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P65-computed-anew",
     "values",
     row(1, ramp(10.0), state="change ok"),
     row(2, par(340, "Unsigned16", 1), state="change ok"),
     row(3, ramp(9.5)),
 )
-def _(client: Client) -> None:
+def p65_computed_anew(client: Client) -> None:
     """p0340 computes others: what was written before it is not known any more."""
     client.exchange(*changed(10.0, 1))
     asked = message.change(2, 1, (message.address(340), message.word(1)))
@@ -1956,14 +1796,13 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P66-the-same-bits",
     "values",
     row(1, par(2900, "Integer16", -32765), state="change ok"),
     row(2, par(2900, "Unsigned16", 32771)),
     row(3, par(RAMP, "Unsigned32", 10), state="change ok"),
     row(4, ramp(10.0)),
 )
-def _(client: Client) -> None:
+def p66_the_same_bits(client: Client) -> None:
     """-32765 and 32771 are the same 16 bits; 10 and 10.0 the same number."""
     where = message.address(2900)
     asked = message.change(1, 1, (where, message.block(0x03, "h", -32765)))
@@ -1975,7 +1814,6 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P64-displaced-by-the-last-change",
     "values superseded",
     tx(1, "change superseded", (1, 2), None, ramp(9.5)),
     tx(2, "change ok", (3, 4, 5, 6), 3, ramp(10.0), ref=2),
@@ -1984,7 +1822,7 @@ def _(client: Client) -> None:
     tx(5, "ok", (15, 16, 17, 18), 3, ramp(9.5), ref=5),
     rules="DS414@3#1 DS417@18#5",
 )
-def _(client: Client) -> None:
+def p64_displaced_by_the_last_change(client: Client) -> None:
     """A change may be in force until it is displaced, so perhaps after the one that displaced it; no longer."""
     client.write(changed(9.5, 1)[0])
     client.exchange(*changed(10.0, 2))
@@ -1994,7 +1832,6 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P64-failed-in-part",
     "values drive-error",
     row(1, ramp(10.0), par(1121, "Float32", 5.0, error=(0x6B, 0)), state="change partial"),
     row(2, ramp(9.5), real(4.0, pnu=1121)),
@@ -2002,7 +1839,7 @@ def _(client: Client) -> None:
     row(4, ramp(7.0), real(4.0, pnu=1121)),
     rules="DS410@4#1 DS417@8#2 DS410@12#3 DS407@12#3 DS719@4#1 DS719@12#3",
 )
-def _(client: Client) -> None:
+def p64_failed_in_part(client: Client) -> None:
     """What did not fail is in force; a block that is not there says nothing."""
     both = message.address(RAMP), message.address(1121)
     asked = message.change(1, 1, (both[0], message.real(10.0)), (both[1], message.real(5.0)))
@@ -2014,7 +1851,6 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P64-elements",
     "values",
     row(1, par(2900, "Unsigned16", 1, 2, 3, subindex=4), state="change ok"),
     row(2, par(2900, "Unsigned16", 9, subindex=5)),
@@ -2022,7 +1858,7 @@ def _(client: Client) -> None:
     row(4, par(2900, "Unsigned16", 7, subindex=4)),
     rules="DS417@8#2 DS417@16#4",
 )
-def _(client: Client) -> None:
+def p64_elements(client: Client) -> None:
     """Each element is a parameter of its own; of what differs it is told once."""
     asked = message.change(1, 1, (message.address(2900, 4, 3), message.word(1, 2, 3)))
     client.exchange(asked, message.changed(1, 1))
@@ -2032,7 +1868,6 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P65-displaced",
     "values superseded",
     tx(1, "change superseded", (1, 2), None, par(340, "Unsigned16", 1), index=0xB02F),
     tx(2, "change ok", (3, 4, 5, 6), 3, ramp(10.0), ref=2),
@@ -2042,7 +1877,7 @@ def _(client: Client) -> None:
     tx(6, "ok", (19, 20, 21, 22), 3, ramp(9.5), ref=6),
     rules="DS414@7#1 DS417@22#6",
 )
-def _(client: Client) -> None:
+def p65_displaced(client: Client) -> None:
     """A change of p0340 whose response nobody fetched may have come until it was displaced."""
     other = client.at(index=0xB02F)
     asked = message.change(1, 1, (message.address(340), message.word(1)))

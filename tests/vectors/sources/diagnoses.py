@@ -58,12 +58,11 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "DS701-of-another-request",
     "mismatch drive-error",
     tx(1, "mismatch", (1, 2, 3, 4), 3, par(None, error=(1, 0))),
     rules="DS404@4#1 DS410@4#1",
 )
-def _(client: Client) -> None:
+def ds701_of_another_request(client: Client) -> None:
     """Near miss: what was read refuses another request."""
     client.exchange(ask(1), refused(2, 0x01))
 
@@ -90,13 +89,12 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "DS704-after-a-refused-write",
     "refused mismatch",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
     tx(2, "refused", (5, 6, 7, 8), 3, par(27), ref=2, write="DF80B700"),
     rules="DS203@6#2 DS404@8#2 DS704@8#2",
 )
-def _(client: Client) -> None:
+def ds704_after_a_refused_write(client: Client) -> None:
     """The second Write fails, the Read behind it brings the first response again."""
     client.exchange(ask(1), tell(1, 1.5))
     client.write(ask(2, 27), BAD_HEADER)
@@ -104,13 +102,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS704-new-answer-after-a-refused-write",
     "refused",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
     tx(2, "refused", (5, 6, 7, 8), 3, real(2.5, pnu=27), ref=2, write="DF80B700"),
     rules="DS203@6#2",
 )
-def _(client: Client) -> None:
+def ds704_new_answer_after_a_refused_write(client: Client) -> None:
     """Near miss: the Write is refused, but what is read is new."""
     client.exchange(ask(1), tell(1, 1.5))
     client.write(ask(2, 27), BAD_HEADER)
@@ -118,13 +115,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS704-write-response-lost",
     "lost",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
     tx(2, "ok", (5, None, 6, 7), 2, real(1.5, pnu=27)),
     rules="DS101@5#2 DS415@5#2",
 )
-def _(client: Client) -> None:
+def ds704_write_response_lost(client: Client) -> None:
     """Near miss: two parameters may have the same value; only the Write response could say more."""
     client.exchange(ask(1), tell(1, 1.5))
     client.ask_write(ask(1, 27))
@@ -132,13 +128,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS704-unaccepted-between",
     "lost",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), rereads=[(6, 7)]),
     tx(2, "unanswered", (5,), None, par(27), ref=2),
     rules="DS101@5#2 DS401@5#2 DS704@7#1",
 )
-def _(client: Client) -> None:
+def ds704_unaccepted_between(client: Client) -> None:
     """A request lies between, and the capture does not show that it was accepted."""
     client.exchange(ask(1), tell(1, 1.5))
     client.ask_write(ask(2, 27))
@@ -146,13 +141,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS704-same-question",
     "lost",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
     tx(2, "ok", (5, None, 6, 7), 2, real(1.5)),
     rules="DS101@5#2 DS415@5#2",
 )
-def _(client: Client) -> None:
+def ds704_same_question(client: Client) -> None:
     """Near miss: the same question may have the same answer."""
     client.exchange(ask(1), tell(1, 1.5))
     client.ask_write(ask(1))
@@ -162,7 +156,7 @@ def _(client: Client) -> None:
 BOOK.lab(
     "DS704",
     "diagnosis-old-answer-not",
-    "",
+    "none",
     tx(1, "ok", (1, 2, 3, 4), 3, par(945, "Unsigned16", 7900, 0, 0, 0)),
     tx(2, "ok", (5, 6, 7, 8), 13, par(945, "Unsigned16", 7900, 0, 0, 0)),
     rules="DS415@5#2",
@@ -205,13 +199,12 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "DS705-refused-otherwise",
     "refused interleaved",
     tx(1, "ok", (1, 2, 5, 6), 5, real(1.5)),
     tx(2, "refused", (3, 4), None, par(27), write="DF80B700", **HOME2),
     rules="DS203@4#2",
 )
-def _(client: Client) -> None:
+def ds705_refused_otherwise(client: Client) -> None:
     """Near miss: turned away while another is open, but not for that."""
     other = second(client)
     client.write(ask(1))
@@ -233,7 +226,7 @@ BOOK.lab(
 BOOK.lab(
     "DS709",
     "diagnosis-wrong-drive-object-not",
-    "",
+    "none",
     tx(1, "ok", (1, 2, 3, 4), 13, real(1500.0)),
     tx(2, "ok", (5, 6, 7, 8), 13, real(1500.0), ref=2, axis=2),
 )
@@ -243,12 +236,11 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "DS711-stated-more",
     "malformed refused other-index",
     tx(1, "refused", (1, 2), None, ref=7, write="DF80B700", index=0xB02F),
     rules="DS202@1 DS203@2#1 DS315@1#1",
 )
-def _(client: Client) -> None:
+def ds711_stated_more(client: Client) -> None:
     """Near miss: the record itself is shorter than it says, so LEN is not to blame."""
     place = client.at(index=0xB02F)
     call = client.ask_write(CUT, place, stated=len(CUT) + 2)
@@ -256,13 +248,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS711-wrong-format",
     "malformed drive-error",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
     tx(2, "change error", (5, 6, 7, 8), 3, par(1120, "Unsigned64", error=(0x17, 0)), ref=2),
     rules="DS315@5#2 DS410@8#2 DS701@8#2",
 )
-def _(client: Client) -> None:
+def ds711_wrong_format(client: Client) -> None:
     """Near miss: the drive has read four bytes and says that the format of eight is wrong."""
     client.exchange(ask(1), tell(1, 1.5))
     block = message.raw_block(0x38, 1, bytes(4))
@@ -271,7 +262,6 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS711-address-as-value",
     "malformed refused other-index",
     tx(
         1,
@@ -286,7 +276,7 @@ def _(client: Client) -> None:
     ),
     rules="DS203@2#1 DS315@1#1 DS711@1#1",
 )
-def _(client: Client) -> None:
+def ds711_address_as_value(client: Client) -> None:
     """Two of three addresses read as a value of format 0x10: no request for one parameter is meant."""
     addresses = [message.address(pnu) for pnu in (1120, 971, 100)]
     asked = message.header(1, 2, 1, 3) + b"".join(addresses) + bytes((0x37, 1))
@@ -310,23 +300,21 @@ def _of_cut_change(*parameters: Row) -> Row:
 
 
 @BOOK.scene(
-    "DS711-first-of-two-values",
     "malformed refused other-index",
     _of_cut_change(par(2900, "Float32"), par(2901)),
     rules="DS203@2#1 DS315@1#1 DS711@1#1",
 )
-def _(client: Client) -> None:
+def ds711_first_of_two_values(client: Client) -> None:
     """The first value is cut, the second one is not there: 20 bytes are 26 at least."""
     _cut_change(client, 20)
 
 
 @BOOK.scene(
-    "DS711-second-of-two-values",
     "malformed refused other-index",
     _of_cut_change(real(10.0, pnu=2900), par(2901)),
     rules="DS203@2#1 DS315@1#1 DS711@1#1",
 )
-def _(client: Client) -> None:
+def ds711_second_of_two_values(client: Client) -> None:
     """The second value block is not there: 22 bytes are 26 at least."""
     _cut_change(client, 22)
 
@@ -335,12 +323,11 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS712-cut-at-a-pad",
     "malformed",
     tx(1, "partial", (1, 2, 3, 4), 3, par(21, "Unsigned8", 7), par(27)),
     rules="DS311@4#1 DS315@4#1 DS712@4#1",
 )
-def _(client: Client) -> None:
+def ds712_cut_at_a_pad(client: Client) -> None:
     """The Read takes 7 bytes: the byte that fills the first block up is not there, nor is the next block."""
     client.write(ask(1, 21, 27))
     client.accept_read(client.ask_read(maximum=7), message.header(1, 1, 1, 2) + bytes((5, 1, 7)))
@@ -355,41 +342,37 @@ BOOK.lab(
 )
 
 
-@BOOK.scene(
-    "DS712-cut-by-itself", "malformed", tx(1, "error", (1, 2, 3, 4), 3, real()), rules="DS315@4#1"
-)
-def _(client: Client) -> None:
+@BOOK.scene("malformed", tx(1, "error", (1, 2, 3, 4), 3, real()), rules="DS315@4#1")
+def ds712_cut_by_itself(client: Client) -> None:
     """Near miss: the response is cut, though the Read would have taken more."""
     client.write(ask())
     client.accept_read(client.ask_read(maximum=240), tell(1, 1.5)[:8])
 
 
 @BOOK.scene(
-    "DS712-refused",
     "read-refused",
     tx(1, "refused", (1, 2, 3, 4), None, NOTHING, par(27), read="DE80B800"),
     rules="DS201@4#1 DS712@4#1",
 )
-def _(client: Client) -> None:
+def ds712_refused(client: Client) -> None:
     """Two parameters need more than 8 bytes, whatever their values: the Read is refused."""
     client.write(ask(1, 21, 27))
     client.refuse_read(client.ask_read(maximum=8), 0xDE80B800)
 
 
 @BOOK.scene(
-    "DS712-refused-for-something-else",
     "read-refused",
     tx(1, "refused", (1, 2, 3, 4), None, NOTHING, par(27), read="DE80B800"),
     rules="DS201@4#1",
 )
-def _(client: Client) -> None:
+def ds712_refused_for_something_else(client: Client) -> None:
     """Near miss: refused, though there was room."""
     client.write(ask(1, 21, 27))
     client.refuse_read(client.ask_read(maximum=240), 0xDE80B800)
 
 
-@BOOK.scene("DS712-not-ready", "poll", tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), polls=[(3, 4)]))
-def _(client: Client) -> None:
+@BOOK.scene("poll", tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), polls=[(3, 4)]))
+def ds712_not_ready(client: Client) -> None:
     """Near miss: a Read for 6 bytes is refused because the response is not ready."""
     client.write(ask())
     client.refuse_read(client.ask_read(maximum=6), BUSY)
@@ -400,39 +383,36 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS713-said",
     "drive-error",
     tx(
         1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, error=(0x15, 0)), par(25, error=(0x15, 0))
     ),
     rules="DS410@4#1 DS410@4#1 DS713@4#1",
 )
-def _(client: Client) -> None:
+def ds713_said(client: Client) -> None:
     """The drive says of the second and the third parameter that they do not fit."""
     blocks = (message.real(1.5), message.error(0x15), message.error(0x15))
     client.exchange(ask(1, 21, 27, 25), message.answer(1, 0x81, 1, *blocks))
 
 
 @BOOK.scene(
-    "DS713-left-out",
     "count",
     tx(1, "ok", (1, 2, 3, 4), 3, par(974, "Unsigned16", 16)),
     tx(2, "partial", (5, 6, 7, 8), 3, real(1.5), real(2.5, pnu=27), par(25), ref=2),
     rules="DS316@5#2 DS407@8#2 DS713@8#2",
 )
-def _(client: Client) -> None:
+def ds713_left_out(client: Client) -> None:
     """The drive takes 16 bytes, and answers two of three parameters in them."""
     client.exchange(ask(1, 974), message.answer(1, 1, 1, message.word(16)))
     client.exchange(ask(2, 21, 27, 25), tell(2, 1.5, 2.5))
 
 
 @BOOK.scene(
-    "DS713-room-left",
     "count",
     tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), real(2.5, pnu=27), par(25)),
     rules="DS407@4#1",
 )
-def _(client: Client) -> None:
+def ds713_room_left(client: Client) -> None:
     """Near miss: one of three is left out, though a usual channel has room for it."""
     client.exchange(ask(1, 21, 27, 25), tell(1, 1.5, 2.5))
 
@@ -450,37 +430,34 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "DS714-integer",
     "drive-error",
     tx(1, "change error", (1, 2, 3, 4), 3, par(1120, "Unsigned32", 10, error=(2, 0))),
     rules="DS410@4#1 DS701@4#1",
 )
-def _(client: Client) -> None:
+def ds714_integer(client: Client) -> None:
     """Near miss: 10 as it should be, outside of the limits."""
     block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
     client.exchange(change(1120, block), refused(1, 0x02, 0x82))
 
 
 @BOOK.scene(
-    "DS714-integer-as-float",
     "values",
     tx(1, "change ok", (1, 2, 3, 4), 3, par(1120, "Float32") | {"values": ["NaN"]}),
     rules="DS714@1#1",
 )
-def _(client: Client) -> None:
+def ds714_integer_as_float(client: Client) -> None:
     """The bits of -1 under Float32, where they are no number; the drive takes it."""
     block = message.raw_block(0x08, 1, b"\xff" * 4)
     client.exchange(change(1120, block), message.changed(1, 1))
 
 
 @BOOK.scene(
-    "DS714-read-in-this-way",
     "drive-error",
     tx(1, "ok", (1, 2, 3, 4), 3, par(2900, "Unsigned16", 7)),
     tx(2, "change error", (5, 6, 7, 8), 3, par(2900, "Unsigned32", 10, error=(5, 0))),
     rules="DS410@8#2 DS415@5#2 DS714@5#2",
 )
-def _(client: Client) -> None:
+def ds714_read_in_this_way(client: Client) -> None:
     """The drive object reads it as Unsigned16, whatever the list of parameters says."""
     client.exchange(ask(1, 2900), message.answer(1, 1, 1, message.word(7)))
     block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
@@ -488,13 +465,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS714-read-of-another-drive-object",
     "drive-error",
     tx(1, "ok", (1, 2, 3, 4), 3, par(2900, "Unsigned16", 7), axis=2),
     tx(2, "change error", (5, 6, 7, 8), 3, par(2900, "Unsigned32", 10, error=(5, 0))),
     rules="DS410@8#2 DS415@5#2 DS701@8#2",
 )
-def _(client: Client) -> None:
+def ds714_read_of_another_drive_object(client: Client) -> None:
     """Near miss: drive object 2 reads it in a format that is not that of the list; of 1 nobody knows."""
     client.exchange(ask(1, 2900, axis=2), message.answer(1, 1, 2, message.word(7)))
     block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
@@ -502,12 +478,11 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS714-another-make",
     "drive-error",
     tx(1, "change error", (1, 2, 3, 4), 3, par(2900, "Unsigned32", 10, error=(5, 0))),
     rules="DS410@4#1 DS701@4#1",
 )
-def _(client: Client) -> None:
+def ds714_another_make(client: Client) -> None:
     """Near miss: p2900 is in the list of one maker, and the drive is of another."""
     client.device = drive(vendor_id=ANOTHER_MAKE)
     block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
@@ -515,19 +490,15 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS715-values",
-    "values",
-    tx(1, "change ok", (1, 2, 3, 4), 3, real(1.157e-41, pnu=1120)),
-    rules="DS715@1#1",
+    "values", tx(1, "change ok", (1, 2, 3, 4), 3, real(1.157e-41, pnu=1120)), rules="DS715@1#1"
 )
-def _(client: Client) -> None:
+def ds715_values(client: Client) -> None:
     """10.0 with its bytes turned round, and the drive takes it."""
     block = message.raw_block(0x08, 1, TURNED.to_bytes(4, "big"))
     client.exchange(change(1120, block), message.changed(1, 1))
 
 
 @BOOK.scene(
-    "DS716-zeros",
     "malformed refused other-index",
     tx(
         1,
@@ -542,7 +513,7 @@ def _(client: Client) -> None:
     ),
     rules="DS203@2#1 DS301@1#1 DS305@1#1 DS313@1#1 DS716@1#1",
 )
-def _(client: Client) -> None:
+def ds716_zeros(client: Client) -> None:
     """A zero before each byte of a read."""
     spread = b"".join(bytes((0, byte)) for byte in ask())
     client.write(spread, BAD_HEADER, client.at(index=0xB02F))
@@ -561,12 +532,11 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "DS717-no-subindex",
     "drive-error",
     tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(3, 0))),
     rules="DS410@4#1 DS701@4#1",
 )
-def _(client: Client) -> None:
+def ds717_no_subindex(client: Client) -> None:
     """Near miss: 0x03, but nothing was indexed."""
     client.exchange(ask(), refused(1, 0x03))
 
@@ -581,7 +551,6 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "DS718-another-make",
     "drive-error",
     tx(
         1,
@@ -592,14 +561,13 @@ BOOK.lab(
     ),
     rules="DS410@4#1 DS701@4#1",
 )
-def _(client: Client) -> None:
+def ds718_another_make(client: Client) -> None:
     """Near miss: the same number of another make means something else."""
     client.device = drive(vendor_id=ANOTHER_MAKE)
     client.exchange(put(1, 1.0, 304), refused(1, 0x70, 0x82))
 
 
 @BOOK.scene(
-    "DS719-another-make",
     "drive-error",
     tx(
         1,
@@ -610,7 +578,7 @@ def _(client: Client) -> None:
     ),
     rules="DS410@4#1 DS701@4#1",
 )
-def _(client: Client) -> None:
+def ds719_another_make(client: Client) -> None:
     """Near miss: 0x6B says that a Siemens drive is enabled, and nothing of others."""
     client.device = drive(vendor_id=ANOTHER_MAKE)
     client.exchange(put(1, 1.0), refused(1, 0x6B, 0x82))
@@ -626,12 +594,11 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "DS720-no-value",
     "drive-error malformed",
     tx(1, "change error", (1, 2, 3, 4), 3, par(1070, "Unsigned32", error=(0x83, 0))),
     rules="DS315@1#1 DS410@4#1 DS711@1#1",
 )
-def _(client: Client) -> None:
+def ds720_no_value(client: Client) -> None:
     """Near miss: the request ends inside the source of signals, and that is the cause."""
     whole = change(1070, message.block(0x07, "I", 0x34_0000))
     client.exchange(whole[:-2], refused(1, 0x83, 0x82))
@@ -640,25 +607,19 @@ def _(client: Client) -> None:
 # DS722: the connection ends inside a job
 
 
-@BOOK.scene(
-    "DS722-connect",
-    "unanswered",
-    tx(1, "unanswered", (1, 2), None, NOTHING),
-    rules="DS401@1#1 DS722@1#1",
-)
-def _(client: Client) -> None:
+@BOOK.scene("unanswered", tx(1, "unanswered", (1, 2), None, NOTHING), rules="DS401@1#1 DS722@1#1")
+def ds722_connect(client: Client) -> None:
     """The controller connects anew while its request is open."""
     client.write(ask())
     client.connect("plc")
 
 
 @BOOK.scene(
-    "DS722-read-under-way",
     "unanswered lost",
     tx(1, "unanswered", (1, 2, 3), None, NOTHING),
     rules="DS101@3#1 DS401@1#1 DS722@1#1",
 )
-def _(client: Client) -> None:
+def ds722_read_under_way(client: Client) -> None:
     """The same while its Read is under way."""
     client.write(ask())
     client.ask_read()
@@ -666,12 +627,11 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS722-change-polled",
     "unanswered poll",
     tx(1, "change unanswered", (1, 2), None, real(1.0, pnu=1120), polls=[(3, 4)]),
     rules="DS402@1#1 DS722@1#1",
 )
-def _(client: Client) -> None:
+def ds722_change_polled(client: Client) -> None:
     """A change whose answer is waited for when the connection ends."""
     client.write(put(1, 1.0))
     client.poll()
@@ -687,25 +647,15 @@ BOOK.lab(
 )
 
 
-@BOOK.scene(
-    "DS722-connected-before",
-    "unanswered",
-    tx(1, "unanswered", (3, 4), None, NOTHING),
-    rules="DS401@3#1",
-)
-def _(client: Client) -> None:
+@BOOK.scene("unanswered", tx(1, "unanswered", (3, 4), None, NOTHING), rules="DS401@3#1")
+def ds722_connected_before(client: Client) -> None:
     """Near miss: the connection is older than the request."""
     client.connect("plc")
     client.write(ask())
 
 
-@BOOK.scene(
-    "DS722-another-connects",
-    "unanswered",
-    tx(1, "unanswered", (1, 2), None, NOTHING),
-    rules="DS401@1#1",
-)
-def _(client: Client) -> None:
+@BOOK.scene("unanswered", tx(1, "unanswered", (1, 2), None, NOTHING), rules="DS401@1#1")
+def ds722_another_connects(client: Client) -> None:
     """Near miss: another controller connects to the drive."""
     client.write(ask())
     second(client).connect("panel")
@@ -722,13 +672,12 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "DS722-connect-not-seen",
     "unanswered",
     tx(1, "unanswered", (1, 2), None, NOTHING),
     tx(2, "ok", (5, 6, 7, 8), 3, real(1.5), ar=str(AR2)),
     rules="DS401@1#1",
 )
-def _(client: Client) -> None:
+def ds722_connect_not_seen(client: Client) -> None:
     """Near miss: of what kind the first AR is, the capture does not show; there may be both."""
     client.write(ask())
     client.channel = client.at(ar=AR2)
@@ -737,13 +686,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS722-supervisor-connects",
     "unanswered",
     tx(1, "unanswered", (3, 4), None, NOTHING),
     tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), ar=str(AR2)),
     rules="DS401@3#1",
 )
-def _(client: Client) -> None:
+def ds722_supervisor_connects(client: Client) -> None:
     """Near miss: the same station sets up a supervisor's AR, which stands beside the other."""
     client.connect("plc")
     client.write(ask())
@@ -753,13 +701,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS722-another-ar-connects",
     "unanswered",
     tx(1, "unanswered", (3, 4), None, NOTHING),
     tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), slot=2),
     rules="DS401@3#1",
 )
-def _(client: Client) -> None:
+def ds722_another_ar_connects(client: Client) -> None:
     """Near miss: the same controller sets up another AR, and the one that asked goes on."""
     client.connect("plc")
     client.write(ask())
@@ -768,13 +715,12 @@ def _(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS722-second-ar-connects",
     "unanswered",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), ar=str(AR2)),
     tx(2, "unanswered", (5, 6), None, NOTHING),
     rules="DS401@5#2",
 )
-def _(client: Client) -> None:
+def ds722_second_ar_connects(client: Client) -> None:
     """Near miss: the controller has two ARs already; which one the third replaces is not known."""
     client.exchange(ask(), tell(1, 1.5), at=client.at(ar=AR2))
     client.write(ask())
@@ -790,12 +736,9 @@ BOOK.lab(
 
 
 @BOOK.scene(
-    "DS722-refused",
-    "release refused",
-    tx(1, "refused", (1, 2), None, NOTHING, write="DF80B700"),
-    rules="DS203@2#1",
+    "release refused", tx(1, "refused", (1, 2), None, NOTHING, write="DF80B700"), rules="DS203@2#1"
 )
-def _(client: Client) -> None:
+def ds722_refused(client: Client) -> None:
     """Near miss: the connection ends after a Write that was refused: nothing was open."""
     client.write(ask(), BAD_HEADER)
     client.release()
