@@ -177,7 +177,7 @@ def retransmission(client: Client) -> None:
 
 
 @BOOK.scene(
-    "the answer was lost on the way: the same Write again 2 s later, and its answer again",
+    "the answer was lost on the way: the same Write again half a second later, and its answer again",
     OK_READ,
     rules="DS103",
 )

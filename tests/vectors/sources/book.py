@@ -237,7 +237,7 @@ class Vectors(Book):
         """Enter a scene of the lab under the sentence or rule that it shows here."""
         scenario = scenarios()[name]
         own = f"{shown}-{name.partition('-')[2]}"
-        title = f"{scenario.title}: {scenario.shows}"
+        title = f"{scenario.title} ({scenario.shows})"
         self.add(own, title, shows, scenario.build, transactions, rules)
 
     def write(self, arguments: Sequence[str]) -> None:

@@ -7,7 +7,6 @@ How a scene becomes a case is in `book`.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 from uuid import UUID
@@ -61,6 +60,8 @@ def second(client: Client, **more: Any) -> Client:
 
 
 HOME2: Row = {"controller": "192.168.133.3", "ar": str(AR2)}
+NO_AR: Row = {"index": 0xB02F, "ar": None}
+"""Where a ReadImplicit reads."""
 
 
 # The plain life of a transaction
@@ -392,7 +393,7 @@ def p14_same_ar_uuid(client: Client) -> None:
 @BOOK.scene(
     "P32 implicit orphan",
     tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), index=0xB02F),
-    tx(2, "orphan", (None, None, 3, 4), None, real(9.5, pnu=None), ref=7, index=0xB02F, ar=None),
+    tx(2, "orphan", (None, None, 3, 4), None, real(9.5, pnu=None), ref=7, **NO_AR),
     rules="DS403@4#2",
 )
 def p15_implicit_own_channel(client: Client) -> None:
@@ -422,7 +423,7 @@ def p55_implicit_reread(client: Client) -> None:
     "implicit reread",
     tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), index=0xB02F),
     tx(2, "ok", (5, 6, 7, 8), 3, real(2.5), index=0xB02F, rereads=[(9, 10)], **HOME2),
-    tx(3, "orphan", (None, None, 11, 12), None, real(1.5, pnu=None), index=0xB02F, ar=None),
+    tx(3, "orphan", (None, None, 11, 12), None, real(1.5, pnu=None), **NO_AR),
     rules="DS403@12#3 DS704@10#2",
 )
 def p55_implicit_of_another_ar(client: Client) -> None:
@@ -437,16 +438,7 @@ def p55_implicit_of_another_ar(client: Client) -> None:
 @BOOK.scene(
     "P38 implicit orphan release reread",
     tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(1, 0)), index=0xB02F),
-    tx(
-        2,
-        "orphan",
-        (None, None, 7, 8),
-        None,
-        par(None, error=(1, 0)),
-        index=0xB02F,
-        ar=None,
-        rereads=[(9, 10)],
-    ),
+    tx(2, "orphan", (None, None, 7, 8), None, par(None, error=(1, 0)), rereads=[(9, 10)], **NO_AR),
     rules="DS410@4#1 DS403@8#2 DS701@4#1 DS704@8#2 DS704@10#2",
 )
 def p55_implicit_after_release(client: Client) -> None:
@@ -478,15 +470,6 @@ def p16_no_keys(client: Client) -> None:
         client.accept(call, 0, wire.read_response(5, place, tell(1, value)))
 
 
-def multiple(client: Client, statuses: Sequence[int]) -> list[wire.Channel]:
-    """IODWriteMultiple: a read of r0021 on slots 1, 2, 3 with references 1, 2, 3."""
-    places = [client.at(slot=number) for number in range(1, len(statuses) + 1)]
-    client.write_multiple(
-        [(place, ask(place.slot), status) for place, status in zip(places, statuses, strict=True)]
-    )
-    return places
-
-
 @BOOK.scene(
     "P49 write-multiple",
     tx(1, "ok", (1, 2, 7, 8), 7, real(1.0)),
@@ -495,7 +478,9 @@ def multiple(client: Client, statuses: Sequence[int]) -> list[wire.Channel]:
 )
 def p17_write_multiple(client: Client) -> None:
     """Three requests in one Write, read in reverse order: ids follow the place in the Write."""
-    for place in reversed(multiple(client, (0, 0, 0))):
+    places = [client.at(slot=number) for number in (1, 2, 3)]
+    client.write_multiple([(place, ask(place.slot), 0) for place in places])
+    for place in reversed(places):
         client.read(tell(place.slot, float(place.slot)), at=place)
 
 
@@ -510,12 +495,6 @@ BOOK.lab(
 )
 
 
-def nested(client: Client) -> tuple[wire.Channel, bytes, int]:
-    """An inner IODWriteMultiple with a request for slot 2, refused."""
-    place = client.at(slot=0xFFFF, subslot=0xFFFF, api=0xFFFFFFFF, index=wire.WRITE_MULTIPLE)
-    return place, wire.write_request(0, client.at(slot=2), ask(2)), 0xDF80B401
-
-
 BOOK.lab(
     "P18",
     "record-multiple-nested",
@@ -528,7 +507,9 @@ BOOK.lab(
 @BOOK.scene("P17 write-multiple nested", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)), rules="DS208@1")
 def p18_nested_beside_a_request(client: Client) -> None:
     """Beside the nested one stands a request of the first level: that one is opened."""
-    client.write_multiple([(client.channel, ask(), 0), nested(client)])
+    outer = client.at(slot=0xFFFF, subslot=0xFFFF, api=0xFFFFFFFF, index=wire.WRITE_MULTIPLE)
+    nested = wire.write_request(0, client.at(slot=2), ask(2))
+    client.write_multiple([(client.channel, ask(), 0), (outer, nested, 0xDF80B401)])
     client.read(tell(1, 1.5))
 
 

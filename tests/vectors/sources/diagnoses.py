@@ -31,8 +31,9 @@ BOOK = Vectors(
     "tests/vectors/README.md says how to run them; tests/vectors/sources/diagnoses.py writes this file.",
 )
 TURNED = 0x00002041
-"""The same with its bytes in the other order: 1.157e-41."""
+"""10.0 as Float32 with its bytes in the other order: 1.157e-41."""
 ANOTHER_MAKE = 0x0119
+TURNED_AWAY: Row = {"write": "DF80B700", "index": 0xB02F}
 
 
 def refused(reference: int, code: int, identifier: int = 0x81, axis: int = 1) -> bytes:
@@ -237,7 +238,7 @@ BOOK.lab(
 
 @BOOK.scene(
     "malformed refused other-index",
-    tx(1, "refused", (1, 2), None, ref=7, write="DF80B700", index=0xB02F),
+    tx(1, "refused", (1, 2), None, ref=7, **TURNED_AWAY),
     rules="DS202@1 DS203@2#1 DS315@1#1",
 )
 def ds711_stated_more(client: Client) -> None:
@@ -264,15 +265,7 @@ def ds711_wrong_format(client: Client) -> None:
 @BOOK.scene(
     "malformed refused other-index",
     tx(
-        1,
-        "change refused",
-        (1, 2),
-        None,
-        par(1120, "Integer64"),
-        par(971),
-        par(100),
-        write="DF80B700",
-        index=0xB02F,
+        1, "change refused", (1, 2), None, par(1120, "Integer64"), par(971), par(100), **TURNED_AWAY
     ),
     rules="DS203@2#1 DS315@1#1 DS711@1#1",
 )
@@ -280,8 +273,7 @@ def ds711_address_as_value(client: Client) -> None:
     """Two of three addresses read as a value of format 0x10: no request for one parameter is meant."""
     addresses = [message.address(pnu) for pnu in (1120, 971, 100)]
     asked = message.header(1, 2, 1, 3) + b"".join(addresses) + bytes((0x37, 1))
-    place = client.at(index=0xB02F)
-    client.accept_write(client.ask_write(asked, place), asked, place, BAD_HEADER)
+    client.write(asked, BAD_HEADER, client.at(index=0xB02F))
 
 
 def _cut_change(client: Client, length: int) -> None:
@@ -289,14 +281,12 @@ def _cut_change(client: Client, length: int) -> None:
     asked = message.change(
         7, 1, *[(message.address(pnu), message.real(10.0)) for pnu in (2900, 2901)]
     )
-    place = client.at(index=0xB02F)
-    client.accept_write(client.ask_write(asked[:length], place), asked[:length], place, BAD_HEADER)
+    client.write(asked[:length], BAD_HEADER, client.at(index=0xB02F))
 
 
 def _of_cut_change(*parameters: Row) -> Row:
     """The transaction of it."""
-    more = {"ref": 7, "write": "DF80B700", "index": 0xB02F}
-    return tx(1, "change refused", (1, 2), None, *parameters, **more)
+    return tx(1, "change refused", (1, 2), None, *parameters, ref=7, **TURNED_AWAY)
 
 
 @BOOK.scene(
@@ -508,8 +498,7 @@ def ds715_values(client: Client) -> None:
         par(1, subindex=16) | {"attribute": "0x00"},
         ref=0,
         axis=0,
-        write="DF80B700",
-        index=0xB02F,
+        **TURNED_AWAY,
     ),
     rules="DS203@2#1 DS301@1#1 DS305@1#1 DS313@1#1 DS716@1#1",
 )
@@ -552,13 +541,7 @@ BOOK.lab(
 
 @BOOK.scene(
     "drive-error",
-    tx(
-        1,
-        "change error",
-        (1, 2, 3, 4),
-        3,
-        real(1.0, pnu=304) | {"error": {"code": 0x70, "info": 0}},
-    ),
+    tx(1, "change error", (1, 2, 3, 4), 3, par(304, "Float32", 1.0, error=(0x70, 0))),
     rules="DS410@4#1 DS701@4#1",
 )
 def ds718_another_make(client: Client) -> None:
@@ -569,13 +552,7 @@ def ds718_another_make(client: Client) -> None:
 
 @BOOK.scene(
     "drive-error",
-    tx(
-        1,
-        "change error",
-        (1, 2, 3, 4),
-        3,
-        real(1.0, pnu=1120) | {"error": {"code": 0x6B, "info": 0}},
-    ),
+    tx(1, "change error", (1, 2, 3, 4), 3, par(1120, "Float32", 1.0, error=(0x6B, 0))),
     rules="DS410@4#1 DS701@4#1",
 )
 def ds719_another_make(client: Client) -> None:
