@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from ds47.lab import message
 from ds47.lab.client import Client
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
@@ -57,18 +59,10 @@ EXCHANGES: tuple[tuple[str, str, str, tuple[str, str], bytes, bytes], ...] = (
 """(name, title, rules, (operation, state), request, response)."""
 
 
-def _enter(row: tuple[str, str, str, tuple[str, str], bytes, bytes]) -> None:
-    name, title, rules, expect, request, response = row
-
-    def build(client: Client) -> None:
-        client.exchange(request, response)
-
-    shows = f"{rules.replace(' ', ', ')} and no other finding"
-    BOOK.add(name, title, shows, build, [expect], rules)
-
-
-for _row in EXCHANGES:
-    _enter(_row)
+for _name, _title, _rules, _expect, _request, _response in EXCHANGES:
+    _shows = f"{_rules.replace(' ', ', ')} and no other finding"
+    _build = partial(Client.exchange, request=_request, response=_response)
+    BOOK.add(_name, _title, _shows, _build, [_expect], _rules)
 
 
 @BOOK.scene("RDREC is never started", ("read", "unanswered"), rules="DS401")

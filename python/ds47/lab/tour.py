@@ -13,7 +13,7 @@ DO = 2
 RAMP_UP, RAMP_DOWN = message.address(50303, 0, 1), message.address(50304, 0, 1)
 FAULTS = message.address(945, 0, 4)
 REFUSED_WHILE_BUSY = 0xDF80B500
-LOCKED, OUT_OF_LIMITS = 0x6B, 0x02
+LOCKED = 0x6B
 
 
 @BOOK.scene(

@@ -1249,10 +1249,6 @@ def p49_by_first_frame(client: Client) -> None:
 # A case for each rule that no sentence above needs: transport, time and values
 
 
-FAULT_CODE = bytes.fromhex("0300011c")
-"""nca_s_unknown_interface, as a little-endian PDU writes it."""
-
-
 BOOK.lab(
     "P25",
     "transport-fault",
