@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Generic, TypeVar
 
 from ds47.lab.client import Client
 from ds47.lab.stage import Stage
 
 Build = Callable[[Client], None]
+Transaction = TypeVar("Transaction")
+"""What is expected of a transaction, in the words of the book."""
 DIAGNOSES = "DS7"
 """How the ids of diagnoses begin."""
 OK_READ = ("read", "ok")
@@ -44,20 +48,15 @@ class Scenario:
         return stage
 
 
-@dataclass(slots=True)
-class Book:
-    """The scenarios of one module, in the order in which they stand there."""
-
-    topic: str
-    scenarios: list[Scenario] = field(default_factory=list)
+class Scenes(ABC, Generic[Transaction]):
+    """A book of any kind: scenes, and with each what is expected of its transactions."""
 
     def scene(
-        self, shows: str, *transactions: tuple[str, str], rules: str = ""
+        self, shows: str, *transactions: Transaction, rules: str = ""
     ) -> Callable[[Build], Build]:
-        """Decorator: a function of what a client does becomes a scenario of its name; its docstring is the title.
+        """Decorator: a function of what a client does becomes a scene of its name; its docstring is the title.
 
-        `transactions` are (operation, state); `rules` the ids that are expected, with spaces, those
-        of diagnoses among them.
+        `rules` are the ids that are expected, with spaces, those of diagnoses among them.
         """
 
         def enter(build: Build) -> Build:
@@ -68,6 +67,26 @@ class Book:
 
         return enter
 
+    @abstractmethod
+    def add(
+        self,
+        name: str,
+        title: str,
+        shows: str,
+        build: Build,
+        transactions: Sequence[Transaction],
+        rules: str = "",
+    ) -> None:
+        """Enter a scene that a table makes."""
+
+
+@dataclass(slots=True)
+class Book(Scenes[tuple[str, str]]):
+    """The scenarios of one module, in the order in which they stand there: transactions are (operation, state)."""
+
+    topic: str
+    scenarios: list[Scenario] = field(default_factory=list)
+
     def add(
         self,
         name: str,
@@ -77,7 +96,7 @@ class Book:
         transactions: Sequence[tuple[str, str]],
         rules: str = "",
     ) -> None:
-        """Enter a scenario that a table makes."""
+        """Enter a scenario that is written to a capture of this topic and name."""
         ids = frozenset(rules.split())
         diagnoses = frozenset(rule for rule in ids if rule.startswith(DIAGNOSES))
         expect = Expect(tuple(transactions), ids - diagnoses, diagnoses)

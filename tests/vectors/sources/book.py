@@ -20,7 +20,7 @@ sys.path.insert(0, str(ROOT / "python"))
 from ds47.lab import scenarios, wire  # noqa: E402
 from ds47.lab.client import CONTROLLER_AR, Client  # noqa: E402
 from ds47.lab.ether import PNIO_PORT, Host  # noqa: E402
-from ds47.lab.scenario import DIAGNOSES, Book, Build  # noqa: E402
+from ds47.lab.scenario import DIAGNOSES, Build, Scenes  # noqa: E402
 from ds47.lab.stage import START_NS, Stage  # noqa: E402
 
 CLIENT_PORT = 49152
@@ -185,7 +185,7 @@ def found(text: str) -> list[Row]:
 # The book
 
 
-class Vectors(Book):
+class Vectors(Scenes[Row]):
     """The scenes of one file of vectors.
 
     A scene's name begins with the sentence (p24_..) or the rule (ds704_..) that it shows. `shows` has further
@@ -193,7 +193,7 @@ class Vectors(Book):
     """
 
     def __init__(self, target: str, about: str) -> None:
-        super().__init__(target)
+        self._target = target
         self._about = about
         self._cases: list[Row] = []
 
@@ -242,7 +242,7 @@ class Vectors(Book):
 
     def write(self, arguments: Sequence[str]) -> None:
         """Write the file: that of the vectors, or the one that is named."""
-        target = Path(arguments[0]) if arguments else ROOT / "tests/vectors" / self.topic
+        target = Path(arguments[0]) if arguments else ROOT / "tests/vectors" / self._target
         target.write_text(self._text(), "utf-8", newline="\n")
 
     def _text(self) -> str:
