@@ -14,7 +14,7 @@ from tests.audit.reading import Complaint, Finding, Reading
 
 NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
 PARAMETER = r"[pr]?(?P<pnu>\d+|\?)\[(?P<subindex>\d+|\?)\]"
-CODE = r"(?P<code>0x[0-9A-F]{2,4}|-)"
+CODE = r"(?P<code>0x[0-9A-F]{2,4}|no error number)"
 STATUS = r"status (?P<status>[0-9A-F]{8}|-)"
 SAYS: dict[str, str] = {
     "DS101": r"RPC (?P<operation>\w+) request",
@@ -52,7 +52,7 @@ SAYS: dict[str, str] = {
     "DS407": r"asked for (?P<sent>\d+), got (?P<got>\d+)",
     "DS408": r"Parameter (?P<pnu>\d+|\?)\D.* (?P<got>\d+) of (?P<asked>\d+)",
     "DS409": r"Parameter (?P<pnu>\d+|\?)\D.* (?P<got>\d+) instead of (?P<asked>\d+)",
-    "DS410": rf"{PARAMETER} has a negative response: {CODE} .*\(info (?P<info>\d+|-)\)",
+    "DS410": rf"{PARAMETER} has a negative response: {CODE} (.* )?\(info (?P<info>\d+|-)\)",
     "DS413": r"frame (?P<request>\d+) .*frame (?P<by>\d+)",
     "DS414": r"frame (?P<request>\d+) .*frame (?P<by>\d+)",
     "DS415": r"reference (?P<reference>\d+) .*\(frame (?P<first>\d+)\)$",
@@ -129,7 +129,7 @@ CLAUSES: dict[str, dict[str, str]] = {
 """Rule -> word of an argument -> the clause that stands for it, with the arguments that this clause shows."""
 CLAUSES["DS402"] = CLAUSES["DS401"]
 MANY: dict[str, str] = {
-    "DS410": rf"^Parameters have a negative response: {CODE} ",
+    "DS410": rf"^Parameters have a negative response: {CODE}( |$)",
     "DS701": rf"^Responses are negative \(response ID (?P<id>0x[0-9A-F]{{2}}), {CODE}.*the STATUS of the call that ended each",
     "DS702": "^Reads were sent before the Write was answered$",
     "DS703": r"^Reads were refused with DE80B500 on (?P<device>\S+) while no request was open$",
@@ -291,7 +291,7 @@ def _part(word: str, allowed: set[str]) -> bool:
 def renderings(value: Any) -> set[str]:
     """The ways in which an argument may stand in a sentence."""
     if value is None:
-        return {"-", "?"}
+        return {"-", "?", "no error number"}
     if isinstance(value, bool):
         return {str(value)}
     if isinstance(value, int):

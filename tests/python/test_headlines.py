@@ -62,7 +62,7 @@ def test_a_form_of_many_names_only_what_all_cases_have(rule):
     if not rule.many:
         assert not rule.many_zh
         return
-    shared = {*rule.group, "text"} | ({"device"} if rule.id.startswith("DS7") else set())
+    shared = {*rule.group, "text", "error"} | ({"device"} if rule.id.startswith("DS7") else set())
     for template, lang in ((rule.many, "en"), (rule.many_zh, "zh")):
         assert names(template) <= shared, template
         assert not template.endswith((".", "。"))
@@ -74,7 +74,7 @@ def test_a_form_of_many_names_only_what_all_cases_have(rule):
 
 @pytest.mark.parametrize("rule", spec.rules().values(), ids=spec.rules())
 def test_a_diagnosis_that_names_more_than_its_group_has_a_form_of_many(rule):
-    shared = {*rule.group, "text", "device"}
+    shared = {*rule.group, "text", "error", "device"}
     if rule.id.startswith("DS7") and not names(rule.message) <= shared:
         assert rule.many
 

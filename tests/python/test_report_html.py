@@ -536,9 +536,8 @@ def test_a_finding_with_arguments_is_worded_in_both_languages(rule):
     both = messages.message(finding(rule, "error", 1, **args))
     for lang, template in (("en", known.message), ("zh", known.message_zh)):
         text = status_text(0xDF80B700, lang)
-        if "code" in args:
-            text = spec.error_text(0x11, lang, args.get("vendor_id"))
-        assert getattr(both, lang) == template.format(**told, text=text)
+        error = f"0x11 {spec.error_text(0x11, lang, args.get('vendor_id'))}"
+        assert getattr(both, lang) == template.format(**told, text=text, error=error)
         assert getattr(both, lang) == sentences.words(rule, args, lang)
 
 
@@ -556,12 +555,13 @@ def test_a_finding_that_lacks_its_arguments_is_worded_too(rule):
 
 def test_the_words_of_an_error_number_are_of_either_language():
     known = spec.rules()["DS410"]
-    values = {"pnu": 5, "subindex": 0, "code": "0x01", "info": 0}
+    values = {"pnu": 5, "subindex": 0, "info": 0}
     both = messages.message(
         finding("DS410", "error", 1, pnu=5, subindex=0, code=1, vendor_id=0x2A, info=0)
     )
-    assert both.en == known.message.format(**values, text=spec.error_text(1, "en", 0x2A))
-    assert both.zh == known.message_zh.format(**values, text=spec.error_text(1, "zh", 0x2A))
+    en, zh = (f"0x01 {spec.error_text(1, lang, 0x2A)}" for lang in ("en", "zh"))
+    assert both.en == known.message.format(**values, error=en)
+    assert both.zh == known.message_zh.format(**values, error=zh)
 
 
 def test_what_an_older_result_says_stays_as_it_is():

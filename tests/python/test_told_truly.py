@@ -721,3 +721,17 @@ def another_channel_between(client: Client) -> None:
 def test_the_request_before_is_that_of_the_channel(tmp_path: Path) -> None:
     (finding,) = of(result_of(another_channel_between, tmp_path), "DS415")
     assert (finding.frame, finding.args["first"], finding.frames) == (9, 1, [1, 9])
+
+
+def test_a_refusal_without_a_number_says_so(captures: Path) -> None:
+    result = analyze(captures / "message-error-no-words.pcapng")
+    told = [
+        sentence(each, lang)
+        for each in result.findings
+        if each.rule == "DS410"
+        for lang in ("en", "zh")
+    ]
+    assert told == [
+        "Parameter 21[0] has a negative response: no error number (info -)",
+        "参数 21[0] 得到否定应答：没有错误号（附加信息 -）",
+    ]

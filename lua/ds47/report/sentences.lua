@@ -109,11 +109,14 @@ local function key_words(key, lang, many)
   return word(texts, lang)
 end
 
--- The words of the error number or of the status that the rule is about.
+-- The error number that the rule is about, and what it means.
+local function error_of(args, lang)
+  if args.code == nil then return word(tables.report_words.no_error_number, lang) end
+  return spec.error_hex(args.code) .. " " .. spec.error_text(args.code, lang, args.vendor_id)
+end
+
+-- The words of the status that the rule is about.
 local function text_of(args, lang)
-  if args.code ~= nil then
-    return spec.error_text(args.code, lang, args.vendor_id)
-  end
   return args.status and status.status_text(tonumber(args.status, 16), lang) or ""
 end
 
@@ -130,6 +133,8 @@ end
 function shown(name, rule, args, lang, many)
   if name == "text" then
     return text_of(args, lang)
+  elseif name == "error" then
+    return error_of(args, lang)
   end
   local kind, value = rule.args and rule.args[name] or "text", args[name]
   if value == nil then
@@ -173,9 +178,7 @@ local function shows_none(template, rule, args, differs, many)
   local parts = pieces(template)
   for number = 2, #parts, 2 do
     local name = parts[number]
-    if name == "text" then
-      name = rule.args.code and "code" or "status"
-    end
+    name = name == "text" and "status" or name == "error" and "code" or name
     local value = args[name]
     for _, each in ipairs(differs) do
       if each == name then

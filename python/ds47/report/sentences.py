@@ -56,7 +56,9 @@ def _names(row: Rule, template: str, args: Mapping[str, Any], many: bool) -> set
         if row.args.get(name) == "key" and args.get(name) is not None:
             found.update(_fields(_key_words(args[name], "en", many)))
     if "text" in found:
-        found.add("code" if "code" in row.args else "status")
+        found.add("status")
+    if "error" in found:
+        found.add("code")
     return found
 
 
@@ -127,16 +129,21 @@ class _Shown(dict[str, str]):
         self._row, self._args, self._lang, self._many = row, args, lang, many
 
     def __missing__(self, key: str) -> str:
-        text = self._text() if key == "text" else self._shown(key)
+        words = {"text": self._text, "error": self._error}.get(key)
+        text = self._shown(key) if words is None else words()
         self[key] = text
         return text
 
+    def _error(self) -> str:
+        """The error number that the rule is about, and what it means."""
+        code = self._args.get("code")
+        if code is None:
+            return say("no_error_number").text(self._lang)
+        return f"{error_hex(code)} {error_text(code, self._lang, self._args.get('vendor_id'))}"
+
     def _text(self) -> str:
-        """The words of the error number or of the status that the rule is about."""
-        args = self._args
-        if args.get("code") is not None:
-            return error_text(args["code"], self._lang, args.get("vendor_id"))
-        status = args.get("status")
+        """The words of the status that the rule is about."""
+        status = self._args.get("status")
         return status_text(int(status, 16), self._lang) if status is not None else ""
 
     def _shown(self, key: str) -> str:
