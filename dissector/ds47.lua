@@ -79,10 +79,15 @@ local function finder(tvb, frame, offset)
   end
 end
 
--- Adds to the tree and sets the columns. `whole`: somebody wants our fields.
-local function show(views, findings, tvb, pinfo, tree, offset, whole)
-  if #views > 0 then
-    local columns = pinfo.cols
+-- The columns of a frame; nil where nobody sees them, as when a file is loaded or in the first of two passes.
+local function columns_of(pinfo)
+  local columns = pinfo.cols
+  return tostring(columns.info) ~= "(info)" and columns or nil
+end
+
+-- Adds to the tree and sets the columns, where there are some. `whole`: somebody wants our fields.
+local function show(views, findings, tvb, columns, tree, offset, whole)
+  if columns and #views > 0 then
     columns.protocol, columns.info = "DS47", info.text(views, track.lang)
   end
   if whole and #views + #findings > 0 then
@@ -105,11 +110,12 @@ function ds47.dissector(tvb, pinfo, tree)
   if not track.is_new(number, pinfo) then
     local views, findings = track.complete_views(number)
     if views then
-      show(views, findings, tvb, pinfo, tree, offset, whole)
+      show(views, findings, tvb, columns_of(pinfo), tree, offset, whole)
     end
   elseif track.feed(number, frame, offset, clock.now, pinfo.len) then
-    local views, findings = track.live_views()
-    show(views, findings, tvb, pinfo, tree, offset, whole)
+    local columns = columns_of(pinfo)
+    local views, findings = track.live_views(columns ~= nil or whole)
+    show(views, findings, tvb, columns, tree, offset, whole)
   end
 end
 

@@ -299,8 +299,9 @@ local function emptied(list)
 end
 
 --- What earlier frames and the frame that was fed last prove: views, findings.
+-- @param seen  whether somebody sees views; else there are none, and findings alone
 -- @return two arrays, which count until this is called again
-function M.live_views()
+function M.live_views(seen)
   local touched, count = current:touched()
   if count == 0 then
     return NONE, current:findings_at(last)
@@ -308,7 +309,7 @@ function M.live_views()
   local views, findings = emptied(some_views), emptied(some_findings)
   for number = 1, count do
     local job, role = touched[number].job, touched[number].role
-    if role ~= "empty_read" then -- of which nothing but its finding is shown
+    if seen and role ~= "empty_read" then -- of which nothing but its finding is shown
       views[#views + 1] = live_view(#views + 1, job, role)
     end
     if may_be_certain(job, role) then

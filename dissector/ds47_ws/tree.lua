@@ -194,17 +194,11 @@ end
 
 -- The address. It stands in a request; for a response it is that of its request.
 local function add_address(parent, item, address, asked, record)
-  local function put(key, value, offset, size)
-    if asked then
-      add(parent, key, value, record, address.offset + offset, size)
-    else
-      derive(parent, key, value)
-    end
-  end
-  put("attribute", address and address.attribute, 0, 1)
-  put("element_count", item.element_count, 1, 1)
-  put("pnu", item.pnu, 2, 2)
-  put("subindex", item.subindex, 4, 2)
+  local put, at = asked and add or derive, asked and address.offset or 0
+  put(parent, "attribute", address and address.attribute, record, at, 1)
+  put(parent, "element_count", item.element_count, record, at + 1, 1)
+  put(parent, "pnu", item.pnu, record, at + 2, 2)
+  put(parent, "subindex", item.subindex, record, at + 4, 2)
   derive(parent, "name", sentences.name(item, language))
   derive(parent, "unit", item.unit)
 end

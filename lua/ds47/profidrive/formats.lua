@@ -33,6 +33,7 @@ function decode.b(raw, count)
 end
 
 function decode.H(raw, count)
+  if count == 1 then return {reader.u16(raw, 0)} end
   local values = {}
   for i = 1, count do
     local a, b = byte(raw, 2 * i - 1, 2 * i)
@@ -81,6 +82,7 @@ function decode.q(raw, count)
 end
 
 function decode.f(raw, count)
+  if count == 1 then return {float32(raw, 0)} end
   local values = {}
   for i = 1, count do values[i] = float32(raw, 4 * i - 4) end
   return values

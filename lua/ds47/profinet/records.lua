@@ -150,7 +150,7 @@ Body.__index = Body
 -- @return {records, multiple, nested}: `nested` when an IODWriteMultiple stands inside another, whose records
 --   are not opened (P18)
 function M.parse_request(pdu)
-  local body, records = pdu.body, {}
+  local body, records = pdu.body, {nil} -- given room for one at once
   local result = setmetatable({records = records}, Body)
   local expected = REQUEST_BLOCKS[pdu.opnum]
   local index, stated = head(body, 20, expected)
@@ -213,7 +213,7 @@ end
 -- @return the PNIOStatus of the NDR header (nil for an empty body); an array of halves; whether it is that of
 --   an IODWriteMultiple, of which only the inner halves are told
 function M.parse_halves(pdu)
-  local body, halves = pdu.body, {}
+  local body, halves = pdu.body, {nil} -- given room for one at once
   local ndr_status = status_of(pdu)
   if #body < 20 then
     return ndr_status, halves, false
