@@ -7,7 +7,8 @@ one of our fields, printed with the columns of the profile, and in two passes. A
 matches nothing makes tshark dissect all and print nothing. Runs with and without take turns; the
 medians are compared. Each tshark
 under build/wireshark (`make matrix` puts them there) is measured, otherwise the one on the PATH.
-The full captures give the table in docs/benchmarks.md.
+The full captures give the table in docs/benchmarks.md. `--window` measures the loading of a file in the
+window instead, with the profile, and writes nothing: see bench/window.py.
 Not a test: it fails where the plugin does not load or meets an error, not where it is slow. POSIX
 only (wait4).
 """
@@ -24,6 +25,8 @@ import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+
+import window
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -187,9 +190,16 @@ def main() -> None:
         "--small", action="store_true", help="a tenth of the frames, for CI; writes nothing"
     )
     parser.add_argument("-n", type=int, default=3, help="runs of each (default 3)")
+    parser.add_argument(
+        "--window", action="store_true", help="loading in the window instead; writes nothing"
+    )
     parser.add_argument("--no-write", action="store_true", help="leave docs/benchmarks.md alone")
     parser.add_argument("tshark", nargs="*", help="programs to measure instead of all")
     arguments = parser.parse_args()
+    if arguments.window:
+        captures = {load.title: load.capture(arguments.small) for load in LOADS}
+        window.measure(captures, PLUGIN, PROFILE.parent, arguments.n)
+        return
     programs = {program: version(program) for program in arguments.tshark or tsharks()}
     programs = {program: number for program, number in programs.items() if number}
     if not programs:
