@@ -51,7 +51,7 @@ class _Plain:
     __dataclass_fields__: ClassVar[dict[str, Any]]
 
 
-@dataclass(slots=True, init=False, repr=False, eq=False)
+@dataclass(slots=True, repr=False, eq=False)
 class ParameterError(_Plain):
     """What the drive answered instead of a value (docs/protocol.md A.7, B).
 
@@ -60,22 +60,10 @@ class ParameterError(_Plain):
 
     code: int | None
     info: int | None
-    vendor_id: int | None
+    vendor_id: int | None = None
     """PROFINET vendor id of the device: it decides what the numbers of vendors mean."""
-    said: str | None
+    said: str | None = None
     """The text of a stored result, where this version has another one for the number; else None."""
-
-    def __init__(
-        self,
-        code: int | None,
-        info: int | None,
-        vendor_id: int | None = None,
-        said: str | None = None,
-    ) -> None:
-        self.code = code
-        self.info = info
-        self.vendor_id = vendor_id
-        self.said = said
 
     @property
     def text(self) -> str:

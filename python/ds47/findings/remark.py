@@ -6,7 +6,7 @@ Used by every channel. What the arguments of a rule are is in spec/rules.toml.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 
@@ -26,30 +26,14 @@ class Exchange(Protocol):
 Corrected = bytes | Callable[[], bytes | None] | None
 
 
-@dataclass(slots=True, init=False)
+@dataclass(slots=True)
 class Remark:
     """A finding in the making: the rule, where it shows, and what spec/rules.toml says that it carries."""
 
     rule: str
     frame: int
-    args: dict[str, Any]
-    offset: int | None
-    job: Exchange | None
-    corrected: Corrected
+    args: dict[str, Any] = field(default_factory=dict)
+    offset: int | None = None
+    job: Exchange | None = None
+    corrected: Corrected = None
     """Of a diagnosis: the request as it should have been, or who knows it when the capture is over."""
-
-    def __init__(
-        self,
-        rule: str,
-        frame: int,
-        args: dict[str, Any] | None = None,
-        offset: int | None = None,
-        job: Exchange | None = None,
-        corrected: Corrected = None,
-    ) -> None:
-        self.rule = rule
-        self.frame = frame
-        self.args = {} if args is None else args
-        self.offset = offset
-        self.job = job
-        self.corrected = corrected

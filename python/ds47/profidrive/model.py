@@ -36,23 +36,13 @@ class Options:
         return type(self), (self.legacy_g120_formats, self.profile_v3_types, self.vendor_id)
 
 
-@dataclass(slots=True, init=False)
+@dataclass(slots=True)
 class Flaw:
     """What is wrong in a message: the rule, the byte, and what the rule's message names."""
 
     rule: str
     offset: int
     args: dict[str, Any]
-
-    def __init__(
-        self,
-        rule: str,
-        offset: int,
-        args: dict[str, Any],
-    ) -> None:
-        self.rule = rule
-        self.offset = offset
-        self.args = args
 
 
 @dataclass(slots=True, init=False)
@@ -85,7 +75,7 @@ class Address:
         return _attribute_name(self.attribute)
 
 
-@dataclass(slots=True, init=False)
+@dataclass(slots=True)
 class ErrorValue:
     """The words of an error block (docs/protocol.md A.7).
 
@@ -97,16 +87,6 @@ class ErrorValue:
     code: int | None
     info: int | None
     words: list[int]
-
-    def __init__(
-        self,
-        code: int | None,
-        info: int | None,
-        words: list[int],
-    ) -> None:
-        self.code = code
-        self.info = info
-        self.words = words
 
 
 @dataclass(slots=True, init=False)

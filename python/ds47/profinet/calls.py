@@ -46,7 +46,7 @@ class Activity:
         self.calls = {}
 
 
-@dataclass(slots=True, init=False)
+@dataclass(slots=True)
 class Handlers:
     """What the layer above wants to hear. Each is called at most once for one event of one call."""
 
@@ -59,24 +59,6 @@ class Handlers:
     lost: Callable[[Call], None]
     pushed_out: Callable[[Call, str], None]
     """A call without a response that was given up for the limit of this name: one may still come."""
-
-    def __init__(
-        self,
-        request: Callable[[Call], None],
-        response: Callable[[Call], None],
-        orphan_response: Callable[[Pdu, bool], None],
-        retransmission: Callable[[Call, Pdu], None],
-        fault: Callable[[Call, Pdu], None],
-        lost: Callable[[Call], None],
-        pushed_out: Callable[[Call, str], None],
-    ) -> None:
-        self.request = request
-        self.response = response
-        self.orphan_response = orphan_response
-        self.retransmission = retransmission
-        self.fault = fault
-        self.lost = lost
-        self.pushed_out = pushed_out
 
 
 _DatagramKey = object

@@ -21,7 +21,7 @@ Cut = tuple[int, int, int]
 _HEADER = struct.Struct(">BxHHHxBxx4s4s")
 
 
-@dataclass(slots=True, init=False)
+@dataclass(slots=True)
 class Datagram:
     """An IPv4 datagram or a fragment of one.
 
@@ -38,32 +38,8 @@ class Datagram:
     more: bool
     payload: bytes
     missing: int
-    cut: Cut | None
-    at: int
-
-    def __init__(
-        self,
-        source: str,
-        destination: str,
-        protocol: int,
-        identification: int,
-        offset: int,
-        more: bool,
-        payload: bytes,
-        missing: int,
-        cut: Cut | None = None,
-        at: int = 0,
-    ) -> None:
-        self.source = source
-        self.destination = destination
-        self.protocol = protocol
-        self.identification = identification
-        self.offset = offset
-        self.more = more
-        self.payload = payload
-        self.missing = missing
-        self.cut = cut
-        self.at = at
+    cut: Cut | None = None
+    at: int = 0
 
     @property
     def whole(self) -> bool:

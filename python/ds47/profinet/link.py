@@ -32,7 +32,7 @@ from .traces import Piece
 Kind = Literal["udp", "dcp", "lldp"]
 
 
-@dataclass(slots=True, init=False)
+@dataclass(slots=True)
 class Packet:
     """What one frame, or the last of several fragments, brings.
 
@@ -48,45 +48,15 @@ class Packet:
     frame: int
     time_ns: int
     payload: bytes
-    src_mac: str | None
-    dst_mac: str | None
-    src_ip: str
-    dst_ip: str
-    src_port: int
-    dst_port: int
-    ip_id: int
-    missing: int
-    cut: ip.Cut | None
-
-    def __init__(
-        self,
-        kind: Kind,
-        frame: int,
-        time_ns: int,
-        payload: bytes,
-        src_mac: str | None = None,
-        dst_mac: str | None = None,
-        src_ip: str = "",
-        dst_ip: str = "",
-        src_port: int = 0,
-        dst_port: int = 0,
-        ip_id: int = 0,
-        missing: int = 0,
-        cut: ip.Cut | None = None,
-    ) -> None:
-        self.kind = kind
-        self.frame = frame
-        self.time_ns = time_ns
-        self.payload = payload
-        self.src_mac = src_mac
-        self.dst_mac = dst_mac
-        self.src_ip = src_ip
-        self.dst_ip = dst_ip
-        self.src_port = src_port
-        self.dst_port = dst_port
-        self.ip_id = ip_id
-        self.missing = missing
-        self.cut = cut
+    src_mac: str | None = None
+    dst_mac: str | None = None
+    src_ip: str = ""
+    dst_ip: str = ""
+    src_port: int = 0
+    dst_port: int = 0
+    ip_id: int = 0
+    missing: int = 0
+    cut: ip.Cut | None = None
 
 
 def dissect(
