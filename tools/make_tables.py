@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from ds47 import __version__, spec
-from ds47.spec import reporting, semantics
+from ds47.spec import cyclic, reporting, semantics
 
 TARGET = Path(__file__).resolve().parent.parent / "lua" / "ds47" / "spec" / "tables.lua"
 Scalar = int | str | bool | None
@@ -68,6 +68,11 @@ RESPONSE_ID = ("code", "name", "body", "vendor", "negative")
 ERROR = ("code", "en", "zh", "info")
 PARAMETER = ("name_en", "name_zh", "type", "unit", "volatile", "family")
 """Without the number: one entry may hold for many."""
+PKW_REQUEST = ("en", "zh", "access", "array", "width", "eeprom")
+PKW_ANSWER = ("en", "zh", "width")
+PZD_FAMILIES = ("micromaster", "positioning")
+PZD_BIT = ("set", "clear", "set_zh", "clear_zh")
+PZD_STATE = ("id", "mask", "bits", "en", "zh", "missing", "missing_zh")
 
 
 def scalar(value: Scalar) -> str:
@@ -261,6 +266,61 @@ def _covers() -> Iterator[str]:
     yield "}"
 
 
+def _set(codes: Iterable[int]) -> str:
+    return "{" + ", ".join(f"[{code}] = true" for code in sorted(codes)) + "}"
+
+
+def _codes(codes: Iterable[int]) -> str:
+    return "{" + ", ".join(map(str, codes)) + "}"
+
+
+def _pkw() -> Iterator[str]:
+    least, most = cyclic.float_range()
+    shown = f"float_least = {least!r}, float_most = {most!r}, connector = {cyclic.connector_mark()}"
+    yield f"M.pkw = {{{shown}}}"
+    weights = ", ".join(f"[{bit}] = {weight}" for bit, weight in cyclic.weights().items())
+    yield f"M.pkw.weights = {{{weights}}}"
+    yield from rows("M.pkw.requests", cyclic.requests(), PKW_REQUEST)
+    for ak, request in cyclic.requests().items():
+        yield f"M.pkw.requests[0x{ak:02X}].answers = {_set(request.answers)}"
+    yield from rows("M.pkw.answers", cyclic.answers(), PKW_ANSWER)
+    texts = {
+        code: bilingual(cyclic.error_text(code) or "", cyclic.error_text(code, "zh") or "")
+        for code in cyclic.error_codes()
+    }
+    yield from table("M.pkw.errors", texts, key="{}")
+    yield "M.pkw.families = {"
+    for name in cyclic.families():
+        yield f"  [{scalar(name)}] = {_set(cyclic.error_codes(name))},"
+    yield "}"
+
+
+def _pzd() -> Iterator[str]:
+    yield f"M.pzd = {{word = {cyclic.full_scale()}, double_word = {cyclic.full_scale(double=True)}}}"
+    for word in ("stw1", "zsw1"):
+        for family in (None, *PZD_FAMILIES):
+            name = f"M.pzd.{word}" + (f"_{family}" if family else "")
+            bits = {row.bit: row for row in cyclic.bits(word, family) if row.family == family}
+            yield from rows(name, bits, PZD_BIT)
+    for name, listed in (("states", cyclic.states()), ("overlays", cyclic.overlays())):
+        yield f"M.pzd.{name} = {{"
+        yield from (f"  {entry(row, PZD_STATE)}," for row in listed)
+        yield "}"
+    ending = cyclic.stopping()
+    yield f"M.pzd.stopping = {entry(ending, ('id', 'en', 'zh', 'heeded', 'missing', 'missing_zh'))}"
+    yield f"M.pzd.stopping.states = {_listed(ending.states)}"
+    yield f"M.pzd.stopping.bits = {_codes(ending.bits)}"
+    yield f"M.pzd.stopping.unless = {_codes(ending.unless)}"
+    yield "M.pzd.needed = {"
+    yield from (f"  {entry(row, ('bit', 'en', 'zh', 'setpoint'))}," for row in cyclic.needed())
+    yield "}"
+    yield "M.pzd.telegrams = {"
+    for number, row in cyclic.telegrams().items():
+        words = f"out = {_listed(row.out)}, inward = {_listed(row.inward)}, pkw = {scalar(row.pkw)}"
+        yield f"  [{number}] = {{{words}}},"
+    yield "}"
+
+
 def later(name: str, lines: Iterable[str]) -> Iterator[str]:
     """Lines that make M.name when it is asked for."""
     text = "\n".join(lines)
@@ -290,6 +350,8 @@ def generate() -> str:
         later("diagnosis_words", _diagnosis_words()),
         later("report_words", _report_words()),
         later("covers", _covers()),
+        later("pkw", _pkw()),
+        later("pzd", _pzd()),
         ["return M"],
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"

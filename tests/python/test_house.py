@@ -132,7 +132,16 @@ def test_four_modules_stand_loose() -> None:
     assert {file.stem for file in SOURCES.glob("*.py")} == LOOSE
 
 
-ANALYSIS = ("capture", "profinet", "profidrive", "acyclic", "findings", "diagnosis", "analysis")
+ANALYSIS = (
+    "capture",
+    "profinet",
+    "profidrive",
+    "cyclic",
+    "acyclic",
+    "findings",
+    "diagnosis",
+    "analysis",
+)
 """The rooms without words, in both languages of the code: the report words what they find."""
 LANGUAGE = re.compile(r"\b(lang|zh|\w+_zh|\w+_en|error_text|status_text)\b")
 """A language of people, or what has texts in several."""

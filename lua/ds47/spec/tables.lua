@@ -1078,4 +1078,196 @@ M.covers = {
 }
 ]=]
 
+later.pkw = [=[
+M.pkw = {float_least = 1e-06, float_most = 1000000000.0, connector = 64512}
+M.pkw.weights = {[7] = 2000, [4] = 4000, [5] = 8000, [6] = 16000, [2] = 32000, [3] = 64000}
+M.pkw.requests = {
+  [0x00] = {en = "no request", zh = "无任务", access = "none", array = false, eeprom = false},
+  [0x01] = {en = "read value", zh = "读参数值", access = "read", array = false, eeprom = false},
+  [0x02] = {en = "write word", zh = "写参数值（单字）", access = "change", array = false, width = 16, eeprom = false},
+  [0x03] = {en = "write double word", zh = "写参数值（双字）", access = "change", array = false, width = 32, eeprom = false},
+  [0x04] = {en = "read description element", zh = "读参数说明元素", access = "description", array = false, eeprom = false},
+  [0x05] = {en = "write description element", zh = "写参数说明元素", access = "description", array = false, eeprom = false},
+  [0x06] = {en = "read array value", zh = "读参数值（数组）", access = "read", array = true, eeprom = false},
+  [0x07] = {en = "write array word", zh = "写参数值（数组，单字）", access = "change", array = true, width = 16, eeprom = false},
+  [0x08] = {en = "write array double word", zh = "写参数值（数组，双字）", access = "change", array = true, width = 32, eeprom = false},
+  [0x09] = {en = "read number of array elements", zh = "读数组元素个数", access = "count", array = false, eeprom = false},
+  [0x0A] = {en = "reserved", zh = "保留", access = "unknown", array = false, eeprom = false},
+  [0x0B] = {en = "write array double word, and in EEPROM", zh = "写参数值（数组，双字）并存入 EEPROM", access = "change", array = true, width = 32, eeprom = true},
+  [0x0C] = {en = "write array word, and in EEPROM", zh = "写参数值（数组，单字）并存入 EEPROM", access = "change", array = true, width = 16, eeprom = true},
+  [0x0D] = {en = "write double word, and in EEPROM", zh = "写参数值（双字）并存入 EEPROM", access = "change", array = false, width = 32, eeprom = true},
+  [0x0E] = {en = "write word, and in EEPROM", zh = "写参数值（单字）并存入 EEPROM", access = "change", array = false, width = 16, eeprom = true},
+  [0x0F] = {en = "read or write text", zh = "读或写文本", access = "text", array = false, eeprom = false},
+}
+M.pkw.requests[0x00].answers = {[0] = true}
+M.pkw.requests[0x01].answers = {[1] = true, [2] = true}
+M.pkw.requests[0x02].answers = {[1] = true}
+M.pkw.requests[0x03].answers = {[2] = true}
+M.pkw.requests[0x04].answers = {[3] = true}
+M.pkw.requests[0x05].answers = {[3] = true}
+M.pkw.requests[0x06].answers = {[4] = true, [5] = true}
+M.pkw.requests[0x07].answers = {[4] = true}
+M.pkw.requests[0x08].answers = {[5] = true}
+M.pkw.requests[0x09].answers = {[6] = true}
+M.pkw.requests[0x0A].answers = {}
+M.pkw.requests[0x0B].answers = {[5] = true}
+M.pkw.requests[0x0C].answers = {[4] = true}
+M.pkw.requests[0x0D].answers = {[2] = true}
+M.pkw.requests[0x0E].answers = {[1] = true}
+M.pkw.requests[0x0F].answers = {[15] = true}
+M.pkw.answers = {
+  [0x00] = {en = "no answer", zh = "无应答"},
+  [0x01] = {en = "word", zh = "参数值（单字）", width = 16},
+  [0x02] = {en = "double word", zh = "参数值（双字）", width = 32},
+  [0x03] = {en = "description element", zh = "参数说明元素", width = 32},
+  [0x04] = {en = "array word", zh = "参数值（数组，单字）", width = 16},
+  [0x05] = {en = "array double word", zh = "参数值（数组，双字）", width = 32},
+  [0x06] = {en = "number of array elements", zh = "数组元素个数", width = 16},
+  [0x07] = {en = "cannot be executed (error number)", zh = "任务无法执行（错误号）"},
+  [0x08] = {en = "no change rights (no PKW master)", zh = "无参数修改权（PKW 接口不是主控）"},
+  [0x09] = {en = "change report, word", zh = "参数变化报告（单字）", width = 16},
+  [0x0A] = {en = "change report, double word", zh = "参数变化报告（双字）", width = 32},
+  [0x0B] = {en = "change report, array word", zh = "参数变化报告（数组，单字）", width = 16},
+  [0x0C] = {en = "change report, array double word", zh = "参数变化报告（数组，双字）", width = 32},
+  [0x0F] = {en = "text", zh = "文本"},
+}
+spread(M.pkw.answers, 0x0D, 0x0E, {en = "reserved", zh = "保留"})
+M.pkw.errors = {
+  [0] = {en = "Illegal parameter number", zh = "非法参数号"},
+  [1] = {en = "Value cannot be changed (read only)", zh = "参数值不可修改（只读）"},
+  [2] = {en = "Below the minimum or above the maximum", zh = "低于下限或高于上限"},
+  [3] = {en = "Wrong subindex", zh = "子索引错误"},
+  [4] = {en = "No array", zh = "不是数组"},
+  [5] = {en = "Wrong data type", zh = "数据类型错误"},
+  [6] = {en = "May only be reset", zh = "只允许复位"},
+  [7] = {en = "Description element cannot be changed", zh = "参数说明元素不可修改"},
+  [8] = {en = "No write access through PPO", zh = "不能通过 PPO 写入"},
+  [9] = {en = "No description there", zh = "没有参数说明"},
+  [10] = {en = "Access group is wrong", zh = "访问组错误"},
+  [11] = {en = "No right to change parameters (p0927)", zh = "没有参数修改权（p0927）"},
+  [12] = {en = "Key word is missing or wrong", zh = "关键字缺失或错误"},
+  [13] = {en = "Text cannot be read cyclically", zh = "文本不能周期读取"},
+  [15] = {en = "No text array", zh = "没有文本数组"},
+  [16] = {en = "No write access through PPO", zh = "不能通过 PPO 写入"},
+  [17] = {en = "Not possible in this operating state", zh = "当前运行状态下不能执行"},
+  [18] = {en = "Another error", zh = "其他错误"},
+  [19] = {en = "Value cannot be read cyclically", zh = "数值不能周期读取"},
+  [20] = {en = "Illegal value", zh = "非法数值"},
+  [101] = {en = "Parameter number is deactivated at present", zh = "参数号当前被禁用"},
+  [102] = {en = "Channel is too narrow", zh = "通道宽度不够"},
+  [103] = {en = "Wrong number of PKW words", zh = "PKW 字数错误"},
+  [104] = {en = "Illegal value for this request", zh = "该任务的数值非法"},
+  [105] = {en = "Parameter has an index", zh = "参数带索引"},
+  [106] = {en = "Request is not supported", zh = "不支持该任务"},
+  [107] = {en = "No change while the controller is enabled", zh = "控制器使能时不能修改"},
+  [134] = {en = "Change only with p0010 = 15, or not while the drive is ready", zh = "只能在 p0010 = 15 时修改，或就绪时不能修改"},
+  [135] = {en = "Know-how protection is active", zh = "专有技术保护已激活"},
+  [200] = {en = "Below the limit that holds at present", zh = "低于当前有效下限"},
+  [201] = {en = "Above the limit that holds at present", zh = "高于当前有效上限"},
+  [204] = {en = "No right of access, or not in this state", zh = "没有访问权，或当前状态不适用"},
+}
+M.pkw.families = {
+  ["MICROMASTER 4"] = {[0] = true, [1] = true, [2] = true, [3] = true, [4] = true, [5] = true, [6] = true, [7] = true, [11] = true, [12] = true, [17] = true, [101] = true, [102] = true, [104] = true, [106] = true, [200] = true, [201] = true, [204] = true},
+  ["SINAMICS G120"] = {[0] = true, [1] = true, [2] = true, [3] = true, [4] = true, [5] = true, [6] = true, [7] = true, [11] = true, [12] = true, [15] = true, [17] = true, [20] = true, [101] = true, [102] = true, [104] = true, [106] = true, [107] = true, [134] = true, [135] = true, [200] = true, [201] = true, [204] = true},
+}
+]=]
+
+later.pzd = [=[
+M.pzd = {word = 16384, double_word = 1073741824}
+M.pzd.stw1 = {
+  [0x00] = {set = "ON", clear = "OFF1: ramp down, then switch off", set_zh = "ON（启动）", clear_zh = "OFF1：按斜坡停车后断开"},
+  [0x01] = {set = "no OFF2", clear = "OFF2: pulses off, coast", set_zh = "无 OFF2", clear_zh = "OFF2：封锁脉冲，自由停车"},
+  [0x02] = {set = "no OFF3", clear = "OFF3: quick stop", set_zh = "无 OFF3", clear_zh = "OFF3：快速停车"},
+  [0x03] = {set = "enable operation", clear = "operation not enabled", set_zh = "使能运行", clear_zh = "未使能运行"},
+  [0x04] = {set = "enable ramp generator", clear = "ramp generator set to 0", set_zh = "使能斜坡函数发生器", clear_zh = "斜坡函数发生器置 0"},
+  [0x05] = {set = "continue ramp generator", clear = "ramp generator frozen", set_zh = "继续斜坡函数发生器", clear_zh = "冻结斜坡函数发生器"},
+  [0x06] = {set = "enable setpoint", clear = "setpoint blocked", set_zh = "使能设定值", clear_zh = "禁止设定值"},
+  [0x07] = {set = "acknowledge fault (edge)", set_zh = "应答故障（上升沿）"},
+  [0x08] = {set = "jog 1", set_zh = "点动 1"},
+  [0x09] = {set = "jog 2", set_zh = "点动 2"},
+  [0x0A] = {set = "control by PLC", clear = "no control by PLC: the drive ignores the whole word and keeps the old one", set_zh = "由 PLC 控制", clear_zh = "不由 PLC 控制：驱动器忽略整个控制字，保持旧值"},
+  [0x0B] = {set = "direction reversal (depends on the drive)", set_zh = "反向（取决于驱动器）"},
+  [0x0C] = {set = "bit 12 (depends on the drive)", set_zh = "位 12（取决于驱动器）"},
+  [0x0D] = {set = "motor potentiometer up", set_zh = "电动电位计升"},
+  [0x0E] = {set = "motor potentiometer down", set_zh = "电动电位计降"},
+  [0x0F] = {set = "bit 15: data set (depends on the drive)", set_zh = "位 15：数据组（取决于驱动器）"},
+}
+M.pzd.stw1_micromaster = {
+  [0x08] = {set = "jog right", set_zh = "正向点动"},
+  [0x09] = {set = "jog left", set_zh = "反向点动"},
+}
+M.pzd.stw1_positioning = {
+  [0x04] = {set = "do not reject the traversing task", clear = "reject the traversing task", set_zh = "不取消运行任务", clear_zh = "取消运行任务"},
+  [0x05] = {set = "no intermediate stop", clear = "intermediate stop", set_zh = "无中间停止", clear_zh = "中间停止"},
+  [0x06] = {set = "activate traversing task (edge)", set_zh = "激活运行任务（上升沿）"},
+  [0x0B] = {set = "start homing", set_zh = "启动回参考点"},
+}
+M.pzd.zsw1 = {
+  [0x00] = {set = "ready to switch on", clear = "not ready to switch on", set_zh = "接通就绪", clear_zh = "接通未就绪"},
+  [0x01] = {set = "ready", set_zh = "运行就绪"},
+  [0x02] = {set = "operation enabled", set_zh = "运行已使能"},
+  [0x03] = {set = "fault", set_zh = "故障"},
+  [0x04] = {set = "no OFF2", clear = "OFF2 active", set_zh = "无 OFF2", clear_zh = "OFF2 有效"},
+  [0x05] = {set = "no OFF3", clear = "OFF3 active", set_zh = "无 OFF3", clear_zh = "OFF3 有效"},
+  [0x06] = {set = "switching on inhibited", set_zh = "接通禁止"},
+  [0x07] = {set = "alarm", set_zh = "报警"},
+  [0x08] = {set = "speed deviation within tolerance", clear = "speed deviation beyond tolerance", set_zh = "转速偏差在容差内", clear_zh = "转速偏差超出容差"},
+  [0x09] = {set = "control requested", clear = "no control requested: the drive is in local control", set_zh = "请求 PLC 控制", clear_zh = "未请求 PLC 控制：驱动器处于本地控制"},
+  [0x0A] = {set = "comparison value reached", set_zh = "达到比较值"},
+  [0x0B] = {set = "I, M or P limit not reached (some manuals: reached)", clear = "I, M or P limit reached (some manuals: not reached)", set_zh = "未达到 I、M 或 P 限值（部分手册相反）", clear_zh = "达到 I、M 或 P 限值（部分手册相反）"},
+  [0x0C] = {set = "holding brake open (depends on the drive)", set_zh = "抱闸打开（取决于驱动器）"},
+  [0x0D] = {set = "no alarm of motor temperature (some manuals: alarm)", clear = "alarm of motor temperature (some manuals: none)", set_zh = "无电机过热报警（部分手册相反）", clear_zh = "电机过热报警（部分手册相反）"},
+  [0x0E] = {set = "forward", clear = "reverse", set_zh = "正转", clear_zh = "反转"},
+  [0x0F] = {set = "no overload of the power unit", clear = "overload of the power unit", set_zh = "功率单元未过载", clear_zh = "功率单元过载"},
+}
+M.pzd.zsw1_micromaster = {
+  [0x0A] = {set = "maximum frequency reached", set_zh = "达到最大频率"},
+  [0x0C] = {set = "no motor holding brake active", clear = "motor holding brake active", set_zh = "电机抱闸未动作", clear_zh = "电机抱闸动作"},
+}
+M.pzd.zsw1_positioning = {
+}
+M.pzd.states = {
+  {id = "S1", mask = 64, bits = 64, en = "switching on inhibited", zh = "接通禁止", missing = "OFF1 first (STW1 bit 0 = 0) with bits 1 and 2 = 1, for example 16#047E; ON counts as an edge from there", missing_zh = "先给 OFF1（STW1 位 0 = 0），位 1 和位 2 = 1，例如 16#047E；之后 ON 的上升沿才有效"},
+  {id = "S4", mask = 7, bits = 7, en = "operation enabled", zh = "运行"},
+  {id = "S3", mask = 7, bits = 3, en = "switched on", zh = "已接通", missing = "enable operation (STW1 bit 3 = 1); where it is set: the enable signals of the drive", missing_zh = "使能运行（STW1 位 3 = 1）；若已置位：检查驱动器的使能信号"},
+  {id = "S2", mask = 7, bits = 1, en = "ready to switch on", zh = "接通就绪", missing = "ON (STW1 bit 0: 0 to 1, with bits 1, 2 and 10 = 1), for example 16#047E, then 16#047F", missing_zh = "ON（STW1 位 0 由 0 变 1，位 1、2、10 = 1），例如先 16#047E，再 16#047F"},
+  {id = "not ready", mask = 0, bits = 0, en = "not ready to switch on", zh = "接通未就绪", missing = "supply, end of the start-up, or the fault gone", missing_zh = "电源、启动结束，或故障消除"},
+}
+M.pzd.overlays = {
+  {id = "fault", mask = 8, bits = 8, en = "fault", zh = "故障", missing = "the cause of the fault gone, then an edge of STW1 bit 7 (acknowledge), for example 16#047E, 16#04FE, 16#047E", missing_zh = "消除故障原因，然后给 STW1 位 7 上升沿（应答），例如 16#047E、16#04FE、16#047E"},
+  {id = "alarm", mask = 128, bits = 128, en = "alarm", zh = "报警"},
+  {id = "OFF2", mask = 16, bits = 0, en = "OFF2 active", zh = "OFF2 有效"},
+  {id = "OFF3", mask = 32, bits = 0, en = "OFF3 active", zh = "OFF3 有效"},
+}
+M.pzd.stopping = {id = "S5", en = "switching off", zh = "正在停车", heeded = 10, missing = "standstill; the drive switches off by itself then", missing_zh = "等待停稳；之后驱动器自动断开"}
+M.pzd.stopping.states = {"S3", "S4"}
+M.pzd.stopping.bits = {0, 2}
+M.pzd.stopping.unless = {8, 9}
+M.pzd.needed = {
+  {bit = 10, en = "control by PLC (bit 10)", zh = "由 PLC 控制（位 10）", setpoint = false},
+  {bit = 1, en = "no OFF2 (bit 1)", zh = "无 OFF2（位 1）", setpoint = false},
+  {bit = 2, en = "no OFF3 (bit 2)", zh = "无 OFF3（位 2）", setpoint = false},
+  {bit = 0, en = "ON (bit 0, as an edge)", zh = "ON（位 0，上升沿）", setpoint = false},
+  {bit = 3, en = "enable operation (bit 3)", zh = "使能运行（位 3）", setpoint = false},
+  {bit = 4, en = "enable ramp generator (bit 4)", zh = "使能斜坡函数发生器（位 4）", setpoint = true},
+  {bit = 5, en = "continue ramp generator (bit 5)", zh = "继续斜坡函数发生器（位 5）", setpoint = true},
+  {bit = 6, en = "enable setpoint (bit 6)", zh = "使能设定值（位 6）", setpoint = true},
+}
+M.pzd.telegrams = {
+  [1] = {out = {"STW1", "NSOLL_A"}, inward = {"ZSW1", "NIST_A"}, pkw = false},
+  [2] = {out = {"STW1", "NSOLL_B(2)", "STW2"}, inward = {"ZSW1", "NIST_B(2)", "ZSW2"}, pkw = false},
+  [3] = {out = {"STW1", "NSOLL_B(2)", "STW2", "G1_STW"}, inward = {"ZSW1", "NIST_B(2)", "ZSW2", "G1_ZSW", "G1_XIST1(2)", "G1_XIST2(2)"}, pkw = false},
+  [4] = {out = {"STW1", "NSOLL_B(2)", "STW2", "G1_STW", "G2_STW"}, inward = {"ZSW1", "NIST_B(2)", "ZSW2", "G1_ZSW", "G1_XIST1(2)", "G1_XIST2(2)", "G2_ZSW", "G2_XIST1(2)", "G2_XIST2(2)"}, pkw = false},
+  [7] = {out = {"STW1", "SATZANW"}, inward = {"ZSW1", "AKTSATZ"}, pkw = false},
+  [20] = {out = {"STW1", "NSOLL_A"}, inward = {"ZSW1", "NIST_A_GLATT", "IAIST_GLATT", "MIST_GLATT", "PIST_GLATT", "MELD_NAMUR"}, pkw = false},
+  [102] = {out = {"STW1", "NSOLL_B(2)", "STW2", "MOMRED", "G1_STW"}, inward = {"ZSW1", "NIST_B(2)", "ZSW2", "MELDW", "G1_ZSW", "G1_XIST1(2)", "G1_XIST2(2)"}, pkw = false},
+  [105] = {out = {"STW1", "NSOLL_B(2)", "STW2", "MOMRED", "G1_STW", "XERR(2)", "KPC(2)"}, inward = {"ZSW1", "NIST_B(2)", "ZSW2", "MELDW", "G1_ZSW", "G1_XIST1(2)", "G1_XIST2(2)"}, pkw = false},
+  [111] = {out = {"STW1", "POS_STW1", "POS_STW2", "STW2", "OVERRIDE", "MDI_TARPOS(2)", "MDI_VELOCITY(2)", "MDI_ACC", "MDI_DEC", "-"}, inward = {"ZSW1", "POS_ZSW1", "POS_ZSW2", "ZSW2", "MELDW", "XIST_A(2)", "NIST_B(2)", "FAULT_CODE", "WARN_CODE", "-"}, pkw = false},
+  [350] = {out = {"STW1", "NSOLL_A", "M_LIM", "STW3"}, inward = {"ZSW1", "NIST_A_GLATT", "IAIST_GLATT", "ZSW3"}, pkw = false},
+  [352] = {out = {"STW1", "NSOLL_A", "-", "-", "-", "-"}, inward = {"ZSW1", "NIST_A_GLATT", "IAIST_GLATT", "MIST_GLATT", "WARN_CODE", "FAULT_CODE"}, pkw = false},
+  [353] = {out = {"STW1", "NSOLL_A"}, inward = {"ZSW1", "NIST_A_GLATT"}, pkw = true},
+  [354] = {out = {"STW1", "NSOLL_A", "-", "-", "-", "-"}, inward = {"ZSW1", "NIST_A_GLATT", "IAIST_GLATT", "MIST_GLATT", "WARN_CODE", "FAULT_CODE"}, pkw = true},
+}
+]=]
+
 return M

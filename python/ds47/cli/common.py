@@ -29,6 +29,15 @@ lang_option = click.option(
 )
 
 
+pkw_layout_option = click.option(
+    "--pkw-layout",
+    type=click.Choice(["cyclic", "uss"]),
+    default="cyclic",
+    show_default=True,
+    help="Where IND of PKW has the page: in its low byte, or in the high one (USS; Delta).",
+)
+
+
 def dialect_options(function: Function) -> Function:
     """The options that say which dialect of the formats the drive speaks (docs/protocol.md A.6)."""
     for name, text in (

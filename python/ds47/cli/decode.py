@@ -17,9 +17,12 @@ from ds47.cli.common import (
     dialect_options,
     flaw_text,
     lang_option,
+    pkw_layout_option,
     stdout,
     warn,
 )
+from ds47.cli.decode_cyclic import CYCLIC, cyclic_words
+from ds47.cli.dump import dump
 from ds47.model import Parameter
 from ds47.report import formatting
 from ds47.report.bilingual import say
@@ -28,19 +31,18 @@ if TYPE_CHECKING:
     from ds47.library.message import Message
     from ds47.profidrive import Options
 
-BYTES_PER_LINE = 8
-
 
 @click.command("decode")
 @click.argument("message", metavar="[HEX]...", nargs=-1)
 @click.option(
     "--as",
     "kind",
-    type=click.Choice(["request", "response"]),
-    help="Default: a guess, and says so.",
+    type=click.Choice(["request", "response", *CYCLIC]),
+    help="Default: request or response of DS47, a guess, and says so.",
 )
 @click.option("--request", "request_hex", metavar="HEX", help="The request that it answers.")
 @click.option("-f", "--format", "format_name", type=click.Choice(["text", "json"]), default="text")
+@pkw_layout_option
 @lang_option
 @dialect_options
 def command(
@@ -48,6 +50,7 @@ def command(
     kind: str | None,
     request_hex: str | None,
     format_name: str,
+    pkw_layout: str,
     lang: str,
     legacy_g120_formats: bool,
     profile_v3_types: bool,
@@ -56,13 +59,23 @@ def command(
 
     Spacing does not matter; "16#0101 16#0102" (words of a PLC watch table) and "0x01, 0x02" are
     read too. With --request each value of a response gets its parameter number.
+
+    Words of cyclic frames: --as pkw and pkw-answer take 8 bytes, stw1 and zsw1 a word with or without
+    its setpoint or actual value, ppo1-out and ppo1-in 12 bytes.
     """
+    if request_hex is not None and kind in CYCLIC:
+        raise click.UsageError(
+            f"--request is for a response of DS47; it does not go with --as {kind}"
+        )
     if kind == "request" and request_hex is not None:
         raise click.UsageError("--request is for a response; it does not go with --as request")
     from ds47.report import json
 
     options = codec_options(legacy_g120_formats, profile_v3_types)
     data = _bytes(" ".join(message) if message else sys.stdin.read(), "the message")
+    if kind in CYCLIC:
+        stdout().write(cyclic_words(data, kind, pkw_layout, format_name, lang))
+        return
     question = None if request_hex is None else _bytes(request_hex, "--request")
     found = _decoded(data, "response" if question else kind, question, options)
     if kind is None and question is None:
@@ -105,7 +118,7 @@ def _text(message: Message, lang: str) -> str:
     rows = sorted(_rows(message, lang), key=lambda row: row[0])
     ends = [row[0] for row in rows[1:]] + [len(message.data)]
     for (start, meaning), end in zip(rows, ends, strict=True):
-        lines += _dump(message.data, start, end, meaning)
+        lines += dump(message.data, start, end, meaning)
     for flaw in message.flaws:
         text = formatting.escape(flaw_text(flaw, lang))
         severity = say(f"severity_{spec.rules()[flaw.rule].severity}")
@@ -166,11 +179,3 @@ def _id_words(kind: str, lang: str) -> Any:
         return f"0x{code:02X} {known.name if known else unknown}"
 
     return show
-
-
-def _dump(data: bytes, start: int, end: int, meaning: str) -> Iterator[str]:
-    """Lines with offset, bytes and, beside the first, what they mean."""
-    width = BYTES_PER_LINE * 3 - 1
-    for at in range(start, max(end, start + 1), BYTES_PER_LINE):
-        part = data[at : min(end, at + BYTES_PER_LINE)].hex(" ")
-        yield f"{at:>6}  {part:<{width}}  {meaning if at == start else ''}".rstrip()

@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ds47.cli.common import flaw_text, lang_option, rule_text, stdout, warn
+from ds47.cli.common import (
+    flaw_text,
+    lang_option,
+    pkw_layout_option,
+    rule_text,
+    stdout,
+    warn,
+)
 
 if TYPE_CHECKING:
     from ds47.profidrive import Request
@@ -34,6 +41,12 @@ for one element, [0..7] and [0]*8 for eight. A change has as many elements as va
 A value has its format in front: Float32, Integer16, Unsigned32, Word, VisibleString and so on, or what
 a PLC calls it: REAL, INT, UDINT, WORD. Whole numbers may be 16#0A, 2#1010 or 0x0A. The decimal sign is
 a point: a comma separates values.
+
+The eight bytes of a PKW request, for the cyclic channel:
+
+\b
+  pkw read p2010[1]
+  pkw change p1082=Float32:40.0
 """
 
 
@@ -48,13 +61,25 @@ a point: a comma separates values.
     show_default=True,
     help="Hex bytes, 16# words as a watch table shows them, or SCL assignments.",
 )
+@click.option(
+    "--eeprom", is_flag=True, help="A change by PKW that outlives the supply (AK 11 to 14)."
+)
+@pkw_layout_option
 @lang_option
-def command(words: Sequence[str], format_name: str, lang: str) -> None:
+def command(
+    words: Sequence[str], format_name: str, eeprom: bool, pkw_layout: str, lang: str
+) -> None:
     """Prints the bytes of a request; HELP says how it is written."""
+    from ds47.cyclic.notation import is_pkw
     from ds47.profidrive import encode_request
     from ds47.profidrive.notation import parse_request_line
 
     line = " ".join(words) if words else sys.stdin.read()
+    if is_pkw(line):
+        stdout().write(WAYS[format_name](_pkw(line, pkw_layout, eeprom, lang)) + "\n")
+        return
+    if eeprom:
+        raise click.UsageError("--eeprom is for a change by PKW: pkw change p1082=Float32:40.0")
     try:
         request = parse_request_line(line.strip())
     except ValueError as problem:
@@ -64,6 +89,22 @@ def command(words: Sequence[str], format_name: str, lang: str) -> None:
     for remark in _remarks(request):
         warn(remark.text(lang))
     _warn_of_flaws(data, lang)
+
+
+def _pkw(line: str, layout: str, eeprom: bool, lang: str) -> bytes:
+    """The bytes of a PKW request, with a word where a drive may want another AK."""
+    from ds47.cyclic import decode
+    from ds47.cyclic.notation import encode_line
+    from ds47.report.bilingual import say
+
+    try:
+        data = encode_line(line, layout, eeprom)
+    except ValueError as problem:
+        raise click.UsageError(str(problem)) from problem
+    message = decode(data, answer=False, layout=layout)
+    if message.ak == 1 and message.subindex:
+        warn(say("pkw_read_index").text(lang))
+    return data
 
 
 def hex_bytes(data: bytes) -> str:

@@ -8,9 +8,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ds47 import spec
+from ds47.cyclic.notation import word_values
 from ds47.spec import explanations
 
 BYTE, WORD, STATUS, RULE, FORMAT = "byte", "word", "status", "rule", "format"
+CYCLIC = ("stw1", "zsw1")
+"""Kinds whose codes are the control word and the status word of cyclic frames."""
 
 _PREFIX = re.compile(r"(?:[BWD]{1,2}#)?16#|0X|&H|\$")
 _DECIMAL_PREFIX = re.compile(r"10#")
@@ -54,6 +57,11 @@ def read(text: str) -> Code:
     plain = " ".join(unicodedata.normalize("NFKC", text).strip("\"'` \t\r\n").split())
     kind, digits = _split_kind(plain)
     code = digits.upper()
+    if kind in CYCLIC:
+        words = tuple(Reading(WORD, each) for each in word_values(digits))
+        if not words:
+            raise UnknownFormError(text)
+        return Code(code, kind, words)
     if rule := _RULE.fullmatch(code):
         return Code(code, kind or "rule", (Reading(RULE, int(rule[1])),))
     if code == "DS47":

@@ -8,8 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ds47 import spec
-from ds47.explain.forms import FORMAT, RULE, STATUS, WORD, Reading, UnknownFormError, read
-from ds47.spec import explanations
+from ds47.cyclic.pzd import missing, signed, state
+from ds47.explain.forms import CYCLIC, FORMAT, RULE, STATUS, WORD, Reading, UnknownFormError, read
+from ds47.spec import cyclic, explanations
 from ds47.spec.explanations import Entry
 from ds47.spec.statuses import status_hex, status_text
 
@@ -119,7 +120,9 @@ def _meanings(
     reading: Reading, kind: str | None, lang: str, vendor: Maker | None
 ) -> Iterator[Meaning]:
     value = reading.value
-    if reading.size == RULE:
+    if kind in CYCLIC:
+        yield _cyclic_word(str(kind), value, lang)
+    elif reading.size == RULE:
         yield _rule(value, lang)
     elif reading.size == FORMAT:
         yield _number(FORMAT, value, lang)
@@ -440,6 +443,35 @@ def _error(
     return _meaning(
         "error", code, alone, title, known, entry, lang, rank=rank, parts=parts,
         view="in_response", filter_name="error", values={"value": code.lower()}, vendor=maker,
+    )  # fmt: skip
+
+
+# Words of cyclic frames
+
+
+def _cyclic_word(name: str, value: int, lang: str) -> Meaning:
+    """The control word or the status word: its bits, the state, and what is missing to the next one."""
+    words = explanations.words(lang)
+    code = f"16#{value:04X}"
+    if name == "stw1":
+        lacking = [row.zh if lang == "zh" else row.en for row in missing(value)]
+        text = words["stw1_missing"].format(list=words["list_separator"].join(lacking))
+        title = words["stw1"].format(code=code, decimal=signed(value))
+        advice = text if lacking else words["stw1_complete"]
+    else:
+        found = state(value)
+        step = cyclic.next_step(found.state, found.overlays, lang)
+        told = cyclic.state_text(found.state, found.overlays, lang)
+        title = words["zsw1"].format(code=code, decimal=signed(value), state=told)
+        advice = words["zsw1_next"].format(text=step) if step else words["zsw1_last"]
+    parts = tuple(
+        Part(str(row.bit), "", row.text(value, lang))
+        for row in cyclic.bits(name)
+        if row.text(value, lang)
+    )
+    entry = explanations.of_number(name, value) or explanations.of_unknown()
+    return _meaning(
+        name, code, f"{name} {code}", title, True, entry, lang, rank="index", parts=parts, advice=advice
     )  # fmt: skip
 
 

@@ -1,0 +1,200 @@
+-- Requests of PKW and what answers them: the words of both directions to transactions (docs/cyclic.md 4). One
+-- channel at a time, fed with what changed in it; which bytes of which frame are a channel is not here.
+--
+-- A request stands until it is answered, an answer until the request changes. So an answer counts when it
+-- changed after the request did: the answer to the request before it is still there, and may even be
+-- allowed.
+--
+-- A job: request {data, at}, standing {data, at} (the answer when it began), began (false: it stood there
+-- when the capture began), state, reason, answer {data, at}, settled (no edge told the answer), updates,
+-- newest {data, at}, halves (frame), odd {data, at}, late (frame), ended (moment). A moment: {frame, time,
+-- cycle}.
+
+local tables = require("ds47.spec.tables")
+
+local byte, char, floor, sub = string.byte, string.char, math.floor, string.sub
+
+local M = {}
+
+local ERROR, NO_RIGHTS = 7, 8
+local NO_VALUE = "\0\0\0\0"
+
+local Channel = {}
+Channel.__index = Channel
+
+--- A channel of PKW.
+-- @param closed called with each job when its request ends
+function M.new(closed)
+  return setmetatable({_closed = closed, _previous = nil, _echoes = true}, Channel)
+end
+
+local function ak_of(data) return floor(byte(data) / 16) end
+
+-- Without the toggle bit of spontaneous messages, which belongs to no request.
+local function without_spm(data)
+  local first = byte(data)
+  if floor(first / 8) % 2 == 1 then first = first - 8 end
+  return char(first) .. sub(data, 2, 8)
+end
+
+-- The parameter number on its page.
+local function number(data)
+  local high, low = byte(data, 1, 2)
+  return high % 8 * 256 + low
+end
+
+local function access(data) return tables.pkw.requests[ak_of(data)].access end
+
+local function is_refusal(data)
+  local ak = ak_of(data)
+  return ak == ERROR or ak == NO_RIGHTS
+end
+
+-- Whether an answer may be that of a request: its AK is allowed, and it names the same parameter.
+local function fits(asked, data)
+  local answer = ak_of(data)
+  if is_refusal(data) then
+    local kind = access(asked)
+    if answer == NO_RIGHTS and kind ~= "change" and kind ~= "text" then return false end
+    if number(data) == 0 then return true end -- Danfoss answers without the parameter
+  elseif not tables.pkw.requests[ak_of(asked)].answers[answer] then
+    return false
+  end
+  return number(asked) == number(data) and sub(asked, 3, 4) == sub(data, 3, 4)
+end
+
+local function cycles_between(first, last) return last.at.cycle - first.at.cycle end
+
+--- From the request to its answer in frames of one direction, and in the unit of the times; nil where no edge
+-- told.
+function M.duration(job)
+  if not job.answer or job.settled or not job.began then return nil, nil end
+  return cycles_between(job.request, job.answer), job.answer.at.time - job.request.at.time
+end
+
+--- The controller sends these eight bytes from now on.
+function Channel:sent(bytes, at)
+  local data, last = without_spm(bytes), self._out
+  if last and last.data == data then return end
+  self._out = {data = data, at = at}
+  if self:_is_second_half(data, at) then return end
+  self._previous = last and last.data
+  local wanted = ak_of(data) ~= 0
+  self:_end(at, not wanted)
+  if wanted then
+    self._job = {
+      request = self._out, standing = self._in, began = last ~= nil, settled = false, updates = 0,
+      moving = self._before ~= nil and self._before.updates > 0,
+    }
+  end
+end
+
+--- The drive sends these eight bytes from now on.
+function Channel:answered(bytes, at)
+  local data = without_spm(bytes)
+  if self._in and self._in.data == data then return end
+  self._in = {data = data, at = at}
+  local job = self._job
+  if not job or ak_of(data) == 0 then return end
+  local asked = job.request.data
+  if job.answer then
+    self:_update(job)
+  elseif self:_counts(job, data) then
+    job.answer = self._in
+    local changed = access(asked) == "change" and sub(asked, 5) ~= NO_VALUE
+    if changed and sub(data, 5) == NO_VALUE then self._echoes = false end
+  elseif self:_is_late(data) then
+    job.late = at.frame
+  elseif not fits(asked, data) then
+    job.odd = job.odd or self._in
+  end
+end
+
+--- The data is not valid from now on: what is open stays without an answer, and nobody is to blame.
+function Channel:lost(at)
+  local job = self._job
+  if job and not job.answer then
+    self:_close(job, "unanswered", "io-lost", at)
+  elseif job then
+    self:_settle(job, at, "end")
+  end
+  self._job, self._out, self._in = nil, nil, nil
+end
+
+--- The capture ends.
+function Channel:finish()
+  if self._job then self:_settle(self._job, nil, "end") end
+  self._job = nil
+end
+
+function Channel:_end(at, withdrawn)
+  if not self._job then return end
+  self:_settle(self._job, at, withdrawn and "withdrawn" or nil)
+  self._before, self._job = self._job, nil
+end
+
+-- The state of a job whose request ends; `reason` says why there is no answer, nil: another request came.
+function Channel:_settle(job, at, reason)
+  if not job.answer and self._in and self:_stands(job, self._in.data) then
+    job.answer, job.settled = self._in, true
+  end
+  if job.answer then
+    self:_close(job, is_refusal(job.answer.data) and "error" or "ok", nil, at)
+  elseif job.odd then
+    self:_close(job, "mismatch", nil, at)
+  elseif not reason then
+    self:_close(job, "superseded", nil, at)
+  else
+    self:_close(job, "unanswered", reason, at)
+  end
+end
+
+function Channel:_close(job, state, reason, at)
+  job.state, job.reason, job.ended = state, reason, at
+  self._closed(job)
+end
+
+-- Whether a request goes on that was begun a cycle ago: first the parameter changed, then the value, or the
+-- other way.
+function Channel:_is_second_half(data, at)
+  local job, old = self._job, self._previous
+  if not job or job.answer or not old or access(data) ~= "change" then return false end
+  local first = job.request.data
+  local parameter_first = sub(first, 5) == sub(old, 5) and sub(first, 1, 4) == sub(data, 1, 4)
+  local value_first = sub(first, 1, 4) == sub(old, 1, 4) and sub(first, 5) == sub(data, 5)
+  if at.cycle - job.request.at.cycle > 1 or not (parameter_first or value_first) then return false end
+  job.halves, job.request = job.request.at.frame, {data = data, at = job.request.at}
+  return true
+end
+
+-- Whether a changed answer is that of the open request, and not one before it that moved.
+function Channel:_counts(job, data)
+  local asked, standing = job.request.data, job.standing
+  if not fits(asked, data) then return false end
+  if access(asked) ~= "change" or is_refusal(data) or sub(data, 5) == sub(asked, 5) then return true end
+  if job.moving and standing and sub(standing.data, 1, 4) == sub(data, 1, 4) then
+    return false -- the value that was read goes on moving
+  end
+  return not self:_is_late(data) -- the read before it was not answered: this is what it asked for
+end
+
+-- Whether the answer that stands when a request ends may be its own, though no edge told it.
+function Channel:_stands(job, data)
+  if not fits(job.request.data, data) or is_refusal(data) then return false end
+  if access(job.request.data) ~= "change" or job.moving or not self._echoes then return true end
+  return sub(data, 5) == sub(job.request.data, 5)
+end
+
+function Channel:_is_late(data)
+  local before = self._before
+  return before ~= nil and not before.answer and fits(before.request.data, data)
+end
+
+-- The drive repeats an answer with the value of the moment.
+function Channel:_update(job)
+  if sub(self._in.data, 1, 4) == sub(job.answer.data, 1, 4) then
+    job.updates, job.newest = job.updates + 1, self._in
+  end
+end
+
+return M

@@ -1,0 +1,76 @@
+-- The control word and the status word: the state of the drive, and what it waits for (docs/cyclic.md 3). One
+-- word, or one pair of words, at a time; edges, times and who sent what are not here.
+
+local tables = require("ds47.spec.tables")
+
+local floor = math.floor
+
+local M = {}
+
+local function bit_of(word, bit)
+  return floor(word / 2 ^ bit) % 2
+end
+
+-- Whether the bits of a word under a mask are these; no Lua of Wireshark before 4.4 has operators for it.
+local function has(word, mask, bits)
+  for bit = 0, 15 do
+    if bit_of(mask, bit) == 1 and bit_of(word, bit) ~= bit_of(bits, bit) then return false end
+  end
+  return true
+end
+
+-- Whether a control word that the drive heeds asks it to switch off.
+local function is_stopping(stw1, ending)
+  if bit_of(stw1, ending.heeded) == 0 then return false end
+  for _, bit in ipairs(ending.unless) do
+    if bit_of(stw1, bit) == 1 then return false end
+  end
+  for _, bit in ipairs(ending.bits) do
+    if bit_of(stw1, bit) == 0 then return true end
+  end
+  return false
+end
+
+local function among(items, wanted)
+  for _, item in ipairs(items) do
+    if item == wanted then return true end
+  end
+  return false
+end
+
+--- The state of a drive by its status word; S5 only with the control word that goes with it.
+-- @return its id, and a list of the ids of what is shown beside it
+function M.state(zsw1, stw1)
+  local ending, found = tables.pzd.stopping, nil
+  for _, row in ipairs(tables.pzd.states) do
+    found = found or (has(zsw1, row.mask, row.bits) and row.id)
+  end
+  if stw1 and among(ending.states, found) and is_stopping(stw1, ending) then found = ending.id end
+  local overlays = {}
+  for _, row in ipairs(tables.pzd.overlays) do
+    if has(zsw1, row.mask, row.bits) then overlays[#overlays + 1] = row.id end
+  end
+  return found, overlays
+end
+
+--- The bits that a control word lacks, in the order in which a drive asks for them: rows of
+-- tables.pzd.needed.
+function M.missing(stw1)
+  local found = {}
+  for _, row in ipairs(tables.pzd.needed) do
+    if bit_of(stw1, row.bit) == 0 then found[#found + 1] = row end
+  end
+  return found
+end
+
+--- A word as PLC tables print it with a sign.
+function M.signed(word)
+  return word < 0x8000 and word or word - 0x10000
+end
+
+--- A setpoint or actual value of one word in percent of p2000.
+function M.percent(raw)
+  return M.signed(raw) / tables.pzd.word * 100
+end
+
+return M

@@ -1,0 +1,72 @@
+-- The words of the tables of cyclic frames, PKW and PZD, in "en" or "zh" (docs/cyclic.md). The tables
+-- themselves are tables.lua; what the bytes are is in cyclic/.
+
+local tables = require("ds47.spec.tables")
+
+local concat, floor = table.concat, math.floor
+
+local M = {}
+
+--- What the AK of a request or of an answer says.
+function M.meaning(ak, answer, lang)
+  local row = tables.pkw[answer and "answers" or "requests"][ak]
+  return lang == "zh" and row.zh or row.en
+end
+
+--- What an error number of PKW means; nil where nobody says.
+function M.error_text(code, lang)
+  local row = code and tables.pkw.errors[code]
+  if not row then return nil end
+  return lang == "zh" and row.zh or row.en
+end
+
+local function among(items, wanted)
+  for _, item in ipairs(items) do
+    if item == wanted then return true end
+  end
+  return false
+end
+
+local function row_of(id)
+  if id == tables.pzd.stopping.id then return tables.pzd.stopping end
+  for _, row in ipairs(tables.pzd.states) do
+    if row.id == id then return row end
+  end
+  return nil
+end
+
+--- `S2 ready to switch on, fault`, in "en" or "zh".
+function M.state_text(id, overlays, lang)
+  local chinese = lang == "zh"
+  local row = row_of(id)
+  local own = chinese and row.zh or row.en
+  local parts = {id:sub(1, 1) == "S" and id .. " " .. own or own}
+  for _, each in ipairs(tables.pzd.overlays) do
+    if among(overlays, each.id) then parts[#parts + 1] = chinese and each.zh or each.en end
+  end
+  return concat(parts, chinese and "，" or ", ")
+end
+
+--- What leads a drive on from its state, in "en" or "zh": out of a fault first; "": nothing is missing.
+function M.next_step(id, overlays, lang)
+  local name = lang == "zh" and "missing_zh" or "missing"
+  for _, each in ipairs(tables.pzd.overlays) do
+    if each.missing and among(overlays, each.id) then return each[name] end
+  end
+  return row_of(id)[name] or ""
+end
+
+--- What each bit of a word says: list of {bit, value, text}; bits that say nothing are left out.
+-- @param name "stw1" or "zsw1"
+-- @param family "micromaster", "positioning" or nil
+function M.bits(name, word, family, lang)
+  local plain, own, found = tables.pzd[name], family and tables.pzd[name .. "_" .. family] or {}, {}
+  for bit = 0, 15 do
+    local row, value = own[bit] or plain[bit], floor(word / 2 ^ bit) % 2
+    local text = row[(value == 1 and "set" or "clear") .. (lang == "zh" and "_zh" or "")]
+    if text then found[#found + 1] = {bit = bit, value = value, text = text} end
+  end
+  return found
+end
+
+return M

@@ -1,0 +1,13 @@
+"""The channels inside cyclic frames: PKW (parameters) and PZD (control, status, setpoints).
+
+Here are words and what they say (docs/cyclic.md): `pkw` the four words of a request or an answer, `pzd`
+the control and the status word. Frames, and which bytes of them are a channel, are not known here.
+"""
+
+from ds47.cyclic.pkw import CYCLIC, LENGTH, USS, Error, Message, decode, encode
+from ds47.cyclic.pzd import Status, missing, percent, signed, state
+
+__all__ = [
+    "CYCLIC", "LENGTH", "USS", "Error", "Message", "Status", "decode", "encode", "missing",
+    "percent", "signed", "state",
+]  # fmt: skip

@@ -1,0 +1,254 @@
+"""Requests of PKW and what answers them: the words of both directions to transactions (docs/cyclic.md 4).
+
+One channel at a time, fed with what changed in it; times, frames and cycles are arguments. Which bytes of
+which frame are a channel, and what is said of a transaction, is not here.
+
+A request stands until it is answered, an answer until the request changes. So an answer counts when it changed
+after the request did: the answer to the request before it is still there, and may even be allowed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from ds47.cyclic import pkw
+from ds47.spec import cyclic
+
+OK, ERROR, MISMATCH = "ok", "error", "mismatch"
+SUPERSEDED, UNANSWERED = "superseded", "unanswered"
+END, IO_LOST, WITHDRAWN = "end", "io-lost", "withdrawn"
+"""Why there was no answer: the capture ends, the data was not valid any more, the controller gave up."""
+
+
+class Moment(NamedTuple):
+    """Where something changed: the frame, its time, and how many frames its direction had before it."""
+
+    frame: int
+    time_ns: int
+    cycle: int
+
+
+class Sight(NamedTuple):
+    """Eight bytes, and when they were there first."""
+
+    data: bytes
+    at: Moment
+
+
+@dataclass(slots=True)
+class Job:
+    """A request as long as it stands, with its answer; None for what did not come.
+
+    `answer` is the one that counted. It is `settled` where no edge told it: it was there already, so nobody
+    knows how long the drive took. `began` is False where the request stood there when the capture began.
+    `updates` are further values under the same answer. `halves`: the frame in which a part of the request
+    changed before the rest of it. `late`: that of an answer to the request before.
+    """
+
+    request: Sight
+    standing: Sight | None
+    began: bool
+    state: str = ""
+    reason: str | None = None
+    answer: Sight | None = None
+    settled: bool = False
+    updates: int = 0
+    newest: Sight | None = None
+    halves: int | None = None
+    odd: Sight | None = None
+    late: int | None = None
+    ended: Moment | None = None
+    moving: bool = field(default=False, repr=False)
+    """Whether the answer that stood when it began had been changing."""
+
+    @property
+    def cycles(self) -> int | None:
+        """From the request to its answer, in frames of one direction; None where no edge told it."""
+        if self.answer is None or self.settled or not self.began:
+            return None
+        return self.answer.at.cycle - self.request.at.cycle
+
+    @property
+    def duration_ns(self) -> int | None:
+        """From the first frame of the request to the first of its answer; None where no edge told it."""
+        if self.answer is None or self.settled or not self.began:
+            return None
+        return self.answer.at.time_ns - self.request.at.time_ns
+
+
+class Channel:
+    """The requests and answers of one PKW channel.
+
+    Args:
+        closed: called with each transaction when its request ends.
+    """
+
+    def __init__(self, closed: Callable[[Job], None]) -> None:
+        self._closed = closed
+        self._out: Sight | None = None
+        self._in: Sight | None = None
+        self._job: Job | None = None
+        self._before: Job | None = None
+        self._previous = b""
+        """What was sent before the request that is open."""
+        self._echoes = True
+        """Whether the answer to a change has its value: some drives answer with 0."""
+
+    def sent(self, data: bytes, at: Moment) -> None:
+        """The controller sends these eight bytes from now on."""
+        data, last = _without_spm(data), self._out
+        if last is not None and last.data == data:
+            return
+        self._out = Sight(data, at)
+        if self._is_second_half(data, at):
+            return
+        self._previous = b"" if last is None else last.data
+        self._end(at, withdrawn=not _ak(data))
+        if _ak(data):
+            moving = self._before is not None and self._before.updates > 0
+            self._job = Job(self._out, self._in, last is not None, moving=moving)
+
+    def answered(self, data: bytes, at: Moment) -> None:
+        """The drive sends these eight bytes from now on."""
+        data = _without_spm(data)
+        if self._in is not None and self._in.data == data:
+            return
+        self._in = Sight(data, at)
+        job = self._job
+        if job is None or not _ak(data):
+            return
+        if job.answer is not None:
+            self._update(job, self._in)
+        elif self._counts(job, data):
+            job.answer = self._in
+            changed = _access(job.request.data) == "change" and any(job.request.data[4:])
+            self._echoes = self._echoes and (not changed or any(data[4:]))
+        elif self._is_late(data):
+            job.late = at.frame
+        elif not _fits(job.request.data, data):
+            job.odd = job.odd or self._in
+
+    def lost(self, at: Moment) -> None:
+        """The data is not valid from now on: what is open stays without an answer, and nobody is to blame."""
+        job = self._job
+        if job is not None and job.answer is None:
+            self._close(job, UNANSWERED, IO_LOST, at)
+        elif job is not None:
+            self._settle(job, at, END)
+        self._job = self._out = self._in = None
+
+    def finish(self) -> None:
+        """The capture ends."""
+        if self._job is not None:
+            self._settle(self._job, None, END)
+            self._job = None
+
+    def _end(self, at: Moment, withdrawn: bool) -> None:
+        if self._job is not None:
+            self._settle(self._job, at, WITHDRAWN if withdrawn else None)
+            self._before, self._job = self._job, None
+
+    def _settle(self, job: Job, at: Moment | None, reason: str | None) -> None:
+        """The state of a transaction whose request ends.
+
+        `reason` says why there is no answer, None: another request came.
+        """
+        if job.answer is None and self._in is not None and self._stands(job, self._in.data):
+            job.answer, job.settled = self._in, True
+        if job.answer is not None:
+            self._close(job, ERROR if _is_refusal(job.answer.data) else OK, None, at)
+        elif job.odd is not None:
+            self._close(job, MISMATCH, None, at)
+        elif reason is None:
+            self._close(job, SUPERSEDED, None, at)
+        else:
+            self._close(job, UNANSWERED, reason, at)
+
+    def _close(self, job: Job, state: str, reason: str | None, at: Moment | None) -> None:
+        job.state, job.reason, job.ended = state, reason, at
+        self._closed(job)
+
+    def _is_second_half(self, data: bytes, at: Moment) -> bool:
+        """Whether a request goes on that was begun a cycle ago: first the parameter changed, then the value.
+
+        Or the value first.
+        """
+        job, old = self._job, self._previous
+        if job is None or job.answer is not None or not old or _access(data) != "change":
+            return False
+        first, cycles = job.request.data, at.cycle - job.request.at.cycle
+        parameter_first = first[4:] == old[4:] and first[:4] == data[:4]
+        value_first = first[:4] == old[:4] and first[4:] == data[4:]
+        if cycles > 1 or not (parameter_first or value_first):
+            return False
+        job.halves, job.request = job.request.at.frame, Sight(data, job.request.at)
+        return True
+
+    def _counts(self, job: Job, data: bytes) -> bool:
+        """Whether a changed answer is that of the open request, and not one before it that moved."""
+        asked, standing = job.request.data, job.standing
+        if not _fits(asked, data):
+            return False
+        if _access(asked) != "change" or _is_refusal(data) or data[4:] == asked[4:]:
+            return True
+        if job.moving and standing is not None and standing.data[:4] == data[:4]:
+            return False  # the value that was read goes on moving
+        return not self._is_late(
+            data
+        )  # the read before it was not answered: this is what it asked for
+
+    def _stands(self, job: Job, data: bytes) -> bool:
+        """Whether the answer that stands when a request ends may be its own, though no edge told it."""
+        if not _fits(job.request.data, data) or _is_refusal(data):
+            return False
+        if _access(job.request.data) != "change" or job.moving or not self._echoes:
+            return True
+        return data[4:] == job.request.data[4:]
+
+    def _is_late(self, data: bytes) -> bool:
+        before = self._before
+        return before is not None and before.answer is None and _fits(before.request.data, data)
+
+    def _update(self, job: Job, seen: Sight) -> None:
+        """The drive repeats an answer with the value of the moment."""
+        assert job.answer is not None
+        if seen.data[:4] == job.answer.data[:4]:
+            job.updates += 1
+            job.newest = seen
+
+
+def _fits(asked: bytes, data: bytes) -> bool:
+    """Whether an answer may be that of a request: its AK is allowed, and it names the same parameter."""
+    answer = _ak(data)
+    if _is_refusal(data):
+        if answer == pkw.NO_RIGHTS and _access(asked) not in ("change", "text"):
+            return False
+        if not _number(data):  # Danfoss answers without the parameter
+            return True
+    elif answer not in cyclic.requests()[_ak(asked)].answers:
+        return False
+    return _number(asked) == _number(data) and asked[2:4] == data[2:4]
+
+
+def _is_refusal(data: bytes) -> bool:
+    return _ak(data) in (pkw.ERROR, pkw.NO_RIGHTS)
+
+
+def _without_spm(data: bytes) -> bytes:
+    """The bytes without the toggle bit of spontaneous messages, which belongs to no request."""
+    return bytes((data[0] & 0xF7,)) + data[1:8]
+
+
+def _ak(data: bytes) -> int:
+    return data[0] >> 4
+
+
+def _number(data: bytes) -> int:
+    """The parameter number on its page."""
+    return int.from_bytes(data[:2]) & 0x07FF
+
+
+def _access(data: bytes) -> str:
+    return cyclic.requests()[_ak(data)].access

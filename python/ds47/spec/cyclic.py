@@ -1,0 +1,248 @@
+"""The tables of the cyclic channels as Python objects: PKW (spec/pkw.toml) and PZD (spec/pzd.toml).
+
+Loading and lookup only; words are decoded in `ds47.cyclic`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from functools import cache
+from types import MappingProxyType
+
+from ds47.spec import _load
+from ds47.spec.rows import Row
+
+
+class Request(Row):
+    """One request of PKW by its AK (docs/cyclic.md 2)."""
+
+    ak: int
+    en: str
+    zh: str
+    access: str
+    """ "read", "change", "description", "count", "text", "none" or "unknown"."""
+    answers: tuple[int, ...]
+    """The AK of the answers that fit, apart from 7 and 8."""
+    array: bool = False
+    width: int | None = None
+    """Bits of the value that is written."""
+    eeprom: bool = False
+
+
+class Answer(Row):
+    """One answer of PKW by its AK; `width` in bits, None where PWE is no value."""
+
+    ak: int
+    en: str
+    zh: str
+    width: int | None = None
+
+
+class Bit(Row):
+    """What a bit of STW1 or ZSW1 says as 1 and as 0; "" where it says nothing."""
+
+    bit: int
+    set: str
+    clear: str
+    set_zh: str
+    clear_zh: str
+    family: str | None = None
+
+    def text(self, value: int, lang: str = "en") -> str:
+        """The words of the bit of a word, in "en" or "zh"."""
+        name = "set" if value >> self.bit & 1 else "clear"
+        words: str = getattr(self, name + ("_zh" if lang == "zh" else ""))
+        return words
+
+
+class State(Row):
+    """A state, or what is shown beside it: the bits of ZSW1 under a mask; `missing` leads to the next one."""
+
+    id: str
+    mask: int
+    bits: int
+    en: str
+    zh: str
+    missing: str = ""
+    missing_zh: str = ""
+
+
+class Stopping(Row):
+    """The state S5, which only the control word tells: one of `states` while one of `bits` is 0.
+
+    Not so while one of `unless` is 1, or `heeded` is 0.
+    """
+
+    id: str
+    en: str
+    zh: str
+    states: tuple[str, ...]
+    bits: tuple[int, ...]
+    unless: tuple[int, ...]
+    heeded: int
+    missing: str
+    missing_zh: str
+
+
+class Needed(Row):
+    """A bit of STW1 without which a drive does not run; `setpoint`: it runs, but does not turn."""
+
+    bit: int
+    en: str
+    zh: str
+    setpoint: bool = False
+
+
+class Telegram(Row):
+    """The words of a telegram behind its PKW words, if any; "(2)" marks a double word."""
+
+    number: int
+    out: tuple[str, ...]
+    inward: tuple[str, ...]
+    pkw: bool = False
+
+
+@cache
+def requests() -> Mapping[int, Request]:
+    """The requests of PKW by AK, all sixteen."""
+    rows = _load("pkw.toml")["request"]
+    return MappingProxyType(
+        {row["ak"]: Request(**{**row, "answers": tuple(row["answers"])}) for row in rows}
+    )
+
+
+@cache
+def answers() -> Mapping[int, Answer]:
+    """The answers of PKW by AK, all sixteen."""
+    return MappingProxyType({row["ak"]: Answer(**row) for row in _load("pkw.toml")["answer"]})
+
+
+@cache
+def weights() -> Mapping[int, int]:
+    """Bit of the page byte -> what it adds to the parameter number."""
+    table = _load("pkw.toml")["page"]["weights"]
+    return MappingProxyType({int(bit): weight for bit, weight in table.items()})
+
+
+@cache
+def _errors() -> Mapping[int, tuple[str, str]]:
+    return MappingProxyType(
+        {row["code"]: (row["en"], row["zh"]) for row in _load("pkw.toml")["error"]}
+    )
+
+
+@cache
+def error_codes(family: str | None = None) -> frozenset[int]:
+    """The error numbers that a family of drives knows; of all together without one.
+
+    Raises:
+        KeyError: there is no family of that name.
+    """
+    if family is None:
+        return frozenset(_errors())
+    named = {row["name"]: frozenset(row["errors"]) for row in _load("pkw.toml")["family"]}
+    return named[family]
+
+
+def error_text(code: int, lang: str = "en") -> str | None:
+    """What an error number of PKW means, in "en" or "zh"; None where nobody says."""
+    row = _errors().get(code)
+    return None if row is None else row[lang == "zh"]
+
+
+def families() -> tuple[str, ...]:
+    """The families of drives whose error numbers are known."""
+    return tuple(row["name"] for row in _load("pkw.toml")["family"])
+
+
+def connector_mark() -> int:
+    """The bits of PWE2 that say that a value is a connector."""
+    mark: int = _load("pkw.toml")["connector"]["mark"]
+    return mark
+
+
+@cache
+def float_range() -> tuple[float, float]:
+    """The least and the greatest amount that a double word is shown as a float with."""
+    row = _load("pkw.toml")["value"]
+    return row["float_least"], row["float_most"]
+
+
+@cache
+def bits(word: str, family: str | None = None) -> tuple[Bit, ...]:
+    """The sixteen bits of "stw1" or "zsw1"; `family` is "micromaster", "positioning" or None."""
+    found: dict[int, Bit] = {}
+    for row in _load("pzd.toml")[word]:
+        if row.get("family") in (None, family):
+            found[row["bit"]] = Bit(**row)
+    return tuple(found[bit] for bit in sorted(found))
+
+
+@cache
+def states() -> tuple[State, ...]:
+    """The states in the order in which they are tried."""
+    return tuple(State(**row) for row in _load("pzd.toml")["state"])
+
+
+@cache
+def overlays() -> tuple[State, ...]:
+    """What is shown beside a state: fault, alarm, OFF2, OFF3."""
+    return tuple(State(**row) for row in _load("pzd.toml")["overlay"])
+
+
+@cache
+def stopping() -> Stopping:
+    """The state of a drive that switches off."""
+    row = _load("pzd.toml")["stopping"]
+    return Stopping(**{name: tuple(v) if isinstance(v, list) else v for name, v in row.items()})
+
+
+@cache
+def needed() -> tuple[Needed, ...]:
+    """The bits of STW1 that a drive wants, in the order in which it asks for them."""
+    return tuple(Needed(**row) for row in _load("pzd.toml")["needed"])
+
+
+@cache
+def telegrams() -> Mapping[int, Telegram]:
+    """The telegrams whose words are known."""
+    rows = _load("pzd.toml")["telegram"]
+    return MappingProxyType({
+        row["number"]: Telegram(
+            number=row["number"], out=tuple(row["out"]), inward=tuple(row["in"]), pkw=row.get("pkw", False)
+        )
+        for row in rows
+    })  # fmt: skip
+
+
+def full_scale(double: bool = False) -> int:
+    """The raw value of 100 %, of a word or of a double word."""
+    value: int = _load("pzd.toml")["scale"]["double_word" if double else "word"]
+    return value
+
+
+def meaning(ak: int, answer: bool, lang: str = "en") -> str:
+    """What the AK of a request or of an answer says, in "en" or "zh"."""
+    row: Request | Answer = answers()[ak] if answer else requests()[ak]
+    return row.zh if lang == "zh" else row.en
+
+
+def _state(state_id: str) -> State | Stopping:
+    ending = stopping()
+    return ending if state_id == ending.id else next(row for row in states() if row.id == state_id)
+
+
+def state_text(state_id: str, beside: Collection[str], lang: str = "en") -> str:
+    """`S2 ready to switch on, fault`: a state and the overlays beside it, in "en" or "zh"."""
+    row, chinese = _state(state_id), lang == "zh"
+    own = row.zh if chinese else row.en
+    first = f"{state_id} {own}" if state_id.startswith("S") else own
+    shown = [each.zh if chinese else each.en for each in overlays() if each.id in beside]
+    return ("，" if chinese else ", ").join([first, *shown])
+
+
+def next_step(state_id: str, beside: Collection[str], lang: str = "en") -> str:
+    """What leads a drive on from its state, in "en" or "zh": out of a fault first, "" where nothing does."""
+    rows: list[State | Stopping] = [row for row in overlays() if row.id in beside and row.missing]
+    rows.append(_state(state_id))
+    return rows[0].missing_zh if lang == "zh" else rows[0].missing
