@@ -1,0 +1,202 @@
+"""What a Connect sets up: which bytes of which cyclic frames belong to which submodule (docs/protocol.md F.6).
+
+Request and response to places in frames. What the bytes are, PKW or PZD or none of them, is `ds47.cyclic`.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from ds47.profinet.rpc import Pdu
+
+INPUT, OUTPUT = 1, 2
+"""Types of communication relations, and of data: device to controller, and the other way."""
+_AR_REQUEST, _AR_RESPONSE = 0x0101, 0x8101
+_IOCR_REQUEST, _IOCR_RESPONSE = 0x0102, 0x8102
+_SUBMODULES = 0x0104
+_ARGS = 20
+"""Bytes of the NDR header in front of the blocks."""
+_HEADER = struct.Struct(">HH2x")
+"""Type, length (from the version on), version."""
+_IOCR = struct.Struct(">HHHIHHHHHHIHHH6sH")
+_OBJECT = struct.Struct(">HHH")
+_SUBMODULE = struct.Struct(">HIH")
+_DESCRIPTION = struct.Struct(">HHBB")
+_TICK_NS = 31_250
+Place = tuple[int, int, int]
+"""API, slot and subslot."""
+Described = tuple[int, dict[int, tuple[int, int]]]
+"""The ident number of a submodule, and by direction the lengths of its data and of IOPS."""
+_BOTH = 3
+"""Properties of a submodule that has input and output."""
+
+
+@dataclass(frozen=True, slots=True)
+class Data:
+    """Where the data of a submodule lies in cyclic frames, in one direction.
+
+    `offset` counts from the byte behind the frame id; IOPS stands behind the data, `iops` bytes of it.
+    `cycle_ns` is the time between two frames, `reference` that of the communication relation.
+    """
+
+    reference: int
+    frame_id: int
+    offset: int
+    length: int
+    iops: int
+    cycle_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Submodule:
+    """A submodule that a Connect expects, with its data in either direction; None where it has none."""
+
+    api: int
+    slot: int
+    subslot: int
+    ident: int
+    input: Data | None
+    output: Data | None
+
+
+@dataclass(frozen=True, slots=True)
+class Connect:
+    """What a Connect request asks for: the AR, the MAC address of the controller, and the submodules with data."""
+
+    ar: bytes
+    controller_mac: str
+    submodules: tuple[Submodule, ...]
+
+    def answered(self, frame_ids: Mapping[int, int]) -> Connect:
+        """The same with the frame ids that the device gave, by the reference of their relation."""
+        submodules = (
+            replace(each, input=_with(each.input, frame_ids), output=_with(each.output, frame_ids))
+            for each in self.submodules
+        )
+        return replace(self, submodules=tuple(submodules))
+
+
+def _with(data: Data | None, frame_ids: Mapping[int, int]) -> Data | None:
+    if data is None:
+        return None
+    return replace(data, frame_id=frame_ids.get(data.reference, data.frame_id))
+
+
+@dataclass(frozen=True, slots=True)
+class _Relation:
+    """One IOCRBlockReq: where which submodule lies in its frames."""
+
+    kind: int
+    reference: int
+    frame_id: int
+    cycle_ns: int
+    offsets: dict[Place, int]
+
+
+def parse_request(pdu: Pdu) -> Connect | None:
+    """What a Connect request asks for; None where it has no AR, or a block that is cut off or does not parse."""
+    ar, mac = b"", ""
+    relations: list[_Relation] = []
+    expected: dict[Place, Described] = {}
+    try:
+        for kind, block in _blocks(pdu.body):
+            if kind == _AR_REQUEST:
+                ar, mac = block[2:18], block[20:26].hex(":")
+            elif kind == _IOCR_REQUEST:
+                relations.append(_relation(block))
+            elif kind == _SUBMODULES:
+                expected.update(_expected(block))
+    except (struct.error, ValueError):
+        return None
+    if len(ar) < 16 or len(mac) < 17:
+        return None
+    return Connect(ar, mac, tuple(_submodules(relations, expected)))
+
+
+def parse_response(pdu: Pdu) -> tuple[bytes, str, dict[int, int]] | None:
+    """The AR, the MAC address of the device, and the frame id of each relation by its reference; None as above."""
+    ar, mac = b"", ""
+    frame_ids: dict[int, int] = {}
+    try:
+        for kind, block in _blocks(pdu.body):
+            if kind == _AR_RESPONSE:
+                ar, mac = block[2:18], block[20:26].hex(":")
+            elif kind == _IOCR_RESPONSE:
+                _, reference, frame_id = _OBJECT.unpack_from(block)
+                frame_ids[reference] = frame_id
+    except (struct.error, ValueError):
+        return None
+    return (ar, mac, frame_ids) if len(ar) == 16 and len(mac) == 17 else None
+
+
+def _blocks(body: bytes) -> Iterator[tuple[int, bytes]]:
+    """Type and content of each block behind its version.
+
+    Raises:
+        ValueError: a block ends before it should.
+    """
+    offset = _ARGS
+    while offset + _HEADER.size <= len(body):
+        kind, length = _HEADER.unpack_from(body, offset)
+        end = offset + 4 + length
+        if length < 2 or end > len(body):
+            raise ValueError(f"a block of {length} bytes ends behind the message")
+        yield kind, body[offset + _HEADER.size : end]
+        offset = end
+
+
+def _relation(block: bytes) -> _Relation:
+    """An IOCRBlockReq behind its version."""
+    kind, reference, _, _, _, frame_id, clock, reduction, *_, apis = _IOCR.unpack_from(block)
+    offsets: dict[Place, int] = {}
+    at = _IOCR.size
+    for _ in range(apis):
+        (api,) = struct.unpack_from(">I", block, at)
+        at += 4
+        for is_data in (True, False):  # the data of submodules, then the IOCS of others
+            (count,) = struct.unpack_from(">H", block, at)
+            at += 2
+            for _ in range(count):
+                slot, subslot, offset = _OBJECT.unpack_from(block, at)
+                at += _OBJECT.size
+                if is_data:
+                    offsets[api, slot, subslot] = offset
+    return _Relation(kind, reference, frame_id, clock * reduction * _TICK_NS, offsets)
+
+
+def _expected(
+    block: bytes,
+) -> Iterator[tuple[Place, Described]]:
+    """Of each submodule of an ExpectedSubmoduleBlockReq what is described of it."""
+    (apis,) = struct.unpack_from(">H", block)
+    at = 2
+    for _ in range(apis):
+        api, slot, _, _, count = struct.unpack_from(">IHIHH", block, at)
+        at += 14
+        for _ in range(count):
+            subslot, ident, properties = _SUBMODULE.unpack_from(block, at)
+            at += _SUBMODULE.size
+            lengths: dict[int, tuple[int, int]] = {}
+            for _ in range(2 if properties & _BOTH == _BOTH else 1):
+                direction, length, _, iops = _DESCRIPTION.unpack_from(block, at)
+                at += _DESCRIPTION.size
+                lengths[direction] = length, iops
+            yield (api, slot, subslot), (ident, lengths)
+
+
+def _submodules(
+    relations: list[_Relation],
+    expected: dict[Place, Described],
+) -> Iterator[Submodule]:
+    """The submodules that have data in a cyclic frame."""
+    for place, (ident, lengths) in expected.items():
+        found: dict[int, Data] = {}
+        for relation in relations:
+            offset, described = relation.offsets.get(place), lengths.get(relation.kind)
+            if offset is not None and described is not None and described[0]:
+                frame = relation.reference, relation.frame_id
+                found[relation.kind] = Data(*frame, offset, *described, relation.cycle_ns)
+        if found:
+            yield Submodule(*place, ident, found.get(INPUT), found.get(OUTPUT))
