@@ -18,7 +18,7 @@ local M = {}
 local UDP = 17
 local RPC_HEADER = rpc.HEADER_LENGTH
 -- The end of the interface UUIDs of PROFINET (docs/protocol.md E.2), bytes 32 to 39 of the RPC header.
-local UUID_TAIL = "\x82\x71\x00\xa0\x24\x42\xdf\x7d"
+local RPC_NODE, INTERFACE_END = rpc.NODE, rpc.INTERFACE_END
 local MOST_WAITING = 4096 -- frames that name stations and are not given to the analysis yet
 local MOST_TEXTS = 4096
 local NONE = {}
@@ -165,7 +165,7 @@ local packet = {} -- the one of the newest frame; whoever takes it does not keep
 local function udp_packet(frame, at, stop)
   local payload = at + 8
   if stop - payload < RPC_HEADER or byte(frame, payload + 1) ~= 4
-    or sub(frame, payload + 33, payload + 40) ~= UUID_TAIL then
+    or sub(frame, payload + INTERFACE_END - 7, payload + INTERFACE_END) ~= RPC_NODE then
     return false
   end
   local high, low = byte(frame, at + 5, at + 6)

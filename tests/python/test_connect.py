@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from ds47 import analysis
 from ds47.profinet import connect, rpc
 from ds47.profinet.stations import Stations
+from ds47.spec.layouts import RPC_CONNECT
 
 CAPTURES = (
     "real-stacks/o1_profinetpy062_be.pcapng",
@@ -38,7 +39,7 @@ def messages(monkeypatch: pytest.MonkeyPatch) -> list[rpc.Pdu]:
     told = Stations.message
 
     def message(self: Stations, pdu: rpc.Pdu) -> None:
-        if pdu.opnum == rpc.CONNECT and pdu.ptype in (0, 2):
+        if pdu.opnum == RPC_CONNECT and pdu.ptype in (0, 2):
             heard.append(pdu)
         told(self, pdu)
 
@@ -119,7 +120,7 @@ def test_the_data_of_submodules_lies_where_tshark_finds_it(
 
 
 def pdu(body: bytes) -> rpc.Pdu:
-    head = (0, True, bytes(16), bytes(16), 0, rpc.CONNECT, 0, True, False)
+    head = (0, True, bytes(16), bytes(16), 0, RPC_CONNECT, 0, True, False)
     return rpc.Pdu(*head, body, 0, 1, 0, "a", "b", 0, None, "a", "b")
 
 

@@ -9,19 +9,18 @@ from talk import pdus
 
 from ds47.lab import wire
 from ds47.lab.client import BUSY, CHANNEL, CONTROLLER_AR, OK, Client
-from ds47.profinet import rpc
 from ds47.profinet.records import (
     NIL_UUID,
-    WRITE_MULTIPLE,
     Record,
     parse_request,
     parse_response,
     released_ar,
 )
+from ds47.spec.layouts import RECORD_WRITE_MULTIPLE, RPC_CONNECT, RPC_WRITE
 
 DATA = b"\1\2\3\4\5\6\7"
 PLACE = wire.Channel(CONTROLLER_AR, slot=2, subslot=3, index=0xB02F, api=0x3A00)
-OUTER = wire.Channel(CONTROLLER_AR, 0xFFFF, 0xFFFF, WRITE_MULTIPLE, 0xFFFFFFFF)
+OUTER = wire.Channel(CONTROLLER_AR, 0xFFFF, 0xFFFF, RECORD_WRITE_MULTIPLE, 0xFFFFFFFF)
 ORDERS = pytest.mark.parametrize("order", ["<", ">"])
 
 
@@ -142,7 +141,7 @@ def test_nested_is_told_and_not_opened() -> None:
     inside = wire.write_request(0, CHANNEL, DATA)
     body = parse_request(pdus(lambda client: client.write_multiple([(OUTER, inside, OK)]))[0])
     assert (body.multiple, body.nested) == (True, True)
-    assert [record.index for record in body.records] == [WRITE_MULTIPLE]
+    assert [record.index for record in body.records] == [RECORD_WRITE_MULTIPLE]
 
 
 def test_an_empty_multiple() -> None:
@@ -202,7 +201,7 @@ def test_a_status_without_the_rest_of_the_ndr_header(order: wire.Order) -> None:
 
 def test_a_block_of_another_kind_is_absent() -> None:
     asked, answered = pdus(read)
-    for opnum in (rpc.WRITE, rpc.CONNECT, 9):
+    for opnum in (RPC_WRITE, RPC_CONNECT, 9):
         assert parse_request(replace(asked, opnum=opnum)).records == []
         assert parse_response(replace(answered, opnum=opnum)) == (0, [])
 

@@ -12,6 +12,7 @@ from talk import packets, pdus
 from ds47.lab import wire
 from ds47.lab.client import CONTROLLER_ACTIVITY, Client
 from ds47.profinet import rpc
+from ds47.spec.layouts import RPC_READ, RPC_SIZE
 
 BODY = bytes(range(40))
 
@@ -37,7 +38,7 @@ def test_header_in_both_byte_orders(order: wire.Order) -> None:
     pdu = rpc.parse(packet)
     assert pdu is not None
     assert pdu.little == (order == "<")
-    assert (pdu.ptype, pdu.seq, pdu.opnum, pdu.body, pdu.missing) == (1, 0, rpc.READ, BODY, 0)
+    assert (pdu.ptype, pdu.seq, pdu.opnum, pdu.body, pdu.missing) == (1, 0, RPC_READ, BODY, 0)
     assert pdu.activity == CONTROLLER_ACTIVITY.bytes
     assert pdu.object_uuid == wire.object_uuid(0x0501, 0x002A).bytes
     assert (pdu.fragmented, pdu.last) == (False, False)
@@ -56,7 +57,7 @@ def test_cut_at_every_byte(order: wire.Order) -> None:
     packet = one(order, wire.PING)
     for cut in range(len(packet.payload)):
         pdu = rpc.parse(replace(packet, payload=packet.payload[:cut]))
-        if cut < rpc.HEADER_LENGTH:
+        if cut < RPC_SIZE:
             assert pdu is None
         else:
             assert pdu is not None

@@ -13,22 +13,32 @@
 -- few keys of its own is what the plugin can afford for a frame.
 
 local rpc = require("ds47.profinet.rpc")
+local layout = require("ds47.spec.tables").layouts
 
 local byte, sub = string.byte, string.sub
 
 local M = {}
 
-local BLOCK_LENGTH = 64
-local WRITE_MULTIPLE = 0xE040
+local SIZE, NDR = layout.RECORD_SIZE, layout.NDR_SIZE
+local AR, INDEX, HEAD = layout.RECORD_AR, layout.RECORD_INDEX, layout.RECORD_DATA + 4
+local STATUS = layout.RECORD_STATUS
+local WRITE_MULTIPLE = layout.RECORD_WRITE_MULTIPLE
 local NIL_UUID = ("\0"):rep(16)
-M.BLOCK_LENGTH, M.WRITE_MULTIPLE, M.NIL_UUID = BLOCK_LENGTH, WRITE_MULTIPLE, NIL_UUID
+M.WRITE_MULTIPLE, M.NIL_UUID = WRITE_MULTIPLE, NIL_UUID
 
 local WRITE, READ_IMPLICIT = rpc.WRITE, rpc.READ_IMPLICIT
-local REQUEST_BLOCKS = {[rpc.READ] = 0x0009, [READ_IMPLICIT] = 0x0009, [WRITE] = 0x0008}
-local RESPONSE_BLOCKS = {[rpc.READ] = 0x8009, [READ_IMPLICIT] = 0x8009, [WRITE] = 0x8008}
-local AR_BLOCK = 0x0101
+local REQUEST_BLOCKS = {
+  [rpc.READ] = layout.BLOCK_READ_REQUEST, [READ_IMPLICIT] = layout.BLOCK_READ_REQUEST,
+  [WRITE] = layout.BLOCK_WRITE_REQUEST,
+}
+local RESPONSE_BLOCKS = {
+  [rpc.READ] = layout.BLOCK_READ_RESPONSE, [READ_IMPLICIT] = layout.BLOCK_READ_RESPONSE,
+  [WRITE] = layout.BLOCK_WRITE_RESPONSE,
+}
+local AR_BLOCK = layout.BLOCK_AR_REQUEST
 local ONLY_ARS = {[0x0001] = true, [0x0010] = true}
-local RELEASE_BLOCKS = {[0x0114] = true, [0x0117] = true}
+local RELEASE_BLOCKS = {[layout.BLOCK_RELEASE_REQUEST] = true, [layout.BLOCK_RELEASE_OF_RSI] = true}
+local FIRST_AR = NDR + layout.BLOCK_AR -- where the AR stands in a Connect or Release
 
 local HALF = {data = "", stated = 0, missing = 0}
 HALF.__index = HALF
@@ -64,7 +74,7 @@ local function place_at(opnum, data, offset)
     known = {}
     places[opnum] = known
   end
-  local key = sub(data, offset + 9, offset + 36)
+  local key = sub(data, offset + AR + 1, offset + INDEX + 2)
   local place = known[key]
   if place == nil then
     place = new_place(opnum, key)
@@ -110,10 +120,10 @@ end
 -- nil where the block is not whole or not of the expected type. Blocks are big-endian always (P13).
 local function head(data, offset, expected)
   local t1, t2 = byte(data, offset + 1, offset + 2)
-  if not t2 or t1 * 256 + t2 ~= expected or #data < offset + 40 then
+  if not t2 or t1 * 256 + t2 ~= expected or #data < offset + HEAD then
     return nil
   end
-  local i1, i2, l1, l2, l3, l4 = byte(data, offset + 35, offset + 40)
+  local i1, i2, l1, l2, l3, l4 = byte(data, offset + INDEX + 1, offset + HEAD)
   return i1 * 256 + i2, ((l1 * 256 + l2) * 256 + l3) * 256 + l4
 end
 
@@ -153,25 +163,25 @@ function M.parse_request(pdu)
   local body, records = pdu.body, {nil} -- given room for one at once
   local result = setmetatable({records = records}, Body)
   local expected = REQUEST_BLOCKS[pdu.opnum]
-  local index, stated = head(body, 20, expected)
+  local index, stated = head(body, NDR, expected)
   if not index then
     return result
   end
   if index ~= WRITE_MULTIPLE or pdu.opnum ~= WRITE then
-    records[1] = record_at(pdu, body, 20, 0, asked(pdu, body, 20 + BLOCK_LENGTH, stated))
+    records[1] = record_at(pdu, body, NDR, 0, asked(pdu, body, NDR + SIZE, stated))
     return result
   end
   result.multiple = true
-  local inner = sub(body, 21 + BLOCK_LENGTH, 20 + BLOCK_LENGTH + stated)
+  local inner = sub(body, NDR + SIZE + 1, NDR + SIZE + stated)
   local offset, position = 0, 1
   index, stated = head(inner, 0, expected)
   while index do
     if index == WRITE_MULTIPLE then
       result.nested = true
     end
-    local half = asked(pdu, inner, offset + BLOCK_LENGTH, stated)
+    local half = asked(pdu, inner, offset + SIZE, stated)
     records[position] = record_at(pdu, inner, offset, position, half)
-    offset = offset + BLOCK_LENGTH + stated + -stated % 4
+    offset = offset + SIZE + stated + -stated % 4
     position = position + 1
     index, stated = head(inner, offset, expected)
   end
@@ -196,12 +206,12 @@ local function answer(pdu, offset, stated, ndr_status)
   if pdu.opnum == WRITE then
     local status = ndr_status
     if ndr_status == 0 then
-      local a, b, c, d = byte(body, offset + 45, offset + 48)
+      local a, b, c, d = byte(body, offset + STATUS + 1, offset + STATUS + 4)
       status = d and ((a * 256 + b) * 256 + c) * 256 + d
     end
     return M.half(pdu.frame, pdu.time_ns, status)
   end
-  local data = sub(body, offset + BLOCK_LENGTH + 1, offset + BLOCK_LENGTH + stated)
+  local data = sub(body, offset + SIZE + 1, offset + SIZE + stated)
   local half = {frame = pdu.frame, time_ns = pdu.time_ns, data = data, stated = stated, status = ndr_status}
   if #data < stated then
     half.missing = stated - #data
@@ -215,17 +225,17 @@ end
 function M.parse_halves(pdu)
   local body, halves = pdu.body, {nil} -- given room for one at once
   local ndr_status = status_of(pdu)
-  if #body < 20 then
+  if #body < NDR then
     return ndr_status, halves, false
   end
   local write, expected = pdu.opnum == WRITE, RESPONSE_BLOCKS[pdu.opnum]
-  local offset, count = 20, 0
+  local offset, count = NDR, 0
   local index, stated = head(body, offset, expected)
   local multiple = write and index == WRITE_MULTIPLE
   while index do
     count = count + 1
     halves[count] = answer(pdu, offset, stated, ndr_status)
-    offset = offset + BLOCK_LENGTH
+    offset = offset + SIZE
     index = nil
     if write then -- a Read has one block, and its data behind it
       index, stated = head(body, offset, expected)
@@ -246,40 +256,40 @@ end
 -- IODWriteMultiple gives its inner responses only.
 function M.parse_response(pdu)
   local ndr_status, halves, multiple = M.parse_halves(pdu)
-  local records, offset, position = {}, 20, 0
+  local records, offset, position = {}, NDR, 0
   if multiple then
-    offset, position = offset + BLOCK_LENGTH, 1
+    offset, position = offset + SIZE, 1
   end
   for number, half in ipairs(halves) do
     records[number] = record_at(pdu, pdu.body, offset, position, nil, half)
-    offset, position = offset + BLOCK_LENGTH, position + 1
+    offset, position = offset + SIZE, position + 1
   end
   return ndr_status, records
 end
 
 --- The AR that a Release request ends, nil where its block does not parse.
 function M.released_ar(pdu)
-  local t1, t2 = byte(pdu.body, 21, 22)
-  if #pdu.body < 44 or not RELEASE_BLOCKS[t1 * 256 + t2] then
+  local t1, t2 = byte(pdu.body, NDR + 1, NDR + 2)
+  if #pdu.body < FIRST_AR + 16 or not RELEASE_BLOCKS[t1 * 256 + t2] then
     return nil
   end
-  return sub(pdu.body, 29, 44)
+  return sub(pdu.body, FIRST_AR + 1, FIRST_AR + 16)
 end
 
 --- Whether a Connect request with an AR sets up one of which a controller has one with a device.
 -- That is the AR of cyclic data (IOCARSingle, also with IRT); supervisors' ARs may stand beside it.
 function M.is_only_ar(pdu)
-  local t1, t2 = byte(pdu.body, 27, 28)
+  local t1, t2 = byte(pdu.body, FIRST_AR - 1, FIRST_AR)
   return t2 ~= nil and ONLY_ARS[t1 * 256 + t2] or false
 end
 
 --- The AR that a Connect request sets up, nil where its first block is no ARBlockReq.
 function M.connected_ar(pdu)
-  local t1, t2 = byte(pdu.body, 21, 22)
-  if #pdu.body < 44 or t1 * 256 + t2 ~= AR_BLOCK then
+  local t1, t2 = byte(pdu.body, NDR + 1, NDR + 2)
+  if #pdu.body < FIRST_AR + 16 or t1 * 256 + t2 ~= AR_BLOCK then
     return nil
   end
-  return sub(pdu.body, 29, 44)
+  return sub(pdu.body, FIRST_AR + 1, FIRST_AR + 16)
 end
 
 return M

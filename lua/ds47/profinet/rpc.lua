@@ -13,21 +13,28 @@ local byte, char, sub = string.byte, string.char, string.sub
 
 local M = {}
 
-M.HEADER_LENGTH = 80
+local layout = tables.layouts
+
+M.HEADER_LENGTH = layout.RPC_SIZE
+M.INTERFACE_END = layout.RPC_ACTIVITY -- where the interface UUID ends
 M.PTYPES = {
   [0] = "request", "ping", "response", "fault", "working", "nocall", "reject", "ack", "cancel", "fack",
   "cancel_ack",
 }
-M.CONNECT, M.RELEASE, M.READ, M.WRITE, M.CONTROL, M.READ_IMPLICIT = 0, 1, 2, 3, 4, 5
+M.CONNECT, M.RELEASE, M.READ = layout.RPC_CONNECT, layout.RPC_RELEASE, layout.RPC_READ
+M.WRITE, M.CONTROL, M.READ_IMPLICIT = layout.RPC_WRITE, layout.RPC_CONTROL, layout.RPC_READ_IMPLICIT
 
 local MOST_PTYPE = 10
+local FRAGMENT_END = layout.RPC_FRAGMENT + 2
+
+-- The end of every UUID of PROFINET, which has no byte order.
+M.NODE = "\x82\x71\x00\xa0\x24\x42\xdf\x7d"
 
 -- The interface UUIDs of a device, a controller, a supervisor and a parameter server, by byte order.
 local BIG_INTERFACES, LITTLE_INTERFACES = {}, {}
 for number = 1, 4 do
-  local tail = "\x82\x71\x00\xa0\x24\x42\xdf\x7d"
-  BIG_INTERFACES["\xde\xa0\x00" .. char(number) .. "\x6c\x97\x11\xd1" .. tail] = true
-  LITTLE_INTERFACES[char(number) .. "\x00\xa0\xde\x97\x6c\xd1\x11" .. tail] = true
+  BIG_INTERFACES["\xde\xa0\x00" .. char(number) .. "\x6c\x97\x11\xd1" .. M.NODE] = true
+  LITTLE_INTERFACES[char(number) .. "\x00\xa0\xde\x97\x6c\xd1\x11" .. M.NODE] = true
 end
 
 -- Whose calls it is: a request, ping, cancel or fack comes from the client.
@@ -43,13 +50,16 @@ end
 -- them, so they are read once. A head is the metatable of its PDUs. A capture made to have many must not fill
 -- memory.
 local heads, head_count, MOST_HEADS = {}, 0, 4096
-local COMMON = 64
+local COMMON = layout.RPC_SEQUENCE -- which is the first that changes from call to call
+local OBJECT, INTERFACE, ACTIVITY = layout.RPC_OBJECT, layout.RPC_INTERFACE, layout.RPC_ACTIVITY
+local SIZE, VERSION, LITTLE = layout.RPC_SIZE, layout.RPC_VERSION_4, layout.RPC_LITTLE
 
 -- The head for a header and the addresses of a packet; nil where it is not PNIO RPC.
 local function new_head(header, packet)
   local _, ptype, flags, _, order = byte(header, 1, 5)
   ptype = ptype % 32
-  local little, interface = order % 32 >= 16, sub(header, 25, 40)
+  local little = order % (2 * LITTLE) >= LITTLE
+  local interface = sub(header, INTERFACE + 1, ACTIVITY)
   if ptype > MOST_PTYPE or not (little and LITTLE_INTERFACES or BIG_INTERFACES)[interface] then
     return nil
   end
@@ -58,10 +68,11 @@ local function new_head(header, packet)
   if not FROM_CLIENT[ptype] then
     client, server = destination, source
   end
-  local activity = little and swapped(header, 41) or sub(header, 41, 56)
+  local activity = little and swapped(header, ACTIVITY + 1) or sub(header, ACTIVITY + 1, ACTIVITY + 16)
   local head = {
     ptype = ptype, little = little, last = flags % 4 >= 2, fragmented = flags % 8 >= 4,
-    object_uuid = little and swapped(header, 9) or sub(header, 9, 24), activity = activity,
+    object_uuid = little and swapped(header, OBJECT + 1) or sub(header, OBJECT + 1, INTERFACE),
+    activity = activity,
     source = source, destination = destination, client = client, server = server,
     source_mac = packet.src_mac, conversation = client .. "\0" .. activity,
     fragment = 0, missing = 0, -- of most PDUs; the others have their own
@@ -95,7 +106,7 @@ end
 function M.parse(packet)
   local data, at = packet.payload, packet.at or 0
   local stop = packet.stop or #data
-  if stop - at < M.HEADER_LENGTH or byte(data, at + 1) ~= 4 then
+  if stop - at < SIZE or byte(data, at + 1) ~= VERSION then
     return nil
   end
   local header = sub(data, at + 1, at + COMMON)
@@ -107,7 +118,7 @@ function M.parse(packet)
       return nil
     end
   end
-  local s1, s2, s3, s4, o1, o2, _, _, _, _, l1, l2, f1, f2 = byte(data, at + 65, at + 78)
+  local s1, s2, s3, s4, o1, o2, _, _, _, _, l1, l2, f1, f2 = byte(data, at + COMMON + 1, at + FRAGMENT_END)
   local seq, opnum, length, fragment
   if head.little then
     seq = ((s4 * 256 + s3) * 256 + s2) * 256 + s1
@@ -116,9 +127,9 @@ function M.parse(packet)
     seq = ((s1 * 256 + s2) * 256 + s3) * 256 + s4
     opnum, length, fragment = o1 * 256 + o2, l1 * 256 + l2, f1 * 256 + f2
   end
-  local stated = at + 80 + length
+  local stated = at + SIZE + length
   local pdu = setmetatable({
-    seq = seq, opnum = opnum, body = sub(data, at + 81, stated < stop and stated or stop),
+    seq = seq, opnum = opnum, body = sub(data, at + SIZE + 1, stated < stop and stated or stop),
     frame = packet.frame, time_ns = packet.time_ns, ip_id = packet.ip_id,
   }, head)
   if stated > stop then

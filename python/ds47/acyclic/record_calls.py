@@ -19,7 +19,6 @@ from ds47.profidrive import Options, Request, decode_request, decode_response
 from ds47.profinet import rpc
 from ds47.profinet.calls import Call, Handlers
 from ds47.profinet.records import (
-    WRITE_MULTIPLE,
     Half,
     Record,
     RequestBody,
@@ -29,10 +28,18 @@ from ds47.profinet.records import (
     parse_response,
     released_ar,
 )
+from ds47.spec.layouts import (
+    RECORD_WRITE_MULTIPLE,
+    RPC_CONNECT,
+    RPC_READ,
+    RPC_READ_IMPLICIT,
+    RPC_RELEASE,
+    RPC_WRITE,
+)
 from ds47.spec.semantics import Limits
 
 _PLACE: Final = struct.Struct(">16sIHHHH")
-_OPERATIONS: Final = {rpc.READ: "Read", rpc.WRITE: "Write", rpc.READ_IMPLICIT: "ReadImplicit"}
+_OPERATIONS: Final = {RPC_READ: "Read", RPC_WRITE: "Write", RPC_READ_IMPLICIT: "ReadImplicit"}
 
 _MOST_SHARED: Final = 4_096
 """Decoded requests that are kept to be used again,"""
@@ -168,11 +175,11 @@ class RecordCalls:
 
     def _request(self, call: Call) -> None:
         pdu = call.request
-        if pdu.opnum == rpc.RELEASE and (ar := released_ar(pdu)):
+        if pdu.opnum == RPC_RELEASE and (ar := released_ar(pdu)):
             over = partial(self._pairing.release, pdu.client, pdu.server, ar, pdu.frame)
             over()
             self._index47.follow((pdu.client, pdu.server, ar), partial(over, SHARED_INDEX))
-        if pdu.opnum == rpc.CONNECT:
+        if pdu.opnum == RPC_CONNECT:
             ar, only = connected_ar(pdu), is_only_ar(pdu)
             self._pairing.connected(pdu.client, pdu.server, pdu.frame, ar, only=only)
         if pdu.opnum not in _OPERATIONS:
@@ -180,7 +187,7 @@ class RecordCalls:
         body = parse_request(pdu)
         context = call.context = _Context(body, peer(pdu))
         if body.multiple:
-            self._count(WRITE_MULTIPLE, write=True)
+            self._count(RECORD_WRITE_MULTIPLE, write=True)
         pairing = self._pairing
         for record in body.records:
             self._count(record.index, write=record.write)

@@ -27,6 +27,14 @@ from ds47.profinet.link import mac
 from ds47.profinet.records import NIL_UUID, parse_request, parse_response
 from ds47.report.filters import display_filter
 from ds47.report.places import Places
+from ds47.spec.layouts import (
+    RPC_CONNECT,
+    RPC_CONTROL,
+    RPC_READ,
+    RPC_READ_IMPLICIT,
+    RPC_RELEASE,
+    RPC_WRITE,
+)
 
 from .anonymise import Anonymiser, Knowledge
 from .drafts import Draft, Drafts
@@ -51,12 +59,12 @@ __all__ = [
 ]
 
 _OPERATIONS = {
-    rpc.CONNECT: "Connect",
-    rpc.RELEASE: "Release",
-    rpc.READ: "Read",
-    rpc.WRITE: "Write",
-    rpc.CONTROL: "Control",
-    rpc.READ_IMPLICIT: "ReadImplicit",
+    RPC_CONNECT: "Connect",
+    RPC_RELEASE: "Release",
+    RPC_READ: "Read",
+    RPC_WRITE: "Write",
+    RPC_CONTROL: "Control",
+    RPC_READ_IMPLICIT: "ReadImplicit",
 }
 
 
@@ -218,7 +226,7 @@ def _description(message: Message) -> str:
     kind = rpc.PTYPES[pdu.ptype]
     operation = _OPERATIONS.get(pdu.opnum, f"operation {pdu.opnum}")
     index = ""
-    if pdu.opnum in (rpc.READ, rpc.WRITE, rpc.READ_IMPLICIT):
+    if pdu.opnum in (RPC_READ, RPC_WRITE, RPC_READ_IMPLICIT):
         records = parse_request(pdu).records if pdu.ptype == 0 else []
         if pdu.ptype == 2:
             records = parse_response(pdu)[1]

@@ -16,13 +16,25 @@ from ds47.profidrive import Options
 from ds47.profinet import rpc
 from ds47.profinet.records import NIL_UUID
 from ds47.profinet.traces import Trace
+from ds47.spec.layouts import (
+    RPC_ACTIVITY,
+    RPC_BODY,
+    RPC_INTERFACE,
+    RPC_LITTLE,
+    RPC_OBJECT,
+    RPC_ORDER,
+    RPC_READ_IMPLICIT,
+    RPC_SIZE,
+)
 
 from . import blocks, stations, values
 from .drafts import Draft, Drafts
 from .mapping import Key
 from .tracking import Copy, Message
 
-_UUIDS = (8, 40)
+_UDP = 8
+"""Bytes of the UDP header in front of that of RPC."""
+_UUIDS = (RPC_OBJECT, RPC_ACTIVITY)
 """Object and activity, in the RPC header."""
 _MOST_ASKED = 65_536
 """Answered calls that are known, for a response that is sent again; the oldest goes first."""
@@ -152,25 +164,26 @@ class Anonymiser:
 
     def _header(self, data: bytes, body: bytes) -> bytes:
         """UDP header, RPC header with other UUIDs, the body, zeros."""
-        little = data[8 + 4] & 0x10 != 0
-        out = bytearray(data[: 8 + rpc.HEADER_LENGTH] + body)
+        little = data[_UDP + RPC_ORDER] & RPC_LITTLE != 0
+        out = bytearray(data[: _UDP + RPC_SIZE] + body)
         for at, change in zip(_UUIDS, (blocks.object_uuid, Key.uuid), strict=True):
-            place = slice(8 + at, 8 + at + 16)
+            place = slice(_UDP + at, _UDP + at + 16)
             out[place] = _turned(change(self.key, _turned(bytes(out[place]), little)), little)
         return (bytes(out) + bytes(len(data)))[: len(data)]
 
     def _stump(self, data: bytes) -> bytes:
         """A frame that ends inside the RPC header: what stands in front of the activity stays."""
-        head, known = data[:16], data[16:32]
-        little = len(data) > 12 and data[12] & 0x10 != 0
+        start, end, stop = (_UDP + at for at in (RPC_OBJECT, RPC_INTERFACE, RPC_ACTIVITY))
+        head, known = data[:start], data[start:end]
+        little = len(data) > _UDP + RPC_ORDER and data[_UDP + RPC_ORDER] & RPC_LITTLE != 0
         if len(known) < 16 or rpc.device_identity(_turned(known, little)) is None:
             known = bytes(len(known))
-        return head + known + data[32:48] + bytes(len(data[48:]))
+        return head + known + data[end:stop] + bytes(len(data[stop:]))
 
     def _record(self, pdu: rpc.Pdu, ar: bytes, index: int, content: bytes) -> bytes:
         """The content of one record; zeros where it is no parameter message."""
         about = self._knowledge
-        if pdu.opnum == rpc.READ_IMPLICIT:
+        if pdu.opnum == RPC_READ_IMPLICIT:
             ar = NIL_UUID
         if index not in ALWAYS and (pdu.client, pdu.server, ar, index) not in about.ours:
             return stations.blank(content)
@@ -254,11 +267,13 @@ def _hardware(key: Key, length: bytes, field_: bytes) -> bytes:
 
 def _body_size(data: bytes) -> int:
     """Captured bytes of the RPC body in a UDP datagram."""
-    little = data[8 + 4] & 0x10 != 0
-    stated = int.from_bytes(data[8 + 74 : 8 + 76], "little" if little else "big")
+    little = data[_UDP + RPC_ORDER] & RPC_LITTLE != 0
+    stated = int.from_bytes(
+        data[_UDP + RPC_BODY : _UDP + RPC_BODY + 2], "little" if little else "big"
+    )
     length = int.from_bytes(data[4:6], "big")
     end = min(len(data), length) if length >= 8 else len(data)
-    return max(0, min(stated, end - 8 - rpc.HEADER_LENGTH))
+    return max(0, min(stated, end - _UDP - RPC_SIZE))
 
 
 def _turned(data: bytes, little: bool) -> bytes:

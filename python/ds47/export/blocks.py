@@ -10,15 +10,37 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from ds47.profinet import rpc
-from ds47.profinet.records import BLOCK_LENGTH, WRITE_MULTIPLE
+from ds47.spec.layouts import (
+    BLOCK_AR,
+    BLOCK_AR_REQUEST,
+    BLOCK_AR_RESPONSE,
+    BLOCK_EXPECTED_SUBMODULES,
+    BLOCK_IOCR_REQUEST,
+    BLOCK_IOCR_RESPONSE,
+    BLOCK_LENGTH,
+    BLOCK_READ_REQUEST,
+    BLOCK_READ_RESPONSE,
+    BLOCK_SIZE,
+    BLOCK_VERSION,
+    BLOCK_WRITE_REQUEST,
+    BLOCK_WRITE_RESPONSE,
+    NDR_SIZE,
+    RECORD_DATA,
+    RECORD_INDEX,
+    RECORD_SIZE,
+    RECORD_WRITE_MULTIPLE,
+    RPC_READ,
+    RPC_READ_IMPLICIT,
+    RPC_WRITE,
+)
 
 from .mapping import Key
 from .stations import blank
 
-NDR = 20
-_HEAD = 6
-_RECORD = {0x0008, 0x0009, 0x8008, 0x8009}
-_AR_UUID = slice(8, 24)
+_RECORD = {
+    BLOCK_WRITE_REQUEST, BLOCK_READ_REQUEST, BLOCK_WRITE_RESPONSE, BLOCK_READ_RESPONSE,
+}  # fmt: skip
+_AR_UUID = slice(BLOCK_AR, BLOCK_AR + 16)
 
 Record = Callable[[rpc.Pdu, bytes, int, bytes], bytes]
 """(message, AR, index, content) -> the content to write."""
@@ -38,15 +60,15 @@ class _Layout:
     """Of the whole block, where that is fixed; what stands behind it is not known."""
 
 
-_LIFE = _Layout(uuids=(8,), size=32)
+_LIFE = _Layout(uuids=(BLOCK_AR,), size=32)
 _BLOCKS: Mapping[int, _Layout] = {
-    0x0101: _Layout(macs=(26,), uuids=(8,), objects=(32,), name=56),  # ARBlockReq
-    0x8101: _Layout(macs=(26,), uuids=(8,), size=34),  # ARBlockRes
-    0x0102: _Layout(macs=(38,)),  # IOCRBlockReq
-    0x8102: _Layout(size=12),  # IOCRBlockRes
+    BLOCK_AR_REQUEST: _Layout(macs=(26,), uuids=(BLOCK_AR,), objects=(32,), name=56),
+    BLOCK_AR_RESPONSE: _Layout(macs=(26,), uuids=(BLOCK_AR,), size=34),
+    BLOCK_IOCR_REQUEST: _Layout(macs=(38,)),
+    BLOCK_IOCR_RESPONSE: _Layout(size=12),
     0x0103: _Layout(size=26),  # AlarmCRBlockReq
     0x8103: _Layout(size=12),  # AlarmCRBlockRes
-    0x0104: _Layout(),  # ExpectedSubmoduleBlockReq
+    BLOCK_EXPECTED_SUBMODULES: _Layout(),
     0x8104: _Layout(),  # ModuleDiffBlock
     0x0105: _Layout(objects=(6,), name=28),  # PrmServerBlock
     0x0106: _Layout(name=14),  # MCRBlockReq
@@ -61,8 +83,8 @@ def body(key: Key, pdu: rpc.Pdu, record: Record) -> bytes:
     data = pdu.body
     if pdu.ptype not in (0, 2):
         return data[:4] + blank(data[4:])  # a status at the most
-    out, rest = data[:NDR], data[NDR:]
-    if pdu.opnum in (rpc.READ, rpc.WRITE, rpc.READ_IMPLICIT):
+    out, rest = data[:NDR_SIZE], data[NDR_SIZE:]
+    if pdu.opnum in (RPC_READ, RPC_WRITE, RPC_READ_IMPLICIT):
         return out + _records(key, pdu, rest, record)
     return out + _blocks(key, rest)
 
@@ -75,16 +97,18 @@ def object_uuid(key: Key, data: bytes) -> bytes:
 
 def _blocks(key: Key, data: bytes) -> bytes:
     out = b""
-    while len(out) + _HEAD <= len(data):
+    while len(out) + BLOCK_SIZE <= len(data):
         at = len(out)
         kind = int.from_bytes(data[at : at + 2], "big")
-        length = int.from_bytes(data[at + 2 : at + 4], "big")
+        length = int.from_bytes(data[at + BLOCK_LENGTH : at + BLOCK_VERSION], "big")
         if length < 2:
             break
         block = data[at : at + 4 + length]
         layout = _BLOCKS.get(kind)
         out += (
-            block[:_HEAD] + blank(block[_HEAD:]) if layout is None else _block(key, block, layout)
+            block[:BLOCK_SIZE] + blank(block[BLOCK_SIZE:])
+            if layout is None
+            else _block(key, block, layout)
         )
     return out + blank(data[len(out) :])
 
@@ -110,19 +134,19 @@ def _block(key: Key, block: bytes, layout: _Layout) -> bytes:
 def _records(key: Key, pdu: rpc.Pdu, data: bytes, record: Record) -> bytes:
     """Record blocks one after another; IODWriteMultiple holds more of them, padded to four."""
     out, request = b"", pdu.ptype == 0
-    while len(out) + BLOCK_LENGTH <= len(data):
+    while len(out) + RECORD_SIZE <= len(data):
         at = len(out)
-        head = data[at : at + BLOCK_LENGTH]
+        head = data[at : at + RECORD_SIZE]
         kind = int.from_bytes(head[:2], "big")
         if kind not in _RECORD:
             break
-        index = int.from_bytes(head[34:36], "big")
+        index = int.from_bytes(head[RECORD_INDEX : RECORD_INDEX + 2], "big")
         out += _record_head(key, head)
-        if request and index == WRITE_MULTIPLE and at == 0:
+        if request and index == RECORD_WRITE_MULTIPLE and at == 0:
             continue  # its records follow
-        stated = int.from_bytes(head[36:40], "big")
-        if kind in (0x0008, 0x8009):
-            content = data[at + BLOCK_LENGTH : at + BLOCK_LENGTH + stated]
+        stated = int.from_bytes(head[RECORD_DATA : RECORD_DATA + 4], "big")
+        if kind in (BLOCK_WRITE_REQUEST, BLOCK_READ_RESPONSE):
+            content = data[at + RECORD_SIZE : at + RECORD_SIZE + stated]
             out += record(pdu, head[_AR_UUID], index, content)
         if request and len(out) < len(data):
             out += bytes(min(-len(out) % 4, len(data) - len(out)))

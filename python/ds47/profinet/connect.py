@@ -10,14 +10,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from ds47.profinet.rpc import Pdu
+from ds47.spec.layouts import (
+    BLOCK_AR_REQUEST,
+    BLOCK_AR_RESPONSE,
+    BLOCK_EXPECTED_SUBMODULES,
+    BLOCK_IOCR_REQUEST,
+    BLOCK_IOCR_RESPONSE,
+    NDR_SIZE,
+)
 
 INPUT, OUTPUT = 1, 2
 """Types of communication relations, and of data: device to controller, and the other way."""
-_AR_REQUEST, _AR_RESPONSE = 0x0101, 0x8101
-_IOCR_REQUEST, _IOCR_RESPONSE = 0x0102, 0x8102
-_SUBMODULES = 0x0104
-_ARGS = 20
-"""Bytes of the NDR header in front of the blocks."""
 _HEADER = struct.Struct(">HH2x")
 """Type, length (from the version on), version."""
 _IOCR = struct.Struct(">HHHIHHHHHHIHHH6sH")
@@ -102,11 +105,11 @@ def parse_request(pdu: Pdu) -> Connect | None:
     expected: dict[Place, Described] = {}
     try:
         for kind, block in _blocks(pdu.body):
-            if kind == _AR_REQUEST:
+            if kind == BLOCK_AR_REQUEST:
                 ar, mac = block[2:18], block[20:26].hex(":")
-            elif kind == _IOCR_REQUEST:
+            elif kind == BLOCK_IOCR_REQUEST:
                 relations.append(_relation(block))
-            elif kind == _SUBMODULES:
+            elif kind == BLOCK_EXPECTED_SUBMODULES:
                 expected.update(_expected(block))
     except (struct.error, ValueError):
         return None
@@ -121,9 +124,9 @@ def parse_response(pdu: Pdu) -> tuple[bytes, str, dict[int, int]] | None:
     frame_ids: dict[int, int] = {}
     try:
         for kind, block in _blocks(pdu.body):
-            if kind == _AR_RESPONSE:
+            if kind == BLOCK_AR_RESPONSE:
                 ar, mac = block[2:18], block[20:26].hex(":")
-            elif kind == _IOCR_RESPONSE:
+            elif kind == BLOCK_IOCR_RESPONSE:
                 _, reference, frame_id = _OBJECT.unpack_from(block)
                 frame_ids[reference] = frame_id
     except (struct.error, ValueError):
@@ -137,7 +140,7 @@ def _blocks(body: bytes) -> Iterator[tuple[int, bytes]]:
     Raises:
         ValueError: a block ends before it should.
     """
-    offset = _ARGS
+    offset = NDR_SIZE
     while offset + _HEADER.size <= len(body):
         kind, length = _HEADER.unpack_from(body, offset)
         end = offset + 4 + length

@@ -9,24 +9,42 @@ import struct
 from dataclasses import dataclass
 from typing import Final
 
-from ds47.profinet.rpc import READ, READ_IMPLICIT, WRITE, Pdu
+from ds47.profinet.rpc import Pdu
+from ds47.spec.layouts import (
+    BLOCK_AR,
+    BLOCK_AR_REQUEST,
+    BLOCK_READ_REQUEST,
+    BLOCK_READ_RESPONSE,
+    BLOCK_RELEASE_OF_RSI,
+    BLOCK_RELEASE_REQUEST,
+    BLOCK_SIZE,
+    BLOCK_WRITE_REQUEST,
+    BLOCK_WRITE_RESPONSE,
+    NDR_SIZE,
+    RECORD_SIZE,
+    RECORD_STATUS,
+    RECORD_STRUCT,
+    RECORD_WRITE_MULTIPLE,
+    RPC_READ,
+    RPC_READ_IMPLICIT,
+    RPC_WRITE,
+)
 
-BLOCK_LENGTH: Final = 64
-WRITE_MULTIPLE: Final = 0xE040
 NIL_UUID: Final = bytes(16)
 
-_BLOCK: Final = struct.Struct(">HHHH16sIHHHHI")
+_BLOCK: Final = struct.Struct(RECORD_STRUCT)
 """Type, length, version, sequence, AR, API, slot, subslot, padding, index, record data length."""
 _STATUS: Final = {True: struct.Struct("<I"), False: struct.Struct(">I")}
-READ_REQUEST: Final = 0x0009
-WRITE_REQUEST: Final = 0x0008
-READ_RESPONSE: Final = 0x8009
-WRITE_RESPONSE: Final = 0x8008
-_REQUEST_BLOCKS: Final = {READ: READ_REQUEST, READ_IMPLICIT: READ_REQUEST, WRITE: WRITE_REQUEST}
-_READS: Final = (READ, READ_IMPLICIT)
-_AR_BLOCK: Final = 0x0101
+_REQUEST_BLOCKS: Final = {
+    RPC_READ: BLOCK_READ_REQUEST,
+    RPC_READ_IMPLICIT: BLOCK_READ_REQUEST,
+    RPC_WRITE: BLOCK_WRITE_REQUEST,
+}
+_READS: Final = (RPC_READ, RPC_READ_IMPLICIT)
 _ONLY_ARS: Final = (0x0001, 0x0010)
-_RELEASE_BLOCKS: Final = (0x0114, 0x0117)
+_RELEASE_BLOCKS: Final = (BLOCK_RELEASE_REQUEST, BLOCK_RELEASE_OF_RSI)
+_AR_BLOCK: Final = slice(NDR_SIZE, NDR_SIZE + BLOCK_AR + 16)
+"""The first block of a Connect or Release, with its AR."""
 
 
 @dataclass(slots=True, init=False)
@@ -127,20 +145,20 @@ class RequestBody:
 def parse_request(pdu: Pdu) -> RequestBody:
     """The records of a Read, Write or ReadImplicit request. Never raises: what does not parse is absent."""
     expected = _REQUEST_BLOCKS.get(pdu.opnum)
-    record = _request(pdu, pdu.body, 20, expected, 0)
+    record = _request(pdu, pdu.body, NDR_SIZE, expected, 0)
     if record is None:
         return RequestBody()
-    if not record.write or record.index != WRITE_MULTIPLE:
+    if not record.write or record.index != RECORD_WRITE_MULTIPLE:
         return RequestBody([record])
     assert record.request is not None
     result = RequestBody(multiple=True)
     inner, offset = record.request.data, 0
     while (record := _request(pdu, inner, offset, expected, len(result.records) + 1)) is not None:
         assert record.request is not None
-        if record.index == WRITE_MULTIPLE:
+        if record.index == RECORD_WRITE_MULTIPLE:
             result.nested = True
         result.records.append(record)
-        offset += BLOCK_LENGTH + record.request.stated + -record.request.stated % 4
+        offset += RECORD_SIZE + record.request.stated + -record.request.stated % 4
     return result
 
 
@@ -154,13 +172,13 @@ def _request(
      stated) = _BLOCK.unpack_from(data, offset)  # fmt: skip
     if kind != expected:
         return None
-    if pdu.opnum == WRITE:
-        start = offset + BLOCK_LENGTH
+    if pdu.opnum == RPC_WRITE:
+        start = offset + RECORD_SIZE
         payload = data[start : start + stated]
         half = Half(pdu.frame, pdu.time_ns, payload, stated, stated - len(payload))
         return Record(True, False, ar, api, slot, subslot, index, position, half)
     half = Half(pdu.frame, pdu.time_ns, b"", stated)
-    implicit = pdu.opnum == READ_IMPLICIT
+    implicit = pdu.opnum == RPC_READ_IMPLICIT
     if implicit:
         ar = NIL_UUID
     return Record(False, implicit, ar, api, slot, subslot, index, position, half)
@@ -173,29 +191,29 @@ def parse_response(pdu: Pdu) -> tuple[int | None, list[Record]]:
     An IODWriteMultiple gives its inner responses only.
     """
     body = pdu.body
-    if len(body) < 20:
+    if len(body) < NDR_SIZE:
         status = body[:4]
         order = "little" if pdu.little else "big"
         return (int.from_bytes(status, order) if len(status) == 4 else None), []  # type: ignore[arg-type]
     ndr_status: int = _STATUS[pdu.little].unpack_from(body)[0]
     records: list[Record] = []
-    if pdu.opnum == WRITE:
-        offset = 20
+    if pdu.opnum == RPC_WRITE:
+        offset = NDR_SIZE
         while (record := _write_response(pdu, offset, ndr_status, len(records))) is not None:
             records.append(record)
-            offset += BLOCK_LENGTH
-        if records and records[0].index == WRITE_MULTIPLE:
+            offset += RECORD_SIZE
+        if records and records[0].index == RECORD_WRITE_MULTIPLE:
             outer = records.pop(0).response
             if not records and outer and outer.status:
                 ndr_status = outer.status
-    elif pdu.opnum in _READS and len(body) >= 20 + _BLOCK.size:
+    elif pdu.opnum in _READS and len(body) >= NDR_SIZE + _BLOCK.size:
         (kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index,
-         length) = _BLOCK.unpack_from(body, 20)  # fmt: skip
-        if kind == READ_RESPONSE:
-            start = 20 + BLOCK_LENGTH
+         length) = _BLOCK.unpack_from(body, NDR_SIZE)  # fmt: skip
+        if kind == BLOCK_READ_RESPONSE:
+            start = NDR_SIZE + RECORD_SIZE
             data = body[start : start + length]
             half = Half(pdu.frame, pdu.time_ns, data, length, length - len(data), ndr_status)
-            implicit = pdu.opnum == READ_IMPLICIT
+            implicit = pdu.opnum == RPC_READ_IMPLICIT
             if implicit:
                 ar = NIL_UUID
             records.append(Record(False, implicit, ar, api, slot, subslot, index, 0, None, half))
@@ -209,11 +227,11 @@ def _write_response(pdu: Pdu, offset: int, ndr_status: int, position: int) -> Re
         return None
     (kind, _length, _version, _seq, ar, api, slot, subslot, _pad, index,
      _data) = _BLOCK.unpack_from(body, offset)  # fmt: skip
-    if kind != WRITE_RESPONSE:
+    if kind != BLOCK_WRITE_RESPONSE:
         return None
     status: int | None = ndr_status
     if not ndr_status:
-        own = body[offset + 44 : offset + 48]
+        own = body[offset + RECORD_STATUS : offset + RECORD_STATUS + 4]
         status = int.from_bytes(own, "big") if len(own) == 4 else None
     half = Half(pdu.frame, pdu.time_ns, b"", 0, 0, status)
     return Record(True, False, ar, api, slot, subslot, index, position, None, half)
@@ -221,10 +239,10 @@ def _write_response(pdu: Pdu, offset: int, ndr_status: int, position: int) -> Re
 
 def released_ar(pdu: Pdu) -> bytes | None:
     """The AR that a Release request ends, None where its block does not parse."""
-    block = pdu.body[20:44]
-    if len(block) < 24 or int.from_bytes(block[:2], "big") not in _RELEASE_BLOCKS:
+    block = pdu.body[_AR_BLOCK]
+    if len(block) < BLOCK_AR + 16 or int.from_bytes(block[:2], "big") not in _RELEASE_BLOCKS:
         return None
-    return block[8:24]
+    return block[BLOCK_AR:]
 
 
 def is_only_ar(pdu: Pdu) -> bool:
@@ -232,12 +250,13 @@ def is_only_ar(pdu: Pdu) -> bool:
 
     That is the AR of cyclic data (IOCARSingle, also with IRT); of supervisors' ARs there may be more beside it.
     """
-    return int.from_bytes(pdu.body[26:28], "big") in _ONLY_ARS
+    kind = pdu.body[NDR_SIZE + BLOCK_SIZE : NDR_SIZE + BLOCK_AR]
+    return int.from_bytes(kind, "big") in _ONLY_ARS
 
 
 def connected_ar(pdu: Pdu) -> bytes | None:
     """The AR that a Connect request sets up, None where its first block is no ARBlockReq."""
-    block = pdu.body[20:44]
-    if len(block) < 24 or int.from_bytes(block[:2], "big") != _AR_BLOCK:
+    block = pdu.body[_AR_BLOCK]
+    if len(block) < BLOCK_AR + 16 or int.from_bytes(block[:2], "big") != BLOCK_AR_REQUEST:
         return None
-    return block[8:24]
+    return block[BLOCK_AR:]

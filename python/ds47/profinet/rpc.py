@@ -19,8 +19,20 @@ from ds47.capture.scan import ETHERNET, IPV4, UDP, UUIDS
 from ds47.profinet.ip import Cut, address
 from ds47.profinet.link import Packet, mac
 from ds47.profinet.traces import MOST_COPIES, Trace, Traces
+from ds47.spec.layouts import (
+    RPC_FLAGS,
+    RPC_IS_FRAGMENT,
+    RPC_LAST_FRAGMENT,
+    RPC_LITTLE,
+    RPC_OBJECT,
+    RPC_ORDER,
+    RPC_PTYPE,
+    RPC_SIZE,
+    RPC_STRUCT,
+    RPC_VERSION,
+    RPC_VERSION_4,
+)
 
-HEADER_LENGTH: Final = 80
 PTYPES: Final = {
     0: "request",
     1: "ping",
@@ -34,20 +46,13 @@ PTYPES: Final = {
     9: "fack",
     10: "cancel_ack",
 }
-CONNECT: Final = 0
-RELEASE: Final = 1
-READ: Final = 2
-WRITE: Final = 3
-CONTROL: Final = 4
-READ_IMPLICIT: Final = 5
 
-_LITTLE: Final = struct.Struct("<IHH8sIHH8sIHH8sIIIHHHHH")
-_BIG: Final = struct.Struct(">IHH8sIHH8sIHH8sIIIHHHHH")
+_LITTLE: Final = struct.Struct(f"<IHH8sIHH8sIHH8s{RPC_STRUCT}")
+_BIG: Final = struct.Struct(f">IHH8sIHH8sIHH8s{RPC_STRUCT}")
 _UUID: Final = struct.Struct(">IHH8s")
-_LAST_FRAGMENT: Final = 0x02
-_FRAGMENT: Final = 0x04
+_PTYPE_BITS: Final = 0x1F
 _FROM_CLIENT: Final = frozenset((0, 1, 8, 9))
-_PNIO_NODE: Final = bytes.fromhex("827100a02442df7d")
+_PNIO_NODE: Final = UUIDS[8:16]
 
 
 @dataclass(slots=True, init=False)
@@ -130,33 +135,35 @@ class Pdu:
 def parse(packet: Packet) -> Pdu | None:
     """The PDU in a UDP packet; None where it is not PNIO RPC or its header is cut off."""
     data = packet.payload
-    if len(data) < HEADER_LENGTH or data[0] != 4 or data[1] & 0x1F not in PTYPES:
+    if len(data) < RPC_SIZE or data[RPC_VERSION] != RPC_VERSION_4:
         return None
-    little = data[4] & 0x10 != 0
+    ptype = data[RPC_PTYPE] & _PTYPE_BITS
+    if ptype not in PTYPES:
+        return None
+    little = data[RPC_ORDER] & RPC_LITTLE != 0
     layout = _LITTLE if little else _BIG
     (
         o1, o2, o3, o4, i1, i2, _i3, i4, a1, a2, a3, a4,
         _boot, _version, seq, opnum, _ihint, _ahint, length, fragment,
-    ) = layout.unpack_from(data, 8)  # fmt: skip
+    ) = layout.unpack_from(data, RPC_OBJECT)  # fmt: skip
     if i4 != _PNIO_NODE or i1 & 0xFFFFFFF0 != 0xDEA00000 or i2 != 0x6C97:
         return None
-    flags = data[2]
-    fragmented = flags & _FRAGMENT != 0
-    body = data[HEADER_LENGTH : HEADER_LENGTH + length]
-    ptype = data[1] & 0x1F
+    flags = data[RPC_FLAGS]
+    fragmented = flags & RPC_IS_FRAGMENT != 0
+    body = data[RPC_SIZE : RPC_SIZE + length]
     client, server = packet.src_ip, packet.dst_ip
     if ptype not in _FROM_CLIENT:
         client, server = server, client
     return Pdu(
         ptype, little, _UUID.pack(o1, o2, o3, o4), _UUID.pack(a1, a2, a3, a4), seq, opnum,
-        fragment, flags & _LAST_FRAGMENT != 0, fragmented, body, length - len(body),
+        fragment, flags & RPC_LAST_FRAGMENT != 0, fragmented, body, length - len(body),
         packet.frame, packet.time_ns, packet.src_ip, packet.dst_ip, packet.ip_id, packet.src_mac,
         client, server, packet.cut if length > len(body) else None,
     )  # fmt: skip
 
 
-_USUAL_LITTLE: Final = struct.Struct("<BBB5x48sIIIHHHHH")
-_USUAL_BIG: Final = struct.Struct(">BBB5x48sIIIHHHHH")
+_USUAL_LITTLE: Final = struct.Struct(f"<BBB5x48s{RPC_STRUCT}")
+_USUAL_BIG: Final = struct.Struct(f">BBB5x48s{RPC_STRUCT}")
 _LOWER: Final = struct.Struct(">12xHBxHHHxBxx8sxxxxH")
 _INTERFACES: Final = {  # the first of each pair in network order, the second of a little-endian sender
     little: frozenset(UUIDS[at : at + 16] for at in range(16 if little else 0, len(UUIDS), 32))
@@ -164,7 +171,7 @@ _INTERFACES: Final = {  # the first of each pair in network order, the second of
 }
 _UDP_START: Final = 34
 _RPC_START: Final = 42
-_BODY_START: Final = 122
+_BODY_START: Final = _RPC_START + RPC_SIZE
 
 
 def from_frame(frame: Frame) -> Pdu | None:
@@ -187,7 +194,7 @@ def from_frame(frame: Frame) -> Pdu | None:
         or end < _BODY_START
     ):
         return None
-    little = data[46] & 0x10 != 0
+    little = data[_RPC_START + RPC_ORDER] & RPC_LITTLE != 0
     (rpc_version, ptype, rpc_flags, identity,
      _boot, _version, seq, opnum, _ihint, _ahint, length, fragment,
      ) = (_USUAL_LITTLE if little else _USUAL_BIG).unpack_from(data, _RPC_START)  # fmt: skip
@@ -196,8 +203,8 @@ def from_frame(frame: Frame) -> Pdu | None:
         uuids = _uuids(identity, little)
         if uuids is None:
             return None
-    ptype &= 0x1F
-    if rpc_version != 4 or ptype not in PTYPES:
+    ptype &= _PTYPE_BITS
+    if rpc_version != RPC_VERSION_4 or ptype not in PTYPES:
         return None
     pair = _HOSTS.get(hosts)
     source, destination = pair if pair is not None else _hosts(hosts)
@@ -215,7 +222,7 @@ def from_frame(frame: Frame) -> Pdu | None:
         cut = (frame.number, len(data), frame.original_length)
     return Pdu(
         ptype, little, uuids[0], uuids[1], seq, opnum, fragment,
-        rpc_flags & _LAST_FRAGMENT != 0, rpc_flags & _FRAGMENT != 0,
+        rpc_flags & RPC_LAST_FRAGMENT != 0, rpc_flags & RPC_IS_FRAGMENT != 0,
         body, length - len(body), frame.number, frame.time_ns,
         source, destination, ip_id, station, client, server, cut,
     )  # fmt: skip

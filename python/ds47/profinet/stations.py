@@ -7,6 +7,7 @@ from collections import OrderedDict
 from ds47.model import Device
 from ds47.profinet import dcp, lldp, rpc
 from ds47.profinet.link import Packet
+from ds47.spec.layouts import RPC_CONNECT, RPC_CONTROL
 
 
 class Stations:
@@ -37,9 +38,9 @@ class Stations:
 
     def message(self, pdu: rpc.Pdu) -> None:
         """Takes an RPC message: responses come from devices, a Connect names device and controller."""
-        if pdu.ptype == 2 and pdu.opnum != rpc.CONTROL:  # a controller answers ApplicationReady
+        if pdu.ptype == 2 and pdu.opnum != RPC_CONTROL:  # a controller answers ApplicationReady
             self._learn(pdu.source, pdu.source_mac, pdu.object_uuid)
-        elif pdu.ptype == 0 and pdu.opnum == rpc.CONNECT:
+        elif pdu.ptype == 0 and pdu.opnum == RPC_CONNECT:
             self._learn(pdu.destination, None, pdu.object_uuid)
 
     def knows(self, ip: str) -> bool:

@@ -16,9 +16,10 @@ from ds47.profinet.ip import Reassembler
 from ds47.profinet.link import Packet, Packets
 from ds47.profinet.records import Record
 from ds47.profinet.stations import Stations
+from ds47.spec.layouts import RPC_READ, RPC_READ_IMPLICIT, RPC_WRITE
 from ds47.spec.semantics import Limits
 
-_RECORD_CALLS = (rpc.READ, rpc.WRITE, rpc.READ_IMPLICIT)
+_RECORD_CALLS = (RPC_READ, RPC_WRITE, RPC_READ_IMPLICIT)
 
 
 class Listener(Protocol):

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 
 from ds47.acyclic.index47 import ALWAYS
 from ds47.model import STATES, CaptureResult, Transaction
-from ds47.profinet.records import WRITE_MULTIPLE
 from ds47.report.bilingual import Both, joined, say, state
+from ds47.spec.layouts import RECORD_WRITE_MULTIPLE
 
 FAILED = ("refused", "error", "partial", "mismatch")
 """States of a transaction that did not do what it was meant to do."""
@@ -157,7 +157,7 @@ def _other_records(result: CaptureResult) -> int:
     An IODWriteMultiple is none: it is opened, and what is in it counts by its own index.
     """
     ours = {str(each.index) for each in result.transactions}
-    ours |= {str(index) for index in (WRITE_MULTIPLE, *ALWAYS)}
+    ours |= {str(index) for index in (RECORD_WRITE_MULTIPLE, *ALWAYS)}
     return sum(
         number
         for index, kinds in result.records.items()
