@@ -8,6 +8,9 @@ from pathlib import Path
 import pytest
 
 from ds47 import spec
+from ds47.capture import scan
+from ds47.profidrive import model
+from ds47.spec import layouts
 from ds47.spec.semantics import known, limits
 from ds47.spec.statuses import status_hex, status_text
 
@@ -133,3 +136,34 @@ def test_every_name_of_a_format_leads_to_it() -> None:
             assert spec.format_named(name) is row, name
             assert spec.format_named(name.upper()) is row, name
     assert spec.format_named("Float31") is None
+
+
+# Layouts
+
+
+def test_the_scan_and_the_codec_have_the_numbers_of_the_layouts() -> None:
+    """The scan is compiled by itself and keeps its own; the codec names attributes and formats in its model."""
+    data = bytearray(layouts.RPC_SIZE)
+    data[layouts.RPC_VERSION] = layouts.RPC_VERSION_4
+    data[layouts.RPC_INTERFACE : layouts.RPC_ACTIVITY] = scan.UUIDS[:16]
+    assert scan.is_pnio(bytes(data), 0, len(data))
+    assert (model.VALUE, model.DESCRIPTION, model.TEXT, model.ZERO, model.ERROR) == (
+        layouts.ADDRESS_VALUE, layouts.ADDRESS_DESCRIPTION, layouts.ADDRESS_TEXT,
+        layouts.VALUE_ZERO, layouts.VALUE_ERROR,
+    )  # fmt: skip
+
+
+def test_the_fields_of_a_layout_lie_inside_it_and_do_not_overlap() -> None:
+    for name, table in spec._load("layouts.toml").items():
+        if name == "block":
+            continue  # of a block only the head has a size
+        taken: set[int] = set()
+        fields = dict(table["fields"])
+        if name == "record":
+            del fields[
+                "status"
+            ]  # the end of a response stands where a Read request has its target AR
+        for at, size in fields.values():
+            assert taken.isdisjoint(range(at, at + size))
+            taken |= set(range(at, at + size))
+        assert max(taken) < table["size"]

@@ -23,7 +23,7 @@ M.PNU_ACCESS_IDENTIFICATION = 974
 M.NOT_SUPPORTED = 0x80
 
 local PNU_ACCESS_IDENTIFICATION, NOT_SUPPORTED = M.PNU_ACCESS_IDENTIFICATION, M.NOT_SUPPORTED
-local VALUE = 0x10 -- attribute (docs/protocol.md A.4)
+local VALUE = tables.layouts.ADDRESS_VALUE
 local NONE = {} -- no remarks; most jobs have none
 -- Flaws that say that something is not there: pad, bytes, error block.
 local TOO_MANY = "DS304" -- more parameters than usual

@@ -15,7 +15,7 @@ local floor, huge, max, sub = math.floor, math.huge, math.max, string.sub
 local M = {}
 
 local DO_IDENTIFICATION = drive_objects.DO_IDENTIFICATION
-local VALUE = 0x10 -- attribute (docs/protocol.md A.4)
+local VALUE = tables.layouts.ADDRESS_VALUE
 local NEVER = huge -- a frame behind the end of every capture
 local KEPT = 8 -- writes that may be the last one of a parameter; of more of them nothing is known
 local CUT = "DS315"

@@ -13,8 +13,8 @@ local byte, char, floor, max, min = string.byte, string.char, math.floor, math.m
 local M = {}
 
 local STATUS_NOT_READY = pairing.STATUS_NOT_READY
-local VALUE = 0x10
-local HEADER, ADDRESS = 4, 6
+local VALUE = tables.layouts.ADDRESS_VALUE
+local HEADER, ADDRESS = tables.layouts.MESSAGE_SIZE, tables.layouts.ADDRESS_SIZE
 local COUNT_AT = 4 -- place of the number of parameters, from 1
 local BLOCK_HEADER = 2 -- format and number of values
 local BLOCK = 4 -- the shortest value block: format, number of values, one value with its pad

@@ -20,7 +20,7 @@ local known = tables.known
 local M = {}
 
 local READ, CHANGE = 0x01, 0x02
-local HEADER = 4
+local HEADER, ADDRESS = tables.layouts.MESSAGE_SIZE, tables.layouts.ADDRESS_SIZE
 local WRONG_TYPE = {[0x05] = true, [0x17] = true} -- the type errors that are never about the value
 local SIEMENS = transactions.SIEMENS
 local NORMALISED = 0x65 -- from this code on a whole number stands for something else
@@ -466,7 +466,7 @@ end
 
 -- The request with some of its value blocks replaced.
 local function with_blocks(job, changed)
-  local parts = {sub(job.request, 1, HEADER + 6 * #job.message.addresses)}
+  local parts = {sub(job.request, 1, HEADER + ADDRESS * #job.message.addresses)}
   for i, block in ipairs(job.message.blocks) do
     block = changed[i] or block
     parts[#parts + 1] = char(block.format, block.value_count) .. block.raw .. block.pad

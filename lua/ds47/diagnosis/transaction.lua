@@ -21,7 +21,7 @@ local abs, min = math.abs, math.min
 local M = {}
 
 local SIEMENS = transactions.SIEMENS
-local VALUE = 0x10
+local VALUE = tables.layouts.ADDRESS_VALUE
 local PNU_ACCESS_IDENTIFICATION = rules.PNU_ACCESS_IDENTIFICATION
 -- Float32 and Float64: what is nearer to zero is no number that anybody typed, nor is what is farther away
 -- than MOST.

@@ -10,7 +10,7 @@ local concat, format, gsub = table.concat, string.format, string.gsub
 
 local M = {}
 
-local VALUE = 0x10
+local VALUE = tables.layouts.ADDRESS_VALUE
 local READ, CHANGE = 0x01, 0x02
 local OPERATIONS = {[READ] = "read", [CHANGE] = "change"}
 local NAN = {f = "\127\192\0\0", d = "\127\248\0\0\0\0\0\0"} -- the one that is written as "NaN"

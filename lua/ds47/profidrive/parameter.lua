@@ -24,8 +24,9 @@ local limits, request_ids, response_ids = tables.limits, tables.request_ids, tab
 
 local M = {}
 
-local VALUE, ERROR = 0x10, 0x44
-local HEADER = 4
+local layout = tables.layouts
+local VALUE, ERROR = layout.ADDRESS_VALUE, layout.VALUE_ERROR
+local HEADER, ADDRESS = layout.MESSAGE_SIZE, layout.ADDRESS_SIZE
 local REQUEST_NOT_SUPPORTED = 0x80
 local SHAPELESS = {DS309 = true, DS313 = true, DS315 = true} -- unknown format, bytes left over or missing
 local BROKEN = {DS309 = true, DS315 = true}
@@ -318,21 +319,21 @@ end
 -- Decodes the addresses that are there; returns where the rest of the message begins.
 local function decode_addresses(request, data, check)
   local count = request.parameter_count
-  local whole = min(count, floor((#data - HEADER) / 6))
+  local whole = min(count, floor((#data - HEADER) / ADDRESS))
   local offset, addresses = HEADER, request.addresses
   for number = 1, whole do
-    local attribute, elements, high, low, index_high, index_low = byte(data, offset + 1, offset + 6)
+    local attribute, elements, high, low, index_high, index_low = byte(data, offset + 1, offset + ADDRESS)
     local address = {
       attribute = attribute, element_count = elements, pnu = high * 256 + low,
       subindex = index_high * 256 + index_low, offset = offset, attribute_name = attribute_names[attribute],
     }
     addresses[number] = address
     if check then address_flaws(request.flaws, address) end
-    offset = offset + 6
+    offset = offset + ADDRESS
   end
   if whole < count then
     local what = format("address %d of %d", whole + 1, count)
-    missing(request.flaws, #data, HEADER + 6 * count - #data, what)
+    missing(request.flaws, #data, HEADER + ADDRESS * count - #data, what)
     request.rest = sub(data, offset + 1)
   end
   return offset

@@ -14,16 +14,11 @@ from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Request, decode_request
 from ds47.profidrive.model import VALUE, Block
 from ds47.spec import request_ids
+from ds47.spec.layouts import ADDRESS_SIZE, MESSAGE_COUNT, MESSAGE_SIZE, VALUE_SIZE
 from ds47.spec.semantics import known
 
-HEADER: Final = 4
-COUNT_AT: Final = 3
-"""Byte of the number of parameters."""
-ADDRESS: Final = 6
 BLOCK: Final = 4
 """The shortest value block: format, number of values and one value, filled up to an even length."""
-BLOCK_HEADER: Final = 2
-"""Format and number of values."""
 MISSING: Final = "DS315"
 NO_PAD: Final = "DS311"
 """The byte that fills a value block up is not there."""
@@ -58,11 +53,11 @@ def _fitting_count(message: Request, data: bytes) -> int | None:
 
     Of none where a value would begin with what is an address: its attribute is a format, too.
     """
-    ends = range(HEADER + ADDRESS, len(data) + 1, ADDRESS)
+    ends = range(MESSAGE_SIZE + ADDRESS_SIZE, len(data) + 1, ADDRESS_SIZE)
     for count, end in zip(range(1, message.parameter_count or 1), ends, strict=False):
         if data[end : end + 1] == bytes((VALUE,)):
             continue
-        other = decode_request(data[:COUNT_AT] + bytes((count,)) + data[COUNT_AT + 1 :])
+        other = decode_request(data[:MESSAGE_COUNT] + bytes((count,)) + data[MESSAGE_COUNT + 1 :])
         if other.shaped and not other.flaws:
             return count
     return None
@@ -71,8 +66,8 @@ def _fitting_count(message: Request, data: bytes) -> int | None:
 def _need(message: Request, have: int, more: int) -> int:
     """The least length of a request that ends too soon: what is cut, and the shortest form of what follows."""
     count, blocks = message.parameter_count or 1, message.blocks
-    end = have + more - (0 if blocks and _is_cut(blocks[-1]) else BLOCK_HEADER)
-    end = max(end, HEADER + ADDRESS * count)
+    end = have + more - (0 if blocks and _is_cut(blocks[-1]) else VALUE_SIZE)
+    end = max(end, MESSAGE_SIZE + ADDRESS_SIZE * count)
     row = request_ids().get(message.request_id or 0)
     left = count - len(blocks) if row is not None and row.body == "blocks" else 0
     return end + (end % 2 + BLOCK * left if left else 0)
@@ -106,8 +101,8 @@ def answer_cut(job: Job, size_of: SizeOf) -> Iterator[Remark]:
 def least_answer(message: Request, size_of: SizeOf) -> int:
     """Bytes of the shortest positive response to a request."""
     if message.operation != "read":
-        return HEADER
-    return HEADER + sum(_least_block(address, size_of) for address in message.addresses)
+        return MESSAGE_SIZE
+    return MESSAGE_SIZE + sum(_least_block(address, size_of) for address in message.addresses)
 
 
 def _least_block(address: Address, size_of: SizeOf) -> int:

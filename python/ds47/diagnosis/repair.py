@@ -25,10 +25,10 @@ from ds47.profidrive import Block, Options, Request, Value, decode_request
 from ds47.profidrive.formats import codec
 from ds47.profidrive.notation import format_request_line
 from ds47.profidrive.parameter import codecs
+from ds47.spec.layouts import MESSAGE_SIZE
 from ds47.spec.semantics import known
 
 _READ, _CHANGE = 0x01, 0x02
-_HEADER: Final = 4
 _WRONG_TYPE: Final = frozenset((0x05, 0x17))
 """Of the type errors those that are about the format alone, never about the value."""
 _NORMALISED: Final = 0x65
@@ -287,7 +287,7 @@ class _Spread:
 
     def request(self) -> bytes:
         """The bytes without the fill bytes. Raises ValueError where there are no such words."""
-        head = self._singles(_HEADER)
+        head = self._singles(MESSAGE_SIZE)
         fixed = bytearray(head)
         for _ in range(head[3]):
             fixed += self._singles(2) + self._take(4)

@@ -13,6 +13,7 @@ from ds47 import spec
 from ds47.acyclic.transactions import SIEMENS
 from ds47.profidrive import Block, Options, Request, Response, decode_request, decode_response
 from ds47.profidrive.model import ERROR, VALUE, Address
+from ds47.spec.layouts import MESSAGE_SIZE
 
 from .mapping import Key
 
@@ -25,7 +26,6 @@ _MACS = frozenset((61002,))
 _MACS_SIEMENS = frozenset((8915, 8935))
 _DOUBTS = frozenset(("DS303", "DS305", "DS309", "DS313", "DS315"))
 """No parameter, unknown attribute, unknown format, bytes left over, bytes missing."""
-_HEADER = 4
 _ERROR_WORDS = 4
 """Bytes of an error block that say what is wrong: error number and additional information."""
 _LIMITS, _LAST_LIMIT = 974, 2
@@ -56,7 +56,7 @@ class Rewriter:
         """The data of a Write record to a device of this vendor."""
         message = decode_request(data, self.options)
         if message.operation == "unknown" and _doubtful(message):
-            return data[:_HEADER] + _unread(data[_HEADER:])
+            return data[:MESSAGE_SIZE] + _unread(data[MESSAGE_SIZE:])
         return self._changed(data, message, message.blocks, message.rest, vendor)
 
     def response(self, data: bytes, asked: bytes | None, vendor: int | None) -> bytes:
@@ -64,7 +64,7 @@ class Rewriter:
         question = None if asked is None else decode_request(asked, self.options)
         message = decode_response(data, question, self.options)
         if message.response_id not in spec.response_ids() and _doubtful(message):
-            return data[:_HEADER] + _unread(data[_HEADER:])
+            return data[:MESSAGE_SIZE] + _unread(data[MESSAGE_SIZE:])
         if question is not None and not _answers(message, question):
             question = None
         return self._changed(data, question, message.blocks, message.rest, vendor)

@@ -26,10 +26,10 @@ from ds47.profidrive.model import (
     Request,
     Response,
 )
+from ds47.spec.layouts import ADDRESS_SIZE, MESSAGE_SIZE
 from ds47.spec.semantics import limits
 
 _ADDRESS: Final = struct.Struct(">BBHH")
-_HEADER: Final = 4
 _REQUEST_NOT_SUPPORTED: Final = 0x80
 _DEFAULTS = Options()
 
@@ -44,7 +44,7 @@ def decode_request(data: bytes, options: Options = _DEFAULTS) -> Request:
     head = _header(data)
     request = Request(*head, length=len(data))
     if head[3] is None:
-        _missing(request.flaws, len(data), _HEADER - len(data), "header")
+        _missing(request.flaws, len(data), MESSAGE_SIZE - len(data), "header")
         return request
     known = spec.request_ids().get(data[1])
     _request_header_flaws(request, known is not None)
@@ -75,7 +75,7 @@ def decode_response(
     flaws: list[Flaw] = []
     response = Response(head[0], head[1], head[2], head[3], [], flaws, b"", len(data))
     if head[3] is None:
-        _missing(flaws, len(data), _HEADER - len(data), "header")
+        _missing(flaws, len(data), MESSAGE_SIZE - len(data), "header")
         return response
     known = spec.response_ids().get(data[1])
     if known is None:
@@ -93,7 +93,7 @@ def decode_response(
             response.blocks = blocks
             _sign(response, known.negative)
             return response
-    body = _Body(data, _HEADER, data[3], options, flaws, vendor)
+    body = _Body(data, MESSAGE_SIZE, data[3], options, flaws, vendor)
     body.decode("all" if unsupported else known.body if known else "free")
     response.blocks, response.rest, response.cut = body.blocks, body.rest, body.cut
     if known and not unsupported:
@@ -102,7 +102,7 @@ def decode_response(
 
 
 def _header(data: bytes) -> tuple[int | None, int | None, int | None, int | None]:
-    if len(data) >= _HEADER:
+    if len(data) >= MESSAGE_SIZE:
         return data[0], data[1], data[2], data[3]
     there: list[int | None] = [*data, None, None, None, None]
     return there[0], there[1], there[2], there[3]
@@ -127,17 +127,17 @@ def _request_header_flaws(request: Request, known: bool) -> None:
 def _addresses(request: Request, data: bytes, check: bool) -> int:
     """Decodes the addresses that are there; returns where the rest of the message begins."""
     count = data[3]
-    whole = min(count, (len(data) - _HEADER) // 6)
-    end = _HEADER + 6 * whole
-    offset = _HEADER
-    for attribute, elements, pnu, subindex in _ADDRESS.iter_unpack(data[_HEADER:end]):
+    whole = min(count, (len(data) - MESSAGE_SIZE) // ADDRESS_SIZE)
+    end = MESSAGE_SIZE + ADDRESS_SIZE * whole
+    offset = MESSAGE_SIZE
+    for attribute, elements, pnu, subindex in _ADDRESS.iter_unpack(data[MESSAGE_SIZE:end]):
         address = Address(attribute, elements, pnu, subindex, offset)
         request.addresses.append(address)
         if check:
             _address_flaws(request.flaws, address)
-        offset += 6
+        offset += ADDRESS_SIZE
     if whole < count:
-        need = _HEADER + 6 * count - len(data)
+        need = MESSAGE_SIZE + ADDRESS_SIZE * count - len(data)
         _missing(request.flaws, len(data), need, f"address {whole + 1} of {count}")
         request.rest = data[end:]
     return end
@@ -232,7 +232,7 @@ def _sound_blocks(data: bytes, count: int, options: Options, vendor: bool) -> li
     """
     table = sound_codecs(options.legacy_g120_formats, options.profile_v3_types)
     blocks: list[Block] = []
-    at, size = _HEADER, len(data)
+    at, size = MESSAGE_SIZE, len(data)
     for _ in range(count):
         if at + 2 > size:
             return None

@@ -36,12 +36,12 @@ from ds47.profidrive import (
     make_block,
 )
 from ds47.profidrive.model import ERROR
+from ds47.spec.layouts import MESSAGE_SIZE
 
 __all__ = ["DS47Address", "DS47Block", "DS47Request", "DS47Response"]
 
 PNIO_PORT = 34964
 INDEX_47, LOCAL, GLOBAL = 47, 0xB02E, 0xB02F
-_HEADER = 4
 _ATTRIBUTES = {code: row.name for code, row in spec.attributes().items()}
 _FORMATS = {code: row.name for code, row in spec.formats().items()} | {ERROR: "Error"}
 _REQUESTS = {code: row.name for code, row in spec.request_ids().items()}
@@ -343,7 +343,7 @@ def _layer(
     if data is None or not others.get("_internal"):
         return cls  # made by hand: it is what the caller says
     below = others.get("_underlayer")
-    if len(data) < _HEADER or (getattr(below, "index", None) == INDEX_47 and not shaped(data)):
+    if len(data) < MESSAGE_SIZE or (getattr(below, "index", None) == INDEX_47 and not shaped(data)):
         return Raw  # type: ignore[no-any-return]
     return cls
 
