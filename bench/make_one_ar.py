@@ -67,7 +67,7 @@ def exchange(number: int, chance: random.Random) -> tuple[bytes, bytes]:
 
 def block(kind: int, sequence: int, index: int, length: int, tail: bytes) -> bytes:
     """The header of a record, 64 bytes."""
-    head = struct.pack(">HHBBH", kind, 60, 1, 0, sequence)
+    head = struct.pack(">HHBBH", kind, 60, 1, 0, sequence & 0xFFFF)
     place = struct.pack(">IHHHHI", 0, 1, 1, 0, index, length)
     return (head + AR + place + tail).ljust(64, b"\0")
 
