@@ -29,6 +29,7 @@ from ds47.profinet.link import Packets
 from ds47.profinet.records import Half, Record, parse_request, parse_response
 from ds47.report import Options, text
 from ds47.spec import Rule, rules
+from ds47.spec.layouts import RPC_READ
 from ds47.spec.statuses import status_hex
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -106,7 +107,7 @@ class Reader:
             status = half.status
         if status:
             return f"{name} refused {status_hex(status)}"
-        if pdu.opnum != rpc.READ or half is None:
+        if pdu.opnum != RPC_READ or half is None:
             return f"{name} ok"
         return f"{name} ok  {answered(half)}"
 
