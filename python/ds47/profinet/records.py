@@ -43,8 +43,8 @@ _REQUEST_BLOCKS: Final = {
 _READS: Final = (RPC_READ, RPC_READ_IMPLICIT)
 _ONLY_ARS: Final = (0x0001, 0x0010)
 _RELEASE_BLOCKS: Final = (BLOCK_RELEASE_REQUEST, BLOCK_RELEASE_OF_RSI)
-_AR_BLOCK: Final = slice(NDR_SIZE, NDR_SIZE + BLOCK_AR + 16)
-"""The first block of a Connect or Release, with its AR."""
+_AR_END: Final = NDR_SIZE + BLOCK_AR + 16
+"""Where the AR of a Connect or Release ends, which stands in its first block."""
 
 
 @dataclass(slots=True, init=False)
@@ -239,7 +239,7 @@ def _write_response(pdu: Pdu, offset: int, ndr_status: int, position: int) -> Re
 
 def released_ar(pdu: Pdu) -> bytes | None:
     """The AR that a Release request ends, None where its block does not parse."""
-    block = pdu.body[_AR_BLOCK]
+    block = pdu.body[NDR_SIZE:_AR_END]
     if len(block) < BLOCK_AR + 16 or int.from_bytes(block[:2], "big") not in _RELEASE_BLOCKS:
         return None
     return block[BLOCK_AR:]
@@ -256,7 +256,7 @@ def is_only_ar(pdu: Pdu) -> bool:
 
 def connected_ar(pdu: Pdu) -> bytes | None:
     """The AR that a Connect request sets up, None where its first block is no ARBlockReq."""
-    block = pdu.body[_AR_BLOCK]
+    block = pdu.body[NDR_SIZE:_AR_END]
     if len(block) < BLOCK_AR + 16 or int.from_bytes(block[:2], "big") != BLOCK_AR_REQUEST:
         return None
     return block[BLOCK_AR:]
