@@ -313,7 +313,7 @@ def _pzd() -> Iterator[str]:
         yield "}"
     ending = cyclic.stopping()
     yield f"M.pzd.stopping = {entry(ending, ('id', 'en', 'zh', 'heeded', 'missing', 'missing_zh'))}"
-    yield f"M.pzd.stopping.states = {_listed(ending.states)}"
+    yield f"M.pzd.stopping.states = {{{', '.join(f'{name} = true' for name in ending.states)}}}"
     yield f"M.pzd.stopping.bits = {_codes(ending.bits)}"
     yield f"M.pzd.stopping.unless = {_codes(ending.unless)}"
     yield "M.pzd.needed = {"

@@ -19,7 +19,8 @@ from hypothesis import strategies as st
 from lua_program import LUAS, lua_program
 
 from ds47.cyclic import pkw, pzd
-from ds47.cyclic.notation import encode_line, word_values
+from ds47.cyclic.notation import encode_line
+from ds47.explain.forms import word_values
 from ds47.report import cyclic as shown
 from ds47.spec import cyclic as spec
 

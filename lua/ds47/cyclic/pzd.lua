@@ -31,13 +31,6 @@ local function is_stopping(stw1, ending)
   return false
 end
 
-local function among(items, wanted)
-  for _, item in ipairs(items) do
-    if item == wanted then return true end
-  end
-  return false
-end
-
 --- The state of a drive by its status word; S5 only with the control word that goes with it.
 -- @return its id, and a list of the ids of what is shown beside it
 function M.state(zsw1, stw1)
@@ -45,7 +38,7 @@ function M.state(zsw1, stw1)
   for _, row in ipairs(tables.pzd.states) do
     found = found or (has(zsw1, row.mask, row.bits) and row.id)
   end
-  if stw1 and among(ending.states, found) and is_stopping(stw1, ending) then found = ending.id end
+  if stw1 and ending.states[found] and is_stopping(stw1, ending) then found = ending.id end
   local overlays = {}
   for _, row in ipairs(tables.pzd.overlays) do
     if has(zsw1, row.mask, row.bits) then overlays[#overlays + 1] = row.id end

@@ -1317,7 +1317,7 @@ M.pzd.overlays = {
   {id = "OFF3", mask = 32, bits = 0, en = "OFF3 active", zh = "OFF3 有效"},
 }
 M.pzd.stopping = {id = "S5", en = "switching off", zh = "正在停车", heeded = 10, missing = "standstill; the drive switches off by itself then", missing_zh = "等待停稳；之后驱动器自动断开"}
-M.pzd.stopping.states = {"S3", "S4"}
+M.pzd.stopping.states = {S3 = true, S4 = true}
 M.pzd.stopping.bits = {0, 2}
 M.pzd.stopping.unless = {8, 9}
 M.pzd.needed = {

@@ -1,4 +1,4 @@
-"""A readable line to the eight bytes of a PKW request, and the forms in which a control or status word is written.
+"""A readable line to the eight bytes of a PKW request.
 
     pkw read p700                       AK 1
     pkw read p2010[1]                   AK 1 with a subindex, as MICROMASTER takes it
@@ -11,8 +11,6 @@ Parameters and values are written as for DS47 (`ds47.profidrive.notation`).
 """
 
 from __future__ import annotations
-
-import re
 
 from ds47.cyclic import pkw
 from ds47.profidrive.model import VALUE, Block
@@ -80,34 +78,3 @@ def _change(width: int, array: bool, eeprom: bool) -> int:
         for row in cyclic.requests().values()
         if row.access == "change" and (row.width, row.array, row.eeprom) == (width, array, eeprom)
     )
-
-
-_HEX = re.compile(r"(?:[BWD]{1,2}#)?16#|0X|&H|\$")
-_BINARY = re.compile(r"(?:W#)?2#|0B")
-
-
-def word_values(text: str) -> list[int]:
-    """The words that a text may stand for, the likeliest first: hex, binary, decimal with a sign or without.
-
-    `047F`, `16#047F`, `2#0100_0111_1111`, `-1231`, `1151`; empty where it is none of them.
-    """
-    code = text.strip().upper().replace("_", "").replace(" ", "")
-    if mark := _HEX.match(code):
-        found = [_int(code[mark.end() :], 16)]
-    elif mark := _BINARY.match(code):
-        found = [_int(code[mark.end() :], 2)]
-    elif re.fullmatch(r"-\d+", code):
-        number = int(code)
-        found = [number + 0x10000 if number >= -0x8000 else None]
-    elif re.fullmatch(r"[0-9A-F]{1,4}H", code):
-        found = [_int(code[:-1], 16)]
-    else:
-        found = [_int(code, 16) if len(code) <= 4 else None]
-        if code.isascii() and code.isdigit() and (not code.startswith("0") or code == "0"):
-            found.insert(0, int(code))
-    return [each for each in dict.fromkeys(found) if each is not None and each <= 0xFFFF]
-
-
-def _int(digits: str, base: int) -> int | None:
-    allowed = "0123456789ABCDEF"[:base]
-    return int(digits, base) if digits and all(each in allowed for each in digits) else None

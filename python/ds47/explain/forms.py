@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ds47 import spec
-from ds47.cyclic.notation import word_values
 from ds47.spec import explanations
 
 BYTE, WORD, STATUS, RULE, FORMAT = "byte", "word", "status", "rule", "format"
@@ -17,6 +16,7 @@ CYCLIC = ("stw1", "zsw1")
 
 _PREFIX = re.compile(r"(?:[BWD]{1,2}#)?16#|0X|&H|\$")
 _DECIMAL_PREFIX = re.compile(r"10#")
+_BINARY_PREFIX = re.compile(r"(?:W#)?2#|0B")
 _PAIRS = re.compile(r"[0-9A-F]{2}(?:[ :,\-][0-9A-F]{2})+")
 _HEX = re.compile(r"[0-9A-F]+")
 _RULE = re.compile(r"DS([0-9]{3})")
@@ -122,6 +122,34 @@ def _hexadecimal(digits: str) -> Iterator[Reading]:
         if value == 0:
             return
     yield from _sized(value)
+
+
+def word_values(text: str) -> list[int]:
+    """The words of 16 bits that a text may stand for, the likeliest first; empty where it is none.
+
+    `047F`, `16#047F`, `2#0100_0111_1111`, `-1231`, `1151`: as PLC tables print a control or a status word.
+    """
+    code = text.strip().upper().replace("_", "").replace(" ", "")
+    found: list[int | None]
+    if prefix := _PREFIX.match(code):
+        found = [_whole(code[prefix.end() :], 16)]
+    elif prefix := _BINARY_PREFIX.match(code):
+        found = [_whole(code[prefix.end() :], 2)]
+    elif re.fullmatch(r"-\d+", code):
+        number = int(code)
+        found = [number + 0x10000 if number >= -0x8000 else None]
+    elif re.fullmatch(r"[0-9A-F]{1,4}H", code):
+        found = [_whole(code[:-1], 16)]
+    else:
+        found = [_whole(code, 16) if len(code) <= 4 else None]
+        if code.isascii() and code.isdigit() and (not code.startswith("0") or code == "0"):
+            found.insert(0, int(code))
+    return [each for each in dict.fromkeys(found) if each is not None and each <= 0xFFFF]
+
+
+def _whole(digits: str, base: int) -> int | None:
+    allowed = "0123456789ABCDEF"[:base]
+    return int(digits, base) if digits and all(each in allowed for each in digits) else None
 
 
 def _decimal(digits: str) -> Iterator[Reading]:

@@ -455,9 +455,9 @@ def _cyclic_word(name: str, value: int, lang: str) -> Meaning:
     code = f"16#{value:04X}"
     if name == "stw1":
         lacking = [row.zh if lang == "zh" else row.en for row in missing(value)]
-        text = words["stw1_missing"].format(list=words["list_separator"].join(lacking))
+        needs = words["stw1_missing"].format(list=words["list_separator"].join(lacking))
         title = words["stw1"].format(code=code, decimal=signed(value))
-        advice = text if lacking else words["stw1_complete"]
+        advice = needs if lacking else words["stw1_complete"]
     else:
         found = state(value)
         step = cyclic.next_step(found.state, found.overlays, lang)
@@ -465,9 +465,7 @@ def _cyclic_word(name: str, value: int, lang: str) -> Meaning:
         title = words["zsw1"].format(code=code, decimal=signed(value), state=told)
         advice = words["zsw1_next"].format(text=step) if step else words["zsw1_last"]
     parts = tuple(
-        Part(str(row.bit), "", row.text(value, lang))
-        for row in cyclic.bits(name)
-        if row.text(value, lang)
+        Part(str(row.bit), "", text) for row in cyclic.bits(name) if (text := row.text(value, lang))
     )
     entry = explanations.of_number(name, value) or explanations.of_unknown()
     return _meaning(

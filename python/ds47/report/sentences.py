@@ -129,8 +129,12 @@ class _Shown(dict[str, str]):
         self._row, self._args, self._lang, self._many = row, args, lang, many
 
     def __missing__(self, key: str) -> str:
-        words = {"text": self._text, "error": self._error}.get(key)
-        text = self._shown(key) if words is None else words()
+        if key == "text":
+            text = self._text()
+        elif key == "error":
+            text = self._error()
+        else:
+            text = self._shown(key)
         self[key] = text
         return text
 
