@@ -6,19 +6,24 @@ channel is not here.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from ds47.cyclic import pkw, pzd
 from ds47.model import Parameter
 from ds47.report import formatting
-from ds47.report.bilingual import Both, say
+from ds47.report.bilingual import LANGUAGES, Both, say
 from ds47.spec import cyclic
 
 Line = tuple[int, Both]
 """Where something stands, and what it means."""
 PZD_LENGTH = 4
 """Control or status word, and setpoint or actual value."""
+
+
+def _both(words: Callable[..., str | None], *about: object) -> Both:
+    """The words of a table in both languages; empty where it has none."""
+    return Both(*(words(*about, lang) or "" for lang in LANGUAGES))
 
 
 def pkw_document(item: pkw.Message) -> dict[str, Any]:
@@ -46,7 +51,7 @@ def _error_document(error: pkw.Error) -> dict[str, Any]:
 
 def pkw_lines(item: pkw.Message) -> Iterator[Line]:
     """The four words in words."""
-    meaning = Both(*(cyclic.meaning(item.ak, item.answer, lang) for lang in ("en", "zh")))
+    meaning = _both(cyclic.meaning, item.ak, item.answer)
     yield 0, say("pkw_pke", ak=str(item.ak), meaning=meaning, spm=str(item.spm))
     known = item.pnu is not None
     name = formatting.address(Parameter(item.pnu, item.subindex, "value", 1)) if known else "?"
@@ -63,7 +68,7 @@ def _pwe(item: pkw.Message) -> Both:
         code = item.error.code
         if code is None:
             return say("pkw_no_error", hex=hexadecimal)
-        text = Both(*(cyclic.error_text(code, lang) or "" for lang in ("en", "zh")))
+        text = _both(cyclic.error_text, code)
         return say("pkw_error", code=str(code), text=text, hex=hexadecimal)
     if item.connector is not None:
         pnu, index = item.connector
@@ -98,7 +103,7 @@ def word_lines(name: str, word: int, family: str | None = None) -> Iterator[Both
     yield headline(name, word)
     for row in cyclic.bits(name, family):
         value = word >> row.bit & 1
-        words = Both(row.text(word, "en"), row.text(word, "zh"))
+        words = _both(row.text, word)
         if words.en:
             yield say("pzd_bit", bit=f"{row.bit:>2}", value=str(value), text=words)
     lacking = needs(name, word)
@@ -112,8 +117,8 @@ def headline(name: str, word: int) -> Both:
     if name == "stw1":
         return plain
     found = pzd.state(word)
-    told = (cyclic.state_text(found.state, found.overlays, lang) for lang in ("en", "zh"))
-    return plain.joined(Both(*told), ": ", "：")
+    told = _both(cyclic.state_text, found.state, found.overlays)
+    return plain.joined(told, ": ", "：")
 
 
 def needs(name: str, word: int) -> Both:
@@ -123,7 +128,7 @@ def needs(name: str, word: int) -> Both:
         lists = Both(", ".join(row.en for row in rows), "、".join(row.zh for row in rows))
         return say("pzd_missing", text=lists) if rows else say("pzd_complete")
     found = pzd.state(word)
-    step = Both(*(cyclic.next_step(found.state, found.overlays, lang) for lang in ("en", "zh")))
+    step = _both(cyclic.next_step, found.state, found.overlays)
     return say("pzd_next", text=step) if step.en else Both.same("")
 
 
