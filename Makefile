@@ -7,7 +7,7 @@
 #   make lint       ruff check, ruff format --check, mypy --strict; luacheck where it is installed
 #   make matrix     run the plugin's tests on Wireshark 3.4, 4.0, 4.4, 4.6 and on plain Lua 5.2 to 5.4
 #   make pythons    run the analyzer's tests on Python 3.13 and 3.14
-#   make audit      let the auditor read N random conversations, the first with SEED, and all captures
+#   make audit      let the auditor read N random conversations, planned from SEED on, and all captures
 #   make bench      time the analyzer and the plugin against tshark    (BENCH=--small for a quick one)
 #   make dist       write the plugin as one Lua file, dist/ds47-0_1_0.lua (the version, with underscores)
 #   make captures   let the lab write captures/ again

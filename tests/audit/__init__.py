@@ -14,7 +14,7 @@ itself, as `python -m ds47` prints it, and the catalogue's names of arguments. I
     page            the text report: headlines, counts, filters, sums, lines
     html            the page: tiles, drives, problems, the rows of its data
     drive           a simulated drive that can be asked whether it would take a request
-    conversations   random conversations, one for each seed
+    conversations   random conversations, one for each plan of hypothesis
     run             all of it over a capture
     seeds           many conversations; `python -m tests.audit` for them and for captures
 """

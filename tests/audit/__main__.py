@@ -1,8 +1,9 @@
 """`python -m tests.audit`: audits random conversations and captures, and says what of them is not so.
 
-python -m tests.audit --count 1000 --seed 7     random conversations, the first with seed 7
+python -m tests.audit --count 1000 --seed 7     random conversations; every hundred has a seed of its own, from 7 on
 python -m tests.audit captures/*.pcapng         captures
-python -m tests.audit --keep FILE --seed 12     writes the capture of one seed
+python -m tests.audit --plan '{...}'            one conversation, planned as a complaint shows it
+python -m tests.audit --plan '{...}' --keep FILE   writes its capture
 """
 
 from __future__ import annotations
@@ -21,26 +22,30 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.audit")
     parser.add_argument("captures", nargs="*", type=Path)
     parser.add_argument("--count", type=int, default=0, help="random conversations")
-    parser.add_argument("--seed", type=int, default=1, help="seed of the first")
-    parser.add_argument("--keep", type=Path, help="only write the capture of the seed")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the first hundred")
+    parser.add_argument("--plan", type=conversations.plan, help="one conversation, as JSON")
+    parser.add_argument("--keep", type=Path, help="only write the capture of the plan")
     given = parser.parse_args()
     if given.keep is not None:
-        conversations.make(given.seed).tape.write(given.keep)
+        conversations.play(given.plan).tape.write(given.keep)
         return 0
     total = 0
-    for name, found in _all(given.captures, range(given.seed, given.seed + given.count)):
+    for name, found in _all(given):
         total += len(found)
         for each in found:
             print(f"{name}: {each}", flush=True)
-    print(f"{len(given.captures)} captures, {given.count} conversations: {total} complaints")
+    count = given.count + (given.plan is not None)
+    print(f"{len(given.captures)} captures, {count} conversations: {total} complaints")
     return 1 if total else 0
 
 
-def _all(captures: list[Path], wanted: range) -> Iterator[tuple[str, list[Complaint]]]:
-    for path in captures:
+def _all(given: argparse.Namespace) -> Iterator[tuple[str, list[Complaint]]]:
+    for path in given.captures:
         yield str(path), run.audit(path)
-    for seed, found in seeds.everywhere(wanted):
-        yield f"seed {seed}", found
+    for plan, found in seeds.over([given.plan] if given.plan else []):
+        yield plan.text(), found
+    for plan, found in seeds.everywhere(given.count, given.seed):
+        yield plan.text(), found
 
 
 if __name__ == "__main__":

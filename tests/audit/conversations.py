@@ -1,18 +1,22 @@
 """Random conversations: several controllers with one or two drives, and all that goes wrong on the way.
 
-One seed makes one capture, always the same. Bytes of RPC and records come from the lab's writer; who says what is
-decided here. Programs of several controllers are mixed frame by frame.
+Hypothesis plans a conversation (`plans`): how many controllers and drives, what they use, what the capture loses. One plan makes
+one capture, always the same. Bytes of RPC and records come from the lab's writer; who says what is decided here.
+Programs of several controllers are mixed frame by frame.
 """
 
 from __future__ import annotations
 
+import json
 import struct
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from random import Random
+from typing import Any
 from uuid import UUID
 
+from hypothesis import strategies as st
 from tests.audit import drive as drives
 from tests.audit.drive import NOT_READY, Drive
 
@@ -346,21 +350,86 @@ class Conversation:
     drives: dict[str, Drive]
 
 
-def make(seed: int) -> Conversation:
-    """The conversation of a seed."""
-    random = Random(seed)
-    tape = Tape(random)
-    if random.random() < 0.15:
-        tape.loss = random.choice((0.02, 0.1))
-    if random.random() < 0.1:
-        tape.copies = 0.5
-    if random.random() < 0.05:
-        tape.snap = random.randint(208, 300)
-    known = [drives.make(random, f"192.168.133.{33 + n}") for n in range(random.choice((1, 1, 2)))]
-    users = [
-        _user(random, tape, number, random.choice(known)) for number in range(random.randint(1, 3))
+@dataclass(frozen=True)
+class Part:
+    """One controller's program: the drive that it talks to, and how."""
+
+    drive: int
+    order: wire.Order
+    answers_alike: bool
+    """Whether the drive answers in the byte order that it was asked in."""
+    constant: bool
+    """Whether the request reference never changes."""
+    reference: int
+    pieces: bool
+    """Whether RPC messages are fragmented."""
+    places: int
+    """Access points that it uses."""
+    jobs: int
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a conversation is made of. What is said in it comes by chance: from the whole plan, with `seed`."""
+
+    seed: int
+    drives: int
+    loss: float
+    """Share of the frames that the capture lost."""
+    copies: float
+    """Share of the frames that it has twice."""
+    snap: int | None
+    parts: tuple[Part, ...]
+
+    def text(self) -> str:
+        """As JSON: what `python -m tests.audit --plan` takes."""
+        return json.dumps(asdict(self))
+
+
+def plan(text: str) -> Plan:
+    """A plan from its JSON."""
+    known = json.loads(text)
+    return Plan(**{**known, "parts": tuple(Part(**each) for each in known["parts"])})
+
+
+def often(usual: object, rare: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """The usual, and now and then something else."""
+    return st.integers(0, 9).flatmap(lambda drawn: rare if drawn == 9 else st.just(usual))
+
+
+def plans() -> st.SearchStrategy[Plan]:
+    """Plans of all kinds; the simplest has one program with two jobs."""
+    part = st.builds(
+        Part,
+        drive=st.integers(0, 1),
+        order=st.sampled_from("<>"),
+        answers_alike=often(True, st.just(False)),
+        constant=st.booleans(),
+        reference=st.integers(0, 250),
+        pieces=often(False, st.just(True)),
+        places=st.integers(1, 3),
+        jobs=st.integers(2, 14),
+    )
+    return st.builds(
+        Plan,
+        seed=st.integers(0, 2**24 - 1),
+        drives=st.integers(1, 2),
+        loss=often(0.0, st.sampled_from((0.02, 0.1))),
+        copies=often(0.0, st.just(0.5)),
+        snap=often(None, st.integers(208, 300)),
+        parts=st.lists(part, min_size=1, max_size=3).map(tuple),
+    )
+
+
+def play(plan: Plan) -> Conversation:
+    """The conversation of a plan, always the same."""
+    random = Random(plan.text())  # of one seed hypothesis makes many plans
+    tape = Tape(random, plan.snap, loss=plan.loss, copies=plan.copies)
+    known = [drives.make(random, f"192.168.133.{33 + n}") for n in range(plan.drives)]
+    running = [
+        _program(random, _user(random, tape, number, part, known[part.drive % len(known)]), part)
+        for number, part in enumerate(plan.parts)
     ]
-    running = [_program(random, user) for user in users]
     while running:
         each = random.choice(running)
         for _ in range(random.choice((1, 2, 8, 40))):
@@ -370,32 +439,30 @@ def make(seed: int) -> Conversation:
     return Conversation(tape, {each.ip: each for each in known})
 
 
-def _user(random: Random, tape: Tape, number: int, drive: Drive) -> User:
-    order = random.choice("<>")
+def _user(random: Random, tape: Tape, number: int, part: Part, drive: Drive) -> User:
     host = Host(
         f"192.168.133.{2 + number % 2}", f"00:1c:06:00:00:{number:02x}", port=49152 + number
     )
     device = Host(drive.ip, f"00:1f:f8:00:00:{drive.ip[-2:]}", vendor_id=drive.vendor)
-    answers = order if random.random() < 0.9 else "<>"[order == "<"]
+    answers: wire.Order = part.order if part.answers_alike else ">" if part.order == "<" else "<"
     ar = UUID(int=random.getrandbits(128))
-    user = User(tape, random, host, device, drive, ar, order, answers)  # type: ignore[arg-type]
-    user.constant = random.random() < 0.2
-    user.reference = random.randint(0, 250)
-    user.piece = 100 if random.random() < 0.06 and tape.snap is None else None
+    user = User(tape, random, host, device, drive, ar, part.order, answers)
+    user.constant, user.reference = part.constant, part.reference
+    user.piece = 100 if part.pieces and tape.snap is None else None
     return user
 
 
-def _program(random: Random, user: User) -> Steps:
+def _program(random: Random, user: User, part: Part) -> Steps:
     """Some jobs, one after the other; between them what else programs do."""
     places = [
         wire.Channel(
             user.ar, random.choice((1, 2)), 1, random.choice(INDICES), random.choice((0, 0, 0x3A00))
         )
-        for _ in range(random.randint(1, 3))
+        for _ in range(part.places)
     ]  # fmt: skip
     others: list[Callable[[wire.Channel], Steps]]
     others = [user.hold, user.multiple, user.connect, user.idle_read]
-    for _ in range(random.randint(2, 14)):
+    for _ in range(part.jobs):
         at = random.choice(places)
         if random.random() < 0.1:
             yield from random.choice(others)(at)

@@ -1,4 +1,7 @@
-"""Random conversations, audited one after the other or by all processors."""
+"""Random conversations, planned by hypothesis, audited one after the other or by all processors.
+
+A seed stands for a share of them: the same plans each time.
+"""
 
 from __future__ import annotations
 
@@ -7,43 +10,60 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
+from hypothesis import HealthCheck, Phase, given, seed, settings
 from tests.audit import conversations, run
+from tests.audit.conversations import Plan
 from tests.audit.reading import Complaint
 
 SHARE = 100
 """So many conversations are audited by one process, in 10 s or so."""
 
 
-def of_seed(seed: int, folder: Path) -> list[Complaint]:
-    """What is not so in the report of a random conversation."""
-    made = conversations.make(seed)
-    path = folder / f"{seed}.pcap"
+def planned(count: int, number: int) -> list[Plan]:
+    """So many plans of a seed."""
+    found: list[Plan] = []
+
+    @seed(number)
+    @settings(
+        max_examples=count, database=None, deadline=None, phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )  # fmt: skip
+    @given(conversations.plans())
+    def collect(plan: Plan) -> None:
+        found.append(plan)
+
+    collect()
+    return found
+
+
+def of_plan(plan: Plan, folder: Path) -> list[Complaint]:
+    """What is not so in the report of a conversation."""
+    made = conversations.play(plan)
+    path = folder / "conversation.pcap"
     made.tape.write(path)
     try:
         return run.audit(path, made.drives)
     except Exception as error:
-        error.add_note(f"seed {seed}")
+        error.add_note(plan.text())
         raise
-    finally:
-        path.unlink()
 
 
-def over(seeds: range) -> Iterator[tuple[int, list[Complaint]]]:
-    """The complaints of each seed that has any."""
+def over(plans: list[Plan]) -> Iterator[tuple[Plan, list[Complaint]]]:
+    """The complaints of each conversation that has any."""
     with tempfile.TemporaryDirectory() as folder:
-        for seed in seeds:
-            found = of_seed(seed, Path(folder))
+        for plan in plans:
+            found = of_plan(plan, Path(folder))
             if found:
-                yield seed, found
+                yield plan, found
 
 
-def everywhere(seeds: range) -> Iterator[tuple[int, list[Complaint]]]:
+def everywhere(count: int, number: int) -> Iterator[tuple[Plan, list[Complaint]]]:
     """The same by all processors. A worker ends after its share: analyses leave memory behind."""
-    shares = [seeds[start : start + SHARE] for start in range(0, len(seeds), SHARE)]
+    sizes = [min(SHARE, count - start) for start in range(0, count, SHARE)]
     with ProcessPoolExecutor(max_tasks_per_child=1) as pool:
-        for found in pool.map(_share, shares):
+        for found in pool.map(_share, sizes, range(number, number + len(sizes))):
             yield from found
 
 
-def _share(seeds: range) -> list[tuple[int, list[Complaint]]]:
-    return list(over(seeds))
+def _share(count: int, number: int) -> list[tuple[Plan, list[Complaint]]]:
+    return list(over(planned(count, number)))

@@ -11,8 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, given, seed, settings
 from tests.audit import conversations, drive, message, reading, run, wire, words
 from tests.audit import seeds as many
+from tests.audit.conversations import Plan
 from tests.audit.memory import MAYBE, NEVER, SURE, Memory, Target
 from tests.audit.reading import Finding, Reading
 
@@ -42,12 +44,6 @@ def memory_of(name: str) -> Memory:
     return Memory(read(next(path for path in STORED if path.name == name)))
 
 
-def of_slice(number: int) -> list[str]:
-    """The complaints about every n-th conversation."""
-    seeds = range(1 + number, 1 + CONVERSATIONS, SLICES)
-    return [f"seed {seed}: {text}" for seed, found in many.over(seeds) for text in map(str, found)]
-
-
 # What reports say
 
 
@@ -66,8 +62,17 @@ def test_another_capture(path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", range(SLICES))
-def test_random_conversations(number: int) -> None:
-    assert of_slice(number) == []
+def test_random_conversations(number: int, tmp_path: Path) -> None:
+    @seed(number)
+    @settings(
+        max_examples=CONVERSATIONS // SLICES, database=None, deadline=None,
+        suppress_health_check=list(HealthCheck), print_blob=False,
+    )  # fmt: skip
+    @given(conversations.plans())
+    def audited(plan: Plan) -> None:
+        assert list(map(str, many.of_plan(plan, tmp_path))) == [], plan.text()
+
+    audited()
 
 
 def test_each_rule_has_an_auditor_or_a_reason_to_have_none() -> None:
@@ -304,10 +309,11 @@ def test_messages_are_walked() -> None:
 
 
 def test_a_conversation_is_always_the_same(tmp_path: Path) -> None:
-    for name in ("one", "two"):
-        conversations.make(7).tape.write(tmp_path / name)
+    (plan,), (again,) = many.planned(1, 7), many.planned(1, 7)
+    conversations.play(plan).tape.write(tmp_path / "one")
+    conversations.play(conversations.plan(again.text())).tape.write(tmp_path / "two")
     assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
-    assert len(wire.read(tmp_path / "one").frames) == len(conversations.make(7).tape.shots)
+    assert len(wire.read(tmp_path / "one").frames) == len(conversations.play(plan).tape.shots)
 
 
 def test_filters_are_evaluated() -> None:

@@ -442,6 +442,20 @@ def test_a_change_that_another_controller_has_open_may_be_in_force(court: Court)
     assert court.back(NINE) == []
 
 
+def test_a_value_that_was_replaced_while_a_read_was_open_may_be_the_last_one(court: Court) -> None:
+    """Also where the value that replaced it is that of old."""
+    court.change(TEN, at=LOCAL_1)
+    court.change(NINE, at=LOCAL_2)
+    asked = court.frame
+    court.change(TEN, at=LOCAL_2)
+    read = court.made(message.read(2, 1, RAMP), message.answer(2, 1, 1, EIGHT), at=LOCAL_1)
+    assert read.record.request is not None
+    read.record.request.frame = asked - 5
+    court.judge.asked(read)
+    assert [each for each in court.judge.answered(read) if each.rule == "DS417"] == []
+    assert court.back(EIGHT, at=LOCAL_1), "it is over when the next read is asked"
+
+
 def test_one_of_too_many_changes_may_fail(court: Court) -> None:
     jobs = [
         court.made(message.change(1, 1, (RAMP, NINE)), None, write_response=Half(9, 9, status=1))

@@ -213,13 +213,18 @@ local function same_access(one, other)
     and one.axis == other.axis
 end
 
--- A value was accepted: what was written in the same way before it does not count any more.
+-- A value was accepted: what was written in the same way before it does not count any more. Where that was another
+-- value, a read that was open then may mean it (`replaces`).
 local function in_force(self, key, write)
   write.certain = true
   local there = self.written:get(key)
   if there then
     self.written:set(key, kept(there, function(each)
-      return not same_access(each.access, write.access) or each.upto >= write.asked
+      if not same_access(each.access, write.access) or each.upto >= write.asked then
+        return true
+      end
+      write.replaces = write.replaces or each.replaces or each.raw ~= write.raw
+      return false
     end))
   end
 end
@@ -290,6 +295,8 @@ function ReadBack:_last(key, pnu, access, asked)
   for _, each in ipairs(last and near or NONE) do
     if each.raw ~= last.raw and each.upto >= last.asked then
       return nil -- may have come later
+    elseif each.replaces and each.upto >= asked then
+      return nil -- the value that it replaced may have come later, too
     end
   end
   return last

@@ -49,6 +49,8 @@ class Written:
     """Frame by which it is in force or never will be; NEVER while that is open."""
     certain: bool = False
     """Whether the response says that it was accepted."""
+    replaces: bool = False
+    """Whether a value that is forgotten was in force before it: a read that was open then may mean that one."""
 
 
 @dataclass(slots=True)
@@ -149,10 +151,13 @@ class ReadBack:
     def _in_force(self, key: Element, written: Written) -> None:
         """A value was accepted: what was written in the same way before it does not count any more."""
         written.certain = True
-        there = self._written.get(key, [])
-        there[:] = [
-            each for each in there if each.access != written.access or each.until >= written.asked
-        ]
+        there, kept = self._written.get(key, []), list[Written]()
+        for each in there:
+            if each.access != written.access or each.until >= written.asked:
+                kept.append(each)
+            elif each.replaces or each.raw != written.raw:
+                written.replaces = True
+        there[:] = kept
 
     def _drop(self, key: Element, written: Written) -> None:
         there = self._written.get(key, [])
@@ -210,6 +215,8 @@ class ReadBack:
         for each in near:
             if each.raw != last.raw and each.until >= last.asked:
                 return None  # may have come later
+            if each.replaces and each.until >= asked:
+                return None  # the value that it replaced may have come later, too
         return last
 
     def _device(self, device: str) -> _Device:
