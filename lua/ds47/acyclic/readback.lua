@@ -213,8 +213,8 @@ local function same_access(one, other)
     and one.axis == other.axis
 end
 
--- A value was accepted: what was written in the same way before it does not count any more. Where that was another
--- value, a read that was open then may mean it (`replaces`).
+-- A value was accepted: what was written in the same way before it does not count any more. Where that was
+-- another value, a read that was open then may mean it (`replaces`).
 local function in_force(self, key, write)
   write.certain = true
   local there = self.written:get(key)
