@@ -53,9 +53,10 @@ def walk(scanner: Any, method: str, data: bytes, pieces: list[int]) -> list[obje
     padded = data + bytes(range(64))
     for end in [*sorted(pieces), len(data)]:
         while True:
+            scanner.paused = False
             found = getattr(scanner, method)(padded, min(end, len(data)))
-            said += [*found, (scanner.position, scanner.frames)]
-            if len(found) < scan.BATCH:
+            said += [*found, (scanner.position, scanner.frames, scanner.paused)]
+            if len(found) < scan.BATCH and not scanner.paused:
                 break
     return said
 
@@ -159,6 +160,95 @@ def test_long_runs_are_counted_frame_by_frame(
         for number, each in enumerate(frames, 1)
         if scan.relevant(each, 0, len(each), 1, len(each))
     ]
+
+
+SENDERS = (bytes.fromhex("0200000000a1"), bytes.fromhex("0200000000d2"))
+WATCHES = [(SENDERS[0], 0x8001, ((0, 4), (6, 3))), (SENDERS[1], 0x8002, ((2, 2),))]
+
+
+def cyclic(sender: int, frame_id: int, data: bytes, tag: tuple[int, ...] = ()) -> bytes:
+    """A cyclic frame: 40 bytes of data, then the APDU status."""
+    payload = frame_id.to_bytes(2) + data.ljust(40, b"\0") + b"\x12\x34\x35\0"
+    made = make.ethernet(0x8892, payload, tag)
+    return made[:6] + SENDERS[sender] + made[12:]
+
+
+def expected(frames: list[bytes]) -> list[int]:
+    """The numbers of the watched frames that are to be given, and of all others that matter, told slowly."""
+    last: dict[tuple[bytes, bytes], tuple[list[bytes], int]] = {}
+    wanted = []
+    for number, data in enumerate(frames, 1):
+        at = data.find(b"\x88\x92", 12, 18)
+        key = data[6:12], data[at + 2 : at + 4]
+        for source, frame_id, parts in WATCHES:
+            whole = at > 0 and len(data) >= at + 4 + sum(parts[-1])
+            if whole and key == (source, frame_id.to_bytes(2)):
+                told = [data[at + 4 + first : at + 4 + first + size] for first, size in parts]
+                said = told, number // (scan.SAMPLE * len(WATCHES))
+                if last.get(key) != said:
+                    wanted.append(number)
+                last[key] = said
+        if scan.relevant(data, 0, len(data), 1, len(data)):
+            wanted.append(number)
+    return wanted
+
+
+def watching(make_scanner: Callable[[ModuleType], Any]) -> Callable[[ModuleType], Any]:
+    def made(module: ModuleType) -> Any:
+        scanner = make_scanner(module)
+        scanner.watch([module.Watch(*each) for each in WATCHES])
+        return scanner
+
+    return made
+
+
+@pytest.mark.parametrize("order", "<>")
+@pytest.mark.parametrize("ng", [False, True])
+@pytest.mark.parametrize("tag", [(), (0x8100,)], ids=["", "tagged"])
+def test_watched_frames_are_given_when_they_say_something_new(
+    plain_scan: ModuleType, compiled_scan: ModuleType, order: str, ng: bool, tag: tuple[int, ...]
+) -> None:
+    """Two senders whose values move in every frame, a third one that is not watched, and what else goes by."""
+    frames: list[bytes] = []
+    for cycle in range(4_000):
+        moving = cycle.to_bytes(2)
+        state = (cycle // 701).to_bytes(1)
+        frames.append(cyclic(0, 0x8001, b"\x34\x3a\0" + state + moving + b"\x04\x7f\x80", tag))
+        frames.append(cyclic(1, 0x8002, moving + b"\xfb" + (cycle // 997).to_bytes(1), tag))
+        frames.append(cyclic(1, 0x8009, moving + moving, tag))
+        if cycle % 400 == 399:
+            frames += [CALL, make.DCP, cyclic(0, 0x8001, b"", tag)[:24], make.RT]
+    if ng:
+        data, made = enhanced(frames, order, 0, 1), pcapng_scanner(order, [1])
+    else:
+        data, made = make.pcap(frames, order=order), pcap_scanner(order, 0xA1B2C3D4, 1)
+    both(watching(made), data, [9_000, 400_000], plain_scan, compiled_scan)
+    said = walk(watching(made)(plain_scan), "_plain", data, [])
+    assert [each[0] for each in said if len(each) == 6] == expected(frames)  # type: ignore[arg-type, index]
+
+
+@pytest.mark.parametrize("ng", [False, True])
+def test_it_stops_behind_the_response_to_a_connect(
+    plain_scan: ModuleType, compiled_scan: ModuleType, ng: bool
+) -> None:
+    """Somebody looks at it, and watches what it sets up from the next frame on."""
+    answered = bytearray(make.rpc())
+    answered[1], answered[68:70] = 2, b"\0\0"
+    response = make.ethernet(0x0800, make.ipv4(make.udp(bytes(answered))))
+    frames = [cyclic(0, 0x8001, b""), CALL, response, cyclic(0, 0x8001, b""), CALL, response]
+    for module in (plain_scan, compiled_scan):
+        if ng:
+            data, scanner = enhanced(frames, "<", 0, 1), pcapng_scanner("<", [1])(module)
+        else:
+            data, scanner = make.pcap(frames), pcap_scanner("<", 0xA1B2C3D4, 1)(module)
+        padded = data + bytes(scan.PADDING)
+        assert [each[0] for each in scanner.scan(padded, len(data))] == [2, 3]
+        assert scanner.paused
+        scanner.watch([module.Watch(*WATCHES[0])])
+        assert [each[0] for each in scanner.scan(padded, len(data))] == [4, 5, 6]
+        assert scanner.paused
+        assert scanner.scan(padded, len(data)) == []
+        assert not scanner.paused
 
 
 def test_a_buffer_without_room_is_refused() -> None:

@@ -46,7 +46,7 @@ class Batches:
         while more:
             found = scan.scan(window.data, window.end)
             yield found
-            more = len(found) == BATCH
+            more = len(found) == BATCH or scan.paused
 
     def _ahead(self) -> Iterator[list[Found]]:
         descriptor = self._window.large_file(FROM)
@@ -106,6 +106,16 @@ class _Thread:
             self._thread.join()
 
 
+def _wait(scan: Scan, room: SimpleQueue[None]) -> None:
+    """Until all that was found is taken: what is behind it depends on it."""
+    taken = 0
+    while taken < _BATCHES and not scan.stopped:
+        room.get()
+        taken += 1
+    for _ in range(taken):
+        room.put(None)
+
+
 def _run(
     scan: Scan,
     window: Window,
@@ -121,6 +131,8 @@ def _run(
             found.put(scan.ahead(descriptor, window.data, window.end))
             window.take_over(scan.end, scan.passed)
             more = scan.more
+            if scan.paused:
+                _wait(scan, room)
     except BaseException as problem:  # noqa: BLE001 (raised again where the frames are taken)
         found.put(problem)
     found.put(None)

@@ -5,7 +5,8 @@ cdef const unsigned char* _UUIDS
 cdef unsigned int _BIG_1, _BIG_2, _LITTLE_1, _LITTLE_2, _TAIL_1, _TAIL_2
 cdef unsigned int _IPV4, _PROFINET, _LLDP, _UDP, _PNIO_PORT, _ENHANCED
 cdef long _ETHERNET, _RAW, _RAW_IPV4, _SLL, _SLL2
-cdef Py_ssize_t _MAX_FRAME, _BATCH, _ENTRY, _FIRST_AHEAD, _AHEAD, _KEPT, _FAR
+cdef Py_ssize_t _MAX_FRAME, _BATCH, _ENTRY, _FIRST_AHEAD, _AHEAD, _KEPT, _FAR, _ROW
+cdef unsigned int _CONNECT, _RESPONSE
 
 cdef unsigned int _u16(const unsigned char* data, Py_ssize_t at) noexcept nogil
 
@@ -78,12 +79,27 @@ cdef Py_ssize_t _keep(
 @cython.locals(byte=Py_ssize_t)
 cdef Py_ssize_t _to_front(unsigned char* data, Py_ssize_t start, Py_ssize_t end) noexcept nogil
 
+@cython.locals(at=Py_ssize_t, rpc=Py_ssize_t)
+cdef bint _sets_up(const unsigned char* data, Py_ssize_t start, Py_ssize_t end, long link_type) noexcept nogil
+
+@cython.locals(at=Py_ssize_t, row=Py_ssize_t, byte=Py_ssize_t)
+cdef bint _is_due(
+    unsigned char* rows, Py_ssize_t size, const unsigned char* data, Py_ssize_t start, Py_ssize_t end,
+    Py_ssize_t period
+) noexcept nogil
+
+@cython.locals(news=bint, part=Py_ssize_t, parts=Py_ssize_t, kept=Py_ssize_t, first=Py_ssize_t, byte=Py_ssize_t)
+cdef bint _is_news(
+    unsigned char* rows, Py_ssize_t row, const unsigned char* data, Py_ssize_t at, Py_ssize_t end,
+    Py_ssize_t period
+) noexcept nogil
+
 cdef class Scan:
     cdef public Py_ssize_t position, frames, end, passed
-    cdef public bint stopped, more
+    cdef public bint stopped, more, paused
     cdef public list links
-    cdef Py_ssize_t _known, _most
-    cdef object _entries, _kept
+    cdef Py_ssize_t _known, _most, _size, _period
+    cdef object _entries, _kept, _rows, _watches, _watched, _ids, _runs, _swapped
     cdef bint _big
 
     cdef bytes _links(self)
@@ -93,42 +109,43 @@ cdef class Scan:
 
     cdef Py_ssize_t _walk(
         self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
-        unsigned char* entries, Py_ssize_t count, Py_ssize_t most
+        unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows
     ) noexcept nogil
 
     @cython.locals(used=Py_ssize_t, passed=Py_ssize_t, more=bint, before=Py_ssize_t, advanced=Py_ssize_t,
                    got=Py_ssize_t)
     cdef Py_ssize_t _ahead(
         self, int descriptor, unsigned char* data, Py_ssize_t end, Py_ssize_t size, const unsigned char* links,
-        unsigned char* entries, unsigned char* kept, Py_ssize_t room
+        unsigned char* entries, unsigned char* kept, Py_ssize_t room, unsigned char* rows
     ) noexcept nogil
 
 cdef inline Py_ssize_t _unlocked(
     Scan scan, int descriptor, unsigned char* data, Py_ssize_t end, Py_ssize_t size, const unsigned char* links,
-    unsigned char* entries, unsigned char* kept, Py_ssize_t room
+    unsigned char* entries, unsigned char* kept, Py_ssize_t room, unsigned char* rows
 ):
     with nogil:
-        return scan._ahead(descriptor, data, end, size, links, entries, kept, room)
+        return scan._ahead(descriptor, data, end, size, links, entries, kept, room, rows)
 
 cdef class PcapScan(Scan):
     cdef Py_ssize_t _header
-    cdef object _swapped, _layout, _record, _runs
+    cdef object _layout, _record
 
     @cython.locals(big=bint, header=Py_ssize_t, link_type=long, position=Py_ssize_t, number=Py_ssize_t,
                    last=Py_ssize_t, start=Py_ssize_t, captured=Py_ssize_t, original=Py_ssize_t,
-                   seconds="unsigned int", fraction="unsigned int")
+                   seconds="unsigned int", fraction="unsigned int", watched=Py_ssize_t, period=Py_ssize_t)
     cdef Py_ssize_t _walk(
         self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
-        unsigned char* entries, Py_ssize_t count, Py_ssize_t most
+        unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows
     ) noexcept nogil
 
 cdef class PcapngScan(Scan):
-    cdef object _swapped, _block, _layout, _word, _runs
+    cdef object _block, _layout, _word
 
     @cython.locals(big=bint, position=Py_ssize_t, number=Py_ssize_t, last=Py_ssize_t, total=Py_ssize_t,
                    interface=Py_ssize_t, captured=Py_ssize_t, original=Py_ssize_t, start=Py_ssize_t,
-                   link_type=long, high="unsigned int", low="unsigned int")
+                   link_type=long, high="unsigned int", low="unsigned int", watched=Py_ssize_t,
+                   period=Py_ssize_t)
     cdef Py_ssize_t _walk(
         self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
-        unsigned char* entries, Py_ssize_t count, Py_ssize_t most
+        unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows
     ) noexcept nogil

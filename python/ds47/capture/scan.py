@@ -14,7 +14,9 @@ the file itself, without the interpreter (`Scan.ahead`), for a thread (ahead.py)
 A frame matters when, after VLAN tags or a cooked header, it is
 * IPv4 UDP with RPC version 4 and the PNIO interface UUID (docs/protocol.md E.2), on any port;
 * any fragment of an IPv4 UDP datagram: only reassembly can tell;
-* PROFINET DCP (0x8892, frame ids 0xFEFC..0xFEFF) or LLDP (0x88CC), which name the stations.
+* PROFINET DCP (0x8892, frame ids 0xFEFC..0xFEFF) or LLDP (0x88CC), which name the stations;
+* a cyclic frame of a watched sender (`Watch`) in which a watched byte is not what it was, and now and then one in
+  which all are (`SAMPLE`): values move in all of them.
 A frame that the snap length cut before the UUID matters while nothing in it contradicts; one that
 was cut before the UUID begins must have the PROFINET port 34964 on one side.
 """
@@ -23,8 +25,8 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Callable, Iterable
-from typing import Any, Literal
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, Literal, NamedTuple
 
 ByteOrder = Literal["little", "big"]
 Bytes = bytes | bytearray
@@ -56,6 +58,9 @@ _UUIDS = UUIDS
 _BIG_1, _BIG_2 = 0xDEA00001, 0x6C9711D1  # words of the first UUID in network order
 _LITTLE_1, _LITTLE_2 = 0x0100A0DE, 0x976CD111  # of a little-endian sender
 _TAIL_1, _TAIL_2 = 0x827100A0, 0x2442DF7D
+
+SAMPLE = 128  # of so many frames of a watched sender one is given, whatever it says
+_CONNECT, _RESPONSE = 0, 2  # operation and type of the RPC message that sets up cyclic frames
 
 _LEARN_FROM = 4096  # frames after which it pays to learn the shapes of cyclic traffic
 
@@ -178,11 +183,130 @@ def _relevant(data: Bytes, start: int, end: int, link_type: int, original: int) 
     return kind == _LLDP
 
 
+def _sets_up(data: Bytes, start: int, end: int, link_type: int) -> bool:
+    """Whether a frame that matters is the response to a Connect: it tells which cyclic frames to watch."""
+    at = _network(data, start, end, link_type)
+    if at < 0 or _kind(data, start, at, link_type) != _IPV4:
+        return False
+    rpc = at + (data[at] & 15) * 4 + 8
+    return (
+        rpc + 70 <= end
+        and data[rpc + 1] == _RESPONSE
+        and data[rpc + 68] == _CONNECT
+        and data[rpc + 69] == _CONNECT
+    )
+
+
+class Watch(NamedTuple):
+    """The cyclic frames of a sender (its MAC address), and which bytes of them matter.
+
+    Each part is an offset behind the frame id and a length.
+    """
+
+    source: bytes
+    frame_id: int
+    parts: tuple[tuple[int, int], ...]
+
+
+# A row of watched frames: MAC address and frame id, whether one was seen, number of parts, length of the row,
+# where the last part ends, the period of the last frame; then offset and length of each part, then their bytes.
+_ROW = 24
+
+
+def _row(watch: Watch) -> bytes:
+    """A `Watch` as the loop over bytes wants it."""
+    parts = b"".join(struct.pack(">HH", *part) for part in watch.parts)
+    length = sum(part[1] for part in watch.parts)
+    need = max((sum(part) for part in watch.parts), default=0)
+    size = _ROW + len(parts) + length
+    head = struct.pack(">6sHBBHH10x", watch.source, watch.frame_id, 0, len(watch.parts), size, need)
+    return head + parts + bytes(length)
+
+
+def _is_due(
+    rows: bytearray, size: int, data: Bytes, start: int, end: int, period: int
+) -> bool:  # fmt: skip
+    """Whether an RT frame is a watched one that says something else than before, or the first of a period."""
+    at = start + 14
+    if _u16(data, start + 12) != _PROFINET:
+        at += 4
+    row = 0
+    while row < size:
+        if rows[row + 7] == data[at + 1] and rows[row + 6] == data[at]:
+            byte = 0
+            while byte < 6 and rows[row + byte] == data[start + 6 + byte]:
+                byte += 1
+            if byte == 6:
+                return _is_news(rows, row, data, at + 2, end, period)
+        row += _u16(rows, row + 10)
+    return False
+
+
+def _is_news(rows: bytearray, row: int, data: Bytes, at: int, end: int, period: int) -> bool:
+    """The same of the frame of a row; keeps what it says."""
+    if at + _u16(rows, row + 12) > end:
+        return False  # cut by the capture
+    news = rows[row + 8] == 0 or _get(rows, row + 14) != period
+    rows[row + 8] = 1
+    _put(rows, row + 14, period)
+    part, parts = row + _ROW, row + _ROW + 4 * rows[row + 9]
+    kept = parts
+    while part < parts:
+        first = at + _u16(rows, part)
+        for byte in range(_u16(rows, part + 2)):
+            if rows[kept] != data[first + byte]:
+                rows[kept] = data[first + byte]
+                news = True
+            kept += 1
+        part += 4
+    return news
+
+
+class _Watched:
+    """A `Watch` with what was there last, for the loop over unpacked fields."""
+
+    def __init__(self, watch: Watch) -> None:
+        self.watch = watch
+        self.need = max((sum(part) for part in watch.parts), default=0)
+        self.bytes: list[Bytes] | None = None
+        self.period = -1
+        self.groups: list[int] = []
+
+    def is_news(self, data: Bytes, at: int, end: int, period: int) -> bool:
+        """As `_is_news`."""
+        if at + self.need > end:
+            return False
+        there: list[Bytes] = [
+            data[at + first : at + first + length] for first, length in self.watch.parts
+        ]
+        news = there != self.bytes or period != self.period
+        self.bytes, self.period = there, period
+        return news
+
+    def shape(self, length: int, group: int) -> bytes:
+        """The bytes behind the frame id: those that matter are what they were in the frame before it in the run.
+
+        They are the groups from the number `group` on. The first frame of a run has them at will.
+        """
+        self.groups = list(range(group, group + len(self.watch.parts)))
+        shape, at = b"", 0
+        for number, (first, count) in zip(self.groups, self.watch.parts, strict=True):
+            shape += rb".{%d}(?:(?(%d)(?!)|(.{%d}))|\%d)" % (first - at, number, count, number)
+            at = first + count
+        return shape + b".{%d}" % (length - at)
+
+    def agrees(self, run: re.Match[bytes], period: int) -> bool:
+        """Whether a run has none of these frames, or they say in it what the one before it said in its period."""
+        there = [run.group(number) for number in self.groups]
+        return there[0] is None or (there == self.bytes and period == self.period)
+
+
 class Runs:
     """Skips runs of PROFINET RT frames without looking at each; only where this is not compiled.
 
     A shape is a record that a loop has rejected, as a regular expression: its lengths, the types and
-    the first byte of the frame id. STRIDE records in a row that fit known shapes are one match.
+    the first byte of the frame id; of a watched frame also sender, frame id, and that the bytes that
+    matter stay as they are. STRIDE records in a row that fit known shapes are one match.
     """
 
     STRIDE = 8
@@ -193,54 +317,88 @@ class Runs:
         self._front = front
         self._shapes: list[bytes] = []
         self._match: Callable[..., re.Match[bytes] | None] | None = None
+        self._watched: dict[bytes, _Watched] = {}
+        self._around: dict[bytes, tuple[bytes, int, bytes]] = {}
+
+    def watch(self, watched: dict[bytes, _Watched]) -> None:
+        """From now on the frames of these senders and ids are told apart."""
+        self._watched, self._around, self._match = watched, {}, None
 
     def learn(self, before: bytes, data: Bytes, start: int, end: int, after: bytes) -> None:
         """Take a record that was rejected: the Ethernet frame data[start:end] and what is around it."""
-        if len(self._shapes) == self.MOST:
-            return
         for at in (start + 12, start + 16):
-            if at + 3 <= end and _u16(data, at) == PROFINET and data[at + 2] != 0xFE:
-                tag = (
-                    re.escape(bytes(data[start + 12 : start + 14])) + b".."
-                    if at > start + 12
-                    else b""
-                )
-                frame = rb".{12}%s\x88\x92[^\xfe].{%d}" % (tag, end - at - 3)
+            if at + 4 <= end and _u16(data, at) == PROFINET and data[at + 2] != 0xFE:
                 break
         else:
             return
-        shape = before + frame + after
-        if shape not in self._shapes:
+        tag = re.escape(bytes(data[start + 12 : start + 14])) + b".." if at > start + 12 else b""
+        key = bytes(data[start + 6 : start + 12] + data[at + 2 : at + 4])
+        watched = self._watched.get(key)
+        if watched is None:
+            shape = rb".{12}%s\x88\x92[^\xfe].{%d}" % (tag, end - at - 3)
+            if self._watched:
+                shape = b"(?!%s)" % b"|".join(map(_sender, self._watched)) + shape
+            self._add(before + shape + after)
+        elif at + 4 + watched.need <= end:
+            around = before + _sender(key, tag), end - at - 4, after
+            if self._around.get(key) != around:
+                self._around[key], self._match = around, None
+
+    def _add(self, shape: bytes) -> None:
+        if shape not in self._shapes and len(self._shapes) < self.MOST:
             self._shapes.append(shape)
             self._match = None
 
-    def skip(self, data: Bytes, position: int, end: int) -> tuple[int, int]:
-        """End of the run that begins at `position`, and how many records it has (in whole strides)."""
+    def skip(
+        self, data: Bytes, position: int, end: int, number: int, period: int
+    ) -> tuple[int, int]:
+        """End of the run behind frame `number`, which begins at `position`, and how many records it has.
+
+        They are whole strides; where frames are watched, they are all of one period.
+        """
         if self._match is None:
-            if not self._shapes:
+            shapes = [*self._of_watched(), *self._shapes]
+            if not shapes:
                 return position, 0
-            either = b"|".join(self._shapes)
-            pattern = b"(?>%s(?:%s)){%d}+" % (self._front, either, self.STRIDE)
+            pattern = b"(?>%s(?:%s)){%d}+" % (self._front, b"|".join(shapes), self.STRIDE)
             self._match = re.compile(pattern, re.DOTALL).match
         count, match = 0, self._match
-        while (run := match(data, position, end)) is not None:
+        watched = [self._watched[key] for key in self._around]
+        most = period - number % period - 1 if watched else end
+        while count + self.STRIDE <= most and (run := match(data, position, end)) is not None:
+            if watched and not all(each.agrees(run, number // period) for each in watched):
+                break
             position = run.end()
             count += self.STRIDE
         return position, count
+
+    def _of_watched(self) -> Iterator[bytes]:
+        group = 1
+        for key, (before, length, after) in self._around.items():
+            watched = self._watched[key]
+            yield before + watched.shape(length, group) + after
+            group += len(watched.groups)
+
+
+def _sender(key: bytes, tag: bytes = rb"(?:\x81\x00..)?") -> bytes:
+    """The regular expression of the beginning of a watched frame, up to its data."""
+    return b".{6}%s%s\x88\x92%s" % (re.escape(key[:6]), tag, re.escape(key[6:]))
 
 
 class _Swapped:
     """The constants of the cheap test as `unpack` shows them in a file of that byte order."""
 
     def __init__(self, order: ByteOrder) -> None:
-        def seen(values: Iterable[int]) -> frozenset[int]:
-            return frozenset(int.from_bytes(v.to_bytes(2, "big"), order) for v in values)
+        self._order = order
+        (self.profinet,) = self.seen((PROFINET,))
+        (self.ipv4,) = self.seen((IPV4,))
+        self.dcp = self.seen(DCP_FRAME_IDS)
+        self.tags = self.seen(VLAN_TAGS)
+        self.kept = self.seen((IPV4, LLDP))
 
-        (self.profinet,) = seen((PROFINET,))
-        (self.ipv4,) = seen((IPV4,))
-        self.dcp = seen(DCP_FRAME_IDS)
-        self.tags = seen(VLAN_TAGS)
-        self.kept = seen((IPV4, LLDP))
+    def seen(self, values: Iterable[int]) -> frozenset[int]:
+        """Words in network order as `unpack` shows them."""
+        return frozenset(int.from_bytes(value.to_bytes(2), self._order) for value in values)
 
 
 def _usual(data: Bytes, start: int, captured: int) -> bool:
@@ -336,7 +494,8 @@ class Scan:
     """What the two walks have in common.
 
     `position` is the offset in the buffer of the next record, `frames` counts what was passed,
-    `links` are the LINKTYPE_ numbers of the interfaces. `stopped` ends `ahead` soon.
+    `links` are the LINKTYPE_ numbers of the interfaces. `stopped` ends `ahead` soon. `paused`: the last of the
+    frames told what to watch from there on, so that nothing is passed before somebody has looked at it.
     """
 
     def __init__(self, order: ByteOrder) -> None:
@@ -351,6 +510,15 @@ class Scan:
         self._most = _FIRST_AHEAD // 2
         self._entries = bytearray(_BATCH * _ENTRY)
         self._kept = bytearray()
+        self.paused = False
+        self._rows = bytearray()
+        self._size = 0
+        self._period = 1
+        self._watches: Sequence[Watch] = ()
+        self._watched: dict[bytes, _Watched] = {}
+        self._ids: frozenset[int] = frozenset()
+        self._runs = Runs(b"")
+        self._swapped = _Swapped(order)
         self._big = order == "big"
 
     def scan(self, data: bytearray, end: int) -> list[Found]:
@@ -362,7 +530,39 @@ class Scan:
         """
         if len(data) < end + PADDING:
             raise ValueError("no room behind the buffer")
+        self.paused = False
         return self._compiled(data, end) if COMPILED else self._plain(data, end)
+
+    def watch(self, watches: Sequence[Watch]) -> None:
+        """From now on these cyclic frames matter, and no others. Parts are in order and do not overlap."""
+        self._watches = watches
+        self._rows = bytearray(b"".join(map(_row, watches)))
+        self._size = len(self._rows)
+        self._period = SAMPLE * max(1, len(watches))
+        self._watched = {
+            watch.source + watch.frame_id.to_bytes(2): _Watched(watch) for watch in watches
+        }
+        self._ids = self._swapped.seen(watch.frame_id for watch in watches)
+        self._runs.watch(self._watched)
+
+    def is_due(self, data: bytes, link_type: int) -> bool:
+        """Whether the frame behind those that were passed is a watched one to be given."""
+        if link_type != ETHERNET or not self._size or len(data) < 20:
+            return False
+        if COMPILED:
+            rows, period = self._rows, self.frames // self._period
+            return _is_rt(data, 0, len(data)) and _is_due(
+                rows, self._size, data, 0, len(data), period
+            )
+        return self._news(data, 0, len(data), self.frames)
+
+    def _news(self, data: Bytes, start: int, end: int, number: int) -> bool:
+        """`_is_due` for the loop over unpacked fields."""
+        if not _is_rt(data, start, end - start):
+            return False
+        at = start + 16 if _u16(data, start + 12) != PROFINET else start + 12
+        found = self._watched.get(bytes(data[start + 6 : start + 12] + data[at + 2 : at + 4]))
+        return found is not None and found.is_news(data, at + 4, end, number // self._period)
 
     def ahead(self, descriptor: int, data: bytearray, end: int) -> list[Found]:
         """The next frames that matter in data[:end] and in the file behind it. Only where this is compiled.
@@ -372,12 +572,14 @@ class Scan:
         once; otherwise it stands at the end of the file or in front of something that it cannot
         pass, as `scan` does.
         """
+        self.paused = False
         links, size = self._links(), len(data) - PADDING
         if len(self._kept) < max(_KEPT, size):
             self._entries, self._kept = bytearray(_AHEAD * _ENTRY), bytearray(max(_KEPT, size))
         self._most = min(2 * self._most, _AHEAD)
         entries, kept, room = self._entries, self._kept, len(self._kept)
-        count = _unlocked(self, descriptor, data, end, size, links, entries, kept, room)  # noqa: F821
+        rows = self._rows
+        count = _unlocked(self, descriptor, data, end, size, links, entries, kept, room, rows)  # noqa: F821
         return _told(entries, count, kept)
 
     def _links(self) -> bytes:
@@ -387,8 +589,8 @@ class Scan:
 
     def _compiled(self, data: bytearray, end: int) -> list[Found]:
         """The loop over bytes. Runs uncompiled too, slowly."""
-        links, entries = self._links(), self._entries
-        count = self._walk(data, end, links, entries, 0, _BATCH)
+        links, entries, rows = self._links(), self._entries, self._rows
+        count = self._walk(data, end, links, entries, 0, _BATCH, rows)
         return _told(entries, count, data)
 
     def _plain(self, data: bytearray, end: int) -> list[Found]:
@@ -396,22 +598,23 @@ class Scan:
         raise NotImplementedError
 
     def _walk(
-        self, data: Bytes, end: int, links: Bytes, entries: bytearray, count: int, most: int
-    ) -> int:
+        self, data: Bytes, end: int, links: Bytes, entries: bytearray, count: int, most: int,
+        rows: bytearray,
+    ) -> int:  # fmt: skip
         """Pass what can be passed of data[:end], until there are `most` entries; how many there are now."""
         raise NotImplementedError
 
     def _ahead(
         self, descriptor: int, data: bytearray, end: int, size: int, links: Bytes,
-        entries: bytearray, kept: bytearray, room: int,
+        entries: bytearray, kept: bytearray, room: int, rows: bytearray,
     ) -> int:  # fmt: skip
         """`ahead` without an object: how many entries there are now, their bytes in `kept`."""
         count, used, passed, more = 0, 0, 0, False
         while not self.stopped:
             before = count
-            count = self._walk(data, end, links, entries, count, self._most)
+            count = self._walk(data, end, links, entries, count, self._most, rows)
             used = _keep(data, kept, used, entries, before, count)
-            more = count == self._most or used + size > room or passed >= _FAR
+            more = count == self._most or used + size > room or passed >= _FAR or self.paused
             if more:
                 break
             passed += self.position
@@ -454,18 +657,19 @@ class PcapScan(Scan):
         super().__init__(order)
         self.links.append(link_type)
         self._header = header
-        self._swapped = _Swapped(order)
         sign = "<>"[order == "big"]
         self._layout = struct.Struct(f"{sign}8xI{header - 12}x{_TYPES}").unpack_from
         self._record = struct.Struct(f"{sign}4I").unpack_from
         self._runs = Runs(b".{8}")
 
     def _walk(
-        self, data: Bytes, end: int, links: Bytes, entries: bytearray, count: int, most: int
-    ) -> int:
+        self, data: Bytes, end: int, links: Bytes, entries: bytearray, count: int, most: int,
+        rows: bytearray,
+    ) -> int:  # fmt: skip
         big, header, link_type = self._big, self._header, _u32(links, 0, True)
         position, number, last = self.position, self.frames, end - header
-        while position <= last and count < most:
+        watched, period = self._size, self._period
+        while position <= last and count < most and not self.paused:
             captured = _u32(data, position + 8, big)
             start = position + header
             if captured > _MAX_FRAME or start + captured > end:
@@ -478,6 +682,15 @@ class PcapScan(Scan):
                     count = _note(
                         entries, count, number, 0, seconds, fraction, original, captured, start
                     )
+                    self.paused = _sets_up(data, start, start + captured, link_type)
+            elif watched and _is_due(
+                rows, watched, data, start, start + captured, number // period
+            ):
+                original = _u32(data, position + 12, big)
+                seconds, fraction = _u32(data, position, big), _u32(data, position + 4, big)
+                count = _note(
+                    entries, count, number, 0, seconds, fraction, original, captured, start
+                )
             position = start + captured
         self.position, self.frames = position, number
         return count
@@ -490,8 +703,10 @@ class PcapScan(Scan):
         profinet, ipv4, kept = swapped.profinet, swapped.ipv4, swapped.kept
         dcp, tags, ethernet = swapped.dcp, swapped.tags, link_type == ETHERNET
         position, number, last = self.position, self.frames, end - header
+        ids, news, period = self._ids, self._news, self._period
         quiet = 0  # rejected in a row by this loop
-        while position <= last:
+        due = False
+        while position <= last and not self.paused:
             captured, kind, first, inner, second = layout(data, position)
             start = position + header
             after = start + captured
@@ -505,23 +720,29 @@ class PcapScan(Scan):
                     rejected = first not in dcp
                 elif kind in tags:
                     rejected = inner == profinet and second not in dcp
-                if rejected:
+                due = (
+                    rejected
+                    and (first in ids or second in ids)
+                    and news(data, start, after, number)
+                )
+                if rejected and not due:
                     quiet += 1
                     if quiet >= Runs.STRIDE and number > _LEARN_FROM:
                         before = bytes(data[start - header + 8 : start - header + 12])
                         between = b".{%d}" % (header - 12)
                         runs.learn(re.escape(before) + between, data, start, after, b"")
-                        position, skipped = runs.skip(data, position, end)
+                        position, skipped = runs.skip(data, position, end, number, period)
                         number += skipped
                         quiet = 0 if skipped else -Runs.STRIDE
                     continue
             quiet = 0
             seconds, fraction, _captured, original = record(data, start - header)
-            if (kind == ipv4 and ethernet and _usual(data, start, captured)) or _relevant(
+            if due or (kind == ipv4 and ethernet and _usual(data, start, captured)) or _relevant(
                 data, start, after, link_type, original
-            ):
+            ):  # fmt: skip
                 frame = view[start:after].tobytes()
                 found.append((number, 0, seconds, fraction, original, frame))
+                self.paused = not due and _sets_up(data, start, after, link_type)
                 if len(found) == BATCH:
                     break
         self.position, self.frames = position, number
@@ -545,13 +766,16 @@ class PcapngScan(Scan):
         self._layout = struct.Struct(f"{sign}7I{_TYPES}").unpack_from
         self._word = struct.Struct(f"{sign}I").unpack_from
         self._runs = Runs(self._block)
+        self.watch(self._watches)
 
     def _walk(
-        self, data: Bytes, end: int, links: Bytes, entries: bytearray, count: int, most: int
-    ) -> int:
+        self, data: Bytes, end: int, links: Bytes, entries: bytearray, count: int, most: int,
+        rows: bytearray,
+    ) -> int:  # fmt: skip
         big = self._big
         position, number, last = self.position, self.frames, end - 32
-        while position <= last and count < most:
+        watched, period = self._size, self._period
+        while position <= last and count < most and not self.paused:
             total = _u32(data, position + 4, big)
             interface = _u32(data, position + 8, big)
             captured = _u32(data, position + 20, big)
@@ -571,6 +795,15 @@ class PcapngScan(Scan):
                     count = _note(
                         entries, count, number, interface, high, low, original, captured, start
                     )
+                    self.paused = _sets_up(data, start, start + captured, link_type)
+            elif watched and _is_due(
+                rows, watched, data, start, start + captured, number // period
+            ):
+                original = _u32(data, position + 24, big)
+                high, low = _u32(data, position + 12, big), _u32(data, position + 16, big)
+                count = _note(
+                    entries, count, number, interface, high, low, original, captured, start
+                )
             position += total
         self.position, self.frames = position, number
         return count
@@ -583,8 +816,10 @@ class PcapngScan(Scan):
         profinet, ipv4, kept = swapped.profinet, swapped.ipv4, swapped.kept
         dcp, tags = swapped.dcp, swapped.tags
         position, number, last = self.position, self.frames, end - 32
+        ids, news, period = self._ids, self._news, self._period
         quiet = 0  # rejected in a row by this loop
-        while position <= last:
+        due = False
+        while position <= last and not self.paused:
             (block, total, interface, high, low, captured, original,
              kind, first, inner, second) = layout(data, position)  # fmt: skip
             after = position + total
@@ -602,20 +837,26 @@ class PcapngScan(Scan):
                     rejected = first not in dcp
                 elif kind in tags:
                     rejected = inner == profinet and second not in dcp
-                if rejected:
+                due = (
+                    rejected
+                    and (first in ids or second in ids)
+                    and news(data, start, start + captured, number)
+                )
+                if rejected and not due:
                     quiet += 1
                     if quiet >= Runs.STRIDE and number > _LEARN_FROM:
                         self._learn(data, start, captured, after)
-                        position, skipped = runs.skip(data, position, end)
+                        position, skipped = runs.skip(data, position, end, number, period)
                         number += skipped
                         quiet = 0 if skipped else -Runs.STRIDE
                     continue
             quiet = 0
-            if (kind == ipv4 and ethernet and _usual(data, start, captured)) or _relevant(
+            if due or (kind == ipv4 and ethernet and _usual(data, start, captured)) or _relevant(
                 data, start, start + captured, links[interface], original
-            ):
+            ):  # fmt: skip
                 frame = view[start : start + captured].tobytes()
                 found.append((number, interface, high, low, original, frame))
+                self.paused = not due and _sets_up(data, start, start + captured, links[interface])
                 if len(found) == BATCH:
                     break
         self.position, self.frames = position, number
