@@ -241,13 +241,16 @@ def _is_place(told: object, deal: Deal | wire.Record) -> bool:
 @auditor("DS706")
 def _elsewhere(case: Case) -> Iterator[str]:
     args, reading = case.args, case.reading
-    asked = [each for each in reading.deals if each.write == args.get("request")]
+    asked = [
+        each for each in reading.deals
+        if each.write == args.get("request") and _is_place(args.get("place"), each)
+    ]  # fmt: skip
     reads = [each for each in reading.answered_at.get(args.get("frame") or 0, []) if not each.write]
-    if not asked or not reads:
-        yield f"no request in {args.get('request')} or no Read in {args.get('frame')}"
+    if not asked or not reads or not _is_place(args.get("other"), reads[0]):
+        yield f"no request in {args.get('request')} or no Read in {args.get('frame')} at these places"
         return
-    if not _is_place(args.get("place"), asked[0]) or not _is_place(args.get("other"), reads[0]):
-        yield "the places are others"
+    if reads[0].ar.int and str(reads[0].ar) != asked[0].ar:
+        yield "the Read is that of another program"
     yield from case.wrong("device", asked[0].device)
     if asked[0].answer is not None:
         yield f"its response was read in frame {asked[0].read}"

@@ -48,10 +48,10 @@ class Whole:
 
     def idle(
         self, frame: int, at: Place = THERE, status: int | None = STATUS_NOT_READY,
-        device: str = "d", controller: str = "c",
+        device: str = "d", controller: str = "c", ar: bytes | None = bytes(range(16)),
     ) -> Whole:  # fmt: skip
-        """A Read without record, on a channel that has no request."""
-        record = Record(False, False, bytes(16), 0, *at, 0)
+        """A Read without record, on a channel that has no request; without an AR a ReadImplicit."""
+        record = Record(False, ar is None, ar or bytes(16), 0, *at, 0)
         record.response = Half(frame, frame, status=status)
         self.capture.nothing_to_read(Peer(controller, device, 0x2A, 0x501), record)
         return self
@@ -109,6 +109,11 @@ def test_a_request_here_and_a_read_for_nothing_there() -> None:
 
 def test_a_request_here_and_its_response_there() -> None:
     assert Whole(job(READ), job(None, ANSWER, frame=5, at=THERE)).end() == [there(8)]
+
+
+def test_another_program_reads_for_itself() -> None:
+    assert Whole(job(READ)).idle(4, ar=bytes(16)).of("DS706") == []
+    assert Whole(job(READ)).idle(4, ar=None).of("DS706") == [there(4)]
 
 
 @pytest.mark.parametrize(

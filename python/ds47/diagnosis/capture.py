@@ -61,6 +61,7 @@ class _Memory(Generic[_V]):
 class _Open(NamedTuple):
     """A request that nobody read the response of at its place."""
 
+    ar: bytes
     place: Place
     reference: int | None
     axis: int | None
@@ -71,6 +72,8 @@ class _Open(NamedTuple):
 class _Read(NamedTuple):
     """A Read that had no request at its place; reference and axis where it brought a record."""
 
+    ar: bytes | None
+    """None of a ReadImplicit, which any program may send."""
     place: Place
     reference: int | None
     axis: int | None
@@ -158,7 +161,7 @@ class WholeCapture:
             pair = peer.controller, peer.device
             tally = self._idle_reads.get(peer.device)
             (tally or self._idle_reads.put(peer.device, _Tally())).add(half.frame)
-            _append(self._idle, pair, _Read(place, None, None, half.frame))
+            _append(self._idle, pair, _Read(_ar(record), place, None, None, half.frame))
         else:
             self._refusal(peer.device, place, half.status, half.frame)
 
@@ -211,12 +214,14 @@ class WholeCapture:
         if job.write_refused or asked is None or message is None:
             return
         reference, axis = message.request_reference, message.axis
-        _append(self._opened, pair, _Open(place, reference, axis, asked.frame, job.superseded_by))
+        opened = _Open(job.record.ar, place, reference, axis, asked.frame, job.superseded_by)
+        _append(self._opened, pair, opened)
 
     def _orphan(self, pair: Pair, place: Place, job: Job) -> None:
         half, response = job.read_response, job.response
         if half is not None and response is not None:
-            read = _Read(place, response.request_reference, response.axis, half.frame)
+            reference, axis = response.request_reference, response.axis
+            read = _Read(_ar(job.record), place, reference, axis, half.frame)
             _append(self._orphans, pair, read)
 
     def _read_there(self, gaps: bool) -> Iterator[Remark]:
@@ -430,6 +435,10 @@ def _place(record: Record) -> Place:
     return (record.api, record.slot, record.subslot, record.index)
 
 
+def _ar(record: Record) -> bytes | None:
+    return None if record.implicit else record.ar
+
+
 def _append(memory: _Memory[list[_V]], key: object, item: _V) -> None:
     """Keeps the first of each pair of stations: later ones of the same cause say no more."""
     items = memory.get(key)
@@ -444,6 +453,8 @@ def _elsewhere(opened: _Open, reads: list[_Read], *, answer: bool = False) -> _R
     for read in reads:
         if read.place[1:] == opened.place[1:] or read.frame < opened.frame:
             continue  # the API is not told
+        if read.ar not in (opened.ar, None):
+            continue  # another program reads there
         if opened.until is not None and read.frame > opened.until:
             return None
         if not answer or (read.reference, read.axis) == (opened.reference, opened.axis):
