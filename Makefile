@@ -11,7 +11,7 @@
 #   make bench      time the analyzer and the plugin against tshark    (BENCH=--small for a quick one)
 #   make dist       write the plugin as one Lua file, dist/ds47-0_1_0.lua (the version, with underscores)
 #   make captures   let the lab write captures/ again
-#   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again
+#   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, and the JSON Schemas
 #   make screenshot take the README's picture of Wireshark again
 #   make readme     put the present report into README.md
 #   make constraints  resolve constraints.txt anew
@@ -95,6 +95,7 @@ captures: $(STAMP)
 
 tables: $(STAMP)
 	$(BIN)/python tools/make_tables.py
+	$(BIN)/python tools/make_schemas.py
 
 screenshot: $(STAMP)
 	tools/screenshot.sh

@@ -25,10 +25,11 @@ from ds47.capture.scan import ETHERNET, SLL, SLL2
 from ds47.capture.writer import PcapngWriter
 from ds47.model import CaptureResult, Finding, Transaction
 from ds47.profidrive import Options
+from ds47.report import contract, load
 from ds47.report import json as report
-from ds47.report import load
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.sentences import error_words, sentence
+from ds47.spec import units
 from ds47.spec.semantics import limits, reasons
 from ds47.wireshark import engine, tshark
 from ds47.wireshark.engine import Engine
@@ -578,21 +579,21 @@ def test_rebuilding_is_the_reverse_of_the_report(path: Path) -> None:
 
 
 def test_a_text_that_is_not_of_this_version_stays() -> None:
-    stored = load.error({"code": 0x11, "text": "not today", "info": 3}, 42)
+    stored = contract.error({"code": 0x11, "text": "not today", "info": 3}, 42)
     assert {error_words(stored, lang) for lang in LANGUAGES} == {"not today"}
     assert (stored.code, stored.info, stored.text) == (0x11, 3, "not today")
 
 
 @pytest.mark.parametrize("time_ns", [0, 1, -1, -(10**18), 1_767_254_400_123_456_789, 2**63, 2**80])
 def test_times_are_exact(time_ns: int) -> None:
-    assert load.nanoseconds(report.timestamp(time_ns)) == time_ns
+    assert units.nanoseconds(report.timestamp(time_ns)) == time_ns
 
 
 @pytest.mark.parametrize("ns", [0, 1, -5, 999_999, 12_345_678_901, 10**15 + 1, None])
 def test_durations_are_exact(ns: int | None) -> None:
-    assert load.duration(report.milliseconds(ns)) == ns
+    assert units.duration(report.milliseconds(ns)) == ns
 
 
 def test_what_is_no_time() -> None:
     with pytest.raises(ValueError, match="no time"):
-        load.nanoseconds("yesterday")
+        units.nanoseconds("yesterday")

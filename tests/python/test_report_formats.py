@@ -23,6 +23,7 @@ from ds47.model import (
     Frames,
     Parameter,
     ParameterError,
+    Read,
     Report,
 )
 from ds47.report import csv, formatting, json, ndjson, text
@@ -71,7 +72,7 @@ def hard_capture():
         ar=None,
         request_reference=None,
         axis=None,
-        frames=Frames(None, None, 5, 6, [(7, None)], [(9, 10)]),
+        frames=Frames(None, None, 5, 6, [Read(7, None)], [Read(9, 10)]),
         duration_ns=-3_000_000,
         request=None,
         response=None,

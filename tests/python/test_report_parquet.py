@@ -6,6 +6,7 @@ import csv as csv_module
 import io
 import json
 import math
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -121,6 +122,14 @@ def test_the_schemas_are_schemas():
         properties = TABLE["$defs"][name]["properties"]
         assert TABLE["$defs"][name]["required"] == list(properties)
         assert all(column["description"] for column in parquet.columns(name).values())
+
+
+def test_the_schemas_are_those_of_the_table():
+    """The files are what tools/make_schemas.py makes of the one description of the result."""
+    tool = runpy.run_path(str(Path(__file__).parents[2] / "tools" / "make_schemas.py"))
+    for name in ("report", "transaction"):
+        assert tool[name]() == report.schema(f"{name}-2")
+    assert tool["table"]() == TABLE
 
 
 def test_the_line_of_ndjson_is_that_of_the_report():

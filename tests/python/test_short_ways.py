@@ -19,7 +19,7 @@ from ds47.acyclic.pairing import Pairing
 from ds47.acyclic.record_calls import RecordCalls
 from ds47.capture import Frame, open_capture
 from ds47.lab import message
-from ds47.model import Frames, Parameter, ParameterError, Transaction
+from ds47.model import Frames, Parameter, ParameterError, Read, Transaction
 from ds47.profidrive import Options, decode_request, decode_response, parameter
 from ds47.profinet import link, rpc
 from ds47.report import json
@@ -139,7 +139,7 @@ parameters_ = st.builds(
     Parameter, numbers, numbers, texts, numbers, st.booleans(), texts, texts, numbers, values,
     st.one_of(st.none(), values), errors,
 )  # fmt: skip
-pairs = st.lists(st.tuples(numbers, numbers), max_size=2)
+pairs = st.lists(st.builds(Read, numbers, numbers), max_size=2)
 transactions = st.builds(
     Transaction, st.text(max_size=5), st.text(max_size=5), st.text(max_size=5), st.text(max_size=5), texts,
     st.integers(0, 9), st.integers(0, 9), st.integers(0, 9), st.integers(0, 9), numbers, numbers,

@@ -22,7 +22,7 @@ from ds47.model import (
     Value,
 )
 from ds47.profidrive import Options
-from ds47.report import csv, json
+from ds47.report import contract, csv, json
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, sentence
 from ds47.report.targets import Targets
@@ -302,20 +302,9 @@ def _subindices(item: Parameter) -> range:
 
 def _rows(capture: CaptureResult) -> Iterator[list[Any]]:
     for each in capture.transactions:
-        frames = each.frames
-        left = [
-            capture.path, each.id, each.operation, each.state, each.controller, each.device, each.ar,
-            each.api, each.slot, each.subslot, each.index, each.request_reference, each.axis,
-            frames.write_request, frames.write_response, frames.read_request, frames.read_response,
-            len(frames.polls), each.start, each.duration_ms, each.status.write, each.status.read,
-            " ".join(each.findings),
-        ]  # fmt: skip
+        left = [capture.path, *contract.transaction_cells(each)]
         for item in each.parameters:
-            error = item.error
-            yield [
-                *left, item.pnu, item.subindex, item.attribute, item.element_count, item.name,
-                item.unit, item.format, item.value_count, item.values, item.scaled,
-                error and error.code, error and error.text, error and error.info,
-            ]  # fmt: skip
+            values = [item.values, item.scaled]
+            yield left + contract.head_cells(item, "en") + values + contract.error_cells(item, "en")
         if not each.parameters:
             yield left + [None] * len(csv.PARAMETER_COLUMNS)

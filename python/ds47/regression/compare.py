@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from ds47 import spec
 from ds47.model import SEVERITIES, CaptureFile
 from ds47.regression.config import Config, ParameterTolerance
-from ds47.report import load
+from ds47.report import contract, load
 from ds47.report.bilingual import LANGUAGES, Both, operation, say, state
 from ds47.report.places import Places
 from ds47.report.sentences import at_offset, error_words, sentence
@@ -450,7 +450,7 @@ def _outcome(parameter: Json, vendor_id: int | None) -> Both:
         if len(values) == 1:
             return say("change_outcome_value", value=_show(values[0]))
         return say("change_outcome_answered")
-    error = load.error(parameter["error"], vendor_id)
+    error = contract.error(parameter["error"], vendor_id)
     code = "-" if error.code is None else spec.error_hex(error.code)
     told = Both(*(f"{code} {error_words(error, lang)}" for lang in LANGUAGES))
     return say("change_outcome_refused", error=told)

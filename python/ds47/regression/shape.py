@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from types import NoneType
 from typing import Any, NamedTuple
 
+from ds47.report import contract
+
 Shape = Mapping[str, Any]
 """Key -> the types of its value; or a shape, for an object; or a list of one shape, for a list of such."""
 
@@ -21,45 +23,38 @@ class Maybe(NamedTuple):
     shape: Shape
 
 
-_TEXT, _WHOLE, _LIST = (str,), (int,), (list,)
-_MAYBE_TEXT, _MAYBE_WHOLE, _MAYBE_LIST = (str, NoneType), (int, NoneType), (list, NoneType)
+_TYPES: Mapping[str, tuple[type, ...]] = {
+    "string": (str,), "integer": (int,), "number": (int, float), "array": (list,), "null": (NoneType,),
+}  # fmt: skip
 
-_ERROR: Shape = {"code": _MAYBE_WHOLE, "text": _TEXT}
-_PARAMETER: Shape = {
-    "pnu": _MAYBE_WHOLE,
-    "subindex": _MAYBE_WHOLE,
-    "attribute": _MAYBE_TEXT,
-    "element_count": _MAYBE_WHOLE,
-    "name": _MAYBE_TEXT,
-    "unit": _MAYBE_TEXT,
-    "values": _LIST,
-    "scaled": _MAYBE_LIST,
-    "error": Maybe(_ERROR),
-}
-_TRANSACTION: Shape = {
-    "id": _WHOLE,
-    "operation": _TEXT,
-    "state": _TEXT,
-    "device": _TEXT,
-    "slot": _WHOLE,
-    "subslot": _WHOLE,
-    "index": _WHOLE,
-    "axis": _MAYBE_WHOLE,
-    "duration_ms": (int, float, NoneType),
+
+def _of(shape: contract.Shape, *names: str) -> dict[str, Any]:
+    """The types of these keys, as the contract has them."""
+    return {key.name: _types(key.schema) for key in shape.keys if key.name in names}
+
+
+def _types(schema: Mapping[str, Any]) -> tuple[type, ...]:
+    own = schema.get("type", ["string", "null"] if "anyOf" in schema else "string")
+    return tuple(each for name in ([own] if isinstance(own, str) else own) for each in _TYPES[name])
+
+
+_TEXT, _WHOLE = (str,), (int,)
+_MAYBE_TEXT = (str, NoneType)
+_PARAMETER: Shape = _of(
+    contract.PARAMETER,
+    "pnu", "subindex", "attribute", "element_count", "name", "unit", "values", "scaled",
+) | {"error": Maybe(_of(contract.ERROR, "code", "text"))}  # fmt: skip
+_TRANSACTION: Shape = _of(
+    contract.TRANSACTION,
+    "id", "operation", "state", "device", "slot", "subslot", "index", "axis", "duration_ms",
+) | {
     "status": {"write": _MAYBE_TEXT, "read": _MAYBE_TEXT},
     "parameters": [_PARAMETER],
-}
-_FINDING: Shape = {
-    "rule": _TEXT,
-    "severity": _TEXT,
-    "message": _TEXT,
-    "frame": _WHOLE,
-    "transaction": _MAYBE_WHOLE,
-}
+}  # fmt: skip
 _CAPTURE: Shape = {
-    "devices": [{"ip": _TEXT, "station": _MAYBE_TEXT}],
+    "devices": [_of(contract.DEVICE, "ip", "station")],
     "transactions": [_TRANSACTION],
-    "findings": [_FINDING],
+    "findings": [_of(contract.FINDING, "rule", "severity", "message", "frame", "transaction")],
 }
 _OPTIONAL: Shape = {
     "diagnoses": [{"rule": _TEXT}],

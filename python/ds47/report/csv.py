@@ -18,54 +18,30 @@ from json import dumps
 from typing import ClassVar, TextIO
 
 from ds47.model import Finding, Parameter, Report, Transaction, Value
-from ds47.report import Options, is_text, json, write_all
+from ds47.report import Options, contract, is_text, json, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.formatting import escape
-from ds47.report.sentences import error_words, name
 
-TRANSACTION_COLUMNS = (
-    "path",
-    "transaction",
-    "operation",
-    "state",
-    "controller",
-    "device",
-    "ar",
-    "api",
-    "slot",
-    "subslot",
-    "index",
-    "request_reference",
-    "axis",
-    "frames.write_request",
-    "frames.write_response",
-    "frames.read_request",
-    "frames.read_response",
-    "polls",
-    "start",
-    "duration_ms",
-    "status.write",
-    "status.read",
-    "findings",
-)
-"""`transaction` is its id, `polls` how many, `findings` the rules with a blank between."""
+TRANSACTION_COLUMNS = tuple(each.name for each in contract.TRANSACTION_COLUMNS)
 PARAMETER_COLUMNS = (
-    "pnu",
-    "subindex",
-    "attribute",
-    "element_count",
-    "name",
-    "unit",
-    "format",
-    "value_count",
+    *(each.name for each in contract.HEAD_COLUMNS),
     "values",
     "scaled",
-    "error.code",
-    "error.text",
-    "error.info",
+    *(each.name for each in contract.ERROR_COLUMNS),
 )
-COLUMNS = TRANSACTION_COLUMNS + PARAMETER_COLUMNS
+COLUMNS = ("path", *TRANSACTION_COLUMNS, *PARAMETER_COLUMNS)
 """The header."""
+_OF_DEVICES = [
+    number
+    for number, each in enumerate(contract.TRANSACTION_COLUMNS)
+    if each.key.schema is contract.TEXT
+]
+_OF_LISTS = [
+    number
+    for number, each in enumerate(contract.HEAD_COLUMNS)
+    if each.key.schema is contract.MAYBE_TEXT
+]
+"""Cells with a text that anybody may have written."""
 
 Cell = int | float | str | None
 
@@ -119,50 +95,19 @@ def guarded(text: str | None) -> str | None:
 
 
 def _transaction_cells(path: str, item: Transaction) -> list[Cell]:
-    return [
-        guarded(path),
-        item.id,
-        item.operation,
-        item.state,
-        guarded(item.controller),
-        guarded(item.device),
-        item.ar,
-        item.api,
-        item.slot,
-        item.subslot,
-        item.index,
-        item.request_reference,
-        item.axis,
-        item.frames.write_request,
-        item.frames.write_response,
-        item.frames.read_request,
-        item.frames.read_response,
-        len(item.frames.polls),
-        json.timestamp(item.start_ns),
-        json.milliseconds(item.duration_ns),
-        json.status(item.write_status),
-        json.status(item.read_status),
-        " ".join(item.findings),
-    ]
+    cells = contract.transaction_cells(item)
+    for number in _OF_DEVICES:
+        cells[number] = guarded(cells[number])
+    return [guarded(path), *cells]
 
 
 def _parameter_cells(item: Parameter, lang: str) -> list[Cell]:
-    error = item.error
-    return [
-        item.pnu,
-        item.subindex,
-        item.attribute,
-        item.element_count,
-        guarded(name(item, lang)),
-        guarded(item.unit),
-        item.format,
-        item.value_count,
-        _values(item.values, item.format),
-        _values(item.scaled or [], item.format),
-        error.code if error else None,
-        guarded(error_words(error, lang)) if error else None,
-        error.info if error else None,
-    ]
+    cells = contract.head_cells(item, lang)
+    for number in _OF_LISTS:
+        cells[number] = guarded(cells[number])
+    code, text, info = contract.error_cells(item, lang)
+    values, scaled = _values(item.values, item.format), _values(item.scaled or [], item.format)
+    return [*cells, values, scaled, code, guarded(text), info]
 
 
 def _values(values: Sequence[Value], format_name: str | None) -> Cell:

@@ -2,8 +2,8 @@
 
 The functions turn one thing of the model each into plain dictionaries (`ds47.report.ndjson` uses
 them too); `Writer` lays them out with one transaction a line, so that a difference between two
-reports is a difference of lines. Key order and number texts never vary. What the keys mean is in
-`ds47.model` and in schema/report-2.schema.json.
+reports is a difference of lines. Key order and number texts never vary. The keys are those of
+contract.py; what they mean is in `ds47.model` and in schema/report-2.schema.json.
 """
 
 from __future__ import annotations
@@ -17,21 +17,17 @@ from typing import Any, Final, TextIO
 
 from ds47 import __version__
 from ds47.model import (
-    CaptureFile,
     CaptureResult,
     Device,
     Diagnosis,
     Finding,
-    Frames,
     Parameter,
     Report,
     Transaction,
     Value,
 )
-from ds47.report import SCHEMA, Options, write_all
+from ds47.report import SCHEMA, Options, contract, write_all
 from ds47.report import Writer as _Writer
-from ds47.report.filters import display_filter
-from ds47.report.sentences import error_words, message, name, sentence
 from ds47.spec.units import milliseconds as milliseconds
 from ds47.spec.units import status as status
 from ds47.spec.units import timestamp as timestamp
@@ -42,77 +38,17 @@ _LINES_AT_ONCE = 256
 
 def device(item: Device) -> dict[str, Any]:
     """A device as an object of the contract."""
-    return {
-        "ip": item.ip,
-        "mac": item.mac,
-        "station": item.station,
-        "vendor_id": item.vendor_id,
-        "device_id": item.device_id,
-    }
-
-
-def frames(item: Frames) -> dict[str, Any]:
-    """The frame numbers of a transaction as an object of the contract."""
-    return {
-        "write_request": item.write_request,
-        "write_response": item.write_response,
-        "read_request": item.read_request,
-        "read_response": item.read_response,
-        "polls": [{"request": request, "response": response} for request, response in item.polls],
-        "rereads": [
-            {"request": request, "response": response} for request, response in item.rereads
-        ],
-    }
+    return contract.DEVICE.plain(item)
 
 
 def parameter(item: Parameter, lang: str = "en") -> dict[str, Any]:
     """A parameter of a transaction as an object of the contract, its texts in "en" or "zh"."""
-    error = item.error and {
-        "code": item.error.code,
-        "text": error_words(item.error, lang),
-        "info": item.error.info,
-    }
-    return {
-        "pnu": item.pnu,
-        "subindex": item.subindex,
-        "attribute": item.attribute,
-        "element_count": item.element_count,
-        "name": name(item, lang),
-        "unit": item.unit,
-        "format": item.format,
-        "value_count": item.value_count,
-        "values": item.values,
-        "scaled": item.scaled,
-        "error": error,
-    }
+    return contract.PARAMETER.plain(item, lang)
 
 
 def transaction(item: Transaction, lang: str = "en") -> dict[str, Any]:
     """A transaction as an object of the contract, its texts in "en" or "zh"."""
-    return {
-        "id": item.id,
-        "operation": item.operation,
-        "state": item.state,
-        "controller": item.controller,
-        "device": item.device,
-        "ar": item.ar,
-        "api": item.api,
-        "slot": item.slot,
-        "subslot": item.subslot,
-        "index": item.index,
-        "request_reference": item.request_reference,
-        "axis": item.axis,
-        "frames": frames(item.frames),
-        "start": timestamp(item.start_ns),
-        "duration_ms": milliseconds(item.duration_ns),
-        "bytes": {
-            "request": None if item.request is None else item.request.hex(),
-            "response": None if item.response is None else item.response.hex(),
-        },
-        "status": {"write": status(item.write_status), "read": status(item.read_status)},
-        "parameters": [parameter(each, lang) for each in item.parameters],
-        "findings": item.findings,
-    }
+    return contract.TRANSACTION.plain(item, lang)
 
 
 def transaction_line(item: Transaction, lang: str = "en") -> str:
@@ -120,7 +56,7 @@ def transaction_line(item: Transaction, lang: str = "en") -> str:
     frames_ = item.frames
     polls = reads = "[]"
     if frames_.polls or frames_.rereads:
-        whole = frames(frames_)
+        whole = contract.FRAMES.plain(frames_)
         polls, reads = text(whole["polls"]), text(whole["rereads"])
     request, response, took = item.request, item.response, item.duration_ns
     write, read = item.write_status, item.read_status
@@ -161,7 +97,7 @@ def _parameter_text(item: Parameter, lang: str) -> str:
     error = item.error
     failed = _NULL
     if error is not None:
-        failed = text({"code": error.code, "text": error_words(error, lang), "info": error.info})
+        failed = text(contract.ERROR.plain(error, lang))
     scaled = _NULL if item.scaled is None else list_text(item.scaled)
     head, values = parameter_head(item, lang), list_text(item.values)
     return f'{head}, "values": {values}, "scaled": {scaled}, "error": {failed}}}'
@@ -206,87 +142,29 @@ def list_text(values: list[Value]) -> str:
 
 def finding(item: Finding, lang: str = "en") -> dict[str, Any]:
     """A finding as an object of the contract, its message in "en" or "zh"."""
-    return {
-        "rule": item.rule,
-        "severity": item.severity,
-        "message": message(item, lang),
-        "args": item.args,
-        "frame": item.frame,
-        "frames": item.frames,
-        "transaction": item.transaction,
-        "offset": item.offset,
-        "filter": item.filter,
-    }
+    return contract.FINDING.plain(item, lang)
 
 
 def diagnosis(item: Diagnosis, lang: str = "en") -> dict[str, Any]:
     """A diagnosis as an object of the contract, its message in "en" or "zh"."""
-    return {
-        "rule": item.rule,
-        "severity": item.severity,
-        "device": item.device,
-        "message": sentence(item, lang),
-        "args": item.args,
-        "differs": item.differs,
-        "count": item.count,
-        "frames": item.frames,
-        "frames_left_out": item.frames_left_out,
-        "transactions": item.transactions,
-        "filter": display_filter(item.frames)[0],
-        "corrected": None if item.corrected is None else _corrected(item),
-    }
-
-
-def _corrected(item: Diagnosis) -> dict[str, Any]:
-    from ds47.diagnosis.suggest import corrected  # only here: most captures need no correction
-
-    shown = corrected(item.corrected or b"")
-    return {
-        "transaction": item.corrected_in,
-        "request": shown.hex,
-        "words": shown.words,
-        "scl": shown.scl,
-        "encode": shown.encode,
-    }
+    return contract.DIAGNOSIS.plain(item, lang)
 
 
 def capture_head(result: CaptureResult) -> dict[str, Any]:
     """What the contract says about a capture itself, before its lists."""
-    head: dict[str, Any] = {
-        "path": result.path,
-        "sha256": result.sha256,
-        "frames": result.frames,
-        "start": None if result.start_ns is None else timestamp(result.start_ns),
-        "complete": result.complete,
-        "rpc": result.rpc,
-        "records": dict(sorted(result.records.items(), key=_by_index)),
-    }
-    if result.files:
-        head["files"] = [capture_file(each) for each in result.files]
-    return head
-
-
-def capture_file(item: CaptureFile) -> dict[str, Any]:
-    """A file of a series as an object of the contract."""
-    return {
-        "path": item.path,
-        "sha256": item.sha256,
-        "first_frame": item.first_frame,
-        "frames": item.frames,
-        "missing_before": item.missing_before,
-        "problem": item.problem,
-    }
+    return _without_files(contract.CAPTURE_HEAD.plain(result))
 
 
 def capture(result: CaptureResult, lang: str = "en") -> dict[str, Any]:
     """A capture as an object of the contract, its texts in "en" or "zh"."""
-    return capture_head(result) | {
-        "devices": [device(each) for each in result.devices],
-        "transactions": [transaction(each, lang) for each in result.transactions],
-        "findings": [finding(each, lang) for each in result.findings],
-        "diagnoses": [diagnosis(each, lang) for each in result.diagnoses],
-        "summary": result.summary,
-    }
+    return _without_files(contract.CAPTURE.plain(result, lang))
+
+
+def _without_files(plain: dict[str, Any]) -> dict[str, Any]:
+    """Only a series has files."""
+    if not plain["files"]:
+        del plain["files"]
+    return plain
 
 
 def document(report: Report) -> dict[str, Any]:
@@ -352,9 +230,3 @@ def text(item: object) -> str:
 
 def _head() -> dict[str, Any]:
     return {"schema": SCHEMA, "tool": {"name": "ds47", "version": __version__}}
-
-
-def _by_index(item: tuple[str, object]) -> tuple[int, str]:
-    """Record indices are numbers written as text; what is none comes last."""
-    key = item[0]
-    return (int(key) if key.isdecimal() else 1 << 32, key)

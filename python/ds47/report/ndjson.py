@@ -40,10 +40,6 @@ class Writer(_Writer):
         self.stream.write(f'{head}{line}, "findings": {about}}}\n')
 
     def capture(self, result: CaptureResult) -> None:
-        whole = json.capture_head(result) | {
-            "devices": [json.device(each) for each in result.devices],
-            "findings": [json.finding(each, self.options.lang) for each in result.findings],
-            "diagnoses": [json.diagnosis(each, self.options.lang) for each in result.diagnoses],
-            "summary": result.summary,
-        }
+        whole = json.capture(result, self.options.lang)
+        del whole["transactions"]
         self.stream.write(json.text({"path": result.path, "capture": whole}) + "\n")

@@ -19,9 +19,8 @@ from typing import Any, BinaryIO, ClassVar, TextIO
 
 from ds47 import __version__, spec
 from ds47.model import Finding, Parameter, Report, Transaction, Value
-from ds47.report import CannotWriteError, Options, json, schema, write_all
+from ds47.report import CannotWriteError, Options, contract, schema, write_all
 from ds47.report import Writer as _Writer
-from ds47.report.sentences import error_words, name
 from ds47.spec.extras import install
 
 SCHEMA = "ds47.table/1"
@@ -33,6 +32,8 @@ _ROWS_AT_ONCE = 1 << 11
 _NUMERIC_KINDS = ("number", "float", "date", "time_of_day", "duration", "zero")
 _NOT_FINITE = {"NaN": math.nan, "Infinity": math.inf, "-Infinity": -math.inf}
 _NO_PARAMETER: list[Any] = [None] * 19
+_START = [each.name for each in contract.TRANSACTION_COLUMNS].index("start")
+_UNIT = 1 + [each.name for each in contract.HEAD_COLUMNS].index("unit")
 
 Row = list[Any]
 
@@ -168,50 +169,17 @@ def columns(table: str) -> dict[str, dict[str, Any]]:
 
 
 def _transaction_cells(path: str, item: Transaction) -> Row:
-    frames = item.frames
-    return [
-        _text(path),
-        item.id,
-        item.operation,
-        item.state,
-        item.controller,
-        item.device,
-        item.ar,
-        item.api,
-        item.slot,
-        item.subslot,
-        item.index,
-        item.request_reference,
-        item.axis,
-        frames.write_request,
-        frames.write_response,
-        frames.read_request,
-        frames.read_response,
-        len(frames.polls),
-        item.start_ns if _fits(item.start_ns) else None,
-        json.milliseconds(item.duration_ns),
-        json.status(item.write_status),
-        json.status(item.read_status),
-        " ".join(item.findings),
-    ]
+    cells = contract.transaction_cells(item)
+    cells[_START] = item.start_ns if _fits(item.start_ns) else None
+    return [_text(path), *cells]
 
 
 def _parameter_cells(position: int, item: Parameter, lang: str) -> list[Row]:
     """A row for each value of the parameter, one row where it has none."""
-    head = [
-        position,
-        item.pnu,
-        item.subindex,
-        item.attribute,
-        item.element_count,
-        name(item, lang),
-        _text(item.unit),
-        item.format,
-        item.value_count,
-    ]
-    tail: Row = [None, None, None]
-    if item.error is not None:
-        tail = [item.error.code, _text(error_words(item.error, lang)), item.error.info]
+    head = [position, *contract.head_cells(item, lang)]
+    head[_UNIT] = _text(item.unit)
+    code, text, info = contract.error_cells(item, lang)
+    tail: Row = [code, _text(text), info]
     first = item.subindex if item.attribute == "value" else None
     if not item.values:
         return [[*head, None, first, None, None, None, None, None, *tail]]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from datetime import date
+from fractions import Fraction
 from functools import lru_cache
 from typing import Final
 
@@ -10,6 +12,7 @@ SECOND_NS: Final = 1_000_000_000
 _EPOCH_DAY: Final = date(1970, 1, 1).toordinal()
 _DAYS_IN_400_YEARS: Final = 146_097
 _SECONDS_IN_DAY: Final = 86_400
+_TIMESTAMP: Final = re.compile(r"(-?\d+)-(\d\d)-(\d\d)T(\d\d):(\d\d):(\d\d)\.(\d{9})Z")
 
 
 def timestamp(time_ns: int) -> str:
@@ -34,9 +37,29 @@ def _second(seconds: int) -> str:
     return f"{year:04}-{day:%m-%d}T{hour:02}:{minute:02}:{second:02}"
 
 
+def nanoseconds(text: str) -> int:
+    """Nanoseconds since 1970 of a time as the report writes it, in any year.
+
+    Raises ValueError where it is none.
+    """
+    match = _TIMESTAMP.fullmatch(text)
+    if match is None:
+        raise ValueError(f"{text!r} is no time of a report")
+    year, month, day, hour, minute, second, ns = map(int, match.groups())
+    cycles, year = divmod(year, 400)  # the calendar repeats; `date` knows the years 1 to 9999
+    days = date(year + 400, month, day).toordinal() - _EPOCH_DAY
+    days += (cycles - 1) * _DAYS_IN_400_YEARS
+    return (((days * 24 + hour) * 60 + minute) * 60 + second) * SECOND_NS + ns
+
+
 def milliseconds(duration_ns: int | None) -> float | None:
     """A duration in ms, correctly rounded from integer nanoseconds (beyond 2^53 rounded twice, as in Lua)."""
     return None if duration_ns is None else duration_ns / 1e6
+
+
+def duration(shown_ms: float | None) -> int | None:
+    """Whole nanoseconds of a duration in ms: those it was rounded from."""
+    return None if shown_ms is None else round(Fraction(shown_ms) * 1_000_000)
 
 
 def status(word: int | None) -> str | None:

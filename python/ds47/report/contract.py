@@ -1,0 +1,456 @@
+"""The result, key by key: what JSON, loading, CSV, Parquet, data frames and the schema files are made from.
+
+A key is the name of an attribute of the model, in the same unit; `Shape` has the keys of one object in their
+order. A new key is a line here and an attribute there. Words are in sentences.py; files are written and read
+elsewhere. `tools/make_schemas.py` writes the JSON Schemas from this table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+from ds47 import model
+from ds47.report.bilingual import LANGUAGES
+from ds47.report.filters import display_filter
+from ds47.report.sentences import error_words, message, name, sentence
+from ds47.spec import error_text
+from ds47.spec.units import duration, nanoseconds
+
+Tell = Callable[[Any, str], Any]
+"""From an object of the model and a language to what JSON has."""
+Take = Callable[[Any, int | None], Any]
+"""From what JSON has, and the vendor id of the device, to an argument of the model."""
+
+
+class Key(NamedTuple):
+    """One key of an object.
+
+    Attributes:
+        name: of the key, and of the attribute.
+        schema: what JSON Schema says of the value.
+        about: its description in the schema.
+        column: its description where it is a column of a table; empty where it is none.
+        shape: that of the value, where it is an object, or of each one in a list.
+        tell: makes the value from the whole object and the language, where no attribute has it.
+        into: the argument that it is loaded into, where that has another name; empty: it is not loaded.
+        take: makes that argument of the value.
+        required: whether every object has it.
+        later: whether objects of `ds47.report/1` do without it.
+    """
+
+    name: str
+    schema: dict[str, Any]
+    about: str = ""
+    column: str = ""
+    shape: Shape | None = None
+    tell: Tell | None = None
+    into: str | None = None
+    take: Take | None = None
+    required: bool = True
+    later: bool = False
+
+
+class Shape:
+    """An object of the contract: its name, its keys, the class of the model that it is loaded into.
+
+    Without a class it is a part of the object around it: its keys are loaded into that.
+    """
+
+    def __init__(
+        self, title: str, keys: tuple[Key, ...], make: type[Any] | None = None, about: str = ""
+    ) -> None:
+        self.title = title
+        self.keys = keys
+        self.make = make
+        self.about = about
+
+    @cached_property
+    def _names(self) -> list[str]:
+        return [key.name for key in self.keys]
+
+    @cached_property
+    def _get(self) -> Callable[[Any], tuple[Any, ...]]:
+        """All attributes at once; where a key is told otherwise, any of them keeps its place."""
+        some = next(key.name for key in self.keys if key.tell is None)
+        return attrgetter(*[some if key.tell else key.name for key in self.keys], some)
+
+    @cached_property
+    def _others(self) -> list[Key]:
+        return [key for key in self.keys if key.tell or key.shape]
+
+    def plain(self, item: Any, lang: str = "en") -> dict[str, Any]:
+        """An object of the model as one of the contract, its texts in "en" or "zh"."""
+        found = dict(zip(self._names, self._get(item), strict=False))
+        for key in self._others:
+            value = found[key.name] if key.tell is None else key.tell(item, lang)
+            if key.shape is not None and value is not None:
+                value = _plain(key.shape, value, lang)
+            found[key.name] = value
+        return found
+
+    def load(self, item: dict[str, Any], vendor_id: int | None = None) -> Any:
+        """An object of the contract, of a device of this vendor, as one of the model.
+
+        Raises:
+            KeyError: a key is missing.
+        """
+        assert self.make is not None
+        return self.make(**dict(self._arguments(item, vendor_id)))
+
+    def _arguments(self, item: dict[str, Any], vendor_id: int | None) -> Iterator[tuple[str, Any]]:
+        for key in self.keys:
+            if key.into == "" or (key.name not in item and (key.later or not key.required)):
+                continue
+            value = item[key.name]
+            if key.shape is not None and key.shape.make is None:
+                yield from key.shape._arguments(value, vendor_id)
+                continue
+            if key.shape is not None:
+                value = _loaded(key.shape, value, vendor_id)
+            elif key.take is not None:
+                value = key.take(value, vendor_id)
+            yield key.into or key.name, value
+
+
+def _plain(shape: Shape, value: Any, lang: str) -> Any:
+    if isinstance(value, list):
+        return [shape.plain(each, lang) for each in value]
+    return shape.plain(value, lang)
+
+
+def _loaded(shape: Shape, value: Any, vendor_id: int | None) -> Any:
+    if isinstance(value, list):
+        return [shape.load(each, vendor_id) for each in value]
+    return shape.load(value, vendor_id)
+
+
+# Kinds of values
+
+
+def whole(least: int = 0, most: int | None = None, *, maybe: bool = False) -> dict[str, Any]:
+    """A whole number between two others."""
+    found: dict[str, Any] = {"type": ["integer", "null"] if maybe else "integer", "minimum": least}
+    return found if most is None else found | {"maximum": most}
+
+
+def ref(title: str) -> dict[str, Any]:
+    """What is defined under that title."""
+    return {"$ref": f"#/$defs/{title}"}
+
+
+def many(schema: dict[str, Any], least: int = 0) -> dict[str, Any]:
+    """A list of such."""
+    found: dict[str, Any] = {"type": "array"}
+    return found | ({"minItems": least} if least else {}) | {"items": schema}
+
+
+BYTE, WORD = whole(0, 0xFF, maybe=True), whole(0, 0xFFFF, maybe=True)
+FRAME, COUNT, NUMBER = whole(1, maybe=True), whole(), whole(1)
+TEXT: dict[str, Any] = {"type": "string"}
+MAYBE_TEXT: dict[str, Any] = {"type": ["string", "null"]}
+FLAG: dict[str, Any] = {"type": "boolean"}
+SHA256 = MAYBE_TEXT | {"pattern": "^[0-9a-f]{64}$"}
+_TIME = "^-?[0-9]{4,}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}\\.[0-9]{9}Z$"
+VALUES = {"type": "array", "items": {"type": ["number", "string"]}}
+MAYBE_VALUES = VALUES | {"type": ["array", "null"]}
+
+
+# Back from JSON
+
+
+def error(item: dict[str, Any], vendor_id: int | None) -> model.ParameterError:
+    """An error of a parameter, of a device of this vendor; its text tells whether the vendor was known then."""
+    code, info, text = item["code"], item.get("info"), item["text"]
+    for vendor in (vendor_id, None):
+        if text in (error_text(code, lang, vendor) for lang in LANGUAGES):
+            return model.ParameterError(code, info, vendor)
+    return model.ParameterError(code, info, said=text)
+
+
+def _time(text: str | None, _vendor_id: int | None) -> int | None:
+    return None if text is None else nanoseconds(text)
+
+
+def _ns(milliseconds: float | None, _vendor_id: int | None) -> int | None:
+    return duration(milliseconds)
+
+
+def _hex(digits: str | None, _vendor_id: int | None) -> bytes | None:
+    return None if digits is None else bytes.fromhex(digits)
+
+
+def _status(digits: str | None, _vendor_id: int | None) -> int | None:
+    return None if digits is None else int(digits, 16)
+
+
+def _maybe_error(item: dict[str, Any] | None, vendor_id: int | None) -> model.ParameterError | None:
+    return None if item is None else error(item, vendor_id)
+
+
+def _is_told(text: str | None, _vendor_id: int | None) -> bool:
+    return text is not None
+
+
+# The objects
+
+DEVICE = Shape("device", (
+    Key("ip", TEXT),
+    Key("mac", MAYBE_TEXT),
+    Key("station", MAYBE_TEXT),
+    Key("vendor_id", WORD),
+    Key("device_id", WORD),
+), model.Device)  # fmt: skip
+
+_READ = Shape("", (Key("request", FRAME), Key("response", FRAME)), model.Read)
+_WIRESHARK = "as Wireshark numbers it."
+FRAMES = Shape("", (
+    Key("write_request", FRAME, column=f"Frame of the Write request, {_WIRESHARK}"),
+    Key("write_response", FRAME, column=f"Frame of the Write response, {_WIRESHARK}"),
+    Key("read_request", FRAME, column=f"Frame of the Read request that fetched the response, {_WIRESHARK}"),
+    Key("read_response", FRAME, column=f"Frame of the Read response that holds the record, {_WIRESHARK}"),
+    Key("polls", many({}), shape=_READ),
+    Key("rereads", many({}), shape=_READ),
+), model.Frames)  # fmt: skip
+
+ERROR = Shape("error", (
+    Key("code", WORD, column="Error number (docs/protocol.md, B); null without an error."),
+    Key("text", TEXT, tell=error_words, column="What the error number means."),
+    Key("info", WORD, column="Second word of the error: often the subindex or the limit."),
+))  # fmt: skip
+
+PARAMETER = Shape("parameter", (
+    Key("pnu", WORD, column="Parameter number; null where the request is not known."),
+    Key("subindex", WORD, column="First subindex asked for."),
+    Key("attribute", {"anyOf": [{"type": "null"}, ref("attribute")]},
+        column="Which part of the parameter: value, description, text, or a number."),
+    Key("element_count", BYTE, column="Number of elements asked for."),
+    Key("name", MAYBE_TEXT, tell=name, into="listed", take=_is_told, column="Name of a well-known parameter."),
+    Key("unit", MAYBE_TEXT, column="Unit of a well-known parameter."),
+    Key("format", MAYBE_TEXT,
+        column="Format of the values, 0x7F for one that has no name; null for an error."),
+    Key("value_count", BYTE, column="Number of values, as the message says."),
+    Key("values", VALUES),
+    Key("scaled", MAYBE_VALUES),
+    Key("error", ref("error"), tell=lambda item, lang: item.error and ERROR.plain(item.error, lang),
+        take=_maybe_error),
+), model.Parameter)  # fmt: skip
+
+_BYTES = Shape("", (
+    Key("request", ref("hex"), take=_hex), Key("response", ref("hex"), take=_hex),
+))  # fmt: skip
+_STATUSES = Shape("", (
+    Key("write", ref("status"), into="write_status", take=_status,
+        column="PNIO status of the Write, eight hex digits."),
+    Key("read", ref("status"), into="read_status", take=_status,
+        column="PNIO status of the Read, eight hex digits."),
+))  # fmt: skip
+
+TRANSACTION = Shape("transaction", (
+    Key("id", NUMBER, column="Number of the transaction in its capture, by first frame."),
+    Key("operation", ref("operation"), column="What was asked for."),
+    Key("state", ref("state"), column="What came of it."),
+    Key("controller", TEXT, column="IP address of who asked."),
+    Key("device", TEXT, column="IP address of who was asked."),
+    Key("ar", MAYBE_TEXT, "UUID; null for an implicit read.",
+        column="UUID of the connection; null for an implicit read."),
+    Key("api", whole(0, 0xFFFF_FFFF), column="API of the record."),
+    Key("slot", whole(0, 0xFFFF), column="Slot of the record."),
+    Key("subslot", whole(0, 0xFFFF), column="Subslot of the record."),
+    Key("index", whole(0, 0xFFFF), column="Index of the record: 47, 45102 (0xB02E), 45103 (0xB02F)."),
+    Key("request_reference", BYTE, column="The number that the response has to mirror."),
+    Key("axis", BYTE, column="Drive object (DO)."),
+    Key("frames", {}, shape=FRAMES),
+    Key("start", TEXT | {"pattern": _TIME}, into="start_ns", take=_time,
+        column="Time of the first frame, UTC, to the nanosecond."),
+    Key("duration_ms", {"type": ["number", "null"]},
+        "From the Write request to the first Read response that holds the record; "
+        "may be negative where time steps back.",
+        column="From the Write request to the response; negative where the clock was set back.",
+        into="duration_ns", take=_ns),
+    Key("bytes", {}, shape=_BYTES),
+    Key("status", {}, shape=_STATUSES),
+    Key("parameters", many(ref("parameter")), shape=PARAMETER),
+    Key("findings", many(ref("rule")), take=lambda value, _: list(value)),
+), model.Transaction)  # fmt: skip
+
+FINDING = Shape("finding", (
+    Key("rule", ref("rule")),
+    Key("severity", ref("severity")),
+    Key("message", TEXT, "The sentence of the report; where `offset` is a number, with it in front.",
+        tell=message, into=""),
+    Key("args",
+        {"type": "object", "additionalProperties":
+            {"type": ["string", "number", "boolean", "array", "object", "null"]}},
+        "The facts that it rests on, by the names of the rule's args (`ds47 rules`); "
+        "null where one is not known."),
+    Key("frame", COUNT),
+    Key("frames", many(COUNT, 1), "All frames that it is about, sorted; `frame` is one of them."),
+    Key("transaction", whole(1, maybe=True), "Its id, null where no transaction is concerned."),
+    Key("offset", whole(maybe=True), "Byte of the DS47 message that it is about, from 0."),
+    Key("filter", TEXT | {"minLength": 1}, "A Wireshark display filter.", into=""),
+), model.Finding)  # fmt: skip
+
+
+def _corrected(item: model.Diagnosis, _lang: str) -> dict[str, Any] | None:
+    if item.corrected is None:
+        return None
+    from ds47.diagnosis.suggest import corrected  # only here: most captures need no correction
+
+    shown = corrected(item.corrected)
+    return {
+        "transaction": item.corrected_in, "request": shown.hex, "words": shown.words,
+        "scl": shown.scl, "encode": shown.encode,
+    }  # fmt: skip
+
+
+CORRECTED = Shape("", (
+    Key("transaction", whole(1, maybe=True), "The one whose request it mends."),
+    Key("request", TEXT | {"pattern": "^([0-9a-f]{2})*$"}),
+    Key("words", many(TEXT | {"pattern": "^16#([0-9A-F]{2}){1,2}$"}), "For a watch table."),
+    Key("scl", TEXT, "For an SCL block."),
+    Key("encode", MAYBE_TEXT, "The command line that makes these bytes, null where its notation cannot."),
+))  # fmt: skip
+
+DIAGNOSIS = Shape("diagnosis", (
+    Key("rule", ref("rule")),
+    Key("severity", ref("severity")),
+    Key("device", MAYBE_TEXT, "IP address of the device, null where the cause is the capture."),
+    Key("message", TEXT, "What is true of all its findings.", tell=sentence, into=""),
+    Key("args", {"type": "object"},
+        "Those of its findings; null for one that is not the same in all of them.", later=True),
+    Key("differs", many(TEXT), "Names of those args that are not the same in all findings, sorted.", later=True),
+    Key("count", NUMBER, "Findings of this cause."),
+    Key("frames", many(COUNT, 1), "The frames that the findings stand on; of more than 1000 the first."),
+    Key("frames_left_out", COUNT, "Further frames, for which frames has no room.", later=True),
+    Key("transactions", many(NUMBER),
+        "Ids of those concerned, in the order of the findings; of more than 1000 the first."),
+    Key("filter", TEXT | {"minLength": 1},
+        "A Wireshark display filter for frames; of more than 60 runs of frames the first.",
+        tell=lambda item, _: display_filter(item.frames)[0], into=""),
+    Key("corrected", {}, "The request as it should have been, where it can be computed.",
+        tell=_corrected, into=""),
+), model.Diagnosis, "One cause with all the findings that it explains; docs/diagnoses.md.")  # fmt: skip
+
+FILE = Shape("file", (
+    Key("path", TEXT),
+    Key("sha256", SHA256),
+    Key("first_frame", NUMBER),
+    Key("frames", COUNT),
+    Key("missing_before", COUNT,
+        "Files of the series that are not there before this one; "
+        "before the first, those that the ring buffer wrote over."),
+    Key("problem", MAYBE_TEXT, "Why it was not read, or not to its end."),
+), model.CaptureFile,
+    "A file of a series (--series). Frames are numbered through all files, as mergecap -a puts them into one: "
+    "frame n of the capture is frame n - first_frame + 1 of the file.")  # fmt: skip
+
+
+def _by_index(item: tuple[str, object]) -> tuple[int, str]:
+    """Record indices are numbers written as text; what is none comes last."""
+    key = item[0]
+    return (int(key) if key.isdecimal() else 1 << 32, key)
+
+
+HEAD = (
+    Key("path", TEXT),
+    Key("sha256", SHA256),
+    Key("frames", COUNT),
+    Key("start", MAYBE_TEXT | {"pattern": _TIME},
+        "Time of the first frame, whatever it holds; null where there is none. Absent before it was kept.",
+        into="start_ns", take=_time, required=False),
+    Key("complete", FLAG),
+    Key("rpc", ref("counts"), "RPC PDUs by type."),
+    Key("records",
+        {"type": "object", "propertyNames": {"pattern": "^[0-9]+$"}, "additionalProperties": ref("counts")},
+        "Record calls by index (decimal), then by kind.",
+        tell=lambda item, _: dict(sorted(item.records.items(), key=_by_index))),
+    Key("files", many(ref("file"), 1), "Only where the capture is a series of files.", shape=FILE, required=False),
+)  # fmt: skip
+LISTS = (
+    Key("devices", many(ref("device")), shape=DEVICE),
+    Key("transactions", many(ref("transaction")), shape=TRANSACTION),
+    Key("findings", many(ref("finding")), shape=FINDING),
+    Key("diagnoses", many(ref("diagnosis")), shape=DIAGNOSIS),
+)
+SUMMARY = Key("summary", {
+    "type": "object", "additionalProperties": COUNT, "required": ["transactions"],
+    "properties": {"transactions": COUNT},
+})  # fmt: skip
+CAPTURE_HEAD = Shape("", HEAD)
+"""What is said of a capture itself, before its lists."""
+CAPTURE = Shape("capture", (*HEAD, *LISTS, SUMMARY), model.CaptureResult)
+
+
+# Tables
+
+
+class Column(NamedTuple):
+    """A column of a table: a key of a transaction or a parameter, a dot between a key and the one inside it."""
+
+    name: str
+    key: Key
+
+
+def columns(shape: Shape, prefix: str = "") -> Iterator[Column]:
+    """The keys of a shape, and of the objects in it, that have a description as a column."""
+    for key in shape.keys:
+        if key.column:
+            yield Column(prefix + key.name, key)
+        elif key.shape is not None and "items" not in key.schema:
+            yield from columns(key.shape, f"{prefix}{key.name}.")
+
+
+POLLS = Column("polls", Key(
+    "polls", COUNT, column="How often the controller read before the response was there.",
+))  # fmt: skip
+RULES = Column("findings", Key(
+    "findings", MAYBE_TEXT | {"pattern": "^(DS[1-9][0-9]{2}( DS[1-9][0-9]{2})*)?$"},
+    column="Rules that apply to the transaction, a blank between; empty without.",
+))  # fmt: skip
+
+
+def _of_transaction() -> Iterator[Column]:
+    for column in columns(TRANSACTION):
+        yield Column("transaction", column.key) if column.name == "id" else column
+        if column.name == "frames.read_response":
+            yield POLLS
+    yield RULES
+
+
+TRANSACTION_COLUMNS = tuple(_of_transaction())
+"""`transaction` is its id, `polls` how many, `findings` the rules with a blank between."""
+HEAD_COLUMNS = tuple(columns(PARAMETER))
+"""What comes before the values of a parameter,"""
+ERROR_COLUMNS = tuple(columns(ERROR, "error."))
+"""and what comes behind them."""
+_PATHS = {"transaction": "id", "polls": "frames.polls"}
+_get_cells = attrgetter(*[_PATHS.get(each.name, each.name) for each in TRANSACTION_COLUMNS])
+_POLLS = [each.name for each in TRANSACTION_COLUMNS].index("polls")
+_get_head = attrgetter(*[each.name for each in HEAD_COLUMNS])
+_NAME = [each.name for each in HEAD_COLUMNS].index("name")
+
+
+def transaction_cells(item: model.Transaction) -> list[Any]:
+    """The cells of TRANSACTION_COLUMNS."""
+    cells = list(_get_cells(item))
+    cells[_POLLS] = len(cells[_POLLS])
+    cells[-1] = " ".join(cells[-1])
+    return cells
+
+
+def head_cells(item: model.Parameter, lang: str) -> list[Any]:
+    """The cells of HEAD_COLUMNS."""
+    cells = list(_get_head(item))
+    cells[_NAME] = name(item, lang)
+    return cells
+
+
+def error_cells(item: model.Parameter, lang: str) -> list[Any]:
+    """The cells of ERROR_COLUMNS."""
+    error = item.error
+    if error is None:
+        return [None] * len(ERROR_COLUMNS)
+    return [error.code, error_words(error, lang), error.info]
