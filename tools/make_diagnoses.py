@@ -1,11 +1,11 @@
-"""Writes the middle of docs/diagnoses.md: a chapter for each diagnosis, from the captures and rules.toml.
+"""Writes the middle of docs/diagnoses.md: a chapter for each diagnosis, from the scenes of the lab and rules.toml.
 
     .venv/bin/python tools/make_diagnoses.py            writes the page
     .venv/bin/python tools/make_diagnoses.py --check    fails when the page is not what would be written
 
 What stands outside the two marks is written by hand and left alone. A chapter has what one notices at the
-machine (diagnoses_noticed.toml), the cause, the conversation of the stored capture as a picture, what the report
-says of it, and how the near miss differs. The pictures are drawn from the frames, not from the scenario.
+machine (diagnoses_noticed.toml), the cause, the conversation of the scene as a picture, what the report says of
+its capture, and how the near miss differs. A scene is played once: it is the picture and the capture.
 """
 
 from __future__ import annotations
@@ -14,27 +14,25 @@ import argparse
 import io
 import sys
 import tomllib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from ds47 import spec
+from ds47 import lab, spec
 from ds47.analysis import AnalysisOptions, analyze
-from ds47.capture import Frame, open_capture
+from ds47.lab import wire
+from ds47.lab.stage import Stage
+from ds47.lab.wire import Said
 from ds47.model import CaptureResult, Report
 from ds47.profidrive import Block, decode_request, decode_response
 from ds47.profidrive.notation import format_request_line
-from ds47.profinet import rpc
-from ds47.profinet.link import Packets
-from ds47.profinet.records import Half, Record, parse_request, parse_response
 from ds47.report import Options, text
 from ds47.spec import Rule, rules
-from ds47.spec.layouts import RPC_READ
 from ds47.spec.statuses import status_hex
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "diagnoses.md"
-CAPTURES = ROOT / "captures"
 NOTICED = ROOT / "tools" / "diagnoses_noticed.toml"
 MARKS = "<!-- made by tools/make_diagnoses.py -->\n", "<!-- end -->\n"
 TOPIC, MISS = "diagnosis-", "-not"
@@ -42,7 +40,10 @@ WIDTH = 76
 """Columns between controller and drive,"""
 MOST = WIDTH - 8
 """and of them for what is said."""
-NAMES = {0: "Connect", 1: "Release", 2: "Read", 3: "Write", 4: "Control", 5: "ReadImplicit"}
+NAMES = {wire.CONNECT: "Connect", wire.RELEASE: "Release", wire.READ: "Read", wire.WRITE: "Write"}
+"""The calls of the scenes that have a picture."""
+USUAL_ROOM = 240
+"""Bytes; a Read that leaves fewer says so."""
 
 
 # The conversation
@@ -58,80 +59,60 @@ class Step:
     text: str
     same: str
     """What has to be equal where a conversation goes on in the same way: without references."""
-    mark: str = ""
 
 
-class Reader:
-    """Turns the frames of a small capture into steps.
-
-    Args:
-        names: its controllers; they are named where there are several.
-        places: whether to say slot, subslot and index.
-    """
-
-    def __init__(self, names: Sequence[str], places: bool) -> None:
-        several = len(names) > 1
-        self._names = {ip: f"{ip}: " if several else "" for ip in names}
-        self._places = places
-
-    def step(self, frame: Frame, pdu: rpc.Pdu | None) -> Step | None:
-        """The step of a frame; None for a frame without RPC."""
-        if pdu is None:
-            return None
-        request = pdu.ptype == 0
-        who = self._names.get(pdu.client, "")
-        said = self._request(pdu) if request else self._response(pdu)
-        cut = frame.original_length - len(frame.data)
-        if cut:
-            said += f"  (cut: {cut} bytes missing)"
-        return Step(frame.number, frame.time_ns, request, who + said, who + _constant(said))
-
-    def _request(self, pdu: rpc.Pdu) -> str:
-        records = parse_request(pdu).records
-        if not records:
-            return NAMES.get(pdu.opnum, "?")
-        record = records[0]
-        said = f"{'Write' if record.write else 'Read'}{self._place(record)}"
-        half = record.request
-        if half is None:
-            return said
-        if record.write:
-            return f"{said}  {asked(half)}"
-        return said if half.stated >= 240 else f"{said}  MLEN {half.stated}"
-
-    def _response(self, pdu: rpc.Pdu) -> str:
-        status, answers = parse_response(pdu)
-        name = NAMES.get(pdu.opnum, "?")
-        half = answers[0].response if answers else None
-        if half is not None and half.status is not None:
-            status = half.status
-        if status:
-            return f"{name} refused {status_hex(status)}"
-        if pdu.opnum != RPC_READ or half is None:
-            return f"{name} ok"
-        return f"{name} ok  {answered(half)}"
-
-    def _place(self, record: Record) -> str:
-        if not self._places:
-            return ""
-        index = f"0x{record.index:04X}" if record.index > 255 else str(record.index)
-        return f" {record.slot}.{record.subslot} index {index}"
+def steps(stage: Stage) -> list[Step]:
+    """All PDUs of a scene. Several controllers are named; so are places, unless all is one place with index 47."""
+    spoken = [shot.said for shot in stage.shots if shot.said is not None]
+    several = len({said.controller for said in spoken}) > 1
+    places = {(place.slot, place.subslot, place.index) for said in spoken if (place := said.place)}
+    named = len(places) > 1 or any(index != 47 for _, _, index in places)
+    found = []
+    for number, shot in enumerate(stage.shots, start=1):
+        if (said := shot.said) is not None:
+            who = f"{said.controller}: " if several else ""
+            words = request_text(said, named) if said.to_device else response_text(said)
+            step = Step(number, shot.time_ns, said.to_device, who + words, who + _constant(words))
+            found.append(step)
+    return found
 
 
-def asked(half: Half) -> str:
+def request_text(said: Said, named: bool) -> str:
+    """A request: the call, its place if wanted, and what it asks for."""
+    words = NAMES[said.call.opnum]
+    if said.place is not None and named:
+        index = said.place.index
+        number = f"0x{index:04X}" if index > 255 else str(index)
+        words += f" {said.place.slot}.{said.place.subslot} index {number}"
+    if said.record:
+        words += f"  {asked(said.record)}"
+    if said.room is not None and said.room < USUAL_ROOM:
+        words += f"  MLEN {said.room}"
+    return words
+
+
+def response_text(said: Said) -> str:
+    """A response: the call, and how it went or what it brings."""
+    name = NAMES[said.call.opnum]
+    if said.status:
+        return f"{name} refused {status_hex(said.status)}"
+    return f"{name} ok  {answered(said.record)}" if said.record else f"{name} ok"
+
+
+def asked(record: bytes) -> str:
     """A request in the notation of `ds47 encode`, or its bytes where it is none."""
-    message = decode_request(half.data)
+    message = decode_request(record)
     if not message.flaws:
         try:
             return format_request_line(message)
         except ValueError:
             pass
-    return half.data.hex(" ", 2)
+    return record.hex(" ", 2)
 
 
-def answered(half: Half) -> str:
+def answered(record: bytes) -> str:
     """A response in a few words: reference, id where it is negative, axis, and what each block holds."""
-    message = decode_response(half.data)
+    message = decode_response(record)
     head = f"ref {message.request_reference}"
     if message.response_id is not None and message.response_id & 0x80:
         head += f" id 0x{message.response_id:02X}"
@@ -154,41 +135,13 @@ def _constant(said: str) -> str:
     )
 
 
-def steps(path: Path, result: CaptureResult) -> list[Step]:
-    """All record calls, Connects and Releases of a capture."""
-    pairs = []
-    with open_capture(path) as capture:
-        frames = list(capture)
-    for frame in frames:
-        packet = Packets().packet(frame)
-        pairs.append(
-            (frame, rpc.parse(packet) if packet is not None and packet.kind == "udp" else None)
-        )
-    pdus = [pdu for _, pdu in pairs if pdu is not None]
-    clients = list(dict.fromkeys(pdu.client for pdu in pdus))
-    places = {
-        (record.slot, record.subslot, record.index)
-        for pdu in pdus
-        if pdu.ptype == 0
-        for record in parse_request(pdu).records
-    }
-    reader = Reader(clients, len(places) > 1 or any(place[2] != 47 for place in places))
-    found = [step for frame, pdu in pairs if (step := reader.step(frame, pdu)) is not None]
-    marks: dict[int, str] = {}
-    for each in result.diagnoses:
-        for number in each.frames:
-            marks[number] = f"  <- {each.rule}"
-    return [replace(step, mark=marks.get(step.frame, "")) for step in found]
-
-
 # The picture
 
 
-def picture(path: Path, result: CaptureResult) -> list[str]:
+def picture(stage: Stage, result: CaptureResult) -> list[str]:
     """The conversation: a line for each frame, the frames that a diagnosis names marked."""
-    found = steps(path, result)
-    if not found:
-        return []
+    marks = {frame: f"  <- {each.rule}" for each in result.diagnoses for frame in each.frames}
+    found = steps(stage)
     start = found[0].time_ns
     lines = [f"frame      ms  {'controller':<{WIDTH // 2}}{'drive':>{WIDTH - WIDTH // 2 + 2}}"]
     for item in shortened(found):
@@ -196,7 +149,7 @@ def picture(path: Path, result: CaptureResult) -> list[str]:
             lines.append(f"  ...          |{f'{item} frames that go on in the same way':^{WIDTH}}|")
             continue
         time = (item.time_ns - start) / 1e6
-        lines.append(f"{item.frame:5} {time:7.0f}  |{arrow(item)}|{item.mark}")
+        lines.append(f"{item.frame:5} {time:7.0f}  |{arrow(item)}|{marks.get(item.frame, '')}")
     return lines
 
 
@@ -240,11 +193,14 @@ def _repetition(found: list[Step], at: int) -> tuple[int, int]:
 # A chapter
 
 
-def result_of(path: Path) -> CaptureResult:
-    """The analysis of a stored capture, named as a user in the checkout would name it."""
-    result = analyze(path, AnalysisOptions())
+def played(name: str) -> tuple[Stage, CaptureResult]:
+    """A scene, played once, and the analysis of its capture, named as a user in the checkout would name it."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder, f"{name}.pcapng")
+        stage = lab.write(name, path)
+        result = analyze(path, AnalysisOptions())
     result.path = f"captures/{path.name}"
-    return result
+    return stage, result
 
 
 def told(result: CaptureResult) -> list[str]:
@@ -256,23 +212,21 @@ def told(result: CaptureResult) -> list[str]:
     return lines[start + 1 : lines.index("", start)]
 
 
-def chapter(
-    rule: Rule, noticed: dict[str, str], manifest: dict[str, dict[str, str]]
-) -> Iterator[str]:
+def chapter(rule: Rule, noticed: dict[str, str]) -> Iterator[str]:
     """Everything that the page says of a diagnosis."""
     name = TOPIC + rule.name
-    path = CAPTURES / f"{name}.pcapng"
-    result = result_of(path)
+    scenes = lab.scenarios()
+    stage, result = played(name)
     yield f"### {rule.id} {rule.name} ({rule.severity})"
     yield ""
     yield f"**You notice** {noticed[rule.id]}"
     yield ""
     yield f"**Why** {rule.cause}"
     yield ""
-    yield f"[{path.name}](../captures/{path.name}): {manifest[name]['shows']}."
+    yield f"[{name}.pcapng](../captures/{name}.pcapng): {scenes[name].shows}."
     yield ""
     yield "```text"
-    yield from picture(path, result)
+    yield from picture(stage, result)
     yield "```"
     yield ""
     yield "What the report says to do:"
@@ -281,22 +235,19 @@ def chapter(
     yield from told(result)
     yield "```"
     yield ""
-    others = variants(rule, manifest)
-    missing = [each for each in others if each.endswith(MISS)]
-    for each in [each for each in others if each not in missing]:
-        yield f"* Also `{each}`: {manifest[each]['shows']}."
-    for each in missing:
-        yield f"* **Not** `{each}`: {manifest[each]['shows']}."
+    for each in sorted(variants(rule), key=lambda other: other.endswith(MISS)):
+        word = "**Not**" if each.endswith(MISS) else "Also"
+        yield f"* {word} `{each}`: {scenes[each].shows}."
     yield ""
 
 
-def variants(rule: Rule, manifest: dict[str, dict[str, str]]) -> list[str]:
-    """The other captures of a diagnosis, near misses among them."""
+def variants(rule: Rule) -> list[str]:
+    """The other scenes of a diagnosis, near misses among them."""
     own = TOPIC + rule.name
     longer = [TOPIC + other.name for other in diagnoses() if other.name.startswith(f"{rule.name}-")]
     return [
         name
-        for name in manifest
+        for name in lab.scenarios()
         if name.startswith(f"{own}-") and not any(f"{name}-".startswith(f"{o}-") for o in longer)
     ]
 
@@ -314,14 +265,12 @@ def anchor(rule: Rule) -> str:
 def made() -> str:
     """The part between the marks."""
     noticed = tomllib.loads(NOTICED.read_text("utf-8"))["noticed"]
-    entries = tomllib.loads((CAPTURES / "MANIFEST.toml").read_text("utf-8"))["capture"]
-    manifest = {entry["file"].removesuffix(".pcapng"): entry for entry in entries}
     lines = ["| you notice | diagnosis |", "|---|---|"]
     for rule in diagnoses():
         lines.append(f"| {noticed[rule.id]} | [{rule.id} {rule.name}]({anchor(rule)}) |")
     lines.append("")
     for rule in diagnoses():
-        lines += chapter(rule, noticed, manifest)
+        lines += chapter(rule, noticed)
     return "\n".join(lines)
 
 

@@ -23,9 +23,9 @@ NAMES = tuple(lab.scenarios())
 def test_analysis_says_what_the_scenario_expects(name: str, tmp_path: Path) -> None:
     scenario = lab.scenarios()[name]
     path = tmp_path / f"{name}.pcapng"
-    frames = lab.write(name, path)
+    stage = lab.write(name, path)
     result = analyze(path, AnalysisOptions())
-    assert result.frames == frames
+    assert result.frames == len(stage.shots)
     assert result.complete
     got = tuple((transaction.operation, transaction.state) for transaction in result.transactions)
     assert got == scenario.expect.transactions

@@ -17,6 +17,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from ds47.lab.scenario import Expect, Scenario
+from ds47.lab.stage import Stage
 
 __all__ = ["Expect", "Scenario", "scenarios", "write"]
 
@@ -39,8 +40,8 @@ def scenarios() -> Mapping[str, Scenario]:
     return MappingProxyType(dict(sorted(names.items())))
 
 
-def write(name: str, path: str | Path) -> int:
-    """Write the capture of a scenario as pcapng; the number of its frames.
+def write(name: str, path: str | Path) -> Stage:
+    """Write the capture of a scenario as pcapng; the stage on which it was played.
 
     The same scenario gives the same bytes every time.
 
@@ -55,7 +56,7 @@ def write(name: str, path: str | Path) -> int:
     if stage.dropped is not None:
         with Path(path).open("ab") as file:
             file.write(_statistics(stage.dropped))
-    return len(stage.shots)
+    return stage
 
 
 def _statistics(dropped: int) -> bytes:

@@ -52,7 +52,7 @@ def write_all(folder: Path) -> Path:
     text = HEAD
     for name, scenario in scenarios().items():
         path = folder / f"{name}.pcapng"
-        text += manifest_entry(scenario, path, write(name, path))
+        text += manifest_entry(scenario, path, len(write(name, path).shots))
     manifest = folder / "MANIFEST.toml"
     manifest.write_text(text, encoding="utf-8", newline="\n")
     return manifest

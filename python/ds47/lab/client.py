@@ -14,7 +14,7 @@ from uuid import UUID
 from ds47.lab import wire
 from ds47.lab.ether import Host
 from ds47.lab.stage import Stage
-from ds47.lab.wire import Call, Channel, Order
+from ds47.lab.wire import Call, Channel, Order, Said
 
 OK = 0
 BUSY = 0xDE80B500
@@ -75,28 +75,33 @@ class Client:
         self.sequence += 1
         return call
 
-    def ask(self, call: Call, blocks: bytes, kind: int = wire.REQUEST) -> None:
-        """The controller sends a PDU of a call."""
+    def ask(self, call: Call, blocks: bytes, kind: int = wire.REQUEST, **said: Any) -> None:
+        """The controller sends a PDU of a call; `said` are fields of `Said`."""
         body = wire.request_body(self.order, blocks) if kind == wire.REQUEST else blocks
         ports = (self.host.port, self.server_port or self.device.port)
+        self.stage.said = Said(call, True, self.host.ip, **said)
         for part in wire.pdus(kind, self.order, call, body, self.fragment):
             self.stage.send(self.host, self.device, part, ports)
+        self.stage.said = None
 
-    def reply(self, call: Call, body: bytes, kind: int = wire.RESPONSE) -> None:
-        """The device sends a PDU of a call; the body is complete."""
+    def reply(self, call: Call, body: bytes, kind: int = wire.RESPONSE, **said: Any) -> None:
+        """The device sends a PDU of a call; the body is complete, `said` are fields of `Said`."""
         ports = (self.answer_port or self.device.port, self.host.port)
         self.server_port = self.answer_port
+        self.stage.said = Said(call, False, self.host.ip, **said)
         for part in wire.pdus(kind, self.reply_order, call, body, self.fragment):
             self.stage.send(self.device, self.host, part, ports)
+        self.stage.said = None
 
     @property
     def reply_order(self) -> Order:
         """Byte order of the device's PDUs."""
         return self.answer_order or self.order
 
-    def accept(self, call: Call, status: int, blocks: bytes) -> None:
-        """The device answers a call with a PNIOStatus and blocks."""
-        self.reply(call, wire.response_body(self.reply_order, status, blocks))
+    def accept(self, call: Call, status: int, blocks: bytes, record: bytes = b"") -> None:
+        """The device answers a call with a PNIOStatus and blocks, and the record that they bring."""
+        body = wire.response_body(self.reply_order, status, blocks)
+        self.reply(call, body, status=status, record=record)
 
     def connect(self, station: str, kind: int = wire.IO_AR) -> None:
         """The AR is set up, of this kind; the controller calls itself `station`."""
@@ -122,7 +127,8 @@ class Client:
         """Write request alone; `again` is the call whose request is sent once more."""
         call = again or self.call(wire.WRITE)
         channel = at or self.channel
-        self.ask(call, wire.write_request(call.sequence, channel, record, stated))
+        block = wire.write_request(call.sequence, channel, record, stated)
+        self.ask(call, block, place=channel, record=record)
         return call
 
     def accept_write(
@@ -140,20 +146,23 @@ class Client:
     def ask_read(self, at: Channel | None = None, maximum: int = 4096) -> Call:
         """Read request alone."""
         call = self.call(wire.READ)
-        self.ask(call, wire.read_request(call.sequence, at or self.channel, maximum))
+        place = at or self.channel
+        block = wire.read_request(call.sequence, place, maximum)
+        self.ask(call, block, place=place, room=maximum)
         return call
 
     def ask_implicit(self, at: Channel) -> Call:
         """Request of a ReadImplicit alone; the place has no AR."""
         call = self.call(wire.READ_IMPLICIT)
-        self.ask(call, wire.read_request(call.sequence, at))
+        self.ask(call, wire.read_request(call.sequence, at), place=at)
         return call
 
     def accept_read(
         self, call: Call, record: bytes, at: Channel | None = None, stated: int | None = None
     ) -> None:
         """Positive Read response alone."""
-        self.accept(call, OK, wire.read_response(call.sequence, at or self.channel, record, stated))
+        block = wire.read_response(call.sequence, at or self.channel, record, stated)
+        self.accept(call, OK, block, record)
 
     def refuse_read(
         self, call: Call, status: int, at: Channel | None = None, with_header: bool = True

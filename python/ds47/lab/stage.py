@@ -1,6 +1,6 @@
 """The capture that a scenario fills: a clock, the frames, and how they are carried.
 
-A `Stage` knows no RPC and no records; `client` talks through it.
+A `Stage` knows no RPC and no records; `client` talks through it. What it says is kept beside the frames, unread.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from ds47.lab import ether
 from ds47.lab.ether import Host
+from ds47.lab.wire import Said
 
 START_NS = 1_767_254_400_000_000_000
 """2026-01-01 08:00:00 UTC. Every scenario starts here, so its bytes never change."""
@@ -24,6 +25,8 @@ class Shot:
     time_ns: int
     data: bytes
     original_length: int
+    said: Said | None = None
+    """What the PDU in the frame says; None for a frame that belongs to no call."""
 
 
 @dataclass(slots=True)
@@ -44,6 +47,8 @@ class Stage:
     """Frames that the capturing machine says it lost; None where it does not say."""
     gap_ns: int = MILLISECOND
     now_ns: int = START_NS
+    said: Said | None = None
+    """What the PDU says that goes past just now."""
     shots: list[Shot] = field(default_factory=list)
 
     def wait(self, milliseconds: float) -> None:
@@ -64,7 +69,7 @@ class Stage:
         if not self.deaf:
             kept = data if self.snap is None else data[: self.snap]
             for number in range(self.copies):
-                self.shots.append(Shot(self.now_ns + number * 20_000, kept, len(data)))
+                self.shots.append(Shot(self.now_ns + number * 20_000, kept, len(data), self.said))
         self.now_ns += self.gap_ns
 
     def lose(self, number: int = -1) -> None:

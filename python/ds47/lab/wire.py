@@ -61,6 +61,23 @@ class Call:
     target: UUID
 
 
+@dataclass(frozen=True, slots=True)
+class Said:
+    """What a PDU says, beside its bytes: for a page that tells of a scene."""
+
+    call: Call
+    to_device: bool
+    controller: str
+    """IP address."""
+    place: Channel | None = None
+    """Where the record of a request lives; None for a request without one, and in every response."""
+    record: bytes = b""
+    room: int | None = None
+    """Bytes that a Read leaves for the record."""
+    status: int = 0
+    """PNIOStatus of a response."""
+
+
 def pdu(
     kind: int, order: Order, call: Call, body: bytes, *, flags: int = IDEMPOTENT, fragment: int = 0
 ) -> bytes:
