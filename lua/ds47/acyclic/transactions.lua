@@ -269,21 +269,13 @@ function KEYS.frames(_, job)
   return frames_of(job)
 end
 
-function KEYS.controller(_, job)
-  return job.peer.controller
-end
-
-function KEYS.device(_, job)
-  return job.peer.device
-end
-
-function KEYS.vendor_id(_, job)
-  return job.peer.vendor_id
-end
-
 function KEYS.ar(_, job)
   local ar = job.record.ar
   return ar ~= NIL_UUID and M.uuid(ar) or nil
+end
+
+for _, key in ipairs({"controller", "device", "vendor_id"}) do
+  KEYS[key] = function(_, job) return job.peer[key] end
 end
 
 for _, key in ipairs({"api", "slot", "subslot", "index", "position"}) do

@@ -15,131 +15,80 @@ local DAY_MS = 86400000
 local MS_RANGE = 268435456 -- times of day use 28 of their 32 bits
 local DAYS_TO_1984 = 724581 -- from 1 March of the year 0, with which the years of the calendar below begin
 
--- decode(raw, count, size) -> values: `raw` begins with `count` whole values. One function per `pack`.
-local decode = {}
+-- decode(raw, count, size) -> values: `raw` begins with `count` whole values. Here one after the other:
+-- one(raw, offset, size) -> value.
+local function each(one, own_size)
+  return function(raw, count, size)
+    size = own_size or size
+    if count == 1 then return {(one(raw, 0, size))} end
+    local values = {}
+    for i = 1, count do values[i] = one(raw, (i - 1) * size, size) end
+    return values
+  end
+end
 
-function decode.B(raw, count)
-  if count == 1 then return {(byte(raw))} end
+local function bytes(raw, count)
   return {byte(raw, 1, count)}
 end
 
-function decode.b(raw, count)
-  local values = {}
-  for i = 1, count do
-    local value = byte(raw, i)
-    values[i] = value < 128 and value or value - 256
-  end
-  return values
+local function i8(raw, at)
+  local value = byte(raw, at + 1)
+  return value < 0x80 and value or value - 0x100
 end
 
-function decode.H(raw, count)
-  if count == 1 then return {reader.u16(raw, 0)} end
-  local values = {}
-  for i = 1, count do
-    local a, b = byte(raw, 2 * i - 1, 2 * i)
-    values[i] = a * 256 + b
-  end
-  return values
+local function i16(raw, at)
+  local value = reader.u16(raw, at)
+  return value < 0x8000 and value or value - 0x10000
 end
 
-function decode.h(raw, count)
-  local values = {}
-  for i = 1, count do
-    local a, b = byte(raw, 2 * i - 1, 2 * i)
-    values[i] = (a < 128 and a or a - 256) * 256 + b
-  end
-  return values
+local function i32(raw, at)
+  local value = reader.u32(raw, at)
+  return value < 0x80000000 and value or value - 0x100000000
 end
 
-function decode.I(raw, count)
-  local values = {}
-  for i = 1, count do
-    local a, b, c, d = byte(raw, 4 * i - 3, 4 * i)
-    values[i] = ((a * 256 + b) * 256 + c) * 256 + d
-  end
-  return values
-end
+local decode = { -- by `pack`
+  B = bytes, b = each(i8, 1), H = each(reader.u16, 2), h = each(i16, 2), I = each(reader.u32, 4),
+  i = each(i32, 4), Q = each(numbers.unsigned, 8), q = each(numbers.signed64, 8), f = each(float32, 4),
+  d = each(float64, 8),
+}
+local integers = each(numbers.unsigned)
 
-function decode.i(raw, count)
-  local values = {}
-  for i = 1, count do
-    local a, b, c, d = byte(raw, 4 * i - 3, 4 * i)
-    values[i] = (((a < 128 and a or a - 256) * 256 + b) * 256 + c) * 256 + d
-  end
-  return values
-end
+local texts = each(function(raw, at, size)
+  return reader.latin1(sub(raw, at + 1, at + size))
+end)
 
-function decode.Q(raw, count)
-  local values = {}
-  for i = 1, count do values[i] = numbers.unsigned(raw, 8 * i - 8, 8) end
-  return values
-end
-
-function decode.q(raw, count)
-  local values = {}
-  for i = 1, count do values[i] = numbers.signed64(raw, 8 * i - 8) end
-  return values
-end
-
-function decode.f(raw, count)
-  if count == 1 then return {float32(raw, 0)} end
-  local values = {}
-  for i = 1, count do values[i] = float32(raw, 4 * i - 4) end
-  return values
-end
-
-function decode.d(raw, count)
-  local values = {}
-  for i = 1, count do values[i] = float64(raw, 8 * i - 8) end
-  return values
-end
+local octets = each(function(raw, at, size)
+  return reader.hex(sub(raw, at + 1, at + size))
+end)
 
 local function whole_text(raw, count)
   return count > 0 and {reader.latin1(raw)} or {}
-end
-
-local function texts(raw, count, size)
-  local values = {}
-  for i = 1, count do values[i] = reader.latin1(sub(raw, (i - 1) * size + 1, i * size)) end
-  return values
 end
 
 local function whole_octets(raw, count)
   return count > 0 and {reader.hex(raw)} or {}
 end
 
-local function octets(raw, count, size)
-  local values = {}
-  for i = 1, count do values[i] = reader.hex(sub(raw, (i - 1) * size + 1, i * size)) end
-  return values
-end
-
-local function integers(raw, count, size)
-  local values = {}
-  for i = 1, count do values[i] = numbers.unsigned(raw, (i - 1) * size, size) end
-  return values
-end
-
 local function nothing()
   return {}
 end
 
--- scale(values, raw, codec) -> physical values, one for each value.
-
-local function ratio(values, _, codec)
-  local scaled = {}
-  for i = 1, #values do scaled[i] = values[i] * codec.multiply / codec.divide end
-  return scaled
-end
-
-local function without_status(values, raw, codec)
-  local scaled = {}
-  for i = 1, #values do
-    local at = (i - 1) * codec.size
-    scaled[i] = codec.scaled_float and float32(raw, at) or byte(raw, at + 1)
+-- scale(values, raw, codec) -> physical values, one for each value: one(codec, value, raw, offset) -> value.
+local function scaling(one)
+  return function(values, raw, codec)
+    local scaled = {}
+    for i = 1, #values do scaled[i] = one(codec, values[i], raw, (i - 1) * codec.size) end
+    return scaled
   end
-  return scaled
 end
+
+local ratio = scaling(function(codec, value)
+  return value * codec.multiply / codec.divide
+end)
+
+local without_status = scaling(function(codec, _, raw, at)
+  return codec.scaled_float and float32(raw, at) or byte(raw, at + 1)
+end)
 
 local function clock(milliseconds)
   local seconds = floor(milliseconds / 1000)
@@ -159,39 +108,24 @@ local function date(days)
   return format("%04d-%02d-%02d", cycle * 400 + year + (month <= 2 and 1 or 0), month, day)
 end
 
-local function time_of_day(values, raw, codec)
-  local scaled = {}
-  for i = 1, #values do
-    local at = (i - 1) * codec.size
-    local text = clock(reader.u32(raw, at) % MS_RANGE)
-    scaled[i] = codec.size < 6 and text or date(reader.u16(raw, at + 4)) .. "T" .. text
-  end
-  return scaled
-end
+local time_of_day = scaling(function(codec, _, raw, at)
+  local text = clock(reader.u32(raw, at) % MS_RANGE)
+  return codec.size < 6 and text or date(reader.u16(raw, at + 4)) .. "T" .. text
+end)
 
-local function duration(values, raw, codec)
-  local scaled = {}
-  for i = 1, #values do
-    local at = (i - 1) * codec.size
-    local days = codec.size == 6 and reader.u16(raw, at + 4) or 0
-    scaled[i] = (days * DAY_MS + reader.u32(raw, at)) / 1000
-  end
-  return scaled
-end
+local duration = scaling(function(codec, _, raw, at)
+  local days = codec.size == 6 and reader.u16(raw, at + 4) or 0
+  return (days * DAY_MS + reader.u32(raw, at)) / 1000
+end)
 
 -- ISO 8601, unchecked: a month 13 stays visible. Years 84 to 99 are of the last century.
-local function date_and_time(values, raw, codec)
-  local scaled = {}
-  for i = 1, #values do
-    local at = (i - 1) * codec.size
-    local milliseconds = reader.u16(raw, at)
-    local minute, hour, day, month, year = byte(raw, at + 3, at + 7)
-    year = year % 128
-    scaled[i] = format("%04d-%02d-%02dT%02d:%02d:%02d.%03d", year + (year >= 84 and 1900 or 2000),
-      month % 64, day % 32, hour % 32, minute % 64, floor(milliseconds / 1000), milliseconds % 1000)
-  end
-  return scaled
-end
+local date_and_time = scaling(function(_, _, raw, at)
+  local milliseconds = reader.u16(raw, at)
+  local minute, hour, day, month, year = byte(raw, at + 3, at + 7)
+  year = year % 128
+  return format("%04d-%02d-%02dT%02d:%02d:%02d.%03d", year + (year >= 84 and 1900 or 2000), month % 64,
+    day % 32, hour % 32, minute % 64, floor(milliseconds / 1000), milliseconds % 1000)
+end)
 
 -- kind of tables.lua -> what of a codec does not stand in the row itself.
 local make = {}

@@ -28,18 +28,6 @@ function M.u32(data, offset)
   return ((a * 256 + b) * 256 + c) * 256 + d
 end
 
---- Unsigned, 16 bits, little-endian.
-function M.le16(data, offset)
-  local a, b = byte(data, offset + 1, offset + 2)
-  return b * 256 + a
-end
-
---- Unsigned, 32 bits, little-endian.
-function M.le32(data, offset)
-  local a, b, c, d = byte(data, offset + 1, offset + 4)
-  return ((d * 256 + c) * 256 + b) * 256 + a
-end
-
 --- All bytes as hexadecimal digits, lower case, nothing between them.
 function M.hex(data)
   return (gsub(data, ".", HEX))

@@ -45,25 +45,24 @@ local function rounds_to(short, fraction, scale, narrow)
   return off > -0.5 and off < 0.5 or (off == 0.5 or off == -0.5) and fraction % 2 == 0
 end
 
--- The shortest decimal that gives the same Float32, as a double and as text.
+-- The shortest decimal that gives the same Float32, as a double.
 local function shortest(number, fraction, scale, narrow)
   for i = number >= NORMAL32 and 6 or 1, 8 do
     local text = format(SHORTER[i], number)
     local short = tonumber(text) + 0.0
-    if short < TOO_LARGE32 and rounds_to(short, fraction, scale, narrow) then return short, text end
+    if short < TOO_LARGE32 and rounds_to(short, fraction, scale, narrow) then return short end
   end
-  local text = format("%.9g", number)
-  return tonumber(text) + 0.0, text
+  return tonumber(format("%.9g", number)) + 0.0
 end
 
--- The amount of a Float32, its sign, and its decimal where that had to be found; nil and what it is called
--- where it is no number.
-local function read32(data, offset)
+--- A Float32 as the shortest decimal that gives it again; "NaN", "Infinity" and "-Infinity" as text.
+-- @param offset number of the first byte, from 0
+function M.float32(data, offset)
   local a, b, c, d = byte(data, offset + 1, offset + 4)
   local negative = a >= 128
   local exponent = a % 128 * 2 + (b >= 128 and 1 or 0)
   local fraction = (b % 128 * 256 + c) * 256 + d
-  if exponent == 255 then return nil, not_finite(fraction, negative) end
+  if exponent == 255 then return not_finite(fraction, negative) end
   if exponent == 0 then
     exponent = 1
   else
@@ -72,17 +71,8 @@ local function read32(data, offset)
   local scale = POWER[exponent - 150]
   local number = fraction * scale
   if number >= 16777216 or number % 1 ~= 0 then
-    local short, text = shortest(number, fraction, scale, fraction == 8388608 and exponent > 1)
-    return short, negative, text
+    number = shortest(number, fraction, scale, fraction == 8388608 and exponent > 1)
   end
-  return number, negative
-end
-
---- A Float32 as the shortest decimal that gives it again; "NaN", "Infinity" and "-Infinity" as text.
--- @param offset number of the first byte, from 0
-function M.float32(data, offset)
-  local number, negative = read32(data, offset)
-  if number == nil then return negative end
   if negative then return -number end
   return number
 end
@@ -192,18 +182,6 @@ function M.float_text(number)
   if find(text, "e", 1, true) or tonumber(text) ~= number then return fewest(number) end
   if not find(text, "%D", 2) then return text .. ".0" end
   return (gsub(text, ",", "."))
-end
-
---- The text of the Float32 at `offset`: float_text(float32(data, offset)), but found on the way.
-function M.float32_text(data, offset)
-  local number, negative, text = read32(data, offset)
-  if number == nil then return negative end
-  if text and find(text, "^%d+%.%d+$") then return negative and "-" .. text or text end
-  if number % 1 == 0 and number < 1e15 then
-    text = format("%.0f.0", number)
-    return negative and "-" .. text or text
-  end
-  return M.float_text(negative and -number or number)
 end
 
 --- The text of a number that is a whole number if it looks like one.
