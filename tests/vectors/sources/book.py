@@ -24,6 +24,7 @@ from ds47.lab.scenario import DIAGNOSES, Build, Scenes  # noqa: E402
 from ds47.lab.stage import START_NS, Stage  # noqa: E402
 
 CLIENT_PORT = 49152
+RAMP = 1120
 REQUEST_KINDS = (wire.REQUEST, wire.PING)
 Row = dict[str, Any]
 
@@ -123,6 +124,11 @@ def real(*values: float, pnu: int | None = 21) -> Row:
     return par(pnu, "Float32", *values)
 
 
+def ramp(value: float) -> Row:
+    """What a Float32 of the ramp time becomes."""
+    return real(value, pnu=RAMP)
+
+
 NOTHING = par(21)
 
 
@@ -169,6 +175,28 @@ def tx(
         },
         "parameters": list(parameters),
     }
+
+
+def row(
+    number: int,
+    *parameters: Row,
+    state: str = "ok",
+    first: int | None = None,
+    ms: float = 3,
+    **more: Any,
+) -> Row:
+    """A transaction whose four frames follow each other, the n-th of such if no first frame is named.
+
+    Its reference is its number if no other is named.
+    """
+    begin = first or 4 * number - 3
+    frames = range(begin, begin + 4)
+    return tx(number, state, frames, ms, *parameters, **{"ref": number, **more})
+
+
+def orphan(number: int, first: int, *parameters: Row, state: str = "orphan", **more: Any) -> Row:
+    """A Read that no request goes before, by its first frame."""
+    return tx(number, state, (None, None, first, first + 1), None, *parameters, **more)
 
 
 def found(text: str) -> list[Row]:

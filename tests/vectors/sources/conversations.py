@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 from uuid import UUID
 
-from book import NOTHING, Row, Vectors, par, real, tape, tx
+from book import NOTHING, RAMP, Row, Vectors, orphan, par, ramp, real, row, tape, tx
 
 from ds47.lab import message, wire
 from ds47.lab.client import BUSY, CONTROLLER_AR, Client, controller, drive
@@ -37,7 +37,7 @@ def tell(reference: int, *values: float, axis: int = 1, identifier: int = 1) -> 
     return message.answer(reference, identifier, axis, *(message.real(value) for value in values))
 
 
-def put(reference: int, value: float, pnu: int = 1120) -> bytes:
+def put(reference: int, value: float, pnu: int = RAMP) -> bytes:
     """A change of one Float32."""
     return message.change(reference, 1, (message.address(pnu), message.real(value)))
 
@@ -67,22 +67,19 @@ NO_AR: Row = {"index": 0xB02F, "ar": None}
 # The plain life of a transaction
 
 
-@BOOK.scene("P2 P3 P14 P29 P46 P48 none", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)))
+@BOOK.scene("P2 P3 P14 P29 P46 P48 none", row(1, real(1.5)))
 def p24_read(client: Client) -> None:
     """Write request and response, Read request and response: one read."""
     client.exchange(ask(), tell(1, 1.5))
 
 
-@BOOK.scene("P29 P46 none", tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)))
+@BOOK.scene("P29 P46 none", row(1, ramp(10.0), state="change ok"))
 def p24_change(client: Client) -> None:
     """A change; its values are those that were written."""
     client.exchange(put(1, 10.0), message.changed(1, 1))
 
 
-@BOOK.scene(
-    "none",
-    tx(1, "ok", (1, 2, 3, 4), 3, par(27, "Unsigned16", 7, 8, subindex=3), par(21, "Float32", 1.5)),
-)
+@BOOK.scene("none", row(1, par(27, "Unsigned16", 7, 8, subindex=3), par(21, "Float32", 1.5)))
 def p37_by_position(client: Client) -> None:
     """Two parameters in another order than their numbers: the n-th block is the n-th address."""
     request = message.read(1, 1, message.address(27, 3, 2), message.address(21))
@@ -96,15 +93,9 @@ def p3_fragments(client: Client) -> None:
     client.exchange(ask(), tell(1, 1.5))
 
 
+BOOK.lab("P29", "conversation-late-read", "P48 late-read", row(1, real(10.0), ms=30003))
 BOOK.lab(
-    "P29", "conversation-late-read", "P48 late-read", tx(1, "ok", (1, 2, 3, 4), 30003, real(10.0))
-)
-BOOK.lab(
-    "P2",
-    "transport-time-back",
-    "P48 time-back",
-    tx(1, "ok", (1, 2, 3, 4), -2497, real(1500.0)),
-    rules="DS107@3",
+    "P2", "transport-time-back", "P48 time-back", row(1, real(1500.0), ms=-2497), rules="DS107@3"
 )
 
 
@@ -221,7 +212,7 @@ BOOK.lab(
 @BOOK.scene(
     "P9 P27 P41 reused-number superseded",
     tx(1, "superseded", (1, 2), None, NOTHING),
-    tx(2, "ok", (3, 4, 5, 6), 3, real(1.5)),
+    row(2, real(1.5), first=3, ref=1),
     rules="DS413@3#1 DS415@3#2",
 )
 def p8_after_10_s(client: Client) -> None:
@@ -237,7 +228,7 @@ def p8_after_10_s(client: Client) -> None:
 @BOOK.scene(
     "P9 P27 P41 reused-number superseded poll",
     tx(1, "superseded", (1, 2), None, NOTHING, polls=[(3, 4)]),
-    tx(2, "ok", (5, 6, 7, 8), 3, real(1.5)),
+    row(2, real(1.5), ref=1),
     rules="DS413@5#1 DS415@5#2",
 )
 def p8_other_number_between(client: Client) -> None:
@@ -253,7 +244,7 @@ def p8_other_number_between(client: Client) -> None:
 @BOOK.scene(
     "P9 reused-number superseded",
     tx(1, "superseded", (1, 2), None, NOTHING),
-    tx(2, "ok", (3, 4, 5, 6), 3, real(2.5, pnu=27), ref=2),
+    row(2, real(2.5, pnu=27), first=3),
     rules="DS413@3#1 DS705@3#1",
 )
 def p8_not_identical(client: Client) -> None:
@@ -265,12 +256,7 @@ def p8_not_identical(client: Client) -> None:
     client.read(tell(2, 2.5))
 
 
-@BOOK.scene(
-    "P16 reused-number",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-    tx(2, "ok", (5, 6, 7, 8), 3, real(2.5)),
-    rules="DS415@5#2",
-)
+@BOOK.scene("P16 reused-number", row(1, real(1.5)), row(2, real(2.5), ref=1), rules="DS415@5#2")
 def p9_reused_after_59_s(client: Client) -> None:
     """59 s later the same activity, sequence numbers and bytes again: a new transaction."""
     client.exchange(ask(), tell(1, 1.5))
@@ -282,7 +268,7 @@ def p9_reused_after_59_s(client: Client) -> None:
 @BOOK.scene(
     "P7 P11 P42 reused-number lost",
     tx(1, "unanswered", (1,), None, NOTHING),
-    tx(2, "ok", (2, 3, 4, 5), 3, real(2.5, pnu=27), ref=2),
+    row(2, real(2.5, pnu=27), first=2),
     rules="DS101@1#1 DS401@1#1",
 )
 def p9_other_record_unanswered(client: Client) -> None:
@@ -315,7 +301,7 @@ def p11_response_after_expiry(client: Client) -> None:
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene("retransmission lost other-index", tx(1, "ok", (4, 5, 6, 7), 3, real(1.5)))
+@BOOK.scene("retransmission lost other-index", row(1, real(1.5), first=4))
 def p12_other_index(client: Client) -> None:
     """A retransmission, a refused and a lost Read on I&M0 are none of our business."""
     place = client.at(index=0xAFF0)
@@ -359,7 +345,7 @@ def p14_places(client: Client) -> None:
 @BOOK.scene(
     "P16 interleaved",
     tx(1, "ok", (1, 2, 7, 8), 7, real(1.5)),
-    tx(2, "ok", (3, 4, 5, 6), 3, real(2.5), **HOME2),
+    row(2, real(2.5), first=3, ref=1, **HOME2),
 )
 def p14_two_controllers(client: Client) -> None:
     """Two controllers on one drive, same place, reference and sequence numbers."""
@@ -393,7 +379,7 @@ def p14_same_ar_uuid(client: Client) -> None:
 @BOOK.scene(
     "P32 implicit orphan",
     tx(1, "ok", (1, 2, 5, 6), 5, real(1.5), index=0xB02F),
-    tx(2, "orphan", (None, None, 3, 4), None, real(9.5, pnu=None), ref=7, **NO_AR),
+    orphan(2, 3, real(9.5, pnu=None), ref=7, **NO_AR),
     rules="DS403@4#2",
 )
 def p15_implicit_own_channel(client: Client) -> None:
@@ -406,8 +392,8 @@ def p15_implicit_own_channel(client: Client) -> None:
 
 @BOOK.scene(
     "implicit reread",
-    tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(1, 0)), index=0xB02F, rereads=[(5, 6)]),
-    tx(2, "ok", (7, 8, 9, 10), 3, real(2.5), ref=2, index=0xB02F),
+    row(1, par(21, error=(1, 0)), state="error", index=0xB02F, rereads=[(5, 6)]),
+    row(2, real(2.5), first=7, index=0xB02F),
     rules="DS410@4#1 DS701@4#1 DS704@6#1",
 )
 def p55_implicit_reread(client: Client) -> None:
@@ -421,9 +407,9 @@ def p55_implicit_reread(client: Client) -> None:
 
 @BOOK.scene(
     "implicit reread",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), index=0xB02F),
-    tx(2, "ok", (5, 6, 7, 8), 3, real(2.5), index=0xB02F, rereads=[(9, 10)], **HOME2),
-    tx(3, "orphan", (None, None, 11, 12), None, real(1.5, pnu=None), **NO_AR),
+    row(1, real(1.5), index=0xB02F),
+    row(2, real(2.5), index=0xB02F, rereads=[(9, 10)], ref=1, **HOME2),
+    orphan(3, 11, real(1.5, pnu=None), **NO_AR),
     rules="DS403@12#3 DS704@10#2",
 )
 def p55_implicit_of_another_ar(client: Client) -> None:
@@ -437,8 +423,8 @@ def p55_implicit_of_another_ar(client: Client) -> None:
 
 @BOOK.scene(
     "P38 implicit orphan release reread",
-    tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(1, 0)), index=0xB02F),
-    tx(2, "orphan", (None, None, 7, 8), None, par(None, error=(1, 0)), rereads=[(9, 10)], **NO_AR),
+    row(1, par(21, error=(1, 0)), state="error", index=0xB02F),
+    orphan(2, 7, par(None, error=(1, 0)), rereads=[(9, 10)], **NO_AR),
     rules="DS410@4#1 DS403@8#2 DS701@4#1 DS704@8#2 DS704@10#2",
 )
 def p55_implicit_after_release(client: Client) -> None:
@@ -451,12 +437,7 @@ def p55_implicit_after_release(client: Client) -> None:
     implicit(client, failed)
 
 
-@BOOK.scene(
-    "none",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-    tx(2, "ok", (5, 6, 7, 8), 3, real(2.5, pnu=27)),
-    rules="DS415@5#2",
-)
+@BOOK.scene("none", row(1, real(1.5)), row(2, real(2.5, pnu=27), ref=1), rules="DS415@5#2")
 def p16_no_keys(client: Client) -> None:
     """Block sequence number and reference never change, the drive answers from another port."""
     client.answer_port = 49999
@@ -474,7 +455,7 @@ def p16_no_keys(client: Client) -> None:
     "P49 write-multiple",
     tx(1, "ok", (1, 2, 7, 8), 7, real(1.0)),
     tx(2, "ok", (1, 2, 5, 6), 5, real(2.0), ref=2, slot=2),
-    tx(3, "ok", (1, 2, 3, 4), 3, real(3.0), ref=3, slot=3),
+    row(3, real(3.0), first=1, slot=3),
 )
 def p17_write_multiple(client: Client) -> None:
     """Three requests in one Write, read in reverse order: ids follow the place in the Write."""
@@ -488,7 +469,7 @@ BOOK.lab(
     "P17",
     "record-multiple-refused",
     "P25 P49 write-multiple refused",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.0), axis=2),
+    row(1, real(1.0), axis=2),
     tx(2, "refused", (1, 2), None, par(22), ref=2, axis=3, slot=2, write="DF80B500"),
     tx(3, "ok", (1, 2, 5, 6), 5, real(3.0, pnu=23), ref=3, axis=4, slot=3),
     rules="DS203@2#2 DS705@1#2",
@@ -496,15 +477,11 @@ BOOK.lab(
 
 
 BOOK.lab(
-    "P18",
-    "record-multiple-nested",
-    "write-multiple nested",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1500.0)),
-    rules="DS208@5",
+    "P18", "record-multiple-nested", "write-multiple nested", row(1, real(1500.0)), rules="DS208@5"
 )
 
 
-@BOOK.scene("P17 write-multiple nested", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)), rules="DS208@1")
+@BOOK.scene("P17 write-multiple nested", row(1, real(1.5)), rules="DS208@1")
 def p18_nested_beside_a_request(client: Client) -> None:
     """Beside the nested one stands a request of the first level: that one is opened."""
     outer = client.at(slot=0xFFFF, subslot=0xFFFF, api=0xFFFFFFFF, index=wire.WRITE_MULTIPLE)
@@ -525,11 +502,7 @@ BOOK.lab(
 )
 
 
-@BOOK.scene(
-    "P32 starts-late orphan",
-    tx(1, "orphan", (None, None, 1, 2), None, real(1.5, pnu=None)),
-    rules="DS403@2#1",
-)
+@BOOK.scene("P32 starts-late orphan", orphan(1, 1, real(1.5, pnu=None)), rules="DS403@2#1")
 def p20_response_opens(client: Client) -> None:
     """On index 47 a shaped response is proof enough."""
     client.read(tell(1, 1.5))
@@ -537,8 +510,8 @@ def p20_response_opens(client: Client) -> None:
 
 @BOOK.scene(
     "P43 P55 mismatch implicit",
-    tx(1, "mismatch", (1, 2, 3, 4), 3, real(1.5, pnu=None), rereads=[(5, 6)]),
-    tx(2, "ok", (7, 8, 9, 10), 3, real(2.5), ref=2),
+    row(1, real(1.5, pnu=None), state="mismatch", rereads=[(5, 6)]),
+    row(2, real(2.5), first=7),
     rules="DS319@4#1 DS405@4#1 DS704@6#1",
 )
 def p20_once_more_without_an_ar(client: Client) -> None:
@@ -548,7 +521,7 @@ def p20_once_more_without_an_ar(client: Client) -> None:
     client.exchange(ask(2), tell(2, 2.5))
 
 
-@BOOK.scene("P23 foreign", tx(1, "ok", (3, 4, 5, 6), 3, real(1.5)))
+@BOOK.scene("P23 foreign", row(1, real(1.5), first=3))
 def p20_per_ar(client: Client) -> None:
     """Index 47 of one AR is a parameter channel, of another AR on the same device it is not."""
     foreign = second(client)
@@ -559,7 +532,7 @@ def p20_per_ar(client: Client) -> None:
 
 @BOOK.scene(
     "malformed refused",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+    row(1, real(1.5)),
     tx(2, "refused", (5, 6), None, ref=7, write="DF80B700"),
     rules="DS315@5#2 DS203@6#2 DS711@5#2",
 )
@@ -574,7 +547,7 @@ BOOK.lab(
     "record-foreign-then-ours",
     "P20 malformed refused",
     tx(1, "refused", (1, 2), None, ref=7, write="DF80B700"),
-    tx(2, "ok", (3, 4, 5, 6), 3, real(1500.0)),
+    row(2, real(1500.0), first=3, ref=1),
     rules="DS315@1#1 DS203@2#1 DS711@1#1",
 )
 
@@ -582,8 +555,8 @@ BOOK.lab(
 @BOOK.scene(
     "P20 malformed refused interleaved",
     tx(1, "refused", (1, 2), None, ref=7, write="DF80B700"),
-    tx(2, "ok", (3, 4, 5, 6), 3, real(1.5), **HOME2),
-    tx(3, "ok", (7, 8, 9, 10), 3, real(1.5)),
+    row(2, real(1.5), first=3, ref=1, **HOME2),
+    row(3, real(1.5), first=7, ref=1),
     rules="DS315@1#1 DS203@2#1 DS711@1#1",
 )
 def p22_late_is_no_step_back(client: Client) -> None:
@@ -595,9 +568,9 @@ def p22_late_is_no_step_back(client: Client) -> None:
 
 @BOOK.scene(
     "P2 malformed refused interleaved time-back",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), **HOME2),
+    row(1, real(1.5), **HOME2),
     tx(2, "refused", (5, 6), None, ref=7, write="DF80B700"),
-    tx(3, "ok", (7, 8, 9, 10), 3, real(1.5)),
+    row(3, real(1.5), first=7, ref=1),
     rules="DS107@5 DS315@5#2 DS203@6#2 DS711@5#2",
 )
 def p22_late_step_back(client: Client) -> None:
@@ -611,7 +584,7 @@ def p22_late_step_back(client: Client) -> None:
 @BOOK.scene(
     "P27 P41 malformed superseded",
     tx(1, "superseded", (1, 2), None, ref=7),
-    tx(2, "ok", (3, 4, 5, 6), 3, real(1.5)),
+    row(2, real(1.5), first=3, ref=1),
     rules="DS315@1#1 DS413@3#1 DS711@1#1 DS705@3#1",
 )
 def p22_in_its_place(client: Client) -> None:
@@ -623,7 +596,7 @@ def p22_in_its_place(client: Client) -> None:
 @BOOK.scene(
     "P38 malformed release unanswered",
     tx(1, "unanswered", (1, 2), None, ref=7),
-    tx(2, "ok", (5, 6, 7, 8), 3, real(1.5)),
+    row(2, real(1.5), ref=1),
     rules="DS315@1#1 DS401@1#1 DS711@1#1 DS722@1#1",
 )
 def p22_release_in_its_place(client: Client) -> None:
@@ -643,7 +616,7 @@ def p23_foreign(client: Client) -> None:
     client.ask_write(b"again")
 
 
-@BOOK.scene("none", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), index=0x1234))
+@BOOK.scene("none", row(1, real(1.5), index=0x1234))
 def p14_index_of_the_user(client: Client) -> None:
     """An index that the user names is ours."""
     tape(client).options = {"indices": [0x1234]}
@@ -673,16 +646,16 @@ BOOK.lab(
     "conversation-superseded-read",
     "P41 superseded",
     tx(1, "superseded", (1, 2), None, NOTHING),
-    tx(2, "ok", (3, 4, 5, 6), 3, real(5.0, pnu=27), ref=2),
+    row(2, real(5.0, pnu=27), first=3),
     rules="DS413@3#1 DS705@3#1",
 )
 BOOK.lab(
     "P27",
     "conversation-superseded-change",
     "P41 superseded",
-    tx(1, "change superseded", (1, 2), None, real(10.0, pnu=1120)),
-    tx(2, "change superseded", (3, 4), None, real(11.0, pnu=1120), ref=2),
-    tx(3, "change ok", (5, 6, 7, 8), 3, real(12.0, pnu=1120), ref=3),
+    tx(1, "change superseded", (1, 2), None, ramp(10.0)),
+    tx(2, "change superseded", (3, 4), None, ramp(11.0), ref=2),
+    row(3, ramp(12.0), state="change ok", first=5),
     rules="DS414@3#1 DS414@5#2",
 )
 
@@ -690,7 +663,7 @@ BOOK.lab(
 @BOOK.scene(
     "P34 P40 P41 superseded poll",
     tx(1, "superseded", (1, 2), None, NOTHING, polls=[(3, 4), (5, 6)]),
-    tx(2, "ok", (7, 8, 9, 10), 3, real(2.5, pnu=27), ref=2),
+    row(2, real(2.5, pnu=27), first=7),
     rules="DS413@7#1 DS705@7#1",
 )
 def p27_superseded_after_polls(client: Client) -> None:
@@ -704,8 +677,8 @@ def p27_superseded_after_polls(client: Client) -> None:
 @BOOK.scene(
     "P33 lost poll orphan",
     tx(1, "unanswered", (1,), None, NOTHING),
-    tx(2, "ok", (2, 3, 4, 5), 3, real(2.5, pnu=27), ref=2),
-    tx(3, "orphan", (None, None, 8, 9), None, real(1.5, pnu=None)),
+    row(2, real(2.5, pnu=27), first=2),
+    orphan(3, 8, real(1.5, pnu=None)),
     rules="DS101@1#1 DS206@7 DS401@1#1 DS403@9#3",
 )
 def p28_passed_over(client: Client) -> None:
@@ -719,9 +692,9 @@ def p28_passed_over(client: Client) -> None:
 @BOOK.scene(
     "P31 lost orphan",
     tx(1, "unanswered", (1,), None, NOTHING),
-    tx(2, "ok", (2, 3, 4, 5), 3, real(2.5, pnu=27), ref=2),
-    tx(3, "orphan", (None, None, 7, 8), None, real(2.5, pnu=None), ref=2),
-    tx(4, "orphan", (None, None, 9, 10), None, real(1.5, pnu=None)),
+    row(2, real(2.5, pnu=27), first=2),
+    orphan(3, 7, real(2.5, pnu=None), ref=2),
+    orphan(4, 9, real(1.5, pnu=None)),
     rules="DS101@1#1 DS102@6 DS401@1#1 DS403@8#3 DS403@10#4",
 )
 def p70_unasked_write(client: Client) -> None:
@@ -736,7 +709,7 @@ def p70_unasked_write(client: Client) -> None:
 @BOOK.scene(
     "P30 lost poll refused",
     tx(1, "refused", (1, 2), None, NOTHING, write="DF80B700", polls=[(3, 4)]),
-    tx(2, "orphan", (None, None, 8, 9), None, real(1.5, pnu=None)),
+    orphan(2, 8, real(1.5, pnu=None)),
     rules="DS102@5 DS203@2#1 DS206@7 DS403@9#2",
 )
 def p70_unasked_refused(client: Client) -> None:
@@ -751,7 +724,7 @@ def p70_unasked_refused(client: Client) -> None:
 @BOOK.scene(
     "P36 lost unanswered",
     tx(1, "unanswered", (1,), None, NOTHING),
-    tx(2, "ok", (4, 5, 6, 7), 3, real(2.5, pnu=27), ref=2),
+    row(2, real(2.5, pnu=27), first=4),
     rules="DS101@1#1 DS207@3#1 DS401@1#1",
 )
 def p28_nothing_read(client: Client) -> None:
@@ -834,7 +807,7 @@ def p28_two_asked_first_answered(client: Client) -> None:
 @BOOK.scene(
     "lost",
     tx(1, "ok", (1, 2, 4, 5), 4, real(1.5)),
-    tx(2, "ok", (6, 7, 8, 9), 3, real(2.5, pnu=27), ref=2),
+    row(2, real(2.5, pnu=27), first=6),
     rules="DS101@3#1",
 )
 def p68_lost_read_of_an_older_request(client: Client) -> None:
@@ -872,9 +845,9 @@ def p28_presumed_displaces(client: Client) -> None:
 
 @BOOK.scene(
     "lost poll",
-    tx(1, "change unanswered", (1,), None, real(1.0, pnu=1120)),
-    tx(2, "ok", (2, 3, 4, 5), 3, real(2.5, pnu=27), ref=2),
-    tx(3, "ok", (8, 9, 10, 11), 3, real(1.5), ref=3),
+    tx(1, "change unanswered", (1,), None, ramp(1.0)),
+    row(2, real(2.5, pnu=27), first=2),
+    row(3, real(1.5), first=8),
     rules="DS101@1#1 DS206@7 DS402@1#1",
 )
 def p28_passed(client: Client) -> None:
@@ -889,9 +862,7 @@ def p28_passed(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P40 refused",
-    tx(1, "refused", (1, 2, 3, 4), 3, real(1.5), write="DF80B500"),
-    rules="DS203@2#1 DS705@1#1",
+    "P40 refused", row(1, real(1.5), state="refused", write="DF80B500"), rules="DS203@2#1 DS705@1#1"
 )
 def p30_read_after_refused(client: Client) -> None:
     """Without an open request a Read belongs to the refused Write; the state stays refused."""
@@ -902,7 +873,7 @@ def p30_read_after_refused(client: Client) -> None:
 @BOOK.scene(
     "P40 refused",
     tx(1, "refused", (1, 2), None, NOTHING, write="DF80B500"),
-    tx(2, "refused", (3, 4, 5, 6), 3, real(2.5, pnu=27), ref=2, write="DF80B500"),
+    row(2, real(2.5, pnu=27), state="refused", first=3, write="DF80B500"),
     rules="DS203@2#1 DS203@4#2 DS705@1#1 DS705@3#2",
 )
 def p30_latest_refused(client: Client) -> None:
@@ -914,8 +885,8 @@ def p30_latest_refused(client: Client) -> None:
 
 @BOOK.scene(
     "P31 refused",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-    tx(2, "refused", (5, 6, 7, 8), 3, real(1.5), write="DF80B500"),
+    row(1, real(1.5)),
+    row(2, real(1.5), state="refused", write="DF80B500", ref=1),
     rules="DS415@5#2 DS203@6#2 DS705@5#2 DS704@8#2",
 )
 def p30_before_reread(client: Client) -> None:
@@ -943,16 +914,13 @@ BOOK.lab(
     "P31",
     "record-reread",
     "P48 reread",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1500.0), rereads=[(5, 6), (7, 8)]),
+    row(1, real(1500.0), rereads=[(5, 6), (7, 8)]),
     rules="DS704@6#1",
 )
 
 
 @BOOK.scene(
-    "P32 orphan late-read",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-    tx(2, "orphan", (None, None, 5, 6), None, real(1.5, pnu=None)),
-    rules="DS403@6#2",
+    "P32 orphan late-read", row(1, real(1.5)), orphan(2, 5, real(1.5, pnu=None)), rules="DS403@6#2"
 )
 def p54_read_after_600_s(client: Client) -> None:
     """After 600 s without a call the channel is forgotten, its last response too: an orphan."""
@@ -962,10 +930,7 @@ def p54_read_after_600_s(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P31 P39 orphan",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-    tx(2, "orphan", (None, None, 5, 6), None, real(2.5, pnu=None)),
-    rules="DS403@6#2",
+    "P31 P39 orphan", row(1, real(1.5)), orphan(2, 5, real(2.5, pnu=None)), rules="DS403@6#2"
 )
 def p32_other_bytes(client: Client) -> None:
     """Another Read with other bytes than the last response: an orphan."""
@@ -977,7 +942,7 @@ BOOK.lab(
     "P32",
     "transport-starts-late",
     "P39 P48 starts-late orphan",
-    tx(1, "orphan", (None, None, 2, 3), None, real(1500.0, pnu=None), index=0xB02F),
+    orphan(1, 2, real(1500.0, pnu=None), index=0xB02F),
     rules="DS102@1 DS403@3#1",
 )
 
@@ -1019,8 +984,8 @@ def p34_polls_then_end(client: Client) -> None:
 
 @BOOK.scene(
     "P32 P40 read-refused orphan",
-    tx(1, "refused", (1, 2, 3, 4), None, NOTHING, read="DE80B600"),
-    tx(2, "orphan", (None, None, 5, 6), None, real(1.5, pnu=None)),
+    row(1, NOTHING, state="refused", ms=None, read="DE80B600"),
+    orphan(2, 5, real(1.5, pnu=None)),
     rules="DS201@4#1 DS403@6#2",
 )
 def p35_read_refused(client: Client) -> None:
@@ -1042,7 +1007,7 @@ BOOK.lab(
 @BOOK.scene(
     "P42 unanswered",
     tx(1, "unanswered", (1, 2), None, NOTHING),
-    tx(2, "change unanswered", (3, 4), None, real(10.0, pnu=1120), ref=2, slot=2),
+    tx(2, "change unanswered", (3, 4), None, ramp(10.0), ref=2, slot=2),
     rules="DS401@1#1 DS402@3#2",
 )
 def p38_end(client: Client) -> None:
@@ -1054,7 +1019,7 @@ def p38_end(client: Client) -> None:
 @BOOK.scene(
     "P42 P32 release orphan",
     tx(1, "unanswered", (1, 2), None, NOTHING),
-    tx(2, "orphan", (None, None, 5, 6), None, real(1.5, pnu=None)),
+    orphan(2, 5, real(1.5, pnu=None)),
     rules="DS401@1#1 DS403@6#2 DS722@1#1",
 )
 def p38_release(client: Client) -> None:
@@ -1097,7 +1062,7 @@ def p38_release_by_another_controller(client: Client) -> None:
 @BOOK.scene(
     "P32 P42 expiry orphan",
     tx(1, "unanswered", (1, 2), None, NOTHING),
-    tx(2, "orphan", (None, None, 3, 4), None, real(1.5, pnu=None)),
+    orphan(2, 3, real(1.5, pnu=None)),
     rules="DS401@1#1 DS403@4#2",
 )
 def p38_expiry(client: Client) -> None:
@@ -1107,7 +1072,7 @@ def p38_expiry(client: Client) -> None:
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene("P29 late-read", tx(1, "ok", (1, 2, 3, 4), 599_003, real(1.5)))
+@BOOK.scene("P29 late-read", row(1, real(1.5), ms=599_003))
 def p38_not_expired(client: Client) -> None:
     """A Read 599 s after the Write is in time."""
     client.write(ask())
@@ -1137,15 +1102,15 @@ for _name, _rules, _values in (
     ("more-parameters", "DS407@4#1", (10.0, 5.0)),
 ):  # the values are kept without a parameter number
     _parameters = (real(value, pnu=None) for value in _values)
-    _expected = tx(1, "mismatch", (1, 2, 3, 4), 3, *_parameters)
+    _expected = row(1, *_parameters, state="mismatch")
     BOOK.lab("P43", f"conversation-{_name}", "mismatch", _expected, rules=_rules)
 
 
 @BOOK.scene(
     "mismatch",
-    tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)),
-    tx(2, "mismatch", (5, 6, 7, 8), 3, real(9.5, pnu=None), ref=2),
-    tx(3, "ok", (9, 10, 11, 12), 3, real(10.0, pnu=1120), ref=3),
+    row(1, ramp(10.0), state="change ok"),
+    row(2, real(9.5, pnu=None), state="mismatch"),
+    row(3, ramp(10.0)),
     rules="DS404@8#2",
 )
 def p43_no_history(client: Client) -> None:
@@ -1155,9 +1120,7 @@ def p43_no_history(client: Client) -> None:
     client.exchange(ask(3, 1120), tell(3, 10.0))
 
 
-@BOOK.scene(
-    "P46 count", tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)), rules="DS407@4#1"
-)
+@BOOK.scene("P46 count", row(1, ramp(10.0), state="change ok"), rules="DS407@4#1")
 def p43_count_without_blocks(client: Client) -> None:
     """A change answered with count 2 but no value block: a finding, no mismatch."""
     client.exchange(put(1, 10.0), message.changed(1, 1, count=2))
@@ -1165,7 +1128,7 @@ def p43_count_without_blocks(client: Client) -> None:
 
 @BOOK.scene(
     "drive-error",
-    tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(0, 0)), par(27, error=(0x6B, 3))),
+    row(1, par(21, error=(0, 0)), par(27, error=(0x6B, 3)), state="error"),
     rules="DS410@4#1 DS410@4#1 DS719@4#1",
 )
 def p44_all_failed(client: Client) -> None:
@@ -1178,14 +1141,14 @@ BOOK.lab(
     "P44",
     "conversation-not-supported",
     "drive-error",
-    tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(0x21, 0))),
+    row(1, par(21, error=(0x21, 0)), state="error"),
     rules="DS410@4#1 DS418@4#1",
 )
 
 
 @BOOK.scene(
     "drive-error",
-    tx(1, "error", (1, 2, 3, 4), 3, real(1.5), par(27, error=(0x21, 0))),
+    row(1, real(1.5), par(27, error=(0x21, 0)), state="error"),
     rules="DS410@4#1 DS418@4#1",
 )
 def p44_not_supported_in_part(client: Client) -> None:
@@ -1198,21 +1161,14 @@ BOOK.lab(
     "P45",
     "conversation-partial-read",
     "P37 drive-error",
-    tx(1, "partial", (1, 2, 3, 4), 3, real(10.0), par(27, error=(0, 0))),
+    row(1, real(10.0), par(27, error=(0, 0)), state="partial"),
     rules="DS410@4#1 DS701@4#1",
 )
 BOOK.lab(
     "P45",
     "conversation-partial-change",
     "P37 drive-error",
-    tx(
-        1,
-        "change partial",
-        (1, 2, 3, 4),
-        3,
-        real(10.0, pnu=1120),
-        par(1121, "Float32", 5.0, error=(0x6B, 0)),
-    ),
+    row(1, ramp(10.0), par(1121, "Float32", 5.0, error=(0x6B, 0)), state="change partial"),
     rules="DS410@4#1 DS719@4#1",
 )
 
@@ -1220,8 +1176,8 @@ BOOK.lab(
 @BOOK.scene(
     "dropped orphan unanswered",
     tx(1, "unanswered", (1, 2), None, NOTHING),
-    tx(2, "change unanswered", (3, 4), None, real(10.0, pnu=1120), ref=2, slot=2),
-    tx(3, "orphan", (None, None, 5, 6), None, real(1.5, pnu=None), slot=3),
+    tx(2, "change unanswered", (3, 4), None, ramp(10.0), ref=2, slot=2),
+    orphan(3, 5, real(1.5, pnu=None), slot=3),
     rules="DS401@1#1 DS402@3#2 DS403@6#3",
 )
 def p47_dropped(client: Client) -> None:
@@ -1235,7 +1191,7 @@ def p47_dropped(client: Client) -> None:
 @BOOK.scene(
     "interleaved orphan",
     tx(1, "orphan", (None, None, 1, 6), None, real(9.5, pnu=None), ref=7),
-    tx(2, "ok", (2, 3, 4, 5), 3, real(1.5), slot=2),
+    row(2, real(1.5), first=2, slot=2, ref=1),
     rules="DS403@6#1",
 )
 def p49_by_first_frame(client: Client) -> None:
@@ -1254,7 +1210,7 @@ BOOK.lab(
     "transport-fault",
     "P12 P40 P53 fault refused",
     tx(1, "refused", (1, 2), None, NOTHING, write=None),
-    tx(2, "ok", (3, 4, 5, 6), 3, real(1500.0), ref=2),
+    row(2, real(1500.0), first=3),
     rules="DS104@2#1",
 )
 BOOK.lab(
@@ -1290,14 +1246,14 @@ def p3_first_fragment_lost(client: Client) -> None:
     client.read(tell(1, 1.5))
 
 
-@BOOK.scene("P67 malformed", tx(1, "ok", (1, 2, 3, 4), 3, real()), rules="DS106@4")
+@BOOK.scene("P67 malformed", row(1, real()), rules="DS106@4")
 def p53_frame_cut(client: Client) -> None:
     """The frame of the Read response lacks its last two bytes, half of the only value."""
     client.exchange(ask(), tell(1, 1.5))
     tape(client).cut(2)
 
 
-@BOOK.scene("malformed", tx(1, "error", (1, 2, 3, 4), 3, real()), rules="DS202@4 DS315@4#1")
+@BOOK.scene("malformed", row(1, real(), state="error"), rules="DS202@4 DS315@4#1")
 def p53_pdu_longer_than_its_datagram(client: Client) -> None:
     """The datagram of the Read response ends two bytes too early, and the frame is whole: nothing was cut."""
     client.exchange(ask(), tell(1, 1.5))
@@ -1315,9 +1271,7 @@ def p53_fragment_cut(client: Client) -> None:
 
 
 @BOOK.scene(
-    "P3 P32 P39 fragments lost orphan",
-    tx(1, "orphan", (None, None, 3, 4), None, real(1.5, pnu=None), ref=1),
-    rules="DS105@1 DS403@4#1",
+    "P3 P32 P39 fragments lost orphan", orphan(1, 3, real(1.5, pnu=None)), rules="DS105@1 DS403@4#1"
 )
 def p11_request_in_part(client: Client) -> None:
     """The last fragment of the Write request is lost: its response is not without a request in the capture."""
@@ -1329,9 +1283,7 @@ def p11_request_in_part(client: Client) -> None:
     client.read(tell(1, 1.5))
 
 
-BOOK.lab(
-    "P53", "record-length", "malformed", tx(1, "ok", (1, 2, 3, 4), 3, real(1500.0)), rules="DS202@4"
-)
+BOOK.lab("P53", "record-length", "malformed", row(1, real(1500.0)), rules="DS202@4")
 BOOK.lab(
     "P53",
     "transport-empty-body",
@@ -1411,7 +1363,7 @@ def p34_polled_1001_ms(client: Client) -> None:
 
 @BOOK.scene(
     "P11 P38 lost unanswered",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+    row(1, real(1.5)),
     tx(2, "unanswered", (6, 7), None, par(27), ref=2),
     rules="DS101@5 DS401@6#2",
 )
@@ -1424,9 +1376,9 @@ def p29_lost_read_before_the_write(client: Client) -> None:
 
 @BOOK.scene(
     "P30 refused",
-    tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)),
-    tx(2, "change refused", (5, 6, 7, 8), None, real(10.0, pnu=1120), read="DE80B700"),
-    tx(3, "change refused", (9, 10, 11, 12), 3, real(10.0, pnu=1120), write="DF80B700"),
+    row(1, ramp(10.0), state="change ok"),
+    row(2, ramp(10.0), state="change refused", ms=None, read="DE80B700", ref=1),
+    row(3, ramp(10.0), state="change refused", write="DF80B700", ref=1),
     rules="DS201@8#2 DS203@10#3 DS415@5#2 DS415@9#3",
 )
 def p35_old_response_after_refused_read(client: Client) -> None:
@@ -1442,12 +1394,12 @@ BOOK.lab(
     "P37",
     "conversation-fewer-values",
     "P46 values",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.0, 2.0, pnu=2902)),
+    row(1, real(1.0, 2.0, pnu=2902)),
     rules="DS408@4#1",
 )
 
 
-@BOOK.scene("P46 values", tx(1, "ok", (1, 2, 3, 4), 3, real()), rules="DS408@4#1")
+@BOOK.scene("P46 values", row(1, real()), rules="DS408@4#1")
 def p37_zero_asked_none_answered(client: Client) -> None:
     """Number of elements 0 asks for one value, as 1 does; the block has none."""
     request = message.read(1, 1, message.address(21, elements=0))
@@ -1458,14 +1410,14 @@ BOOK.lab(
     "P37",
     "conversation-more-values",
     "P46 values",
-    tx(1, "ok", (1, 2, 3, 4), 3, par(964, "Unsigned16", 1, 2, 3, 4, 5)),
+    row(1, par(964, "Unsigned16", 1, 2, 3, 4, 5)),
     rules="DS409@4#1",
 )
 
 
 @BOOK.scene(
     "drive-error malformed",
-    tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, error=(0x11, 0))),
+    row(1, real(1.5), par(27, error=(0x11, 0)), state="partial"),
     rules="DS410@4#1 DS411@4#1 DS719@4#1",
 )
 def p45_positive_id(client: Client) -> None:
@@ -1474,19 +1426,13 @@ def p45_positive_id(client: Client) -> None:
     client.exchange(ask(1, 21, 27), answer)
 
 
-@BOOK.scene(
-    "P43 P44 malformed",
-    tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)),
-    rules="DS315@4#1",
-)
+@BOOK.scene("P43 P44 malformed", row(1, ramp(10.0), state="change ok"), rules="DS315@4#1")
 def p46_change_header_cut(client: Client) -> None:
     """The positive response id says that the change was done; the number of parameters is missing."""
     client.exchange(put(1, 10.0), message.changed(1, 1)[:3])
 
 
-@BOOK.scene(
-    "P43 P44 malformed count", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)), rules="DS315@4#1 DS407@4#1"
-)
+@BOOK.scene("P43 P44 malformed count", row(1, real(1.5)), rules="DS315@4#1 DS407@4#1")
 def p46_announced_block_missing(client: Client) -> None:
     """Two blocks announced, the only one that was asked for is there: no parameter is missing."""
     answer = tell(1, 1.5)
@@ -1497,14 +1443,12 @@ BOOK.lab(
     "P44",
     "conversation-negative-without-error",
     "malformed",
-    tx(1, "error", (1, 2, 3, 4), 3, real(10.0)),
+    row(1, real(10.0), state="error"),
     rules="DS412@4#1",
 )
 
 
-@BOOK.scene(
-    "malformed", tx(1, "change error", (1, 2, 3, 4), 3, real(10.0, pnu=1120)), rules="DS412@4#1"
-)
+@BOOK.scene("malformed", row(1, ramp(10.0), state="change error"), rules="DS412@4#1")
 def p44_negative_id_change(client: Client) -> None:
     """The same of a change: done, says the block, and the response id says that something failed."""
     client.exchange(put(1, 10.0), message.answer(1, 0x82, 1, message.done()))
@@ -1514,29 +1458,25 @@ BOOK.lab(
     "P44",
     "message-missing-response",
     "malformed",
-    tx(1, "error", (1, 2, 3, 4), 3, real(), index=0xB02F),
+    row(1, real(), state="error", index=0xB02F),
     rules="DS315@4#1",
 )
 
 
-@BOOK.scene(
-    "malformed", tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, "Float32")), rules="DS315@4#1"
-)
+@BOOK.scene("malformed", row(1, real(1.5), par(27, "Float32"), state="partial"), rules="DS315@4#1")
 def p45_response_cut(client: Client) -> None:
     """The device sent the first of two values, and half of the second."""
     client.exchange(ask(1, 21, 27), tell(1, 1.5, 2.5)[:-2])
 
 
-@BOOK.scene(
-    "malformed", tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, "Float32")), rules="DS106@4"
-)
+@BOOK.scene("malformed", row(1, real(1.5), par(27, "Float32"), state="partial"), rules="DS106@4")
 def p67_negative_frame_cut(client: Client) -> None:
     """One value was captured, the other half; the response id says that something failed."""
     client.exchange(ask(1, 21, 27), tell(1, 1.5, 2.5, identifier=0x81))
     tape(client).cut(2)
 
 
-@BOOK.scene("malformed", tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), par(27)), rules="DS106@4")
+@BOOK.scene("malformed", row(1, real(1.5), par(27)), rules="DS106@4")
 def p67_blocks_not_captured(client: Client) -> None:
     """The capture lacks the second block, and the response id says that nothing failed."""
     client.exchange(ask(1, 21, 27), tell(1, 1.5, 2.5))
@@ -1545,9 +1485,9 @@ def p67_blocks_not_captured(client: Client) -> None:
 
 @BOOK.scene(
     "values",
-    tx(1, "change ok", (1, 2, 3, 4), 3, real(10.0, pnu=1120)),
-    tx(2, "ok", (5, 6, 7, 8), 3, real(10.0, pnu=1120), ref=2),
-    tx(3, "ok", (9, 10, 11, 12), 3, real(11.0, pnu=1120), ref=3),
+    row(1, ramp(10.0), state="change ok"),
+    row(2, ramp(10.0)),
+    row(3, ramp(11.0)),
     rules="DS417@12#3",
 )
 def p46_read_back(client: Client) -> None:
@@ -1559,9 +1499,9 @@ def p46_read_back(client: Client) -> None:
 
 @BOOK.scene(
     "values",
-    tx(1, "ok", (1, 2, 3, 4), 3, par(974, "Unsigned16", 16)),
-    tx(2, "ok", (5, 6, 7, 8), 3, real(1.5), real(2.5, pnu=27), ref=2),
-    tx(3, "ok", (9, 10, 11, 12), 3, real(1.5), real(2.5, pnu=27), real(3.5, pnu=25), ref=3),
+    row(1, par(974, "Unsigned16", 16)),
+    row(2, real(1.5), real(2.5, pnu=27)),
+    row(3, real(1.5), real(2.5, pnu=27), real(3.5, pnu=25)),
     rules="DS316@9#3",
 )
 def p46_message_long(client: Client) -> None:
@@ -1575,7 +1515,7 @@ MANY = range(100, 140)
 """Parameters: one more than the usual number."""
 
 
-@BOOK.scene("values", tx(1, "ok", (1, 2, 3, 4), 3, *(real(pnu / 2, pnu=pnu) for pnu in MANY)))
+@BOOK.scene("values", row(1, *(real(pnu / 2, pnu=pnu) for pnu in MANY)))
 def p46_as_many_parameters_as_the_drive_takes(client: Client) -> None:
     """40 parameters of which the drive gives all: not too many, and not called so while the response is due."""
     client.exchange(ask(1, *MANY), tell(1, *(pnu / 2 for pnu in MANY)))
@@ -1585,11 +1525,6 @@ def p46_as_many_parameters_as_the_drive_takes(client: Client) -> None:
 
 
 LOCAL = 0xB02E
-RAMP = 1120
-
-
-def ramp(value: float) -> Row:
-    return real(value, pnu=RAMP)
 
 
 def changed(value: float, reference: int, axis: int = 1, pnu: int = RAMP) -> tuple[bytes, bytes]:
@@ -1601,16 +1536,6 @@ def changed(value: float, reference: int, axis: int = 1, pnu: int = RAMP) -> tup
 def fetched(value: float, reference: int, axis: int = 1, pnu: int = RAMP) -> tuple[bytes, bytes]:
     """A read of a Float32 and its response."""
     return ask(reference, pnu, axis=axis), tell(reference, value, axis=axis)
-
-
-def four(number: int) -> tuple[int, int, int, int]:
-    """The frames of the n-th transaction where each has four."""
-    return (4 * number - 3, 4 * number - 2, 4 * number - 1, 4 * number)
-
-
-def row(number: int, *parameters: Row, state: str = "ok", **more: Any) -> Row:
-    """The n-th transaction of four frames; its reference is its number."""
-    return tx(number, state, four(number), 3, *parameters, ref=number, **more)
 
 
 @BOOK.scene(
@@ -1699,7 +1624,7 @@ def p63_one_for_the_whole_device(client: Client) -> None:
     "values",
     row(1, ramp(10.0), state="change ok"),
     tx(2, "change ok", (5, 6, 11, 12), 7, ramp(9.5), ref=2, index=0xB02F),
-    tx(3, "ok", (7, 8, 9, 10), 3, ramp(9.5), ref=3),
+    row(3, ramp(9.5), first=7),
 )
 def p64_not_settled_yet(client: Client) -> None:
     """A change that was accepted is in force perhaps, before its response is fetched."""
@@ -1730,8 +1655,8 @@ def p64_one_parameter_twice(client: Client) -> None:
 @BOOK.scene(
     "P32 values orphan",
     row(1, ramp(10.0), state="change ok"),
-    tx(2, "change orphan", (None, None, 5, 6), None, ref=2, slot=2),
-    tx(3, "ok", (7, 8, 9, 10), 3, ramp(9.5), ref=3),
+    orphan(2, 5, state="change orphan", slot=2, ref=2),
+    row(3, ramp(9.5), first=7),
     rules="DS403@6#2",
 )
 def p64_change_without_its_request(client: Client) -> None:
@@ -1745,8 +1670,8 @@ def p64_change_without_its_request(client: Client) -> None:
     "values superseded",
     row(1, ramp(10.0), state="change ok"),
     tx(2, "change superseded", (5, 6), None, ramp(9.5), ref=2, index=0xB02F),
-    tx(3, "ok", (7, 8, 9, 10), 3, real(1.5), ref=3, index=0xB02F),
-    tx(4, "ok", (11, 12, 13, 14), 3, ramp(8.0), ref=4),
+    row(3, real(1.5), first=7, index=0xB02F),
+    row(4, ramp(8.0), first=11),
     rules="DS414@7#2",
 )
 def p64_response_not_fetched(client: Client) -> None:
@@ -1793,10 +1718,10 @@ def p66_the_same_bits(client: Client) -> None:
 @BOOK.scene(
     "values superseded",
     tx(1, "change superseded", (1, 2), None, ramp(9.5)),
-    tx(2, "change ok", (3, 4, 5, 6), 3, ramp(10.0), ref=2),
-    tx(3, "ok", (7, 8, 9, 10), 3, ramp(9.5), ref=3),
-    tx(4, "change ok", (11, 12, 13, 14), 3, ramp(10.0), ref=4),
-    tx(5, "ok", (15, 16, 17, 18), 3, ramp(9.5), ref=5),
+    row(2, ramp(10.0), state="change ok", first=3),
+    row(3, ramp(9.5), first=7),
+    row(4, ramp(10.0), state="change ok", first=11),
+    row(5, ramp(9.5), first=15),
     rules="DS414@3#1 DS417@18#5",
 )
 def p64_displaced_by_the_last_change(client: Client) -> None:
@@ -1847,11 +1772,11 @@ def p64_elements(client: Client) -> None:
 @BOOK.scene(
     "values superseded",
     tx(1, "change superseded", (1, 2), None, par(340, "Unsigned16", 1), index=0xB02F),
-    tx(2, "change ok", (3, 4, 5, 6), 3, ramp(10.0), ref=2),
-    tx(3, "ok", (7, 8, 9, 10), 3, real(1.5), ref=3, index=0xB02F),
-    tx(4, "ok", (11, 12, 13, 14), 3, ramp(9.5), ref=4),
-    tx(5, "change ok", (15, 16, 17, 18), 3, ramp(10.0), ref=5),
-    tx(6, "ok", (19, 20, 21, 22), 3, ramp(9.5), ref=6),
+    row(2, ramp(10.0), state="change ok", first=3),
+    row(3, real(1.5), first=7, index=0xB02F),
+    row(4, ramp(9.5), first=11),
+    row(5, ramp(10.0), state="change ok", first=15),
+    row(6, ramp(9.5), first=19),
     rules="DS414@7#1 DS417@22#6",
 )
 def p65_displaced(client: Client) -> None:

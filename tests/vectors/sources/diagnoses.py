@@ -10,17 +10,8 @@ from __future__ import annotations
 import sys
 from uuid import UUID
 
-from book import NOTHING, Row, Vectors, par, real, tx
-from conversations import (
-    AR2,
-    BAD_HEADER,
-    CUT,
-    HOME2,
-    ask,
-    put,
-    second,
-    tell,
-)
+from book import NOTHING, Row, Vectors, par, ramp, real, row, tx
+from conversations import AR2, BAD_HEADER, CUT, HOME2, ask, put, second, tell
 
 from ds47.lab import message
 from ds47.lab.client import BUSY, Client, drive
@@ -53,14 +44,14 @@ BOOK.lab(
     "DS701",
     "diagnosis-refusal-not-seen",
     "drive-error",
-    tx(1, "change error", (1, 2, 3, 4), 13, par(2902, "Float32", 10.0, subindex=2, error=(1, 2))),
+    row(1, par(2902, "Float32", 10.0, subindex=2, error=(1, 2)), state="change error", ms=13),
     rules="DS410@4#1 DS701@4#1",
 )
 
 
 @BOOK.scene(
     "mismatch drive-error",
-    tx(1, "mismatch", (1, 2, 3, 4), 3, par(None, error=(1, 0))),
+    row(1, par(None, error=(1, 0)), state="mismatch"),
     rules="DS404@4#1 DS410@4#1",
 )
 def ds701_of_another_request(client: Client) -> None:
@@ -91,8 +82,8 @@ BOOK.lab(
 
 @BOOK.scene(
     "refused mismatch",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-    tx(2, "refused", (5, 6, 7, 8), 3, par(27), ref=2, write="DF80B700"),
+    row(1, real(1.5)),
+    row(2, par(27), state="refused", write="DF80B700"),
     rules="DS203@6#2 DS404@8#2 DS704@8#2",
 )
 def ds704_after_a_refused_write(client: Client) -> None:
@@ -104,8 +95,8 @@ def ds704_after_a_refused_write(client: Client) -> None:
 
 @BOOK.scene(
     "refused",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-    tx(2, "refused", (5, 6, 7, 8), 3, real(2.5, pnu=27), ref=2, write="DF80B700"),
+    row(1, real(1.5)),
+    row(2, real(2.5, pnu=27), state="refused", write="DF80B700"),
     rules="DS203@6#2",
 )
 def ds704_new_answer_after_a_refused_write(client: Client) -> None:
@@ -117,7 +108,7 @@ def ds704_new_answer_after_a_refused_write(client: Client) -> None:
 
 @BOOK.scene(
     "lost",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+    row(1, real(1.5)),
     tx(2, "ok", (5, None, 6, 7), 2, real(1.5, pnu=27)),
     rules="DS101@5#2 DS415@5#2",
 )
@@ -130,7 +121,7 @@ def ds704_write_response_lost(client: Client) -> None:
 
 @BOOK.scene(
     "lost",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), rereads=[(6, 7)]),
+    row(1, real(1.5), rereads=[(6, 7)]),
     tx(2, "unanswered", (5,), None, par(27), ref=2),
     rules="DS101@5#2 DS401@5#2 DS704@7#1",
 )
@@ -143,7 +134,7 @@ def ds704_unaccepted_between(client: Client) -> None:
 
 @BOOK.scene(
     "lost",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
+    row(1, real(1.5)),
     tx(2, "ok", (5, None, 6, 7), 2, real(1.5)),
     rules="DS101@5#2 DS415@5#2",
 )
@@ -158,8 +149,8 @@ BOOK.lab(
     "DS704",
     "diagnosis-old-answer-not",
     "none",
-    tx(1, "ok", (1, 2, 3, 4), 3, par(945, "Unsigned16", 7900, 0, 0, 0)),
-    tx(2, "ok", (5, 6, 7, 8), 13, par(945, "Unsigned16", 7900, 0, 0, 0)),
+    row(1, par(945, "Unsigned16", 7900, 0, 0, 0)),
+    row(2, par(945, "Unsigned16", 7900, 0, 0, 0), ms=13, ref=1),
     rules="DS415@5#2",
 )
 
@@ -172,7 +163,7 @@ BOOK.lab(
     "diagnosis-two-users-again-not",
     "superseded",
     tx(1, "superseded", (1, 2), None, NOTHING),
-    tx(2, "ok", (3, 4, 5, 6), 3, real(12.5), ref=2),
+    row(2, real(12.5), first=3),
     rules="DS413@3#1",
 )
 
@@ -183,7 +174,7 @@ BOOK.lab(
     "DS705",
     "diagnosis-two-users-across",
     "refused interleaved",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1500.0), **SECOND),
+    row(1, real(1500.0), **SECOND),
     tx(2, "ok", (5, 6, 9, 10), 5, real(1500.0), ref=7),
     tx(3, "refused", (7, 8), None, NOTHING, ref=2, write="DF80B500", **SECOND),
     rules="DS203@8#3 DS705@7#3",
@@ -192,7 +183,7 @@ BOOK.lab(
     "DS705",
     "diagnosis-two-users-connections",
     "refused interleaved",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1500.0), **THIRD),
+    row(1, real(1500.0), **THIRD),
     tx(2, "ok", (5, 6, 9, 10), 5, real(1500.0), ref=7),
     tx(3, "refused", (7, 8), None, NOTHING, ref=2, write="DF80B500", **THIRD),
     rules="DS203@8#3 DS705@7#3",
@@ -220,16 +211,16 @@ BOOK.lab(
     "DS709",
     "diagnosis-wrong-drive-object",
     "drive-error",
-    tx(1, "ok", (1, 2, 3, 4), 13, real(1500.0)),
-    tx(2, "error", (5, 6, 7, 8), 13, par(21, error=(0x19, 0)), ref=2, axis=2),
+    row(1, real(1500.0), ms=13),
+    row(2, par(21, error=(0x19, 0)), state="error", ms=13, axis=2),
     rules="DS410@8#2 DS709@8#2",
 )
 BOOK.lab(
     "DS709",
     "diagnosis-wrong-drive-object-not",
     "none",
-    tx(1, "ok", (1, 2, 3, 4), 13, real(1500.0)),
-    tx(2, "ok", (5, 6, 7, 8), 13, real(1500.0), ref=2, axis=2),
+    row(1, real(1500.0), ms=13),
+    row(2, real(1500.0), ms=13, axis=2),
 )
 
 
@@ -250,8 +241,8 @@ def ds711_stated_more(client: Client) -> None:
 
 @BOOK.scene(
     "malformed drive-error",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5)),
-    tx(2, "change error", (5, 6, 7, 8), 3, par(1120, "Unsigned64", error=(0x17, 0)), ref=2),
+    row(1, real(1.5)),
+    row(2, par(1120, "Unsigned64", error=(0x17, 0)), state="change error"),
     rules="DS315@5#2 DS410@8#2 DS701@8#2",
 )
 def ds711_wrong_format(client: Client) -> None:
@@ -314,7 +305,7 @@ def ds711_second_of_two_values(client: Client) -> None:
 
 @BOOK.scene(
     "malformed",
-    tx(1, "partial", (1, 2, 3, 4), 3, par(21, "Unsigned8", 7), par(27)),
+    row(1, par(21, "Unsigned8", 7), par(27), state="partial"),
     rules="DS311@4#1 DS315@4#1 DS712@4#1",
 )
 def ds712_cut_at_a_pad(client: Client) -> None:
@@ -327,12 +318,12 @@ BOOK.lab(
     "DS712",
     "diagnosis-read-length",
     "malformed",
-    tx(1, "error", (1, 2, 3, 4), 13, par(2902, "Float32", 10.0, subindex=2)),
+    row(1, par(2902, "Float32", 10.0, subindex=2), state="error", ms=13),
     rules="DS315@4#1 DS712@4#1",
 )
 
 
-@BOOK.scene("malformed", tx(1, "error", (1, 2, 3, 4), 3, real()), rules="DS315@4#1")
+@BOOK.scene("malformed", row(1, real(), state="error"), rules="DS315@4#1")
 def ds712_cut_by_itself(client: Client) -> None:
     """Near miss: the response is cut, though the Read would have taken more."""
     client.write(ask())
@@ -341,7 +332,7 @@ def ds712_cut_by_itself(client: Client) -> None:
 
 @BOOK.scene(
     "read-refused",
-    tx(1, "refused", (1, 2, 3, 4), None, NOTHING, par(27), read="DE80B800"),
+    row(1, NOTHING, par(27), state="refused", ms=None, read="DE80B800"),
     rules="DS201@4#1 DS712@4#1",
 )
 def ds712_refused(client: Client) -> None:
@@ -352,7 +343,7 @@ def ds712_refused(client: Client) -> None:
 
 @BOOK.scene(
     "read-refused",
-    tx(1, "refused", (1, 2, 3, 4), None, NOTHING, par(27), read="DE80B800"),
+    row(1, NOTHING, par(27), state="refused", ms=None, read="DE80B800"),
     rules="DS201@4#1",
 )
 def ds712_refused_for_something_else(client: Client) -> None:
@@ -374,9 +365,7 @@ def ds712_not_ready(client: Client) -> None:
 
 @BOOK.scene(
     "drive-error",
-    tx(
-        1, "partial", (1, 2, 3, 4), 3, real(1.5), par(27, error=(0x15, 0)), par(25, error=(0x15, 0))
-    ),
+    row(1, real(1.5), par(27, error=(0x15, 0)), par(25, error=(0x15, 0)), state="partial"),
     rules="DS410@4#1 DS410@4#1 DS713@4#1",
 )
 def ds713_said(client: Client) -> None:
@@ -387,8 +376,8 @@ def ds713_said(client: Client) -> None:
 
 @BOOK.scene(
     "count",
-    tx(1, "ok", (1, 2, 3, 4), 3, par(974, "Unsigned16", 16)),
-    tx(2, "partial", (5, 6, 7, 8), 3, real(1.5), real(2.5, pnu=27), par(25), ref=2),
+    row(1, par(974, "Unsigned16", 16)),
+    row(2, real(1.5), real(2.5, pnu=27), par(25), state="partial"),
     rules="DS316@5#2 DS407@8#2 DS713@8#2",
 )
 def ds713_left_out(client: Client) -> None:
@@ -398,9 +387,7 @@ def ds713_left_out(client: Client) -> None:
 
 
 @BOOK.scene(
-    "count",
-    tx(1, "partial", (1, 2, 3, 4), 3, real(1.5), real(2.5, pnu=27), par(25)),
-    rules="DS407@4#1",
+    "count", row(1, real(1.5), real(2.5, pnu=27), par(25), state="partial"), rules="DS407@4#1"
 )
 def ds713_room_left(client: Client) -> None:
     """Near miss: one of three is left out, though a usual channel has room for it."""
@@ -414,14 +401,14 @@ BOOK.lab(
     "DS714",
     "diagnosis-value-in-wrong-type",
     "drive-error",
-    tx(1, "change error", (1, 2, 3, 4), 13, par(2900, "Unsigned32", 0x41200000, error=(5, 0))),
+    row(1, par(2900, "Unsigned32", 0x41200000, error=(5, 0)), state="change error", ms=13),
     rules="DS410@4#1 DS714@1#1",
 )
 
 
 @BOOK.scene(
     "drive-error",
-    tx(1, "change error", (1, 2, 3, 4), 3, par(1120, "Unsigned32", 10, error=(2, 0))),
+    row(1, par(1120, "Unsigned32", 10, error=(2, 0)), state="change error"),
     rules="DS410@4#1 DS701@4#1",
 )
 def ds714_integer(client: Client) -> None:
@@ -432,7 +419,7 @@ def ds714_integer(client: Client) -> None:
 
 @BOOK.scene(
     "values",
-    tx(1, "change ok", (1, 2, 3, 4), 3, par(1120, "Float32") | {"values": ["NaN"]}),
+    row(1, par(1120, "Float32") | {"values": ["NaN"]}, state="change ok"),
     rules="DS714@1#1",
 )
 def ds714_integer_as_float(client: Client) -> None:
@@ -443,8 +430,8 @@ def ds714_integer_as_float(client: Client) -> None:
 
 @BOOK.scene(
     "drive-error",
-    tx(1, "ok", (1, 2, 3, 4), 3, par(2900, "Unsigned16", 7)),
-    tx(2, "change error", (5, 6, 7, 8), 3, par(2900, "Unsigned32", 10, error=(5, 0))),
+    row(1, par(2900, "Unsigned16", 7)),
+    row(2, par(2900, "Unsigned32", 10, error=(5, 0)), state="change error", ref=1),
     rules="DS410@8#2 DS415@5#2 DS714@5#2",
 )
 def ds714_read_in_this_way(client: Client) -> None:
@@ -456,8 +443,8 @@ def ds714_read_in_this_way(client: Client) -> None:
 
 @BOOK.scene(
     "drive-error",
-    tx(1, "ok", (1, 2, 3, 4), 3, par(2900, "Unsigned16", 7), axis=2),
-    tx(2, "change error", (5, 6, 7, 8), 3, par(2900, "Unsigned32", 10, error=(5, 0))),
+    row(1, par(2900, "Unsigned16", 7), axis=2),
+    row(2, par(2900, "Unsigned32", 10, error=(5, 0)), state="change error", ref=1),
     rules="DS410@8#2 DS415@5#2 DS701@8#2",
 )
 def ds714_read_of_another_drive_object(client: Client) -> None:
@@ -469,7 +456,7 @@ def ds714_read_of_another_drive_object(client: Client) -> None:
 
 @BOOK.scene(
     "drive-error",
-    tx(1, "change error", (1, 2, 3, 4), 3, par(2900, "Unsigned32", 10, error=(5, 0))),
+    row(1, par(2900, "Unsigned32", 10, error=(5, 0)), state="change error"),
     rules="DS410@4#1 DS701@4#1",
 )
 def ds714_another_make(client: Client) -> None:
@@ -479,9 +466,7 @@ def ds714_another_make(client: Client) -> None:
     client.exchange(change(2900, block), refused(1, 0x05, 0x82))
 
 
-@BOOK.scene(
-    "values", tx(1, "change ok", (1, 2, 3, 4), 3, real(1.157e-41, pnu=1120)), rules="DS715@1#1"
-)
+@BOOK.scene("values", row(1, ramp(1.157e-41), state="change ok"), rules="DS715@1#1")
 def ds715_values(client: Client) -> None:
     """10.0 with its bytes turned round, and the drive takes it."""
     block = message.raw_block(0x08, 1, TURNED.to_bytes(4, "big"))
@@ -515,15 +500,13 @@ BOOK.lab(
     "DS717",
     "diagnosis-index-and-count",
     "drive-error",
-    tx(1, "error", (1, 2, 3, 4), 13, par(2900, subindex=1, error=(4, 0))),
+    row(1, par(2900, subindex=1, error=(4, 0)), state="error", ms=13),
     rules="DS410@4#1 DS717@4#1",
 )
 
 
 @BOOK.scene(
-    "drive-error",
-    tx(1, "error", (1, 2, 3, 4), 3, par(21, error=(3, 0))),
-    rules="DS410@4#1 DS701@4#1",
+    "drive-error", row(1, par(21, error=(3, 0)), state="error"), rules="DS410@4#1 DS701@4#1"
 )
 def ds717_no_subindex(client: Client) -> None:
     """Near miss: 0x03, but nothing was indexed."""
@@ -534,14 +517,14 @@ BOOK.lab(
     "DS718",
     "diagnosis-commissioning-state",
     "drive-error",
-    tx(1, "change error", (1, 2, 3, 4), 13, par(304, "Unsigned16", 400, error=(0x70, 0))),
+    row(1, par(304, "Unsigned16", 400, error=(0x70, 0)), state="change error", ms=13),
     rules="DS410@4#1 DS718@4#1",
 )
 
 
 @BOOK.scene(
     "drive-error",
-    tx(1, "change error", (1, 2, 3, 4), 3, par(304, "Float32", 1.0, error=(0x70, 0))),
+    row(1, par(304, "Float32", 1.0, error=(0x70, 0)), state="change error"),
     rules="DS410@4#1 DS701@4#1",
 )
 def ds718_another_make(client: Client) -> None:
@@ -552,7 +535,7 @@ def ds718_another_make(client: Client) -> None:
 
 @BOOK.scene(
     "drive-error",
-    tx(1, "change error", (1, 2, 3, 4), 3, par(1120, "Float32", 1.0, error=(0x6B, 0))),
+    row(1, par(1120, "Float32", 1.0, error=(0x6B, 0)), state="change error"),
     rules="DS410@4#1 DS701@4#1",
 )
 def ds719_another_make(client: Client) -> None:
@@ -565,14 +548,14 @@ BOOK.lab(
     "DS720",
     "diagnosis-connector-as-number-word",
     "drive-error",
-    tx(1, "change error", (1, 2, 3, 4), 13, par(840, "Unsigned16", 1, error=(0x17, 0))),
+    row(1, par(840, "Unsigned16", 1, error=(0x17, 0)), state="change error", ms=13),
     rules="DS410@4#1 DS720@4#1",
 )
 
 
 @BOOK.scene(
     "drive-error malformed",
-    tx(1, "change error", (1, 2, 3, 4), 3, par(1070, "Unsigned32", error=(0x83, 0))),
+    row(1, par(1070, "Unsigned32", error=(0x83, 0)), state="change error"),
     rules="DS315@1#1 DS410@4#1 DS711@1#1",
 )
 def ds720_no_value(client: Client) -> None:
@@ -605,7 +588,7 @@ def ds722_read_under_way(client: Client) -> None:
 
 @BOOK.scene(
     "unanswered poll",
-    tx(1, "change unanswered", (1, 2), None, real(1.0, pnu=1120), polls=[(3, 4)]),
+    tx(1, "change unanswered", (1, 2), None, ramp(1.0), polls=[(3, 4)]),
     rules="DS402@1#1 DS722@1#1",
 )
 def ds722_change_polled(client: Client) -> None:
@@ -643,7 +626,7 @@ BOOK.lab(
     "diagnosis-connection-lost-restart",
     "unanswered",
     tx(1, "unanswered", (3, 4), None, NOTHING),
-    tx(2, "ok", (7, 8, 9, 10), 3, real(1500.0), ref=2, ar="47474747-0003-4000-8000-000000000003"),
+    row(2, real(1500.0), first=7, ar="47474747-0003-4000-8000-000000000003"),
     rules="DS401@3#1 DS722@3#1",
 )
 
@@ -651,7 +634,7 @@ BOOK.lab(
 @BOOK.scene(
     "unanswered",
     tx(1, "unanswered", (1, 2), None, NOTHING),
-    tx(2, "ok", (5, 6, 7, 8), 3, real(1.5), ar=str(AR2)),
+    row(2, real(1.5), ar=str(AR2), ref=1),
     rules="DS401@1#1",
 )
 def ds722_connect_not_seen(client: Client) -> None:
@@ -665,7 +648,7 @@ def ds722_connect_not_seen(client: Client) -> None:
 @BOOK.scene(
     "unanswered",
     tx(1, "unanswered", (3, 4), None, NOTHING),
-    tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), ar=str(AR2)),
+    row(2, real(1.5), first=7, ar=str(AR2), ref=1),
     rules="DS401@3#1",
 )
 def ds722_supervisor_connects(client: Client) -> None:
@@ -680,7 +663,7 @@ def ds722_supervisor_connects(client: Client) -> None:
 @BOOK.scene(
     "unanswered",
     tx(1, "unanswered", (3, 4), None, NOTHING),
-    tx(2, "ok", (7, 8, 9, 10), 3, real(1.5), slot=2),
+    row(2, real(1.5), first=7, slot=2, ref=1),
     rules="DS401@3#1",
 )
 def ds722_another_ar_connects(client: Client) -> None:
@@ -693,7 +676,7 @@ def ds722_another_ar_connects(client: Client) -> None:
 
 @BOOK.scene(
     "unanswered",
-    tx(1, "ok", (1, 2, 3, 4), 3, real(1.5), ar=str(AR2)),
+    row(1, real(1.5), ar=str(AR2)),
     tx(2, "unanswered", (5, 6), None, NOTHING),
     rules="DS401@5#2",
 )
