@@ -216,23 +216,26 @@ local function frames_of(job)
   }
 end
 
---- The first frame in which a transaction shows, 0 where it has none.
-function M.first_frame(frames)
-  local first = math.huge
-  local function earlier(frame)
-    if frame and frame < first then
-      first = frame
+--- Every frame in which a transaction shows, in no order; one may be there twice.
+function M.all_frames(frames)
+  local list = {}
+  for _, key in ipairs({"write_request", "write_response", "read_request", "read_response"}) do
+    list[#list + 1] = frames[key]
+  end
+  for _, key in ipairs({"polls", "rereads"}) do
+    for _, read in ipairs(frames[key] or NONE) do
+      list[#list + 1] = read.request
+      list[#list + 1] = read.response
     end
   end
-  earlier(frames.write_request)
-  earlier(frames.write_response)
-  earlier(frames.read_request)
-  earlier(frames.read_response)
-  for _, reads in ipairs({frames.polls, frames.rereads}) do
-    for _, read in ipairs(reads) do
-      earlier(read.request)
-      earlier(read.response)
-    end
+  return list
+end
+
+-- The first of them, 0 where there is none.
+local function first_frame(frames)
+  local first = math.huge
+  for _, frame in ipairs(M.all_frames(frames)) do
+    first = math.min(first, frame)
   end
   return first < math.huge and first or 0
 end
@@ -443,7 +446,7 @@ function Store:numbered()
     for place = 1, #(store.all or NONE) do
       local transaction = transaction_at(store, place)
       all[#all + 1] = transaction
-      firsts[transaction], finished[transaction] = M.first_frame(transaction.frames), #all
+      firsts[transaction], finished[transaction] = first_frame(transaction.frames), #all
     end
   end
   if not in_order(all, firsts) then

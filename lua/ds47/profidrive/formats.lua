@@ -5,6 +5,7 @@
 local numbers = require("ds47.support.numbers")
 local reader = require("ds47.support.bytes")
 local tables = require("ds47.spec.tables")
+local times = require("ds47.support.times")
 
 local byte, floor, format, sub = string.byte, math.floor, string.format, string.sub
 local float32, float64 = numbers.float32, numbers.float64
@@ -13,7 +14,7 @@ local M = {}
 
 local DAY_MS = 86400000
 local MS_RANGE = 268435456 -- times of day use 28 of their 32 bits
-local DAYS_TO_1984 = 724581 -- from 1 March of the year 0, with which the years of the calendar below begin
+local DAYS_TO_1984 = 5113 -- from 1970-01-01
 
 -- decode(raw, count, size) -> values: `raw` begins with `count` whole values. Here one after the other:
 -- one(raw, offset, size) -> value.
@@ -96,21 +97,10 @@ local function clock(milliseconds)
   return format("%02d:%02d:%02d.%03d", floor(minutes / 60), minutes % 60, seconds % 60, milliseconds % 1000)
 end
 
--- The date that is so many days after 1984-01-01. Years here begin in March, so that a leap day ends one.
-local function date(days)
-  days = days + DAYS_TO_1984
-  local cycle, day = floor(days / 146097), days % 146097 -- 400 years
-  local year = floor((day - floor(day / 1460) + floor(day / 36524) - floor(day / 146096)) / 365)
-  day = day - (365 * year + floor(year / 4) - floor(year / 100))
-  local month = floor((5 * day + 2) / 153)
-  day = day - floor((153 * month + 2) / 5) + 1
-  month = month < 10 and month + 3 or month - 9
-  return format("%04d-%02d-%02d", cycle * 400 + year + (month <= 2 and 1 or 0), month, day)
-end
-
 local time_of_day = scaling(function(codec, _, raw, at)
   local text = clock(reader.u32(raw, at) % MS_RANGE)
-  return codec.size < 6 and text or date(reader.u16(raw, at + 4)) .. "T" .. text
+  if codec.size < 6 then return text end
+  return format("%04d-%02d-%02d", times.date(DAYS_TO_1984 + reader.u16(raw, at + 4))) .. "T" .. text
 end)
 
 local duration = scaling(function(codec, _, raw, at)

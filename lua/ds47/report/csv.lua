@@ -3,6 +3,7 @@
 -- comma, LF. A text that a spreadsheet would take for a formula gets a quote (') in front, and what nobody
 -- could see is an escape, so that a row is a line. Opens no file.
 
+local json = require("ds47.support.json")
 local numbers = require("ds47.support.numbers")
 local sentences = require("ds47.report.sentences")
 local times = require("ds47.support.times")
@@ -25,11 +26,6 @@ M.PARAMETER_COLUMNS = {
   "scaled", "error.code", "error.text", "error.info",
 }
 
-local JSON_ESCAPES = {
-  ['"'] = '\\"', ["\\"] = "\\\\", ["\b"] = "\\b", ["\f"] = "\\f", ["\n"] = "\\n", ["\r"] = "\\r",
-  ["\t"] = "\\t",
-}
-
 local FULL_WIDTH = { ["\239\188\157"] = true, ["\239\188\139"] = true, ["\239\188\141"] = true,
   ["\239\188\160"] = true } -- = + - @ in UTF-8
 
@@ -44,19 +40,6 @@ function M.guarded(text)
   return (find(begin, "^[=+%-@]") or FULL_WIDTH[sub(begin, 1, 3)]) and "'" .. shown or shown
 end
 
---- Days since 1970-01-01 as year, month and day of the Gregorian calendar.
-local function civil(days)
-  days = days + 719468 -- from 1 March of the year 0 on, so that a leap day is the last of its year
-  local era = floor(days / 146097)
-  local day = days - era * 146097
-  local year = floor((day - floor(day / 1460) + floor(day / 36524) - floor(day / 146096)) / 365)
-  day = day - (365 * year + floor(year / 4) - floor(year / 100))
-  local month = floor((5 * day + 2) / 153)
-  day = day - floor((153 * month + 2) / 5) + 1
-  month = month < 10 and month + 3 or month - 9
-  return year + era * 400 + (month <= 2 and 1 or 0), month, day
-end
-
 --- A time as ISO 8601 in UTC with nine digits.
 -- @param base_seconds seconds since 1970 to which time_ns is relative
 -- @param time_ns as times.lua has it
@@ -65,7 +48,7 @@ function M.timestamp(base_seconds, time_ns)
   local seconds = base_seconds + more
   local days = floor(seconds / 86400)
   seconds = seconds - days * 86400
-  local year, month, day = civil(days)
+  local year, month, day = times.date(days)
   local hour, minute = floor(seconds / 3600), floor(seconds / 60) % 60
   return format("%04.0f-%02.0f-%02.0fT%02.0f:%02.0f:%02.0f.%09.0fZ", year, month, day, hour, minute,
     seconds % 60, nanoseconds)
@@ -76,13 +59,11 @@ local function visible(character)
 end
 
 local function json_text(text)
-  text = gsub(text, '[\0-\31"\\]', function(character)
-    return JSON_ESCAPES[character] or format("\\u%04x", character:byte())
-  end)
+  text = json.quoted(text)
   if words.escape(text) ~= text then
     text = gsub(text, words.CHARACTER, visible)
   end
-  return '"' .. text .. '"'
+  return text
 end
 
 --- One value stands as it is, several as a JSON array.

@@ -84,6 +84,11 @@ function M.length(text)
   return #gsub(text, "[\128-\191]", "")
 end
 
+--- A UTF-8 text with blanks behind it, up to so many characters.
+function M.pad(text, width)
+  return text .. (" "):rep(width - M.length(text))
+end
+
 --- Columns that a UTF-8 text takes in a fixed-width font; a Chinese character takes two.
 function M.width(text)
   local columns = #text

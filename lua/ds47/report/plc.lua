@@ -3,6 +3,7 @@
 -- what comes after it on its channel: every call of a block with DONE or VALID, ERROR, STATUS and LEN. The
 -- words are those of tables.report_words.
 
+local all_frames = require("ds47.acyclic.transactions").all_frames
 local rules = require("ds47.acyclic.judge")
 local tables = require("ds47.spec.tables")
 local times = require("ds47.support.times")
@@ -77,13 +78,8 @@ local function put_reads(entries, item, found)
       entries[#entries + 1] = { frame, item.id }
     end
   end
-  put(frames.read_request)
-  put(frames.read_response)
-  for _, key in ipairs({ "polls", "rereads" }) do
-    for _, pair in ipairs(frames[key] or {}) do
-      put(pair.request)
-      put(pair.response)
-    end
+  for _, frame in ipairs(all_frames(frames)) do
+    put(frame)
   end
   for _, each in ipairs(found or {}) do
     put(each.frame)

@@ -62,27 +62,6 @@ local TEXTS = {
 
 -- Counting
 
---- Count, smallest, mean, median, 95th percentile and largest of times in ns; negative ones only counted.
-local function distribution(times)
-  local ordered, sum = {}, 0
-  for _, each in ipairs(times) do
-    if each >= 0 then
-      ordered[#ordered + 1] = each
-      sum = sum + each
-    end
-  end
-  sort(ordered)
-  local timed = #ordered
-  if timed == 0 then
-    return { timed = 0, negative = #times }
-  end
-  return {
-    timed = timed, negative = #times - timed, min = ordered[1], mean = sum / timed,
-    p50 = report_text.percentile(ordered, 50), p95 = report_text.percentile(ordered, 95),
-    max = ordered[timed],
-  }
-end
-
 local function counted_in(row, item)
   row.count = row.count + 1
   row.durations[#row.durations + 1] = item.duration_ns
@@ -118,7 +97,7 @@ local function response_times(transactions)
     rows[#rows + 1] = all -- the sum, behind the others
   end
   for _, row in ipairs(rows) do
-    row.duration, row.drive = distribution(row.durations), distribution(row.drives)
+    row.duration, row.drive = report_text.distribution(row.durations), report_text.distribution(row.drives)
     row.durations, row.drives = nil, nil
   end
   return rows

@@ -9,7 +9,7 @@ local todo = require("ds47.report.todo")
 local verdict = require("ds47.report.verdict")
 local words = require("ds47.report.formatting")
 
-local escape, say = words.escape, words.say
+local escape, pad, say = words.escape, words.pad, words.say
 local concat, format = table.concat, string.format
 
 local M = {}
@@ -17,10 +17,6 @@ local M = {}
 M.WIDTH = 100 -- columns of a line of text; what can be copied is never broken
 M.DRIVES = 50 -- drives, and other devices, that are listed
 M.OF_ONE_RULE = 3 -- diagnoses of one rule that are told one by one
-
-local function pad(text, width)
-  return text .. (" "):rep(width - words.length(text))
-end
 
 -- Drives
 

@@ -4,6 +4,7 @@
 -- decided here, in the first lines in ds47.report_opening; how values are written in ds47.report_words. Opens
 -- no file.
 
+local all_frames = require("ds47.acyclic.transactions").all_frames
 local filters = require("ds47.report.filters")
 local opening = require("ds47.report.summary")
 local plc = require("ds47.report.plc")
@@ -16,13 +17,12 @@ local words = require("ds47.report.formatting")
 local M = {}
 
 local duration, escape, integer = words.duration, words.escape, words.integer
-local joined, noted, say = words.joined, words.noted, words.say
+local joined, noted, pad, say = words.joined, words.noted, words.pad, words.say
 local concat, format, sort = table.concat, string.format, table.sort
 
 M.LINE_LENGTH = 120 -- parameters that make a line longer than this stand below it, one a line
 M.FINDINGS_PER_RULE = 12
 M.OPERATIONS = { "read", "change", "vendor", "unknown" }
-M.STATES = verdict.STATES
 M.SEVERITIES = { "error", "warning", "note" } -- from serious to harmless
 
 local RPC_COUNTS = {
@@ -30,36 +30,38 @@ local RPC_COUNTS = {
   "retransmissions", "unanswered",
 }
 
-local function distinct_sorted(list)
-  local seen, result = {}, {}
-  for _, number in ipairs(list) do
-    if not seen[number] then
-      seen[number] = true
-      result[#result + 1] = number
+local function frame_count(frames)
+  local seen, count = {}, 0
+  for _, frame in ipairs(all_frames(frames)) do
+    if not seen[frame] then
+      seen[frame], count = true, count + 1
     end
   end
-  sort(result)
-  return result
+  return count
 end
 
---- Every frame of a transaction, sorted, each once. `frames` is Transaction.frames.
-function M.all_frames(frames)
-  local list = {}
-  for _, key in ipairs({ "write_request", "write_response", "read_request", "read_response" }) do
-    list[#list + 1] = frames[key]
-  end
-  for _, key in ipairs({ "polls", "rereads" }) do
-    for _, pair in ipairs(frames[key] or {}) do
-      list[#list + 1] = pair.request
-      list[#list + 1] = pair.response
+--- Count, smallest, mean, median, 95th percentile and largest of times in ns; negative ones, which a clock
+-- set back leaves, are only counted. A percentile is the nearest rank: always one that was measured.
+function M.distribution(durations)
+  local ordered, sum = {}, 0
+  for _, each in ipairs(durations) do
+    if each >= 0 then
+      ordered[#ordered + 1] = each
+      sum = sum + each
     end
   end
-  return distinct_sorted(list)
-end
-
---- The nearest-rank percentile of sorted numbers: always one that was measured.
-function M.percentile(ordered, percent)
-  return ordered[math.max(1, math.ceil(percent * #ordered / 100))]
+  sort(ordered)
+  local timed = #ordered
+  if timed == 0 then
+    return { timed = 0, negative = #durations }
+  end
+  local function percentile(percent)
+    return ordered[math.ceil(percent * timed / 100)]
+  end
+  return {
+    timed = timed, negative = #durations - timed, min = ordered[1], mean = sum / timed,
+    p50 = percentile(50), p95 = percentile(95), max = ordered[timed],
+  }
 end
 
 --- `4 ok, 1 error`: the counts that are not zero, in the order given. `kind` begins the keys of their words.
@@ -71,19 +73,6 @@ local function told_counts(lang, order, counts, kind)
     end
   end
   return joined(lang, parts)
-end
-
---- How often each value of a key occurs in a list of tables.
-function M.tally(list, key)
-  local counts = {}
-  for _, item in ipairs(list) do
-    counts[item[key]] = (counts[item[key]] or 0) + 1
-  end
-  return counts
-end
-
-local function pad(text, width)
-  return text .. (" "):rep(width - words.length(text))
 end
 
 --- What a capture without transactions has instead, so that nobody doubts it was read.
@@ -194,7 +183,7 @@ local function state_mark(item, lang)
 end
 
 local function timing(item, lang)
-  local text = say(lang, "frames", { n = #M.all_frames(item.frames) })
+  local text = say(lang, "frames", { n = frame_count(item.frames) })
   if item.duration_ns then
     text = text .. " " .. duration(item.duration_ns)
   end
@@ -290,42 +279,38 @@ local function findings(add, list, rules, lang)
   end
 end
 
---- Percentiles of the times that can be true: a clock set back leaves negative ones.
+--- Percentiles of the times that can be true.
 local function latency(transactions, lang)
-  local ordered, odd = {}, 0
+  local durations = {}
   for _, each in ipairs(transactions) do
-    if each.duration_ns and each.duration_ns >= 0 then
-      ordered[#ordered + 1] = each.duration_ns
-    elseif each.duration_ns then
-      odd = odd + 1
-    end
+    durations[#durations + 1] = each.duration_ns
   end
-  local note = odd > 0 and say(lang, "negative_times", { n = odd }) or nil
-  if #ordered == 0 then
+  local times = M.distribution(durations)
+  local note = times.negative > 0 and say(lang, "negative_times", { n = times.negative }) or nil
+  if times.timed == 0 then
     return note and noted(lang, say(lang, "latency_unknown"), note)
   end
-  sort(ordered)
   return noted(lang, say(lang, "latency", {
-    half = duration(M.percentile(ordered, 50)),
-    most = duration(M.percentile(ordered, 95)),
-    longest = duration(ordered[#ordered]),
+    half = duration(times.p50),
+    most = duration(times.p95),
+    longest = duration(times.max),
   }), note)
 end
 
 --- How many transactions and findings there are, by state, operation and severity: two lines.
-local function summary(result, lang)
+local function summary(result, counts, lang)
   local list = result.transactions
-  local transactions = { say(lang, "transactions", { n = #list }) }
+  local jobs = { say(lang, "transactions", { n = #list }) }
   if #list > 0 then
-    local states = told_counts(lang, M.STATES, M.tally(list, "state"), "state_")
-    local operations = told_counts(lang, M.OPERATIONS, M.tally(list, "operation"), "operation_")
-    transactions[2] = joined(lang, { states, operations }, "; ", "；")
+    local states = told_counts(lang, verdict.STATES, counts.states, "state_")
+    local operations = told_counts(lang, M.OPERATIONS, counts.operations, "operation_")
+    jobs[2] = joined(lang, { states, operations }, "; ", "；")
   end
   local findings_told = { say(lang, "findings", { n = #result.findings }) }
   if #result.findings > 0 then
-    findings_told[2] = told_counts(lang, M.SEVERITIES, M.tally(result.findings, "severity"), "severity_")
+    findings_told[2] = told_counts(lang, M.SEVERITIES, counts.severities, "severity_")
   end
-  return joined(lang, transactions, ": ", "："), joined(lang, findings_told, ": ", "：")
+  return joined(lang, jobs, ": ", "："), joined(lang, findings_told, ": ", "：")
 end
 
 --- The report of one capture.
@@ -346,8 +331,8 @@ function M.report(result, options)
   findings(add, result.findings, rules, options.lang)
   add("")
   add(say(options.lang, "summary_head"))
-  local transactions, found = summary(result, options.lang)
-  add("  " .. transactions)
+  local jobs, found = summary(result, counts, options.lang)
+  add("  " .. jobs)
   add("  " .. found)
   local times = latency(result.transactions, options.lang)
   if times then

@@ -35,9 +35,12 @@ for code = 0, 31 do
   ESCAPES[char(code)] = ESCAPES[char(code)] or format("\\u%04x", code)
 end
 
-local function quoted(text)
+--- A text as a string of JSON.
+function M.quoted(text)
   return '"' .. gsub(text, '[%z\1-\31\\"]', ESCAPES) .. '"'
 end
+
+local quoted = M.quoted
 
 local put -- forward: values nest
 

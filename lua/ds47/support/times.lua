@@ -59,6 +59,18 @@ function M.later(time, duration_ns)
   return M.new(seconds + more, nanoseconds + duration_ns - more * 1000000000)
 end
 
+--- Year, month and day of the Gregorian calendar, so many days after 1970-01-01.
+function M.date(days)
+  days = days + 719468 -- from 1 March of the year 0 on, so that a leap day is the last of its year
+  local era, day = floor(days / 146097), days % 146097 -- 400 years
+  local year = floor((day - floor(day / 1460) + floor(day / 36524) - floor(day / 146096)) / 365)
+  day = day - (365 * year + floor(year / 4) - floor(year / 100))
+  local month = floor((5 * day + 2) / 153)
+  day = day - floor((153 * month + 2) / 5) + 1
+  month = month < 10 and month + 3 or month - 9
+  return year + era * 400 + (month <= 2 and 1 or 0), month, day
+end
+
 --- Whether a time is a plain number.
 function M.is_near(time)
   return type(time) == "number"
