@@ -393,7 +393,7 @@ def test_encode(capsys):
     assert (status, out) == (0, "16#0301 16#0201 16#1001 16#C47F 16#0000\n")
     _, out, _ = run(capsys, "encode", line, "--format", "scl")
     assert out.splitlines()[1].startswith("#request[0] := 16#03; #request[1] := 16#01;")
-    assert encode.plc_words(bytes(3)) == "16#0000 16#00"
+    assert encode.written(bytes(3), "words") == "16#0000 16#00"
 
 
 def words_of(text):

@@ -13,7 +13,6 @@ import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import metadata
-from types import TracebackType
 from typing import Any
 
 from ds47 import __version__
@@ -37,9 +36,7 @@ class Cluster(Window[Any]):
     """
 
     def __init__(self, tasks: Iterable[Task], make: Product, place: Place, scheduler: str) -> None:
-        super().__init__(tasks)
-        self._make = make
-        self._place = place
+        super().__init__(tasks, make, place)
         self._address = scheduler
         self._distributed = _distributed()
         try:
@@ -55,15 +52,7 @@ class Cluster(Window[Any]):
             self._client.close()
             raise
 
-    def __enter__(self) -> Cluster:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         with suppress(Exception):  # a scheduler that is lost has nothing to cancel
             if self._working and self._client.status == "running":
                 self._client.cancel(list(self._working), force=True)

@@ -16,7 +16,6 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process
 from pathlib import Path
-from types import TracebackType
 
 from ds47.batch.endings import Failed
 from ds47.batch.memory import collect, collect_rarely
@@ -33,23 +32,13 @@ class Local(Window[Future[str | None]]):
     """Makes products in `jobs` processes; a context manager."""
 
     def __init__(self, tasks: Iterable[Task], make: Product, place: Place, jobs: int) -> None:
-        super().__init__(tasks)
-        self._make = make
-        self._place = place
+        super().__init__(tasks, make, place)
         self._jobs = jobs
         self._deaths = 0
         self._before = set(active_children())
         self._pool = self._new_pool()
 
-    def __enter__(self) -> Local:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is not None:
             for process in set(active_children()) - self._before:
                 process.terminate()

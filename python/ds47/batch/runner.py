@@ -13,8 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from types import TracebackType
-from typing import Generic, TypeVar
+from typing import Generic, Self, TypeVar
 
 from ds47.batch.products import Product, draft_of, kept_from, whole
 from ds47.batch.tasks import Task
@@ -78,10 +77,15 @@ class Window(ABC, Generic[Handle]):
     takes long does not hold up the others behind it.
     """
 
-    def __init__(self, tasks: Iterable[Task]) -> None:
+    def __init__(self, tasks: Iterable[Task], make: Product, place: Place) -> None:
         self._tasks = iter(tasks)
+        self._make = make
+        self._place = place
         self._begun: deque[Begun[Handle]] = deque()
         self._working: dict[Handle, Begun[Handle]] = {}
+
+    def __enter__(self) -> Self:
+        return self
 
     def __iter__(self) -> Iterator[tuple[Task, Outcome]]:
         while True:
@@ -129,10 +133,5 @@ class Window(ABC, Generic[Handle]):
         """What came of a finished one; None where it had to be begun again."""
 
     @abstractmethod
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Ends what is still at work."""

@@ -6,7 +6,7 @@ The notation is `ds47.profidrive.notation`; here is only how the bytes are writt
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -76,7 +76,7 @@ def command(
 
     line = " ".join(words) if words else sys.stdin.read()
     if is_pkw(line):
-        stdout().write(WAYS[format_name](_pkw(line, pkw_layout, eeprom, lang)) + "\n")
+        stdout().write(written(_pkw(line, pkw_layout, eeprom, lang), format_name) + "\n")
         return
     if eeprom:
         raise click.UsageError("--eeprom is for a change by PKW: pkw change p1082=Float32:40.0")
@@ -85,7 +85,7 @@ def command(
     except ValueError as problem:
         raise click.UsageError(str(problem)) from problem
     data = encode_request(request)
-    stdout().write(WAYS[format_name](data) + "\n")
+    stdout().write(written(data, format_name) + "\n")
     for remark in _remarks(request):
         warn(remark.text(lang))
     _warn_of_flaws(data, lang)
@@ -107,27 +107,13 @@ def _pkw(line: str, layout: str, eeprom: bool, lang: str) -> bytes:
     return data
 
 
-def hex_bytes(data: bytes) -> str:
-    """`03 01 02 01`."""
-    return data.hex(" ")
+def written(data: bytes, way: str) -> str:
+    """`03 01 02 01`, `16#0301 16#0201`, or assignments to an array of bytes named `request`."""
+    from ds47.diagnosis.suggest import plc_words, scl
 
-
-def plc_words(data: bytes) -> str:
-    """`16#0301 16#0201`; a last odd byte stands alone, two digits."""
-    from ds47.diagnosis.suggest import plc_words
-
-    return " ".join(plc_words(data))
-
-
-def scl(data: bytes) -> str:
-    """Assignments to an array of bytes named `request`, and the length for WRREC."""
-    from ds47.diagnosis.suggest import scl
-
-    return scl(data)
-
-
-WAYS: dict[str, Callable[[bytes], str]] = {"hex": hex_bytes, "words": plc_words, "scl": scl}
-"""How bytes are written, by the name of the format."""
+    if way == "hex":
+        return data.hex(" ")
+    return scl(data) if way == "scl" else " ".join(plc_words(data))
 
 
 def _remarks(request: Request) -> Iterator[Both]:

@@ -10,9 +10,9 @@ import threading
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import BinaryIO
 
+from ds47.capture.closing import Closing
 from ds47.wireshark.locate import usual_folders
 
 _DCP = "ether proto 0x8892 and ether[{0}:2] >= 0xfefc and ether[{0}:2] <= 0xfeff"
@@ -87,7 +87,7 @@ def arguments(
     return words
 
 
-class Dumpcap:
+class Dumpcap(Closing):
     """dumpcap, running; a context manager that ends it.
 
     `output` is the capture. Raises DumpcapError where it cannot be started.
@@ -113,15 +113,8 @@ class Dumpcap:
         self._interface = words[words.index("-i") + 1] if "-i" in words else ""
         self._asked_to_end = False
 
-    def __enter__(self) -> Dumpcap:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Ends it, and waits until it has ended."""
         self.end()
         try:
             self._process.wait(_SECONDS_TO_END)
