@@ -1,9 +1,10 @@
 # Programs of another Debian suite beside this machine's own: their packages are fetched and unpacked into a
 # folder, nothing is installed. To be sourced, by bash with errexit; messages go to stderr.
 # The mirror is the one this machine's apt uses (DEBIAN_MIRROR=URI names another, for example an archive).
-# Not here: how a program in such a folder is run (wireshark-roots.sh, python-roots.sh).
+# Not here: how a program in such a folder is run (wireshark-roots.sh, pythons.sh).
 # shellcheck shell=bash
 
+CANNOT=77 # exit status where this machine cannot make any
 KEYRING=/usr/share/keyrings/debian-archive-keyring.gpg
 
 say() { echo "$*" >&2; }
@@ -16,7 +17,7 @@ provide_all() {
     if [ "$(id -u)" -ne 0 ] || ! command -v apt-get >/dev/null || ! command -v dpkg-deb >/dev/null ||
         [ ! -r "$KEYRING" ]; then
         say "Other versions of $what are made only as root, on a Debian with apt."
-        exit 77
+        exit "$CANNOT"
     fi
     for suite in "$@"; do provide "$suite" || status=1; done
     exit $status

@@ -139,7 +139,6 @@ def test_root_becomes_an_ordinary_user(repository: Path, tmp_path: Path) -> None
     ("command", "status"),
     [
         (["wireshark-roots.sh"], 77),
-        (["python-roots.sh"], 77),
         (["pythons.sh"], 0),
         (["pythons.sh", "--must", "forky"], 1),
     ],

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.capture.names import STDIN, about
-from ds47.cli.common import Misses, output, stdout
+from ds47.cli.common import Misses, format_option, output, stdout
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.paths import refuse_urls
 from ds47.cli.series import series_option, tasks, tell_lacking
@@ -33,15 +33,7 @@ _MARGIN = 8
 
 @click.command("check")
 @click.argument("paths", metavar="PATH...", nargs=-1, required=True)
-@click.option(
-    "-f",
-    "--format",
-    "format_name",
-    type=click.Choice(["text", "json"]),
-    default="text",
-    show_default=True,
-    help="What goes to stdout.",
-)
+@format_option("text", "json", about="What goes to stdout.")
 @click.option(
     "--fail-on",
     type=click.Choice(["never", *SEVERITIES]),

@@ -29,6 +29,19 @@ lang_option = click.option(
 )
 
 
+def format_option(*formats: str, about: str | None = None) -> Callable[[Function], Function]:
+    """`-f`: how what is found is written; the first format where none is named."""
+    return click.option(
+        "-f",
+        "--format",
+        "format_name",
+        type=click.Choice(formats),
+        default=formats[0],
+        show_default=True,
+        help=about,
+    )
+
+
 pkw_layout_option = click.option(
     "--pkw-layout",
     type=click.Choice(["cyclic", "uss"]),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 
 from ds47.capture.names import about
-from ds47.cli.common import output, warn
+from ds47.cli.common import format_option, output, warn
 from ds47.cli.options import analysis_options, options_from
 from ds47.cli.series import series_option, tasks, tell_lacking
 from ds47.cli.targets import spare_captures
@@ -21,14 +21,7 @@ if TYPE_CHECKING:
 @click.command("diff")
 @click.argument("a", metavar="A")
 @click.argument("b", metavar="B")
-@click.option(
-    "-f",
-    "--format",
-    "format_name",
-    type=click.Choice(["text", "json", "html"]),
-    default="text",
-    show_default=True,
-)
+@format_option("text", "json", "html")
 @click.option("-o", "--output", "output_name", metavar="FILE", default="-", help="Write to a file.")
 @click.option("--all", "everything", is_flag=True, help="List also what only one capture shows.")
 @click.option(

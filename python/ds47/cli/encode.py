@@ -13,6 +13,7 @@ import click
 
 from ds47.cli.common import (
     flaw_text,
+    format_option,
     lang_option,
     pkw_layout_option,
     rule_text,
@@ -52,14 +53,11 @@ The eight bytes of a PKW request, for the cyclic channel:
 
 @click.command("encode", help=HELP)
 @click.argument("words", metavar="[LINE]...", nargs=-1)
-@click.option(
-    "--format",
-    "-f",
-    "format_name",
-    type=click.Choice(["hex", "words", "scl"]),
-    default="hex",
-    show_default=True,
-    help="Hex bytes, 16# words as a watch table shows them, or SCL assignments.",
+@format_option(
+    "hex",
+    "words",
+    "scl",
+    about="Hex bytes, 16# words as a watch table shows them, or SCL assignments.",
 )
 @click.option(
     "--eeprom", is_flag=True, help="A change by PKW that outlives the supply (AK 11 to 14)."

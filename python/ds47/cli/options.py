@@ -12,11 +12,21 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from ds47.cli.common import codec_options, dialect_options, lang_option
+from ds47.model import SEVERITIES
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+fail_on_option = click.option(
+    "--fail-on",
+    type=click.Choice(["never", *SEVERITIES]),
+    default="never",
+    show_default=True,
+    help="Exit with 1 if a finding is at least this severe.",
+)
 
 
 def analysis_options(function: Function) -> Function:

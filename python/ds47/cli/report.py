@@ -16,7 +16,7 @@ from ds47.batch.memory import collect_rarely
 from ds47.capture.names import STDIN
 from ds47.cli.common import color, output
 from ds47.cli.execution import Execution
-from ds47.cli.options import analysis_options, options_from
+from ds47.cli.options import analysis_options, fail_on_option, options_from
 from ds47.cli.progress import Progress
 from ds47.cli.run import Run
 from ds47.cli.series import series_option, tasks
@@ -44,13 +44,7 @@ UNREADABLE = 3
     default=STDIN,
     help="Write to a file, which then appears whole or not at all; - is stdout.",
 )
-@click.option(
-    "--fail-on",
-    type=click.Choice(["never", *SEVERITIES]),
-    default="never",
-    show_default=True,
-    help="Exit with 1 if a finding is at least this severe.",
-)
+@fail_on_option
 @click.option(
     "--plc",
     is_flag=True,

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ds47.capture.names import STDIN
-from ds47.cli.common import color, stdout, warn
-from ds47.cli.options import analysis_options, options_from
+from ds47.cli.common import color, format_option, stdout, warn
+from ds47.cli.options import analysis_options, fail_on_option, options_from
 from ds47.model import SEVERITIES
 
 if TYPE_CHECKING:
@@ -50,21 +50,8 @@ _UNREADABLE = 3
     is_flag=True,
     help="End where a SOURCE that is a file ends now; else what is written behind it is waited for.",
 )
-@click.option(
-    "-f",
-    "--format",
-    "format_name",
-    type=click.Choice(["text", "ndjson"]),
-    default="text",
-    show_default=True,
-)
-@click.option(
-    "--fail-on",
-    type=click.Choice(["never", *SEVERITIES]),
-    default="never",
-    show_default=True,
-    help="Exit with 1 if a finding is at least this severe.",
-)
+@format_option("text", "ndjson")
+@fail_on_option
 @analysis_options
 def command(
     source: str | None,

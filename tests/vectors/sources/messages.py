@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -88,13 +89,14 @@ def message(
     flags: str,
     text: str,
     head: Sequence[int | None],
-    addresses: Sequence[Row],
-    blocks: Sequence[Row],
-    findings: Sequence[Row],
-    rest: str,
-    shaped: bool,
+    addresses: Sequence[Row] = (),
+    blocks: Sequence[Row] = (),
+    findings: Sequence[Row] = (),
+    rest: str = "",
+    shaped: bool = True,
     **how: Any,
 ) -> None:
+    """A message; a | stands before each value block. `how`: options, and the request that it answers."""
     digits, starts = spelled(text)
     assert len(starts) == len(blocks), f"{name}: a | before every block"
     placed = [{**block, "offset": start} for block, start in zip(blocks, starts, strict=True)]
@@ -123,28 +125,12 @@ def message(
         "args": [one["args"] for one in findings],
     }
     row: Row = {"id": name, "flags": flags.split(), "kind": kind, "hex": digits}
-    row |= {key: value for key, value in how.items() if value is not None}
+    row |= how
     assert name not in {other["id"] for other in MESSAGES}, name
     MESSAGES.append({**row, "expect": expect})
 
 
-def request(
-    name: str,
-    flags: str,
-    text: str,
-    head: Sequence[int | None],
-    addresses: Sequence[Row] = (),
-    blocks: Sequence[Row] = (),
-    findings: Sequence[Row] = (),
-    rest: str = "",
-    shaped: bool = True,
-    options: Row | None = None,
-) -> None:
-    """A request; a | stands before each value block."""
-    message(
-        *("request", name, flags, text, head, addresses, blocks, findings, rest, shaped),
-        options=options,
-    )
+request = partial(message, "request")
 
 
 def response(
@@ -153,20 +139,15 @@ def response(
     text: str,
     head: Sequence[int | None],
     blocks: Sequence[Row] = (),
-    findings: Sequence[Row] = (),
-    rest: str = "",
-    shaped: bool = True,
-    options: Row | None = None,
+    *more: Any,
     to: str | None = None,
     asked: Sequence[Row] = (),
+    **how: Any,
 ) -> None:
-    """A response, to a request where there is one; a | stands before each value block."""
-    asked_hex = None if to is None else spelled(to)[0]
-    message(
-        *("response", name, flags, text, head, asked, blocks, findings, rest, shaped),
-        request=asked_hex,
-        options=options,
-    )
+    """A response, to a request where there is one."""
+    if to is not None:
+        how["request"] = spelled(to)[0]
+    message("response", name, flags, text, head, asked, blocks, *more, **how)
 
 
 V3 = {"profile_v3_types": True}
