@@ -34,9 +34,12 @@ function M.remark(rule, frame, args, offset)
   return {rule = rule, frame = frame, args = args, offset = offset}
 end
 
-local function put(remarks, rule, frame, args, offset)
+--- Adds a remark to others.
+function M.put(remarks, rule, frame, args, offset)
   remarks[#remarks + 1] = {rule = rule, frame = frame, args = args, offset = offset}
 end
+
+local put = M.put
 
 --- Whether a response id belongs to a request id (docs/protocol.md A.3).
 function M.family_fits(request_id, response_id)

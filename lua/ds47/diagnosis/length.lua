@@ -10,6 +10,8 @@ local tables = require("ds47.spec.tables")
 
 local byte, char, floor, max, min = string.byte, string.char, math.floor, math.max, math.min
 
+local put = rules.put
+
 local M = {}
 
 local STATUS_NOT_READY = pairing.STATUS_NOT_READY
@@ -27,10 +29,6 @@ local function missing(flaws)
     end
   end
   return nil
-end
-
-local function put(remarks, rule, frame, args, offset)
-  remarks[#remarks + 1] = {rule = rule, frame = frame, args = args, offset = offset}
 end
 
 -- Whether the message ends among the values of a block.

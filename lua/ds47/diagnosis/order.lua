@@ -3,17 +3,14 @@
 -- Looks at one closed job, with what pairing learnt of its neighbours. Nothing is decoded here.
 
 local pairing = require("ds47.acyclic.pairing")
+local rules = require("ds47.acyclic.judge")
 local transactions = require("ds47.acyclic.transactions")
 
-local sub, uuid = string.sub, transactions.uuid
+local put, sub, uuid = rules.put, string.sub, transactions.uuid
 
 local M = {}
 
 local STATUS_IN_USE = pairing.STATUS_IN_USE
-
-local function put(remarks, rule, frame, args)
-  remarks[#remarks + 1] = {rule = rule, frame = frame, args = args}
-end
 
 -- The first Read request of a job that was seen.
 local function first_read(job)

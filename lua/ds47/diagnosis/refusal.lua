@@ -132,7 +132,7 @@ function M.add(remarks, job, refused)
     if rule and not (rule == "DS709" and missing) then
       missing = missing or rule == "DS709"
       local args = args_of(job, rule, refusal)
-      remarks[#remarks + 1] = rules.remark(rule, half.frame, args, refusal.answer.offset)
+      rules.put(remarks, rule, half.frame, args, refusal.answer.offset)
     end
   end
 end
@@ -156,7 +156,7 @@ function M.not_seen(remarks, job)
   end
   for _, block in ipairs(response.blocks) do
     if block.error then
-      remarks[#remarks + 1] = rules.remark("DS701", half.frame, {
+      rules.put(remarks, "DS701", half.frame, {
         id = id, code = block.error.code, vendor_id = job.peer.vendor_id,
         case = job.polls[1] and "status_zero_at_last" or "status_zero", polls = #job.polls,
       })

@@ -293,15 +293,6 @@ local function every_second(data, place)
   return concat(parts)
 end
 
-local function codec_of(code, options)
-  local dialects, meaning = tables.dialects, nil
-  if options and options.profile_v3_types then meaning = dialects.profile_v3_types[code] end
-  if not meaning and options and options.legacy_g120_formats then
-    meaning = dialects.legacy_g120_formats[code]
-  end
-  return formats.codec(meaning or code)
-end
-
 -- A request whose single bytes lie in words of their own: {data, place, at, failed}.
 local function take(spread, size)
   local part = sub(spread.data, spread.at + 1, spread.at + size)
@@ -320,7 +311,7 @@ local function spread_block(spread, options)
   local head = singles(spread, 2)
   if spread.failed then return "" end
   local code, count = byte(head, 1, 2)
-  local codec = codec_of(code, options)
+  local codec = parameter.codec(code, options)
   if not codec then
     spread.failed = true
     return ""

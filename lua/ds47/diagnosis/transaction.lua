@@ -142,7 +142,7 @@ function Diagnoses:_cause(remarks, job)
   local found, device, before = self:_repair(job, refused), job.peer.device, #remarks
   if found and not found.each then
     found.args.what = found.what
-    remarks[#remarks + 1] = rules.remark(found.rule, job:write_request().frame, found.args)
+    rules.put(remarks, found.rule, job:write_request().frame, found.args)
     return
   elseif found then
     refused = self:_retyped(remarks, job, found, refused)
@@ -198,7 +198,7 @@ function Diagnoses:_retyped(remarks, job, found, refused)
       args.better_code, args.bits, args.code = args.code, each.bits, errors[each.number]
       args.seen = seen and seen.frame
       args.case = seen and "format_read" or self:_listed(job, args.pnu) and "format_listed" or "format_bits"
-      remarks[#remarks + 1] = rules.remark(found.rule, frame, args)
+      rules.put(remarks, found.rule, frame, args)
     end
   end
   for _, each in ipairs(refused) do

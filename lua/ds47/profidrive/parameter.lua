@@ -95,6 +95,11 @@ local function dialect_of(options)
   return dialect
 end
 
+--- The codec of a format code in a dialect, nil where the length of its values cannot be known.
+function M.codec(code, options)
+  return dialect_of(options).usual[code].codec
+end
+
 -- Flaws -------------------------------------------------------------------------------------------------
 
 local function flaw(flaws, rule, offset, args)

@@ -7,6 +7,8 @@
 -- blocks: option (1), suboption (1), length (2), content, padded to even. In answers and Hello two
 -- bytes of block information come before the content, in a Set request two bytes of qualifier.
 
+local latin1 = require("ds47.support.bytes").latin1
+
 local byte, sub = string.byte, string.sub
 
 local M = {}
@@ -36,20 +38,12 @@ function M.without_zeros(text)
   return sub(text, 1, length)
 end
 
---- A Latin-1 text in UTF-8.
-local function utf8_of(text)
-  return (text:gsub("[\128-\255]", function(letter)
-    local code = byte(letter)
-    return string.char(code < 0xC0 and 0xC2 or 0xC3, 0x80 + code % 64)
-  end))
-end
-
 local function learn(station, option, content)
   if option == IP or option == IP_SUITE then
     station.ip = M.address(content) or station.ip
   elseif option == NAME and content ~= "" then
     local name = M.without_zeros(content)
-    station.name = name ~= "" and utf8_of(name) or nil
+    station.name = name ~= "" and latin1(name) or nil
   elseif option == DEVICE_ID and #content >= 4 then
     local v1, v2, d1, d2 = byte(content, 1, 4)
     station.vendor_id, station.device_id = v1 * 256 + v2, d1 * 256 + d2

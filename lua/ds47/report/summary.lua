@@ -235,15 +235,6 @@ local function is_serious(diagnoses)
   return false
 end
 
-local function several_drives(transactions)
-  for _, each in ipairs(transactions) do
-    if each.device ~= transactions[1].device then
-      return true
-    end
-  end
-  return false
-end
-
 --- Everything behind the verdict, each part with an empty line before it.
 -- @param add     takes a line
 -- @param result  what Analysis:ended() gives
@@ -253,7 +244,7 @@ function M.lines(add, result, counts, context)
   drives(add, result, verdict.smooth(counts), context.lang)
   local diagnoses = result.diagnoses or {}
   local rest = todo.uncovered(result)
-  context.several, context.transactions = several_drives(result.transactions), result.transactions
+  context.several, context.transactions = counts.drives > 1, result.transactions
   if #diagnoses > 0 or #rest > 0 then
     to_do(add, context, diagnoses, rest)
   end

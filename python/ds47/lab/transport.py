@@ -13,6 +13,8 @@ from ds47.lab.wire import Order
 BOOK = Book("transport")
 
 SPEED = message.address(21)
+READ = message.read(1, 1, SPEED)
+ANSWER = message.answer(1, 1, 1, message.real(1500.0))
 LONG = message.address(2902, 0, 50)
 NCA_UNKNOWN_INTERFACE = 0x1C010003
 NCA_BUSY = 0x1C01000B
@@ -168,12 +170,11 @@ def copies(client: Client) -> None:
 )
 def retransmission(client: Client) -> None:
     """A Write sent again before its answer."""
-    request = message.read(1, 1, SPEED)
-    call = client.ask_write(request)
+    call = client.ask_write(READ)
     client.wait(500)
-    client.ask_write(request, again=call)
-    client.accept_write(call, request)
-    client.read(message.answer(1, 1, 1, message.real(1500.0)))
+    client.ask_write(READ, again=call)
+    client.accept_write(call, READ)
+    client.read(ANSWER)
 
 
 @BOOK.scene(
@@ -183,13 +184,12 @@ def retransmission(client: Client) -> None:
 )
 def retransmission_answered(client: Client) -> None:
     """A Write sent again after its answer."""
-    request = message.read(1, 1, SPEED)
-    call = client.ask_write(request)
-    client.accept_write(call, request)
+    call = client.ask_write(READ)
+    client.accept_write(call, READ)
     client.wait(500)
-    client.ask_write(request, again=call)
-    client.accept_write(call, request)
-    client.read(message.answer(1, 1, 1, message.real(1500.0)))
+    client.ask_write(READ, again=call)
+    client.accept_write(call, READ)
+    client.read(ANSWER)
 
 
 @BOOK.scene(
@@ -208,12 +208,11 @@ def reused_numbers(client: Client) -> None:
 @BOOK.scene("ping and working PDUs between request and response", OK_READ)
 def ping_working(client: Client) -> None:
     """A slow answer with ping and working."""
-    request = message.read(1, 1, SPEED)
-    call = client.ask_write(request)
+    call = client.ask_write(READ)
     client.ask(call, b"", wire.PING)
     client.reply(call, b"", wire.WORKING)
-    client.accept_write(call, request)
-    client.read(message.answer(1, 1, 1, message.real(1500.0)))
+    client.accept_write(call, READ)
+    client.read(ANSWER)
 
 
 def _status(client: Client, code: int) -> bytes:
@@ -228,7 +227,7 @@ def _status(client: Client, code: int) -> bytes:
 )
 def fault(client: Client) -> None:
     """An RPC fault."""
-    call = client.ask_write(message.read(1, 1, SPEED))
+    call = client.ask_write(READ)
     client.reply(call, _status(client, NCA_UNKNOWN_INTERFACE), wire.FAULT)
     client.wait(100)
     _speed(client, reference=2)
@@ -242,11 +241,11 @@ def fault(client: Client) -> None:
 def reject(client: Client) -> None:
     """An RPC reject."""
     client.order = ">"
-    client.write(message.read(1, 1, SPEED))
+    client.write(READ)
     call = client.ask_read()
     client.reply(call, _status(client, NCA_BUSY), wire.REJECT)
     client.wait(50)
-    client.read(message.answer(1, 1, 1, message.real(1500.0)))
+    client.read(ANSWER)
 
 
 @BOOK.scene(
@@ -254,18 +253,18 @@ def reject(client: Client) -> None:
 )
 def empty_body(client: Client) -> None:
     """A response without a body."""
-    client.write(message.read(1, 1, SPEED))
+    client.write(READ)
     client.reply(client.ask_read(), b"")
     client.wait(50)
-    client.read(message.answer(1, 1, 1, message.real(1500.0)))
+    client.read(ANSWER)
 
 
 @BOOK.scene("the clock steps back by 2.5 s between two frames", OK_READ, rules="DS107")
 def time_back(client: Client) -> None:
     """Time steps backwards."""
-    client.write(message.read(1, 1, SPEED))
+    client.write(READ)
     client.wait(-2500)
-    client.read(message.answer(1, 1, 1, message.real(1500.0)))
+    client.read(ANSWER)
 
 
 @BOOK.scene("the drive answers from port 49153 and is asked there", OK_READ, OK_READ)
@@ -283,9 +282,8 @@ def ephemeral_port(client: Client) -> None:
 )
 def write_unanswered(client: Client) -> None:
     """A Write response that is missing."""
-    request = message.read(1, 1, SPEED)
-    client.ask_write(request)
-    client.read(message.answer(1, 1, 1, message.real(1500.0)))
+    client.ask_write(READ)
+    client.read(ANSWER)
 
 
 @BOOK.scene(
@@ -294,11 +292,10 @@ def write_unanswered(client: Client) -> None:
 def starts_late(client: Client) -> None:
     """Capture starts in the middle of a transaction."""
     client.stage.deaf = True
-    request = message.read(1, 1, SPEED)
-    call = client.ask_write(request, at=client.at(index=0xB02F))
+    call = client.ask_write(READ, at=client.at(index=0xB02F))
     client.stage.deaf = False
-    client.accept_write(call, request, at=client.at(index=0xB02F))
-    client.read(message.answer(1, 1, 1, message.real(1500.0)), at=client.at(index=0xB02F))
+    client.accept_write(call, READ, at=client.at(index=0xB02F))
+    client.read(ANSWER, at=client.at(index=0xB02F))
 
 
 @BOOK.scene(
