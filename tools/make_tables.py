@@ -17,14 +17,15 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from ds47 import __version__, spec
-from ds47.spec import cyclic, reporting, semantics
+from ds47.spec import cyclic, semantics
+from ds47.spec.reporting import COVERS, covers, report_words
 
 ROOT = Path(__file__).resolve().parent.parent
 TARGET = ROOT / "lua" / "ds47" / "spec" / "tables.lua"
 LAYOUTS = ROOT / "python" / "ds47" / "spec" / "layouts.py"
-Scalar = int | str | bool | None
 
 HEAD = """\
 -- The protocol tables: formats, ids, error numbers, words of a status, parameters, rules, limits, states.
@@ -75,55 +76,78 @@ PARAMETER = ("name_en", "name_zh", "type", "unit", "volatile", "family")
 """Without the number: one entry may hold for many."""
 PKW_REQUEST = ("en", "zh", "access", "array", "width", "eeprom")
 PKW_ANSWER = ("en", "zh", "width")
+LANGUAGES = ("en", "zh")
 PZD_FAMILIES = ("micromaster", "positioning")
 PZD_BIT = ("set", "clear", "set_zh", "clear_zh")
 PZD_STATE = ("id", "mask", "bits", "en", "zh", "missing", "missing_zh")
 
 
-def scalar(value: Scalar) -> str:
-    """A value as Lua writes it."""
+def literal(value: object) -> str:
+    """A value as Lua writes it, on one line; a set is a table of what is true."""
     if value is None:
         return "nil"
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, int):
-        return str(value)
-    return '"' + "".join(_ESCAPES.get(char, char) for char in value) + '"'
+    if isinstance(value, str):
+        return '"' + "".join(_ESCAPES.get(char, char) for char in value) + '"'
+    if isinstance(value, frozenset):
+        value = dict.fromkeys(sorted(value), True)
+    if isinstance(value, Mapping):
+        items = (f"{_key(key)} = {literal(item)}" for key, item in value.items())
+    elif isinstance(value, Sequence):
+        items = (literal(item) for item in value)
+    else:
+        return repr(value)
+    return "{" + ", ".join(items) + "}"
 
 
-def entry(row: object, names: Sequence[str]) -> str:
-    """An object as a Lua table; None and empty texts have no field."""
+def _key(key: int | str) -> str:
+    return key if isinstance(key, str) else f"[{key}]"
+
+
+def block(
+    name: str, values: Mapping[str, object] | Mapping[int, object] | Sequence[object]
+) -> Iterator[str]:
+    """A table with one entry a line."""
+    yield f"{name} = {{"
+    if isinstance(values, Mapping):
+        yield from (f"  {_key(key)} = {literal(value)}," for key, value in values.items())
+    else:
+        yield from (f"  {literal(value)}," for value in values)
+    yield "}"
+
+
+def fields(row: object, names: Sequence[str]) -> dict[str, object]:
+    """What an object has under these names; None and empty texts have no field."""
     values = {name: getattr(row, name) for name in names}
-    shown = (f"{name} = {scalar(v)}" for name, v in values.items() if v is not None and v != "")
-    return "{" + ", ".join(shown) + "}"
+    return {name: value for name, value in values.items() if value is not None and value != ""}
 
 
-def _listed(values: Sequence[str]) -> str:
-    return "{" + ", ".join(scalar(value) for value in values) + "}"
+def both(english: Mapping[Any, str], chinese: Mapping[Any, str]) -> dict[Any, dict[str, str]]:
+    """Words in both languages, by their keys or codes."""
+    return {key: {"en": text, "zh": chinese[key]} for key, text in english.items()}
 
 
-def bilingual(en: str, zh: str) -> str:
-    return f"{{en = {scalar(en)}, zh = {scalar(zh)}}}"
-
-
-def table(name: str, entries: Mapping[int, str], key: str = "0x{:02X}") -> Iterator[str]:
+def table(name: str, entries: Mapping[int, object], key: str = "0x{:02X}") -> Iterator[str]:
     """A table keyed by code; neighbours with the same entry share it."""
-    runs: list[tuple[int, int, str]] = []
+    runs: list[tuple[int, int, object]] = []
     for code in sorted(entries):
         if runs and runs[-1][1] == code - 1 and runs[-1][2] == entries[code]:
             runs[-1] = (runs[-1][0], code, entries[code])
         else:
             runs.append((code, code, entries[code]))
     yield f"{name} = {{"
-    yield from (f"  [{key.format(code)}] = {text}," for code, last, text in runs if code == last)
+    yield from (
+        f"  [{key.format(code)}] = {literal(found)}," for code, last, found in runs if code == last
+    )
     yield "}"
-    for first, last, text in runs:
+    for first, last, found in runs:
         if first < last:
-            yield f"spread({name}, {key.format(first)}, {key.format(last)}, {text})"
+            yield f"spread({name}, {key.format(first)}, {key.format(last)}, {literal(found)})"
 
 
 def rows(name: str, source: Mapping[int, object], names: Sequence[str]) -> Iterator[str]:
-    return table(name, {code: entry(row, names) for code, row in source.items()})
+    return table(name, {code: fields(row, names) for code, row in source.items()})
 
 
 def _formats() -> Iterator[str]:
@@ -148,156 +172,74 @@ def _ids() -> Iterator[str]:
     yield from rows("M.response_ids", spec.response_ids(), RESPONSE_ID)
 
 
-def _errors() -> Iterator[str]:
-    yield from rows("M.errors", spec.errors(), ERROR)
-
-
 def _fallback() -> Iterator[str]:
     # The only text that no public function of the loader gives without its number filled in.
     fallback: dict[str, str] = spec._load("errors.toml")["fallback"]
-    yield f"M.error_fallback = {bilingual(fallback['en'], fallback['zh'])}"
+    yield f"M.error_fallback = {literal({lang: fallback[lang] for lang in LANGUAGES})}"
 
 
 def _vendors() -> Iterator[str]:
-    yield "M.vendors = {"
-    for vendor in spec.vendors():
-        yield f"  {entry(vendor, ('name', 'id'))},"
-    yield "}"
+    yield from block("M.vendors", [fields(vendor, ("name", "id")) for vendor in spec.vendors()])
     for number, vendor in enumerate(spec.vendors(), start=1):
         yield from rows(f"M.vendors[{number}].errors", vendor.errors, ERROR)
 
 
 def _parameters() -> Iterator[str]:
-    entries = {number: entry(row, PARAMETER) for number, row in spec.parameters().items()}
+    entries = {number: fields(row, PARAMETER) for number, row in spec.parameters().items()}
     return table("M.parameters", entries, key="{}")
 
 
 def _status() -> Iterator[str]:
-    en, zh = spec.status("en"), spec.status("zh")
-    columns = (
-        ("error_code", en.code, zh.code),
-        ("error_decode", en.decode, zh.decode),
-        ("access", en.access, zh.access),
-        ("protocol", en.protocol, zh.protocol),
-    )
     yield "M.status = {}"
-    for name, english, chinese in columns:
-        entries = {code: bilingual(text, chinese[code]) for code, text in english.items()}
-        yield from table(f"M.status.{name}", entries)
-    yield "M.status.words = {"
-    for lang, words in (("en", en.words), ("zh", zh.words)):
-        shown = ", ".join(f"{name} = {scalar(text)}" for name, text in words.items())
-        yield f"  {lang} = {{{shown}}},"
-    yield "}"
+    for name, column in (("error_code", "code"), ("error_decode", "decode"),
+                         ("access", "access"), ("protocol", "protocol")):  # fmt: skip
+        texts = both(*(getattr(spec.status(lang), column) for lang in LANGUAGES))
+        yield from table(f"M.status.{name}", texts)
+    yield from block("M.status.words", {lang: spec.status(lang).words for lang in LANGUAGES})
 
 
 def _rules() -> Iterator[str]:
     names = tuple(name for name in spec.Rule.__annotations__ if name not in ("group", "args"))
-    yield "M.rules = {"
-    for number, row in spec.rules().items():
-        yield f"  {number} = {entry(row, names)},"
-    yield "}"
+    yield from block(
+        "M.rules", {number: fields(row, names) for number, row in spec.rules().items()}
+    )
     for number, row in spec.rules().items():
         if row.group or number.startswith("DS7"):
-            yield f"M.rules.{number}.group = {_listed(row.group)}"
+            yield f"M.rules.{number}.group = {literal(row.group)}"
         if row.args:
-            shown = ", ".join(f"{name} = {scalar(kind)}" for name, kind in row.args.items())
-            yield f"M.rules.{number}.args = {{{shown}}}"
+            yield f"M.rules.{number}.args = {literal(row.args)}"
 
 
 def _experts() -> Iterator[str]:
-    yield "M.experts = {"
-    for number, row in sorted(spec.rules().items()):
-        shown = f"id = {scalar(number)}, name = {scalar(row.name)}"
-        yield f"  {{{shown}, severity = {scalar(row.severity)}}},"
-    yield "}"
+    rules = sorted(spec.rules().items())
+    return block("M.experts", [fields(row, ("id", "name", "severity")) for _, row in rules])
 
 
 def _semantics() -> Iterator[str]:
-    yield "M.limits = {"
-    for name, number in semantics.limits().columns().items():
-        yield f"  {name} = {number},"
-    yield "}"
+    yield from block("M.limits", semantics.limits().columns())
     yield ""
-    yield "M.phases = {"
-    for phase, events in semantics.phases().items():
-        shown = ", ".join(f"{event} = {scalar(then)}" for event, then in events.items())
-        yield f"  {phase} = {{{shown}}},"
-    yield "}"
+    yield from block("M.phases", semantics.phases())
     yield ""
-    yield "M.reasons = {"
-    chinese = semantics.reasons("zh")
-    for name, text in semantics.reasons("en").items():
-        yield f'  ["{name}"] = {bilingual(text, chinese[name])},'
-    yield "}"
-
-
-def _known() -> Iterator[str]:
-    known = semantics.known()
-    yield "M.known = {"
-    for name, value in known.columns().items():
-        if isinstance(value, frozenset):
-            shown = ", ".join(f"[{number}] = true" for number in sorted(value))
-            yield f"  {name} = {{{shown}}},"
-        elif isinstance(value, dict):
-            shown = ", ".join(f"[{code}] = {scalar(text)}" for code, text in value.items())
-            yield f"  {name} = {{{shown}}},"
-        else:
-            yield f"  {name} = {value},"
-    yield "}"
-
-
-def _diagnosis_words() -> Iterator[str]:
-    yield "M.diagnosis_words = {"
-    chinese = semantics.diagnosis_words("zh")
-    for name, text in semantics.diagnosis_words("en").items():
-        yield f"  {name} = {bilingual(text, chinese[name])},"
-    yield "}"
-
-
-def _report_words() -> Iterator[str]:
-    yield "M.report_words = {"
-    for name, words in reporting.report_words().items():
-        yield f"  {name} = {bilingual(words['en'], words['zh'])},"
-    yield "}"
-
-
-def _covers() -> Iterator[str]:
-    yield "M.covers = {"
-    for how in reporting.COVERS:
-        rows = reporting.covers(how).items()
-        shown = ", ".join(f"{rule} = {_listed(covered)}" for rule, covered in rows)
-        yield f"  {how} = {{{shown}}},"
-    yield "}"
-
-
-def _set(codes: Iterable[int]) -> str:
-    return "{" + ", ".join(f"[{code}] = true" for code in sorted(codes)) + "}"
-
-
-def _codes(codes: Iterable[int]) -> str:
-    return "{" + ", ".join(map(str, codes)) + "}"
+    reasons = both(*map(semantics.reasons, LANGUAGES))
+    yield from block("M.reasons", {f'["{name}"]': words for name, words in reasons.items()})
 
 
 def _pkw() -> Iterator[str]:
     least, most = cyclic.float_range()
     shown = f"float_least = {least!r}, float_most = {most!r}, connector = {cyclic.connector_mark()}"
     yield f"M.pkw = {{{shown}}}"
-    weights = ", ".join(f"[{bit}] = {weight}" for bit, weight in cyclic.weights().items())
-    yield f"M.pkw.weights = {{{weights}}}"
+    yield f"M.pkw.weights = {literal(cyclic.weights())}"
     yield from rows("M.pkw.requests", cyclic.requests(), PKW_REQUEST)
     for ak, request in cyclic.requests().items():
-        yield f"M.pkw.requests[0x{ak:02X}].answers = {_set(request.answers)}"
+        yield f"M.pkw.requests[0x{ak:02X}].answers = {literal(frozenset(request.answers))}"
     yield from rows("M.pkw.answers", cyclic.answers(), PKW_ANSWER)
     texts = {
-        code: bilingual(cyclic.error_text(code) or "", cyclic.error_text(code, "zh") or "")
+        code: {"en": cyclic.error_text(code), "zh": cyclic.error_text(code, "zh")}
         for code in cyclic.error_codes()
     }
     yield from table("M.pkw.errors", texts, key="{}")
-    yield "M.pkw.families = {"
-    for name in cyclic.families():
-        yield f"  [{scalar(name)}] = {_set(cyclic.error_codes(name))},"
-    yield "}"
+    families = {f"[{literal(name)}]": cyclic.error_codes(name) for name in cyclic.families()}
+    yield from block("M.pkw.families", families)
 
 
 def _pzd() -> Iterator[str]:
@@ -308,22 +250,18 @@ def _pzd() -> Iterator[str]:
             bits = {row.bit: row for row in cyclic.bits(word, family) if row.family == family}
             yield from rows(name, bits, PZD_BIT)
     for name, listed in (("states", cyclic.states()), ("overlays", cyclic.overlays())):
-        yield f"M.pzd.{name} = {{"
-        yield from (f"  {entry(row, PZD_STATE)}," for row in listed)
-        yield "}"
+        yield from block(f"M.pzd.{name}", [fields(row, PZD_STATE) for row in listed])
     ending = cyclic.stopping()
-    yield f"M.pzd.stopping = {entry(ending, ('id', 'en', 'zh', 'heeded', 'missing', 'missing_zh'))}"
-    yield f"M.pzd.stopping.states = {{{', '.join(f'{name} = true' for name in ending.states)}}}"
-    yield f"M.pzd.stopping.bits = {_codes(ending.bits)}"
-    yield f"M.pzd.stopping.unless = {_codes(ending.unless)}"
-    yield "M.pzd.needed = {"
-    yield from (f"  {entry(row, ('bit', 'en', 'zh', 'setpoint'))}," for row in cyclic.needed())
-    yield "}"
-    yield "M.pzd.telegrams = {"
-    for number, row in cyclic.telegrams().items():
-        words = f"out = {_listed(row.out)}, inward = {_listed(row.inward)}, pkw = {scalar(row.pkw)}"
-        yield f"  [{number}] = {{{words}}},"
-    yield "}"
+    stopping = fields(ending, ("id", "en", "zh", "heeded", "missing", "missing_zh"))
+    yield f"M.pzd.stopping = {literal(stopping)}"
+    yield f"M.pzd.stopping.states = {literal(dict.fromkeys(ending.states, True))}"
+    yield f"M.pzd.stopping.bits = {literal(ending.bits)}"
+    yield f"M.pzd.stopping.unless = {literal(ending.unless)}"
+    needed = [fields(row, ("bit", "en", "zh", "setpoint")) for row in cyclic.needed()]
+    yield from block("M.pzd.needed", needed)
+    known = cyclic.telegrams()
+    telegrams = {number: fields(row, ("out", "inward", "pkw")) for number, row in known.items()}
+    yield from block("M.pzd.telegrams", telegrams)
 
 
 LETTERS = {1: "B", 2: "H", 4: "I", 16: "16s"}
@@ -373,12 +311,6 @@ def layouts() -> str:
     return LAYOUT_HEAD + "\n".join(lines) + "\n"
 
 
-def _layouts() -> Iterator[str]:
-    yield "M.layouts = {"
-    yield from (f"  {name} = {number}," for name, number in _constants().items())
-    yield "}"
-
-
 def later(name: str, lines: Iterable[str]) -> Iterator[str]:
     """Lines that make M.name when it is asked for."""
     text = "\n".join(lines)
@@ -393,22 +325,25 @@ def generate() -> str:
     """The text of tables.lua."""
     parts = (
         [HEAD.rstrip("\n")],
-        [f"M.version = {scalar(__version__)}"],
-        _layouts(),
+        [f"M.version = {literal(__version__)}"],
+        block("M.layouts", _constants()),
         _semantics(),
         _formats(),
         _ids(),
         _fallback(),
-        later("errors", _errors()),
+        later("errors", rows("M.errors", spec.errors(), ERROR)),
         later("vendors", _vendors()),
         later("status", _status()),
         later("parameters", _parameters()),
         _experts(),
         later("rules", _rules()),
-        _known(),
-        later("diagnosis_words", _diagnosis_words()),
-        later("report_words", _report_words()),
-        later("covers", _covers()),
+        block("M.known", semantics.known().columns()),
+        later(
+            "diagnosis_words",
+            block("M.diagnosis_words", both(*map(semantics.diagnosis_words, LANGUAGES))),
+        ),
+        later("report_words", block("M.report_words", report_words())),
+        later("covers", block("M.covers", {how: covers(how) for how in COVERS})),
         later("pkw", _pkw()),
         later("pzd", _pzd()),
         ["return M"],
