@@ -232,6 +232,14 @@ def second_controller(client: Client) -> Client:
     )
 
 
+def _turned_away(client: Client, second: Client) -> None:
+    """The second one asks while the request of the first is open."""
+    ask(second, 1)
+    client.write(read(7))
+    second.write(read(2), status=DF_STATE)
+    client.read(speed(7))
+
+
 @BOOK.scene(
     "the second controller asks while the first one's request is open: DF80B500",
     OK_READ,
@@ -241,11 +249,7 @@ def second_controller(client: Client) -> Client:
 )
 def two_users_across(client: Client) -> None:
     """Two controllers on one channel."""
-    second = second_controller(client)
-    ask(second, 1)
-    client.write(read(7))
-    second.write(read(2), status=DF_STATE)
-    client.read(speed(7))
+    _turned_away(client, second_controller(client))
 
 
 @BOOK.scene(
@@ -275,10 +279,7 @@ def two_users_connections(client: Client) -> None:
         activity=UUID("1f2e3d4c-5b6a-11f0-8a47-00000a0b0c03"),
         channel=client.at(ar=UUID("74747474-0003-4000-8000-000000000003")),
     )
-    ask(second, 1)
-    client.write(read(7))
-    second.write(read(2), status=DF_STATE)
-    client.read(speed(7))
+    _turned_away(client, second)
 
 
 @BOOK.scene(

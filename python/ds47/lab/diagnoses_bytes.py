@@ -72,6 +72,8 @@ def little(pnu: int, subindex: int = 0, elements: int = 1) -> bytes:
 
 FIRST = Exchange(read(3), speed(3))
 """A good job first, so that index 47 is known to be a parameter channel."""
+ARRAY = read(4, message.address(2902, 2, 4))
+ARRAY_READ = Exchange(ARRAY, message.answer(4, 1, 1, message.real(10.0, 20.0, 50.0, 100.0)))
 
 REPAIR_ROWS = (
     Row(
@@ -109,7 +111,7 @@ REPAIR_ROWS = (
         "bytes-swapped",
         "A request with the low byte of each word first",
         "reference 4 arrives as request ID 4: the Write is refused",
-        [FIRST, bounced(swapped(read(4, message.address(2902, 2, 4))))],
+        [FIRST, bounced(swapped(ARRAY))],
         [OK_READ, ("unknown", "refused")],
         "DS203 DS302 DS305 DS715",
     ),
@@ -117,13 +119,7 @@ REPAIR_ROWS = (
         "bytes-swapped-not",
         "The same request with the high byte first",
         "the same request, high byte first: the drive answers",
-        [
-            FIRST,
-            Exchange(
-                read(4, message.address(2902, 2, 4)),
-                message.answer(4, 1, 1, message.real(10.0, 20.0, 50.0, 100.0)),
-            ),
-        ],
+        [FIRST, ARRAY_READ],
         [OK_READ, OK_READ],
     ),
     Row(
@@ -153,7 +149,7 @@ REPAIR_ROWS = (
         "data-block-layout",
         "Every byte in a word of its own",
         "an array of WORD instead of BYTE: zeros between the bytes, the Write is refused",
-        [FIRST, bounced(interleaved(read(4, message.address(2902, 2, 4))))],
+        [FIRST, bounced(interleaved(ARRAY))],
         [OK_READ, ("unknown", "refused")],
         "DS203 DS301 DS302 DS305 DS313 DS716",
     ),
@@ -161,20 +157,14 @@ REPAIR_ROWS = (
         "data-block-layout-not",
         "The same request without the zeros",
         "the same request from an array of BYTE: the drive answers",
-        [
-            FIRST,
-            Exchange(
-                read(4, message.address(2902, 2, 4)),
-                message.answer(4, 1, 1, message.real(10.0, 20.0, 50.0, 100.0)),
-            ),
-        ],
+        [FIRST, ARRAY_READ],
         [OK_READ, OK_READ],
     ),
     Row(
         "data-block-layout-even",
         "Fields of one byte at even offsets",
         "an optimised data block: a fill byte behind each single byte, the Write is refused",
-        [FIRST, bounced(spread(read(4, message.address(2902, 2, 4))))],
+        [FIRST, bounced(spread(ARRAY))],
         [OK_READ, ("unknown", "refused")],
         "DS203 DS302 DS303 DS313 DS716",
     ),

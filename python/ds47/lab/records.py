@@ -184,8 +184,7 @@ def implicit_orphan(client: Client) -> None:
 def foreign(client: Client) -> None:
     """Index 47 that is not a parameter channel."""
     for text in (b"Hello, world", b"\x00\x00\x00\x10calibration data", b"\xff" * 8):
-        client.write(text)
-        client.read(text)
+        client.exchange(text, text)
 
 
 @BOOK.scene(

@@ -16,6 +16,7 @@ SPEED = message.address(21)
 READ = message.read(1, 1, SPEED)
 ANSWER = message.answer(1, 1, 1, message.real(1500.0))
 LONG = message.address(2902, 0, 50)
+LONG_ANSWER = message.answer(1, 1, 1, message.real(*range(50)))
 NCA_UNKNOWN_INTERFACE = 0x1C010003
 NCA_BUSY = 0x1C01000B
 
@@ -26,16 +27,22 @@ def _speed(client: Client, reference: int = 1, value: float = 1500.0) -> None:
     client.exchange(message.read(reference, 1, SPEED), answer)
 
 
-def _long(client: Client, reference: int = 1) -> None:
+def _long(client: Client) -> None:
     """Read an array of 50 floats: more than fits into a small fragment."""
-    answer = message.answer(reference, 1, 1, message.real(*range(50)))
-    client.exchange(message.read(reference, 1, LONG), answer)
+    client.exchange(message.read(1, 1, LONG), LONG_ANSWER)
 
 
-def _long_change(client: Client, reference: int = 2) -> None:
+def _long_in_part(client: Client) -> None:
+    """The same; of its response the fragment before the last is lost, and it is read again."""
+    _long(client)
+    client.stage.lose(-2)
+    client.wait(500)
+    client.read(LONG_ANSWER)
+
+
+def _long_change(client: Client) -> None:
     """Change an array of 50 floats."""
-    request = message.change(reference, 1, (LONG, message.real(*range(50))))
-    client.exchange(request, message.changed(reference, 1))
+    client.exchange(message.change(2, 1, (LONG, message.real(*range(50)))), message.changed(2, 1))
 
 
 def _orders(order: Order, answer: Order | None, name: str, title: str) -> None:
@@ -116,10 +123,7 @@ def ip_fragments_disorder(client: Client) -> None:
 def ip_fragments_incomplete(client: Client) -> None:
     """IP fragments, one of them lost."""
     client.stage.mtu = 176
-    _long(client)
-    client.stage.lose(-2)
-    client.wait(500)
-    client.read(message.answer(1, 1, 1, message.real(*range(50))))
+    _long_in_part(client)
 
 
 @BOOK.scene("requests and responses in RPC fragments", OK_READ, OK_CHANGE, rules="DS721")
@@ -138,10 +142,7 @@ def rpc_fragments(client: Client) -> None:
 def rpc_fragments_incomplete(client: Client) -> None:
     """RPC fragments, one of them lost."""
     client.fragment = 100
-    _long(client)
-    client.stage.lose(-2)
-    client.wait(500)
-    client.read(message.answer(1, 1, 1, message.real(*range(50))))
+    _long_in_part(client)
 
 
 @BOOK.scene(
@@ -153,7 +154,7 @@ def snap_length(client: Client) -> None:
     """Frames cut by the snap length."""
     client.write(message.read(1, 1, LONG))
     client.stage.snap = 260
-    client.read(message.answer(1, 1, 1, message.real(*range(50))))
+    client.read(LONG_ANSWER)
 
 
 @BOOK.scene("a mirror port shows each frame twice, same IP id, 20 us apart", OK_READ)

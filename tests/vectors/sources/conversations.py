@@ -610,8 +610,7 @@ def p22_release_in_its_place(client: Client) -> None:
 def p23_foreign(client: Client) -> None:
     """Index 47 of a device that is no drive: no transaction and no finding, lost calls included."""
     for data in (b"Hello, world", b"\0\0\0\x10calibration", b"\xff" * 8):
-        client.write(data)
-        client.read(data)
+        client.exchange(data, data)
     client.poll(0xDE80B600)
     client.ask_write(b"again")
 
@@ -1228,8 +1227,7 @@ BOOK.lab(
 def p3_fragment_lost(client: Client) -> None:
     """The last fragment of the Read response is lost, and the record is read again: it is there in part."""
     client.fragment = 60
-    client.write(ask())
-    client.read(tell(1, 1.5))
+    client.exchange(ask(), tell(1, 1.5))
     client.stage.lose()
     client.read(tell(1, 1.5))
 
@@ -1240,8 +1238,7 @@ def p3_fragment_lost(client: Client) -> None:
 def p3_first_fragment_lost(client: Client) -> None:
     """The first fragment of the Read response is lost: the last one says whose it is, by its RPC header."""
     client.fragment = 60
-    client.write(ask())
-    client.read(tell(1, 1.5))
+    client.exchange(ask(), tell(1, 1.5))
     client.stage.lose(-2)
     client.read(tell(1, 1.5))
 
@@ -1265,8 +1262,7 @@ def p53_pdu_longer_than_its_datagram(client: Client) -> None:
 def p53_fragment_cut(client: Client) -> None:
     """The frame with the first of two fragments of the Read response is cut: that one is named."""
     client.fragment = 92
-    client.write(ask())
-    client.read(tell(1, 1.5))
+    client.exchange(ask(), tell(1, 1.5))
     tape(client).cut(2, -2)
 
 
