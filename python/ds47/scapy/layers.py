@@ -160,6 +160,8 @@ def _made(code: int, values: list[Any], words: list[int], raw: bool) -> Block:
 class _Message(Packet):  # type: ignore[misc]
     """What requests and responses have in common: they are read and made by the codec."""
 
+    decode: Callable[[bytes], Any]
+
     def do_dissect(self, s: bytes) -> bytes:
         data = bytes(s)
         self._fill(data)
@@ -181,6 +183,26 @@ class _Message(Packet):  # type: ignore[misc]
         return [layer.block() for layer in self.blocks]
 
 
+def _layer(cls: type[_Message], /, _pkt: bytes | None = None, **others: Any) -> type[Packet]:
+    """Record 47 may hold anything: what has not the shape of such a message stays Raw."""
+    if _pkt is None or not others.get("_internal"):
+        return cls  # made by hand: it is what the caller says
+    index = getattr(others.get("_underlayer"), "index", None)
+    if len(_pkt) < MESSAGE_SIZE or (index == INDEX_47 and not cls.decode(_pkt).shaped):
+        return Raw  # type: ignore[no-any-return]
+    return cls
+
+
+def _of_first(layers: str, name: str, about: str) -> property:
+    """A field of the first address or block as one of the message."""
+
+    def read(self: _Message) -> Any:
+        parts = getattr(self, layers)
+        return getattr(parts[0], name) if parts else None
+
+    return property(read, doc=about)
+
+
 class DS47Request(_Message):
     """A parameter request: the data of a Write record (docs/protocol.md A.1).
 
@@ -189,6 +211,8 @@ class DS47Request(_Message):
     """
 
     name = "DS47 request"
+    decode = staticmethod(decode_request)
+    dispatch_hook = classmethod(_layer)  # scapy looks for it in the class itself
     fields_desc = [  # noqa: RUF012
         ByteField("request_reference", 1),
         XByteEnumField("request_id", 1, _REQUESTS),
@@ -199,13 +223,8 @@ class DS47Request(_Message):
         StrField("rest", b""),
     ]
 
-    @classmethod
-    def dispatch_hook(cls, _pkt: bytes | None = None, **others: Any) -> type[Packet]:
-        """Record 47 may hold anything: what has not the shape of a request stays Raw."""
-        return _layer(cls, _pkt, others, lambda data: decode_request(data).shaped)
-
     def _fill(self, data: bytes) -> None:
-        request = decode_request(data)
+        request = self.decode(data)
         self.fields |= _head(request) | {"request_id": request.request_id}
         self.fields["addresses"] = [
             DS47Address(attribute=each.attribute, element_count=each.element_count, pnu=each.pnu,
@@ -228,28 +247,10 @@ class DS47Request(_Message):
         head = (self.request_reference, self.request_id, self.axis, count)
         return Request(*head, addresses=addresses, blocks=self._blocks(), rest=self.rest)
 
-    @property
-    def pnu(self) -> int | None:
-        """Parameter number of the first address, None without one."""
-        return self._first("pnu")
-
-    @property
-    def subindex(self) -> int | None:
-        """Subindex of the first address."""
-        return self._first("subindex")
-
-    @property
-    def attribute(self) -> int | None:
-        """Attribute of the first address."""
-        return self._first("attribute")
-
-    @property
-    def element_count(self) -> int | None:
-        """Number of elements of the first address."""
-        return self._first("element_count")
-
-    def _first(self, name: str) -> int | None:
-        return getattr(self.addresses[0], name) if self.addresses else None
+    pnu = _of_first("addresses", "pnu", "Parameter number of the first address, None without one.")
+    subindex = _of_first("addresses", "subindex", "Subindex of the first address.")
+    attribute = _of_first("addresses", "attribute", "Attribute of the first address.")
+    element_count = _of_first("addresses", "element_count", "Elements of the first address.")
 
     def mysummary(self) -> str:
         """What is asked, in one line."""
@@ -266,6 +267,8 @@ class DS47Response(_Message):
     """
 
     name = "DS47 response"
+    decode = staticmethod(decode_response)
+    dispatch_hook = classmethod(_layer)  # scapy looks for it in the class itself
     fields_desc = [  # noqa: RUF012
         ByteField("request_reference", 1),
         XByteEnumField("response_id", 1, _RESPONSES),
@@ -275,13 +278,8 @@ class DS47Response(_Message):
         StrField("rest", b""),
     ]
 
-    @classmethod
-    def dispatch_hook(cls, _pkt: bytes | None = None, **others: Any) -> type[Packet]:
-        """Record 47 may hold anything: what has not the shape of a response stays Raw."""
-        return _layer(cls, _pkt, others, lambda data: decode_response(data).shaped)
-
     def _fill(self, data: bytes) -> None:
-        response = decode_response(data)
+        response = self.decode(data)
         self.fields |= _head(response) | {"response_id": response.response_id}
         self.fields["blocks"] = [DS47Block.of(each, self) for each in response.blocks]
         self.fields["rest"] = response.rest
@@ -297,32 +295,12 @@ class DS47Response(_Message):
         head = (self.request_reference, self.response_id, self.axis, count)
         return Response(*head, blocks=blocks, rest=self.rest)
 
-    @property
-    def format(self) -> int | None:
-        """Format of the first block, None without one."""
-        found: int | None = self._first("format")
-        return found
-
-    @property
-    def value_count(self) -> int | None:
-        """Number of values of the first block."""
-        found: int | None = self._first("value_count")
-        return found
-
-    @property
-    def values(self) -> list[Any] | None:
-        """Values of the first block."""
-        found: list[Any] | None = self._first("values")
-        return found
-
-    @property
-    def error_words(self) -> list[int] | None:
-        """Error words of the first block; empty where it is no error."""
-        found: list[int] | None = self._first("error_words")
-        return found
-
-    def _first(self, name: str) -> Any:
-        return getattr(self.blocks[0], name) if self.blocks else None
+    format = _of_first("blocks", "format", "Format of the first block, None without one.")
+    value_count = _of_first("blocks", "value_count", "Value count of the first block.")
+    values = _of_first("blocks", "values", "Values of the first block.")
+    error_words = _of_first(
+        "blocks", "error_words", "Error words of the first block; empty where it is no error."
+    )
 
     def mysummary(self) -> str:
         """What is answered, in one line."""
@@ -335,17 +313,6 @@ def _head(message: Request | Response) -> dict[str, int | None]:
         "axis": message.axis,
         "parameter_count": message.parameter_count,
     }
-
-
-def _layer(
-    cls: type[Packet], data: bytes | None, others: dict[str, Any], shaped: Callable[[bytes], bool]
-) -> type[Packet]:
-    if data is None or not others.get("_internal"):
-        return cls  # made by hand: it is what the caller says
-    below = others.get("_underlayer")
-    if len(data) < MESSAGE_SIZE or (getattr(below, "index", None) == INDEX_47 and not shaped(data)):
-        return Raw  # type: ignore[no-any-return]
-    return cls
 
 
 def _record_length(block: Packet) -> int:
