@@ -406,11 +406,7 @@ function Judge:_learn(memory, device, value)
   if type(value) ~= "number" or value <= 0 then
     return
   end
-  memory:set(device, value)
-  memory:move_to_end(device)
-  if memory.length > self.limits.longest_messages then
-    memory:pop_first()
-  end
+  memory:keep(device, value, self.limits.longest_messages)
 end
 
 return M

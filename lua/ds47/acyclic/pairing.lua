@@ -355,15 +355,6 @@ local function make_job(self, peer, record, message)
   return new_job(peer, record, message, self.count)
 end
 
--- Keeps the newest value of a key: a job of a place, an AR of two stations, the Connect of an AR.
-local function remember(self, newest, key, value)
-  newest:set(key, value)
-  newest:move_to_end(key)
-  if newest.length > self.limits.channels then
-    newest:pop_first()
-  end
-end
-
 -- An accepted Write opens; it displaces what was open and ends the grace of a refused one.
 local function accept(self, channel, job)
   job.accepted = true
@@ -469,7 +460,7 @@ local function answer(self, channel, job, record)
   end
   channel.last = job
   if job.message and not job:write_refused() then
-    remember(self, self.delivered, channel.place, job)
+    self.delivered:keep(channel.place, job, self.limits.channels)
   end
 end
 
@@ -734,10 +725,10 @@ end
 function Pairing:connected(controller, device, frame, ar, only)
   if ar then
     local pair, key = pair_key(controller, device), records.ar_text(controller, device, ar)
-    remember(self, self.connects, key, frame)
+    self.connects:keep(key, frame, self.limits.channels)
     if only then
       replace(self, pair, key, frame)
-      remember(self, self.connected_ars, pair, key)
+      self.connected_ars:keep(pair, key, self.limits.channels)
     end
   end
   self.listener:connected(device, frame)

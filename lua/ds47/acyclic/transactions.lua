@@ -250,32 +250,17 @@ end
 
 -- The keys of a transaction, and what each is: a function of the transaction, as far as it is made, and of
 -- the job.
-local KEYS = {}
-
-function KEYS.order(_, job)
-  return job.order
-end
-
-function KEYS.operation(_, job)
-  return M.operation(job)
-end
-
-function KEYS.parameters(_, job)
-  return M.parameters(job)
-end
-
-function KEYS.state(item, job)
-  return M.state(job, item.parameters)
-end
-
-function KEYS.frames(_, job)
-  return frames_of(job)
-end
-
-function KEYS.ar(_, job)
-  local ar = job.record.ar
-  return ar ~= NIL_UUID and M.uuid(ar) or nil
-end
+local KEYS = {
+  order = function(_, job) return job.order end,
+  operation = function(_, job) return M.operation(job) end,
+  parameters = function(_, job) return M.parameters(job) end,
+  state = function(item, job) return M.state(job, item.parameters) end,
+  frames = function(_, job) return frames_of(job) end,
+  drive_ns = function(_, job) return rules.drive_time_ns(job) end, -- for the statistics; no key of the report
+  write_status = function(_, job) return job.write_response and job.write_response.status end,
+  read_status = function(_, job) return job.read_response and job.read_response.status end,
+  stray = function(_, job) return is_mismatch(job) end, -- its response is the one of another request
+}
 
 for _, key in ipairs({"controller", "device", "vendor_id"}) do
   KEYS[key] = function(_, job) return job.peer[key] end
@@ -285,15 +270,18 @@ for _, key in ipairs({"api", "slot", "subslot", "index", "position"}) do
   KEYS[key] = function(_, job) return job.record[key] end
 end
 
--- A key of the header of a message: that of the request, or of the response to an unknown one.
-local function of_header(key)
-  return function(_, job)
+-- Of the header of a message: that of the request, or of the response to an unknown one.
+for _, key in ipairs({"request_reference", "axis"}) do
+  KEYS[key] = function(_, job)
     local head = job.message or job.response
     return head and head[key]
   end
 end
 
-KEYS.request_reference, KEYS.axis = of_header("request_reference"), of_header("axis")
+function KEYS.ar(_, job)
+  local ar = job.record.ar
+  return ar ~= NIL_UUID and M.uuid(ar) or nil
+end
 
 function KEYS.start_ns(_, job)
   return (job:write_request() or job.read_request or job.read_response).time_ns
@@ -304,10 +292,6 @@ function KEYS.duration_ns(_, job)
   return write and read and read.data ~= "" and read.time_ns - write.time_ns or nil
 end
 
-function KEYS.drive_ns(_, job) -- for the statistics; no key of the report
-  return rules.drive_time_ns(job)
-end
-
 function KEYS.request(_, job)
   local write = job:write_request()
   return write and write.data
@@ -316,18 +300,6 @@ end
 function KEYS.response(_, job)
   local read = job.read_response
   return read and read.data ~= "" and read.data or nil
-end
-
-function KEYS.write_status(_, job)
-  return job.write_response and job.write_response.status
-end
-
-function KEYS.read_status(_, job)
-  return job.read_response and job.read_response.status
-end
-
-function KEYS.stray(_, job) -- its response is the one of another request
-  return is_mismatch(job)
 end
 
 local Open = {}

@@ -31,11 +31,7 @@ function M.new()
 end
 
 local function put(memory, key, value)
-  memory:set(key, value)
-  memory:move_to_end(key)
-  if memory.length > tables.known.history then
-    memory:pop_first()
-  end
+  memory:keep(key, value, tables.known.history)
 end
 
 local function submodule(access)

@@ -118,45 +118,24 @@ local date_and_time = scaling(function(_, _, raw, at)
 end)
 
 -- kind of tables.lua -> what of a codec does not stand in the row itself.
-local make = {}
+local make = {
+  float = function(row) return {decode = decode[row.pack], float = true, pack = row.pack} end,
+  text = function(row) return {decode = row.whole and whole_text or texts} end,
+  octets = function(row) return {decode = row.whole and whole_octets or octets} end,
+  with_status = function(row)
+    return {decode = octets, scale = without_status, scaled_float = row.pack == "f"}
+  end,
+  date = function() return {decode = integers, scale = date_and_time} end,
+  time_of_day = function() return {decode = integers, scale = time_of_day} end,
+  duration = function() return {decode = integers, scale = duration, scaled_float = true} end,
+  zero = function() return {decode = nothing} end,
+}
 
 function make.number(row)
   return {
     decode = decode[row.pack], scale = row.divide and ratio, scaled_float = row.divide ~= nil,
     pack = not row.divide and row.pack or nil,
   }
-end
-
-function make.float(row)
-  return {decode = decode[row.pack], float = true, pack = row.pack}
-end
-
-function make.text(row)
-  return {decode = row.whole and whole_text or texts}
-end
-
-function make.octets(row)
-  return {decode = row.whole and whole_octets or octets}
-end
-
-function make.with_status(row)
-  return {decode = octets, scale = without_status, scaled_float = row.pack == "f"}
-end
-
-function make.date()
-  return {decode = integers, scale = date_and_time}
-end
-
-function make.time_of_day()
-  return {decode = integers, scale = time_of_day}
-end
-
-function make.duration()
-  return {decode = integers, scale = duration, scaled_float = true}
-end
-
-function make.zero()
-  return {decode = nothing}
 end
 
 --- The codec of a format code, nil where the length of its values cannot be known.

@@ -3,6 +3,7 @@
 -- text and reading a line are the command line's.
 
 local formats = require("ds47.profidrive.formats")
+local json = require("ds47.support.json")
 local numbers = require("ds47.support.numbers")
 local tables = require("ds47.spec.tables")
 
@@ -15,18 +16,9 @@ local READ, CHANGE = 0x01, 0x02
 local OPERATIONS = {[READ] = "read", [CHANGE] = "change"}
 local NAN = {f = "\127\192\0\0", d = "\127\248\0\0\0\0\0\0"} -- the one that is written as "NaN"
 
-local ESCAPES = {
-  ['"'] = '\\"', ["\\"] = "\\\\", ["\b"] = "\\b", ["\f"] = "\\f", ["\n"] = "\\n", ["\r"] = "\\r",
-  ["\t"] = "\\t",
-}
-
-local function escaped(character)
-  return ESCAPES[character] or format("\\u%04x", character:byte())
-end
-
 -- Latin-1 as JSON writes it, in ASCII.
 local function quoted(text)
-  return '"' .. gsub(text, '[\0-\31\127-\255"\\]', escaped) .. '"'
+  return '"' .. gsub(text, '[\0-\31\127-\255"\\]', json.ESCAPES) .. '"'
 end
 
 local function value_text(value, float)

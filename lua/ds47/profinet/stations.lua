@@ -43,10 +43,7 @@ function Naming:station(kind, payload, src_mac, dst_mac)
       end
     end
   end
-  self.stations:set(station.mac, station)
-  if self.stations.length > self.most then
-    self.stations:pop_first()
-  end
+  self.stations:keep(station.mac, station, self.most)
 end
 
 --- Takes an RPC message: responses come from devices, a Connect names device and controller.

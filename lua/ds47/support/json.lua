@@ -1,6 +1,7 @@
 -- JSON, as far as the vectors, the drivers of the tests and a dump of a result need it: objects, arrays,
 -- UTF-8. What a result looks like as JSON is decided elsewhere.
 
+local entries = require("ds47.support.later").entries
 local numbers = require("ds47.support.numbers")
 
 local byte, char, find, format, gsub = string.byte, string.char, string.find, string.format, string.gsub
@@ -29,15 +30,18 @@ function M.float(number)
   return type(number) == "number" and M.raw(numbers.float_text(number)) or number
 end
 
-local ESCAPES = {['"'] = '\\"', ["\\"] = "\\\\", ["\b"] = "\\b", ["\f"] = "\\f", ["\n"] = "\\n",
-  ["\r"] = "\\r", ["\t"] = "\\t"}
-for code = 0, 31 do
-  ESCAPES[char(code)] = ESCAPES[char(code)] or format("\\u%04x", code)
+--- A byte of Latin-1 -> how a string of JSON has it where it does not stand for itself.
+M.ESCAPES = entries(function(character) return format("\\u%04x", byte(character)) end)
+for character, escape in pairs({
+  ['"'] = '\\"', ["\\"] = "\\\\", ["\b"] = "\\b", ["\f"] = "\\f", ["\n"] = "\\n", ["\r"] = "\\r",
+  ["\t"] = "\\t",
+}) do
+  M.ESCAPES[character] = escape
 end
 
 --- A text as a string of JSON.
 function M.quoted(text)
-  return '"' .. gsub(text, '[%z\1-\31\\"]', ESCAPES) .. '"'
+  return '"' .. gsub(text, '[%z\1-\31\\"]', M.ESCAPES) .. '"'
 end
 
 local quoted = M.quoted
@@ -146,39 +150,43 @@ end
 
 local take -- forward: values nest
 
+-- Behind an item: where the next one begins; nil, and what follows, where `close` stands.
+local function behind(text, at, close)
+  at = skip(text, at)
+  local mark = sub(text, at, at)
+  if mark == close then return nil, at + 1 end
+  if mark ~= "," then wrong(text, at) end
+  return at + 1
+end
+
 local function take_array(text, at)
   local items, count = M.array({}), 0
   at = skip(text, at + 1)
   if sub(text, at, at) == "]" then return items, at + 1 end
-  while true do
+  local stop
+  while at do
     count = count + 1
     items[count], at = take(text, at)
-    at = skip(text, at)
-    local mark = sub(text, at, at)
-    if mark == "]" then return items, at + 1 end
-    if mark ~= "," then wrong(text, at) end
-    at = at + 1
+    at, stop = behind(text, at, "]")
   end
+  return items, stop
 end
 
 local function take_object(text, at)
   local object = {}
   at = skip(text, at + 1)
   if sub(text, at, at) == "}" then return object, at + 1 end
-  while true do
-    local key
+  local key, stop
+  while at do
     at = skip(text, at)
     if byte(text, at) ~= 34 then wrong(text, at) end
     key, at = take_string(text, at)
     at = skip(text, at)
     if sub(text, at, at) ~= ":" then wrong(text, at) end
     object[key], at = take(text, at + 1)
-    at = skip(text, at)
-    local mark = sub(text, at, at)
-    if mark == "}" then return object, at + 1 end
-    if mark ~= "," then wrong(text, at) end
-    at = at + 1
+    at, stop = behind(text, at, "}")
   end
+  return object, stop
 end
 
 local WORDS = {["true"] = true, ["false"] = false, null = M.null}

@@ -102,6 +102,15 @@ function Ordered:pop_first()
   end
 end
 
+--- Keeps a value as the newest one; of more keys than `most` the oldest goes.
+function Ordered:keep(key, value, most)
+  self:set(key, value)
+  self:move_to_end(key)
+  if self.length > most then
+    self:pop_first()
+  end
+end
+
 local function following(self, key)
   if key == nil then
     key = self.oldest
