@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from ds47 import spec
 from ds47.cyclic.pzd import missing, signed, state
@@ -322,14 +323,15 @@ def _decimal_byte(value: int, lang: str, vendor: Maker | None) -> Iterator[Meani
 
 def _names(kind: str) -> Mapping[int, str]:
     """The codes of a kind that the tables know, with their names."""
-    if kind == "attribute":
-        known = {code: row.name for code, row in spec.attributes().items()}
-        return known | dict.fromkeys(spec.vendor_attributes(), "")
-    if kind == "response_id":
-        return {code: row.name for code, row in spec.response_ids().items()}
-    if kind == "request_id":
-        return {code: row.name for code, row in spec.request_ids().items()}
-    return {code: row.name for code, row in spec.formats().items()}
+    rows = _TABLES[kind]().items()
+    names = {code: row.name for code, row in rows}
+    return names | (dict.fromkeys(spec.vendor_attributes(), "") if kind == "attribute" else {})
+
+
+_TABLES: Mapping[str, Callable[[], Mapping[int, Any]]] = {
+    "attribute": spec.attributes, "format": spec.formats,
+    "response_id": spec.response_ids, "request_id": spec.request_ids,
+}  # fmt: skip
 
 
 def _number(kind: str, value: int, lang: str) -> Meaning:
@@ -365,12 +367,7 @@ def _rank_of(kind: str, value: int) -> str:
     """The name in the order of meanings (explain.toml) of what a number is as one of a kind."""
     if kind == "response_id" and value in (0x80, 0x81, 0x82):
         return "negative_response"
-    rows = {
-        "response_id": spec.response_ids().get(value),
-        "request_id": spec.request_ids().get(value),
-    }
-    row = rows.get(kind)
-    if row is not None and row.vendor:
+    if kind in ("response_id", "request_id") and (row := _TABLES[kind]().get(value)) and row.vendor:
         return "vendor_id"
     if kind == "format" and value == 0x44:
         return "format_error"

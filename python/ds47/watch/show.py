@@ -13,7 +13,8 @@ from typing import TextIO
 from ds47.model import OPERATIONS, SEVERITIES, STATES, CaptureResult, Finding, Transaction
 from ds47.report import Options, json, ndjson, text
 from ds47.report.bilingual import Both, joined, numbered, operation, say
-from ds47.report.formatting import duration, escape
+from ds47.report.formatting import escape
+from ds47.report.latency import Latency
 from ds47.report.sentences import at_offset, sentence
 from ds47.report.summary import about
 from ds47.report.targets import Targets
@@ -31,7 +32,7 @@ class Tally:
         self.operations: Counter[str] = Counter()
         self.severities: Counter[str] = Counter()
         self.rules: Counter[str] = Counter()
-        self._durations: Counter[int] = Counter()
+        self._latency = Latency()
 
     def transaction(self, item: Transaction) -> None:
         """Counts one."""
@@ -39,7 +40,7 @@ class Tally:
         self.operations[item.operation] += 1
         if item.duration_ns is not None and item.duration_ns >= 0:
             digits = len(str(item.duration_ns))
-            self._durations[round(item.duration_ns, min(0, _DIGITS - digits))] += 1
+            self._latency.add(round(item.duration_ns, min(0, _DIGITS - digits)))
 
     def changed(self, before: Transaction, after: Transaction) -> None:
         """Counts one again whose state is another now."""
@@ -69,22 +70,9 @@ class Tally:
             rules = [Both.same(f"{rule} {n}") for rule, n in sorted(self.rules.items())]
             split = split.joined(joined(rules), "; ", "；")
             found = found.joined(split, ": ", "：")
-        told = [say("watch_summary", n=frames), jobs, found]
-        if self._durations:
-            half, most = (duration(self._percentile(at)) for at in (50, 95))
-            longest = duration(max(self._durations))
-            told.append(say("latency", half=half, most=most, longest=longest))
-        head, *lines = (each.text(lang) for each in told)
-        return [head, *(f"  {line}" for line in lines)]
-
-    def _percentile(self, percent: int) -> int:
-        wanted = -(-percent * self._durations.total() // 100)
-        seen = 0
-        for value in sorted(self._durations):
-            seen += self._durations[value]
-            if seen >= wanted:
-                break
-        return value
+        lines = [jobs.text(lang), found.text(lang), self._latency.text(lang)]
+        head = say("watch_summary", n=frames).text(lang)
+        return [head, *(f"  {line}" for line in lines if line)]
 
 
 class TextShow(text.Writer):
