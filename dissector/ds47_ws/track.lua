@@ -6,6 +6,7 @@
 -- Not here: fields and trees (tree.lua), and the analysis itself (ds47.analysis).
 
 local analysis = require("ds47.analysis")
+local entries = require("ds47.support.later").entries
 local parameter = require("ds47.profidrive.parameter")
 local plc = require("ds47.report.plc")
 local rpc = require("ds47.profinet.rpc")
@@ -32,28 +33,15 @@ local newest_station -- number of the newest frame of those
 local told -- MAC address and kind -> what was told last
 
 -- Texts of addresses, by their bytes: a capture has few of them.
-local address_pairs, mac_texts, text_count = {}, {}, 0
-
-local function remember(texts, raw, text)
-  if text_count >= MOST_TEXTS then
-    address_pairs, mac_texts, text_count = {}, {}, 0
-  else
-    texts[raw], text_count = text, text_count + 1
-  end
-  return text
-end
+local mac_texts = entries(function(raw)
+  return format("%02x:%02x:%02x:%02x:%02x:%02x", byte(raw, 1, 6))
+end, MOST_TEXTS)
 
 -- Source and destination address of an IP header: an array of two texts.
-local function remember_pair(raw)
+local address_pairs = entries(function(raw)
   local a, b, c, d, e, f, g, h = byte(raw, 1, 8)
-  local texts = { format("%d.%d.%d.%d", a, b, c, d), format("%d.%d.%d.%d", e, f, g, h) }
-  return remember(address_pairs, raw, texts)
-end
-
-local function mac_text(raw)
-  return mac_texts[raw]
-    or remember(mac_texts, raw, format("%02x:%02x:%02x:%02x:%02x:%02x", byte(raw, 1, 6)))
-end
+  return { format("%d.%d.%d.%d", a, b, c, d), format("%d.%d.%d.%d", e, f, g, h) }
+end, MOST_TEXTS)
 
 --- Tells where the options of an analysis, and the language of what is shown, come from: a function that is
 -- asked for each new file.
@@ -86,11 +74,11 @@ end
 -- bytes, so what is left of the offset tells the link type.
 local function source_mac(frame, offset)
   if offset % 4 == 2 and offset >= 14 then
-    return mac_text(sub(frame, 7, 12))
+    return mac_texts[sub(frame, 7, 12)]
   elseif offset >= 20 and byte(frame, 1) ~= 0 then
-    return byte(frame, 12) == 6 and mac_text(sub(frame, 13, 18)) or nil
+    return byte(frame, 12) == 6 and mac_texts[sub(frame, 13, 18)] or nil
   elseif offset >= 16 and sub(frame, 5, 6) == "\0\6" then
-    return mac_text(sub(frame, 7, 12))
+    return mac_texts[sub(frame, 7, 12)]
   end
   return nil
 end
@@ -98,7 +86,7 @@ end
 -- Source and destination; a cooked header knows the source only.
 local function mac_addresses(frame, offset)
   local ethernet = offset % 4 == 2 and offset >= 14
-  return source_mac(frame, offset), ethernet and mac_text(sub(frame, 1, 6)) or nil
+  return source_mac(frame, offset), ethernet and mac_texts[sub(frame, 1, 6)] or nil
 end
 
 -- Places of the EtherType, and where what it tells begins: Ethernet, Linux cooked, Linux cooked 2.
@@ -207,7 +195,7 @@ local function dissect(frame, offset)
   end
   local made = part or packet
   local addresses = sub(frame, offset + 13, offset + 20)
-  local texts = address_pairs[addresses] or remember_pair(addresses)
+  local texts = address_pairs[addresses]
   made.src_ip, made.dst_ip = texts[1], texts[2]
   made.ip_id = i1 * 256 + i2
   made.src_mac = source_mac(frame, offset)

@@ -3,6 +3,7 @@
 -- States and parameters follow docs/pairing.md; findings are made in judge.lua. Keys of a transaction
 -- are those of python/ds47/model.py, and `order`, by which its job is known while the capture goes on.
 
+local entries = require("ds47.support.later").entries
 local parameter = require("ds47.profidrive.parameter")
 local rules = require("ds47.acyclic.judge")
 local tables = require("ds47.spec.tables")
@@ -19,19 +20,13 @@ local SIEMENS = M.SIEMENS
 local NIL_UUID = ("\0"):rep(16)
 
 -- Text of AR UUIDs. A capture has few of them; one made to have many must not fill memory.
-local uuids, uuid_count, MOST_UUIDS = {}, 0, 1024
+local uuids = entries(function(raw)
+  return format("%02x%02x%02x%02x-%02x%02x-%02x%02x-%02x%02x-%02x%02x%02x%02x%02x%02x", byte(raw, 1, 16))
+end, 1024)
 
 --- An AR UUID, 16 bytes, as text.
 function M.uuid(raw)
-  local text = uuids[raw]
-  if text == nil then
-    text = format("%02x%02x%02x%02x-%02x%02x-%02x%02x-%02x%02x-%02x%02x%02x%02x%02x%02x", byte(raw, 1, 16))
-    if uuid_count >= MOST_UUIDS then
-      uuids, uuid_count = {}, 0
-    end
-    uuids[raw], uuid_count = text, uuid_count + 1
-  end
-  return text
+  return uuids[raw]
 end
 
 -- Operation and state

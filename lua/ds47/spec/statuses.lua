@@ -1,5 +1,6 @@
 -- PNIOStatus in words: what DE80B500 means (docs/protocol.md E.5). The words are in tables.lua.
 
+local entries = require("ds47.support.later").entries
 local spec = require("ds47.spec.lookup")
 local tables = require("ds47.spec.tables")
 
@@ -41,20 +42,16 @@ local function describe(status, lang)
   return table.concat(parts, words.separator)
 end
 
-local texts, held = {en = {}, zh = {}}, 0
+local texts = {}
+for _, lang in ipairs({"en", "zh"}) do
+  texts[lang] = entries(function(status) return describe(status, lang) end, CACHED)
+end
 
 --- A status in words: "read: access: state conflict".
 -- @param status 32 bits
 -- @param lang "en" or "zh"; anything else gives English
 function M.status_text(status, lang)
-  lang = lang == "zh" and "zh" or "en"
-  local text = texts[lang][status]
-  if not text then
-    if held >= CACHED then texts, held = {en = {}, zh = {}}, 0 end
-    text = describe(status, lang)
-    texts[lang][status], held = text, held + 1
-  end
-  return text
+  return texts[lang == "zh" and "zh" or "en"][status]
 end
 
 return M

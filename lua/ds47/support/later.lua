@@ -8,10 +8,18 @@ local M = {}
 
 --- A table whose entries are made when they are asked for.
 -- @param make a function of the key that gives the entry
-function M.entries(make)
+-- @param most how many are kept: behind that many it begins anew; nil keeps all
+function M.entries(make, most)
+  local count = 0
   return setmetatable({}, { __index = function(entries, key)
+    if count == most then
+      for known in pairs(entries) do
+        entries[known] = nil
+      end
+      count = 0
+    end
     local value = make(key)
-    entries[key] = value
+    entries[key], count = value, count + 1
     return value
   end })
 end
