@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ds47.cli.common import stdout, warn
+from ds47 import __version__
+from ds47.cli.common import counted, stdout, warn
 
 if TYPE_CHECKING:
     from ds47.wireshark.bundle import Sources
@@ -59,7 +60,7 @@ def install(folder: Path | None, no_profile: bool, force: bool, tshark: str | No
     stream = stdout()
     try:
         outcome = files.install_plugin(plugins, sources, force)
-        stream.write(_told(f"plugin {_version()}", outcome))
+        stream.write(_told(f"plugin {__version__}", outcome))
     except files.RefusedError as problem:
         warn(str(problem))
         return 1
@@ -183,7 +184,7 @@ def _sources() -> Sources:
 
 def _told(what: str, outcome: Outcome) -> str:
     before = f", {outcome.replaced} replaced" if outcome.replaced else ""
-    lines = [f"{what}: {outcome.folder} ({_files(outcome.written)}{before})"]
+    lines = [f"{what}: {outcome.folder} ({counted(outcome.written, 'file')}{before})"]
     if outcome.kept:
         lines.append(f"  kept, because you changed them: {_listed(outcome.kept)}")
     if outcome.foreign:
@@ -197,7 +198,7 @@ def _removed(what: str, outcome: Outcome | None) -> str:
     if not outcome.removed:
         why = _listed([*outcome.kept, *outcome.foreign])
         return f"{what}: kept, because you changed {why} in {outcome.folder} (--force removes it)\n"
-    text = f"{what}: removed from {outcome.folder} ({_files(outcome.removed)})\n"
+    text = f"{what}: removed from {outcome.folder} ({counted(outcome.removed, 'file')})\n"
     if outcome.foreign:
         text += f"  left there, not of ds47: {_listed(outcome.foreign)}\n"
     return text
@@ -223,13 +224,3 @@ def _listed(names: list[str]) -> str:
     from ds47.wireshark.install import listed
 
     return listed(names)
-
-
-def _files(number: int) -> str:
-    return f"{number} file" + ("s" if number != 1 else "")
-
-
-def _version() -> str:
-    from ds47 import __version__
-
-    return __version__

@@ -21,6 +21,7 @@ BOOK = Vectors(
     "Conversations and the diagnoses (DS7xx) of their messages and transactions, for every implementation. "
     "tests/vectors/README.md says how to run them; tests/vectors/sources/diagnoses.py writes this file.",
 )
+TEN = message.block(0x07, "I", 10)
 TURNED = 0x00002041
 """10.0 as Float32 with its bytes in the other order: 1.157e-41."""
 ANOTHER_MAKE = 0x0119
@@ -413,8 +414,7 @@ BOOK.lab(
 )
 def ds714_integer(client: Client) -> None:
     """Near miss: 10 as it should be, outside of the limits."""
-    block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
-    client.exchange(change(1120, block), refused(1, 0x02, 0x82))
+    client.exchange(change(1120, TEN), refused(1, 0x02, 0x82))
 
 
 @BOOK.scene(
@@ -437,8 +437,7 @@ def ds714_integer_as_float(client: Client) -> None:
 def ds714_read_in_this_way(client: Client) -> None:
     """The drive object reads it as Unsigned16, whatever the list of parameters says."""
     client.exchange(ask(1, 2900), message.answer(1, 1, 1, message.word(7)))
-    block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
-    client.exchange(change(2900, block), refused(1, 0x05, 0x82))
+    client.exchange(change(2900, TEN), refused(1, 0x05, 0x82))
 
 
 @BOOK.scene(
@@ -450,8 +449,7 @@ def ds714_read_in_this_way(client: Client) -> None:
 def ds714_read_of_another_drive_object(client: Client) -> None:
     """Near miss: drive object 2 reads it in a format that is not that of the list; of 1 nobody knows."""
     client.exchange(ask(1, 2900, axis=2), message.answer(1, 1, 2, message.word(7)))
-    block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
-    client.exchange(change(2900, block), refused(1, 0x05, 0x82))
+    client.exchange(change(2900, TEN), refused(1, 0x05, 0x82))
 
 
 @BOOK.scene(
@@ -462,15 +460,13 @@ def ds714_read_of_another_drive_object(client: Client) -> None:
 def ds714_another_make(client: Client) -> None:
     """Near miss: p2900 is in the list of one maker, and the drive is of another."""
     client.device = drive(vendor_id=ANOTHER_MAKE)
-    block = message.raw_block(0x07, 1, (10).to_bytes(4, "big"))
-    client.exchange(change(2900, block), refused(1, 0x05, 0x82))
+    client.exchange(change(2900, TEN), refused(1, 0x05, 0x82))
 
 
 @BOOK.scene("values", row(1, ramp(1.157e-41), state="change ok"), rules="DS715@1#1")
 def ds715_values(client: Client) -> None:
     """10.0 with its bytes turned round, and the drive takes it."""
-    block = message.raw_block(0x08, 1, TURNED.to_bytes(4, "big"))
-    client.exchange(change(1120, block), message.changed(1, 1))
+    client.exchange(change(1120, message.block(0x08, "I", TURNED)), message.changed(1, 1))
 
 
 @BOOK.scene(
