@@ -32,7 +32,6 @@ local NONE = {}
 
 local Analysis = {}
 Analysis.__index = Analysis
-M.Analysis = Analysis
 
 -- Fields whose values never change once they are made: a copy of the open state refers to the same ones.
 local UNCHANGING = {

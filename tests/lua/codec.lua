@@ -7,6 +7,7 @@
 local here = arg[0]:match("^(.*)[/\\]") or "."
 package.path = here .. "/../../lua/?.lua;" .. package.path
 
+local formats = require("ds47.profidrive.formats")
 local formatting = require("ds47.report.formatting")
 local json = require("ds47.support.json")
 local numbers = require("ds47.support.numbers")
@@ -34,7 +35,9 @@ end
 
 local function texts(values, block, scaled)
   local items = json.array({})
-  for i, value in ipairs(values or {}) do items[i] = formatting.value_of(value, block, scaled) end
+  for i, value in ipairs(values or {}) do
+    items[i] = formatting.value(value, formats.name_of(block), scaled)
+  end
   return items
 end
 

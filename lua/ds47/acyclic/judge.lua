@@ -108,7 +108,6 @@ end
 
 local Judge = {}
 Judge.__index = Judge
-M.Judge = Judge
 
 --- Judges jobs; keeps the little history that some rules need.
 -- @param limits   the numbers of tables.limits

@@ -154,7 +154,6 @@ end
 
 local Pairing = {}
 Pairing.__index = Pairing
-M.Pairing = Pairing
 
 --- Takes record calls in the order of the capture and keeps the jobs of every channel.
 -- @param limits    the numbers of tables.limits

@@ -345,7 +345,6 @@ end
 
 local Store = {}
 Store.__index = Store
-M.Store = Store
 
 --- An empty store for closed jobs; dialects as those of the analysis.
 function M.store(codec)

@@ -59,7 +59,6 @@ end
 
 local Diagnoses = {}
 Diagnoses.__index = Diagnoses
-M.Diagnoses = Diagnoses
 
 --- Takes jobs as they are closed.
 -- @param codec  dialects of the messages

@@ -13,7 +13,6 @@ local NONE = {}
 
 local Findings = {}
 Findings.__index = Findings
-M.Findings = Findings
 
 --- Collects remarks and makes findings of them.
 -- @param select  array of rule ids or prefixes that are wanted; nil or empty for all

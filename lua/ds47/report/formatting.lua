@@ -202,11 +202,6 @@ function M.value(item, format_name, scaled)
   return M.is_text(format_name) and '"' .. gsub(plain, '"', '\\"') .. '"' or plain
 end
 
---- One value of a block, of a parameter of a transaction, or of a format with this name.
-function M.value_of(item, block, scaled)
-  return M.value(item, formats.name_of(block), scaled)
-end
-
 --- A list of values, cut where it grows long: `1, 2, 3, ... (40 values)`.
 -- @param lang "zh" for Chinese words, else English
 function M.values(items, format_name, scaled, lang)

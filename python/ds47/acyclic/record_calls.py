@@ -6,7 +6,6 @@ the transport of a record call (DS1xx, DS202, DS208). Decodes a message once; co
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
@@ -38,7 +37,6 @@ from ds47.spec.layouts import (
 )
 from ds47.spec.semantics import Limits
 
-_PLACE: Final = struct.Struct(">16sIHHHH")
 _OPERATIONS: Final = {RPC_READ: "Read", RPC_WRITE: "Write", RPC_READ_IMPLICIT: "ReadImplicit"}
 
 _MOST_SHARED: Final = 4_096
