@@ -70,6 +70,7 @@ def enum(words: Sequence[str]) -> Schema:
 COUNTS: Schema = {"type": "object", "additionalProperties": COUNT}
 SIMPLE: dict[str, Schema] = {
     "counts": COUNTS,
+    "channel": enum((model.DS47, model.PKW)),
     "operation": enum(model.OPERATIONS),
     "state": enum(model.STATES),
     "severity": enum(model.SEVERITIES),

@@ -7,7 +7,7 @@ Each step is a module of its own; here they are only joined. Nothing is printed,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -18,6 +18,11 @@ from ds47.acyclic.pairing import Job, Pairing, Peer
 from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.transactions import build, summarise
 from ds47.capture import Capture, Frame, Series, open_capture, sha256
+from ds47.capture.scan import Watch
+from ds47.cyclic.channels import ParameterChannels
+from ds47.cyclic.handshake import Job as PkwJob
+from ds47.cyclic.relations import Relation
+from ds47.cyclic.transactions import build as build_pkw
 from ds47.diagnosis import Diagnoses
 from ds47.findings.collection import Findings
 from ds47.findings.remark import Exchange, Remark
@@ -133,13 +138,20 @@ class Analysis:
         index47 = Index47(
             options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars
         )
+        self._cyclic = ParameterChannels(self._exchanged, self._watch, bounds.relations)
         self._records = RecordCalls(
-            index47, self._pairing, options.codec, self._remark, self._diagnoses.foreign, bounds
-        )
+            index47, self._pairing, options.codec, self._remark, self._diagnoses.foreign,
+            self._cyclic.connected, bounds,
+        )  # fmt: skip
         self._calls = CallTracker(bounds, self._records.handlers())
         self._stations = Stations(bounds.stations)
         self._transport = Transport(
-            bounds, self._calls, self._stations, self._records, self._diagnoses.cut
+            bounds,
+            self._calls,
+            self._stations,
+            self._records,
+            self._diagnoses.cut,
+            self._cyclic.frame,
         )
         self._answers: dict[Job, list[Remark]] = {}
         self._remarks: dict[Exchange, list[Remark]] = {}
@@ -147,15 +159,18 @@ class Analysis:
         self._transactions: dict[int, Transaction] = {}
         """By the order of their jobs; the jobs themselves need not be kept."""
         self._summary: dict[str, int] = {"transactions": 0}
+        self._capture: Capture | Series | None = None
 
     def run(self, capture: Capture | Series) -> CaptureResult:
         """Reads the capture to its end and sums up."""
+        self._capture = capture
         self._frames(capture)
         self._findings.frames_dropped = capture.gaps
         self._transport.finish()
         self._calls.finish()
         self._pairing.finish()
         self._records.finish()
+        self._cyclic.finish()
         self._diagnose(capture)
         counts = self._records.counts
         return CaptureResult(
@@ -240,6 +255,22 @@ class Analysis:
                 self._findings.add(remark)
             return
         self._hand_out(job, transaction, remarks, self._on_transaction)
+
+    def _watch(self, watches: Sequence[Watch]) -> None:
+        """Cyclic frames that matter from the next frame on."""
+        if self._capture is not None:
+            self._capture.watch(watches)
+
+    def _exchanged(self, relation: Relation, job: PkwJob) -> None:
+        """A transaction of PKW is over."""
+        transaction = build_pkw(relation, job)
+        summarise(self._summary, transaction.state, transaction.operation)
+        order = self._pairing.number()
+        if self._on_transaction is None:
+            self._transactions[order] = transaction
+            return
+        transaction.id = order
+        self._on_transaction(transaction, [])
 
     def _hand_out(
         self, job: Job, transaction: Transaction, remarks: list[Remark], to: OnTransaction

@@ -9,7 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
-from ds47.spec import Pnu, error_text, parameters
+from ds47.spec import Pnu, error_hex, error_text, parameters
+from ds47.spec.cyclic import error_text as pkw_error_text
+from ds47.spec.cyclic import meaning as pkw_meaning
 from ds47.spec.units import milliseconds, status, timestamp
 
 Value = int | float | str
@@ -19,6 +21,8 @@ OPERATIONS = ("read", "change", "vendor", "unknown")
 STATES = ("ok", "partial", "error", "mismatch", "refused", "unanswered", "superseded", "orphan")
 SEVERITIES = ("note", "warning", "error")
 """From harmless to serious, so that an index compares two of them."""
+DS47, PKW = "ds47", "pkw"
+"""Channels of transactions: records, and the parameter channel inside cyclic frames."""
 DIAGNOSIS = "DS7"
 """What the id of every diagnosis begins with."""
 
@@ -64,11 +68,29 @@ class ParameterError(_Plain):
     """PROFINET vendor id of the device: it decides what the numbers of vendors mean."""
     said: str | None = None
     """The text of a stored result, where this version has another one for the number; else None."""
+    ak: int | None = None
+    """AK of the response where it is one of PKW, which has other numbers (docs/cyclic.md 2); else None."""
+
+    @property
+    def number(self) -> str | None:
+        """The error number as manuals print it: `0x11`, of PKW `17`; None where there is none."""
+        if self.code is None:
+            return None
+        return error_hex(self.code) if self.ak is None else str(self.code)
 
     @property
     def text(self) -> str:
         """What the error number means, in English; empty where there is no number."""
-        return error_text(self.code, "en", self.vendor_id) if self.said is None else self.said
+        return self.words("en")
+
+    def words(self, lang: str) -> str:
+        """The same in "en" or "zh"."""
+        if self.said is not None:
+            return self.said
+        if self.ak is None:
+            return error_text(self.code, lang, self.vendor_id)
+        known = None if self.code is None else pkw_error_text(self.code, lang)
+        return known or pkw_meaning(self.ak, True, lang)
 
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
@@ -196,7 +218,8 @@ class Transaction(_Plain):
     api: int
     slot: int
     subslot: int
-    index: int
+    index: int | None
+    """Record index; None of a channel that has none."""
     request_reference: int | None
     axis: int | None
     frames: Frames
@@ -213,6 +236,9 @@ class Transaction(_Plain):
     """Place inside the first frame: an IODWriteMultiple carries several records."""
     findings: list[str]
     id: int
+    channel: str
+    cycles: int | None
+    """From a request in cyclic frames to its response, in cycles; None where they were not seen to begin."""
 
     def __init__(
         self,
@@ -224,7 +250,7 @@ class Transaction(_Plain):
         api: int,
         slot: int,
         subslot: int,
-        index: int,
+        index: int | None,
         request_reference: int | None,
         axis: int | None,
         frames: Frames,
@@ -238,6 +264,8 @@ class Transaction(_Plain):
         position: int = 0,
         findings: list[str] | None = None,
         id: int = 0,  # noqa: A002 (a key of the report)
+        channel: str = DS47,
+        cycles: int | None = None,
     ) -> None:
         self.operation = operation
         self.state = state
@@ -261,6 +289,8 @@ class Transaction(_Plain):
         self.position = position
         self.findings = [] if findings is None else findings
         self.id = id
+        self.channel = channel
+        self.cycles = cycles
 
     @property
     def start(self) -> str:

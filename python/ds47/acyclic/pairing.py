@@ -465,9 +465,13 @@ class Pairing:
         while self.channels:
             self._close_channel(next(iter(self.channels)), "end")
 
-    def _job(self, peer: Peer, record: Record, message: Request | None) -> Job:
+    def number(self) -> int:
+        """The number of the next transaction, by their beginnings."""
         self._count += 1
-        return Job(peer, record, message, order=self._count)
+        return self._count
+
+    def _job(self, peer: Peer, record: Record, message: Request | None) -> Job:
+        return Job(peer, record, message, order=self.number())
 
     def _channel(self, peer: Peer, record: Record, now: int) -> Channel:
         key = _key(peer, record)

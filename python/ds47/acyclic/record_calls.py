@@ -79,6 +79,7 @@ class RecordCalls:
         codec: dialects of the messages.
         remark: takes the transport findings.
         foreign: hears of every answered Write to an index that cannot be ours, or without its request.
+        connected: hears of every answered Connect.
         limits: the numbers of spec/limits.toml.
     """
 
@@ -89,6 +90,7 @@ class RecordCalls:
         codec: Options,
         remark: Callable[[Remark], None],
         foreign: Callable[[Peer, Record], None],
+        connected: Callable[[rpc.Pdu, rpc.Pdu], None],
         limits: Limits,
     ) -> None:
         self._limits = limits
@@ -97,6 +99,7 @@ class RecordCalls:
         self._codec = codec
         self._remark = remark
         self._foreign = foreign
+        self._connected = connected
         self.newest_ns: int | None = None
         """The time of the newest frame of a call that is ours,"""
         self.newest_frame = 0
@@ -277,6 +280,8 @@ class RecordCalls:
 
     def _response(self, call: Call) -> None:
         pdu, context = call.response, _context(call)
+        if pdu is not None and pdu.opnum == RPC_CONNECT:
+            self._connected(call.request, pdu)
         if pdu is None or context is None:
             return
         status, answers = parse_response(pdu)

@@ -5,7 +5,6 @@ States and parameters follow docs/pairing.md; findings are the business of `judg
 
 from __future__ import annotations
 
-from functools import lru_cache
 from itertools import zip_longest
 from typing import Final
 
@@ -15,6 +14,7 @@ from ds47.model import Frames, Parameter, ParameterError, Read, Transaction
 from ds47.profidrive import Address, Block
 from ds47.profinet.records import NIL_UUID, Half
 from ds47.spec import parameters, request_ids, response_ids
+from ds47.spec.units import uuid_text
 
 SIEMENS: Final = 0x002A
 """PROFINET vendor id of the drives whose own parameters parameters.toml names."""
@@ -183,13 +183,6 @@ def _frames(job: Job) -> Frames:
 
 def _pairs(reads: list[tuple[Half | None, Half]]) -> list[Read]:
     return [Read(request.frame if request else None, answer.frame) for request, answer in reads]
-
-
-@lru_cache(maxsize=4096)
-def uuid_text(raw: bytes) -> str:
-    """An AR UUID as people write it."""
-    text = raw.hex()
-    return f"{text[:8]}-{text[8:12]}-{text[12:16]}-{text[16:20]}-{text[20:]}"
 
 
 def summarise(summary: dict[str, int], state: str, operation: str) -> None:

@@ -5,7 +5,7 @@ Lives here: `open_capture` and `Capture`, which choose the format by content. No
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -13,6 +13,7 @@ from . import pcap, pcapng
 from .closing import Closing
 from .errors import CaptureError
 from .frame import Frame, WholeFrame
+from .scan import Watch
 from .stream import Stream, Window
 
 
@@ -54,6 +55,10 @@ class Capture(Closing):
         for frames in self._reader.read():
             yield from frames
         self._ended = True
+
+    def watch(self, watches: Sequence[Watch]) -> None:
+        """From the next frame on these cyclic frames matter too, and no others."""
+        self._reader.watch(watches)
 
     def everything(self, wanted: Callable[[int], bool] = lambda _: True) -> Iterator[WholeFrame]:
         """Every frame as it stands in the file, or those whose number is `wanted`; instead of iterating."""

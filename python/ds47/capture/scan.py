@@ -59,7 +59,7 @@ _BIG_1, _BIG_2 = 0xDEA00001, 0x6C9711D1  # words of the first UUID in network or
 _LITTLE_1, _LITTLE_2 = 0x0100A0DE, 0x976CD111  # of a little-endian sender
 _TAIL_1, _TAIL_2 = 0x827100A0, 0x2442DF7D
 
-SAMPLE = 128  # of so many frames of a watched sender one is given, whatever it says
+SAMPLE = 1024  # of so many frames of a watched sender one is given, whatever it says
 _CONNECT, _RESPONSE = 0, 2  # operation and type of the RPC message that sets up cyclic frames
 
 _LEARN_FROM = 4096  # frames after which it pays to learn the shapes of cyclic traffic
@@ -270,7 +270,6 @@ class _Watched:
         self.need = max((sum(part) for part in watch.parts), default=0)
         self.bytes: list[Bytes] | None = None
         self.period = -1
-        self.groups: list[int] = []
 
     def is_news(self, data: Bytes, at: int, end: int, period: int) -> bool:
         """As `_is_news`."""
@@ -288,17 +287,11 @@ class _Watched:
 
         They are the groups from the number `group` on. The first frame of a run has them at will.
         """
-        self.groups = list(range(group, group + len(self.watch.parts)))
         shape, at = b"", 0
-        for number, (first, count) in zip(self.groups, self.watch.parts, strict=True):
+        for number, (first, count) in enumerate(self.watch.parts, group):
             shape += rb".{%d}(?:(?(%d)(?!)|(.{%d}))|\%d)" % (first - at, number, count, number)
             at = first + count
         return shape + b".{%d}" % (length - at)
-
-    def agrees(self, run: re.Match[bytes], period: int) -> bool:
-        """Whether a run has none of these frames, or they say in it what the one before it said in its period."""
-        there = [run.group(number) for number in self.groups]
-        return there[0] is None or (there == self.bytes and period == self.period)
 
 
 class Runs:
@@ -316,13 +309,13 @@ class Runs:
         """`front`: the regular expression of what every record begins with."""
         self._front = front
         self._shapes: list[bytes] = []
-        self._match: Callable[..., re.Match[bytes] | None] | None = None
+        self._matches: list[tuple[int, Callable[..., re.Match[bytes] | None]]] = []
         self._watched: dict[bytes, _Watched] = {}
         self._around: dict[bytes, tuple[bytes, int, bytes]] = {}
 
     def watch(self, watched: dict[bytes, _Watched]) -> None:
         """From now on the frames of these senders and ids are told apart."""
-        self._watched, self._around, self._match = watched, {}, None
+        self._watched, self._around, self._matches = watched, {}, []
 
     def learn(self, before: bytes, data: Bytes, start: int, end: int, after: bytes) -> None:
         """Take a record that was rejected: the Ethernet frame data[start:end] and what is around it."""
@@ -342,42 +335,62 @@ class Runs:
         elif at + 4 + watched.need <= end:
             around = before + _sender(key, tag), end - at - 4, after
             if self._around.get(key) != around:
-                self._around[key], self._match = around, None
+                self._around[key], self._matches = around, []
 
     def _add(self, shape: bytes) -> None:
         if shape not in self._shapes and len(self._shapes) < self.MOST:
             self._shapes.append(shape)
-            self._match = None
+            self._matches = []
 
     def skip(
         self, data: Bytes, position: int, end: int, number: int, period: int
     ) -> tuple[int, int]:
         """End of the run behind frame `number`, which begins at `position`, and how many records it has.
 
-        They are whole strides; where frames are watched, they are all of one period.
+        They are whole strides. Watched frames among them are of one period, and say what was said before in it.
         """
-        if self._match is None:
+        if not self._matches:
             shapes = [*self._of_watched(), *self._shapes]
             if not shapes:
                 return position, 0
-            pattern = b"(?>%s(?:%s)){%d}+" % (self._front, b"|".join(shapes), self.STRIDE)
-            self._match = re.compile(pattern, re.DOTALL).match
-        count, match = 0, self._match
-        watched = [self._watched[key] for key in self._around]
-        most = period - number % period - 1 if watched else end
-        while count + self.STRIDE <= most and (run := match(data, position, end)) is not None:
-            if watched and not all(each.agrees(run, number // period) for each in watched):
-                break
-            position = run.end()
-            count += self.STRIDE
+            either = b"(?>%s(?:%s))" % (self._front, b"|".join(shapes))
+            self._matches = [
+                (size, re.compile(either + b"{%d}+" % size, re.DOTALL).match)
+                for size in ((8 * self.STRIDE, self.STRIDE) if self._around else (self.STRIDE,))
+            ]
+        count, most, known = 0, end, None
+        if self._around:
+            most, known = period - number % period - 1, self._known(number // period)
+        for size, match in self._matches:
+            while count + size <= most and (run := match(data, position, end)) is not None:
+                if known is not None and not _agree(run.groups(), known):
+                    break
+                position = run.end()
+                count += size
         return position, count
+
+    def _known(self, period: int) -> tuple[Bytes | None, ...]:
+        """What the groups of a run have to be: nothing that they can be for a frame that is due in this period."""
+        known: list[Bytes | None] = []
+        for key in self._around:
+            watched = self._watched[key]
+            there = watched.bytes if watched.period == period else None
+            known += there or [None] * len(watched.watch.parts)
+        return tuple(known)
 
     def _of_watched(self) -> Iterator[bytes]:
         group = 1
         for key, (before, length, after) in self._around.items():
             watched = self._watched[key]
             yield before + watched.shape(length, group) + after
-            group += len(watched.groups)
+            group += len(watched.watch.parts)
+
+
+def _agree(told: tuple[Bytes | None, ...], known: tuple[Bytes | None, ...]) -> bool:
+    """Whether a run has nothing in a group but what is known; frames that do not occur in it have none."""
+    return told == known or all(
+        one is None or one == other for one, other in zip(told, known, strict=True)
+    )
 
 
 def _sender(key: bytes, tag: bytes = rb"(?:\x81\x00..)?") -> bytes:
@@ -735,7 +748,7 @@ class PcapScan(Scan):
                         number += skipped
                         quiet = 0 if skipped else -Runs.STRIDE
                     continue
-            quiet = 0
+            quiet = Runs.STRIDE if due else 0
             seconds, fraction, _captured, original = record(data, start - header)
             if due or (kind == ipv4 and ethernet and _usual(data, start, captured)) or _relevant(
                 data, start, after, link_type, original
@@ -850,7 +863,7 @@ class PcapngScan(Scan):
                         number += skipped
                         quiet = 0 if skipped else -Runs.STRIDE
                     continue
-            quiet = 0
+            quiet = Runs.STRIDE if due else 0
             if due or (kind == ipv4 and ethernet and _usual(data, start, captured)) or _relevant(
                 data, start, start + captured, links[interface], original
             ):  # fmt: skip

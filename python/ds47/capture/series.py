@@ -16,6 +16,7 @@ from .closing import Closing
 from .errors import CaptureError
 from .frame import Frame, Interface, WholeFrame
 from .reader import Capture, open_capture
+from .scan import Watch
 
 _F = TypeVar("_F", bound=Frame)
 
@@ -43,10 +44,17 @@ class Series(Closing):
         self._parts = parts
         self._capture: Capture | None = None
         self._before = 0
+        self._watches: Sequence[Watch] = ()
         self._frames = self._read(iter)
 
     def __iter__(self) -> Iterator[Frame]:
         return self._frames
+
+    def watch(self, watches: Sequence[Watch]) -> None:
+        """As `Capture.watch`, in all files that follow too."""
+        self._watches = watches
+        if self._capture is not None:
+            self._capture.watch(watches)
 
     def everything(self, wanted: Callable[[int], bool] = lambda _: True) -> Iterator[WholeFrame]:
         """As `Capture.everything`. Interfaces that the files describe in the same words are one."""
@@ -66,6 +74,7 @@ class Series(Closing):
             except CaptureError as problem:
                 file.problem, file.readable = problem.message, False
                 continue
+            self._capture.watch(self._watches)
             with self._capture:
                 yield from self._numbered(way(self._capture))
                 self._end(self._capture, file)

@@ -5,8 +5,10 @@ Not here: the formats (pcap.py, pcapng.py), the loops that pass what does not ma
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from .ahead import Batches
-from .scan import Scan
+from .scan import Scan, Watch
 from .stream import Window
 
 
@@ -20,6 +22,10 @@ class Walk:
         self.frames = 0
         self.first_ns: int | None = None
         self.problem: str | None = None
+
+    def watch(self, watches: Sequence[Watch]) -> None:
+        """From the next frame on these cyclic frames matter too, and no others."""
+        self._scan.watch(watches)
 
     def close(self) -> None:
         """Let go of the file."""

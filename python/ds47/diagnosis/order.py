@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ds47.acyclic.pairing import STATUS_IN_USE, Job
-from ds47.acyclic.transactions import uuid_text
 from ds47.findings.remark import Remark
 from ds47.profinet.records import Half
+from ds47.spec.units import uuid_text
 
 
 def of(job: Job) -> Iterator[Remark]:

@@ -21,7 +21,7 @@ from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Interface, PcapngWriter, WholeFrame
 from ds47.capture.scan import ETHERNET, IPV4, network_layer
 from ds47.capture.writer import nearest
-from ds47.model import CaptureResult
+from ds47.model import PKW, CaptureResult
 from ds47.profinet import dcp, lldp, rpc
 from ds47.profinet.link import mac
 from ds47.profinet.records import NIL_UUID, parse_request, parse_response
@@ -122,6 +122,7 @@ def export(
     outcome = Outcome(result)
     wanted = _Survey(selection, chosen).run(source)
     if key is None:
+        wanted |= _cyclic(chosen)  # nobody replaces what is in these
         frames: Iterable[WholeFrame] = _plain(source, wanted, selection, chosen)
     else:
         anonymiser = Anonymiser(key, _knowledge(result, options, everything))
@@ -139,6 +140,12 @@ def export(
 
 
 # Which frames
+
+
+def _cyclic(chosen: Chosen) -> set[int]:
+    """Frames of transactions that are in cyclic frames: these are whole messages by themselves."""
+    cyclic = (each for each in chosen.transactions if each.channel == PKW)
+    return {frame for each in cyclic for frame in each.frames.all()}
 
 
 class _Survey:
@@ -239,6 +246,8 @@ def _knowledge(result: CaptureResult, options: AnalysisOptions, everything: bool
     about = Knowledge(codec=options.codec, everything=everything)
     controllers = {each.controller for each in result.transactions}
     for each in result.transactions:
+        if each.index is None:
+            continue
         ar = NIL_UUID if each.ar is None else UUID(each.ar).bytes
         about.ours.add((each.controller, each.device, ar, each.index))
         if each.frames.rereads:  # a Read without an AR may be one of them, from any station

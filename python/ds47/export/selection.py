@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from ds47.model import CaptureResult, Finding, Parameter, Transaction
+from ds47.model import PKW, CaptureResult, Finding, Parameter, Transaction
 from ds47.report.formatting import address, escape
 from ds47.report.sentences import message
 from ds47.report.targets import Targets
@@ -163,7 +163,7 @@ def _lonely(
 
 
 def _note_transaction(chosen: Chosen, item: Transaction, where: str) -> None:
-    head = f"DS47 #{item.id}"
+    head = f"{item.channel.upper()} #{item.id}"
     state = "" if item.state == "ok" else f" [{item.state}]"
     what = f"{item.operation} {_parameters(item.parameters)}".strip()
     axis = f", {where}" if where else ""
@@ -175,6 +175,10 @@ def _note_transaction(chosen: Chosen, item: Transaction, where: str) -> None:
 
 def _roles(item: Transaction) -> Iterator[tuple[str, int | None]]:
     frames = item.frames
+    if item.channel == PKW:
+        yield "request", frames.write_request
+        yield "response", frames.read_response
+        return
     yield "Write request", frames.write_request
     yield "Write response", frames.write_response
     for number, (request, response) in enumerate(frames.polls, 1):

@@ -103,9 +103,9 @@ class Tracker:
         """The message that this frame completes; None where more has to come."""
         packet = dissect(frame, self._datagrams)
         trace = self._traces.take()
-        if packet is not None and packet.kind != "udp":
+        if packet is not None and packet.kind in ("dcp", "lldp"):
             return Message(packet.kind, frame.number, frame.time_ns, packet)
-        if trace is None:
+        if trace is None:  # cyclic frames, too
             return Message("foreign", frame.number, frame.time_ns)
         if packet is not None:
             return self._rpc(packet, trace)

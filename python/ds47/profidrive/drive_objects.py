@@ -163,8 +163,9 @@ class DriveObjects:
 
 
 def access_of(item: Transaction) -> Access:
-    """How the request of a transaction reaches its parameters."""
-    return access(item.device, item.index, item.slot, item.subslot, item.axis)
+    """How the request of a transaction reaches its parameters; one of PKW by its submodule."""
+    index = LOCAL if item.index is None else item.index
+    return access(item.device, index, item.slot, item.subslot, item.axis)
 
 
 def access(device: str, record_index: int, slot: int, subslot: int, axis: int | None) -> Access:

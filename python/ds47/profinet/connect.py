@@ -41,7 +41,8 @@ class Data:
     """Where the data of a submodule lies in cyclic frames, in one direction.
 
     `offset` counts from the byte behind the frame id; IOPS stands behind the data, `iops` bytes of it.
-    `cycle_ns` is the time between two frames, `reference` that of the communication relation.
+    `cycle_ns` is the time between two frames, `reference` that of the communication relation. Behind
+    `frame_length` bytes of data of all submodules stands the status of the frame.
     """
 
     reference: int
@@ -50,6 +51,7 @@ class Data:
     length: int
     iops: int
     cycle_ns: int
+    frame_length: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +97,7 @@ class _Relation:
     reference: int
     frame_id: int
     cycle_ns: int
+    frame_length: int
     offsets: dict[Place, int]
 
 
@@ -152,7 +155,7 @@ def _blocks(body: bytes) -> Iterator[tuple[int, bytes]]:
 
 def _relation(block: bytes) -> _Relation:
     """An IOCRBlockReq behind its version."""
-    kind, reference, _, _, _, frame_id, clock, reduction, *_, apis = _IOCR.unpack_from(block)
+    kind, reference, _, _, length, frame_id, clock, reduction, *_, apis = _IOCR.unpack_from(block)
     offsets: dict[Place, int] = {}
     at = _IOCR.size
     for _ in range(apis):
@@ -166,7 +169,7 @@ def _relation(block: bytes) -> _Relation:
                 at += _OBJECT.size
                 if is_data:
                     offsets[api, slot, subslot] = offset
-    return _Relation(kind, reference, frame_id, clock * reduction * _TICK_NS, offsets)
+    return _Relation(kind, reference, frame_id, clock * reduction * _TICK_NS, length, offsets)
 
 
 def _expected(
@@ -200,6 +203,7 @@ def _submodules(
             offset, described = relation.offsets.get(place), lengths.get(relation.kind)
             if offset is not None and described is not None and described[0]:
                 frame = relation.reference, relation.frame_id
-                found[relation.kind] = Data(*frame, offset, *described, relation.cycle_ns)
+                about = relation.cycle_ns, relation.frame_length
+                found[relation.kind] = Data(*frame, offset, *described, *about)
         if found:
             yield Submodule(*place, ident, found.get(INPUT), found.get(OUTPUT))

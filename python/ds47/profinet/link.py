@@ -29,7 +29,7 @@ from ds47.capture.scan import (
 from . import ip
 from .traces import Piece
 
-Kind = Literal["udp", "dcp", "lldp"]
+Kind = Literal["udp", "dcp", "lldp", "rt"]
 
 
 @dataclass(slots=True)
@@ -38,7 +38,8 @@ class Packet:
 
     * "udp": `payload` is that of the UDP datagram, a PROFINET RPC PDU (docs/protocol.md E.2);
     * "dcp": `payload` begins with the frame id;
-    * "lldp": `payload` is the LLDPDU.
+    * "lldp": `payload` is the LLDPDU;
+    * "rt": `payload` begins with the frame id, a cyclic frame follows.
     `missing` counts the payload bytes that the snap length cut off, `cut` is the frame in which it did.
     `frame` and `time_ns` (nanoseconds since 1970) are those of the frame that completes it. MAC addresses
     are None where the link type has none.
@@ -84,8 +85,9 @@ def dissect(
                 piece = Piece(frame.number, frame.time_ns, datagram.at, 0, len(datagram.payload))
                 reassembler.traces.begin(piece).close(datagram.payload)
             packet = _udp(datagram, frame.number, frame.time_ns)
-    elif kind == PROFINET and int.from_bytes(data[at : at + 2], "big") in DCP_FRAME_IDS:
-        packet = Packet("dcp", frame.number, frame.time_ns, data[at:])
+    elif kind == PROFINET and len(data) >= at + 2:
+        is_dcp = int.from_bytes(data[at : at + 2], "big") in DCP_FRAME_IDS
+        packet = Packet("dcp" if is_dcp else "rt", frame.number, frame.time_ns, data[at:])
     elif kind == LLDP:
         packet = Packet("lldp", frame.number, frame.time_ns, data[at:])
     else:

@@ -53,6 +53,7 @@ class Transport:
         stations: takes what names a device.
         listener: hears of messages that do not become whole.
         cut: is told of each frame that the capture cut inside a record call.
+        cyclic: takes cyclic frames.
     """
 
     def __init__(
@@ -62,11 +63,13 @@ class Transport:
         stations: Stations,
         listener: Listener,
         cut: Callable[[int], None],
+        cyclic: Callable[[Packet], None],
     ) -> None:
         self._calls = calls
         self._stations = stations
         self._listener = listener
         self._cut = cut
+        self._cyclic = cyclic
         self._fragments = rpc.Fragments(
             limits.fragment_expiry_ns, limits.rpc_messages, limits.rpc_fragments,
             limits.fragment_bytes,
@@ -100,6 +103,9 @@ class Transport:
 
     def packet(self, packet: Packet) -> None:
         """Takes what one frame or several brought: a whole datagram, or what names a station."""
+        if packet.kind == "rt":
+            self._cyclic(packet)
+            return
         if packet.kind != "udp":
             self._stations.station(packet)
             return

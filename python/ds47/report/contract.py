@@ -16,7 +16,6 @@ from ds47 import model
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, name, sentence
-from ds47.spec import error_text
 from ds47.spec.units import duration, nanoseconds
 
 Tell = Callable[[Any, str], Any]
@@ -164,9 +163,10 @@ MAYBE_VALUES = VALUES | {"type": ["array", "null"]}
 def error(item: dict[str, Any], vendor_id: int | None) -> model.ParameterError:
     """An error of a parameter, of a device of this vendor; its text tells whether the vendor was known then."""
     code, info, text = item["code"], item.get("info"), item["text"]
-    for vendor in (vendor_id, None):
-        if text in (error_text(code, lang, vendor) for lang in LANGUAGES):
-            return model.ParameterError(code, info, vendor)
+    for vendor, ak in ((vendor_id, None), (None, None), (vendor_id, 7), (vendor_id, 8)):
+        known = model.ParameterError(code, info, vendor, ak=ak)
+        if text in map(known.words, LANGUAGES):
+            return known
     return model.ParameterError(code, info, said=text)
 
 
@@ -250,6 +250,9 @@ _STATUSES = Shape("", (
 
 TRANSACTION = Shape("transaction", (
     Key("id", NUMBER, column="Number of the transaction in its capture, by first frame."),
+    Key("channel", ref("channel"),
+        "Record calls, or the parameter channel inside cyclic frames.", later=True,
+        column="ds47 for record calls, pkw for the parameter channel inside cyclic frames."),
     Key("operation", ref("operation"), column="What was asked for."),
     Key("state", ref("state"), column="What came of it."),
     Key("controller", TEXT, column="IP address of who asked."),
@@ -259,7 +262,8 @@ TRANSACTION = Shape("transaction", (
     Key("api", whole(0, 0xFFFF_FFFF), column="API of the record."),
     Key("slot", whole(0, 0xFFFF), column="Slot of the record."),
     Key("subslot", whole(0, 0xFFFF), column="Subslot of the record."),
-    Key("index", whole(0, 0xFFFF), column="Index of the record: 47, 45102 (0xB02E), 45103 (0xB02F)."),
+    Key("index", WORD, "Null where the channel has none.",
+        column="Index of the record: 47, 45102 (0xB02E), 45103 (0xB02F); null for pkw."),
     Key("request_reference", BYTE, column="The number that the response has to mirror."),
     Key("axis", BYTE, column="Drive object (DO)."),
     Key("frames", {}, shape=FRAMES),
@@ -270,6 +274,8 @@ TRANSACTION = Shape("transaction", (
         "may be negative where time steps back.",
         column="From the Write request to the response; negative where the clock was set back.",
         into="duration_ns", take=_ns),
+    Key("cycles", whole(maybe=True), "Of pkw: from the request to its response.", later=True,
+        column="Of pkw: from the request to its response, in cycles."),
     Key("bytes", {}, shape=_BYTES),
     Key("status", {}, shape=_STATUSES),
     Key("parameters", many(ref("parameter")), shape=PARAMETER),

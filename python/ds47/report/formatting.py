@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ds47 import spec
 from ds47.model import Parameter, ParameterError, Value
 from ds47.report import is_text
 from ds47.report.bilingual import Both, say
@@ -75,8 +74,8 @@ def values(items: Sequence[Value], format_name: str | None, lang: str = "en") ->
 def error(item: ParameterError, lang: str = "en") -> str:
     """`error 0x11: request cannot be executed (info 3)`."""
     told = say("parameter_error")
-    if item.code is not None:
-        told = told.joined(Both.same(spec.error_hex(item.code)), zh=" ")
+    if item.number is not None:
+        told = told.joined(Both.same(item.number), zh=" ")
     if text := error_words(item, lang):
         told = told.joined(Both.same(escape(text)), ": ", "：")
     if item.info:

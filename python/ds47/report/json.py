@@ -61,17 +61,18 @@ def transaction_line(item: Transaction, lang: str = "en") -> str:
     request, response, took = item.request, item.response, item.duration_ns
     write, read = item.write_status, item.read_status
     return (
-        f'{{"id": {item.id}, "operation": {_quoted(item.operation)}, "state": {_quoted(item.state)}, '
+        f'{{"id": {item.id}, "channel": {_quoted(item.channel)}, '
+        f'"operation": {_quoted(item.operation)}, "state": {_quoted(item.state)}, '
         f'"controller": {_quoted(item.controller)}, "device": {_quoted(item.device)}, '
         f'"ar": {_NULL if item.ar is None else _quoted(item.ar)}, "api": {item.api}, '
-        f'"slot": {item.slot}, "subslot": {item.subslot}, "index": {item.index}, '
+        f'"slot": {item.slot}, "subslot": {item.subslot}, "index": {_number(item.index)}, '
         f'"request_reference": {_number(item.request_reference)}, "axis": {_number(item.axis)}, '
         f'"frames": {{"write_request": {_number(frames_.write_request)}, '
         f'"write_response": {_number(frames_.write_response)}, '
         f'"read_request": {_number(frames_.read_request)}, '
         f'"read_response": {_number(frames_.read_response)}, '
         f'"polls": {polls}, "rereads": {reads}}}, "start": "{timestamp(item.start_ns)}", '
-        f'"duration_ms": {_NULL if took is None else took / 1e6}, '
+        f'"duration_ms": {_NULL if took is None else took / 1e6}, "cycles": {_number(item.cycles)}, '
         f'"bytes": {{"request": {_hex(request)}, "response": {_hex(response)}}}, '
         f'"status": {{"write": {_NULL if write is None else f"""{_QUOTE}{write:08X}{_QUOTE}"""}, '
         f'"read": {_NULL if read is None else f"""{_QUOTE}{read:08X}{_QUOTE}"""}}}, '

@@ -14,7 +14,7 @@ from itertools import islice
 from typing import Final, NamedTuple
 
 from ds47.acyclic.judge import family_fits
-from ds47.model import CaptureResult, Finding, Transaction
+from ds47.model import DS47, CaptureResult, Finding, Transaction
 from ds47.report.bilingual import Both, joined, say
 from ds47.spec.semantics import limits
 
@@ -36,7 +36,7 @@ _END: Final = 1 << 62
 _HEADER: Final = (("mirror_reference", 0), ("mirror_axis", 2), ("mirror_count", 3))
 """The bytes of a request that its response mirrors, but for byte 1."""
 
-_Channel = tuple[str, str, str | None, int, int, int, int]
+_Channel = tuple[str, str, str | None, int, int, int, int | None]
 
 
 class Call(NamedTuple):
@@ -79,10 +79,11 @@ class Witness:
                 completed, length = each.args.get("completed"), each.args.get("length")
                 if completed is not None and length is not None:
                     self._lengths[completed] = length
-        self._waits = _waits(result.transactions)
-        for number in _followed(result.transactions, self._calls, loose):
+        records = [each for each in result.transactions if each.channel == DS47]
+        self._waits = _waits(records)
+        for number in _followed(records, self._calls, loose):
             self._waits[number] = "unseen"
-        for number in _beside(result.transactions, self._calls, loose):
+        for number in _beside(records, self._calls, loose):
             self._waits[number] = "beside"
 
     def saw(self, item: Transaction) -> list[Call]:
@@ -101,7 +102,9 @@ class Witness:
         return _told(tuple(self.saw(item)), remark(item))
 
     def line(self, item: Transaction) -> Both:
-        """The same with `PLC: ` in front."""
+        """The same with `PLC: ` in front; nothing of a channel that no block is called for."""
+        if item.channel != DS47:
+            return Both.same("")
         return say("plc_line", calls=self.text(item))
 
     def _reads(

@@ -100,7 +100,7 @@ def message(item: Finding, lang: str = "en") -> str:
 
 def error_words(item: ParameterError, lang: str = "en") -> str:
     """What an error number means on the drive that sent it; empty where there is no number."""
-    return error_text(item.code, lang, item.vendor_id) if item.said is None else item.said
+    return item.words(lang)
 
 
 def name(item: Parameter, lang: str = "en") -> str | None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from ds47.model import Transaction
+from ds47.model import DS47, Transaction
 from ds47.profidrive.drive_objects import DriveObjects, Identity, access_of
 
 ANSWERED = ("ok", "partial", "error")
@@ -43,7 +43,8 @@ class Targets:
     def place(self, item: Transaction, *, with_slot: bool = False) -> str:
         """The same with the slot in front, if that is wanted or where the submodule decides."""
         where = slot(item) if with_slot or access_of(item).local else ""
-        return " ".join(filter(None, (where, self.words(item))))
+        channel = "" if item.channel == DS47 else item.channel.upper()
+        return " ".join(filter(None, (where, self.words(item), channel)))
 
     def identity(self, item: Transaction, pnu: int | None = None) -> Identity:
         """What two transactions have in common that reach the same drive object; for a PNU, if it is given."""

@@ -13,6 +13,7 @@ from functools import lru_cache
 from typing import Any, TextIO
 
 from ds47.model import (
+    DS47,
     SEVERITIES,
     CaptureFile,
     CaptureResult,
@@ -162,7 +163,7 @@ class Writer(_Writer):
         for each in transactions:
             for line in self._transaction_lines(each, table):
                 self._line(line)
-            if self.options.plc or each.state != "ok":
+            if each.channel == DS47 and (self.options.plc or each.state != "ok"):
                 saw = witness.line(each).text(self.options.lang)
                 self._line("      " + self._paint("dim", saw))
 
@@ -281,6 +282,8 @@ def _timing(item: Transaction) -> Both:
     told = counted("frames", len(item.frames.all()))
     if item.duration_ns is not None:
         told = told.joined(Both.same(duration(item.duration_ns)), zh=" ")
+    if item.cycles is not None:
+        told = told.joined(counted("cycles", item.cycles), ", ", "，")
     for key, reads in (("polled", item.frames.polls), ("read_again", item.frames.rereads)):
         if reads:
             told = told.joined(say(key, times=counted("times", len(reads))), ", ", "，")

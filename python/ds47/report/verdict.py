@@ -9,7 +9,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from ds47.acyclic.index47 import ALWAYS
-from ds47.model import STATES, CaptureResult, Transaction
+from ds47.model import DS47, STATES, CaptureResult, Transaction
 from ds47.report.bilingual import Both, joined, say, state
 from ds47.spec.layouts import RECORD_WRITE_MULTIPLE
 
@@ -131,7 +131,7 @@ def blind(result: CaptureResult) -> list[Both]:
     nameless = sum(1 for each in result.devices if not each.station)
     if nameless:
         lines.append(say("blind_names", n=nameless))
-    unseen = sum(1 for each in result.transactions if each.state in OPEN)
+    unseen = sum(1 for each in result.transactions if each.state in OPEN and each.channel == DS47)
     if unseen:
         lines.append(say("blind_open", n=unseen))
     orphans = [each for each in result.transactions if each.state == "orphan"]

@@ -34,6 +34,7 @@ class Limits(Row):
     calls: int
     answered_calls: int
     channels: int
+    relations: int
     users: int
     pending_writes: int
     reads: int

@@ -62,6 +62,13 @@ def duration(shown_ms: float | None) -> int | None:
     return None if shown_ms is None else round(Fraction(shown_ms) * 1_000_000)
 
 
+@lru_cache(maxsize=4096)
+def uuid_text(raw: bytes) -> str:
+    """An AR UUID as people write it."""
+    text = raw.hex()
+    return f"{text[:8]}-{text[8:12]}-{text[12:16]}-{text[16:20]}-{text[20:]}"
+
+
 def status(word: int | None) -> str | None:
     """A PNIO status as the 8 hex digits that people know (docs/protocol.md C): `DE80B500`."""
     return None if word is None else f"{word:08X}"

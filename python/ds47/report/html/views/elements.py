@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from ds47 import spec
 from ds47.model import CaptureResult, Parameter, Transaction
 from ds47.profidrive.drive_objects import Identity
 from ds47.report.formatting import value
@@ -133,7 +132,7 @@ def _text(each: Parameter, number: int) -> str:
 
 def _error(item: Transaction, each: Parameter) -> list[str]:
     if each.error is not None:
-        code = "" if each.error.code is None else f" ({spec.error_hex(each.error.code)})"
+        code = "" if each.error.number is None else f" ({each.error.number})"
         return [text + code for text in messages.error(each.error)]
     word = item.write_status or item.read_status or 0
     return [f"{text} ({word:08X})" for text in messages.status(word)]

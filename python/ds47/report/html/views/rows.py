@@ -99,11 +99,12 @@ class _Tables:
         ]
         found["rules"] = [[rule, messages.rule_name(rule)] for rule in found.get("rules", [])]
         found["addresses"] = [_address(*each) for each in found.get("addresses", [])]
-        found["errors"] = [
-            [code, *messages.error(ParameterError(code, info, vendor_id, said)), info]
-            for code, info, vendor_id, said in found.get("errors", [])
-        ]
+        found["errors"] = [_failed(ParameterError(*each)) for each in found.get("errors", [])]
         return {"controllers": [], "channels": [], "plc": [], **found}
+
+
+def _failed(error: ParameterError) -> list[Any]:
+    return [error.number, *messages.error(error), error.info]
 
 
 def _address(
@@ -167,6 +168,7 @@ def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
     ]
     scaled = None if item.scaled is None else [str(each) for each in item.scaled[:VALUES]]
     if item.error is not None:
-        error = (item.error.code, item.error.info, item.error.vendor_id, item.error.said)
+        of = item.error
+        error = (of.code, of.info, of.vendor_id, of.said, of.ak)
         return [*row, scaled or 0, tables.place("errors", error)]
     return [*row, scaled] if scaled else row

@@ -49,6 +49,11 @@ class Capture {
     return this.states[this.get(row, "state")];
   }
 
+  /** Whether it was asked in cyclic frames: such a channel has no record index. */
+  isPkw(row) {
+    return this.channels[this.get(row, "channel")][4] === null;
+  }
+
   /** Station name where there is one, else the IP address. */
   drive(row) {
     const [ip, station] = this.devices[this.get(row, "device")];
@@ -109,8 +114,8 @@ class Capture {
   }
 
   errorText(error) {
-    const [code, en, zh] = error;
-    return either([en, zh]) + (code === null ? "" : ` (0x${hexNumber(code)})`);
+    const [number, en, zh] = error;
+    return either([en, zh]) + (number === null ? "" : ` (${number})`);
   }
 }
 

@@ -13,6 +13,11 @@ function steps(capture, row) {
   const verdict = (status) => (status === null ? "" : status[0] === "00000000" ? say("accepted") : `${status[0]} ${either(status, 1)}`);
   const bad = (status) => status !== null && status[0] !== "00000000";
 
+  if (capture.isPkw(row)) {
+    add(true, "pkw_request", get("write_request"));
+    add(false, "pkw_response", get("read_response"), outcome(state), ["error", "mismatch"].includes(state));
+    return list;
+  }
   if (get("write_request") !== null || state === "orphan") add(true, "write_request", get("write_request"));
   if (get("write_request") !== null) add(false, "write_response", get("write_response"), verdict(write), bad(write));
   const polls = get("polls") || [];

@@ -94,12 +94,13 @@ function haystack(capture, row) {
 function detail(capture, row) {
   const id = capture.get(row, "id");
   const [, api, slot, subslot, index] = capture.channels[capture.get(row, "channel")];
+  const place = index === null ? say("channel_pkw", { slot, subslot, api }) : say("channel_text", { slot, subslot, api, index: index > 255 ? `0x${index.toString(16).toUpperCase()}` : index });
   const filter = displayFilter(capture.frames(row));
   const when = new Date(capture.start_ms + capture.get(row, "start") / 1000);
   const facts = [
     ["controller", capture.controller(row)],
     ["drive", `${capture.devices[capture.get(row, "device")].filter(Boolean).reverse().join(", ")}`],
-    ["channel", say("channel_text", { slot, subslot, api, index: index > 255 ? `0x${index.toString(16).toUpperCase()}` : index })],
+    ["channel", place],
     ["started", Number.isNaN(when.getTime()) ? "" : when.toISOString().replace("T", " ").replace("Z", " UTC")],
     ["col_duration", capture.get(row, "duration") === null ? "–" : duration(capture.get(row, "duration"))],
   ];
@@ -120,7 +121,19 @@ function frameLink(capture, [frame, job]) {
   return job === null ? String(frame) : el("a", { href: `#job-${capture.number}-${job}` }, String(frame));
 }
 
+/** Request and response of PKW: four words each, as long as they stand in the cyclic frames. */
+function pkwCards(capture, row) {
+  return [["pkw_request", "write_request", "request"], ["pkw_response", "read_response", "response"]].map(([words, name, bytes]) => {
+    const frame = capture.get(row, name);
+    const hex = capture.get(row, bytes);
+    return el("div", { class: "frame-card" },
+      el("h4", {}, `${say(words)} `, el("span", { class: "dim" }, frame === null ? say("not_captured") : say("frame", { n: frame }))),
+      hex ? el("p", {}, el("code", { class: "copyable" }, hex.match(/.{1,4}/g).join(" "))) : null);
+  });
+}
+
 function frameCards(capture, row) {
+  if (capture.isPkw(row)) return pkwCards(capture, row);
   const parameters = capture.parameters(row);
   const status = (name) => {
     const found = capture.status(row, name);

@@ -1,0 +1,88 @@
+"""A finished request of PKW as the transaction of the report: its state, its parameter, its frames and times.
+
+What was wrong with it is not said here.
+"""
+
+from __future__ import annotations
+
+from ds47.cyclic import handshake, pkw
+from ds47.cyclic.handshake import Job
+from ds47.cyclic.relations import Relation
+from ds47.model import PKW, Frames, Parameter, ParameterError, Transaction
+from ds47.spec import cyclic, parameters
+from ds47.spec.units import uuid_text
+
+SIEMENS = 0x002A
+_OPERATIONS = {
+    "read": "read",
+    "description": "read",
+    "count": "read",
+    "text": "read",
+    "change": "change",
+}
+_ATTRIBUTES = {"description": "description", "text": "text"}
+_FORMATS = {16: "Word", 32: "DoubleWord"}
+
+
+def build(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Transaction:
+    """The transaction of a request that is over."""
+    asked = pkw.decode(job.request.data, answer=False, layout=layout)
+    access = cyclic.requests()[asked.ak].access
+    answer = job.answer or (job.odd if job.state == handshake.MISMATCH else None)
+    return Transaction(
+        operation=_OPERATIONS.get(access, "unknown"),
+        state=job.state,
+        controller=relation.controller,
+        device=relation.device,
+        ar=uuid_text(relation.ar),
+        api=relation.api,
+        slot=relation.slot,
+        subslot=relation.subslot,
+        index=None,
+        request_reference=None,
+        axis=None,
+        frames=Frames(job.request.at.frame, read_response=answer and answer.at.frame),
+        start_ns=job.request.at.time_ns,
+        duration_ns=job.duration_ns,
+        request=job.request.data,
+        response=answer and answer.data,
+        write_status=None,
+        read_status=None,
+        parameters=[_parameter(relation, asked, access, job, layout)],
+        channel=PKW,
+        cycles=job.cycles,
+    )
+
+
+def _parameter(
+    relation: Relation, asked: pkw.Message, access: str, job: Job, layout: str
+) -> Parameter:
+    """The parameter, with the value that was written or is answered."""
+    told = None if job.answer is None else pkw.decode(job.answer.data, answer=True, layout=layout)
+    error = None
+    if told is not None and told.error is not None:
+        error = ParameterError(told.error.code, None, relation.vendor_id, ak=told.ak)
+    source = asked if access == "change" else told
+    value = None if source is None or (error and access != "change") else source.value
+    count = access == "count"  # the number of elements is no value of the parameter
+    known = parameters().get(asked.pnu or 0) if relation.vendor_id == SIEMENS else None
+    return Parameter(
+        pnu=asked.pnu,
+        subindex=asked.subindex,
+        attribute=_ATTRIBUTES.get(access, "value"),
+        element_count=None,
+        listed=known is not None,
+        unit=known.unit if known else None,
+        format=None if value is None or count else _format(source, value),
+        value_count=None if value is None else 1,
+        values=[] if value is None else [value],
+        error=error,
+    )
+
+
+def _format(source: pkw.Message | None, value: int | float) -> str | None:
+    assert source is not None
+    if isinstance(value, float):
+        return "Float32"
+    table = cyclic.answers() if source.answer else cyclic.requests()
+    return _FORMATS[table[source.ak].width or 16]
