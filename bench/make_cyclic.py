@@ -2,8 +2,8 @@
 
     python bench/make_cyclic.py FILE [FRAMES] [--no-connect]
 
-One drive with telegram 353: PKW requests are spread over the capture, setpoint, actual value and the counter move in
-every cycle. Without the Connect the same frames have no relation that is known.
+One drive with telegram 353: PKW requests are spread over the capture, setpoint, actual value and the counter move
+in every cycle. Without the Connect the same frames have no relation that is known.
 """
 
 from __future__ import annotations
@@ -40,7 +40,10 @@ def records(frames: int, connect: bool) -> list[bytes]:
         told = asked and place >= every // 4 + 3
         pke = struct.pack(">HHHH", 0x1000 | 700 + number, 0, 0, 0) if asked else IDLE
         answer = struct.pack(">HHI", 0x1000 | 700 + number, 0, number) if told else IDLE
-        now, ticks = stage.now_ns + cycle * CYCLE_NS, struct.pack(">HBB", cycle * 128 & 0xFFFF, 0x35, 0)
+        now, ticks = (
+            stage.now_ns + cycle * CYCLE_NS,
+            struct.pack(">HBB", cycle * 128 & 0xFFFF, 0x35, 0),
+        )
         setpoint = struct.pack(">HH", 0x047F, cycle & 0x3FFF)
         actual = struct.pack(">HH", 0xFB31, cycle + 7 & 0x3FFF)
         for kind, words, values in ((OUTPUT, pke, setpoint), (INPUT, answer, actual)):

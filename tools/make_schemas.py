@@ -81,7 +81,7 @@ SIMPLE: dict[str, Schema] = {
     "error": {"anyOf": [{"type": "null"}, entity(contract.ERROR.keys)]},
 }
 SHAPES = (
-    contract.CAPTURE, contract.FILE, contract.DEVICE, contract.TRANSACTION, contract.PARAMETER,
+    contract.CAPTURE, contract.FILE, contract.RELATION, contract.DEVICE, contract.TRANSACTION, contract.PARAMETER,
     contract.FINDING, contract.DIAGNOSIS,
 )  # fmt: skip
 

@@ -188,6 +188,7 @@ class Analysis:
             findings=self._findings.result(self._transactions),
             diagnoses=self._findings.diagnoses(),
             summary=self._summary,
+            relations=[each.told() for each in self._cyclic.relations],
         )
 
     def _frames(self, frames: Iterable[Frame]) -> None:

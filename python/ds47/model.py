@@ -400,6 +400,42 @@ class Device(_Plain):
     device_id: int | None = None
 
 
+LENGTHS, SEEN = "lengths", "seen"
+"""How sure a relation is: its lengths fit, or a request and its response were seen in it."""
+
+
+class Side(NamedTuple):
+    """One direction of a relation: who sends it, in frames of which id, and its first byte behind that id."""
+
+    mac: str
+    frame_id: int
+    offset: int
+    length: int
+
+
+@dataclass(slots=True, repr=False, eq=False)
+class Relation(_Plain):
+    """A channel in cyclic frames, as a Connect sets it up (docs/cyclic.md 5).
+
+    `telegrams` are those that the lengths allow, `frame` is that of the response to the Connect, `certainty`
+    is LENGTHS or SEEN.
+    """
+
+    channel: str
+    controller: str
+    device: str
+    api: int
+    slot: int
+    subslot: int
+    telegrams: list[int]
+    output: Side
+    """From the controller to the device."""
+    input: Side
+    cycle_ms: float
+    frame: int
+    certainty: str
+
+
 @dataclass(slots=True, repr=False, eq=False)
 class CaptureFile(_Plain):
     """A file of a series that was read as one capture; frames are numbered through all of them.
@@ -420,7 +456,7 @@ class CaptureFile(_Plain):
 
 @dataclass(slots=True, repr=False, eq=False)
 class CaptureResult(_Plain):
-    """All that one capture says. `files` only for a series."""
+    """All that one capture says. `files` only for a series, `relations` where cyclic frames have channels."""
 
     path: str
     sha256: str | None = None
@@ -438,6 +474,7 @@ class CaptureResult(_Plain):
     diagnoses: list[Diagnosis] = field(default_factory=list)
     summary: dict[str, int] = field(default_factory=dict)
     files: list[CaptureFile] = field(default_factory=list)
+    relations: list[Relation] = field(default_factory=list)
 
     @property
     def start(self) -> str | None:

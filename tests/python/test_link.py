@@ -45,8 +45,15 @@ def test_udp(data: bytes, link_type: int, macs: tuple[str | None, str | None]) -
 
 
 def test_other_traffic_is_none() -> None:
-    for data in (make.DNS, make.RT, make.RT_TAGGED, make.ethernet(0x86DD, bytes(80))):
+    for data in (make.DNS, make.ethernet(0x86DD, bytes(80)), make.RT[:15]):
         assert dissect(frame(data)) is None
+
+
+def test_cyclic_frames() -> None:
+    for data in (make.RT, make.RT_TAGGED):
+        packet = dissect(frame(data))
+        assert packet is not None
+        assert (packet.kind, packet.payload[:2], packet.src_mac) == ("rt", b"\x80\x00", MAC_A)
 
 
 def test_dcp_and_lldp() -> None:

@@ -206,7 +206,9 @@ class Run:
         self.ear = Ear()
         self.naming = Stations()
         self.fragments = rpc.Fragments(limits().fragment_expiry_ns)
-        self.records = RecordCalls(gate, self.ear, Options(), self.ear.remark, _ignore, limits())  # type: ignore[arg-type]
+        self.records = RecordCalls(
+            gate, self.ear, Options(), self.ear.remark, _ignore, _ignore, limits()
+        )  # type: ignore[arg-type]
         self.calls = CallTracker(limits(), self.records.handlers())
 
     def run(self, frames: Iterable[Frame]) -> list[dict[str, Any]]:

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import ds47
 from ds47.analysis import AnalysisOptions, analyze
@@ -218,6 +220,25 @@ def test_its_frames_can_be_exported(path: str, tmp_path: Path) -> None:
     with open_capture(out) as capture:
         numbers = [frame.number for frame in capture.everything()]
     assert len(numbers) >= 2
+
+
+@given(st.data())
+@settings(max_examples=60, deadline=None)
+def test_whatever_is_in_the_frames(data: st.DataObject) -> None:
+    """Any words, any state of data; and bytes overwritten anywhere, in the Connect too."""
+    machine = Machine().connect()
+    known = st.sampled_from((READ, FIFTY, CHANGE, REFUSED, IDLE)).map(bytes.fromhex)
+    words = st.one_of(known, st.binary(min_size=8, max_size=8))
+    kinds, states = st.sampled_from((INPUT, OUTPUT)), st.sampled_from((GOOD, GOOD, BAD))
+    for _ in range(data.draw(st.integers(1, 12))):
+        machine.line.iops[data.draw(kinds)] = data.draw(states)
+        machine.line.say(PKW, data.draw(kinds), data.draw(words))
+        machine.line.cycle(data.draw(st.integers(1, 3)))
+    capture = bytearray(machine.capture())
+    for _ in range(data.draw(st.integers(0, 6))):
+        capture[data.draw(st.integers(200, len(capture) - 1))] = data.draw(st.integers(0, 255))
+    for each in analyze(io.BytesIO(bytes(capture))).transactions:
+        contract.TRANSACTION.plain(each)
 
 
 def test_the_library_tells_it() -> None:

@@ -115,7 +115,9 @@ def _calls() -> RecordCalls:
         pass
 
     pairing = Pairing(limits(), ignore, ignore, ignore)
-    return RecordCalls(Index47(frozenset(), 16), pairing, Options(), ignore, ignore, limits())
+    return RecordCalls(
+        Index47(frozenset(), 16), pairing, Options(), ignore, ignore, ignore, limits()
+    )
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.binary(max_size=30)), max_size=12))

@@ -16,9 +16,9 @@ local gsub, sub = string.gsub, string.sub
 local integer = words.integer
 
 M.TRANSACTION_COLUMNS = {
-  "path", "transaction", "operation", "state", "controller", "device", "ar", "api", "slot", "subslot",
+  "path", "transaction", "channel", "operation", "state", "controller", "device", "ar", "api", "slot", "subslot",
   "index", "request_reference", "axis", "frames.write_request", "frames.write_response",
-  "frames.read_request", "frames.read_response", "polls", "start", "duration_ms", "status.write",
+  "frames.read_request", "frames.read_response", "polls", "start", "duration_ms", "cycles", "status.write",
   "status.read", "findings",
 }
 M.PARAMETER_COLUMNS = {
@@ -110,11 +110,11 @@ end
 local function transaction_cells(item, path, base_seconds)
   local cells, frames = {}, item.frames
   local duration = item.duration_ns and numbers.float_text(item.duration_ns / 1000000)
-  append(cells, 10, M.guarded(path), item.id, item.operation, item.state, M.guarded(item.controller),
+  append(cells, 11, M.guarded(path), item.id, "ds47", item.operation, item.state, M.guarded(item.controller),
     M.guarded(item.device), item.ar, item.api, item.slot, item.subslot)
   append(cells, 7, item.index, item.request_reference, item.axis, frames.write_request,
     frames.write_response, frames.read_request, frames.read_response)
-  append(cells, 6, #(frames.polls or {}), M.timestamp(base_seconds, item.start_ns), duration,
+  append(cells, 7, #(frames.polls or {}), M.timestamp(base_seconds, item.start_ns), duration, nil,
     status(item.write_status), status(item.read_status), concat(item.findings or {}, " "))
   return cells
 end

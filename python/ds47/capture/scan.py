@@ -208,8 +208,8 @@ class Watch(NamedTuple):
     parts: tuple[tuple[int, int], ...]
 
 
-# A row of watched frames: MAC address and frame id, whether one was seen, number of parts, length of the row,
-# where the last part ends, the period of the last frame; then offset and length of each part, then their bytes.
+# A row of watched frames: MAC address and frame id, whether one was seen, length of the row, where the last part
+# ends, the period of the last frame, number of parts; then offset and length of each part, then their bytes.
 _ROW = 24
 
 
@@ -219,7 +219,7 @@ def _row(watch: Watch) -> bytes:
     length = sum(part[1] for part in watch.parts)
     need = max((sum(part) for part in watch.parts), default=0)
     size = _ROW + len(parts) + length
-    head = struct.pack(">6sHBBHH10x", watch.source, watch.frame_id, 0, len(watch.parts), size, need)
+    head = struct.pack(">6sHBxHH8xH", watch.source, watch.frame_id, 0, size, need, len(watch.parts))
     return head + parts + bytes(length)
 
 
@@ -249,7 +249,7 @@ def _is_news(rows: bytearray, row: int, data: Bytes, at: int, end: int, period: 
     news = rows[row + 8] == 0 or _get(rows, row + 14) != period
     rows[row + 8] = 1
     _put(rows, row + 14, period)
-    part, parts = row + _ROW, row + _ROW + 4 * rows[row + 9]
+    part, parts = row + _ROW, row + _ROW + 4 * _u16(rows, row + 22)
     kept = parts
     while part < parts:
         first = at + _u16(rows, part)

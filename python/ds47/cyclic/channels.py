@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 
 from ds47.capture.scan import Watch
 from ds47.cyclic.handshake import ERROR, OK, Channel, Job, Moment
-from ds47.cyclic.relations import SEEN, Relation, Side, parameter_channels, side
+from ds47.cyclic.relations import Relation, Side, parameter_channels, side
+from ds47.model import SEEN
 from ds47.profinet.connect import parse_request, parse_response
 from ds47.profinet.link import Packet
 from ds47.profinet.rpc import Pdu, device_identity

@@ -10,12 +10,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import groupby
 
+from ds47 import model
 from ds47.cyclic.pkw import LENGTH
+from ds47.model import LENGTHS
 from ds47.profinet.connect import Connect, Data, Submodule
 
-LENGTHS, SEEN = "lengths", "seen"
-"""How sure a relation is: its lengths fit, or a request and its response were seen."""
 _LEAST_PZD = 4
+_LONGEST = 1440
+"""Bytes of data that a cyclic frame has at the most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,13 +41,17 @@ class Side:
         states = sorted(at for at in (self.iops, self.status) if at is not None)
         return ((self.offset, self.length), *((at, 1) for at in states))
 
+    def told(self) -> model.Side:
+        """As the report has it."""
+        return model.Side(self.source.hex(":"), self.frame_id, self.offset, self.length)
+
 
 @dataclass(slots=True)
 class Relation:
     """A parameter channel in cyclic frames between a controller and a device.
 
     `telegrams` are those that the lengths allow; none where no telegram has them. `frame` is that of the
-    response to the Connect, `certainty` one of LENGTHS and SEEN.
+    response to the Connect, `certainty` one of `model.LENGTHS` and `model.SEEN`.
     """
 
     controller: str
@@ -61,13 +67,22 @@ class Relation:
     frame: int
     certainty: str = LENGTHS
 
+    def told(self) -> model.Relation:
+        """As the report has it."""
+        return model.Relation(
+            channel=model.PKW, controller=self.controller, device=self.device, api=self.api,
+            slot=self.slot, subslot=self.subslot, telegrams=list(self.telegrams),
+            output=self.output.told(), input=self.input.told(),
+            cycle_ms=self.input.cycle_ns / 1e6, frame=self.frame, certainty=self.certainty,
+        )  # fmt: skip
+
 
 def parameter_channels(connect: Connect) -> Iterator[tuple[Submodule, tuple[int, ...]]]:
     """The submodules whose first eight bytes may be PKW, with the telegrams that their lengths allow.
 
     Eight bytes beside process data in one slot; or twelve or twenty in one submodule, as PPO1 and PPO2 have them.
     """
-    both = [each for each in connect.submodules if each.input and each.output]
+    both = [each for each in connect.submodules if _fits(each.input) and _fits(each.output)]
     both.sort(key=lambda each: (each.api, each.slot, each.subslot))
     for _, slot in groupby(both, key=lambda each: (each.api, each.slot)):
         there = list(slot)
@@ -81,6 +96,13 @@ def parameter_channels(connect: Connect) -> Iterator[tuple[Submodule, tuple[int,
             elif lengths in ((12, 12), (20, 20)):
                 rest = lengths[0] - LENGTH
                 yield each, _telegrams([(rest, rest)])
+
+
+def _fits(data: Data | None) -> bool:
+    """Whether data lies in its frame: what a device sets up does, a broken capture may say anything."""
+    return (
+        data is not None and data.offset + data.length + data.iops <= data.frame_length <= _LONGEST
+    )
 
 
 def _lengths(submodule: Submodule) -> tuple[int, int]:

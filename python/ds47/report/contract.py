@@ -354,6 +354,29 @@ FILE = Shape("file", (
     "frame n of the capture is frame n - first_frame + 1 of the file.")  # fmt: skip
 
 
+_SIDE = Shape("", (
+    Key("mac", TEXT),
+    Key("frame_id", whole(0, 0xFFFF)),
+    Key("offset", COUNT, "Of its first byte, from the byte behind the frame id."),
+    Key("length", COUNT),
+), model.Side)  # fmt: skip
+RELATION = Shape("relation", (
+    Key("channel", ref("channel")),
+    Key("controller", TEXT),
+    Key("device", TEXT),
+    Key("api", whole(0, 0xFFFF_FFFF)),
+    Key("slot", whole(0, 0xFFFF)),
+    Key("subslot", whole(0, 0xFFFF)),
+    Key("telegrams", many(COUNT), "Those that the lengths allow."),
+    Key("output", {}, "From the controller to the device.", shape=_SIDE),
+    Key("input", {}, "From the device to the controller.", shape=_SIDE),
+    Key("cycle_ms", {"type": "number"}, "From one frame of the device to the next."),
+    Key("frame", NUMBER, "The response to the Connect."),
+    Key("certainty", {"enum": [model.LENGTHS, model.SEEN]},
+        "Only its lengths fit, or a request and its response were seen in it."),
+), model.Relation, "A channel in cyclic frames; docs/cyclic.md.")  # fmt: skip
+
+
 def _by_index(item: tuple[str, object]) -> tuple[int, str]:
     """Record indices are numbers written as text; what is none comes last."""
     key = item[0]
@@ -374,6 +397,8 @@ HEAD = (
         "Record calls by index (decimal), then by kind.",
         tell=lambda item, _: dict(sorted(item.records.items(), key=_by_index))),
     Key("files", many(ref("file"), 1), "Only where the capture is a series of files.", shape=FILE, required=False),
+    Key("relations", many(ref("relation"), 1), "Only where cyclic frames have channels.", shape=RELATION,
+        required=False),
 )  # fmt: skip
 LISTS = (
     Key("devices", many(ref("device")), shape=DEVICE),

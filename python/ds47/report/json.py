@@ -153,18 +153,19 @@ def diagnosis(item: Diagnosis, lang: str = "en") -> dict[str, Any]:
 
 def capture_head(result: CaptureResult) -> dict[str, Any]:
     """What the contract says about a capture itself, before its lists."""
-    return _without_files(contract.CAPTURE_HEAD.plain(result))
+    return _without_empty(contract.CAPTURE_HEAD.plain(result))
 
 
 def capture(result: CaptureResult, lang: str = "en") -> dict[str, Any]:
     """A capture as an object of the contract, its texts in "en" or "zh"."""
-    return _without_files(contract.CAPTURE.plain(result, lang))
+    return _without_empty(contract.CAPTURE.plain(result, lang))
 
 
-def _without_files(plain: dict[str, Any]) -> dict[str, Any]:
-    """Only a series has files."""
-    if not plain["files"]:
-        del plain["files"]
+def _without_empty(plain: dict[str, Any]) -> dict[str, Any]:
+    """Only a series has files, and few captures have relations."""
+    for key in ("files", "relations"):
+        if not plain[key]:
+            del plain[key]
     return plain
 
 

@@ -18,6 +18,7 @@ from ds47.model import (
     CaptureFile,
     CaptureResult,
     Finding,
+    Relation,
     Report,
     Transaction,
 )
@@ -39,6 +40,7 @@ from ds47.report.wrap import columns
 LINE_LENGTH = 120
 """Parameters that make a line longer than this stand below it, one a line."""
 FINDINGS_PER_RULE = 12
+RELATIONS_LISTED = 20
 FILES_LISTED = 20
 """Files of a series that are listed; JSON has all, and every finding names its file."""
 CAPTURES_LISTED = 20
@@ -70,6 +72,7 @@ class Writer(_Writer):
         self._header(result, counts)
         for line in self._opening.lines(result):
             self._line(line)
+        self._relations(result.relations)
         self._table(result)
         self._findings(result.findings, Places(result.files))
         row = Row.of(result)
@@ -123,6 +126,25 @@ class Writer(_Writer):
         if not result.transactions:
             there = _traffic(result).text(self.options.lang) or self._say("no_rpc")
             self._line("  " + self._say("no_transaction") + f" ({there})")
+
+    def _relations(self, relations: Sequence[Relation]) -> None:
+        """The parameter channels in cyclic frames, and how sure each is."""
+        if not relations:
+            return
+        self._line()
+        self._title(self._say("relations_head"))
+        for each in relations[:RELATIONS_LISTED]:
+            numbers = ", ".join(map(str, each.telegrams))
+            self._line("  " + self._say(
+                "relation", device=escape(each.device), slot=each.slot, subslot=each.subslot,
+                telegram=self._say("relation_telegram", numbers=numbers) if numbers else "",
+                output=f"{each.output.frame_id:04X}", output_at=each.output.offset,
+                input=f"{each.input.frame_id:04X}", input_at=each.input.offset,
+                cycle=duration(round(each.cycle_ms * 1_000_000)),
+                certainty=self._say(f"relation_{each.certainty}"),
+            ))  # fmt: skip
+        if len(relations) > RELATIONS_LISTED:
+            self._line("  " + self._say("more", number=str(len(relations) - RELATIONS_LISTED)))
 
     def _files(self, files: Sequence[CaptureFile]) -> None:
         """Of a series: which file has which frames, and which are missing."""

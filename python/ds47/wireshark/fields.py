@@ -16,6 +16,7 @@ from typing import Any, BinaryIO
 from xml.etree.ElementTree import Element, iterparse
 
 from ds47 import spec
+from ds47.model import DS47
 from ds47.profidrive.formats import codec
 from ds47.profidrive.model import ERROR
 
@@ -107,11 +108,12 @@ def _word(text: str | None) -> str | None:
 def _nothing(number: int) -> dict[str, Any]:
     """A transaction of which no frame was read yet, with its keys in the order of the report."""
     keys = (
-        "id", "operation", "state", "controller", "device", "ar", "api", "slot", "subslot", "index",
-        "request_reference", "axis", "frames", "start", "duration_ms", "bytes", "status",
-        "parameters", "findings",
+        "id", "channel", "operation", "state", "controller", "device", "ar", "api", "slot", "subslot",
+        "index", "request_reference", "axis", "frames", "start", "duration_ms", "cycles", "bytes",
+        "status", "parameters", "findings",
     )  # fmt: skip
     transaction: dict[str, Any] = dict.fromkeys(keys)
+    transaction["channel"] = DS47  # what the plugin has no others of
     transaction["id"] = number
     transaction["frames"] = dict.fromkeys(_FRAMES) | {"polls": [], "rereads": []}
     transaction["bytes"] = {"request": None, "response": None}
