@@ -111,6 +111,7 @@ def test_a_transaction_is_put_together_from_its_frames() -> None:
     (found,) = pdml(packet(1, ASKED), packet(2), packet(4, ANSWERED)).transactions
     assert found == {
         "id": 1,
+        "channel": "ds47",
         "operation": "read",
         "state": "ok",
         "controller": "10.0.0.1",
@@ -132,6 +133,7 @@ def test_a_transaction_is_put_together_from_its_frames() -> None:
         },
         "start": "2026-01-01T00:00:00.000000000Z",
         "duration_ms": 12.5,
+        "cycles": None,
         "bytes": {"request": "0301", "response": "0302"},
         "status": {"write": "00000000", "read": "DE80B500"},
         "parameters": [

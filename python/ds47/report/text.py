@@ -136,12 +136,12 @@ class Writer(_Writer):
         for each in relations[:RELATIONS_LISTED]:
             numbers = ", ".join(map(str, each.telegrams))
             self._line("  " + self._say(
-                "relation", device=escape(each.device), slot=each.slot, subslot=each.subslot,
+                "relation", device=escape(each.device), place=f"slot {each.slot}.{each.subslot}",
                 telegram=self._say("relation_telegram", numbers=numbers) if numbers else "",
                 output=f"{each.output.frame_id:04X}", output_at=each.output.offset,
                 input=f"{each.input.frame_id:04X}", input_at=each.input.offset,
                 cycle=duration(round(each.cycle_ms * 1_000_000)),
-                certainty=self._say(f"relation_{each.certainty}"),
+                certainty=self._say(f"certainty_{each.certainty}"),
             ))  # fmt: skip
         if len(relations) > RELATIONS_LISTED:
             self._line("  " + self._say("more", number=str(len(relations) - RELATIONS_LISTED)))
