@@ -19,6 +19,7 @@ from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.transactions import build, summarise
 from ds47.capture import Capture, Frame, Series, open_capture, sha256
 from ds47.capture.scan import Watch
+from ds47.cyclic import CYCLIC
 from ds47.cyclic.channels import ParameterChannels
 from ds47.cyclic.handshake import Job as PkwJob
 from ds47.cyclic.relations import Relation
@@ -62,6 +63,8 @@ class AnalysisOptions:
         ignore: rule ids or prefixes to leave out.
         codec: dialects of the parameter channel.
         digest: whether to compute the SHA-256 of the file (reads every byte).
+        pkw_layouts: the layout of IND ("cyclic" or "uss", docs/cyclic.md 2) by the IP address of the device;
+            "" stands for all others.
     """
 
     indices: frozenset[int] = frozenset()
@@ -70,11 +73,13 @@ class AnalysisOptions:
     ignore: tuple[str, ...] = ()
     codec: Options = field(default_factory=Options)
     digest: bool = False
+    pkw_layouts: tuple[tuple[str, str], ...] = ()
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         """To another process, compiled too: pickle itself cannot fill in what is frozen."""
         return type(self), (
             self.indices, self.slow_ms, self.select, self.ignore, self.codec, self.digest,
+            self.pkw_layouts,
         )  # fmt: skip
 
 
@@ -160,6 +165,8 @@ class Analysis:
         """By the order of their jobs; the jobs themselves need not be kept."""
         self._summary: dict[str, int] = {"transactions": 0}
         self._capture: Capture | Series | None = None
+        self._layouts = dict(options.pkw_layouts)
+        self._layout = self._layouts.get("", CYCLIC)
 
     def run(self, capture: Capture | Series) -> CaptureResult:
         """Reads the capture to its end and sums up."""
@@ -264,7 +271,7 @@ class Analysis:
 
     def _exchanged(self, relation: Relation, job: PkwJob) -> None:
         """A transaction of PKW is over."""
-        transaction = build_pkw(relation, job)
+        transaction = build_pkw(relation, job, self._layouts.get(relation.device, self._layout))
         summarise(self._summary, transaction.state, transaction.operation)
         order = self._pairing.number()
         if self._on_transaction is None:

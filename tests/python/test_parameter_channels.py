@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic, Module
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult, Transaction
 from ds47.report import contract
+from ds47.wireshark.engine import differences
 
 READ, FIFTY = "143a000000000000", "243a000042480000"
 CHANGE, REFUSED = "343a000042200000", "743a000000000011"
@@ -222,6 +224,34 @@ def test_its_frames_can_be_exported(path: str, tmp_path: Path) -> None:
     assert len(numbers) >= 2
 
 
+USS = "100a800100000000", "100a800100000005"
+
+
+@pytest.mark.parametrize(
+    ("option", "found"),
+    [
+        ([], (10, 128)),
+        (["--pkw-layout", "uss"], (2010, 1)),
+        (["--pkw-layout", "192.168.133.33=uss"], (2010, 1)),
+        (["--pkw-layout", "192.168.133.99=uss"], (10, 128)),
+        (["--pkw-layout", "uss", "--pkw-layout", "192.168.133.33=cyclic"], (10, 128)),
+    ],
+)
+def test_the_layout_of_the_index_is_that_of_the_drive(
+    option: list[str], found: tuple[int, int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "uss.pcapng"
+    path.write_bytes(Machine().connect().ask(USS[0]).respond(USS[1]).ask(IDLE).capture())
+    assert main(["report", "-f", "json", *option, str(path)]) == 0
+    (item,) = json.loads(capsys.readouterr().out)["captures"][0]["transactions"]
+    assert (item["parameters"][0]["pnu"], item["parameters"][0]["subindex"]) == found
+
+
+def test_a_layout_that_there_is_not(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["report", "--pkw-layout", "usb", "x.pcap"]) == 2
+    assert "cyclic or uss" in capsys.readouterr().err
+
+
 @given(st.data())
 @settings(max_examples=60, deadline=None)
 def test_whatever_is_in_the_frames(data: st.DataObject) -> None:
@@ -239,6 +269,12 @@ def test_whatever_is_in_the_frames(data: st.DataObject) -> None:
         capture[data.draw(st.integers(200, len(capture) - 1))] = data.draw(st.integers(0, 255))
     for each in analyze(io.BytesIO(bytes(capture))).transactions:
         contract.TRANSACTION.plain(each)
+
+
+def test_it_is_no_difference_between_the_engines() -> None:
+    """The plugin does not look for it."""
+    native = talk(Machine().connect()).result()
+    assert differences(native, replace(native, transactions=[])) == []
 
 
 def test_the_library_tells_it() -> None:

@@ -30,9 +30,16 @@ fail_on_option = click.option(
 
 
 def analysis_options(function: Function) -> Function:
-    """Adds --select, --ignore, --index, --lang, --slow and the dialects."""
+    """Adds --select, --ignore, --index, --lang, --slow, --pkw-layout and the dialects."""
     for option in (
         dialect_options,
+        click.option(
+            "--pkw-layout",
+            "pkw_layouts",
+            multiple=True,
+            metavar="[IP=]LAYOUT",
+            help="Where IND of PKW has the page: cyclic (low byte, usual) or uss (high byte).",
+        ),
         click.option(
             "--slow", type=float, metavar="MS", help="Limit for a slow transaction, in ms."
         ),
@@ -62,6 +69,7 @@ def options_from(
     ignore: Sequence[str],
     indices: Sequence[str],
     slow: float | None,
+    pkw_layouts: Sequence[str],
     legacy_g120_formats: bool,
     profile_v3_types: bool,
     **others: Any,
@@ -69,7 +77,7 @@ def options_from(
     """The options of an analysis.
 
     Raises:
-        click.UsageError: a rule, an index or a limit that there cannot be.
+        click.UsageError: a rule, an index, a limit or a layout that there cannot be.
     """
     from ds47.analysis import AnalysisOptions
 
@@ -82,6 +90,7 @@ def options_from(
         ignore=known_rules(ignore),
         indices=frozenset(map(_index, indices)),
         codec=codec_options(legacy_g120_formats, profile_v3_types),
+        pkw_layouts=tuple(map(_layout, pkw_layouts)),
         **others,
     )
 
@@ -112,3 +121,12 @@ def _index(text: str) -> int:
     if not 0 <= index <= 0xFFFF:
         raise click.UsageError(f"--index {text!r} is no record index: 0..65535, also as 0xB02E")
     return index
+
+
+def _layout(text: str) -> tuple[str, str]:
+    device, _, layout = text.rpartition("=")
+    if layout not in ("cyclic", "uss"):
+        raise click.UsageError(
+            f"--pkw-layout {text!r}: cyclic or uss, for one device 192.168.0.5=uss"
+        )
+    return device, layout

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal, NamedTuple, get_args
 
@@ -233,6 +233,7 @@ def analyze(
     tshark: str | None = None,
     indices: Iterable[int] = (),
     slow_ms: float | None = None,
+    pkw_layouts: Mapping[str, str] | None = None,
     select: Iterable[str] = (),
     ignore: Iterable[str] = (),
     options: Options | None = None,
@@ -248,6 +249,8 @@ def analyze(
             DS47_TSHARK, else the one that is found.
         indices: further record indices that carry the parameter channel.
         slow_ms: from which share of the drive a transaction is slow (DS416); None for the shipped limit.
+        pkw_layouts: the layout of IND in PKW, "cyclic" or "uss", by the IP address of the device; "" for all
+            others.
         select: rules to report, by id, beginning of an id, or name; empty for all.
         ignore: rules to leave out.
         options: dialects of the parameter channel.
@@ -260,7 +263,7 @@ def analyze(
     """
     chosen = AnalysisOptions(
         indices=frozenset(indices), slow_ms=slow_ms, select=_rules(select), ignore=_rules(ignore),
-        codec=options or Options(), digest=digest,
+        codec=options or Options(), digest=digest, pkw_layouts=tuple((pkw_layouts or {}).items()),
     )  # fmt: skip
     if engine not in get_args(Engine):
         raise ValueError(f"no engine {engine!r}: {', '.join(get_args(Engine))}")
