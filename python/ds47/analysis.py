@@ -22,6 +22,7 @@ from ds47.capture.scan import Watch
 from ds47.cyclic import CYCLIC
 from ds47.cyclic.channels import ParameterChannels
 from ds47.cyclic.handshake import Job as PkwJob
+from ds47.cyclic.judge import remarks as pkw_remarks
 from ds47.cyclic.relations import Relation
 from ds47.cyclic.transactions import build as build_pkw
 from ds47.diagnosis import Diagnoses
@@ -108,6 +109,15 @@ def analyze(
     if options.digest and isinstance(source, (str, Path)) and str(source) != "-":
         result.sha256 = sha256(source)
     return result
+
+
+@dataclass(slots=True, eq=False)
+class _Over:
+    """A transaction of PKW that is over, as its findings know it."""
+
+    order: int
+    device: str
+    phase: str = "closed"
 
 
 class Analysis:
@@ -244,7 +254,7 @@ class Analysis:
 
     def _settled(self, job: Job, remarks: list[Remark], early: Early) -> None:
         remarks = remarks + self._remarks.get(job, [])
-        self._hand_out(job, build(job), remarks, early.settled)
+        self._hand_out(job.order, build(job), remarks, early.settled)
 
     def _closed(self, job: Job) -> None:
         remarks = self._answers.pop(job, None)
@@ -262,7 +272,7 @@ class Analysis:
             for remark in remarks:
                 self._findings.add(remark)
             return
-        self._hand_out(job, transaction, remarks, self._on_transaction)
+        self._hand_out(job.order, transaction, remarks, self._on_transaction)
 
     def _watch(self, watches: Sequence[Watch]) -> None:
         """Cyclic frames that matter from the next frame on."""
@@ -271,22 +281,25 @@ class Analysis:
 
     def _exchanged(self, relation: Relation, job: PkwJob) -> None:
         """A transaction of PKW is over."""
-        transaction = build_pkw(relation, job, self._layouts.get(relation.device, self._layout))
+        layout = self._layouts.get(relation.device, self._layout)
+        transaction = build_pkw(relation, job, layout)
         summarise(self._summary, transaction.state, transaction.operation)
-        order = self._pairing.number()
-        if self._on_transaction is None:
-            self._transactions[order] = transaction
+        order, remarks = self._pairing.number(), list(pkw_remarks(relation, job, layout))
+        if self._on_transaction is not None:
+            self._hand_out(order, transaction, remarks, self._on_transaction)
             return
-        transaction.id = order
-        self._on_transaction(transaction, [])
+        self._transactions[order] = transaction
+        for remark in remarks:
+            remark.job = _Over(order, relation.device)
+            self._findings.add(remark)
 
     def _hand_out(
-        self, job: Job, transaction: Transaction, remarks: list[Remark], to: OnTransaction
+        self, order: int, transaction: Transaction, remarks: list[Remark], to: OnTransaction
     ) -> None:
-        transaction.id = job.order
+        transaction.id = order
         remarks = [remark for remark in remarks if self._findings.wanted(remark.rule)]
         transaction.findings = sorted({remark.rule for remark in remarks})
-        to(transaction, [self._findings.told(remark, job.order) for remark in remarks])
+        to(transaction, [self._findings.told(remark, order) for remark in remarks])
 
     def _nothing_to_read(self, peer: Peer, record: Record) -> None:
         self._diagnoses.nothing_to_read(peer, record)

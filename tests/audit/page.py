@@ -206,7 +206,9 @@ def near(told: str, ms: float | None) -> bool:
 
 def _blind(lines: list[str], reading: Reading) -> Iterator[str]:
     text = " ".join(each.strip() for each in lines)
-    unseen = sum(each.state in ("unanswered", "superseded") for each in reading.deals)
+    unseen = sum(
+        each.state in ("unanswered", "superseded") and not each.cyclic for each in reading.deals
+    )
     found = re.search(r"drive made of ([\d,]+)", text)
     if int(found[1].replace(",", "") if found else 0) != unseen and lines:
         yield f"{found[0] if found else 'nothing'}: {unseen} are open"

@@ -52,7 +52,9 @@ class Deal:
         self.write_status = _status(plain["status"]["write"])
         self.read_status = _status(plain["status"]["read"])
         self.duration_ms: float | None = plain["duration_ms"]
-        raw = plain["bytes"]
+        self.cyclic = plain["channel"] == "pkw"
+        """Its messages are none of DS47: `pkw` reads them."""
+        raw = {"request": None, "response": None} if self.cyclic else plain["bytes"]
         self.asked = (
             message.request(bytes.fromhex(raw["request"])) if raw["request"] is not None else None
         )

@@ -7,12 +7,15 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from tests.audit import causes, claims, corrected, deals, html, page, reading, words
+from tests.audit import causes, claims, corrected, deals, html, page, pkw, reading, words
 from tests.audit.drive import Drive
 from tests.audit.memory import Memory
 from tests.audit.reading import Complaint, Finding, Reading
 
-AUDITORS = {**claims.AUDITORS, **causes.AUDITORS}
+AUDITORS = {
+    **claims.AUDITORS, **causes.AUDITORS,
+    **dict.fromkeys(pkw.AUDITORS, lambda case: pkw.of(case.finding, case.reading)),
+}  # fmt: skip
 NO_CLAIM = claims.NO_CLAIM
 TABLE = Path(__file__).parents[2] / "python/ds47/spec/rules.toml"
 
@@ -33,6 +36,7 @@ def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterato
     """The same, of what was read already."""
     memory = Memory(item)
     yield from deals.check(item)
+    yield from pkw.check(item)
     for finding in item.findings:
         yield from of_finding(finding, item, memory)
         yield from words.check(finding, item)

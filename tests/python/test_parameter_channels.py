@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,13 +12,14 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.audit import run
 
 import ds47
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
-from ds47.lab.client import Client
+from ds47.lab.client import Client, drive
 from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic, Module
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult, Transaction
@@ -94,7 +96,7 @@ def test_requests_and_responses() -> None:
     assert first.frames.all() == [9, 16]
     assert first.status == (None, None)
     assert first.bytes == (READ, FIFTY)
-    assert result.findings == []
+    assert [each.rule for each in result.findings] == ["DS501"]
     assert result.summary == {"transactions": 2, "ok": 1, "read": 1, "error": 1, "change": 1}
 
 
@@ -148,7 +150,7 @@ def test_data_that_is_not_valid_ends_a_request_and_nobody_is_to_blame() -> None:
     machine.line.iops[OUTPUT] = GOOD
     result = machine.ask(IDLE).ask(READ).respond(FIFTY).ask(IDLE).result()
     assert [each.state for each in result.transactions] == ["ok", "error", "unanswered", "ok"]
-    assert result.findings == []
+    assert [each.rule for each in result.findings] == ["DS501"], "that of the request before"
 
 
 def test_a_frame_that_is_not_valid_says_nothing() -> None:
@@ -188,10 +190,14 @@ def test_the_result_can_be_stored_and_loaded() -> None:
 
 
 def test_transactions_are_handed_out_as_they_end() -> None:
-    heard: list[tuple[int, str]] = []
+    heard: list[tuple[int, str, list[str]]] = []
     source = io.BytesIO(talk(Machine().connect()).capture())
-    analyze(source, AnalysisOptions(), lambda item, found: heard.append((item.id, item.channel)))
-    assert heard == [(1, "pkw"), (2, "pkw")]
+    analyze(
+        source,
+        AnalysisOptions(),
+        lambda item, found: heard.append((item.id, item.channel, [each.rule for each in found])),
+    )
+    assert heard == [(1, "pkw", []), (2, "pkw", ["DS501"])]
 
 
 @pytest.fixture
@@ -274,9 +280,120 @@ def test_whatever_is_in_the_frames(data: st.DataObject) -> None:
 def test_it_is_no_difference_between_the_engines() -> None:
     """The plugin does not look for it."""
     native = talk(Machine().connect()).result()
-    assert differences(native, replace(native, transactions=[])) == []
+    assert differences(native, replace(native, transactions=[], findings=[])) == []
 
 
 def test_the_library_tells_it() -> None:
     result = ds47.analyze(io.BytesIO(talk(Machine().connect()).capture()))
     assert [each.channel for each in result.transactions] == ["pkw", "pkw"]
+
+
+# What is wrong with a transaction (DS5xx)
+
+MOVED = "243a000042490000"
+OTHER = "143b000000000000", "243b000041200000"
+
+
+def rules_of(machine: Machine) -> list[tuple[str, dict[str, Any]]]:
+    return [(each.rule, each.args) for each in machine.result().findings]
+
+
+def proven() -> Machine:
+    """One request with its response: the channel is known."""
+    return Machine().connect().ask(READ).respond(FIFTY).ask(IDLE).respond(IDLE)
+
+
+def test_a_negative_response() -> None:
+    told = proven().ask(CHANGE).respond(REFUSED).ask(IDLE)
+    assert rules_of(told) == [("DS501", {"pnu": 1082, "subindex": 0, "code": 17})]
+
+
+def test_a_number_that_no_table_knows_is_none() -> None:
+    told = proven().ask(CHANGE).respond("743a00000000ffff").ask(IDLE)
+    assert rules_of(told) == [("DS501", {"pnu": 1082, "subindex": 0, "code": None})]
+
+
+def test_no_right_to_change() -> None:
+    told = proven().ask(CHANGE).respond("843a000000000000").ask(IDLE)
+    assert rules_of(told) == [("DS502", {"pnu": 1082, "subindex": 0})]
+
+
+def test_a_request_that_is_withdrawn() -> None:
+    assert rules_of(proven().ask(OTHER[0], 5).ask(IDLE)) == [
+        ("DS503", {"pnu": 1083, "subindex": 0, "milliseconds": 20.0})
+    ]
+    assert rules_of(proven().ask(OTHER[0], 5).respond(OTHER[1]).ask(IDLE)) == []
+
+
+def test_a_request_at_the_end_of_the_capture_is_nobodys_fault() -> None:
+    assert rules_of(proven().ask(OTHER[0], 50)) == []
+
+
+def test_a_request_that_is_replaced() -> None:
+    told = proven().ask(OTHER[0]).ask(READ).respond(FIFTY).ask(IDLE)
+    frames = [each.frames.write_request for each in told.result().transactions]
+    assert rules_of(told) == [
+        ("DS504", {"pnu": 1083, "subindex": 0, "request": frames[1], "by": frames[2]})
+    ]
+
+
+def test_a_response_to_something_else() -> None:
+    told = proven().ask(READ).respond(OTHER[1]).ask(IDLE)
+    assert rules_of(told) == [
+        ("DS505", {"request": "143A 0000 0000 0000", "response": "243B 0000 4120 0000"})
+    ]
+
+
+def test_a_change_that_comes_in_parts() -> None:
+    parts = proven().ask("343a000000000000", 1).ask(CHANGE).respond("243a000042200000").ask(IDLE)
+    assert rules_of(parts) == [("DS506", {"pnu": 1082, "subindex": 0})]
+    whole = proven().ask(CHANGE).respond("243a000042200000").ask(IDLE)
+    assert rules_of(whole) == []
+
+
+def test_a_word_in_the_wrong_place() -> None:
+    wrong = proven().ask("22bc000000050000").respond("12bc000000000000").ask(IDLE)
+    assert rules_of(wrong) == [("DS513", {"pnu": 700, "subindex": 0, "pwe": 5})]
+    right = proven().ask("22bc000000000005").respond("12bc000000000005").ask(IDLE)
+    assert rules_of(right) == []
+
+
+def test_of_another_maker_nothing_is_said() -> None:
+    stage = Stage()
+    machine = Machine()
+    machine.stage = stage
+    machine.line = Cyclic(Client(stage, device=drive(vendor_id=0x0493)))
+    machine.connect().ask(READ).respond(FIFTY).ask(CHANGE).respond(REFUSED).ask(IDLE)
+    result = machine.result()
+    assert [each.state for each in result.transactions] == ["ok", "error"]
+    assert result.findings == []
+
+
+STEPS = st.lists(
+    st.tuples(
+        st.sampled_from(("ask", "ask", "respond", "respond", "lose")),
+        st.sampled_from(
+            (READ, FIFTY, MOVED, CHANGE, REFUSED, IDLE, *OTHER, "22bc000000050000", "12bc000000000000",
+             "843a000000000000", "343a000000000000", "243a000042200000")
+        ),
+        st.integers(1, 4),
+    ),
+    max_size=25,
+)  # fmt: skip
+
+
+@given(STEPS)
+@settings(max_examples=40, deadline=None)
+def test_what_is_said_of_random_talk_is_so(steps: list[tuple[str, str, int]]) -> None:
+    """The auditor reads the frames by itself."""
+    machine = talk(Machine().connect())
+    for what, words, cycles in steps:
+        if what == "lose":
+            machine.line.iops[OUTPUT] ^= GOOD
+            machine.turn(cycles)
+        else:
+            (machine.ask if what == "ask" else machine.respond)(words, cycles)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "talk.pcapng"
+        path.write_bytes(machine.capture())
+        assert list(map(str, run.audit(path))) == []

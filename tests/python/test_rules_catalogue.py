@@ -87,6 +87,13 @@ DS415 note reference-constant first reference
 DS416 warning slow limit milliseconds
 DS417 warning read-back-differs by pnu read subindex written
 DS418 error request-not-supported id
+DS501 error pkw-error code pnu subindex
+DS502 error pkw-no-rights pnu subindex
+DS503 warning pkw-without-response milliseconds pnu subindex
+DS504 warning pkw-superseded by pnu request subindex
+DS505 error pkw-mismatch request response
+DS506 error pkw-written-in-parts pnu subindex
+DS513 warning pkw-word-in-wrong-place pnu pwe subindex
 DS601 error engines-differ difference
 DS701 warning refusal-not-seen case code id polls vendor_id
 DS702 warning read-too-early by frame

@@ -31,12 +31,22 @@ NO_MESSAGE = frozenset({"DS316", "DS711"})
 """Rules about a message that it cannot show alone: the limit comes from an earlier one, and whether the
 record was cut by the capture from its block. A conversation shows them."""
 
-NOT_OF_THE_WIRE = frozenset({"vendor_id", "lang", "slow_ms", "select", "ignore", "codec", "digest"})
-"""Options that choose texts or what is shown, and no meaning of bytes: other tests have them."""
+NOT_OF_THE_WIRE = frozenset(
+    {"vendor_id", "lang", "slow_ms", "select", "ignore", "codec", "digest", "pkw_layouts"}
+)
+"""Options that choose texts or what is shown, or are about cyclic frames, and no meaning of records.
+
+Other tests have them.
+"""
 
 ELSEWHERE = {
     "DS601": "two engines disagree about one capture, which no step of a conversation makes",
     "DS109": "more than ds47 keeps is open at once, which takes thousands of frames: test_limits.py",
+    **{
+        rule: "it is about cyclic frames, and these are no conversation: test_parameter_channels.py"
+        for rule in spec.rules()
+        if rule.startswith("DS5")
+    },
     **{
         rule: "only the whole capture shows it, and only to the analyzer: test_diagnoses.py"
         for rule, row in spec.rules().items()

@@ -16,8 +16,8 @@ local gsub, sub = string.gsub, string.sub
 local integer = words.integer
 
 M.TRANSACTION_COLUMNS = {
-  "path", "transaction", "channel", "operation", "state", "controller", "device", "ar", "api", "slot", "subslot",
-  "index", "request_reference", "axis", "frames.write_request", "frames.write_response",
+  "path", "transaction", "channel", "operation", "state", "controller", "device", "ar", "api", "slot",
+  "subslot", "index", "request_reference", "axis", "frames.write_request", "frames.write_response",
   "frames.read_request", "frames.read_response", "polls", "start", "duration_ms", "cycles", "status.write",
   "status.read", "findings",
 }

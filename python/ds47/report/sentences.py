@@ -14,6 +14,7 @@ from typing import Any, Final
 from ds47.model import Diagnosis, Finding, Parameter, ParameterError
 from ds47.report.bilingual import say
 from ds47.spec import Rule, error_hex, error_text, rules
+from ds47.spec.cyclic import error_text as pkw_error_text
 from ds47.spec.semantics import diagnosis_words, reasons
 from ds47.spec.statuses import status_text
 
@@ -143,6 +144,8 @@ class _Shown(dict[str, str]):
         code = self._args.get("code")
         if code is None:
             return say("no_error_number").text(self._lang)
+        if self._row.args["code"] == "pkw":
+            return f"{code} {pkw_error_text(code, self._lang)}"
         return f"{error_hex(code)} {error_text(code, self._lang, self._args.get('vendor_id'))}"
 
     def _text(self) -> str:
@@ -188,7 +191,7 @@ def _values(items: list[Any]) -> str:
     return ", ".join([*told, "..."] if len(items) > VALUES_SHOWN else told) or "-"
 
 
-_ABSENT: Final = frozenset(("code", "info", "status", "value", "values"))
+_ABSENT: Final = frozenset(("code", "pkw", "info", "status", "value", "values"))
 _SHOW: Final[Mapping[str, Callable[[Any], str]]] = {
     "hex": error_hex,
     "code": error_hex,

@@ -1,0 +1,60 @@
+"""Judgement: a transaction of PKW to findings DS5xx (spec/rules.toml has the catalogue).
+
+What is wrong with one request and its response. Only for drives of the maker whose tables these are: what looks
+like PKW on others may be something else (docs/cyclic.md 6).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from ds47.cyclic import handshake, pkw
+from ds47.cyclic.handshake import Job
+from ds47.cyclic.relations import Relation
+from ds47.findings.remark import Remark
+from ds47.spec import cyclic
+
+SIEMENS = 0x002A
+"""PROFINET vendor id."""
+
+
+def remarks(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Iterator[Remark]:
+    """What is wrong with a transaction that is over."""
+    if relation.vendor_id != SIEMENS:
+        return
+    asked = pkw.decode(job.request.data, answer=False, layout=layout)
+    which = {"pnu": asked.pnu, "subindex": asked.subindex}
+    yield from _request(job, asked, which)
+    if job.answer is not None:
+        yield from _response(job.answer, which, layout)
+    elif job.state == handshake.MISMATCH and job.odd is not None:
+        words = {"request": _words(job.request.data), "response": _words(job.odd.data)}
+        yield Remark("DS505", job.odd.at.frame, words)
+    elif job.state == handshake.SUPERSEDED and job.ended is not None:
+        frames = {"request": job.request.at.frame, "by": job.ended.frame}
+        yield Remark("DS504", job.ended.frame, which | frames)
+    elif job.reason == handshake.WITHDRAWN and job.ended is not None:
+        stood = (job.ended.time_ns - job.request.at.time_ns) / 1e6
+        yield Remark("DS503", job.ended.frame, which | {"milliseconds": stood})
+
+
+def _request(job: Job, asked: pkw.Message, which: dict[str, Any]) -> Iterator[Remark]:
+    row = cyclic.requests()[asked.ak]
+    if job.halves is not None:
+        yield Remark("DS506", job.halves, which)
+    if row.access == "change" and row.width == 16 and asked.pwe1:
+        yield Remark("DS513", job.request.at.frame, which | {"pwe": asked.pwe1})
+
+
+def _response(answer: handshake.Sight, which: dict[str, Any], layout: str) -> Iterator[Remark]:
+    told = pkw.decode(answer.data, answer=True, layout=layout)
+    if told.ak == pkw.ERROR and told.error is not None:
+        yield Remark("DS501", answer.at.frame, which | {"code": told.error.code})
+    elif told.ak == pkw.NO_RIGHTS:
+        yield Remark("DS502", answer.at.frame, which)
+
+
+def _words(data: bytes) -> str:
+    """Four words as manuals print them: 143A 0000 0000 0000."""
+    return data.hex(" ", 2).upper()

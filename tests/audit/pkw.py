@@ -1,0 +1,194 @@
+"""Transactions of PKW: whether their words stand in the frames that are named, and what findings DS5xx claim.
+
+Read from the bytes of the frames at the place that the report names; what a word means is looked up in the manual's
+way: AK is the first digit, then the number of the parameter; index; two words of the value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+from typing import Any
+
+from tests.audit.reading import Complaint, Finding, Reading
+
+NEGATIVE, NO_RIGHTS = 7, 8
+WORD_WRITES = (2, 7, 12, 14)
+WRITES = (*WORD_WRITES, 3, 8, 11, 13)
+ANSWERS = {
+    1: (1, 2), 2: (1,), 3: (2,), 4: (3,), 5: (3,), 6: (4, 5), 7: (4,), 8: (5,), 9: (6,), 11: (5,), 12: (4,),
+    13: (2,), 14: (1,), 15: (15,),
+}  # fmt: skip
+"""Request -> what may answer it, apart from 7 and 8."""
+PAGES = ((0x80, 2000), (0x10, 4000), (0x20, 8000), (0x40, 16000), (0x04, 32000), (0x08, 64000))
+Plain = dict[str, Any]
+
+
+class Talk:
+    """A transaction of PKW and its relation."""
+
+    def __init__(self, plain: Plain, reading: Reading) -> None:
+        self.plain, self.reading = plain, reading
+        self.asked = bytes.fromhex(plain["bytes"]["request"])
+        told = plain["bytes"]["response"]
+        self.told = None if told is None else bytes.fromhex(told)
+        self.begins: int = plain["frames"]["write_request"]
+        self.ends: int | None = plain["frames"]["read_response"]
+        place = [plain[key] for key in ("controller", "device", "api", "slot", "subslot")]
+        self.relation: Plain = [
+            each for each in reading.plain["relations"]
+            if [each[key] for key in ("controller", "device", "api", "slot", "subslot")] == place
+            and each["frame"] < self.begins
+        ][-1]  # fmt: skip
+
+    def words(self, side: str) -> list[tuple[int, bytes]]:
+        """Frame and the eight bytes of every frame of a direction; none where the state behind them is not good."""
+        way = self.relation[side]
+        found = []
+        for frame in self.reading.capture.frames:
+            at = 12 if frame.data[12:14] == b"\x88\x92" else 16
+            head = frame.data[at : at + 4]
+            if frame.data[6:12].hex(":") == way["mac"] and head == b"\x88\x92" + way[
+                "frame_id"
+            ].to_bytes(2):
+                start = at + 4 + way["offset"]
+                good = frame.data[start + 8] & 0x80
+                found.append((frame.number, frame.data[start : start + 8] if good else b""))
+        return found
+
+    @property
+    def ak(self) -> int:
+        return self.asked[0] >> 4
+
+    @property
+    def parameter(self) -> tuple[int, int]:
+        """Number and subindex, the page in the low byte of the index."""
+        base = int.from_bytes(self.asked[:2]) & 0x7FF
+        return base + sum(more for bit, more in PAGES if self.asked[3] & bit), self.asked[2]
+
+
+def talks(reading: Reading) -> Iterator[Talk]:
+    for plain in reading.plain["transactions"]:
+        if plain["channel"] == "pkw":
+            yield Talk(plain, reading)
+
+
+def check(reading: Reading) -> Iterator[Complaint]:
+    """Whether words stand where a transaction says that they are, and not a frame before."""
+    for talk in talks(reading):
+        for side, number, words in (
+            ("output", talk.begins, talk.asked),
+            ("input", talk.ends, talk.told),
+        ):
+            if number is None or words is None:
+                continue
+            there = talk.words(side)
+            place = [frame for frame, _ in there].index(number)
+            same = there[place][1] == words
+            before = place and there[place - 1][1] == words
+            settled = side == "input" and talk.plain["cycles"] is None
+            halves = "DS506" in talk.plain["findings"]
+            if (not same and not halves) or (before and not settled):
+                where = f"#{talk.plain['id']}"
+                yield Complaint("pkw", where, f"{words.hex()} does not come in frame {number}")
+
+
+Auditor = Callable[[Finding, Talk], Iterator[str]]
+
+
+def of(finding: Finding, reading: Reading) -> Iterator[str]:
+    """What is not so in a finding about PKW."""
+    talk = next(each for each in talks(reading) if each.plain["id"] == finding.transaction)
+    if {"pnu", "subindex"} <= set(finding.args):
+        told = finding.args["pnu"], finding.args["subindex"]
+        if told != talk.parameter:
+            yield f"the parameter is {talk.parameter}"
+    yield from AUDITORS[finding.rule](finding, talk)
+
+
+def _negative(finding: Finding, talk: Talk) -> Iterator[str]:
+    if talk.told is None or talk.told[0] >> 4 != NEGATIVE or finding.frame != talk.ends:
+        yield "no negative response is in this frame"
+        return
+    first, second = int.from_bytes(talk.told[4:6]), int.from_bytes(talk.told[6:8])
+    code = finding.args["code"]
+    if code is not None and code not in ((second,) if second or not first else (first,)):
+        yield f"the error number is {second} or {first}"
+
+
+def _no_rights(finding: Finding, talk: Talk) -> Iterator[str]:
+    if talk.told is None or talk.told[0] >> 4 != NO_RIGHTS or finding.frame != talk.ends:
+        yield "no response with AK 8 is in this frame"
+
+
+def _withdrawn(finding: Finding, talk: Talk) -> Iterator[str]:
+    after = [each for each in talk.words("output") if each[1] and each[0] >= talk.begins]
+    end = next((frame for frame, words in after if words != talk.asked), None)
+    if end is None or end != finding.frame or dict(after)[end][0] >> 4:
+        yield f"the request was not withdrawn in frame {finding.frame}"
+        return
+    times = [talk.reading.time(frame) for frame in (talk.begins, end)]
+    truth = ((times[1] or 0) - (times[0] or 0)) / 1e6
+    if finding.args["milliseconds"] != truth:
+        yield f"it stood for {truth} ms"
+    yield from _unanswered(talk, end)
+
+
+def _replaced(finding: Finding, talk: Talk) -> Iterator[str]:
+    after = [each for each in talk.words("output") if each[1] and each[0] >= talk.begins]
+    end = next((frame for frame, words in after if words != talk.asked), None)
+    if end is None or finding.args["by"] != end or not dict(after)[end][0] >> 4:
+        yield f"no other request replaced it in frame {finding.args['by']}"
+        return
+    if finding.args["request"] != talk.begins:
+        yield f"the request came in frame {talk.begins}"
+    yield from _unanswered(talk, end)
+
+
+def _unanswered(talk: Talk, end: int) -> Iterator[str]:
+    """Whether a response for the same parameter came while the request stood.
+
+    One to a change that brings another value may be that to the request before.
+    """
+    for (_, before), (frame, words) in pairwise(talk.words("input")):
+        if not words or not talk.begins < frame < end or words == before:
+            continue
+        same = (int.from_bytes(words[:2]) ^ int.from_bytes(talk.asked[:2])) & 0x7FF == 0
+        fits = words[0] >> 4 in ANSWERS.get(talk.ak, ()) and words[2:4] == talk.asked[2:4]
+        if same and fits and (talk.ak not in WRITES or words[4:] == talk.asked[4:]):
+            yield f"a response came in frame {frame}"
+
+
+def _mismatch(finding: Finding, talk: Talk) -> Iterator[str]:
+    request = bytes.fromhex(finding.args["request"])
+    response = bytes.fromhex(finding.args["response"])
+    if request != talk.asked or dict(talk.words("input")).get(finding.frame) != response:
+        yield "these words are not in the frames"
+    one, other = int.from_bytes(request[:2]) & 0x7FF, int.from_bytes(response[:2]) & 0x7FF
+    same = (one, request[2:4]) == (other, response[2:4])
+    if same and response[0] >> 4 in ANSWERS.get(request[0] >> 4, ()):
+        yield "it is a response to this request"
+
+
+def _parts(finding: Finding, talk: Talk) -> Iterator[str]:
+    there = talk.words("output")
+    place = [frame for frame, _ in there].index(finding.frame)
+    first, second = there[place][1], there[place + 1][1]
+    before = there[place - 1][1]
+    if second != talk.asked or talk.ak not in WRITES:
+        yield "the request is not whole one cycle later"
+    if (first[:4] == before[:4]) == (first[4:] == before[4:]):
+        yield "parameter and value changed together"
+
+
+def _wrong_word(finding: Finding, talk: Talk) -> Iterator[str]:
+    if talk.ak not in WORD_WRITES or finding.frame != talk.begins:
+        yield "no word is written in this frame"
+    if finding.args["pwe"] != int.from_bytes(talk.asked[4:6]) or not finding.args["pwe"]:
+        yield f"PWE1 is {talk.asked[4:6].hex()}"
+
+
+AUDITORS: dict[str, Auditor] = {
+    "DS501": _negative, "DS502": _no_rights, "DS503": _withdrawn, "DS504": _replaced, "DS505": _mismatch,
+    "DS506": _parts, "DS513": _wrong_word,
+}  # fmt: skip
