@@ -7,7 +7,7 @@ way: AK is the first digit, then the number of the parameter; index; two words o
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import pairwise
+from itertools import dropwhile, pairwise
 from typing import Any
 
 from tests.audit.reading import Complaint, Finding, Reading
@@ -55,6 +55,11 @@ class Talk:
                 good = frame.data[start + 8] & 0x80
                 found.append((frame.number, frame.data[start : start + 8] if good else b""))
         return found
+
+    def since(self) -> list[tuple[int, bytes]]:
+        """Frames of the controller from the whole request on."""
+        there = [each for each in self.words("output") if each[1] and each[0] >= self.begins]
+        return list(dropwhile(lambda each: each[1] != self.asked, there))
 
     @property
     def ak(self) -> int:
@@ -122,7 +127,7 @@ def _no_rights(finding: Finding, talk: Talk) -> Iterator[str]:
 
 
 def _withdrawn(finding: Finding, talk: Talk) -> Iterator[str]:
-    after = [each for each in talk.words("output") if each[1] and each[0] >= talk.begins]
+    after = talk.since()
     end = next((frame for frame, words in after if words != talk.asked), None)
     if end is None or end != finding.frame or dict(after)[end][0] >> 4:
         yield f"the request was not withdrawn in frame {finding.frame}"
@@ -135,7 +140,7 @@ def _withdrawn(finding: Finding, talk: Talk) -> Iterator[str]:
 
 
 def _replaced(finding: Finding, talk: Talk) -> Iterator[str]:
-    after = [each for each in talk.words("output") if each[1] and each[0] >= talk.begins]
+    after = talk.since()
     end = next((frame for frame, words in after if words != talk.asked), None)
     if end is None or finding.args["by"] != end or not dict(after)[end][0] >> 4:
         yield f"no other request replaced it in frame {finding.args['by']}"

@@ -41,6 +41,7 @@ from ds47.report.html.views.problems import first_screen, problems
 from ds47.report.html.views.rows import ROW, packed_rows
 from ds47.report.overview import Row, total
 from ds47.report.verdict import Counts, blind, verdict
+from ds47.spec import cyclic
 from ds47.spec.reporting import report_words
 from ds47.spec.semantics import diagnosis_words
 from ds47.spec.statuses import status_text
@@ -522,7 +523,8 @@ SAMPLES = {
     "hex": (0x6B, "0x6B"), "hex32": (0x1C010006, "0x1C010006"), "code": (0x11, "0x11"), "vendor": (0x2A, ""),
     "info": (3, "3"), "status": ("DF80B700", "DF80B700"), "index": (0xB02E, "0xB02E"), "ms": (2.04, "2.0"),
     "ms3": (2.0404, "2.040"), "text": ("10.0.0.9", "10.0.0.9"), "line": ("x" * 101, "x" * 97 + "..."),
-    "value": (1.0, "1.0"), "values": ([1, 2, 3, 4, 5], "1, 2, 3, 4, ..."), "dropped": (None, ""),
+    "pkw": (17, "17"), "value": (1.0, "1.0"),
+    "values": ([1, 2, 3, 4, 5], "1, 2, 3, 4, ..."), "dropped": (None, ""),
 }  # fmt: skip
 """A value of each type of argument that needs no words, and how a sentence shows it."""
 
@@ -537,6 +539,8 @@ def test_a_finding_with_arguments_is_worded_in_both_languages(rule):
     for lang, template in (("en", known.message), ("zh", known.message_zh)):
         text = status_text(0xDF80B700, lang)
         error = f"0x11 {spec.error_text(0x11, lang, args.get('vendor_id'))}"
+        if known.args.get("code") == "pkw":
+            error = f"17 {cyclic.error_text(17, lang)}"
         assert getattr(both, lang) == template.format(**told, text=text, error=error)
         assert getattr(both, lang) == sentences.words(rule, args, lang)
 
