@@ -259,7 +259,7 @@ def test_a_layout_that_there_is_not(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @given(st.data())
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_whatever_is_in_the_frames(data: st.DataObject) -> None:
     """Any words, any state of data; and bytes overwritten anywhere, in the Connect too."""
     machine = Machine().connect()
@@ -383,7 +383,7 @@ STEPS = st.lists(
 
 
 @given(STEPS)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_what_is_said_of_random_talk_is_so(steps: list[tuple[str, str, int]]) -> None:
     """The auditor reads the frames by itself."""
     machine = talk(Machine().connect())
