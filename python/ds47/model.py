@@ -81,16 +81,17 @@ class ParameterError(_Plain):
     @property
     def text(self) -> str:
         """What the error number means, in English; empty where there is no number."""
-        return self.words("en")
+        return error_words(self, "en")
 
-    def words(self, lang: str) -> str:
-        """The same in "en" or "zh"."""
-        if self.said is not None:
-            return self.said
-        if self.ak is None:
-            return error_text(self.code, lang, self.vendor_id)
-        known = None if self.code is None else pkw_error_text(self.code, lang)
-        return known or pkw_meaning(self.ak, True, lang)
+
+def error_words(item: ParameterError, lang: str) -> str:
+    """What an error number means on the drive that sent it, in "en" or "zh"; empty where there is no number."""
+    if item.said is not None:
+        return item.said
+    if item.ak is None:
+        return error_text(item.code, lang, item.vendor_id)
+    known = None if item.code is None else pkw_error_text(item.code, lang)
+    return known or pkw_meaning(item.ak, True, lang)
 
 
 @dataclass(slots=True, init=False, repr=False, eq=False)

@@ -165,7 +165,7 @@ def error(item: dict[str, Any], vendor_id: int | None) -> model.ParameterError:
     code, info, text = item["code"], item.get("info"), item["text"]
     for vendor, ak in ((vendor_id, None), (None, None), (vendor_id, 7), (vendor_id, 8)):
         known = model.ParameterError(code, info, vendor, ak=ak)
-        if text in map(known.words, LANGUAGES):
+        if text in [model.error_words(known, lang) for lang in LANGUAGES]:
             return known
     return model.ParameterError(code, info, said=text)
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from string import Formatter
 from typing import Any, Final
 
+from ds47 import model
 from ds47.model import Diagnosis, Finding, Parameter, ParameterError
 from ds47.report.bilingual import say
 from ds47.spec import Rule, error_hex, error_text, rules
@@ -101,7 +102,7 @@ def message(item: Finding, lang: str = "en") -> str:
 
 def error_words(item: ParameterError, lang: str = "en") -> str:
     """What an error number means on the drive that sent it; empty where there is no number."""
-    return item.words(lang)
+    return model.error_words(item, lang)
 
 
 def name(item: Parameter, lang: str = "en") -> str | None:
