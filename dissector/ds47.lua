@@ -42,11 +42,12 @@ local fields, experts = ds47_fields.define(ds47)
 local tree_of = later("ds47_ws.tree", function(module)
   module.configure(ds47, fields, experts)
 end)
+local words_of = later("ds47_ws.pkw_tree")
 track.configure(function()
   return preferences.options(ds47)
 end)
 
--- A frame of cyclic data costs one of these: it has no IP.
+-- A frame of cyclic data costs one of these, as long as it has no parameter channel: it has no IP.
 local ip_field = Field.new("ip")
 local index_field = Field.new("pn_io.index")
 clock.configure(Field.new("frame.time_epoch"))
@@ -85,16 +86,53 @@ local function columns_of(pinfo)
   return tostring(columns.info) ~= "(info)" and columns or nil
 end
 
--- Adds to the tree and sets the columns, where there are some. `whole`: somebody wants our fields.
+-- A function that finds words of PKW in this frame.
+local function finder_of_words(tvb, frame)
+  local at = track.cyclic_data(frame)
+  return function(_, view)
+    return tvb:range(at + view.item.places[view.role], 8)
+  end
+end
+
+-- Adds to the tree and sets the columns, where there are some. `offset`: of the IP header, nil of a cyclic
+-- frame. `whole`: somebody wants our fields.
 local function show(views, findings, tvb, columns, tree, offset, whole)
   if columns and #views > 0 then
     columns.protocol, columns.info = "DS47", info.text(views, track.lang)
   end
   if whole and #views + #findings > 0 then
     local context = { base_seconds = track.base_seconds(), lang = track.lang }
-    tree_of.add(tree, views, findings, finder(tvb, tvb:raw(), offset), context)
+    local frame = tvb:raw()
+    local find_record = offset and finder(tvb, frame, offset) or finder_of_words(tvb, frame)
+    tree_of.add(tree, views, findings, find_record, context)
   elseif #findings > 0 then
     tree_of.add_experts(tree, findings, track.lang)
+  end
+end
+
+-- Words of PKW in a frame in which none of them changed, where somebody looks at it.
+local function show_standing(tvb, number, tree)
+  for _, each in ipairs(track.standing(number, tvb:raw())) do
+    words_of.standing(tree, tvb:range(each.offset, 8), each.answer, each.layout, track.lang)
+  end
+end
+
+-- A frame without IP, once there are parameter channels in cyclic frames: nearly always nothing changed in
+-- it.
+local function dissect_cyclic(tvb, pinfo, tree)
+  local number, views, findings = pinfo.number, nil, nil
+  if not track.is_new(number, pinfo) then
+    views, findings = track.complete_views(number)
+  elseif track.is_news(tvb:raw()) then
+    clock.set(pinfo)
+    track.feed_cyclic(number, clock.now)
+    views, findings = track.live_cyclic_views(true)
+  end
+  if views then
+    show(views, findings, tvb, columns_of(pinfo), tree, nil, tree:referenced(this_dissector))
+  end
+  if tree.visible and (views == nil or #views == 0) then
+    show_standing(tvb, number, tree)
   end
 end
 
@@ -102,6 +140,9 @@ function ds47.dissector(tvb, pinfo, tree)
   collector.called()
   local ip = ip_field()
   if ip == nil then
+    if track.watching then
+      dissect_cyclic(tvb, pinfo, tree)
+    end
     return
   end
   clock.set(pinfo)

@@ -199,7 +199,9 @@ def _status() -> Iterator[str]:
 
 
 def _rules() -> Iterator[str]:
-    names = tuple(name for name in spec.Rule.__annotations__ if name not in ("group", "args"))
+    names = tuple(
+        name for name in spec.Rule.__annotations__ if name not in ("group", "args", "analyzer_only")
+    )
     yield from block(
         "M.rules", {number: fields(row, names) for number, row in spec.rules().items()}
     )

@@ -5,10 +5,9 @@
 -- written as the text report does.
 
 local entries = require("ds47.support.later").entries
-local spec = require("ds47.spec.lookup")
 local status = require("ds47.spec.statuses")
 local words = require("ds47.report.formatting")
-local error_words = require("ds47.report.sentences").error_words
+local error_texts = require("ds47.report.sentences")
 
 local M = {}
 
@@ -42,7 +41,9 @@ local language -- of the texts of error numbers, "en" or "zh"
 local function error_of(failed)
   local text = "error"
   if failed.code then
-    text = spec.error_hex(failed.code) .. " " .. error_words(failed, language)
+    text = error_texts.error_number(failed) .. " " .. error_texts.error_words(failed, language)
+  elseif failed.ak then
+    text = error_texts.error_words(failed, language)
   end
   if failed.info and failed.info ~= 0 then
     text = string.format("%s (info %d)", text, failed.info)
@@ -178,10 +179,16 @@ function sentences.reread(view)
   return "read again: " .. outcome(view) .. parameters_of(view)
 end
 
+-- A request or a response of PKW: `PKW read response p1082[0] = 50.0`.
+local function pkw_sentence(view)
+  local kind, operation = view.role == "write_request" and " request " or " response ", view.item.operation
+  return "PKW " .. operation .. kind .. parameter(view.parameters[1], operation == "change")
+end
+
 --- The sentence of one view, without the name of the protocol; error numbers in "en" or "zh".
 function M.sentence(view, lang)
   language = lang
-  return sentences[view.role](view)
+  return view.item.channel == "pkw" and pkw_sentence(view) or sentences[view.role](view)
 end
 
 --- The Info column of a frame: the sentences of all its views.

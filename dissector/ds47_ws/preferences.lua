@@ -7,6 +7,7 @@ local tables = require("ds47.spec.tables")
 local M = {}
 
 local AUTO, ALWAYS, NEVER = 0, 1, 2
+local CYCLIC, USS = 0, 1
 local ENGLISH, CHINESE = 0, 1
 local INDEX_47 = 47
 
@@ -24,6 +25,12 @@ function M.define(proto)
     "Format 0x10 is OctetString and 0x13 TimeDifference")
   prefs.profile_v3_types = Pref.bool("Data types of profile V3", false,
     "Formats 0x21 to 0x2C are N2, N4, V2 and so on")
+  prefs.pkw_layout = Pref.enum("Layout of IND in PKW", CYCLIC,
+    "cyclic: the page is the low byte of IND, as in cyclic transfer; uss: the high one, as some makers "
+    .. "have it",
+    { { 1, "cyclic", CYCLIC }, { 2, "uss", USS } }, true)
+  prefs.pkw_layouts = Pref.string("Layout of IND of single devices", "",
+    "Addresses with the layout that is not that of all others, for example: 192.168.0.5=uss")
   prefs.language = Pref.enum("Language of the texts", ENGLISH,
     "Texts of error numbers and findings",
     { { 1, "en", ENGLISH }, { 2, "zh", CHINESE } }, true)
@@ -54,6 +61,17 @@ local function rules(text)
   return list
 end
 
+-- `192.168.0.5=uss 192.168.0.6=cyclic` as layouts by address.
+local function layouts(text)
+  local by_device = {}
+  for device, layout in string.gmatch(text or "", "([^%s,;=]+)=(%a+)") do
+    if layout == "uss" or layout == "cyclic" then
+      by_device[device] = layout
+    end
+  end
+  return by_device
+end
+
 --- The preferences as they are now: the options of `ds47.analysis`, and the language of the texts.
 function M.options(proto)
   local prefs = proto.prefs
@@ -66,6 +84,8 @@ function M.options(proto)
     forbid_47 = prefs.index_47 == NEVER,
     slow_ms = prefs.slow_ms,
     ignore = rules(prefs.ignore),
+    pkw_layout = prefs.pkw_layout == USS and "uss" or "cyclic",
+    pkw_layouts = layouts(prefs.pkw_layouts),
     codec = {
       legacy_g120_formats = prefs.legacy_g120_formats,
       profile_v3_types = prefs.profile_v3_types,

@@ -8,6 +8,7 @@
 local analysis = require("ds47.analysis")
 local entries = require("ds47.support.later").entries
 local parameter = require("ds47.profidrive.parameter")
+local pkw = require("ds47.cyclic.transactions")
 local plc = require("ds47.report.plc")
 local rpc = require("ds47.profinet.rpc")
 local transactions = require("ds47.acyclic.transactions")
@@ -52,6 +53,7 @@ end
 --- Forgets everything: another file, other preferences.
 function M.reset()
   current, last, complete = nil, 0, nil
+  M.watching = false -- whether there are cyclic frames that are looked at
   stations, newest_station, told = {}, 0, {}
 end
 
@@ -229,7 +231,23 @@ function M.feed(number, frame, offset, clock, length)
   else
     live:packet(packet)
   end
+  M.watching = #live.cyclic.relations > 0
   return true
+end
+
+local news, news_row, news_at -- the cyclic frame that is news, and where its channels are
+
+--- Whether words of PKW in a frame are not those of the frame before it: then it is to be fed.
+function M.is_news(frame)
+  news, news_row, news_at = frame, current:cyclic_news(frame)
+  return news_row ~= nil
+end
+
+--- Feeds the cyclic frame that is news.
+-- @param number, clock  as `feed` takes them
+function M.feed_cyclic(number, clock)
+  complete, last = nil, number
+  current:cyclic_frame(news_row, news, news_at, number, clock(current))
 end
 
 -- What a frame shows
@@ -311,6 +329,42 @@ function M.live_views(seen)
   return views, findings
 end
 
+-- A view of a transaction of PKW.
+local PKW = {}
+
+function PKW.__index(view, key)
+  if key ~= "parameters" then
+    return nil
+  end
+  local found = view.item.parameters
+  if view.role == "write_request" then
+    found = { pkw.asked(found[1], view.item.operation) }
+  end
+  view.parameters = found
+  return found
+end
+
+local function pkw_view(item, role, is_complete)
+  return setmetatable({ role = role, item = item, complete = is_complete }, PKW)
+end
+
+--- The same of the cyclic frame that was fed last.
+function M.live_cyclic_views(seen)
+  local views, findings = {}, {}
+  for _, each in ipairs(current:cyclic_touched()) do
+    if seen then
+      views[#views + 1] = pkw_view(each.item, each.role, false)
+    end
+    for _, finding in ipairs(each.findings) do
+      findings[#findings + 1] = finding
+    end
+  end
+  for _, finding in ipairs(current:findings_at(last)) do
+    findings[#findings + 1] = finding
+  end
+  return views, findings
+end
+
 local function put(places, frame, item, role)
   if frame == nil then
     return
@@ -386,6 +440,9 @@ function COMPLETE.__index(view, key)
 end
 
 local function complete_view(item, role)
+  if item.channel == "pkw" then
+    return pkw_view(item, role, true)
+  end
   return setmetatable({ role = role, item = item, witness = complete.witness }, COMPLETE)
 end
 
@@ -406,6 +463,26 @@ function M.complete_views(number)
     views[#views + 1] = complete_view(place[at], place[at + 1])
   end
   return views, findings or NONE
+end
+
+--- Where words of PKW stand in a cyclic frame, changed or not: array of {offset of the eight bytes, answer,
+-- layout}. None of a relation that is not proven yet.
+function M.standing(number, frame)
+  local found, at = {}, M.cyclic_data(frame)
+  local source, id = sub(frame, 7, 12), u16(frame, at - 2)
+  for _, each in ipairs(id and current.cyclic:ends_in(number, source, id) or NONE) do
+    local offset = at + each.side.offset
+    if each.relation.certainty == "seen" and offset + each.side.length <= #frame then
+      local layout = current:pkw_layout(each.relation.device)
+      found[#found + 1] = { offset = offset, answer = not each.sent, layout = layout }
+    end
+  end
+  return found
+end
+
+--- Where the data of a cyclic frame begins, behind the frame id: there may be a VLAN tag.
+function M.cyclic_data(frame)
+  return sub(frame, 13, 14) == "\x81\x00" and 20 or 16
 end
 
 -- The whole file

@@ -10,6 +10,7 @@
 -- field is wanted.
 
 local info = require("ds47_ws.info")
+local pkw_tree = require("ds47.support.later").module("ds47_ws.pkw_tree")
 local plc = require("ds47.report.plc")
 local reader = require("ds47.support.bytes")
 local spec = require("ds47.spec.lookup")
@@ -85,6 +86,8 @@ local function derive(parent, key, value)
   mark_generated(item)
   return item
 end
+
+local adding = { add = add, derive = derive } -- for pkw_tree.lua
 
 -- Values with the type of their format
 
@@ -402,7 +405,8 @@ end
 
 local CHANNEL = { "controller", "device", "ar", "api", "slot", "subslot", "index" }
 local OF_TRANSACTION = {
-  "transaction", "operation", "state", "request_reference", "axis", "polls", "start", "duration_ms",
+  "transaction", "channel", "operation", "state", "cycles", "request_reference", "axis", "polls", "start",
+  "duration_ms",
   "bytes.request", "bytes.response", "status.write", "status.read", "plc", "frames.write_request",
   "frames.write_response", "frames.read_request", "frames.read_response", "frames.poll.request",
   "frames.poll.response", "frames.reread.request", "frames.reread.response", "controller", "device", "ar",
@@ -428,9 +432,11 @@ end
 
 -- What WRREC and RDREC showed, once it is known how the transaction ended.
 local function add_plc(parent, view, lang)
-  if is_main(view) and (view.complete or view.item.frames.read_response) and wanted("plc") then
-    local witness = view.witness or plc.witness_of(view.item, view.job)
-    derive(parent, "plc", witness:text(view.item, lang))
+  local item = view.item
+  local over = view.complete or item.frames.read_response
+  if item.channel == "ds47" and over and is_main(view) and wanted("plc") then
+    local witness = view.witness or plc.witness_of(item, view.job)
+    derive(parent, "plc", witness:text(item, lang))
   end
 end
 
@@ -438,6 +444,9 @@ local function add_frames(parent, view)
   local frames = view.item.frames
   for number = 1, #HALVES do
     derive(parent, HALVES[number], frames[sub(HALVES[number], #"frames." + 1)])
+  end
+  if view.item.channel ~= "ds47" then
+    return -- nothing is polled
   end
   derive(parent, "polls", #frames.polls)
   if is_main(view) then
@@ -459,6 +468,7 @@ local function add_transaction(parent, view, context)
   end
   local item = view.item
   local shown = derive(parent, "transaction", view.complete and item.id or item.order) or parent
+  derive_key(shown, item, "channel")
   derive_key(shown, item, "operation")
   if wanted("state") and state_is_certain(view) then
     derive(shown, "state", item.state)
@@ -479,6 +489,7 @@ local function add_transaction(parent, view, context)
   if wanted("duration_ms") and item.duration_ns then
     derive(shown, "duration_ms", item.duration_ns / 1000000)
   end
+  derive_key(shown, item, "cycles")
   derive(shown, "status.write", item.write_status)
   derive(shown, "status.read", item.read_status)
   add_bytes(shown, view)
@@ -532,7 +543,11 @@ end
 local function add_view(tree, view, findings, taken, record, context)
   local label = marked and "DS47 " .. info.sentence(view, language) or "DS47"
   local root = record and tree:add(protocol, record, label) or tree:add(protocol, label)
-  add_message(root, view, record)
+  if view.item.channel == "pkw" then
+    pkw_tree.add(adding, root, view, record, language)
+  else
+    add_message(root, view, record)
+  end
   add_links(root, view)
   add_transaction(root, view, context)
   for number, finding in ipairs(findings) do
@@ -546,7 +561,8 @@ end
 --- Adds all that a frame shows.
 -- @param tree the tree of the frame
 -- @param views, findings as track.lua gives them
--- @param find_record a function that gives the TvbRange of a record in this frame, or nil
+-- @param find_record a function of a record and of the view that has it, which gives its TvbRange in this
+--   frame, or nil
 -- @param context {base_seconds = second since 1970 that the times are relative to, lang = "en" or "zh"}
 function M.add(tree, views, findings, find_record, context)
   frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, context.lang
@@ -558,7 +574,7 @@ function M.add(tree, views, findings, find_record, context)
     elseif HEADERS[view.role] then
       data = view.item.response
     end
-    add_view(tree, view, findings, taken, data and find_record(data), context)
+    add_view(tree, view, findings, taken, data and find_record(data, view), context)
   end
   local rest
   for number, finding in ipairs(findings) do

@@ -9,6 +9,7 @@
 -- (`ended`), and the analysis itself stays as it was.
 
 local calls = require("ds47.profinet.calls")
+local channels = require("ds47.cyclic.channels")
 local copy = require("ds47.support.later").module("ds47.acyclic.copy")
 local diagnosis = require("ds47.diagnosis.transaction")
 local findings = require("ds47.findings.collection")
@@ -16,6 +17,8 @@ local gate = require("ds47.acyclic.index47")
 local ip = require("ds47.profinet.ip")
 local naming = require("ds47.profinet.stations")
 local pairing = require("ds47.acyclic.pairing")
+local pkw = require("ds47.cyclic.transactions")
+local pkw_judge = require("ds47.cyclic.judge")
 local parameter = require("ds47.profidrive.parameter")
 local recordcalls = require("ds47.acyclic.record_calls")
 local records = require("ds47.profinet.records")
@@ -48,6 +51,8 @@ local UNCHANGING = {
 --   select        array of rule ids or prefixes to report; empty for all
 --   ignore        array of rule ids or prefixes to leave out
 --   codec         dialects of the parameter channel, as parameter.lua takes them
+--   pkw_layout    layout of IND in PKW, "cyclic" or "uss" (docs/cyclic.md 2)
+--   pkw_layouts   the same by the IP address of the device, where it is not that
 --   frames_dropped  whether the capture says that frames are missing (docs/pairing.md P47)
 function M.new(options)
   options = options or {}
@@ -73,6 +78,7 @@ function M.new(options)
   self.gate = gate.Gate.new(options.indices, limits.waiting_calls, options.forbid_47)
   self.records = recordcalls.RecordCalls.new(self.gate, self.pairing, self.codec, self)
   self.calls = calls.CallTracker.new(limits, self)
+  self.cyclic = channels.new(self, limits.relations)
   return self
 end
 
@@ -159,6 +165,27 @@ function Analysis:fragment(fragment)
   end
 end
 
+--- The row of a cyclic frame that is watched and says something else than the one before it, and where its
+-- data begins: for `cyclic_frame`. Nil of any other frame.
+-- @param frame an Ethernet frame, all of it
+function Analysis:cyclic_news(frame)
+  local row, at = self.cyclic:row_of(frame)
+  if row and self.cyclic:is_news(row, frame, at) then
+    return row, at
+  end
+  return nil
+end
+
+--- Takes a cyclic frame.
+-- @param row, at as `cyclic_news` gives them
+-- @param number, time_ns  of the frame
+function Analysis:cyclic_frame(row, frame, at, number, time_ns)
+  self.result, self.last_call = nil, nil
+  self.last_frame = number
+  self.pairing.touched_count = 0
+  self.cyclic:frame(row, frame, at, number, time_ns)
+end
+
 --- Takes what names a station: the payload of a DCP ("dcp", from the frame id on) or LLDP ("lldp") frame.
 -- @param src_mac, dst_mac  text; nil where the link type has none
 function Analysis:station(kind, payload, src_mac, dst_mac)
@@ -208,6 +235,26 @@ function Analysis:touched()
   return touched, count
 end
 
+--- The transactions of PKW that the last cyclic frame began or responded to, as far as they are proven:
+-- array of {item = transaction as far as it has got, role, findings that are certain on that frame}.
+function Analysis:cyclic_touched()
+  local found = {}
+  for number, each in ipairs(self.cyclic:touched(self.last_frame)) do
+    local job, layout = each.job, self:pkw_layout(each.relation.device)
+    job.order = job.order or self.pairing:number()
+    local certain = {}
+    for _, remark in ipairs(job.state and NONE or pkw_judge.remarks(each.relation, job, layout)) do
+      remark.order = job.order
+      if remark.frame == self.last_frame and self.findings:wanted(remark.rule) then
+        certain[#certain + 1] = self.findings:finding(remark)
+      end
+    end
+    local item = pkw.build(each.relation, job, layout)
+    found[number] = {item = item, role = each.role, findings = certain}
+  end
+  return found
+end
+
 function Analysis:_is_ours(peer, record)
   return self.gate:concerns(record.index) and self.gate:is_open(records.ar_key(peer, record), record.index)
 end
@@ -242,7 +289,8 @@ end
 -- The end
 
 --- The complete result, as if the capture ended here; the analysis goes on as if nothing was asked.
--- The same table until the next packet. {transactions, findings, diagnoses, devices, rpc, records, summary}:
+-- The same table until the next packet. {transactions, findings, diagnoses, devices, rpc, records, summary,
+-- relations}:
 -- transactions by `id`, findings by frame and rule, rpc and records (by index) as counts. Nobody may change
 -- it, and of an older result only numbers may differ from a newer one: transactions that were finished
 -- before are the same tables, with their newest `id` and `findings`.
@@ -278,6 +326,7 @@ function Analysis:_finish()
   self.calls:finish()
   self.pairing:finish()
   self.records:finish()
+  self.cyclic:finish()
   local numbered = self.finished_jobs:numbered()
   local found, diagnoses = self.findings:result(numbered, self.finished_jobs)
   return {
@@ -288,6 +337,7 @@ function Analysis:_finish()
     rpc = self.calls.counts,
     records = self.records.counts,
     summary = transactions.summary(numbered),
+    relations = self.cyclic.relations,
   }
 end
 
@@ -388,6 +438,28 @@ end
 --- A closed job is about to change: its transaction stays what it is.
 function Analysis:late(job)
   self.finished_jobs:by_order(job.order)
+end
+
+--- A Connect and its response.
+function Analysis:set_up(request, response)
+  self.cyclic:connected(request, response)
+end
+
+--- The layout of IND in what a device says by PKW.
+function Analysis:pkw_layout(device)
+  local options = self.options
+  return options.pkw_layouts and options.pkw_layouts[device] or options.pkw_layout or "cyclic"
+end
+
+--- A transaction of PKW is over.
+function Analysis:exchanged(relation, job)
+  local layout = self:pkw_layout(relation.device)
+  job.order = job.order or self.pairing:number()
+  self.finished_jobs:add_made(pkw.build(relation, job, layout))
+  for _, remark in ipairs(pkw_judge.remarks(relation, job, layout)) do
+    remark.order = job.order
+    self.findings:add(remark)
+  end
 end
 
 --- A Read without record on a channel that has no request (docs/pairing.md P33).

@@ -1,9 +1,11 @@
 -- The analysis under plain Lua, for a comparison with that in Python: packets in, the complete result out.
 -- Usage: lua analysis.lua INPUT. Input is a JSON object a line, its `kind` says what it is:
---   begin          {lang, look}: a new analysis; `look`: ended() after every packet, which must not matter
+--   begin          {lang, look, layouts}: a new analysis; `look`: ended() after every packet, which must not
+--                  matter; `layouts` of IND by device, "" stands for all others
 --   udp, fragment  a packet, as Analysis:packet and Analysis:fragment take it, bytes in hex, the time as
 --                  seconds and nanoseconds; of a frame that is cut its lengths as `captured` and `original`
 --   dcp, lldp      {payload, src_mac, dst_mac}
+--   rt             {frame, seconds, nanoseconds, data}: an Ethernet frame, in hex
 --   end            {dropped}: prints the result as one line of JSON, keys as in schema ds47.report/2, but
 --                  `start` as [second, nanosecond] and `duration_ns` instead of `duration_ms`
 
@@ -77,8 +79,8 @@ local function word(code)
 end
 
 local function transaction(item, base_seconds)
-  local result = object(item, "id operation state controller device ar api slot subslot index "
-    .. "request_reference axis duration_ns")
+  local result = object(item, "id channel operation state controller device ar api slot subslot index "
+    .. "request_reference axis duration_ns cycles")
   result.frames = object(item.frames, "write_request write_response read_request read_response")
   result.frames.polls, result.frames.rereads = reads(item.frames.polls), reads(item.frames.rereads)
   local seconds, nanoseconds = times.split(item.start_ns)
@@ -107,6 +109,18 @@ local function diagnosis(item)
   return result
 end
 
+local function side(item)
+  return {mac = item.source:gsub(".", function(each) return ("%02x:"):format(each:byte()) end):sub(1, -2),
+    frame_id = item.frame_id, offset = item.offset, length = item.length}
+end
+
+local function relation(item)
+  local result = object(item, "channel controller device api slot subslot frame certainty")
+  result.telegrams, result.cycle_ms = json.array(item.telegrams), json.float(item.input.cycle_ns / 1e6)
+  result.output, result.input = side(item.output), side(item.input)
+  return result
+end
+
 local function capture()
   local result, records = run:ended(), {}
   for index, counts in pairs(result.records) do
@@ -122,6 +136,7 @@ local function capture()
     findings = list(result.findings, finding),
     diagnoses = list(result.diagnoses, diagnosis),
     summary = result.summary,
+    relations = #result.relations > 0 and list(result.relations, relation) or nil,
   }
 end
 
@@ -143,7 +158,7 @@ end
 local take = {}
 
 function take.begin(line)
-  run = analysis.new()
+  run = analysis.new({pkw_layout = line.layouts[""], pkw_layouts = line.layouts})
   language, look = line.lang, line.look
 end
 
@@ -163,6 +178,14 @@ function take.dcp(line)
 end
 
 take.lldp = take.dcp
+
+function take.rt(line)
+  local frame = unhex(line.data)
+  local row, at = run:cyclic_news(frame)
+  if row then
+    run:cyclic_frame(row, frame, at, line.frame, run:time_ns(line.seconds, line.nanoseconds))
+  end
+end
 
 take["end"] = function(line)
   run.options.frames_dropped = line.dropped

@@ -74,7 +74,7 @@ function ask.handshake(question)
   for _, step in ipairs(question.steps) do
     local at = {frame = step.cycle, time = step.cycle * 2000000, cycle = step.cycle}
     if step.lost then
-      channel:lost(at)
+      channel:lost(at, known(step.side))
     else
       channel:sent(reader.unhex(step.out), at)
       channel:answered(reader.unhex(step["in"]), at)

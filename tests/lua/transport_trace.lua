@@ -12,6 +12,7 @@
 package.path = arg[1] .. "/?.lua;" .. package.path
 
 local calls = require("ds47.profinet.calls")
+local connect = require("ds47.profinet.connect")
 local dcp = require("ds47.profinet.dcp")
 local gate = require("ds47.acyclic.index47")
 local ip = require("ds47.profinet.ip")
@@ -119,6 +120,39 @@ function Ear.is_again()
 end
 
 function Ear.goes_on()
+end
+
+local function data_of(data)
+  return data and {
+    reference = data.reference, frame_id = data.frame_id, offset = data.offset, length = data.length,
+    iops = data.iops, cycle_ns = data.cycle_ns, frame_length = data.frame_length,
+  }
+end
+
+-- A Connect with the frame ids that the device gave.
+function Ear.set_up(_, request, response)
+  local asked = connect.parse_request(request)
+  local ar, mac, ids = connect.parse_response(response)
+  if asked == nil or ar == nil then
+    tell("set_up", {asked = asked ~= nil, told = ar ~= nil})
+    return
+  end
+  connect.answered(asked, ids)
+  local found = {}
+  for number, each in ipairs(asked.submodules) do
+    found[number] = {
+      api = each.api, slot = each.slot, subslot = each.subslot, ident = each.ident,
+      input = data_of(each.input), output = data_of(each.output),
+    }
+  end
+  table.sort(found, function(a, b)
+    if a.api ~= b.api then return a.api < b.api end
+    return a.slot < b.slot or a.slot == b.slot and a.subslot < b.subslot
+  end)
+  tell("set_up", {
+    asked = hex(asked.ar), told = hex(ar), controller_mac = hex(asked.controller_mac), device_mac = hex(mac),
+    submodules = json.array(found),
+  })
 end
 
 function Ear.connected(_, controller, device, frame, _, only)

@@ -505,7 +505,9 @@ def test_preferences_are_complete() -> None:
     """Each preference of the plugin can be given; `ignore` is applied to both engines afterwards."""
     text = (ROOT / "dissector/ds47_ws/preferences.lua").read_text(encoding="utf-8")
     there = set(re.findall(r"^  prefs\.(\w+) = Pref", text, re.MULTILINE))
-    given = engine.preferences(AnalysisOptions(indices=frozenset((3, 0xB030))))
+    layouts = (("192.168.0.5", "uss"),)
+    options = AnalysisOptions(indices=frozenset((3, 0xB030)), pkw_layouts=layouts)
+    given = engine.preferences(options)
     assert {each.split(":")[0].removeprefix("ds47.") for each in given} == there - {"ignore"}
     assert {"ds47.indices:3,45104", f"ds47.slow_ms:{limits().slow_ns // 10**6}"} <= set(given)
     assert all(each.split(":")[1] for each in engine.preferences(AnalysisOptions()))

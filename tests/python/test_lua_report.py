@@ -18,9 +18,11 @@ from typing import Any
 import handmade
 import pytest
 from lua_program import LUAS, lua_program
+from test_lua_analysis import LUA
+from test_lua_cyclic import scenes
 
 from ds47 import spec
-from ds47.analysis import analyze
+from ds47.analysis import AnalysisOptions, analyze
 from ds47.findings import grouping
 from ds47.model import (
     CaptureResult,
@@ -83,6 +85,9 @@ def as_lua(result: CaptureResult) -> dict[str, Any]:
         for key in ("polls", "rereads"):
             pairs = each["frames"][key]
             each["frames"][key] = [{"request": one, "response": two} for one, two in pairs]
+    for each, told in zip(item["relations"], result.relations, strict=True):
+        each["output"] = told.output._asdict()
+        each["input"] = told.input._asdict() | {"cycle_ns": round(told.cycle_ms * 1e6)}
     for each in item["diagnoses"]:
         del each["corrected"]  # the analyzer alone has them
     for each in (*item["findings"], *item["diagnoses"]):
@@ -128,7 +133,8 @@ def python_text(result: CaptureResult, **options: Any) -> str:
     """The report of Python, without what only Python has."""
     stream = io.StringIO()
     wanted = Options(rules=spec.rules(), corrected=False, **options)
-    text_report.write(Report([result]), stream, wanted)
+    told = dataclasses.replace(result, timelines=[])
+    text_report.write(Report([told]), stream, wanted)
     return stream.getvalue()
 
 
@@ -252,6 +258,24 @@ def diagnosed_results() -> list[CaptureResult]:
     return [whole, dataclasses.replace(whole, findings=[], dropped=0, complete=True)]
 
 
+def cyclic_results() -> list[CaptureResult]:
+    """Transactions of PKW beside others, more relations than are listed, lengths of no telegram."""
+    chosen = AnalysisOptions(**LUA)
+    found = [analyze(each.open(), chosen) for each in scenes()]
+    for result in found:
+        result.path = "cyclic.pcapng"
+    mixed = copy.deepcopy(found[0])
+    mixed.transactions.append(handmade.transaction(id=3, state="unanswered"))
+    mixed.transactions.append(dataclasses.replace(mixed.transactions[0], id=4, state="unanswered"))
+    mixed.relations = mixed.relations * 23
+    mixed.relations[1] = dataclasses.replace(mixed.relations[0], telegrams=[353, 354], cycle_ms=0.5)
+    mixed.findings += [
+        finding("DS501", 9, 4, None, pnu=None, subindex=0, code=None),
+        finding("DS501", 9, 4, None, pnu=7, subindex=0, code=107),
+    ]
+    return [*found, mixed]
+
+
 def empty_results() -> list[CaptureResult]:
     records = {str(47 + i): {"read": i, "write": 1} for i in range(8)}
     return [
@@ -264,7 +288,7 @@ def empty_results() -> list[CaptureResult]:
 
 @pytest.mark.slow
 def test_text_is_that_of_python(lua: Run, results: list[CaptureResult]) -> None:
-    everything = [*results, odd_result(), *diagnosed_results(), *empty_results()]
+    everything = [*results, odd_result(), *diagnosed_results(), *empty_results(), *cyclic_results()]
     texts = lua([job("report", each) for each in everything])
     for result, text in zip(everything, texts, strict=True):
         assert text == python_text(result), result.path
@@ -275,7 +299,7 @@ def test_text_is_that_of_python(lua: Run, results: list[CaptureResult]) -> None:
 def test_text_is_that_of_python_with_every_option(
     lua: Run, results: list[CaptureResult], options: dict[str, Any]
 ) -> None:
-    everything = [*results, odd_result(), *diagnosed_results(), *empty_results()]
+    everything = [*results, odd_result(), *diagnosed_results(), *empty_results(), *cyclic_results()]
     texts = lua([job("report", each, **options) for each in everything])
     for result, text in zip(everything, texts, strict=True):
         assert text == python_text(result, **options), result.path
@@ -467,7 +491,7 @@ def test_statistics_name_a_drive_object_only_where_it_is_one(
 
 
 def test_csv_is_that_of_python(lua: Run, results: list[CaptureResult]) -> None:
-    everything = [*results, odd_result(), *empty_results()]
+    everything = [*results, odd_result(), *empty_results(), *cyclic_results()]
     texts = lua([job("csv", each) for each in everything])
     for result, text in zip(everything, texts, strict=True):
         assert text == python_csv(result), result.path

@@ -6,7 +6,9 @@ frames, jumping times, IP fragments in any order. tests/lua/transport.lua holds 
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import operator
 import os
 import random
 import shutil
@@ -27,7 +29,7 @@ from ds47.capture import Frame, open_capture
 from ds47.capture.scan import IPV4, network_layer
 from ds47.findings.remark import Remark
 from ds47.profidrive import Options
-from ds47.profinet import dcp, ip, lldp, rpc
+from ds47.profinet import connect, dcp, ip, lldp, rpc
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.link import Packet, Packets, dissect, mac
 from ds47.profinet.records import Half, Record, parse_request, parse_response, released_ar
@@ -142,6 +144,26 @@ class Ear:
     def release(self, controller: str, device: str, ar: bytes, frame: int) -> None:
         self.tell("release", controller=controller, device=device, ar=ar.hex(), frame=frame)
 
+    def set_up(self, request: rpc.Pdu, response: rpc.Pdu) -> None:
+        """A Connect with the frame ids that the device gave."""
+        asked, told = connect.parse_request(request), connect.parse_response(response)
+        if asked is None or told is None:
+            self.tell("set_up", asked=asked is not None, told=told is not None)
+            return
+        ar, mac, ids = told
+        place = operator.attrgetter("api", "slot", "subslot")
+        found = [
+            dataclasses.asdict(each) for each in sorted(asked.answered(ids).submodules, key=place)
+        ]
+        for each in found:
+            for key in ("input", "output"):
+                if each[key] is None:
+                    del each[key]
+        self.tell(
+            "set_up", asked=asked.ar.hex(), told=ar.hex(), device_mac=mac.replace(":", ""),
+            controller_mac=asked.controller_mac.replace(":", ""), submodules=found,
+        )  # fmt: skip
+
     def connected(
         self,
         controller: str,
@@ -207,7 +229,7 @@ class Run:
         self.naming = Stations()
         self.fragments = rpc.Fragments(limits().fragment_expiry_ns)
         self.records = RecordCalls(
-            gate, self.ear, Options(), self.ear.remark, _ignore, _ignore, limits()
+            gate, self.ear, Options(), self.ear.remark, _ignore, self.ear.set_up, limits()
         )  # type: ignore[arg-type]
         self.calls = CallTracker(limits(), self.records.handlers())
 

@@ -352,9 +352,9 @@ def test_check_installation_finds_another_copy(
 def test_every_field_is_documented(shark: Run, plugin: list[str], repository: Path) -> None:
     text = (repository / "docs" / "wireshark.md").read_text(encoding="utf-8")
     rows = [line.split(" | ")[0] for line in text.splitlines() if line.startswith("| `ds47.")]
-    told = {name for row in rows for name in re.findall(r"`(ds47\.[a-z_.]+)`", row)}
+    told = {name for row in rows for name in re.findall(r"`(ds47\.[a-z_.0-9]+)`", row)}
     listed = shark("-G", "fields", *plugin).out
-    known = set(re.findall(r"^F\t[^\t]*\t(ds47\.(?!expert)[a-z_.]+)\t", listed, re.MULTILINE))
+    known = set(re.findall(r"^F\t[^\t]*\t(ds47\.(?!expert)[a-z_.0-9]+)\t", listed, re.MULTILINE))
     assert told == known
 
 

@@ -1,4 +1,5 @@
-"""What only the analyzer says: diagnoses of the whole capture, which Wireshark has not while it shows a frame.
+"""What only the analyzer says: diagnoses of the whole capture, which Wireshark has not while it shows a frame, and
+what is about control and status words of drives.
 
 Whatever compares the analyzer with the Lua half leaves them out with the one function that is here.
 """

@@ -349,9 +349,14 @@ local function channel_of(self, peer, record, now)
   end
 end
 
-local function make_job(self, peer, record, message)
+--- The number of the next transaction, by their beginnings.
+function Pairing:number()
   self.count = self.count + 1
-  return new_job(peer, record, message, self.count)
+  return self.count
+end
+
+local function make_job(self, peer, record, message)
+  return new_job(peer, record, message, self:number())
 end
 
 -- An accepted Write opens; it displaces what was open and ends the grace of a refused one.

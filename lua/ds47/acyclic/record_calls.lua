@@ -34,7 +34,8 @@ M.RecordCalls = RecordCalls
 -- @param gate which records are ours
 -- @param pairing hears of every Write and Read that is ours
 -- @param codec dialects of the messages (options of parameter.lua, or nil)
--- @param listener takes the transport findings: listener:remark({rule, frame, args, offset, job})
+-- @param listener takes the transport findings: listener:remark({rule, frame, args, offset, job}), and
+--   hears of every answered Connect: listener:set_up(request, response)
 function RecordCalls.new(gate, pairing, codec, listener)
   return setmetatable({
     gate = gate, pairing = pairing, codec = codec, listener = listener, counts = {},
@@ -294,6 +295,9 @@ end
 
 function RecordCalls:response(call)
   local pdu, context = call.response, call.context
+  if pdu.opnum == rpc.CONNECT then
+    self.listener:set_up(call.request, pdu)
+  end
   if not context then
     return
   end

@@ -3,12 +3,11 @@
 -- States and parameters follow docs/pairing.md; findings are made in judge.lua. Keys of a transaction
 -- are those of python/ds47/model.py, and `order`, by which its job is known while the capture goes on.
 
-local entries = require("ds47.support.later").entries
 local parameter = require("ds47.profidrive.parameter")
 local rules = require("ds47.acyclic.judge")
 local tables = require("ds47.spec.tables")
+local uuid_text = require("ds47.spec.units").uuid_text
 
-local byte, format = string.byte, string.format
 local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, rules.NOT_SUPPORTED
 
 local M = {}
@@ -18,16 +17,6 @@ M.SIEMENS = 0x002A
 
 local SIEMENS = M.SIEMENS
 local NIL_UUID = ("\0"):rep(16)
-
--- Text of AR UUIDs. A capture has few of them; one made to have many must not fill memory.
-local uuids = entries(function(raw)
-  return format("%02x%02x%02x%02x-%02x%02x-%02x%02x-%02x%02x-%02x%02x%02x%02x%02x%02x", byte(raw, 1, 16))
-end, 1024)
-
---- An AR UUID, 16 bytes, as text.
-function M.uuid(raw)
-  return uuids[raw]
-end
 
 -- Operation and state
 
@@ -246,6 +235,7 @@ end
 -- The keys of a transaction, and what each is: a function of the transaction, as far as it is made, and of
 -- the job.
 local KEYS = {
+  channel = function() return "ds47" end,
   order = function(_, job) return job.order end,
   operation = function(_, job) return M.operation(job) end,
   parameters = function(_, job) return M.parameters(job) end,
@@ -275,7 +265,7 @@ end
 
 function KEYS.ar(_, job)
   local ar = job.record.ar
-  return ar ~= NIL_UUID and M.uuid(ar) or nil
+  return ar ~= NIL_UUID and uuid_text(ar) or nil
 end
 
 function KEYS.start_ns(_, job)
@@ -369,6 +359,13 @@ function Store:add(job)
   self.all[place] = job
   self.places[job.order] = place
   job.response = nil
+end
+
+--- Takes a transaction that is made already, one of a channel that is not paired from record calls.
+function Store:add_made(transaction)
+  local place = #self.all + 1
+  self.all[place] = transaction
+  self.places[transaction.order] = place
 end
 
 local function transaction_at(self, place)

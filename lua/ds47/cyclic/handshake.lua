@@ -23,9 +23,10 @@ local Channel = {}
 Channel.__index = Channel
 
 --- A channel of PKW.
--- @param closed called with each job when its request ends
-function M.new(closed)
-  return setmetatable({_closed = closed, _previous = nil, _echoes = true}, Channel)
+-- @param closed called with each job when its request ends, and with `owner`
+-- @param owner nil, or whatever `closed` wants
+function M.new(closed, owner)
+  return setmetatable({_closed = closed, _owner = owner, _previous = nil, _echoes = true}, Channel)
 end
 
 local function ak_of(data) return floor(byte(data) / 16) end
@@ -72,6 +73,9 @@ function M.duration(job)
   return cycles_between(job.request, job.answer), job.answer.at.time - job.request.at.time
 end
 
+--- The request that stands, nil where there is none.
+function Channel:open_job() return self._job end
+
 --- The controller sends these eight bytes from now on.
 function Channel:sent(bytes, at)
   local data, last = without_spm(bytes), self._out
@@ -110,15 +114,19 @@ function Channel:answered(bytes, at)
   end
 end
 
---- The data is not valid from now on: what is open stays without an answer, and nobody is to blame.
-function Channel:lost(at)
+--- Data is not valid from now on: what is open stays without an answer, and nobody is to blame.
+-- @param side "out" where it is that of the controller, "in" where that of the drive, nil for both; what the
+--   other one says stands there as before
+function Channel:lost(at, side)
   local job = self._job
   if job and not job.answer then
     self:_close(job, "unanswered", "io-lost", at)
   elseif job then
     self:_settle(job, at, "end")
   end
-  self._job, self._out, self._in = nil, nil, nil
+  self._job = nil
+  if side ~= "in" then self._out = nil end
+  if side ~= "out" then self._in = nil end
 end
 
 --- The capture ends.
@@ -151,7 +159,7 @@ end
 
 function Channel:_close(job, state, reason, at)
   job.state, job.reason, job.ended = state, reason, at
-  self._closed(job)
+  self._closed(job, self._owner)
 end
 
 -- Whether a request goes on that was begun a cycle ago: first the parameter changed, then the value, or the

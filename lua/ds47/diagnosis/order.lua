@@ -4,9 +4,9 @@
 
 local pairing = require("ds47.acyclic.pairing")
 local rules = require("ds47.acyclic.judge")
-local transactions = require("ds47.acyclic.transactions")
+local uuid_text = require("ds47.spec.units").uuid_text
 
-local put, sub, uuid = rules.put, string.sub, transactions.uuid
+local put, sub = rules.put, string.sub
 
 local M = {}
 
@@ -67,8 +67,8 @@ end
 local function clash(remarks, held, came, first, frame)
   put(remarks, "DS705", frame, {
     case = case_of(held, came),
-    controller = came.peer.controller, ar = uuid(came.record.ar), frame = frame,
-    other = held and held.peer.controller, other_ar = held and uuid(held.record.ar), first = first,
+    controller = came.peer.controller, ar = uuid_text(came.record.ar), frame = frame,
+    other = held and held.peer.controller, other_ar = held and uuid_text(held.record.ar), first = first,
   })
 end
 

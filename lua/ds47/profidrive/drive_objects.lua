@@ -125,11 +125,12 @@ function M.access(job)
   }
 end
 
---- How the request of a transaction reaches its parameters.
+--- How the request of a transaction reaches its parameters; one of PKW by its submodule.
 function M.access_of(item)
+  local index = item.index or LOCAL
   return {
-    device = item.device, record_index = item.index, slot = item.slot, subslot = item.subslot,
-    axis = item.index ~= LOCAL and item.axis or nil,
+    device = item.device, record_index = index, slot = item.slot, subslot = item.subslot,
+    axis = index ~= LOCAL and item.axis or nil,
   }
 end
 

@@ -110,11 +110,11 @@ end
 local function transaction_cells(item, path, base_seconds)
   local cells, frames = {}, item.frames
   local duration = item.duration_ns and numbers.float_text(item.duration_ns / 1000000)
-  append(cells, 11, M.guarded(path), item.id, "ds47", item.operation, item.state, M.guarded(item.controller),
-    M.guarded(item.device), item.ar, item.api, item.slot, item.subslot)
+  append(cells, 11, M.guarded(path), item.id, item.channel, item.operation, item.state,
+    M.guarded(item.controller), M.guarded(item.device), item.ar, item.api, item.slot, item.subslot)
   append(cells, 7, item.index, item.request_reference, item.axis, frames.write_request,
     frames.write_response, frames.read_request, frames.read_response)
-  append(cells, 7, #(frames.polls or {}), M.timestamp(base_seconds, item.start_ns), duration, nil,
+  append(cells, 7, #(frames.polls or {}), M.timestamp(base_seconds, item.start_ns), duration, item.cycles,
     status(item.write_status), status(item.read_status), concat(item.findings or {}, " "))
   return cells
 end

@@ -4,7 +4,6 @@
 local tables = require("ds47.spec.tables")
 local formats = require("ds47.profidrive.formats")
 local sentences = require("ds47.report.sentences")
-local spec = require("ds47.spec.lookup")
 
 local M = {}
 
@@ -126,7 +125,7 @@ function M.say(lang, key, values)
   if one then
     text = values.n == 1 and one or several
   end
-  return (gsub(text, "{(%w+)}", function(name)
+  return (gsub(text, "{([%w_]+)}", function(name)
     local value = values[name]
     return type(value) == "number" and M.grouped(value) or tostring(value)
   end))
@@ -218,7 +217,7 @@ end
 
 --- `error 0x11: request cannot be executed (info 3)`; `lang` as in `values`.
 function M.error(item, lang)
-  local text = M.say(lang, "parameter_error") .. (item.code and " " .. spec.error_hex(item.code) or "")
+  local text = M.say(lang, "parameter_error") .. (item.code and " " .. sentences.error_number(item) or "")
   local told = sentences.error_words(item, lang)
   if told ~= "" then
     text = M.joined(lang, { text, told }, ": ", "：")

@@ -199,6 +199,17 @@ end
 local Witness = {}
 Witness.__index = Witness
 
+-- The transactions of record calls: no other channel has blocks that are called for it.
+local function records_of(transactions)
+  local records = {}
+  for _, item in ipairs(transactions) do
+    if item.channel == "ds47" then
+      records[#records + 1] = item
+    end
+  end
+  return records
+end
+
 --- Tells what the PLC saw of each transaction of a result {transactions, findings}.
 function M.witness(result)
   local calls, lengths, loose = {}, {}, {}
@@ -213,9 +224,10 @@ function M.witness(result)
       lengths[each.args.completed] = each.args.length
     end
   end
-  local waits = waits_of(result.transactions)
-  say_followed(result.transactions, calls, loose, waits)
-  say_beside(result.transactions, calls, loose, waits)
+  local records = records_of(result.transactions)
+  local waits = waits_of(records)
+  say_followed(records, calls, loose, waits)
+  say_beside(records, calls, loose, waits)
   return setmetatable({
     calls = calls, -- transaction -> the findings about calls that brought no record
     lengths = lengths, -- frame of a Read response -> bytes of its record, which the capture cut

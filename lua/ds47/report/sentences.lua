@@ -5,6 +5,7 @@
 -- arguments mean is in spec/rules.toml. A value of a parameter is a string, or what json.raw gives for a
 -- number, and so is a time: the text of a float keeps its point.
 
+local cyclic = require("ds47.spec.cyclic")
 local spec = require("ds47.spec.lookup")
 local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
@@ -17,7 +18,7 @@ M.VALUES_SHOWN = 4 -- values of a list that a sentence names
 
 local LINE = 100
 
-local ABSENT = {code = true, info = true, status = true, value = true, values = true}
+local ABSENT = {code = true, pkw = true, info = true, status = true, value = true, values = true}
 
 local function integer(number)
   return format("%d", number)
@@ -64,6 +65,7 @@ local SHOW = {
   index = M.record_index,
   ms = function(number) return format("%.1f", tonumber(plain(number))) end,
   ms3 = function(number) return format("%.3f", tonumber(plain(number))) end,
+  s = function(number) return format("%.1f", tonumber(plain(number))) end,
   numbers = list,
   frames = list,
   values = values,
@@ -110,8 +112,9 @@ local function key_words(key, lang, many)
 end
 
 -- The error number that the rule is about, and what it means.
-local function error_of(args, lang)
+local function error_of(rule, args, lang)
   if args.code == nil then return word(tables.report_words.no_error_number, lang) end
+  if rule.args.code == "pkw" then return integer(args.code) .. " " .. cyclic.error_text(args.code, lang) end
   return spec.error_hex(args.code) .. " " .. spec.error_text(args.code, lang, args.vendor_id)
 end
 
@@ -134,7 +137,7 @@ function shown(name, rule, args, lang, many)
   if name == "text" then
     return text_of(args, lang)
   elseif name == "error" then
-    return error_of(args, lang)
+    return error_of(rule, args, lang)
   end
   local kind, value = rule.args and rule.args[name] or "text", args[name]
   if value == nil then
@@ -153,7 +156,14 @@ local NONE = {}
 
 --- What the error number of a parameter means on the drive that sent it; "" where there is no number.
 function M.error_words(item, lang)
+  if item.ak then return cyclic.error_text(item.code, lang) or cyclic.meaning(item.ak, true, lang) end
   return item.code and spec.error_text(item.code, lang, item.vendor_id) or ""
+end
+
+--- The error number of a parameter as manuals print it: `0x11`, of PKW `17`; nil where there is none.
+function M.error_number(item)
+  if item.code == nil then return nil end
+  return item.ak and integer(item.code) or spec.error_hex(item.code)
 end
 
 --- The name of a listed parameter; nil of any other.

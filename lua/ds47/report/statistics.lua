@@ -4,7 +4,6 @@
 
 local report_text = require("ds47.report.text")
 local sentences = require("ds47.report.sentences")
-local spec = require("ds47.spec.lookup")
 local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
 local targets = require("ds47.report.targets")
@@ -129,7 +128,7 @@ local function errors(transactions, lang)
     for _, parameter in ipairs(item.parameters) do
       local failed = parameter.error
       if failed then
-        local code = failed.code and spec.error_hex(failed.code) or "-"
+        local code = sentences.error_number(failed) or "-"
         local text, frame = sentences.error_words(failed, lang), item.frames.read_response
         local row = { device = item.device, code = code, text = text, frame = frame }
         add(concat({ item.device, code, text }, "\0"), row)

@@ -34,12 +34,14 @@ end
 
 --- The same with the slot in front, if that is wanted or where the submodule decides.
 function Targets:place(item, with_slot)
-  local words = self:words(item)
-  if not with_slot and item.index ~= drive_objects.LOCAL then
-    return words
+  local parts = {}
+  if with_slot or drive_objects.access_of(item).record_index == drive_objects.LOCAL then
+    parts[1] = format("slot %d.%d", item.slot, item.subslot)
   end
-  local slot = format("slot %d.%d", item.slot, item.subslot)
-  return words == "" and slot or slot .. " " .. words
+  local words = self:words(item)
+  parts[#parts + 1] = words ~= "" and words or nil
+  parts[#parts + 1] = item.channel ~= "ds47" and item.channel:upper() or nil
+  return table.concat(parts, " ")
 end
 
 return M

@@ -22,6 +22,7 @@ local concat, format, sort = table.concat, string.format, table.sort
 
 M.LINE_LENGTH = 120 -- parameters that make a line longer than this stand below it, one a line
 M.FINDINGS_PER_RULE = 12
+M.RELATIONS_LISTED = 20
 M.OPERATIONS = { "read", "change", "vendor", "unknown" }
 M.SEVERITIES = { "error", "warning", "note" } -- from serious to harmless
 
@@ -131,6 +132,35 @@ local function header(add, result, counts, options)
   end
 end
 
+local function relation_line(item, lang)
+  local drive = item.channel == "pzd" and item.certainty == "seen"
+  local numbers = concat(item.telegrams, ", ")
+  return say(lang, "relation", {
+    device = escape(item.device), place = format("slot %d.%d", item.slot, item.subslot),
+    channel = item.channel:upper(),
+    telegram = numbers ~= "" and say(lang, "relation_telegram", { numbers = numbers }) or "",
+    output = format("%04X", item.output.frame_id), output_at = item.output.offset,
+    input = format("%04X", item.input.frame_id), input_at = item.input.offset,
+    cycle = duration(item.input.cycle_ns),
+    certainty = say(lang, drive and "certainty_seen_pzd" or "certainty_" .. item.certainty),
+  })
+end
+
+--- The parameter channels in cyclic frames, and how sure each is.
+local function relations(add, list, lang)
+  if #list == 0 then
+    return
+  end
+  add("")
+  add(say(lang, "relations_head"))
+  for i = 1, math.min(#list, M.RELATIONS_LISTED) do
+    add("  " .. relation_line(list[i], lang))
+  end
+  if #list > M.RELATIONS_LISTED then
+    add("  " .. say(lang, "more", { number = integer(#list - M.RELATIONS_LISTED) }))
+  end
+end
+
 local function differ(list, key)
   local first = key(list[1])
   for i = 2, #list do
@@ -188,6 +218,9 @@ local function timing(item, lang)
     text = text .. " " .. duration(item.duration_ns)
   end
   local parts = { text }
+  if item.cycles then
+    parts[2] = say(lang, "cycles", { n = item.cycles })
+  end
   for _, kind in ipairs({ { "polls", "polled" }, { "rereads", "read_again" } }) do
     local number = #(item.frames[kind[1]] or {})
     if number > 0 then
@@ -235,7 +268,7 @@ local function transaction_table(add, result, options)
   local columns = columns_of(transactions, options.lang)
   for _, each in ipairs(transactions) do
     transaction_lines(add, each, columns, options.lang)
-    if options.plc or each.state ~= "ok" then
+    if each.channel == "ds47" and (options.plc or each.state ~= "ok") then
       add("      " .. witness:line(each, options.lang))
     end
   end
@@ -327,6 +360,7 @@ function M.report(result, options)
   end
   header(add, result, counts, options)
   opening.lines(add, result, counts, { lang = options.lang, rules = rules })
+  relations(add, result.relations or {}, options.lang)
   transaction_table(add, result, options)
   findings(add, result.findings, rules, options.lang)
   add("")

@@ -119,7 +119,9 @@ local function other_records(result)
     ours[words.integer(index)] = true
   end
   for _, each in ipairs(result.transactions) do
-    ours[words.integer(each.index)] = true
+    if each.index then
+      ours[words.integer(each.index)] = true
+    end
   end
   for index, kinds in pairs(result.records or {}) do
     if not ours[tostring(index)] then
@@ -138,6 +140,11 @@ local function count(transactions, test)
     number = number + (test(each) and 1 or 0)
   end
   return number
+end
+
+-- Whether nobody has seen the response of a record call.
+local function unseen_record(item)
+  return item.channel == "ds47" and (item.state == OPEN[1] or item.state == OPEN[2])
 end
 
 -- Whether the drive accepted at least one value that was written.
@@ -162,7 +169,7 @@ function M.blind(result, counts, lang)
   for _, each in ipairs(result.devices or {}) do
     nameless = nameless + ((each.station == nil or each.station == "") and 1 or 0)
   end
-  local unseen = open(counts)
+  local unseen = count(result.transactions, unseen_record)
   local orphans = counts.states.orphan or 0
   local without_ar = orphans - count(result.transactions, orphaned)
   add(count(result.transactions, accepted) > 0, "blind_effect")

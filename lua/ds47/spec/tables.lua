@@ -110,6 +110,15 @@ M.limits = {
   fragment_expiry_ns = 30000000000,
   slow_ns = 1000000000,
   polling_ns = 1000000000,
+  pkw_slow_ns = 1000000000,
+  not_running_ns = 10000000000,
+  inhibited_ns = 2000000000,
+  acknowledge_ns = 2000000000,
+  locked_ns = 2000000000,
+  deviation_ns = 5000000000,
+  pkw_saved = 10,
+  pkw_reads = 100,
+  deviation_percent = 10,
   polls = 10,
   parameters = 39,
   elements = 234,
@@ -124,6 +133,7 @@ M.limits = {
   answered_calls = 8,
   channels = 65536,
   relations = 256,
+  events = 65536,
   users = 64,
   pending_writes = 64,
   reads = 4096,
@@ -720,7 +730,25 @@ M.experts = {
   {id = "DS504", name = "pkw-superseded", severity = "warning"},
   {id = "DS505", name = "pkw-mismatch", severity = "error"},
   {id = "DS506", name = "pkw-written-in-parts", severity = "error"},
+  {id = "DS507", name = "pkw-word-on-double-word", severity = "warning"},
+  {id = "DS508", name = "pkw-saved-often", severity = "warning"},
+  {id = "DS509", name = "pkw-same-read", severity = "note"},
+  {id = "DS510", name = "pkw-other-layout", severity = "warning"},
+  {id = "DS511", name = "pkw-slow", severity = "note"},
+  {id = "DS512", name = "pkw-unused", severity = "note"},
   {id = "DS513", name = "pkw-word-in-wrong-place", severity = "warning"},
+  {id = "DS520", name = "fault-while-running", severity = "error"},
+  {id = "DS521", name = "on-without-running", severity = "error"},
+  {id = "DS522", name = "on-without-control", severity = "error"},
+  {id = "DS523", name = "on-without-edge", severity = "error"},
+  {id = "DS524", name = "acknowledge-without-effect", severity = "warning"},
+  {id = "DS525", name = "setpoint-locked", severity = "warning"},
+  {id = "DS526", name = "speed-deviation", severity = "warning"},
+  {id = "DS527", name = "control-lost", severity = "error"},
+  {id = "DS528", name = "controller-stopped", severity = "error"},
+  {id = "DS529", name = "off-by-drive", severity = "warning"},
+  {id = "DS530", name = "change-in-operation", severity = "note"},
+  {id = "DS531", name = "change-not-in-operation", severity = "note"},
   {id = "DS601", name = "engines-differ", severity = "error"},
   {id = "DS701", name = "refusal-not-seen", severity = "warning"},
   {id = "DS702", name = "read-too-early", severity = "warning"},
@@ -811,7 +839,25 @@ M.rules = {
   DS504 = {id = "DS504", name = "pkw-superseded", severity = "warning", scope = "transaction", anchor = "superseding_request", message = "The PKW request for parameter {pnu}[{subindex}] in frame {request} was replaced in frame {by} before its response", cause = "The program does not wait for the response, or two parts of it use the same four words. Whether a replaced change was carried out is not known.", advice = "Hold the request until AK, parameter number and index of the response fit. Let one block with a queue write the four words.", message_zh = "第 {request} 帧中对参数 {pnu}[{subindex}] 的 PKW 任务在应答之前于第 {by} 帧被替换", cause_zh = "程序没有等待应答，或者程序的两个部分使用同样的四个字。被替换的修改是否执行，无从得知。", advice_zh = "保持任务，直到应答的 AK、参数号和索引相符。由一个带队列的程序块写这四个字。"},
   DS505 = {id = "DS505", name = "pkw-mismatch", severity = "error", scope = "transaction", anchor = "read_response", message = "What the drive answers by PKW ({response}) does not fit the request ({request})", cause = "AK, parameter number or index of the response are not those of the request: wrong offset or length of the four words, the other layout of the index, or two programs that write them.", advice = "Check that input and output addresses of PKW belong to one submodule and are eight bytes long each, and that one program writes them.", message_zh = "驱动器的 PKW 应答（{response}）与任务（{request}）不相符", cause_zh = "应答的 AK、参数号或索引与任务不一致：四个字的偏移或长度错误、索引的另一种布局，或两个程序同时写。", advice_zh = "检查 PKW 的输入和输出地址属于同一个子模块且各为 8 字节，并且只有一个程序写。"},
   DS506 = {id = "DS506", name = "pkw-written-in-parts", severity = "error", scope = "transaction", anchor = "frame", message = "The change of parameter {pnu}[{subindex}] by PKW came in parts: parameter and value did not change in the same cycle", cause = "The program writes the four words one by one (two T PQD, or word by word), and the cycle falls in between. The drive may carry out the mix: the new parameter with the old value.", advice = "Write all eight bytes at once: one SFC15 or DPWR_DAT, or one move of the whole structure into the process image.", message_zh = "通过 PKW 对参数 {pnu}[{subindex}] 的修改分段到达：参数和数值不在同一周期变化", cause_zh = "程序逐字写这四个字（两次 T PQD，或逐字传送），周期恰好落在中间。驱动器可能执行混合的内容：新参数配旧数值。", advice_zh = "一次写全部 8 个字节：一次 SFC15 或 DPWR_DAT，或把整个结构一次传送到过程映像。"},
+  DS507 = {id = "DS507", name = "pkw-word-on-double-word", severity = "warning", scope = "transaction", anchor = "read_response", message = "Parameter {pnu}[{subindex}] was written by PKW as a word; its response in frame {read} was a double word", cause = "The AK of the request is that for a word (2, 7, 12, 14). The drive answers the same parameter as a double word, and refuses the change with error 5.", advice = "Use the AK for a double word: 3 (8 for an element of an array), with the value in both words. The response to a read tells which: 1 wants 2, 2 wants 3, 4 wants 7, 5 wants 8.", message_zh = "参数 {pnu}[{subindex}] 通过 PKW 按字写入；其在第 {read} 帧的应答是双字", cause_zh = "任务的 AK 是字的（2、7、12、14）。驱动器对同一参数以双字应答，并以错误 5 拒绝修改。", advice_zh = "使用双字的 AK：3（数组元素用 8），数值占两个字。读任务的应答说明是哪一种：1 用 2，2 用 3，4 用 7，5 用 8。"},
+  DS508 = {id = "DS508", name = "pkw-saved-often", severity = "warning", scope = "capture", anchor = "frame", message = "Parameter {pnu}[{subindex}] of {device} slot {slot} was written by PKW {count} times with an AK that saves it, more than {limit} times", cause = "The program writes with AK 11 to 14, which save in the EEPROM each time. An EEPROM bears some hundred thousand writes.", advice = "Write in RAM (AK 2, 3, 7, 8) and save once, where the value has to survive a power cycle.", message_zh = "{device} 插槽 {slot} 的参数 {pnu}[{subindex}] 通过 PKW 以带保存的 AK 写入 {count} 次，超过 {limit} 次", cause_zh = "程序使用 AK 11 至 14 写入，每次都保存到 EEPROM。EEPROM 只能承受约十万次写入。", advice_zh = "只写 RAM（AK 2、3、7、8）；数值需要断电保持时只保存一次。"},
+  DS509 = {id = "DS509", name = "pkw-same-read", severity = "note", scope = "capture", anchor = "frame", message = "Parameter {pnu}[{subindex}] of {device} slot {slot} was read by PKW {count} times, more than {limit} times", cause = "The program reads the same parameter again and again. PKW has room for one request at a time: nothing else gets through meanwhile.", advice = "Hold the request instead: the drive repeats its response with the value of the moment. Or put the value into the process data, or read several parameters at once with DS47.", message_zh = "{device} 插槽 {slot} 的参数 {pnu}[{subindex}] 通过 PKW 读取 {count} 次，超过 {limit} 次", cause_zh = "程序反复读取同一参数。PKW 同一时间只容一个任务，其间其他任务无法执行。", advice_zh = "保持任务即可：驱动器会以当前值重复应答。也可以把数值放入过程数据，或用 DS47 一次读取多个参数。"},
+  DS510 = {id = "DS510", name = "pkw-other-layout", severity = "warning", scope = "capture", anchor = "frame", message = "{count} requests by PKW to {device} slot {slot} name pages that no parameter has in the layout {layout}, and all exist in the layout {other}", cause = "Subindex and page stand in the other order here: cyclic transfer has the page in the low byte of IND, USS and some makers have it in the high one.", advice = "Read the capture again with the other layout (--pkw-layout). If the program is wrong and not the drive, exchange the bytes of IND.", message_zh = "发往 {device} 插槽 {slot} 的 {count} 个 PKW 任务在布局 {layout} 下指向不存在的页，而在布局 {other} 下全部存在", cause_zh = "子索引和页的顺序相反：循环传输的页在 IND 的低字节，USS 和部分制造商的页在高字节。", advice_zh = "用另一种布局重新读取抓包（--pkw-layout）。如果错的是程序而不是驱动器，请交换 IND 的两个字节。"},
+  DS511 = {id = "DS511", name = "pkw-slow", severity = "note", scope = "capture", anchor = "frame", message = "{count} responses by PKW of {device} slot {slot} took longer than {limit} ms, the slowest {slowest} ms", cause = "Some requests take long: saving, motor identification, a drive under load. A program with a short time limit gives up before.", advice = "Let the program wait for the response, not for a time. If all requests are slow, compare the update time of the telegram with the load of the drive.", message_zh = "{device} 插槽 {slot} 的 {count} 个 PKW 应答用时超过 {limit} ms，最慢 {slowest} ms", cause_zh = "有些任务耗时较长：保存、电机辨识、负载高的驱动器。时限过短的程序会提前放弃。", advice_zh = "让程序等待应答，而不是等待固定时间。如果所有任务都慢，请对比报文的更新时间与驱动器的负载。"},
+  DS512 = {id = "DS512", name = "pkw-unused", severity = "note", scope = "capture", anchor = "frame", message = "No request by PKW to {device} slot {slot} in the whole capture, though its telegram has the words for it", cause = "The program does not use PKW, or it writes to other addresses.", advice = "If parameters are to be read or changed by PKW, check the output addresses of its four words. Otherwise a telegram without PKW does.", message_zh = "整个抓包中没有发往 {device} 插槽 {slot} 的 PKW 任务，尽管其报文含有 PKW", cause_zh = "程序没有使用 PKW，或者写到了其他地址。", advice_zh = "如果要通过 PKW 读写参数，请检查其四个字的输出地址；否则使用不含 PKW 的报文即可。"},
   DS513 = {id = "DS513", name = "pkw-word-in-wrong-place", severity = "warning", scope = "transaction", anchor = "request", message = "A word is written by PKW to parameter {pnu}[{subindex}], and PWE1, which has no part in it, is {pwe} and not 0", cause = "The value stands in the wrong word: a word belongs into PWE2, the last one, with 0 in PWE1.", advice = "Move a 16-bit value into the last word of PKW and 0 into the third, or use the AK for a double word (3, 8).", message_zh = "通过 PKW 向参数 {pnu}[{subindex}] 写一个字，而不参与的 PWE1 是 {pwe}，不是 0", cause_zh = "数值放在了错误的字里：一个字属于最后的 PWE2，PWE1 应为 0。", advice_zh = "把 16 位数值放到 PKW 的最后一个字，第三个字写 0；或者使用双字的 AK（3、8）。"},
+  DS520 = {id = "DS520", name = "fault-while-running", severity = "error", scope = "capture", anchor = "frame", message = "{what} of {device} slot {slot} while it was running", cause = "The drive found a fault in operation. What it does then (OFF1, OFF2, OFF3) is a setting of the drive.", advice = "Read the fault number (r0945 or r0947, or FAULT_CODE in telegrams 352 and 354), and the time in r0948. What happened just before it stands in the timeline.", message_zh = "{device} 插槽 {slot} 在运行中出现{what}", cause_zh = "驱动器在运行中检测到故障。随后的反应（OFF1、OFF2、OFF3）由驱动器设置决定。", advice_zh = "读取故障号（r0945 或 r0947，或报文 352、354 中的 FAULT_CODE）和时间 r0948。故障之前发生的事件见时间轴。", many = "{what} while running", many_zh = "运行中出现{what}"},
+  DS521 = {id = "DS521", name = "on-without-running", severity = "error", scope = "capture", anchor = "frame", message = "{device} slot {slot} has had ON with a complete control word for {seconds} s (limit {limit} s) and does not run: {what}", cause = "STW1 bits 0 to 3 and 10 are 1, so the bus asks for operation. The drive waits for something else: an enable signal, its supply, Safe Torque Off.", advice = "Read r0046 (missing enable signals), r9722 and r9773 (safety), p0864 (infeed). The bus is not the cause.", message_zh = "{device} 插槽 {slot} 在控制字完整的情况下 ON 已 {seconds} s（限值 {limit} s），但没有运行：{what}", cause_zh = "STW1 位 0 至 3 和位 10 均为 1，总线已请求运行。驱动器在等待其他条件：使能信号、电源、安全转矩关断（STO）。", advice_zh = "读取 r0046（缺少的使能信号）、r9722 和 r9773（安全功能）、p0864（整流单元）。原因不在总线。"},
+  DS522 = {id = "DS522", name = "on-without-control", severity = "error", scope = "capture", anchor = "frame", message = "ON in STW1 {word}, which {device} slot {slot} ignores: bit 10 (control by PLC) is 0", cause = "With bit 10 = 0 the drive ignores the whole control word and keeps the one before.", advice = "Set bit 10 in every control word: 16#047E, then 16#047F.", message_zh = "STW1 {word} 中给出 ON，但 {device} 插槽 {slot} 忽略该字：位 10（由 PLC 控制）为 0", cause_zh = "位 10 = 0 时驱动器忽略整个控制字，保持之前的控制字。", advice_zh = "每个控制字都置位 10：16#047E，然后 16#047F。"},
+  DS523 = {id = "DS523", name = "on-without-edge", severity = "error", scope = "capture", anchor = "frame", message = "Switching on of {device} slot {slot} is inhibited while ON stands at 1, for {seconds} s (limit {limit} s): the drive waits for an edge", cause = "After the start-up, OFF2, OFF3 or a fault the drive inhibits switching on until it has seen OFF1. An ON that stands at 1 from the beginning is no edge.", advice = "Send 16#047E (OFF1), wait for ready to switch on (ZSW1 bit 0 = 1, bit 6 = 0), then 16#047F.", message_zh = "{device} 插槽 {slot} 接通禁止，而 ON 保持为 1 已 {seconds} s（限值 {limit} s）：驱动器在等待上升沿", cause_zh = "启动、OFF2、OFF3 或故障之后，驱动器禁止接通，直到收到 OFF1。一开始就为 1 的 ON 不是上升沿。", advice_zh = "先发送 16#047E（OFF1），等待接通就绪（ZSW1 位 0 = 1，位 6 = 0），再发送 16#047F。"},
+  DS524 = {id = "DS524", name = "acknowledge-without-effect", severity = "warning", scope = "capture", anchor = "frame", message = "The fault of {device} slot {slot} was acknowledged and is still there after {seconds} s (limit {limit} s)", cause = "The cause of the fault is still there, or the fault can only be acknowledged by a power cycle.", advice = "Read the fault number (r0945 or r0947), remove its cause, then give an edge of STW1 bit 7.", message_zh = "{device} 插槽 {slot} 的故障已应答，{seconds} s（限值 {limit} s）后仍然存在", cause_zh = "故障原因仍然存在，或者该故障只能通过断电应答。", advice_zh = "读取故障号（r0945 或 r0947），消除原因，然后给 STW1 位 7 上升沿。"},
+  DS525 = {id = "DS525", name = "setpoint-locked", severity = "warning", scope = "capture", anchor = "frame", message = "The setpoint of {device} slot {slot} changes for {seconds} s (limit {limit} s) while the drive runs, and has no effect: STW1 bits {bits} = 0", cause = "Bit 4 = 0 sets the ramp generator to 0, bit 5 = 0 freezes it, bit 6 = 0 blocks the setpoint.", advice = "Set bits 4 to 6: the usual control word is 16#047F.", message_zh = "{device} 插槽 {slot} 运行中，设定值变化 {seconds} s（限值 {limit} s）而不起作用：STW1 位 {bits} = 0", cause_zh = "位 4 = 0 使斜坡函数发生器置 0，位 5 = 0 使其冻结，位 6 = 0 禁止设定值。", advice_zh = "置位 4 至位 6：常用控制字为 16#047F。"},
+  DS526 = {id = "DS526", name = "speed-deviation", severity = "warning", scope = "capture", anchor = "frame", message = "{device} slot {slot} runs more than {percent} % of the reference value away from its setpoint, for {seconds} s (limit {limit} s)", cause = "The drive cannot follow: overload, a torque or current limit, a blocked motor, a limit of speed, or another source of the setpoint.", advice = "Compare actual current and torque with their limits (r0056, r1407), and check which source gives the setpoint (p1070, p1000).", message_zh = "{device} 插槽 {slot} 与设定值的偏差超过参考值的 {percent} %，持续 {seconds} s（限值 {limit} s）", cause_zh = "驱动器跟不上：过载、转矩或电流限制、电机堵转、转速限制，或设定值来自其他来源。", advice_zh = "对比实际电流和转矩与其限值（r0056、r1407），检查设定值来源（p1070、p1000）。"},
+  DS527 = {id = "DS527", name = "control-lost", severity = "error", scope = "capture", anchor = "frame", message = "{device} slot {slot} no longer asks for control by PLC (ZSW1 bit 9 = 0), though STW1 bit 10 is 1", cause = "Somebody took control at the drive: an operator panel, a commissioning tool, a switch between local and remote.", advice = "Give control back at the panel or in the tool, and check the command source (p0700, p0810).", message_zh = "{device} 插槽 {slot} 不再请求 PLC 控制（ZSW1 位 9 = 0），而 STW1 位 10 为 1", cause_zh = "有人在驱动器上取得了控制权：操作面板、调试软件、就地/远程切换。", advice_zh = "在面板或软件中交还控制权，并检查命令源（p0700、p0810）。"},
+  DS528 = {id = "DS528", name = "controller-stopped", severity = "error", scope = "capture", anchor = "frame", message = "{device} slot {slot} was running, and {what}", cause = "The controller went to STOP, its program no longer writes the control word, or the connection was cut off.", advice = "Look for STOP, a restart or an I/O access error in the diagnostics of the controller at this time.", message_zh = "{device} 插槽 {slot} 运行中，{what}", cause_zh = "控制器进入 STOP、程序不再写控制字，或连接中断。", advice_zh = "查看控制器诊断中此时的 STOP、重启或 I/O 访问错误。", many = "Drives were running, and {what}", many_zh = "驱动器运行中，{what}"},
+  DS529 = {id = "DS529", name = "off-by-drive", severity = "warning", scope = "capture", anchor = "frame", message = "{off} is active in {device} slot {slot}, and the control word does not ask for it", cause = "The drive has a second source of OFF2 or OFF3: a terminal, a safety function, a panel.", advice = "Check the sources of OFF2 (p0844, p0845) and OFF3 (p0848, p0849), and the terminals wired to them.", message_zh = "{device} 插槽 {slot} 的 {off} 有效，而控制字没有要求", cause_zh = "驱动器的 OFF2 或 OFF3 还有第二个来源：端子、安全功能、面板。", advice_zh = "检查 OFF2（p0844、p0845）和 OFF3（p0848、p0849）的来源及其接线端子。", many = "{off} is active, and the control word does not ask for it", many_zh = "{off} 有效，而控制字没有要求"},
+  DS530 = {id = "DS530", name = "change-in-operation", severity = "note", scope = "transaction", anchor = "read_response", message = "The drive did not accept the change of parameter {pnu}[{subindex}] in operation: {what}", cause = "The error number says that the parameter cannot be changed in this state, and the status word says that the drive was in operation (ZSW1 bit 2 = 1) from the request to the response.", advice = "Stop the drive (OFF1) and wait until it no longer runs (ZSW1 bit 2 = 0), then change the parameter.", message_zh = "驱动器在运行中没有接受参数 {pnu}[{subindex}] 的修改：{what}", cause_zh = "错误号表示该参数在此状态下不能修改，而状态字表明从请求到应答驱动器都在运行（ZSW1 位 2 = 1）。", advice_zh = "停车（OFF1），等到驱动器不再运行（ZSW1 位 2 = 0），再修改参数。"},
+  DS531 = {id = "DS531", name = "change-not-in-operation", severity = "note", scope = "transaction", anchor = "read_response", message = "The drive did not accept the change of parameter {pnu}[{subindex}], and not because of operation: {what}", cause = "The error number is about a state, and the status word says that the drive was not in operation (ZSW1 bit 2 = 0) from the request to the response.", advice = "Look for another state: commissioning (p0010), know-how protection, an active function, or the access level.", message_zh = "驱动器没有接受参数 {pnu}[{subindex}] 的修改，且原因不是运行：{what}", cause_zh = "错误号与状态有关，而状态字表明从请求到应答驱动器都不在运行（ZSW1 位 2 = 0）。", advice_zh = "查找其他状态：调试（p0010）、专有技术保护、正在执行的功能或访问级别。"},
   DS601 = {id = "DS601", name = "engines-differ", severity = "error", scope = "capture", anchor = "frame", message = "Native engine (was) and Wireshark plugin (is) differ: {difference}", cause = "The two decoders of ds47 disagree about the same frames: a fault of one of them, or a plugin of another version in Wireshark's own folder. The drive and the capture are not to blame.", advice = "Check with ds47 plugin doctor that only the plugin of this version is loaded. If it is, report the difference together with the frames of the transaction; until then compare the bytes with the manual of the drive.", message_zh = "原生引擎（原为）与 Wireshark 插件（现为）的结果不同：{difference}", cause_zh = "ds47 的两个解码器对相同的帧得出不同结果：其中一个有错误，或者 Wireshark 自己的文件夹中有其他版本的插件。与驱动器和抓包无关。", advice_zh = "用 ds47 plugin doctor 检查是否只加载了本版本的插件。如果是，请将差异与该任务的帧一起报告；在此之前请将字节与驱动器手册核对。"},
   DS701 = {id = "DS701", name = "refusal-not-seen", severity = "warning", scope = "transaction", anchor = "read_response", message = "The response is negative (response ID {id}, {error}), but {case}", cause = "The record calls succeeded, so WRREC and RDREC report success; the refusal stands inside the record, in byte 1 of the response and in its error block.", advice = "STATUS 0 is not success: check byte 1 of the RDREC buffer. 16#81 or 16#82 says that at least one parameter failed, its error number stands behind format 16#44.", message_zh = "应答为否定（应答 ID {id}，{error}），但{case}", cause_zh = "记录调用本身成功，因此 WRREC 和 RDREC 报告成功；拒绝信息在记录内部：应答的字节 1 及其错误块中。", advice_zh = "STATUS 0 不等于成功：检查 RDREC 缓冲区的字节 1。16#81 或 16#82 表示至少一个参数失败，其错误号位于格式 16#44 之后。", many = "Responses are negative (response ID {id}, {error}), but the STATUS of the call that ended each transaction is 0", many_zh = "应答为否定（应答 ID {id}，{error}），但结束每个事务的调用的 STATUS 为 0"},
   DS702 = {id = "DS702", name = "read-too-early", severity = "warning", scope = "transaction", anchor = "frame", message = "The Read was sent in frame {frame}, before the Write was answered in frame {by}", cause = "RDREC is started together with WRREC or a fixed time after it, not when WRREC has finished.", advice = "Start RDREC with DONE of WRREC.", message_zh = "读取在帧 {frame} 中发出，而写入直到帧 {by} 才得到应答", cause_zh = "RDREC 与 WRREC 同时启动，或在固定时间后启动，而不是在 WRREC 完成之后。", advice_zh = "用 WRREC 的 DONE 启动 RDREC。", many = "Reads were sent before the Write was answered", many_zh = "多次读取在写入得到应答之前就已发出"},
@@ -894,7 +940,28 @@ M.rules.DS503.args = {pnu = "number", subindex = "number", milliseconds = "ms"}
 M.rules.DS504.args = {pnu = "number", subindex = "number", request = "frame", by = "frame"}
 M.rules.DS505.args = {request = "text", response = "text"}
 M.rules.DS506.args = {pnu = "number", subindex = "number"}
+M.rules.DS507.args = {pnu = "number", subindex = "number", read = "frame"}
+M.rules.DS508.args = {device = "text", slot = "number", pnu = "number", subindex = "number", count = "number", limit = "number"}
+M.rules.DS509.args = {device = "text", slot = "number", pnu = "number", subindex = "number", count = "number", limit = "number"}
+M.rules.DS510.args = {device = "text", slot = "number", count = "number", layout = "text", other = "text"}
+M.rules.DS511.args = {device = "text", slot = "number", count = "number", limit = "ms", slowest = "ms"}
+M.rules.DS512.args = {device = "text", slot = "number"}
 M.rules.DS513.args = {pnu = "number", subindex = "number", pwe = "hex"}
+M.rules.DS520.group = {"what", "code"}
+M.rules.DS520.args = {device = "text", slot = "number", what = "key", code = "number"}
+M.rules.DS521.args = {device = "text", slot = "number", seconds = "s", limit = "s", what = "key"}
+M.rules.DS522.args = {device = "text", slot = "number", word = "hex"}
+M.rules.DS523.args = {device = "text", slot = "number", seconds = "s", limit = "s"}
+M.rules.DS524.args = {device = "text", slot = "number", seconds = "s", limit = "s"}
+M.rules.DS525.args = {device = "text", slot = "number", bits = "numbers", seconds = "s", limit = "s"}
+M.rules.DS526.args = {device = "text", slot = "number", percent = "number", seconds = "s", limit = "s"}
+M.rules.DS527.args = {device = "text", slot = "number"}
+M.rules.DS528.group = {"what"}
+M.rules.DS528.args = {device = "text", slot = "number", what = "key"}
+M.rules.DS529.group = {"off"}
+M.rules.DS529.args = {device = "text", slot = "number", off = "text"}
+M.rules.DS530.args = {pnu = "number", subindex = "number", what = "key", since = "frame"}
+M.rules.DS531.args = {pnu = "number", subindex = "number", what = "key"}
 M.rules.DS601.args = {difference = "text"}
 M.rules.DS701.group = {"id", "code"}
 M.rules.DS701.args = {id = "hex", code = "code", vendor_id = "vendor", case = "key", polls = "number"}
@@ -1024,6 +1091,18 @@ M.diagnosis_words = {
   again_without_ar = {en = "without an AR (ReadImplicit)", zh = "不经 AR（ReadImplicit）"},
   again_after_refusal = {en = "after the Write in frame {write} had been refused", zh = "此前帧 {write} 的写入已被拒绝"},
   unseen_user = {en = "{controller} was turned away in frame {frame}: another request was open", zh = "{controller} 的请求（第 {frame} 帧）被拒绝：另有一个请求尚未完成"},
+  pzd_S1 = {en = "S1 switching on inhibited", zh = "S1 接通禁止"},
+  pzd_S2 = {en = "S2 ready to switch on", zh = "S2 接通就绪"},
+  pzd_S3 = {en = "S3 switched on", zh = "S3 已接通"},
+  pzd_S4 = {en = "S4 operation enabled", zh = "S4 运行"},
+  pzd_S5 = {en = "S5 switching off", zh = "S5 正在停车"},
+  pzd_not_ready = {en = "not ready to switch on", zh = "接通未就绪"},
+  pzd_fault = {en = "Fault", zh = "故障"},
+  pzd_fault_number = {en = "Fault {code}", zh = "故障 {code}"},
+  pzd_zero = {en = "its control word became 0", zh = "控制字变为 0"},
+  pzd_invalid = {en = "the data of the controller became invalid", zh = "控制器数据变为无效"},
+  pzd_since = {en = "running since frame {since}", zh = "自第 {since} 帧起一直运行"},
+  pzd_since_ever = {en = "running since before the capture began", zh = "抓包开始之前就在运行"},
   two_stations_many = {en = "{controller} wrote while a request of {other} was open: two stations use one channel", zh = "{controller} 写入请求，而 {other} 的请求尚未完成：两个站使用同一通道"},
   two_ars_many = {en = "{controller} wrote while its request of another AR was open: two connections of one station use one channel", zh = "{controller} 写入请求，而它在另一 AR 上的请求尚未完成：同一个站的两个连接使用同一通道"},
   one_station_many = {en = "{controller} wrote while its own request was open: the response had not been fetched", zh = "{controller} 写入请求，而它自己的请求尚未完成：应答还没有被取走"},
@@ -1059,6 +1138,7 @@ M.report_words = {
   verdict_warn = {en = "LOOK AT IT", zh = "需要检查"},
   verdict_good = {en = "OK", zh = "正常"},
   verdict_none = {en = "NOTHING TO JUDGE", zh = "无可分析内容"},
+  verdict_watched = {en = "{n} drive followed in its cyclic frames|{n} drives followed in their cyclic frames", zh = "循环帧中有 {n} 台驱动器"},
   verdict_no_jobs = {en = "no drive parameter transaction in this capture", zh = "抓包中没有驱动参数任务"},
   drives = {en = "{n} drive|{n} drives", zh = "{n} 台驱动器"},
   told_state = {en = "{n} {state}", zh = "{n} 个{state}"},
@@ -1145,11 +1225,17 @@ M.report_words = {
   frames_none = {en = "no frame", zh = "没有帧"},
   frame = {en = "frame {frame}", zh = "帧 {frame}"},
   frame_in_file = {en = "{frame} ({number} of {file})", zh = "{frame}（{file} 的帧 {number}）"},
-  relations_head = {en = "Parameter channels in cyclic frames", zh = "循环帧中的参数通道"},
-  relation = {en = "{device} {place} PKW{telegram}  output 0x{output} from byte {output_at}, input 0x{input} from byte {input_at}, every {cycle}  {certainty}", zh = "{device} {place} PKW{telegram}  输出 0x{output} 自字节 {output_at}，输入 0x{input} 自字节 {input_at}，周期 {cycle}  {certainty}"},
+  relations_head = {en = "Channels in cyclic frames", zh = "循环帧中的通道"},
+  relation = {en = "{device} {place} {channel}{telegram}  output 0x{output} from byte {output_at}, input 0x{input} from byte {input_at}, every {cycle}  {certainty}", zh = "{device} {place} {channel}{telegram}  输出 0x{output} 自字节 {output_at}，输入 0x{input} 自字节 {input_at}，周期 {cycle}  {certainty}"},
   relation_telegram = {en = ", lengths of telegram {numbers}", zh = "，长度同报文 {numbers}"},
   certainty_seen = {en = "requests and responses seen", zh = "已见请求和应答"},
+  certainty_seen_pzd = {en = "control and status word of a drive seen", zh = "已见驱动器的控制字和状态字"},
   certainty_lengths = {en = "its lengths fit; no request with its response was seen", zh = "长度符合；未见请求及其应答"},
+  timeline_head = {en = "Control and status word, {device} {place}", zh = "控制字和状态字，{device} {place}"},
+  timeline_left_out = {en = "{n} event more, for which there was no room|{n} events more, for which there was no room", zh = "另有 {n} 个事件，没有空间保存"},
+  reference_given = {en = "100 % is {value}", zh = "100 % 为 {value}"},
+  reference_read = {en = "100 % is {value} (p2000, read in frame {frame})", zh = "100 % 为 {value}（p2000，读取于第 {frame} 帧）"},
+  after_command = {en = "{time} after {command}", zh = "{command} 之后 {time}"},
   transactions_head = {en = "Transactions", zh = "任务"},
   transactions = {en = "{n} transaction|{n} transactions", zh = "{n} 个任务"},
   parameters = {en = "{n} parameter|{n} parameters", zh = "{n} 个参数"},

@@ -93,6 +93,19 @@ class Needed(Row):
     setpoint: bool = False
 
 
+class Edge(Row):
+    """An edge of a bit of STW1 or ZSW1 as an event; `speed`: only in telegrams that give a speed."""
+
+    id: str
+    word: str
+    bit: int
+    value: int
+    """What the bit becomes."""
+    en: str
+    zh: str
+    speed: bool = False
+
+
 class Telegram(Row):
     """The words of a telegram behind its PKW words, if any; "(2)" marks a double word."""
 
@@ -184,6 +197,17 @@ def states() -> tuple[State, ...]:
     return tuple(State(**row) for row in _load("pzd.toml")["state"])
 
 
+def state_ids() -> tuple[str, ...]:
+    """All states that there are."""
+    return (*(row.id for row in states()), stopping().id)
+
+
+@cache
+def state_errors() -> frozenset[int]:
+    """Error numbers of a change that are about the state of the drive."""
+    return frozenset(_load("pzd.toml")["operation"]["errors"])
+
+
 @cache
 def overlays() -> tuple[State, ...]:
     """What is shown beside a state: fault, alarm, OFF2, OFF3."""
@@ -201,6 +225,28 @@ def stopping() -> Stopping:
 def needed() -> tuple[Needed, ...]:
     """The bits of STW1 that a drive wants, in the order in which it asks for them."""
     return tuple(Needed(**row) for row in _load("pzd.toml")["needed"])
+
+
+@cache
+def edges(word: str) -> tuple[Edge, ...]:
+    """The events of "stw1" or "zsw1", in the order of their bits."""
+    return tuple(Edge(**row) for row in _load("pzd.toml")["event"] if row["word"] == word)
+
+
+@cache
+def _events() -> Mapping[str, tuple[str, str]]:
+    rows = [*_load("pzd.toml")["event"], *_load("pzd.toml")["happening"]]
+    return MappingProxyType({row["id"]: (row["en"], row["zh"]) for row in rows})
+
+
+def event_text(event_id: str, lang: str = "en") -> str:
+    """An event in words, in "en" or "zh"."""
+    return _events()[event_id][lang == "zh"]
+
+
+def event_ids() -> tuple[str, ...]:
+    """All events that there are."""
+    return tuple(_events())
 
 
 @cache
@@ -239,6 +285,12 @@ def state_text(state_id: str, beside: Collection[str], lang: str = "en") -> str:
     first = f"{state_id} {own}" if state_id.startswith("S") else own
     shown = [each.zh if chinese else each.en for each in overlays() if each.id in beside]
     return ("，" if chinese else ", ").join([first, *shown])
+
+
+def overlay_text(overlay_id: str, lang: str = "en") -> str:
+    """What is shown beside a state, in "en" or "zh"."""
+    row = next(each for each in overlays() if each.id == overlay_id)
+    return row.zh if lang == "zh" else row.en
 
 
 def next_step(state_id: str, beside: Collection[str], lang: str = "en") -> str:

@@ -21,6 +21,15 @@ class Limits(Row):
     fragment_expiry_ns: int
     slow_ns: int
     polling_ns: int
+    pkw_slow_ns: int
+    not_running_ns: int
+    inhibited_ns: int
+    acknowledge_ns: int
+    locked_ns: int
+    deviation_ns: int
+    pkw_saved: int
+    pkw_reads: int
+    deviation_percent: int
     polls: int
     parameters: int
     elements: int
@@ -35,6 +44,7 @@ class Limits(Row):
     answered_calls: int
     channels: int
     relations: int
+    events: int
     users: int
     pending_writes: int
     reads: int

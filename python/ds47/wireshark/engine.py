@@ -17,13 +17,13 @@ from typing import Any, BinaryIO, Literal
 
 from ds47 import spec
 from ds47.acyclic.transactions import summarise
-from ds47.analysis import AnalysisOptions, OnTransaction
+from ds47.analysis import AnalysisOptions, OnTransaction, rules_of_others
 from ds47.analysis import analyze as analyze_natively
 from ds47.capture import Capture, CaptureError, Frame, sha256
 from ds47.capture.stream import Stream
 from ds47.capture.writer import PcapngWriter, nearest
 from ds47.findings.collection import Findings
-from ds47.model import DIAGNOSIS, DS47, CaptureResult, Finding, Read, Transaction
+from ds47.model import CaptureResult, Finding, Read, Transaction
 from ds47.regression.compare import Change, compare
 from ds47.regression.config import Config
 from ds47.report import json as report
@@ -31,10 +31,9 @@ from ds47.report import load
 from ds47.report.sentences import renumbered
 from ds47.spec.semantics import limits
 from ds47.wireshark import tshark
+from ds47.wireshark.fields import Fields
 
 DIFFERS = "DS601"
-_CYCLIC = "DS5"
-"""What the ids of rules about cyclic frames begin with."""
 _OF_A_LOSS = frozenset(("DS401", "DS402", "DS403"))
 """Rules about a frame that is not there: they tell whether the capture says that it dropped frames."""
 _MOST_MS = 2**32 - 1
@@ -70,7 +69,8 @@ class Engine:
         self._both = name == "both"
         self._options = options
         self._lang = lang
-        self._findings = Findings(options.select, options.ignore)
+        ignore = (*options.ignore, *rules_of_others(options.channels))
+        self._findings = Findings(options.select, ignore)
         self._preferences = preferences(options)
         self._tshark = tshark.prepare(program)
 
@@ -118,13 +118,15 @@ class Engine:
             return result, []
         answer = tshark.ask(self._tshark, extract, self._preferences)
         original = _Original(capture, native)
-        findings = [original.finding(each) for each in answer.fields.findings]
+        chosen = _of_channels(answer.fields, self._options.channels)
+        findings = [original.finding(each) for each in chosen.findings]
         findings = [each for each in findings if self._findings.wanted(each.rule)]
         result.findings = sorted(findings + whole, key=_place)
-        summary = {"transactions": 0}
-        for item in answer.fields.transactions:
+        summary, about = {"transactions": 0}, _by_transaction(whole)
+        for item in chosen.transactions:
             transaction = original.transaction(item)
-            transaction.findings = list(filter(self._findings.wanted, transaction.findings))
+            known = filter(self._findings.wanted, transaction.findings)
+            transaction.findings = sorted({*known, *about.get(transaction.id, ())})
             summarise(summary, transaction.state, transaction.operation)
             result.transactions.append(transaction)
         # Equal results are equal texts: the native one counts in the order in which they end.
@@ -152,12 +154,31 @@ class Engine:
 
 
 def _of_the_whole(native: CaptureResult) -> list[Finding]:
-    """Diagnoses of the whole capture, which Wireshark has not when it looks at a frame: the analyzer's."""
-    return [
-        each
-        for each in native.findings
-        if each.rule.startswith(DIAGNOSIS) and spec.rules()[each.rule].scope == "capture"
-    ]
+    """What Wireshark does not find when it looks at a frame: the analyzer's."""
+    return [each for each in native.findings if not spec.rules()[each.rule].in_wireshark]
+
+
+def _of_channels(told: Fields, channels: Sequence[str]) -> Fields:
+    """The transactions of some channels, counted anew, and the findings that are about no others."""
+    wanted = [each for each in told.transactions if each["channel"] in channels]
+    numbers: dict[int | None, int | None] = {None: None}
+    numbers |= {each["id"]: number for number, each in enumerate(wanted, 1)}
+    return Fields(
+        [each | {"id": numbers[each["id"]]} for each in wanted],
+        [
+            each | {"transaction": numbers[each["transaction"]]}
+            for each in told.findings
+            if each["transaction"] in numbers
+        ],
+    )
+
+
+def _by_transaction(findings: Sequence[Finding]) -> dict[int | None, set[str]]:
+    """The rules of findings by their transaction."""
+    found: dict[int | None, set[str]] = {}
+    for each in findings:
+        found.setdefault(each.transaction, set()).add(each.rule)
+    return found
 
 
 def _place(finding: Finding) -> tuple[int, str, int, int]:
@@ -167,13 +188,16 @@ def _place(finding: Finding) -> tuple[int, str, int, int]:
 def differences(native: CaptureResult, found: CaptureResult, lang: str = "en") -> list[Change]:
     """What differs between two results of one capture, in words of `lang`: was native, is tshark.
 
-    Transactions in cyclic frames are the native engine's alone.
+    What only the analyzer has is no difference: events of drives, and findings about them.
     """
-    native = replace(
-        native,
-        transactions=[each for each in native.transactions if each.channel == DS47],
-        findings=[each for each in native.findings if not each.rule.startswith(_CYCLIC)],
-    )
+    own = spec.rules()
+    native, found = (
+        replace(
+            each, timelines=[],
+            findings=[one for one in each.findings if not own[one.rule].analyzer_only],
+        )
+        for each in (native, found)
+    )  # fmt: skip
     # One file: compare() then compares frames and times too.
     one_file = {"sha256": "the same"}
     stored, now = report.capture(native) | one_file, report.capture(found) | one_file
@@ -204,8 +228,13 @@ def preferences(options: AnalysisOptions) -> list[str]:
     codec = options.codec
     # Wireshark 3.4 takes no empty value. Empty is what a preference is where nobody has set it.
     indices = ",".join(map(str, sorted(options.indices)))
+    layouts = dict(options.pkw_layouts)
+    plain = layouts.pop("", "cyclic")
+    others = " ".join(f"{device}={layout}" for device, layout in sorted(layouts.items()))
     return [
         *([f"ds47.indices:{indices}"] if indices else []),
+        f"ds47.pkw_layout:{plain}",
+        *([f"ds47.pkw_layouts:{others}"] if others else []),
         "ds47.index_47:auto",
         "ds47.language:en",
         f"ds47.slow_ms:{int(slow_ms)}",

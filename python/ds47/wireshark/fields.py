@@ -113,7 +113,7 @@ def _nothing(number: int) -> dict[str, Any]:
         "status", "parameters", "findings",
     )  # fmt: skip
     transaction: dict[str, Any] = dict.fromkeys(keys)
-    transaction["channel"] = DS47  # what the plugin has no others of
+    transaction["channel"] = DS47
     transaction["id"] = number
     transaction["frames"] = dict.fromkeys(_FRAMES) | {"polls": [], "rereads": []}
     transaction["bytes"] = {"request": None, "response": None}
@@ -127,6 +127,8 @@ def _merge(transaction: dict[str, Any], frame: int, tree: Element, item: Element
     seen = _children(item)
     for key in _TEXTS:
         transaction[key] = seen.get(key)
+    transaction["channel"] = seen.get("channel", DS47)
+    transaction["cycles"] = _number(seen.get("cycles"))
     for key in _NUMBERS:
         transaction[key] = _number(seen.get(key))
     frames = transaction["frames"]
@@ -227,6 +229,8 @@ def _error(seen: dict[str, str]) -> dict[str, Any] | None:
 
 def _value(item: Element, name: str | None) -> int | float | str:
     kind = _formats()[name].kind if name in _formats() else "octets"
+    if name is None and _show(item).isdigit():
+        return int(_show(item))  # a number of elements, which PKW tells without a format
     below = _children(item)
     if kind == "text":
         if "value.hex" in below:

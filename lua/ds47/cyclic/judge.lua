@@ -1,0 +1,78 @@
+-- Judgement: a transaction of PKW to findings DS5xx (spec/rules.toml has the catalogue). What is wrong with
+-- one request and its response.
+--
+-- Only for drives of the maker whose tables these are: what looks like PKW on others may be something else
+-- (docs/cyclic.md 6). A remark is a finding in the making: {rule, frame, args}.
+
+local json = require("ds47.support.json")
+local pkw = require("ds47.cyclic.pkw")
+local reader = require("ds47.support.bytes")
+local tables = require("ds47.spec.tables")
+local transactions = require("ds47.cyclic.transactions")
+
+local M = {}
+
+local function put(remarks, rule, frame, args)
+  remarks[#remarks + 1] = {rule = rule, frame = frame, args = args}
+end
+
+-- The arguments that name the parameter, and others.
+local function which(asked, more)
+  local args = {pnu = asked.pnu, subindex = asked.subindex}
+  for name, value in pairs(more or {}) do args[name] = value end
+  return args
+end
+
+-- Four words as manuals print them: 143A 0000 0000 0000.
+local function words(data)
+  return (reader.hex(data):upper():gsub("%x%x%x%x", "%0 "):sub(1, -2))
+end
+
+local function of_request(remarks, job, asked)
+  local row = tables.pkw.requests[asked.ak]
+  if job.halves then put(remarks, "DS506", job.halves, which(asked)) end
+  if row.access == "change" and row.width == 16 and asked.pwe1 ~= 0 then
+    put(remarks, "DS513", job.request.at.frame, which(asked, {pwe = asked.pwe1}))
+  end
+end
+
+local function of_response(remarks, job, asked, told)
+  local frame = job.answer.at.frame
+  if told.ak == pkw.ERROR then
+    put(remarks, "DS501", frame, which(asked, {code = told.error.code}))
+  elseif told.ak == pkw.NO_RIGHTS then
+    put(remarks, "DS502", frame, which(asked))
+  end
+end
+
+-- That of a request whose response did not come.
+local function of_end(remarks, job, asked)
+  local ended = job.ended
+  if job.state == "mismatch" then
+    local args = {request = words(job.request.data), response = words(job.odd.data)}
+    put(remarks, "DS505", job.odd.at.frame, args)
+  elseif job.state == "superseded" and ended then
+    local args = {request = job.request.at.frame, by = ended.frame}
+    put(remarks, "DS504", ended.frame, which(asked, args))
+  elseif job.reason == "withdrawn" and ended then
+    local stood = json.float((ended.time - job.request.at.time) / 1e6)
+    put(remarks, "DS503", ended.frame, which(asked, {milliseconds = stood}))
+  end
+end
+
+--- What is wrong with a transaction that is over, and as far as it is certain with one that is not: an
+-- array of remarks.
+function M.remarks(relation, job, layout)
+  local remarks = {}
+  if relation.vendor_id ~= transactions.SIEMENS then return remarks end
+  local asked, told = transactions.decoded(job, layout)
+  of_request(remarks, job, asked)
+  if told then
+    of_response(remarks, job, asked, told)
+  else
+    of_end(remarks, job, asked)
+  end
+  return remarks
+end
+
+return M

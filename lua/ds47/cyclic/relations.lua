@@ -1,0 +1,139 @@
+-- Where PKW and PZD are in cyclic frames: what a Connect sets up, as relations (docs/cyclic.md 5). Bytes of
+-- frames are not looked at here.
+--
+-- Lengths alone make candidates only: which of them is a PKW channel, its first request with a response shows
+-- (channels.lua).
+--
+-- A relation: {channel, controller, device, vendor_id, ar, api, slot, subslot, telegrams, output, input,
+-- frame, certainty}; `frame` is that of the response to the Connect, `certainty` M.LENGTHS or M.SEEN. A
+-- side of it: {source (six bytes), frame_id, offset, length, iops, status, cycle_ns}: where the channel is
+-- behind the frame id, the state of the data (nil where there is none), and that of the frame.
+
+local LENGTH = require("ds47.cyclic.pkw").LENGTH
+local tables = require("ds47.spec.tables")
+
+local M = {PKW = "pkw", PZD = "pzd", LENGTHS = "lengths", SEEN = "seen"}
+
+local LEAST_PZD = 4
+local LONGEST = 1440 -- bytes of data that a cyclic frame has at the most
+
+-- Whether data lies in its frame: what a device sets up does, a broken capture may say anything.
+local function fits(data)
+  return data and data.offset + data.length + data.iops <= data.frame_length and data.frame_length <= LONGEST
+end
+
+local function is_before(a, b)
+  if a.api ~= b.api then return a.api < b.api end
+  if a.slot ~= b.slot then return a.slot < b.slot end
+  return a.subslot < b.subslot
+end
+
+local function is(item, length) return item.output.length == length and item.input.length == length end
+
+-- Bytes of the words of a telegram.
+local function size_of(words)
+  local size = 0
+  for _, word in ipairs(words) do
+    size = size + (word:sub(-3) == "(2)" and 4 or 2)
+  end
+  return size
+end
+
+-- The telegrams, in the order of their numbers: {number, pkw, output, input}, lengths of process data.
+local telegrams
+local function known_telegrams()
+  if telegrams == nil then
+    telegrams = {}
+    for number, row in pairs(tables.pzd.telegrams) do
+      local output, input = size_of(row.out), size_of(row.inward)
+      telegrams[#telegrams + 1] = {number = number, pkw = row.pkw, output = output, input = input}
+    end
+    table.sort(telegrams, function(a, b) return a.number < b.number end)
+  end
+  return telegrams
+end
+
+-- Adds the numbers of the telegrams, with PKW or without, whose process data has these lengths.
+local function add_telegrams(numbers, output, input, pkw)
+  for _, each in ipairs(known_telegrams()) do
+    if each.pkw == pkw and each.output == output and each.input == input then
+      numbers[#numbers + 1] = each.number
+    end
+  end
+  return numbers
+end
+
+local function may_be_pzd(item)
+  return item.output.length >= LEAST_PZD and item.input.length >= LEAST_PZD
+end
+
+-- Whether a slot has eight bytes of PKW beside what may be process data, and the telegrams of that.
+local function beside(slot)
+  local words, others, numbers = false, false, {}
+  for _, each in ipairs(slot) do
+    words = words or is(each, LENGTH)
+    if may_be_pzd(each) and not is(each, LENGTH) then
+      others = true
+      add_telegrams(numbers, each.output.length, each.input.length, true)
+    end
+  end
+  return words and others, numbers
+end
+
+local function of_slot(slot, result)
+  local others, numbers = beside(slot)
+  local function found(channel, submodule, offset, of)
+    result[#result + 1] = {channel = channel, submodule = submodule, offset = offset, telegrams = of}
+  end
+  for _, each in ipairs(slot) do
+    local output, input = each.output.length, each.input.length
+    if is(each, LENGTH) and others then
+      found(M.PKW, each, 0, numbers)
+    else
+      if is(each, 12) or is(each, 20) then -- PPO1 and PPO2
+        local rest = add_telegrams({}, output - LENGTH, input - LENGTH, true)
+        found(M.PKW, each, 0, rest)
+        found(M.PZD, each, LENGTH, rest)
+      end
+      local own = add_telegrams({}, output, input, others)
+      if #own > 0 or others and may_be_pzd(each) then found(M.PZD, each, 0, own) end
+    end
+  end
+end
+
+--- What may be a channel of a drive in the data that a Connect sets up: an array of {channel, submodule,
+-- offset, telegrams that the lengths allow}. PKW: eight bytes beside process data in one slot; or twelve or
+-- twenty in one submodule, as PPO1 and PPO2 have them. PZD: what stands beside or behind them, or has the
+-- lengths of a telegram.
+-- @param connect as connect.lua gives it
+function M.channels(connect)
+  local both = {}
+  for _, each in ipairs(connect.submodules) do
+    if fits(each.input) and fits(each.output) then both[#both + 1] = each end
+  end
+  table.sort(both, is_before)
+  local result, first = {}, 1
+  while both[first] do
+    local slot, at = {}, first
+    while both[at] and both[at].api == both[first].api and both[at].slot == both[first].slot do
+      slot[#slot + 1] = both[at]
+      at = at + 1
+    end
+    of_slot(slot, result)
+    first = at
+  end
+  return result
+end
+
+--- A direction of a parameter channel at the beginning of the data of a submodule.
+-- @param source MAC address of who sends it, six bytes
+function M.side(data, source)
+  return {
+    source = source, frame_id = data.frame_id, offset = data.offset, length = LENGTH,
+    iops = data.iops > 0 and data.offset + data.length or nil,
+    status = data.frame_length + 2, -- behind the cycle counter
+    cycle_ns = data.cycle_ns,
+  }
+end
+
+return M
