@@ -2,8 +2,9 @@
 
     python bench/make_cyclic.py FILE [FRAMES] [--no-connect]
 
-One drive with telegram 353: PKW requests are spread over the capture, setpoint, actual value and the counter move
-in every cycle. Without the Connect the same frames have no relation that is known.
+One drive with telegram 353: 200 requests by PKW are spread over the capture, and the drive is started and stopped
+eight times, which are 50 events. Setpoint, actual value and the counter move in every cycle. Without the Connect
+the same frames have no relation that is known.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from ds47.lab.cyclic import INPUT, OUTPUT, PKW, PZD, Cyclic
 from ds47.lab.stage import Stage
 
 REQUESTS = 200
+STARTS = 8
 CYCLE_NS = 4_000_000
 IDLE = bytes(8)
 
@@ -44,12 +46,21 @@ def records(frames: int, connect: bool) -> list[bytes]:
             stage.now_ns + cycle * CYCLE_NS,
             struct.pack(">HBB", cycle * 128 & 0xFFFF, 0x35, 0),
         )
-        setpoint = struct.pack(">HH", 0x047F, cycle & 0x3FFF)
-        actual = struct.pack(">HH", 0xFB31, cycle + 7 & 0x3FFF)
+        stw1, zsw1 = operation(cycle, max(4, cycles // STARTS))
+        setpoint = struct.pack(">HH", stw1, cycle & 0x3FFF)
+        actual = struct.pack(">HH", zsw1, cycle + 7 & 0x3FFF)
         for kind, words, values in ((OUTPUT, pke, setpoint), (INPUT, answer, actual)):
             data = (words + b"\x80" + values + b"\x80").ljust(line.length, b"\x80")
             found.append(record(now + kind * 10_000, heads[kind] + data + ticks))
     return found
+
+
+def operation(cycle: int, every: int) -> tuple[int, int]:
+    """Control and status word of a drive that runs in the middle of each period."""
+    place = cycle % every
+    on = every // 4 <= place < 3 * every // 4 and cycle // every < STARTS
+    runs = every // 4 + 1 <= place < 3 * every // 4 + 1 and cycle // every < STARTS
+    return 0x047F if on else 0x047E, 0xFB37 if runs else 0xFB31
 
 
 def record(time_ns: int, data: bytes) -> bytes:

@@ -15,6 +15,7 @@ from browser import DESKTOP, PHONE, Browser, programs  # noqa: E402
 from ds47.cli import main as ds47  # noqa: E402
 
 TOUR = "captures/tour-machine.pcapng"
+DRIVE = "captures/cyclic-changed-after-off1.pcapng"
 LONG = "captures/real-stacks/o3_two_controllers.pcapng"
 
 
@@ -45,6 +46,10 @@ def pictures(browser: Browser, pages: dict[str, Path]) -> dict[str, bytes]:
     browser.look(PHONE, touch=True)
     browser.open(pages["tour"])
     made["report-phone"] = browser.picture()
+    browser.look((DESKTOP[0], 620))
+    browser.open(pages["drive"])
+    browser.run("document.querySelector('[data-timeline]').scrollIntoView()")
+    made["drive"] = browser.picture()
     browser.look()
     browser.open(pages["zh"])
     made["report-zh"] = browser.picture()
@@ -66,6 +71,7 @@ def main() -> int:
         pages = {
             "tour": report(Path(work, "tour.html"), TOUR),
             "long": report(Path(work, "long.html"), LONG),
+            "drive": report(Path(work, "drive.html"), DRIVE),
             "zh": report(Path(work, "zh.html"), "--lang", "zh", TOUR),
         }
         for name, data in pictures(browser, pages).items():

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -20,15 +21,16 @@ from ds47.acyclic.transactions import build, summarise
 from ds47.capture import Capture, Frame, Series, open_capture, sha256
 from ds47.capture.scan import Watch
 from ds47.cyclic import CYCLIC
-from ds47.cyclic.channels import ParameterChannels
+from ds47.cyclic.channels import CyclicChannels
+from ds47.cyclic.conclusions import Conclusions
 from ds47.cyclic.handshake import Job as PkwJob
-from ds47.cyclic.judge import remarks as pkw_remarks
 from ds47.cyclic.relations import Relation
 from ds47.cyclic.transactions import build as build_pkw
 from ds47.diagnosis import Diagnoses
 from ds47.findings.collection import Findings
 from ds47.findings.remark import Exchange, Remark
-from ds47.model import CaptureResult, Finding, Transaction
+from ds47.model import CHANNELS, DS47, PKW, PZD, CaptureResult, Finding, Transaction
+from ds47.model import Relation as ToldRelation
 from ds47.profidrive import Options, decode_response
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.records import Record
@@ -66,6 +68,7 @@ class AnalysisOptions:
         digest: whether to compute the SHA-256 of the file (reads every byte).
         pkw_layouts: the layout of IND ("cyclic" or "uss", docs/cyclic.md 2) by the IP address of the device;
             "" stands for all others.
+        channels: of `model.CHANNELS` those that are reported.
     """
 
     indices: frozenset[int] = frozenset()
@@ -75,12 +78,13 @@ class AnalysisOptions:
     codec: Options = field(default_factory=Options)
     digest: bool = False
     pkw_layouts: tuple[tuple[str, str], ...] = ()
+    channels: tuple[str, ...] = CHANNELS
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         """To another process, compiled too: pickle itself cannot fill in what is frozen."""
         return type(self), (
             self.indices, self.slow_ms, self.select, self.ignore, self.codec, self.digest,
-            self.pkw_layouts,
+            self.pkw_layouts, self.channels,
         )  # fmt: skip
 
 
@@ -120,6 +124,23 @@ class _Over:
     phase: str = "closed"
 
 
+_RULES = {PKW: ("DS50", "DS51"), PZD: ("DS52", "DS53")}
+"""How the ids of the rules of a channel begin; all others are about record calls."""
+
+
+def rules_of_others(channels: Sequence[str]) -> tuple[str, ...]:
+    """How the ids of the rules begin that are about none of these channels."""
+    left = [each for channel, ids in _RULES.items() if channel not in channels for each in ids]
+    if DS47 not in channels:
+        left += [f"DS{number}" for number in (1, 2, 3, 4, 7)]
+    return tuple(left)
+
+
+def _layout(layouts: dict[str, str], device: str) -> str:
+    """The layout of IND of a device: its own, that of all, or that of cyclic transfer."""
+    return layouts.get(device, layouts.get("", CYCLIC))
+
+
 class Analysis:
     """One run over one capture; most want `analyze`.
 
@@ -143,7 +164,8 @@ class Analysis:
         slow_ms = options.slow_ms
         slow_ns = bounds.slow_ns if slow_ms is None else int(slow_ms * 1e6)
         found = early.found if early is not None else None
-        self._findings = Findings(options.select, options.ignore, found)
+        ignore = (*options.ignore, *rules_of_others(options.channels))
+        self._findings = Findings(options.select, ignore, found)
         self._judge = Judge(bounds, slow_ns)
         self._diagnoses = Diagnoses(options.codec)
         self._pairing = Pairing(
@@ -153,7 +175,7 @@ class Analysis:
         index47 = Index47(
             options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars
         )
-        self._cyclic = ParameterChannels(self._exchanged, self._watch, bounds.relations)
+        self._cyclic = CyclicChannels(self._exchanged, self._watch, bounds, options.channels)
         self._records = RecordCalls(
             index47, self._pairing, options.codec, self._remark, self._diagnoses.foreign,
             self._cyclic.connected, bounds,
@@ -175,8 +197,9 @@ class Analysis:
         """By the order of their jobs; the jobs themselves need not be kept."""
         self._summary: dict[str, int] = {"transactions": 0}
         self._capture: Capture | Series | None = None
-        self._layouts = dict(options.pkw_layouts)
-        self._layout = self._layouts.get("", CYCLIC)
+        layouts = dict(options.pkw_layouts)
+        self._layout = partial(_layout, layouts)
+        self._conclusions = Conclusions(bounds, self._layout, self._cyclic)
 
     def run(self, capture: Capture | Series) -> CaptureResult:
         """Reads the capture to its end and sums up."""
@@ -188,6 +211,7 @@ class Analysis:
         self._pairing.finish()
         self._records.finish()
         self._cyclic.finish()
+        self._operation()
         self._diagnose(capture)
         counts = self._records.counts
         return CaptureResult(
@@ -205,8 +229,14 @@ class Analysis:
             findings=self._findings.result(self._transactions),
             diagnoses=self._findings.diagnoses(),
             summary=self._summary,
-            relations=[each.told() for each in self._cyclic.relations],
+            relations=self._relations(),
+            timelines=self._cyclic.timelines(),
         )
+
+    def _relations(self) -> list[ToldRelation]:
+        """The channels in cyclic frames, where any is reported: timelines count in all of them."""
+        cyclic = {PKW, PZD} & set(self._options.channels)
+        return [each.told() for each in self._cyclic.relations()] if cyclic else []
 
     def _frames(self, frames: Iterable[Frame]) -> None:
         for frame in frames:
@@ -253,6 +283,8 @@ class Analysis:
             self._settled(job, self._judge.closed(job), self._early)
 
     def _settled(self, job: Job, remarks: list[Remark], early: Early) -> None:
+        if DS47 not in self._options.channels:
+            return
         remarks = remarks + self._remarks.get(job, [])
         self._hand_out(job.order, build(job), remarks, early.settled)
 
@@ -266,6 +298,11 @@ class Analysis:
         remarks += self._diagnoses.closed(job)
         remarks += self._remarks.pop(job, [])
         transaction = build(job)
+        for remark in self._conclusions.transaction(transaction):
+            remark.job = job
+            remarks.append(remark)
+        if DS47 not in self._options.channels:
+            return
         summarise(self._summary, transaction.state, transaction.operation)
         if self._on_transaction is None:
             self._transactions[job.order] = transaction
@@ -281,16 +318,23 @@ class Analysis:
 
     def _exchanged(self, relation: Relation, job: PkwJob) -> None:
         """A transaction of PKW is over."""
-        layout = self._layouts.get(relation.device, self._layout)
-        transaction = build_pkw(relation, job, layout)
+        transaction = build_pkw(relation, job, self._layout(relation.device))
+        order, remarks = self._pairing.number(), self._conclusions.exchanged(relation, job)
+        remarks += self._conclusions.transaction(transaction)
+        if PKW not in self._options.channels:
+            return
         summarise(self._summary, transaction.state, transaction.operation)
-        order, remarks = self._pairing.number(), list(pkw_remarks(relation, job, layout))
         if self._on_transaction is not None:
             self._hand_out(order, transaction, remarks, self._on_transaction)
             return
         self._transactions[order] = transaction
         for remark in remarks:
             remark.job = _Over(order, relation.device)
+            self._findings.add(remark)
+
+    def _operation(self) -> None:
+        """What the cyclic channels show when the capture is over."""
+        for remark in self._conclusions.finish():
             self._findings.add(remark)
 
     def _hand_out(

@@ -21,7 +21,7 @@ OPERATIONS = ("read", "change", "vendor", "unknown")
 STATES = ("ok", "partial", "error", "mismatch", "refused", "unanswered", "superseded", "orphan")
 SEVERITIES = ("note", "warning", "error")
 """From harmless to serious, so that an index compares two of them."""
-DS47, PKW = "ds47", "pkw"
+DS47, PKW, PZD = CHANNELS = ("ds47", "pkw", "pzd")
 """Channels of transactions: records, and the parameter channel inside cyclic frames."""
 DIAGNOSIS = "DS7"
 """What the id of every diagnosis begins with."""
@@ -402,7 +402,7 @@ class Device(_Plain):
 
 
 LENGTHS, SEEN = "lengths", "seen"
-"""How sure a relation is: its lengths fit, or a request and its response were seen in it."""
+"""How sure a relation is: its lengths fit, or what a drive says was seen in it."""
 
 
 class Side(NamedTuple):
@@ -437,6 +437,49 @@ class Relation(_Plain):
     certainty: str
 
 
+class Event(NamedTuple):
+    """Something that happened to a drive: an edge of a bit of its words, or data that is no longer valid.
+
+    `word` is "STW1" or "ZSW1", None where it is about no word; `before` and `after` are the whole word. `state`
+    and `overlays` are those of the drive from then on, None where its word is not known. Ids: spec/pzd.toml.
+    """
+
+    frame: int
+    time_ns: int
+    """Nanoseconds since 1970."""
+    name: str
+    word: str | None
+    before: int | None
+    after: int | None
+    state: str | None
+    overlays: tuple[str, ...]
+
+
+class Point(NamedTuple):
+    """Setpoint (as it is effective) or actual value around a time: the least and the most, 16384 is 100 %."""
+
+    time_ns: int
+    least: int
+    most: int
+
+
+@dataclass(slots=True, repr=False, eq=False)
+class Timeline(_Plain):
+    """What happened to a drive, as its control and status word say it (docs/cyclic.md 6).
+
+    `relation` counts from 1 in the relations of the capture.
+    """
+
+    relation: int
+    events: list[Event] = field(default_factory=list)
+    events_left_out: int = 0
+    """Events for which there was no room."""
+    end_ns: int | None = None
+    """Time of the last frame that was looked at."""
+    setpoint: list[Point] = field(default_factory=list)
+    actual: list[Point] = field(default_factory=list)
+
+
 @dataclass(slots=True, repr=False, eq=False)
 class CaptureFile(_Plain):
     """A file of a series that was read as one capture; frames are numbered through all of them.
@@ -457,7 +500,10 @@ class CaptureFile(_Plain):
 
 @dataclass(slots=True, repr=False, eq=False)
 class CaptureResult(_Plain):
-    """All that one capture says. `files` only for a series, `relations` where cyclic frames have channels."""
+    """All that one capture says. `files` only for a series, `relations` where cyclic frames have channels.
+
+    `timelines` are those of the drives among them.
+    """
 
     path: str
     sha256: str | None = None
@@ -476,6 +522,7 @@ class CaptureResult(_Plain):
     summary: dict[str, int] = field(default_factory=dict)
     files: list[CaptureFile] = field(default_factory=list)
     relations: list[Relation] = field(default_factory=list)
+    timelines: list[Timeline] = field(default_factory=list)
 
     @property
     def start(self) -> str | None:

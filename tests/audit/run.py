@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from tests.audit import causes, claims, corrected, deals, html, page, pkw, reading, words
+from tests.audit import causes, claims, corrected, deals, html, page, pkw, pzd, reading, words
 from tests.audit.drive import Drive
 from tests.audit.memory import Memory
 from tests.audit.reading import Complaint, Finding, Reading
@@ -15,6 +15,10 @@ from tests.audit.reading import Complaint, Finding, Reading
 AUDITORS = {
     **claims.AUDITORS, **causes.AUDITORS,
     **dict.fromkeys(pkw.AUDITORS, lambda case: pkw.of(case.finding, case.reading)),
+    **dict.fromkeys(pzd.AUDITORS, lambda case: pzd.of(case.finding, case.reading)),
+    **dict.fromkeys(pzd.OF_CHANGES, lambda case: pzd.of_change(case.finding, case.reading)),
+    **dict.fromkeys(pzd.HABITS, lambda case: pzd.of_habit(case.finding, case.reading)),
+    "DS507": lambda case: pzd.of_word(case.finding, case.reading),
 }  # fmt: skip
 NO_CLAIM = claims.NO_CLAIM
 TABLE = Path(__file__).parents[2] / "python/ds47/spec/rules.toml"
@@ -37,6 +41,7 @@ def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterato
     memory = Memory(item)
     yield from deals.check(item)
     yield from pkw.check(item)
+    yield from pzd.check(item)
     for finding in item.findings:
         yield from of_finding(finding, item, memory)
         yield from words.check(finding, item)

@@ -16,6 +16,8 @@ NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
 PARAMETER = r"[pr]?(?P<pnu>\d+|\?)\[(?P<subindex>\d+|\?)\]"
 CODE = r"(?P<code>0x[0-9A-F]{2,4}|no error number)"
 STATUS = r"status (?P<status>[0-9A-F]{8}|-)"
+DRIVE = r"(?P<device>[\d.]+) slot (?P<slot>\d+)"
+STOOD = r"(?P<seconds>[\d.]+) s \(limit (?P<limit>[\d.]+) s\)"
 SAYS: dict[str, str] = {
     "DS101": r"RPC (?P<operation>\w+) request",
     "DS102": r"RPC (?P<operation>\w+) response",
@@ -65,7 +67,25 @@ SAYS: dict[str, str] = {
     "DS504": rf"{PARAMETER} in frame (?P<request>\d+) .*frame (?P<by>\d+)",
     "DS505": r"\((?P<response>[0-9A-F ]+)\) .*\((?P<request>[0-9A-F ]+)\)",
     "DS506": rf"{PARAMETER} by PKW came in parts",
+    "DS507": rf"{PARAMETER} .* frame (?P<read>\d+)",
+    "DS508": rf"{PARAMETER} of {DRIVE} .* (?P<count>\d+) times .* than (?P<limit>\d+) times",
+    "DS509": rf"{PARAMETER} of {DRIVE} .* (?P<count>\d+) times, more than (?P<limit>\d+) times",
+    "DS510": rf"^(?P<count>\d+) requests .* to {DRIVE} .* layout (?P<layout>\w+), .* layout (?P<other>\w+)$",
+    "DS511": rf"^(?P<count>\d+) responses .* of {DRIVE} .* than (?P<limit>[\d.]+) ms, .* (?P<slowest>[\d.]+) ms$",
+    "DS512": rf"to {DRIVE} in",
     "DS513": rf"{PARAMETER}, .* is (?P<pwe>0x[0-9A-F]+) and not 0",
+    "DS520": rf" of {DRIVE} while",
+    "DS521": rf"^{DRIVE} .* {STOOD} ",
+    "DS522": rf"STW1 (?P<word>0x[0-9A-F]+), which {DRIVE} .* bit 10",
+    "DS523": rf"of {DRIVE} .* {STOOD}",
+    "DS524": rf"of {DRIVE} .* {STOOD}",
+    "DS525": rf"of {DRIVE} .* {STOOD} .* bits (?P<bits>[\d, ]+) = 0",
+    "DS526": rf"^{DRIVE} .* (?P<percent>\d+) % .* {STOOD}",
+    "DS527": rf"^{DRIVE} .*bit 9 = 0.* bit 10 is 1",
+    "DS528": rf"^{DRIVE} was running, and ",
+    "DS529": rf"^(?P<off>OFF[23]) .* in {DRIVE},",
+    "DS530": rf"{PARAMETER} .*(?:frame (?P<since>\d+)|before the capture began)$",
+    "DS531": rf"{PARAMETER}, ",
     "DS701": rf"response ID (?P<id>0x[0-9A-F]{{2}}), {CODE}",
     "DS702": r"in frame (?P<frame>\d+), .*frame (?P<by>\d+)",
     "DS703": r"(?P<count>\d+) x .* on (?P<device>[\d.]+) ",
@@ -95,12 +115,20 @@ SAYS: dict[str, str] = {
 _BETTER = r"(?P<better>\w+) \((?P<better_code>0x[0-9A-F]{2})\)"
 _STATION = r"[\d.]+|[0-9a-f:]{17}"
 _WROTE = rf"^(?P<controller>{_STATION}) wrote in frame (?P<frame>\d+) "
+STANDS = {
+    "pzd_S1": ": S1 switching on inhibited$", "pzd_S2": ": S2 ready to switch on$", "pzd_S3": ": S3 switched on$",
+    "pzd_S4": ": S4 operation enabled$", "pzd_S5": ": S5 switching off$", "pzd_not_ready": ": not ready to switch on$",
+}  # fmt: skip
 CLAUSES: dict[str, dict[str, str]] = {
     "DS401": {"end": "the capture ends(;|$)", "unseen": "its responses are not in the capture(;|$)",
               "later": "a later Write of its channel has no response in the capture, and may have displaced it(;|$)",
               "release": "the AR was released(;|$)", "expired": "nothing came for too long(;|$)"},
     "DS403": {"unasked": "the capture shows none open on its channel, ", "unasked_without_ar": "which request it belongs to is not known",
               "unasked_again": "when its transaction was over already"},
+    "DS520": {"pzd_fault": "^Fault of", "pzd_fault_number": r"^Fault (?P<code>\d+) of"},
+    "DS521": STANDS, "DS531": STANDS,
+    "DS528": {"pzd_zero": "and its control word became 0$", "pzd_invalid": "and the data of the controller became invalid$"},
+    "DS530": {"pzd_since": r"since frame (?P<since>\d+)$", "pzd_since_ever": "since before the capture began$"},
     "DS701": {"status_zero": "brought it is 0$",
               "status_zero_at_last": r"brought it is 0 \(after (?P<polls>\d+) x DE80B500: not ready yet\)$"},
     "DS704": {"again": "without a new request:", "again_unaccepted": "shows no new request that was accepted in between:",
@@ -136,6 +164,10 @@ CLAUSES: dict[str, dict[str, str]] = {
 """Rule -> word of an argument -> the clause that stands for it, with the arguments that this clause shows."""
 CLAUSES["DS402"] = CLAUSES["DS401"]
 MANY: dict[str, str] = {
+    "DS501": r"^Responses by PKW are negative: (?P<code>\d+|no error number)",
+    "DS520": r"^Fault(?: (?P<code>\d+))? while running$",
+    "DS528": "^Drives were running, and (?P<what>.*)$",
+    "DS529": r"^(?P<off>OFF[23]) is active, and the control word does not ask for it$",
     "DS410": rf"^Parameters have a negative response: {CODE}( |$)",
     "DS701": rf"^Responses are negative \(response ID (?P<id>0x[0-9A-F]{{2}}), {CODE}.*the STATUS of the call that ended each",
     "DS702": "^Reads were sent before the Write was answered$",
@@ -179,14 +211,29 @@ QUIET = {
     "DS713": {"what"},
 }
 """Arguments of a rule that its sentence leaves out."""
-OWN = {"DS701": {"0", "0xDE80B500"}, "DS207": {"00000000"}, "DS713": {"0x15", "974", "0"}, "DS109": {"47"},
+OWN = {"DS522": {"10", "0"}, "DS525": {"0"}, "DS527": {"9", "0", "10", "1"}, "DS523": {"1"}, "DS528": {"0"},
+       "DS701": {"0", "0xDE80B500"}, "DS207": {"00000000"}, "DS713": {"0x15", "974", "0"}, "DS109": {"47"},
        "DS703": {"0xDE80B500"}, "DS204": {"0xDE80B500"}, "DS301": {"0"}, "DS303": {"0"},
        "DS306": {"0"}, "DS308": {"65535"}, "DS312": {"0"}, "DS318": {"1", "2"}, "DS317": {"2"},
        "DS418": {"0x80"}, "DS721": {"0971", "0977", "0xB02E"}}  # fmt: skip
 """Numbers that stand in the sentence of every finding of a rule."""
 KEYS = {"case", "more", "what", "room", "bits", "reason"}
 """Arguments whose value stands for a clause."""
-_WORDS = {"DS410", "DS201", "DS203", "DS701", "DS717", "DS718", "DS719", "DS720", "DS715", "DS716"}
+_WORDS = {
+    "DS501",
+    "DS521",
+    "DS531",
+    "DS410",
+    "DS201",
+    "DS203",
+    "DS701",
+    "DS717",
+    "DS718",
+    "DS719",
+    "DS720",
+    "DS715",
+    "DS716",
+}
 """Rules that end in the words of an error number, or in a line: numbers inside those are not looked at."""
 
 

@@ -75,8 +75,9 @@ def test_no_captures(tmp_path: Path) -> None:
 def test_every_option_goes_to_another_process() -> None:
     """A new option that `__reduce__` forgets would be lost on the way."""
     given = AnalysisOptions(
-        frozenset({48}), 2.5, ("DS3",), ("DS301",), Options(True, True, 42), True, (("", "uss"),)
-    )
+        frozenset({48}), 2.5, ("DS3",), ("DS301",), Options(True, True, 42), True, (("", "uss"),),
+        ("pzd",),
+    )  # fmt: skip
     assert pickle.loads(pickle.dumps(given)) == given
     for options, default in ((given, AnalysisOptions()), (given.codec, Options())):
         for name in options.__dataclass_fields__:

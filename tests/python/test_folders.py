@@ -165,6 +165,8 @@ def test_every_stored_capture_survives_the_way_through_json(captures: Path) -> N
         again.problem, again.dropped = result.problem, result.dropped
         for transaction in result.transactions:
             transaction.position = 0
+        for timeline in result.timelines:  # values are not stored
+            timeline.setpoint, timeline.actual, timeline.end_ns = [], [], None
         assert again == result, path.name
         corrected += sum(each.corrected is not None for each in again.diagnoses)
     assert corrected > 5

@@ -39,7 +39,8 @@ def played(conversation: dict[str, Any]) -> list[Job]:
     for step in conversation["steps"]:
         moment = at(step["cycle"])
         if step.get("lost"):
-            channel.lost(moment)
+            side = step.get("side")
+            channel.lost(moment, out=side != "in", answers=side != "out")
             continue
         channel.sent(bytes.fromhex(step["out"]), moment)
         channel.answered(bytes.fromhex(step["in"]), moment)
@@ -110,7 +111,8 @@ def steps(chance: random.Random) -> list[dict[str, Any]]:
     for _ in range(30):
         cycle += chance.choice((1, 1, 2, 5))
         if chance.random() < 0.03:
-            found.append({"cycle": cycle, "lost": True})
+            side = chance.choice(("out", "in", None))
+            found.append({"cycle": cycle, "lost": True, "side": side})
             continue
         out = chance.choice(words) if chance.random() < 0.5 else out
         answer = chance.choice(words) if chance.random() < 0.6 else answer

@@ -96,7 +96,7 @@ def test_requests_and_responses() -> None:
     assert first.frames.all() == [9, 16]
     assert first.status == (None, None)
     assert first.bytes == (READ, FIFTY)
-    assert [each.rule for each in result.findings] == ["DS501"]
+    assert [each.rule for each in result.findings] == ["DS501", "DS531"]
     assert result.summary == {"transactions": 2, "ok": 1, "read": 1, "error": 1, "change": 1}
 
 
@@ -150,7 +150,25 @@ def test_data_that_is_not_valid_ends_a_request_and_nobody_is_to_blame() -> None:
     machine.line.iops[OUTPUT] = GOOD
     result = machine.ask(IDLE).ask(READ).respond(FIFTY).ask(IDLE).result()
     assert [each.state for each in result.transactions] == ["ok", "error", "unanswered", "ok"]
-    assert [each.rule for each in result.findings] == ["DS501"], "that of the request before"
+    assert [each.rule for each in result.findings] == ["DS501", "DS531"], (
+        "that of the request before"
+    )
+
+
+def test_what_stood_there_while_the_other_side_was_lost_is_no_response() -> None:
+    """However long it goes on: that a frame is looked at now and then is no edge."""
+    machine = talk(Machine().connect()).respond(FIFTY)
+    machine.line.iops[OUTPUT] = BAD
+    machine.turn()
+    machine.line.iops[OUTPUT] = GOOD
+    result = machine.ask(IDLE).ask(READ, 1_500).ask(IDLE).result()
+    newest = result.transactions[-1]
+    assert (newest.state, newest.cycles, newest.parameters[0].values) == ("ok", None, [50.0])
+    machine.line.iops[INPUT] = BAD
+    machine.ask(READ, 3)
+    machine.line.iops[INPUT] = GOOD
+    states = [each.state for each in machine.turn(1_500).ask(IDLE).result().transactions]
+    assert states == ["ok", "error", "ok", "unanswered"], "the one that was lost is no second one"
 
 
 def test_a_frame_that_is_not_valid_says_nothing() -> None:
@@ -197,7 +215,7 @@ def test_transactions_are_handed_out_as_they_end() -> None:
         AnalysisOptions(),
         lambda item, found: heard.append((item.id, item.channel, [each.rule for each in found])),
     )
-    assert heard == [(1, "pkw", []), (2, "pkw", ["DS501"])]
+    assert heard == [(1, "pkw", []), (2, "pkw", ["DS501", "DS531"])]
 
 
 @pytest.fixture
@@ -277,10 +295,12 @@ def test_whatever_is_in_the_frames(data: st.DataObject) -> None:
         contract.TRANSACTION.plain(each)
 
 
-def test_it_is_no_difference_between_the_engines() -> None:
-    """The plugin does not look for it."""
+def test_it_is_a_difference_between_the_engines_where_one_has_it_not() -> None:
     native = talk(Machine().connect()).result()
-    assert differences(native, replace(native, transactions=[], findings=[])) == []
+    assert differences(native, native) == []
+    found = differences(native, replace(native, transactions=native.transactions[:1], findings=[]))
+    assert [each.kind for each in found] == ["transaction_gone", "finding_gone"]
+    assert [each.rule for each in found] == [None, "DS501"], "DS531 only the analyzer gives"
 
 
 def test_the_library_tells_it() -> None:
@@ -305,7 +325,8 @@ def proven() -> Machine:
 
 def test_a_negative_response() -> None:
     told = proven().ask(CHANGE).respond(REFUSED).ask(IDLE)
-    assert rules_of(told) == [("DS501", {"pnu": 1082, "subindex": 0, "code": 17})]
+    because = "DS531", {"pnu": 1082, "subindex": 0, "what": "pzd_S2"}
+    assert rules_of(told) == [("DS501", {"pnu": 1082, "subindex": 0, "code": 17}), because]
 
 
 def test_a_number_that_no_table_knows_is_none() -> None:

@@ -31,7 +31,7 @@ from ds47.model import (
     Report,
     Transaction,
 )
-from ds47.report import causes, html, sentences
+from ds47.report import Options, causes, html, sentences
 from ds47.report.html import embed, messages, plots, texts
 from ds47.report.html.verdict import quality
 from ds47.report.html.views import capture_view
@@ -98,17 +98,9 @@ def capture(*transactions, findings=(), **changes):
     return replace(item, **changes)
 
 
-class Options:
-    color = False
-    rules = ()
-
-    def __init__(self, lang):
-        self.lang = lang
-
-
 def page(*results, lang="en"):
     stream = io.StringIO()
-    html.write(Report(list(results)), stream, Options(lang))
+    html.write(Report(list(results)), stream, Options(lang=lang))
     return stream.getvalue()
 
 
@@ -194,7 +186,7 @@ def test_several_captures_count_each_drive_once():
 
 def test_a_capture_that_cannot_be_read_stands_in_the_overview():
     stream = io.StringIO()
-    writer = html.Writer(stream, Options("en"))
+    writer = html.Writer(stream, Options())
     writer.unreadable("broken.pcapng", HOSTILE)
     writer.capture(capture(transaction()))
     writer.close()
@@ -205,7 +197,7 @@ def test_a_capture_that_cannot_be_read_stands_in_the_overview():
 
 def test_a_capture_that_cannot_be_read_can_be_the_only_one():
     stream = io.StringIO()
-    writer = html.Writer(stream, Options("en"))
+    writer = html.Writer(stream, Options())
     writer.unreadable("broken.pcapng", "no capture file")
     writer.close()
     assert "<title>NOT READ: no capture file" in stream.getvalue()
@@ -216,7 +208,7 @@ def test_a_capture_that_cannot_be_read_can_be_the_only_one():
 
 def test_captures_that_cannot_be_read_are_none_that_were_left_out():
     stream = io.StringIO()
-    writer = html.Writer(stream, Options("en"))
+    writer = html.Writer(stream, Options())
     writer.unreadable("broken.pcapng", "no capture file")
     writer.capture(capture(transaction()))
     writer.close()

@@ -21,6 +21,7 @@ KEYS = ["id", "name", "severity", "scope", "anchor", *TEXTS]
 ORDER = [
     *KEYS[:5],
     "group",
+    "analyzer_only",
     "args",
     "message",
     "many",
@@ -93,7 +94,25 @@ DS503 warning pkw-without-response milliseconds pnu subindex
 DS504 warning pkw-superseded by pnu request subindex
 DS505 error pkw-mismatch request response
 DS506 error pkw-written-in-parts pnu subindex
+DS507 warning pkw-word-on-double-word pnu read subindex
+DS508 warning pkw-saved-often count device limit pnu slot subindex
+DS509 note pkw-same-read count device limit pnu slot subindex
+DS510 warning pkw-other-layout count device layout other slot
+DS511 note pkw-slow count device limit slot slowest
+DS512 note pkw-unused device slot
 DS513 warning pkw-word-in-wrong-place pnu pwe subindex
+DS520 error fault-while-running code device slot what
+DS521 error on-without-running device limit seconds slot what
+DS522 error on-without-control device slot word
+DS523 error on-without-edge device limit seconds slot
+DS524 warning acknowledge-without-effect device limit seconds slot
+DS525 warning setpoint-locked bits device limit seconds slot
+DS526 warning speed-deviation device limit percent seconds slot
+DS527 error control-lost device slot
+DS528 error controller-stopped device slot what
+DS529 warning off-by-drive device off slot
+DS530 note change-in-operation pnu since subindex what
+DS531 note change-not-in-operation pnu subindex what
 DS601 error engines-differ difference
 DS701 warning refusal-not-seen case code id polls vendor_id
 DS702 warning read-too-early by frame

@@ -184,7 +184,7 @@ def expected(frames: list[bytes]) -> list[int]:
             whole = at > 0 and len(data) >= at + 4 + sum(parts[-1])
             if whole and key == (source, frame_id.to_bytes(2)):
                 told = [data[at + 4 + first : at + 4 + first + size] for first, size in parts]
-                said = told, number // (scan.SAMPLE * len(WATCHES))
+                said = told, number // scan.sampled(number, len(WATCHES))
                 if last.get(key) != said:
                     wanted.append(number)
                 last[key] = said

@@ -32,7 +32,17 @@ NO_MESSAGE = frozenset({"DS316", "DS711"})
 record was cut by the capture from its block. A conversation shows them."""
 
 NOT_OF_THE_WIRE = frozenset(
-    {"vendor_id", "lang", "slow_ms", "select", "ignore", "codec", "digest", "pkw_layouts"}
+    {
+        "vendor_id",
+        "lang",
+        "slow_ms",
+        "select",
+        "ignore",
+        "codec",
+        "digest",
+        "pkw_layouts",
+        "channels",
+    }
 )
 """Options that choose texts or what is shown, or are about cyclic frames, and no meaning of records.
 

@@ -5,7 +5,7 @@ cdef const unsigned char* _UUIDS
 cdef unsigned int _BIG_1, _BIG_2, _LITTLE_1, _LITTLE_2, _TAIL_1, _TAIL_2
 cdef unsigned int _IPV4, _PROFINET, _LLDP, _UDP, _PNIO_PORT, _ENHANCED
 cdef long _ETHERNET, _RAW, _RAW_IPV4, _SLL, _SLL2
-cdef Py_ssize_t _MAX_FRAME, _BATCH, _ENTRY, _FIRST_AHEAD, _AHEAD, _KEPT, _FAR, _ROW
+cdef Py_ssize_t _MAX_FRAME, _BATCH, _ENTRY, _FIRST_AHEAD, _AHEAD, _KEPT, _FAR, _ROW, _SAMPLE, _RAREST, _OFTEN
 cdef unsigned int _CONNECT, _RESPONSE
 
 cdef unsigned int _u16(const unsigned char* data, Py_ssize_t at) noexcept nogil
@@ -82,10 +82,13 @@ cdef Py_ssize_t _to_front(unsigned char* data, Py_ssize_t start, Py_ssize_t end)
 @cython.locals(at=Py_ssize_t, rpc=Py_ssize_t)
 cdef bint _sets_up(const unsigned char* data, Py_ssize_t start, Py_ssize_t end, long link_type) noexcept nogil
 
-@cython.locals(at=Py_ssize_t, row=Py_ssize_t, byte=Py_ssize_t)
+@cython.locals(sample=Py_ssize_t)
+cdef Py_ssize_t _sampled(Py_ssize_t number, Py_ssize_t senders) noexcept nogil
+
+@cython.locals(at=Py_ssize_t, row=Py_ssize_t, size=Py_ssize_t, byte=Py_ssize_t, period=Py_ssize_t)
 cdef bint _is_due(
-    unsigned char* rows, Py_ssize_t size, const unsigned char* data, Py_ssize_t start, Py_ssize_t end,
-    Py_ssize_t period
+    unsigned char* rows, const unsigned char* data, Py_ssize_t start, Py_ssize_t end, Py_ssize_t number,
+    Py_ssize_t senders
 ) noexcept nogil
 
 @cython.locals(news=bint, part=Py_ssize_t, parts=Py_ssize_t, kept=Py_ssize_t, first=Py_ssize_t, byte=Py_ssize_t)
@@ -98,7 +101,7 @@ cdef class Scan:
     cdef public Py_ssize_t position, frames, end, passed
     cdef public bint stopped, more, paused
     cdef public list links
-    cdef Py_ssize_t _known, _most, _size, _period
+    cdef Py_ssize_t _known, _most, _senders
     cdef object _entries, _kept, _rows, _watches, _watched, _ids, _runs, _swapped
     cdef bint _big
 
@@ -132,7 +135,7 @@ cdef class PcapScan(Scan):
 
     @cython.locals(big=bint, header=Py_ssize_t, link_type=long, position=Py_ssize_t, number=Py_ssize_t,
                    last=Py_ssize_t, start=Py_ssize_t, captured=Py_ssize_t, original=Py_ssize_t,
-                   seconds="unsigned int", fraction="unsigned int", watched=Py_ssize_t, period=Py_ssize_t)
+                   seconds="unsigned int", fraction="unsigned int", senders=Py_ssize_t)
     cdef Py_ssize_t _walk(
         self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
         unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows
@@ -143,8 +146,7 @@ cdef class PcapngScan(Scan):
 
     @cython.locals(big=bint, position=Py_ssize_t, number=Py_ssize_t, last=Py_ssize_t, total=Py_ssize_t,
                    interface=Py_ssize_t, captured=Py_ssize_t, original=Py_ssize_t, start=Py_ssize_t,
-                   link_type=long, high="unsigned int", low="unsigned int", watched=Py_ssize_t,
-                   period=Py_ssize_t)
+                   link_type=long, high="unsigned int", low="unsigned int", senders=Py_ssize_t)
     cdef Py_ssize_t _walk(
         self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
         unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows

@@ -16,7 +16,7 @@ A frame matters when, after VLAN tags or a cooked header, it is
 * any fragment of an IPv4 UDP datagram: only reassembly can tell;
 * PROFINET DCP (0x8892, frame ids 0xFEFC..0xFEFF) or LLDP (0x88CC), which name the stations;
 * a cyclic frame of a watched sender (`Watch`) in which a watched byte is not what it was, and now and then one in
-  which all are (`SAMPLE`): values move in all of them.
+  which all are (`sampled`): values move in all of them.
 A frame that the snap length cut before the UUID matters while nothing in it contradicts; one that
 was cut before the UUID begins must have the PROFINET port 34964 on one side.
 """
@@ -59,7 +59,9 @@ _BIG_1, _BIG_2 = 0xDEA00001, 0x6C9711D1  # words of the first UUID in network or
 _LITTLE_1, _LITTLE_2 = 0x0100A0DE, 0x976CD111  # of a little-endian sender
 _TAIL_1, _TAIL_2 = 0x827100A0, 0x2442DF7D
 
-SAMPLE = 1024  # of so many frames of a watched sender one is given, whatever it says
+# Of so many frames of a watched sender one is given, whatever it says: at first, at last, and how often before
+# it is half as many. A short capture shows its values finely, and a long one costs no more for it.
+_SAMPLE, _RAREST, _OFTEN = 4, 1024, 256
 _CONNECT, _RESPONSE = 0, 2  # operation and type of the RPC message that sets up cyclic frames
 
 _LEARN_FROM = 4096  # frames after which it pays to learn the shapes of cyclic traffic
@@ -209,7 +211,8 @@ class Watch(NamedTuple):
 
 
 # A row of watched frames: MAC address and frame id, whether one was seen, length of the row, where the last part
-# ends, the period of the last frame, number of parts; then offset and length of each part, then their bytes.
+# ends, the period of the last frame, number of parts; then offset and length of each part, then their bytes. The
+# last row is followed by one of length 0.
 _ROW = 24
 
 
@@ -223,22 +226,34 @@ def _row(watch: Watch) -> bytes:
     return head + parts + bytes(length)
 
 
-def _is_due(
-    rows: bytearray, size: int, data: Bytes, start: int, end: int, period: int
-) -> bool:  # fmt: skip
+def sampled(number: int, senders: int) -> int:
+    """Of how many frames around the one of this number each watched sender has one given."""
+    return _sampled(number, senders)
+
+
+def _sampled(number: int, senders: int) -> int:
+    sample = _SAMPLE
+    while sample < _RAREST and number >= sample * senders * _OFTEN:
+        sample *= 2
+    return sample * senders
+
+
+def _is_due(rows: bytearray, data: Bytes, start: int, end: int, number: int, senders: int) -> bool:
     """Whether an RT frame is a watched one that says something else than before, or the first of a period."""
     at = start + 14
     if _u16(data, start + 12) != _PROFINET:
         at += 4
-    row = 0
-    while row < size:
+    row, size = 0, _u16(rows, 10)
+    while size:
         if rows[row + 7] == data[at + 1] and rows[row + 6] == data[at]:
             byte = 0
             while byte < 6 and rows[row + byte] == data[start + 6 + byte]:
                 byte += 1
             if byte == 6:
+                period = number // _sampled(number, senders)
                 return _is_news(rows, row, data, at + 2, end, period)
-        row += _u16(rows, row + 10)
+        row += size
+        size = _u16(rows, row + 10)
     return False
 
 
@@ -524,9 +539,8 @@ class Scan:
         self._entries = bytearray(_BATCH * _ENTRY)
         self._kept = bytearray()
         self.paused = False
-        self._rows = bytearray()
-        self._size = 0
-        self._period = 1
+        self._rows = bytearray(_ROW)
+        self._senders = 0
         self._watches: Sequence[Watch] = ()
         self._watched: dict[bytes, _Watched] = {}
         self._ids: frozenset[int] = frozenset()
@@ -549,9 +563,8 @@ class Scan:
     def watch(self, watches: Sequence[Watch]) -> None:
         """From now on these cyclic frames matter, and no others. Parts are in order and do not overlap."""
         self._watches = watches
-        self._rows = bytearray(b"".join(map(_row, watches)))
-        self._size = len(self._rows)
-        self._period = SAMPLE * max(1, len(watches))
+        self._rows = bytearray(b"".join(map(_row, watches)) + bytes(_ROW))
+        self._senders = len(watches)
         self._watched = {
             watch.source + watch.frame_id.to_bytes(2): _Watched(watch) for watch in watches
         }
@@ -560,12 +573,12 @@ class Scan:
 
     def is_due(self, data: bytes, link_type: int) -> bool:
         """Whether the frame behind those that were passed is a watched one to be given."""
-        if link_type != ETHERNET or not self._size or len(data) < 20:
+        if link_type != ETHERNET or not self._senders or len(data) < 20:
             return False
         if COMPILED:
-            rows, period = self._rows, self.frames // self._period
-            return _is_rt(data, 0, len(data)) and _is_due(
-                rows, self._size, data, 0, len(data), period
+            end = len(data)
+            return _is_rt(data, 0, end) and _is_due(
+                self._rows, data, 0, end, self.frames, self._senders
             )
         return self._news(data, 0, len(data), self.frames)
 
@@ -575,7 +588,8 @@ class Scan:
             return False
         at = start + 16 if _u16(data, start + 12) != PROFINET else start + 12
         found = self._watched.get(bytes(data[start + 6 : start + 12] + data[at + 2 : at + 4]))
-        return found is not None and found.is_news(data, at + 4, end, number // self._period)
+        period = number // _sampled(number, self._senders)
+        return found is not None and found.is_news(data, at + 4, end, period)
 
     def ahead(self, descriptor: int, data: bytearray, end: int) -> list[Found]:
         """The next frames that matter in data[:end] and in the file behind it. Only where this is compiled.
@@ -681,7 +695,7 @@ class PcapScan(Scan):
     ) -> int:  # fmt: skip
         big, header, link_type = self._big, self._header, _u32(links, 0, True)
         position, number, last = self.position, self.frames, end - header
-        watched, period = self._size, self._period
+        senders = self._senders
         while position <= last and count < most and not self.paused:
             captured = _u32(data, position + 8, big)
             start = position + header
@@ -696,9 +710,7 @@ class PcapScan(Scan):
                         entries, count, number, 0, seconds, fraction, original, captured, start
                     )
                     self.paused = _sets_up(data, start, start + captured, link_type)
-            elif watched and _is_due(
-                rows, watched, data, start, start + captured, number // period
-            ):
+            elif senders and _is_due(rows, data, start, start + captured, number, senders):
                 original = _u32(data, position + 12, big)
                 seconds, fraction = _u32(data, position, big), _u32(data, position + 4, big)
                 count = _note(
@@ -716,7 +728,7 @@ class PcapScan(Scan):
         profinet, ipv4, kept = swapped.profinet, swapped.ipv4, swapped.kept
         dcp, tags, ethernet = swapped.dcp, swapped.tags, link_type == ETHERNET
         position, number, last = self.position, self.frames, end - header
-        ids, news, period = self._ids, self._news, self._period
+        ids, news, senders = self._ids, self._news, self._senders
         quiet = 0  # rejected in a row by this loop
         due = False
         while position <= last and not self.paused:
@@ -744,6 +756,7 @@ class PcapScan(Scan):
                         before = bytes(data[start - header + 8 : start - header + 12])
                         between = b".{%d}" % (header - 12)
                         runs.learn(re.escape(before) + between, data, start, after, b"")
+                        period = _sampled(number + 1, senders)
                         position, skipped = runs.skip(data, position, end, number, period)
                         number += skipped
                         quiet = 0 if skipped else -Runs.STRIDE
@@ -787,7 +800,7 @@ class PcapngScan(Scan):
     ) -> int:  # fmt: skip
         big = self._big
         position, number, last = self.position, self.frames, end - 32
-        watched, period = self._size, self._period
+        senders = self._senders
         while position <= last and count < most and not self.paused:
             total = _u32(data, position + 4, big)
             interface = _u32(data, position + 8, big)
@@ -809,9 +822,7 @@ class PcapngScan(Scan):
                         entries, count, number, interface, high, low, original, captured, start
                     )
                     self.paused = _sets_up(data, start, start + captured, link_type)
-            elif watched and _is_due(
-                rows, watched, data, start, start + captured, number // period
-            ):
+            elif senders and _is_due(rows, data, start, start + captured, number, senders):
                 original = _u32(data, position + 24, big)
                 high, low = _u32(data, position + 12, big), _u32(data, position + 16, big)
                 count = _note(
@@ -829,7 +840,7 @@ class PcapngScan(Scan):
         profinet, ipv4, kept = swapped.profinet, swapped.ipv4, swapped.kept
         dcp, tags = swapped.dcp, swapped.tags
         position, number, last = self.position, self.frames, end - 32
-        ids, news, period = self._ids, self._news, self._period
+        ids, news, senders = self._ids, self._news, self._senders
         quiet = 0  # rejected in a row by this loop
         due = False
         while position <= last and not self.paused:
@@ -859,6 +870,7 @@ class PcapngScan(Scan):
                     quiet += 1
                     if quiet >= Runs.STRIDE and number > _LEARN_FROM:
                         self._learn(data, start, captured, after)
+                        period = _sampled(number + 1, senders)
                         position, skipped = runs.skip(data, position, end, number, period)
                         number += skipped
                         quiet = 0 if skipped else -Runs.STRIDE

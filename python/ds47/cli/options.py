@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from ds47.cli.common import codec_options, dialect_options, lang_option
-from ds47.model import SEVERITIES
+from ds47.model import CHANNELS, SEVERITIES
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
@@ -30,7 +30,7 @@ fail_on_option = click.option(
 
 
 def analysis_options(function: Function) -> Function:
-    """Adds --select, --ignore, --index, --lang, --slow, --pkw-layout and the dialects."""
+    """Adds --select, --ignore, --index, --lang, --slow, --channels, --pkw-layout and the dialects."""
     for option in (
         dialect_options,
         click.option(
@@ -39,6 +39,13 @@ def analysis_options(function: Function) -> Function:
             multiple=True,
             metavar="[IP=]LAYOUT",
             help="Where IND of PKW has the page: cyclic (low byte, usual) or uss (high byte).",
+        ),
+        click.option(
+            "--channels",
+            metavar="NAMES",
+            default=",".join(CHANNELS),
+            show_default=True,
+            help="Which channels to report, with commas: record calls, PKW, PZD.",
         ),
         click.option(
             "--slow", type=float, metavar="MS", help="Limit for a slow transaction, in ms."
@@ -70,6 +77,7 @@ def options_from(
     indices: Sequence[str],
     slow: float | None,
     pkw_layouts: Sequence[str],
+    channels: str,
     legacy_g120_formats: bool,
     profile_v3_types: bool,
     **others: Any,
@@ -77,7 +85,7 @@ def options_from(
     """The options of an analysis.
 
     Raises:
-        click.UsageError: a rule, an index, a limit or a layout that there cannot be.
+        click.UsageError: a rule, an index, a limit, a layout or a channel that there cannot be.
     """
     from ds47.analysis import AnalysisOptions
 
@@ -91,8 +99,20 @@ def options_from(
         indices=frozenset(map(_index, indices)),
         codec=codec_options(legacy_g120_formats, profile_v3_types),
         pkw_layouts=tuple(map(_layout, pkw_layouts)),
+        channels=_channels(channels),
         **others,
     )
+
+
+def _channels(names: str) -> tuple[str, ...]:
+    """The channels of a list with commas."""
+    chosen = [name.strip().lower() for name in names.split(",")]
+    unknown = [name for name in chosen if name not in CHANNELS]
+    if unknown:
+        raise click.UsageError(
+            f"--channels {names}: {unknown[0]!r} is none of {', '.join(CHANNELS)}"
+        )
+    return tuple(name for name in CHANNELS if name in chosen)
 
 
 def known_rules(names: Sequence[str]) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ are `ds47.batch`, how a run goes `ds47.cli.run`, the formats `ds47.report`.
 
 from __future__ import annotations
 
+import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TextIO
@@ -22,6 +23,7 @@ from ds47.cli.run import Run
 from ds47.cli.series import series_option, tasks
 from ds47.model import SEVERITIES
 from ds47.report import FORMATS, CannotWriteError, Options, RuleText, Writer, open_writer
+from ds47.report.reference import Reference
 
 UNREADABLE = 3
 
@@ -49,6 +51,11 @@ UNREADABLE = 3
     "--plc",
     is_flag=True,
     help="What the PLC saw of every job, not only of those that failed (text).",
+)
+@click.option(
+    "--reference",
+    metavar="VALUE",
+    help="What 100 % of a setpoint is, p2000: 50Hz, 1500rpm, or 50Hz=1395rpm (text, html).",
 )
 @click.option("--digest", is_flag=True, help="Put the SHA-256 of each capture into the report.")
 @analysis_options
@@ -97,6 +104,7 @@ def command(
     output_name: str,
     fail_on: str,
     plc: bool,
+    reference: str | None,
     engine: str,
     tshark: str | None,
     jobs: int | None,
@@ -114,6 +122,7 @@ def command(
     with all that is below it, a URL of either (s3://...), or - for stdin.
     """
     collect_rarely()
+    known = None if reference is None else _reference(reference)
     execution = Execution(
         options_from(**options), lang, engine, tshark, jobs, results_name, resume, scheduler
     )  # fmt: skip
@@ -122,7 +131,7 @@ def command(
     found = tasks(paths, series, lacking.append)
     name = format_name or ("overview" if results_name else "text")
     with output(output_name) as stream:
-        writer = _writer(name, stream, fail_on, lang, plc)
+        writer = _writer(name, stream, fail_on, lang, plc, known)
         results, todo = execution.results(found, paths)
         quiet = name == "overview" or not stream.isatty()
         shown = quiet and not no_progress and len(todo) > 1 and sys.stderr.isatty()
@@ -137,7 +146,31 @@ def command(
     return int(fail_on != "never" and run.worst >= SEVERITIES.index(fail_on))
 
 
-def _writer(format_name: str, stream: TextIO, fail_on: str, lang: str, plc: bool) -> Writer:
+def _reference(text: str) -> Reference:
+    """`50Hz=1395rpm`: the same speed in one unit or several.
+
+    Raises:
+        click.UsageError: it is no number with a unit.
+    """
+    values = []
+    for part in text.split("="):
+        found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([^\d\s.]\D*)\s*", part)
+        if found is None or not float(found[1]):
+            raise click.UsageError(
+                f"--reference {text}: no number with a unit, such as 50Hz or 1395rpm"
+            )
+        values.append((float(found[1]), found[2]))
+    return Reference(tuple(values))
+
+
+def _writer(
+    format_name: str,
+    stream: TextIO,
+    fail_on: str,
+    lang: str,
+    plc: bool,
+    reference: Reference | None,
+) -> Writer:
     """The serializer; of a junit report that fails on nothing, the errors still fail."""
     options = Options(
         color=color(stream),
@@ -145,6 +178,7 @@ def _writer(format_name: str, stream: TextIO, fail_on: str, lang: str, plc: bool
         fail_on="error" if fail_on == "never" else fail_on,
         lang=lang,
         plc=plc,
+        reference=reference,
     )
     try:
         return open_writer(format_name, stream, options)

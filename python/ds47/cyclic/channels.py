@@ -1,64 +1,225 @@
-"""Cyclic frames to PKW transactions: which bytes of which frame are a channel, and what changed in them.
+"""Cyclic frames to what their channels say: which bytes of which frame are a channel, and what changed in them.
 
 Relations come from Connects; a later Connect of the same stations replaces what an earlier one said. Transactions
-are handed out when a relation is proven: a request and the response that followed it were seen. What a change of
-the bytes means is the business of `handshake`; frames are found by `ds47.capture`, which is told what to watch.
+of PKW are handed out when their relation is proven: a request and the response that followed it were seen. PZD is
+proven by its words, or by PKW beside it. What a change of the bytes means is the business of `handshake` and
+`timeline`; frames are found by `ds47.capture`, which is told what to watch.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 from ds47.capture.scan import Watch
 from ds47.cyclic.handshake import ERROR, OK, Channel, Job, Moment
-from ds47.cyclic.relations import Relation, Side, parameter_channels, side
-from ds47.model import SEEN
+from ds47.cyclic.judge import SIEMENS
+from ds47.cyclic.operation import Operation
+from ds47.cyclic.relations import Found, Relation, Side, channels, place_of, side
+from ds47.cyclic.timeline import Recorder
+from ds47.findings.remark import Remark
+from ds47.model import PKW, PZD, SEEN, Timeline
 from ds47.profinet.connect import parse_request, parse_response
 from ds47.profinet.link import Packet
 from ds47.profinet.rpc import Pdu, device_identity
+from ds47.spec.cyclic import telegrams
+from ds47.spec.semantics import Limits
 
 _FRAME_ID = 2
 _VALID, _GOOD = 0x04, 0x80
 """The bit of the status of a frame that says that its data is valid, and that of IOPS."""
 _KEPT = 256
 """Transactions that wait for the proof."""
+_PATIENCE = 8192
+"""Frames of what might be PZD that are looked at without a proof: something else changes all the time."""
+_SPEED = "NSOLL"
+"""How the name of a word begins that is a setpoint of speed."""
+
+
+class _Line(Protocol):
+    """One relation at work; `start_ns` is the time of its first frame, from which its cycles are counted."""
+
+    relation: Relation
+    start_ns: int | None
+
+    def take(self, sent: bool, words: bytes, at: Moment) -> None:
+        """What the controller (`sent`) or the device says from a frame on."""
+        ...
+
+    def lost(self, sent: bool, at: Moment) -> None:
+        """What it says is not valid from a frame on."""
+        ...
+
+    def finish(self) -> None:
+        """Nothing more comes."""
+        ...
 
 
 @dataclass(slots=True)
-class _Line:
-    """One relation at work."""
+class _Requests:
+    """A relation of PKW; what is over waits until one transaction proves the relation."""
 
     relation: Relation
-    channel: Channel
+    closed: Callable[[Relation, Job], None]
+    proven: Callable[[Relation], None]
+    channel: Channel = field(init=False)
     waiting: list[Job] = field(default_factory=list)
-    last: dict[bool, bytes] = field(default_factory=dict)
-    """What was there last, of the controller (True) and of the device; nothing of one that is not valid."""
+    start_ns: int | None = None
+    valid: set[bool] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.channel = Channel(self._over)
+
+    def take(self, sent: bool, words: bytes, at: Moment) -> None:
+        self.valid.add(sent)
+        (self.channel.sent if sent else self.channel.answered)(words, at)
+
+    def lost(self, sent: bool, at: Moment) -> None:
+        if sent in self.valid:
+            self.valid.remove(sent)
+            self.channel.lost(at, out=sent, answers=not sent)
+
+    def finish(self) -> None:
+        self.channel.finish()
+
+    @property
+    def unused(self) -> bool:
+        """Whether no request was seen; only when nothing more comes."""
+        return self.relation.certainty != SEEN and not self.waiting
+
+    def _over(self, job: Job) -> None:
+        relation = self.relation
+        if relation.certainty != SEEN and _proves(job):
+            relation.certainty = SEEN
+            self.proven(relation)
+        if len(self.waiting) < _KEPT:
+            self.waiting.append(job)
+        if relation.certainty == SEEN:
+            for each in self.waiting:
+                self.closed(relation, each)
+            self.waiting.clear()
 
 
-class ParameterChannels:
-    """All parameter channels of a capture.
+@dataclass(slots=True)
+class Drive:
+    """A relation of PZD with what its words say; `behind` PKW in one submodule only PKW can prove it."""
+
+    relation: Relation
+    recorder: Recorder
+    behind: bool = False
+    refuted: bool = False
+    """Whether its bytes turned out to be PKW."""
+    looked_at: int = 0
+    is_speed: bool = False
+    """Whether the telegrams without a setpoint of speed are left out."""
+    start_ns: int | None = None
+
+    @property
+    def proven(self) -> bool:
+        """Whether it is a drive, as far as one can see."""
+        return self.relation.certainty == SEEN and not (self.refuted or self.recorder.refuted)
+
+    @property
+    def hopeless(self) -> bool:
+        """Whether it was looked at for long, and nothing speaks for a drive."""
+        return self.looked_at > _PATIENCE and not self.proven
+
+    def take(self, sent: bool, words: bytes, at: Moment) -> None:
+        """What the controller (`sent`) or the device says from a frame on."""
+        self.looked_at += 1
+        recorder = self.recorder
+        (recorder.sent if sent else recorder.answered)(words, at.frame, at.time_ns)
+        if recorder.proven and not self.behind:
+            self.relation.certainty = SEEN
+        if recorder.speed and not self.is_speed:
+            self.is_speed = True
+            numbers = self.relation.telegrams
+            self.relation.telegrams = tuple(each for each in numbers if _is_speed((each,)))
+
+    def lost(self, sent: bool, at: Moment) -> None:
+        """What it says is not valid from a frame on."""
+        self.recorder.lost(sent, at.frame, at.time_ns)
+
+    def finish(self) -> None:
+        """Nothing more comes."""
+        self.recorder.operation.finish()
+
+    def remarks(self) -> Iterator[Remark]:
+        """What was wrong with its operation; when nothing more comes."""
+        recorder = self.recorder
+        for frame in recorder.operation.faults:
+            code = recorder.fault_code(frame)
+            what = "pzd_fault" if code is None else "pzd_fault_number"
+            yield Remark("DS520", frame, recorder.operation.where | {"what": what, "code": code})
+        yield from recorder.operation.remarks
+
+
+class CyclicChannels:
+    """All channels of drives in the cyclic frames of a capture.
 
     Args:
         closed: is told of each transaction of a proven relation when it is over.
         watch: is told which cyclic frames to give from now on.
-        most: relations that are kept.
+        bounds: how many relations and events are kept.
+        wanted: which channels are looked for. PKW is always: it proves what stands beside it.
     """
 
     def __init__(
         self,
         closed: Callable[[Relation, Job], None],
         watch: Callable[[Sequence[Watch]], None],
-        most: int,
+        bounds: Limits,
+        wanted: Sequence[str] = (PKW, PZD),
     ) -> None:
         self._closed = closed
         self._watch = watch
-        self._most = most
+        self._wanted = {PKW, *wanted}
+        self._bounds = bounds
         self._lines: list[_Line] = []
         self._sides: dict[tuple[str, int], list[tuple[_Line, Side, bool]]] = {}
-        self._start_ns = 0
-        self.relations: list[Relation] = []
-        """All that there were, those that a later Connect replaced too."""
+        self._relations: list[Relation] = []
+        self._drives: list[Drive] = []
+        self._without_request: list[Relation] = []
+
+    def drives(self) -> list[Drive]:
+        """The proven relations of PZD."""
+        return [each for each in self._drives if each.proven]
+
+    def unused(self) -> list[Relation]:
+        """Where PKW is as sure as the process data beside it, and no request was seen; when nothing more comes."""
+        places = [each.relation.place for each in self.drives()]
+        return [
+            each for each in self._without_request
+            if each.place in places and not self._is_pzd(each)
+        ]  # fmt: skip
+
+    def timelines(self) -> list[Timeline]:
+        """What happened to each of them."""
+        relations = self.relations()
+        return [
+            Timeline(
+                1 + next(n for n, each in enumerate(relations) if each is drive.relation),
+                it.told(), it.left_out, it.end_ns, it.setpoint.points, it.actual.points,
+            )
+            for drive in self.drives() for it in (drive.recorder,)
+        ]  # fmt: skip
+
+    def relations(self) -> list[Relation]:
+        """All that there were, those that a later Connect replaced too; of PZD those that are proven."""
+        drives = [each.relation for each in self.drives()]
+        return [
+            each for each in self._relations
+            if any(each is drive for drive in drives) or (each.channel == PKW and not self._is_pzd(each))
+        ]  # fmt: skip
+
+    def _is_pzd(self, pkw: Relation) -> bool:
+        """Whether the bytes of what might be PKW turned out to be the words of a drive."""
+        return pkw.certainty != SEEN and any(
+            each.proven and not each.behind
+            and (each.relation.place, each.relation.subslot) == (pkw.place, pkw.subslot)
+            for each in self._drives
+        )  # fmt: skip
 
     def connected(self, request: Pdu, response: Pdu) -> None:
         """A Connect and its response; nothing happens where it was refused, or sets up no such channel."""
@@ -68,18 +229,20 @@ class ParameterChannels:
         device_mac, frame_ids = told[1:]
         identity = device_identity(response.object_uuid)
         self._replace(asked.controller_mac, device_mac)
-        for submodule, telegrams in parameter_channels(asked.answered(frame_ids)):
-            if len(self.relations) >= self._most:
+        for found in channels(asked.answered(frame_ids)):
+            if found.channel not in self._wanted:
+                continue
+            if len(self._relations) >= self._bounds.relations:
                 break
+            submodule, about = found.submodule, (found.channel, found.offset)
             assert submodule.output is not None
             assert submodule.input is not None
-            relation = Relation(
-                request.client, request.server, identity and identity[0], asked.ar, submodule.api,
-                submodule.slot, submodule.subslot, telegrams,
-                side(submodule.output, asked.controller_mac), side(submodule.input, device_mac),
-                response.frame,
-            )  # fmt: skip
-            self._add(relation)
+            self._add(found, Relation(
+                found.channel, request.client, request.server, identity and identity[0], asked.ar,
+                submodule.api, submodule.slot, submodule.subslot, found.telegrams,
+                side(submodule.output, asked.controller_mac, *about),
+                side(submodule.input, device_mac, *about), response.frame,
+            ))  # fmt: skip
         self._tell()
 
     def _replace(self, controller: str, device: str) -> None:
@@ -88,13 +251,35 @@ class ParameterChannels:
         for line in list(self._lines):
             relation = line.relation
             if [relation.output.source, relation.input.source] == macs:
-                line.channel.finish()
+                self._end(line)
                 self._lines.remove(line)
 
-    def _add(self, relation: Relation) -> None:
-        self.relations.append(relation)
-        line = _Line(relation, Channel(lambda job: self._over(line, job)))
-        self._lines.append(line)
+    def _add(self, found: Found, relation: Relation) -> None:
+        self._relations.append(relation)
+        if found.channel == PKW:
+            self._lines.append(_Requests(relation, self._closed, self._proven))
+            return
+        fault, warning = (place_of(word, found.telegrams) for word in ("FAULT_CODE", "WARN_CODE"))
+        codes = None if fault is None or warning is None else (warning, fault)
+        where = {"device": relation.device, "slot": relation.slot}
+        operation = Operation(where, self._bounds)
+        trusted = relation.vendor_id == SIEMENS
+        recorder = Recorder(
+            operation, trusted, _is_speed(found.telegrams), codes, self._bounds.events
+        )
+        drive = Drive(relation, recorder, behind=found.offset > 0)
+        self._drives.append(drive)
+        self._lines.append(drive)
+
+    def _proven(self, pkw: Relation) -> None:
+        """A relation is PKW: what is beside or behind it is PZD, and nothing else is in its bytes."""
+        beside = [each for each in self._drives if each.relation.place == pkw.place]
+        for each in list(beside):
+            if each.relation.subslot == pkw.subslot and not each.behind:
+                each.refuted = True
+                beside.remove(each)
+        if len(beside) == 1:
+            beside[0].relation.certainty = SEEN
 
     def _tell(self) -> None:
         self._sides = {}
@@ -109,41 +294,42 @@ class ParameterChannels:
 
     def frame(self, packet: Packet) -> None:
         """A cyclic frame."""
-        data = packet.payload
+        data, given_up = packet.payload, False
         found = self._sides.get((packet.src_mac or "", int.from_bytes(data[:_FRAME_ID])))
         for line, each, sent in found or ():
             if len(data) >= _FRAME_ID + max(each.offset + each.length, each.status + 1):
                 self._take(line, each, sent, data[_FRAME_ID:], packet)
+            if isinstance(line, Drive) and line.hopeless:
+                self._lines.remove(line)
+                given_up = True
+        if given_up:
+            self._tell()
 
     def _take(self, line: _Line, each: Side, sent: bool, data: bytes, packet: Packet) -> None:
-        self._start_ns = self._start_ns or packet.time_ns
-        cycle = round((packet.time_ns - self._start_ns) / max(each.cycle_ns, 1))
+        if line.start_ns is None:
+            line.start_ns = packet.time_ns
+        cycle = round((packet.time_ns - line.start_ns) / max(each.cycle_ns, 1))
         at = Moment(packet.frame, packet.time_ns, cycle)
-        valid = data[each.status] & _VALID and (each.iops is None or data[each.iops] & _GOOD)
-        if not valid:
-            if sent in line.last:
-                line.last.clear()
-                line.channel.lost(at)
-            return
-        words = data[each.offset : each.offset + each.length]
-        line.last[sent] = words
-        (line.channel.sent if sent else line.channel.answered)(words, at)
-
-    def _over(self, line: _Line, job: Job) -> None:
-        """A transaction is over; it waits until one of them proves the relation."""
-        if line.relation.certainty != SEEN and _proves(job):
-            line.relation.certainty = SEEN
-        if len(line.waiting) < _KEPT:
-            line.waiting.append(job)
-        if line.relation.certainty == SEEN:
-            for each in line.waiting:
-                self._closed(line.relation, each)
-            line.waiting.clear()
+        if data[each.status] & _VALID and (each.iops is None or data[each.iops] & _GOOD):
+            line.take(sent, data[each.offset : each.offset + each.length], at)
+        else:
+            line.lost(sent, at)
 
     def finish(self) -> None:
         """The capture ends."""
         for line in self._lines:
-            line.channel.finish()
+            self._end(line)
+
+    def _end(self, line: _Line) -> None:
+        line.finish()
+        if isinstance(line, _Requests) and line.unused:
+            self._without_request.append(line.relation)
+
+
+def _is_speed(numbers: tuple[int, ...]) -> bool | None:
+    """Whether the word behind STW1 is a speed in all of these telegrams; None where some have another word."""
+    known = {telegrams()[number].out[1].startswith(_SPEED) for number in numbers}
+    return known.pop() if len(known) == 1 else None
 
 
 def _proves(job: Job) -> bool:

@@ -130,14 +130,19 @@ class Channel:
         elif not _fits(job.request.data, data):
             job.odd = job.odd or self._in
 
-    def lost(self, at: Moment) -> None:
-        """The data is not valid from now on: what is open stays without an answer, and nobody is to blame."""
+    def lost(self, at: Moment, *, out: bool = True, answers: bool = True) -> None:
+        """Data is not valid from now on: what is open stays without an answer, and nobody is to blame.
+
+        `out`: that of the controller, `answers`: that of the drive. What the other one says stands as before.
+        """
         job = self._job
         if job is not None and job.answer is None:
             self._close(job, UNANSWERED, IO_LOST, at)
         elif job is not None:
             self._settle(job, at, END)
-        self._job = self._out = self._in = None
+        self._job = None
+        self._out = None if out else self._out
+        self._in = None if answers else self._in
 
     def finish(self) -> None:
         """The capture ends."""

@@ -1,7 +1,7 @@
 """Judgement: a transaction of PKW to findings DS5xx (spec/rules.toml has the catalogue).
 
 What is wrong with one request and its response. Only for drives of the maker whose tables these are: what looks
-like PKW on others may be something else (docs/cyclic.md 6).
+like PKW on others may be something else (docs/cyclic.md 7).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Where PKW is in cyclic frames: what a Connect sets up, as relations (docs/cyclic.md 5).
+"""Where PKW and PZD are in cyclic frames: what a Connect sets up, as relations (docs/cyclic.md 5).
 
-Lengths alone make candidates only: which of them is a PKW channel, its first request with a response shows
-(`ds47.cyclic.channels`). Bytes of frames are not looked at here.
+Lengths alone make candidates only: which of them is a PKW channel, its first request with a response shows, and
+which is PZD, the words themselves (`ds47.cyclic.channels`). Bytes of frames are not looked at here.
 """
 
 from __future__ import annotations
@@ -9,13 +9,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import groupby
+from typing import NamedTuple
 
 from ds47 import model
 from ds47.cyclic.pkw import LENGTH
 from ds47.model import LENGTHS
 from ds47.profinet.connect import Connect, Data, Submodule
+from ds47.spec.cyclic import telegrams
 
 _LEAST_PZD = 4
+_PPO = ((12, 12), (20, 20))
+"""Lengths of one submodule with PKW in front of its process data."""
+_WORD = 2
 _LONGEST = 1440
 """Bytes of data that a cyclic frame has at the most."""
 
@@ -24,13 +29,15 @@ _LONGEST = 1440
 class Side:
     """One direction: the sender's MAC address and frame id, and where the channel is behind the frame id.
 
-    `iops` is where the state of the data stands, None where there is none; `status` where that of the frame does.
+    Of `length` bytes only the first `watched` matter when they change. `iops` is where the state of the data
+    stands, None where there is none; `status` where that of the frame does.
     """
 
     source: bytes
     frame_id: int
     offset: int
     length: int
+    watched: int
     iops: int | None
     status: int
     cycle_ns: int
@@ -39,7 +46,7 @@ class Side:
     def parts(self) -> tuple[tuple[int, int], ...]:
         """Offsets and lengths of what matters, in order, apart from each other."""
         states = sorted(at for at in (self.iops, self.status) if at is not None)
-        return ((self.offset, self.length), *((at, 1) for at in states))
+        return ((self.offset, self.watched), *((at, 1) for at in states))
 
     def told(self) -> model.Side:
         """As the report has it."""
@@ -48,12 +55,13 @@ class Side:
 
 @dataclass(slots=True)
 class Relation:
-    """A parameter channel in cyclic frames between a controller and a device.
+    """A channel in cyclic frames between a controller and a device: `model.PKW` or `model.PZD`.
 
     `telegrams` are those that the lengths allow; none where no telegram has them. `frame` is that of the
     response to the Connect, `certainty` one of `model.LENGTHS` and `model.SEEN`.
     """
 
+    channel: str
     controller: str
     device: str
     vendor_id: int | None
@@ -67,35 +75,60 @@ class Relation:
     frame: int
     certainty: str = LENGTHS
 
+    @property
+    def place(self) -> tuple[str, str, int, int]:
+        """The stations and the slot: PKW and PZD of one drive have them in common."""
+        return self.controller, self.device, self.api, self.slot
+
     def told(self) -> model.Relation:
         """As the report has it."""
         return model.Relation(
-            channel=model.PKW, controller=self.controller, device=self.device, api=self.api,
+            channel=self.channel, controller=self.controller, device=self.device, api=self.api,
             slot=self.slot, subslot=self.subslot, telegrams=list(self.telegrams),
             output=self.output.told(), input=self.input.told(),
             cycle_ms=self.input.cycle_ns / 1e6, frame=self.frame, certainty=self.certainty,
         )  # fmt: skip
 
 
-def parameter_channels(connect: Connect) -> Iterator[tuple[Submodule, tuple[int, ...]]]:
-    """The submodules whose first eight bytes may be PKW, with the telegrams that their lengths allow.
+class Found(NamedTuple):
+    """A candidate: the channel, where it is in the data of a submodule, and what its lengths allow."""
 
-    Eight bytes beside process data in one slot; or twelve or twenty in one submodule, as PPO1 and PPO2 have them.
+    channel: str
+    submodule: Submodule
+    offset: int
+    telegrams: tuple[int, ...]
+
+
+def channels(connect: Connect) -> Iterator[Found]:
+    """What may be a channel of a drive in the data that a Connect sets up.
+
+    PKW: eight bytes beside process data in one slot; or twelve or twenty in one submodule, as PPO1 and PPO2 have
+    them. PZD: what stands beside or behind them, or has the lengths of a telegram.
     """
     both = [each for each in connect.submodules if _fits(each.input) and _fits(each.output)]
     both.sort(key=lambda each: (each.api, each.slot, each.subslot))
     for _, slot in groupby(both, key=lambda each: (each.api, each.slot)):
-        there = list(slot)
-        pzd = [lengths for each in there if min(lengths := _lengths(each)) >= _LEAST_PZD]
-        for each in there:
-            lengths = _lengths(each)
-            if lengths == (LENGTH, LENGTH):
-                others = [other for other in pzd if other != lengths]
-                if others:
-                    yield each, _telegrams(others)
-            elif lengths in ((12, 12), (20, 20)):
-                rest = lengths[0] - LENGTH
-                yield each, _telegrams([(rest, rest)])
+        yield from _of_slot(list(slot))
+
+
+def _of_slot(there: list[Submodule]) -> Iterator[Found]:
+    pzd = [lengths for each in there if min(lengths := _lengths(each)) >= _LEAST_PZD]
+    words = (LENGTH, LENGTH)
+    others = (
+        [lengths for lengths in pzd if lengths != words] if words in map(_lengths, there) else []
+    )
+    for each in there:
+        lengths = _lengths(each)
+        if lengths == words and others:
+            yield Found(model.PKW, each, 0, _telegrams(others, pkw=True))
+            continue
+        if lengths in _PPO:
+            rest = (lengths[0] - LENGTH, lengths[1] - LENGTH)
+            yield Found(model.PKW, each, 0, _telegrams([rest], pkw=True))
+            yield Found(model.PZD, each, LENGTH, _telegrams([rest], pkw=True))
+        known = _telegrams([lengths], pkw=bool(others))
+        if known or (others and min(lengths) >= _LEAST_PZD):
+            yield Found(model.PZD, each, 0, known)
 
 
 def _fits(data: Data | None) -> bool:
@@ -111,20 +144,37 @@ def _lengths(submodule: Submodule) -> tuple[int, int]:
     return submodule.output.length, submodule.input.length
 
 
-def _telegrams(lengths: list[tuple[int, int]]) -> tuple[int, ...]:
-    """The telegrams with PKW whose process data has one of these lengths."""
-    known = {(4, 4): 353, (12, 12): 354}
-    return tuple(known[each] for each in lengths if each in known)
+def _telegrams(lengths: list[tuple[int, int]], pkw: bool) -> tuple[int, ...]:
+    """The telegrams, with PKW or without, whose process data has one of these lengths (output, input)."""
+    return tuple(
+        row.number for each in lengths for row in telegrams().values()
+        if row.pkw == pkw and (_size(row.out), _size(row.inward)) == each
+    )  # fmt: skip
 
 
-def side(data: Data, source: str) -> Side:
-    """A direction of a parameter channel at the beginning of the data of a submodule."""
+def _size(words: tuple[str, ...]) -> int:
+    """Bytes of the words of a telegram."""
+    return sum(4 if word.endswith("(2)") else 2 for word in words)
+
+
+def side(data: Data, source: str, channel: str = model.PKW, offset: int = 0) -> Side:
+    """A direction of a channel that begins `offset` bytes behind the data of a submodule."""
+    whole = LENGTH if channel == model.PKW else data.length - offset
     return Side(
         source=bytes.fromhex(source.replace(":", "")),
         frame_id=data.frame_id,
-        offset=data.offset,
-        length=LENGTH,
+        offset=data.offset + offset,
+        length=whole,
+        watched=LENGTH if channel == model.PKW else _WORD,
         iops=data.offset + data.length if data.iops else None,
         status=data.frame_length + 2,  # behind the cycle counter
         cycle_ns=data.cycle_ns,
     )
+
+
+def place_of(word: str, telegram_numbers: tuple[int, ...]) -> int | None:
+    """Where a word is in the drive's data of the only telegram that it may be; None where that has none."""
+    if len(telegram_numbers) != 1:
+        return None
+    words = telegrams()[telegram_numbers[0]].inward
+    return _size(words[: words.index(word)]) if word in words else None

@@ -22,7 +22,7 @@ from ds47.lab.stage import Stage
 __all__ = ["Expect", "Scenario", "scenarios", "write"]
 
 BOOKS = (
-    "conversation", "diagnoses", "diagnoses_bytes", "diagnoses_places", "diagnoses_refused",
+    "conversation", "cyclic_stories", "diagnoses", "diagnoses_bytes", "diagnoses_places", "diagnoses_refused",
     "diagnoses_whole", "formats", "messages", "naming", "records", "seeds", "tour", "transport",
 )  # fmt: skip
 """The modules with scenarios."""

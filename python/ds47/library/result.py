@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Literal, NamedTuple, get_args
 from ds47.analysis import AnalysisOptions
 from ds47.analysis import analyze as analyze_natively
 from ds47.model import (
+    CHANNELS,
     CaptureFile,
     CaptureResult,
     Device,
@@ -17,7 +18,9 @@ from ds47.model import (
     Finding,
     Parameter,
     ParameterError,
+    Relation,
     Report,
+    Timeline,
     Transaction,
     Value,
 )
@@ -147,6 +150,16 @@ class Result:
         return self._capture.devices
 
     @property
+    def relations(self) -> list[Relation]:
+        """The channels of drives in cyclic frames (docs/cyclic.md 5)."""
+        return self._capture.relations
+
+    @property
+    def timelines(self) -> list[Timeline]:
+        """What happened to the drives among them: events and sampled values (docs/cyclic.md 6)."""
+        return self._capture.timelines
+
+    @property
     def summary(self) -> dict[str, int]:
         """How many transactions there are, by state and by operation."""
         return self._capture.summary
@@ -234,6 +247,7 @@ def analyze(
     indices: Iterable[int] = (),
     slow_ms: float | None = None,
     pkw_layouts: Mapping[str, str] | None = None,
+    channels: Iterable[str] = ("ds47", "pkw", "pzd"),
     select: Iterable[str] = (),
     ignore: Iterable[str] = (),
     options: Options | None = None,
@@ -251,6 +265,7 @@ def analyze(
         slow_ms: from which share of the drive a transaction is slow (DS416); None for the shipped limit.
         pkw_layouts: the layout of IND in PKW, "cyclic" or "uss", by the IP address of the device; "" for all
             others.
+        channels: what to report: "ds47" record calls, "pkw", "pzd".
         select: rules to report, by id, beginning of an id, or name; empty for all.
         ignore: rules to leave out.
         options: dialects of the parameter channel.
@@ -258,12 +273,16 @@ def analyze(
 
     Raises:
         CaptureError: nothing of the capture can be read.
-        ValueError: there is no such rule or engine, or the files are not those of one ring buffer.
+        ValueError: there is no such rule, engine or channel, or the files are not those of one ring buffer.
         NotReadyError: the engine needs tshark or pyshark, and it is missing; the text says what to do.
     """
+    wanted = tuple(channels)
+    if unknown := set(wanted) - set(CHANNELS):
+        raise ValueError(f"no channel {min(unknown)!r}: {', '.join(CHANNELS)}")
     chosen = AnalysisOptions(
         indices=frozenset(indices), slow_ms=slow_ms, select=_rules(select), ignore=_rules(ignore),
         codec=options or Options(), digest=digest, pkw_layouts=tuple((pkw_layouts or {}).items()),
+        channels=wanted,
     )  # fmt: skip
     if engine not in get_args(Engine):
         raise ValueError(f"no engine {engine!r}: {', '.join(get_args(Engine))}")

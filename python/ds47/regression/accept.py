@@ -83,6 +83,8 @@ def merge(
             _put(result, change.path, deepcopy(change.is_now))
         elif change.kind == "device":
             _device(result, now, str(change.path[1]), change.path[2:])
+        elif change.kind == "event":
+            _timelines(result, now)
     numbers = _transactions(result, now, pairs, accepted)
     _findings(result, numbers, accepted)
     result["diagnoses"] = _diagnoses(result, now)
@@ -94,6 +96,14 @@ def _put(item: Any, path: Sequence[str | int], value: Any) -> None:
     for key in path[:-1]:
         item = item[key]
     item[path[-1]] = value
+
+
+def _timelines(result: Json, now: Json) -> None:
+    """The events of all drives, with the relations that they count in."""
+    for key in ("relations", "timelines"):
+        result.pop(key, None)
+        if key in now:
+            result[key] = deepcopy(now[key])
 
 
 def _device(result: Json, now: Json, ip: str, path: Sequence[str | int]) -> None:

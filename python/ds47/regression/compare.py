@@ -28,6 +28,7 @@ from ds47.report.sentences import at_offset, error_words, sentence
 KINDS = (
     "value", "error", "state", "timing", "field", "finding_new", "finding_gone",
     "transaction_new", "transaction_gone", "device", "count",
+    "event",
 )  # fmt: skip
 """What a change can be about."""
 
@@ -135,6 +136,7 @@ class Comparison:
                 yield self._alone("transaction_gone", old, None, self._olds[old])
             elif old is not None and new is not None:
                 yield from self._transaction(old, new)
+        yield from self._events()
         yield from self._findings()
 
     # Which transaction is which
@@ -302,6 +304,24 @@ class Comparison:
                     where = _Where("device", {"ip": ip})
                     yield self._field("device", where, ("devices", ip, key), old, new, device=ip)
 
+    def _events(self) -> Iterator[Change]:
+        """What happened to each drive, in its order; nothing where the stored result has no timeline."""
+        olds, news = _timelines(self._old), _timelines(self._new)
+        for place in olds.keys() | news.keys() if olds else ():
+            old, new = olds.get(place, []), news.get(place, [])
+            if old == new:
+                continue
+            at = next(
+                (n for n, (a, b) in enumerate(zip(old, new, strict=False)) if a != b),
+                min(len(old), len(new)),
+            )
+            was, now = (_event(each[at] if at < len(each) else None) for each in (old, new))
+            text = self._say("change_event", place=place, number=str(at + 1), was=was, now=now)
+            yield Change(
+                "event", text, path=("timelines",), was=self._old.get("timelines"),
+                is_now=self._new.get("timelines"), device=place.split()[0],
+            )  # fmt: skip
+
     def _findings(self) -> Iterator[Change]:
         """A finding is known by its rule and its transaction; in the same file by all it says."""
         place = {new: old for old, new in self.pairs if new is not None}
@@ -376,6 +396,30 @@ class Comparison:
         if where is not None:
             values["where"] = say(f"change_in_{where.what}", **where.values)
         return say(key, **values).text(self._lang)
+
+
+def _timelines(result: Json) -> dict[str, list[tuple[Any, ...]]]:
+    """The events of each drive by device and place; frames and times are those of one recording."""
+    relations = result.get("relations", [])
+    found: dict[str, list[tuple[Any, ...]]] = {}
+    for each in result.get("timelines", []):
+        relation = relations[each["relation"] - 1]
+        place = f"{relation['device']} slot {relation['slot']}.{relation['subslot']}"
+        found.setdefault(place, []).extend(
+            (event["name"], event["word"], event["before"], event["after"], event["state"])
+            for event in each["events"]
+        )
+    return found
+
+
+def _event(event: tuple[Any, ...] | None) -> str:
+    """`STW1 047E -> 047F on`: an event by its id, as JSON has it."""
+    if event is None:
+        return "-"
+    name, word, before, after, _ = event
+    if word is None:
+        return str(name)
+    return f"{word} {'' if before is None else f'{before:04X} -> '}{after:04X} {name}"
 
 
 class _Where(NamedTuple):

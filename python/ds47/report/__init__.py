@@ -17,11 +17,23 @@ from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple, Protocol, TextIO, cast
 
 from ds47.model import CaptureResult, Finding, Report, Transaction
+from ds47.report.reference import Reference
 
 SCHEMA = "ds47.report/2"
 """The version of the JSON contract, as the key `schema` of a report."""
 
-FORMATS = ("text", "overview", "json", "ndjson", "csv", "parquet", "html", "junit", "sarif")
+FORMATS = (
+    "text",
+    "overview",
+    "json",
+    "ndjson",
+    "csv",
+    "events",
+    "parquet",
+    "html",
+    "junit",
+    "sarif",
+)
 """Names for `open_writer`, each a module of this package."""
 
 
@@ -46,7 +58,7 @@ class Options(NamedTuple):
     `fail_on`: the severity from which on a finding is a failure (junit only). `lang`: the language of
     the words of a report (text), or in which a page starts (html). `plc`: what the PLC saw
     of every job, not only of those that are not ok (text only). `corrected`: requests as they should have
-    been (text only; the Lua reports have none).
+    been (text only; the Lua reports have none). `reference`: what 100 % of a setpoint is (text, html).
     """
 
     color: bool = False
@@ -55,6 +67,7 @@ class Options(NamedTuple):
     lang: str = "en"
     plc: bool = False
     corrected: bool = True
+    reference: Reference | None = None
 
 
 class Writer:

@@ -16,7 +16,8 @@ from ds47 import model
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, name, sentence
-from ds47.spec.units import duration, nanoseconds
+from ds47.spec import cyclic
+from ds47.spec.units import duration, nanoseconds, timestamp
 
 Tell = Callable[[Any, str], Any]
 """From an object of the model and a language to what JSON has."""
@@ -373,8 +374,28 @@ RELATION = Shape("relation", (
     Key("cycle_ms", {"type": "number"}, "From one frame of the device to the next."),
     Key("frame", NUMBER, "The response to the Connect."),
     Key("certainty", {"enum": [model.LENGTHS, model.SEEN]},
-        "Only its lengths fit, or a request and its response were seen in it."),
+        "Only its lengths fit, or what a drive says was seen in it."),
 ), model.Relation, "A channel in cyclic frames; docs/cyclic.md.")  # fmt: skip
+
+EVENT = Shape("event", (
+    Key("frame", NUMBER, column="Frame in which it is seen first, as Wireshark numbers it."),
+    Key("time", TEXT | {"pattern": _TIME}, into="time_ns", take=_time,
+        tell=lambda item, _: timestamp(item.time_ns), column="Time of that frame, UTC, to the nanosecond."),
+    Key("name", {"enum": list(cyclic.event_ids())}, "An edge of a bit, or data that is no longer valid.",
+        column="What happened: an edge of a bit, or data that is no longer valid."),
+    Key("word", {"enum": ["STW1", "ZSW1", None]}, column="The word that has the edge; null where it is none."),
+    Key("before", WORD, "The whole word.", column="The whole word before it."),
+    Key("after", WORD, "The whole word.", column="The whole word from then on."),
+    Key("state", {"enum": [*cyclic.state_ids(), None]}, "Of the drive from then on.",
+        column="State of the drive from then on."),
+    Key("overlays", many(TEXT), "What is shown beside the state: fault, alarm, OFF2, OFF3.",
+        tell=lambda item, _: list(item.overlays), take=lambda value, _: tuple(value)),
+), model.Event, "Something that happened to a drive.")  # fmt: skip
+TIMELINE = Shape("timeline", (
+    Key("relation", NUMBER, "Its place in relations, from 1."),
+    Key("events", many(ref("event")), "In the order of time.", shape=EVENT),
+    Key("events_left_out", COUNT, "Events for which there was no room."),
+), model.Timeline, "What happened to a drive, by its control and status word; docs/cyclic.md.")  # fmt: skip
 
 
 def _by_index(item: tuple[str, object]) -> tuple[int, str]:
@@ -399,6 +420,8 @@ HEAD = (
     Key("files", many(ref("file"), 1), "Only where the capture is a series of files.", shape=FILE, required=False),
     Key("relations", many(ref("relation"), 1), "Only where cyclic frames have channels.", shape=RELATION,
         required=False),
+    Key("timelines", many(ref("timeline"), 1), "Only where cyclic frames have the words of drives.",
+        shape=TIMELINE, required=False),
 )  # fmt: skip
 LISTS = (
     Key("devices", many(ref("device")), shape=DEVICE),

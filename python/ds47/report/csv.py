@@ -51,7 +51,7 @@ def write(report: Report, stream: TextIO, options: Options | None = None) -> Non
     write_all(Writer(stream, options), report)
 
 
-class _Lines:
+class Lines:
     """Ends rows with LF. They come with CR LF: before Python 3.13 csv quotes only what ends a row."""
 
     def __init__(self, stream: TextIO) -> None:
@@ -68,7 +68,7 @@ class Writer(_Writer):
 
     def __init__(self, stream: TextIO, options: Options | None = None) -> None:
         super().__init__(stream, options)
-        self._csv = csv.writer(_Lines(stream), lineterminator="\r\n")
+        self._csv = csv.writer(Lines(stream), lineterminator="\r\n")
         self._csv.writerow(COLUMNS)
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:

@@ -200,6 +200,7 @@ _SHOW: Final[Mapping[str, Callable[[Any], str]]] = {
     "index": record_index,
     "ms": "{:.1f}".format,
     "ms3": "{:.3f}".format,
+    "s": "{:.1f}".format,
     "numbers": lambda items: ", ".join(map(str, items)),
     "frames": lambda items: ", ".join(map(str, items)),
     "values": _values,

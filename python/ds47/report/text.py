@@ -14,6 +14,8 @@ from typing import Any, TextIO
 
 from ds47.model import (
     DS47,
+    PZD,
+    SEEN,
     SEVERITIES,
     CaptureFile,
     CaptureResult,
@@ -22,7 +24,7 @@ from ds47.model import (
     Report,
     Transaction,
 )
-from ds47.report import Options, causes, plc, write_all
+from ds47.report import Options, causes, plc, timelines, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import json as contract
 from ds47.report.bilingual import Both, counted, joined, operation, say, state
@@ -35,12 +37,13 @@ from ds47.report.sentences import at_offset, sentence
 from ds47.report.summary import Opening
 from ds47.report.targets import Targets
 from ds47.report.verdict import Counts
-from ds47.report.wrap import columns
+from ds47.report.wrap import aligned, columns
 
 LINE_LENGTH = 120
 """Parameters that make a line longer than this stand below it, one a line."""
 FINDINGS_PER_RULE = 12
 RELATIONS_LISTED = 20
+EVENTS_LISTED = 60
 FILES_LISTED = 20
 """Files of a series that are listed; JSON has all, and every finding names its file."""
 CAPTURES_LISTED = 20
@@ -73,6 +76,7 @@ class Writer(_Writer):
         for line in self._opening.lines(result):
             self._line(line)
         self._relations(result.relations)
+        self._timelines(result)
         self._table(result)
         self._findings(result.findings, Places(result.files))
         row = Row.of(result)
@@ -136,15 +140,45 @@ class Writer(_Writer):
         for each in relations[:RELATIONS_LISTED]:
             numbers = ", ".join(map(str, each.telegrams))
             self._line("  " + self._say(
-                "relation", device=escape(each.device), place=f"slot {each.slot}.{each.subslot}",
+                "relation", device=escape(each.device), place=_place(each), channel=each.channel.upper(),
                 telegram=self._say("relation_telegram", numbers=numbers) if numbers else "",
                 output=f"{each.output.frame_id:04X}", output_at=each.output.offset,
                 input=f"{each.input.frame_id:04X}", input_at=each.input.offset,
                 cycle=duration(round(each.cycle_ms * 1_000_000)),
-                certainty=self._say(f"certainty_{each.certainty}"),
+                certainty=self._say(_certainty(each)),
             ))  # fmt: skip
         if len(relations) > RELATIONS_LISTED:
             self._line("  " + self._say("more", number=str(len(relations) - RELATIONS_LISTED)))
+
+    def _timelines(self, result: CaptureResult) -> None:
+        """What happened to each drive, a line for each word and frame."""
+        for timeline in result.timelines:
+            relation = result.relations[timeline.relation - 1]
+            where = {"device": escape(relation.device), "place": _place(relation)}
+            self._line()
+            self._title(self._say("timeline_head", **where))
+            known = timelines.reference(result, relation.device, self.options.reference)
+            if known is not None:
+                self._line("  " + timelines.reference_words(known).text(self.options.lang))
+            rows = timelines.rows(timeline)
+            table = [self._event(row, result.start_ns) for row in rows[:EVENTS_LISTED]]
+            for line in aligned(table):
+                self._line("  " + line)
+            if len(rows) > EVENTS_LISTED:
+                self._line("  " + self._say("more", number=str(len(rows) - EVENTS_LISTED)))
+            if timeline.events_left_out:
+                self._line("  " + self._say("timeline_left_out", n=timeline.events_left_out))
+
+    def _event(self, row: timelines.Row, start_ns: int | None) -> list[str]:
+        lang = self.options.lang
+        standing = timelines.standing(row).text(lang)
+        return [
+            self._say("frame", frame=str(row.last.frame)),
+            timelines.seconds(row.last.time_ns, start_ns),
+            timelines.change(row),
+            timelines.words(row).text(lang),
+            f"[{standing}]" if standing else "",
+        ]
 
     def _files(self, files: Sequence[CaptureFile]) -> None:
         """Of a series: which file has which frames, and which are missing."""
@@ -268,6 +302,16 @@ class Writer(_Writer):
         for line in (jobs.text(lang), found.text(lang), latency.text(lang)):
             if line:
                 self._line(f"  {line}")
+
+
+def _place(relation: Relation) -> str:
+    return f"slot {relation.slot}.{relation.subslot}"
+
+
+def _certainty(relation: Relation) -> str:
+    """The key of the words that say how sure a relation is."""
+    drive = relation.channel == PZD and relation.certainty == SEEN
+    return "certainty_seen_pzd" if drive else f"certainty_{relation.certainty}"
 
 
 class _Columns:

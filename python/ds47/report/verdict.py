@@ -38,6 +38,8 @@ class Counts:
     frames: int = 0
     unreadable: int = 0
     drives: set[str] = field(default_factory=set)
+    watched: set[str] = field(default_factory=set)
+    """Devices whose control and status word are known."""
     jobs: int = 0
     states: Counter[str] = field(default_factory=Counter)
     operations: Counter[str] = field(default_factory=Counter)
@@ -53,6 +55,7 @@ class Counts:
             frames=result.frames,
             unreadable=0 if result.complete else 1,
             drives={each.device for each in result.transactions},
+            watched={result.relations[each.relation - 1].device for each in result.timelines},
             jobs=len(result.transactions),
             states=Counter(each.state for each in result.transactions),
             operations=Counter(each.operation for each in result.transactions),
@@ -66,6 +69,7 @@ class Counts:
         self.frames += other.frames
         self.unreadable += other.unreadable
         self.drives |= other.drives
+        self.watched |= other.watched
         self.jobs += other.jobs
         self.states += other.states
         self.operations += other.operations
@@ -89,13 +93,17 @@ class Counts:
             return "bad"
         if self.severities["warning"] or self.unreadable or self.open:
             return "warn"
-        return "good" if self.jobs else "none"
+        return "good" if self.jobs or self.watched else "none"
 
 
 def verdict(counts: Counts) -> Both:
     """One line: `NOT OK: 1 drive, 452 transactions, 412 refused`."""
     head = say(f"verdict_{counts.level}")
-    if not counts.jobs:
+    if not counts.jobs and counts.watched:
+        tail = say("verdict_watched", n=len(counts.watched)).joined(
+            say("verdict_no_jobs"), ", ", "，"
+        )
+    elif not counts.jobs:
         tail = say("verdict_no_jobs")
     else:
         parts = [say("drives", n=len(counts.drives)), say("transactions", n=counts.jobs)]

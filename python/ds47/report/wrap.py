@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 _STAYS = tuple("，。；：、）”")
 """Characters that do not begin a line."""
@@ -45,3 +45,12 @@ def _pieces(text: str) -> Iterator[str]:
             yield piece
             piece = ""
     yield piece
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Cells in columns, each as wide as its widest cell, two blanks between them."""
+    widths = [max(map(columns, cells)) for cells in zip(*rows, strict=True)]
+    return [
+        "  ".join(padded(cell, width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]

@@ -15,8 +15,15 @@ from ds47.report import Options, write_all
 from ds47.report import Writer as _Writer
 from ds47.report.formatting import count, duration, escape
 from ds47.report.html import embed, plots
-from ds47.report.html.texts import Words
-from ds47.report.html.views import CaptureView, Overview, capture_view, to_do, worst_first
+from ds47.report.html.texts import Words, say
+from ds47.report.html.views import (
+    CaptureView,
+    Overview,
+    capture_view,
+    timelines,
+    to_do,
+    worst_first,
+)  # fmt: skip
 from ds47.report.html.views.problems import FIRST_SCREEN
 from ds47.report.verdict import KINDS, LEVELS
 
@@ -38,6 +45,7 @@ SCRIPTS = (
     "parameters",
     "overview",
     "plots",
+    "timelines",
     "page",
 )
 """The files of templates/report/ that make the one script of the page, in this order."""
@@ -61,7 +69,8 @@ class Writer(_Writer):
 
     def capture(self, result: CaptureResult) -> None:
         number = len(self._overview) + 1
-        view = capture_view(result, number, max(ROWS_EACH, self._rows_left))
+        most_rows = max(ROWS_EACH, self._rows_left)
+        view = capture_view(result, number, most_rows, self.options.reference)
         self._rows_left -= view.rows
         self._overview.append(view.overview)
         self._views.append(view)
@@ -107,6 +116,13 @@ def page(overview: list[Overview], views: list[CaptureView], lang: str) -> str:
         "alone": len(overview) == len(views) == 1,
         "views": sorted(views, key=lambda each: worst_first(each.overview)),
         "most_drives": DRIVES,
+        "words_of": say,
+        "left": timelines.LEFT,
+        "width": timelines.WIDTH,
+        "right": timelines.RIGHT,
+        "band": timelines.BAND,
+        "flags": timelines.FLAGS,
+        "curve": timelines.CURVE,
     }
     return environment.get_template("report.html.j2").render(known)
 

@@ -19,13 +19,16 @@ from ds47.report.html import messages
 from ds47.report.html.embed import data_element
 from ds47.report.html.texts import Both, say
 from ds47.report.html.verdict import Remark, quality
+from ds47.report.html.views import timelines
 from ds47.report.html.views.drives import Drive, drives, span
 from ds47.report.html.views.elements import elements
 from ds47.report.html.views.findings import Group, groups
 from ds47.report.html.views.problems import Problem, first_screen, problems
 from ds47.report.html.views.rows import packed_rows
+from ds47.report.html.views.timelines import TimelineView
 from ds47.report.latency import percentile
 from ds47.report.overview import Row
+from ds47.report.reference import Reference
 from ds47.report.targets import Targets
 from ds47.report.verdict import KINDS, LEVELS, Counts, blind, verdict
 
@@ -99,14 +102,20 @@ class CaptureView:
     jobs: int
     elements: int
     elements_left_out: int
+    timelines: list[TimelineView]
     plots: bool
     median: int | None
     slowest: int | None
     data: Markup = field(repr=False)
 
 
-def capture_view(result: CaptureResult, number: int, most_rows: int) -> CaptureView:
-    """What the page shows of a capture, with at most so many of its transactions."""
+def capture_view(
+    result: CaptureResult, number: int, most_rows: int, reference: Reference | None = None
+) -> CaptureView:
+    """What the page shows of a capture, with at most so many of its transactions.
+
+    `reference` is what 100 % of a setpoint is, where somebody has said so.
+    """
     found = groups(result)
     targets = Targets(result.transactions)
     table, left_out = elements(result, targets)
@@ -130,7 +139,7 @@ def capture_view(result: CaptureResult, number: int, most_rows: int) -> CaptureV
         sha256=result.sha256,
         span=span(result),
         quality=remarks,
-        blind=[*blind(result), say("blind_place"), say("blind_cyclic"), say("blind_meaning")],
+        blind=[*blind(result), say("blind_place"), *_unseen(result), say("blind_meaning")],
         drives=drives(result, targets),
         problems=told,
         problems_left_out=len(wrong) - len(told),
@@ -139,11 +148,17 @@ def capture_view(result: CaptureResult, number: int, most_rows: int) -> CaptureV
         jobs=len(result.transactions),
         elements=len(table["rows"]),
         elements_left_out=left_out,
+        timelines=timelines.views(result, reference),
         plots=bool(result.transactions),
         median=percentile(durations, 50) if durations else None,
         slowest=durations[-1] if durations else None,
         data=data_element(f"data-{number}", data),
     )
+
+
+def _unseen(result: CaptureResult) -> list[Both]:
+    """That cyclic data is not told, where no drive is followed in it."""
+    return [] if result.timelines else [say("blind_cyclic")]
 
 
 def _by_transaction(found: list[Group]) -> dict[int, list[list[Any]]]:

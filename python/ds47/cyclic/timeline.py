@@ -1,0 +1,270 @@
+"""Control and status word of one drive along the time: words to events, values to points (docs/cyclic.md 3).
+
+One relation at a time, fed with what changed in it; frames and times are arguments. Which bytes of which frame
+these words are is the business of `relations` and `channels`; what is wrong is said in `operation`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from ds47.cyclic import pzd
+from ds47.cyclic.operation import Now, Operation
+from ds47.model import Event, Point
+from ds47.spec import cyclic
+from ds47.spec.cyclic import Edge
+
+HEEDED = 10
+"""Bit of STW1: where it is 0, the drive ignores the whole word and keeps the one before."""
+REQUESTED = 9
+"""Bit of ZSW1: the drive wants to be controlled by the PLC."""
+RUNNING = 2
+"""Bit of ZSW1: operation enabled."""
+REVERSE = 11
+"""Bit of STW1 that turns the sign of the setpoint."""
+_HEALTHY = 0x0030
+"""Bits of ZSW1: neither OFF2 nor OFF3."""
+_LEGAL = frozenset((1, 3, 7))
+"""Bits 2 to 0 of ZSW1 in the states S2 to S4."""
+_ILLEGAL = frozenset((2, 4, 6))
+"""No drive without a fault has these."""
+_INHIBITED, _FAULT = 0x0040, 0x0008
+_FREE = 0xF000
+"""Bits of STW1 that controllers leave at 0."""
+_REACTION_NS = 2_000_000_000
+"""So soon after ON a drive has the next state."""
+_LAST_TASK = 63
+"""Of traversing tasks, which telegram 7 has where telegram 1 has the setpoint; bit 15 is no part of the number."""
+
+
+@dataclass(slots=True)
+class Values:
+    """The points of one value: all of them, and from `MOST` on the least and the greatest of neighbours."""
+
+    MOST = 4096
+    points: list[Point] = field(default_factory=list)
+
+    def take(self, time_ns: int, raw: int) -> None:
+        """The value at a time."""
+        last = self.points[-1] if self.points else None
+        if last is not None and last.time_ns == time_ns:
+            self.points[-1] = Point(time_ns, min(last.least, raw), max(last.most, raw))
+            return
+        self.points.append(Point(time_ns, raw, raw))
+        if len(self.points) > self.MOST:
+            self._thin()
+
+    def _thin(self) -> None:
+        """Half of the points, each for two neighbours: not those of the densest time, where something happens."""
+        gaps = [b.time_ns - a.time_ns for a, b in zip(self.points, self.points[1:], strict=False)]
+        median = sorted(gaps)[len(gaps) // 2]
+        kept, at = [], 0
+        while at < len(self.points):
+            one = self.points[at]
+            if at + 1 < len(self.points) and gaps[at] <= 2 * median:
+                other = self.points[at + 1]
+                one = Point(one.time_ns, min(one.least, other.least), max(one.most, other.most))
+                at += 1
+            kept.append(one)
+            at += 1
+        self.points = kept
+
+
+@dataclass(slots=True)
+class Recorder:
+    """What happened to a drive, as far as its cyclic frames say.
+
+    Args:
+        operation: is told of every frame, as long as the data of both sides is valid.
+        trusted: whether the words alone prove a drive; else only what it does after ON.
+        speed: whether the word behind STW1 is a setpoint of speed; None where the lengths do not tell.
+        codes: where in the drive's data WARN_CODE and FAULT_CODE are, None where the telegram has none.
+        most: events that are kept.
+    """
+
+    operation: Operation
+    trusted: bool
+    speed: bool | None
+    codes: tuple[int, int] | None = None
+    most: int = 65_536
+    events: list[Event] = field(default_factory=list)
+    left_out: int = 0
+    """Events for which there was no room."""
+    setpoint: Values = field(default_factory=Values)
+    actual: Values = field(default_factory=Values)
+    faults: list[tuple[int, int]] = field(default_factory=list)
+    """Frames and fault numbers, where the telegram has them, at each change."""
+    proven: bool = False
+    """Whether both words were seen as a drive has them that a PLC controls."""
+    refuted: bool = False
+    """Whether a word was seen that no drive has."""
+    end_ns: int = 0
+    """Time of the last frame that was looked at."""
+    _stw1: int | None = None
+    _zsw1: int | None = None
+    _heeded: int | None = None
+    """The last control word that the drive heeds."""
+    _on_ns: int | None = None
+    """When ON was given to a drive that was ready for it."""
+    _lost: set[bool] = field(default_factory=set)
+    _setpoint: int | None = None
+    _actual: int | None = None
+
+    def sent(self, data: bytes, frame: int, time_ns: int) -> None:
+        """The words of the controller from a frame on."""
+        stw1, self.end_ns = int.from_bytes(data[:2]), time_ns
+        if stw1 != self._stw1 or self._lost:
+            self._control(stw1, frame, time_ns)
+        raw = int.from_bytes(data[2:4], signed=True)
+        if self._learnt(raw):
+            self._setpoint = -raw if stw1 >> REVERSE & 1 else raw
+            self.setpoint.take(time_ns, self._setpoint)
+        self._tell(frame)
+
+    def answered(self, data: bytes, frame: int, time_ns: int) -> None:
+        """The words of the drive from a frame on."""
+        zsw1, self.end_ns = int.from_bytes(data[:2]), time_ns
+        if self.codes is not None:
+            at = self.codes[1]
+            self._fault(int.from_bytes(data[at : at + 2]), frame)
+        if zsw1 != self._zsw1 or self._lost:
+            self._status(zsw1, frame, time_ns)
+        raw = int.from_bytes(data[2:4], signed=True)
+        if self._learnt(raw):
+            self._actual = raw
+            self.actual.take(time_ns, raw)
+        self._tell(frame)
+
+    def _tell(self, frame: int) -> None:
+        stw1, zsw1 = self._stw1, self._zsw1
+        if stw1 is None or zsw1 is None or self._lost:
+            return
+        heeded = stw1 if self._heeded is None else self._heeded
+        values = self._setpoint, self._actual
+        self.operation.look(Now(frame, self.end_ns, stw1, heeded, zsw1, *values))
+
+    def lost(self, by_controller: bool, frame: int, time_ns: int) -> None:
+        """Data of one side is not valid from a frame on."""
+        if by_controller in self._lost or (self._stw1 if by_controller else self._zsw1) is None:
+            return
+        self._lost.add(by_controller)
+        self.end_ns = time_ns
+        self.operation.lost(frame, by_controller)
+        self._happened("output-lost" if by_controller else "input-lost", frame, time_ns)
+
+    def _back(self, by_controller: bool, frame: int, time_ns: int) -> None:
+        if by_controller in self._lost:
+            self._lost.remove(by_controller)
+            self._happened("output-back" if by_controller else "input-back", frame, time_ns)
+
+    def _control(self, stw1: int, frame: int, time_ns: int) -> None:
+        before, self._stw1 = self._stw1, stw1
+        heeded, now = self._heeded, stw1 >> HEEDED & 1
+        if now:
+            self._heeded = stw1
+        if now and stw1 & ~(heeded or 0) & 1 and (self._zsw1 or 0) & 7 == 1:
+            self._on_ns = time_ns
+        self._look()
+        self._back(True, frame, time_ns)
+        if before is None:
+            self._happened("first", frame, time_ns, "STW1", None, stw1)
+            return
+        for edge in cyclic.edges("stw1"):
+            if edge.bit == HEEDED:
+                changed = self._is_edge(edge, before, stw1)
+            else:
+                changed = bool(now) and heeded is not None and self._is_edge(edge, heeded, stw1)
+            if changed:
+                self._happened(edge.id, frame, time_ns, "STW1", before, stw1)
+
+    def _status(self, zsw1: int, frame: int, time_ns: int) -> None:
+        before, self._zsw1 = self._zsw1, zsw1
+        if not zsw1 & _FAULT and (zsw1 & 7 in _ILLEGAL or (zsw1 & _INHIBITED and zsw1 & 7)):
+            self.refuted = True
+        if self._on_ns is not None and (before or 0) & 7 == 1 and zsw1 & 7 in (3, 7):
+            self.trusted = self.trusted or time_ns - self._on_ns <= _REACTION_NS
+        self._look()
+        self._back(False, frame, time_ns)
+        if before is None:
+            self._happened("first", frame, time_ns, "ZSW1", None, zsw1)
+            return
+        for edge in cyclic.edges("zsw1"):
+            if self._is_edge(edge, before, zsw1):
+                self._happened(edge.id, frame, time_ns, "ZSW1", before, zsw1)
+
+    def _is_edge(self, edge: Edge, before: int, after: int) -> bool:
+        return bool((before ^ after) >> edge.bit & 1) and after >> edge.bit & 1 == edge.value
+
+    def _happened(
+        self, name: str, frame: int, time_ns: int,
+        word: str | None = None, before: int | None = None, after: int | None = None,
+    ) -> None:  # fmt: skip
+        if len(self.events) >= self.most:
+            self.left_out += 1
+            return
+        state: str | None = None
+        overlays: tuple[str, ...] = ()
+        if self._zsw1 is not None and False not in self._lost:
+            status = pzd.state(self._zsw1, self._heeded)
+            state, overlays = status.state, status.overlays
+        self.events.append(Event(frame, time_ns, name, word, before, after, state, overlays))
+
+    def _look(self) -> None:
+        """Whether these words look like those of a drive under control."""
+        stw1, zsw1 = self._stw1, self._zsw1
+        if self.proven or not self.trusted or stw1 is None or zsw1 is None:
+            return
+        legal = zsw1 & 7 in _LEGAL and zsw1 & _HEALTHY == _HEALTHY
+        if zsw1 & _INHIBITED:
+            legal = zsw1 & 6 == 0
+        heeded = bool(stw1 >> HEEDED & 1) and not stw1 & _FREE
+        self.proven = heeded and bool(zsw1 >> REQUESTED & 1) and legal
+
+    def _learnt(self, raw: int) -> bool:
+        """Whether the second word is a speed: a number that no traversing task has shows it."""
+        if self.speed is None and (raw & 0x7FFF) > _LAST_TASK:
+            self.speed = True
+        return bool(self.speed)
+
+    def told(self) -> list[Event]:
+        """The events; those of bits that are about a speed only where it is known to be one."""
+        if self.speed:
+            return self.events
+        others = {edge.id for edge in cyclic.edges("stw1") if edge.speed}
+        return [each for each in self.events if each.name not in others]
+
+    def fault_code(self, frame: int) -> int | None:
+        """The number of the fault that came with a frame: it stands there already, or comes soon."""
+        there = [code for at, code in self.faults if at <= frame]
+        if there and there[-1]:
+            return there[-1]
+        return next((code for at, code in self.faults if at > frame and code), None)
+
+    def running(self, first: int, last: int) -> bool | None:
+        """Whether the drive ran in all frames from one to another; None where it changed, or nobody knows."""
+        found = None
+        for event in self.events:
+            if event.word != "ZSW1" or event.after is None:
+                continue
+            now = bool(event.after >> RUNNING & 1)
+            if event.frame <= first:
+                found = now
+            elif event.frame <= last and now != found:
+                return None
+        return found
+
+    def running_since(self, frame: int) -> int | None:
+        """The frame in which it began to run, before or in this one; None where it ran from the beginning on."""
+        begun = [
+            each.frame for each in self.events if each.name == "running" and each.frame <= frame
+        ]
+        return begun[-1] if begun else None
+
+    def state_at(self, frame: int) -> str | None:
+        """The state of the drive in a frame; None where nobody knows."""
+        before = [each.state for each in self.events if each.frame <= frame]
+        return before[-1] if before else None
+
+    def _fault(self, code: int, frame: int) -> None:
+        if code != (self.faults[-1][1] if self.faults else 0) and len(self.faults) < self.most:
+            self.faults.append((frame, code))

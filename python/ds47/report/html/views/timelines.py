@@ -1,0 +1,453 @@
+"""The picture of a drive: its states, commands, speed and parameter jobs on one axis of time, and its events.
+
+Works out where everything stands in a drawing; what it looks like is in templates/report/timelines.html.j2. A
+drawing shows the whole capture, a story (some seconds around what was found) or some cycles around one frame.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from ds47.model import CaptureResult, Event, Finding, Point, Relation, Timeline, Transaction
+from ds47.report import timelines as told
+from ds47.report.bilingual import state
+from ds47.report.formatting import parameter
+from ds47.report.html.texts import Both, say
+from ds47.report.json import timestamp
+from ds47.report.reference import Reference
+from ds47.spec import cyclic
+
+LEFT, WIDTH, RIGHT = 124, 880, 12
+"""Of a drawing, in its own units: the names of the lanes, the time, and what is free behind it."""
+BAND, FLAGS, CURVE, LANE, AXIS = 26, 30, 132, 22, 22
+"""Heights: states, commands, speed, one lane of jobs, the axis."""
+SHOWN = 200
+"""Rows of the table of events."""
+STORIES = 6
+CYCLES = 40
+"""Cycles in the closest drawing."""
+_BEFORE_NS, _AFTER_NS = 2_000_000_000, 5_000_000_000
+_LETTER = 6
+"""Units that a letter takes."""
+_FULL = cyclic.full_scale()
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """A part of a lane from one place to another."""
+
+    x: float
+    width: float
+    kind: str
+    words: Both
+    title: Both
+    y: float = 0
+    beside: bool = False
+    """Whether its words stand behind it: it is too narrow for them."""
+
+    @property
+    def has_room(self) -> bool:
+        """Whether its words fit into it."""
+        return self.width > _LETTER * max(len(self.words.en), 2 * len(self.words.zh)) + 4
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A command, or a finding, at a place."""
+
+    x: float
+    kind: str
+    words: Both
+    title: Both
+    y: float = 0
+    silent: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """A place on an axis."""
+
+    at: float
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class Lane:
+    """The jobs of one station and channel."""
+
+    name: str
+    y: float
+    boxes: list[Box]
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """One zoom of a drive."""
+
+    name: Both
+    about: Both
+    seconds: float
+    """Its beginning, from that of the capture, and how long it is."""
+    span: float
+    bands: list[Box]
+    overlays: list[Box]
+    hatched: list[Box]
+    flags: list[Mark]
+    setpoint: str
+    actual: str
+    spread: str
+    """The path around least and greatest actual values."""
+    levels: list[Tick]
+    lanes: list[Lane]
+    times: list[Tick]
+    frames: list[float]
+    height: float
+
+
+@dataclass(frozen=True, slots=True)
+class TimelineView:
+    """A drive with its drawings and its events."""
+
+    device: str
+    place: str
+    start: str
+    """Time of its first event, UTC."""
+    reference: Both | None
+    """What 100 % is."""
+    drawings: list[Drawing]
+    opened: int
+    """The drawing that is seen first."""
+    rows: list[tuple[int, str, str, Both, Both]]
+    """Frame, seconds, the word, what happened, the state."""
+    left_out: int
+
+
+def views(result: CaptureResult, given: Reference | None = None) -> list[TimelineView]:
+    """The drives of a capture whose words are known; `given` is what 100 % is, where somebody said so."""
+    return [_view(result, each, given) for each in result.timelines if each.events]
+
+
+def _view(result: CaptureResult, timeline: Timeline, given: Reference | None) -> TimelineView:
+    relation = result.relations[timeline.relation - 1]
+    reference = told.reference(result, relation.device, given)
+    rows = told.rows(timeline)
+    canvas = _Canvas(result, timeline, relation, reference)
+    drawings, opened = canvas.drawings()
+    return TimelineView(
+        device=relation.device,
+        place=f"slot {relation.slot}.{relation.subslot}",
+        start=timestamp(timeline.events[0].time_ns),
+        reference=told.reference_words(reference) if reference else None,
+        drawings=drawings,
+        opened=opened,
+        rows=[
+            (
+                row.last.frame, told.seconds(row.last.time_ns, result.start_ns), told.change(row),
+                told.words(row), told.standing(row),
+            )
+            for row in rows[:SHOWN]
+        ],
+        left_out=max(0, len(rows) - SHOWN),
+    )  # fmt: skip
+
+
+class _Canvas:
+    """What all drawings of a drive have in common."""
+
+    def __init__(
+        self, result: CaptureResult, timeline: Timeline, relation: Relation,
+        reference: Reference | None,
+    ) -> None:  # fmt: skip
+        self.start_ns = result.start_ns or 0
+        self.reference = reference
+        self.timeline = timeline
+        self.relation = relation
+        self.events = timeline.events
+        self.first_ns = self.events[0].time_ns
+        self.last_ns = max(timeline.end_ns or 0, self.events[-1].time_ns, self.first_ns + 1_000_000)
+        self.jobs = [each for each in result.transactions if each.device == relation.device]
+        numbers = {each.id for each in self.jobs}
+        self.findings = [each for each in result.findings if self._is_mine(each, numbers)]
+        peak = max((abs(v) for each in self._values() for v in (each.least, each.most)), default=0)
+        self.top = next((n for n in (25, 50, 100, 150) if peak <= n / 100 * _FULL), 200)
+        self.bottom = -self.top if any(v.least < 0 for v in self._values()) else 0
+
+    def _is_mine(self, finding: Finding, numbers: set[int]) -> bool:
+        args = finding.args
+        own = (args.get("device"), args.get("slot")) == (self.relation.device, self.relation.slot)
+        return finding.severity != "note" and (own or finding.transaction in numbers)
+
+    def _values(self) -> Iterator[Point]:
+        yield from self.timeline.setpoint
+        yield from self.timeline.actual
+
+    def drawings(self) -> tuple[list[Drawing], int]:
+        """All of them, and the number of the one that is seen first: the first story."""
+        whole = _Drawing(self, self.first_ns, self.last_ns)
+        found = [whole.drawn(say("zoom_capture"), say("zoom_capture_about"))]
+        for (first, last), told_in in self._stories().items():
+            rules = ", ".join(each.rule for each in told_in)
+            about = say("zoom_story_about", rule=rules, frame=str(told_in[0].frame))
+            found.append(_Drawing(self, first, last).drawn(Both.same(rules), about))
+        stories = len(found)
+        if self.findings:
+            moment = self._time(self.findings[0].frame)
+            half = round(CYCLES / 2 * self.relation.cycle_ms * 1e6)
+            zoom = _Drawing(self, moment - half, moment + half)
+            found.append(zoom.drawn(say("zoom_cycles"), say("zoom_cycles_about", n=CYCLES)))
+        return found, 1 if stories > 1 else 0
+
+    def _stories(self) -> dict[tuple[int, int], list[Finding]]:
+        """The findings with a story, one of each rule, by its time: several may have the same."""
+        first: dict[str, Finding] = {}
+        for each in self.findings:
+            first.setdefault(each.rule, each)
+        found: dict[tuple[int, int], list[Finding]] = {}
+        for each in sorted(first.values(), key=lambda each: each.frame):
+            found.setdefault(self._story(each), []).append(each)
+        return dict(list(found.items())[:STORIES])
+
+    def _time(self, frame: int) -> int:
+        """The time of a frame, as near as an event or a job tells it."""
+        known = [(each.frame, each.time_ns) for each in self.events]
+        known += [(each.frames.first(), each.start_ns) for each in self.jobs]
+        return min(known, key=lambda each: abs(each[0] - frame))[1]
+
+    def _story(self, finding: Finding) -> tuple[int, int]:
+        """From before the change of state that precedes a finding to after the one that follows it."""
+        at = self._time(finding.frame)
+        edges = [now for before, now in _pairs(self.events) if now.state != before.state]
+        cause = [each.time_ns for each in edges if each.time_ns < at]
+        effect = [each.time_ns for each in edges if each.time_ns > at]
+        first = max(self.first_ns, (cause[-1] if cause else self.first_ns) - _BEFORE_NS)
+        last = min(self.last_ns, (effect[0] if effect else at) + _AFTER_NS)
+        return first, max(last, first + 100_000_000)
+
+
+class _Drawing:
+    """One drawing: from one time to another."""
+
+    def __init__(self, canvas: _Canvas, first_ns: int, last_ns: int) -> None:
+        self.canvas = canvas
+        self.first_ns, self.last_ns = first_ns, max(last_ns, first_ns + 1)
+
+    def drawn(self, name: Both, about: Both) -> Drawing:
+        """Everything in its place."""
+        lanes = self._lanes(BAND + FLAGS + CURVE)
+        height = BAND + FLAGS + CURVE + LANE * len(lanes) + AXIS
+        spans = list(self._spans())
+        return Drawing(
+            name=name, about=about, seconds=(self.first_ns - self.canvas.start_ns) / 1e9,
+            span=(self.last_ns - self.first_ns) / 1e9,
+            bands=[self._band(*each) for each in spans],
+            overlays=list(self._overlays(spans)),
+            hatched=list(self._hatched()),
+            flags=self._flags(),
+            setpoint=self._line(self.canvas.timeline.setpoint, step=True),
+            actual=self._line(self.canvas.timeline.actual),
+            spread=self._spread(self.canvas.timeline.actual),
+            levels=[Tick(self._level(part), self._percent(part)) for part in self._parts()],
+            lanes=lanes,
+            times=[Tick(self._x(at), label) for at, label in self._times()],
+            frames=self._ticks(),
+            height=height,
+        )  # fmt: skip
+
+    def _x(self, time_ns: int) -> float:
+        share = (time_ns - self.first_ns) / (self.last_ns - self.first_ns)
+        return round(LEFT + WIDTH * min(1.0, max(0.0, share)), 2)
+
+    def _is_seen(self, time_ns: int) -> bool:
+        return self.first_ns <= time_ns <= self.last_ns
+
+    # States
+
+    def _spans(self) -> Iterator[tuple[Event, int, int]]:
+        """From each event to the next one: what the drive's state was meanwhile."""
+        events = self.canvas.events
+        ends = [each.time_ns for each in events[1:]] + [self.canvas.last_ns]
+        for event, end in zip(events, ends, strict=True):
+            if end > self.first_ns and event.time_ns < self.last_ns and end > event.time_ns:
+                yield event, event.time_ns, end
+
+    def _band(self, event: Event, first: int, last: int) -> Box:
+        name = event.state or ""
+        kind = {"not ready": "none", "": "none"}.get(name, name)
+        if event.state is None:
+            words = title = Both.same("")
+        else:
+            words = Both.same(name) if name.startswith("S") else Both.same("-")
+            title = Both(*(cyclic.state_text(name, event.overlays, lang) for lang in ("en", "zh")))
+        return self._box(first, last, kind, words, title)
+
+    def _box(self, first: int, last: int, kind: str, words: Both, title: Both, y: float = 0) -> Box:
+        x, end = self._x(first), self._x(last)
+        return Box(x, round(max(end - x, 0.6), 2), kind, words, title, y)
+
+    def _overlays(self, spans: Sequence[tuple[Event, int, int]]) -> Iterator[Box]:
+        order = [row.id for row in cyclic.overlays()]
+        for event, first, last in spans:
+            for name in event.overlays:
+                words = Both(*(cyclic.overlay_text(name, lang) for lang in ("en", "zh")))
+                yield self._box(first, last, name, words, words, 4.0 * order.index(name))
+
+    def _hatched(self) -> Iterator[Box]:
+        """Where the data of one side is not valid."""
+        begun: dict[str, int] = {}
+        for event in self.canvas.events:
+            side, _, what = event.name.partition("-")
+            if what == "lost":
+                begun[side] = event.time_ns
+            elif what == "back" and side in begun:
+                yield self._invalid(begun.pop(side), event.time_ns, side)
+        for side, first in begun.items():
+            yield self._invalid(first, self.canvas.last_ns, side)
+
+    def _invalid(self, first: int, last: int, side: str) -> Box:
+        words = Both(*(cyclic.event_text(f"{side}-lost", lang) for lang in ("en", "zh")))
+        return self._box(first, last, "invalid", words, words)
+
+    def _flags(self) -> list[Mark]:
+        """The commands of the controller, those of one frame together; words where there is room."""
+        found: list[Mark] = []
+        busy = -1000.0
+        for row in told.rows(self.canvas.timeline):
+            if (
+                row.last.word != "STW1"
+                or row.last.before is None
+                or not self._is_seen(row.last.time_ns)
+            ):
+                continue
+            x = self._x(row.last.time_ns)
+            title = told.words(row).joined(
+                Both.same(f"{told.change(row)}, frame {row.last.frame}"), ": ", "："
+            )
+            first = row.events[0]
+            kind = (
+                "off" if first.name.startswith("off") else "on" if first.name == "on" else "other"
+            )
+            words = Both(cyclic.event_text(first.name), cyclic.event_text(first.name, "zh"))
+            silent = x < busy
+            busy = busy if silent else x + _LETTER * (len(words.en) + 2)
+            found.append(Mark(x, kind, words, title, silent=silent))
+        return found
+
+    # Speed
+
+    def _level(self, percent: float) -> float:
+        share = (percent - self.canvas.bottom) / (self.canvas.top - self.canvas.bottom)
+        return round(BAND + FLAGS + CURVE - 6 - share * (CURVE - 12), 2)
+
+    def _percent(self, part: int) -> str:
+        """`+50 %`, or what that is."""
+        reference = self.canvas.reference
+        if reference is not None and reference.values[0][1]:
+            return reference.shown(part)
+        return f"{part:+d} %" if part else "0 %"
+
+    def _parts(self) -> list[int]:
+        top, bottom = self.canvas.top, self.canvas.bottom
+        return sorted({bottom, bottom // 2, 0, top // 2, top})
+
+    def _points(self, points: Sequence[Point]) -> list[Point]:
+        """Those that are seen, with one before and one behind."""
+        inside = [n for n, each in enumerate(points) if self._is_seen(each.time_ns)]
+        if not inside:
+            before = [each for each in points if each.time_ns < self.first_ns]
+            return [before[-1], before[-1]._replace(time_ns=self.last_ns)] if before else []
+        return list(points[max(0, inside[0] - 1) : inside[-1] + 2])
+
+    def _line(self, points: Sequence[Point], step: bool = False) -> str:
+        path, before = "", 0.0
+        for each in self._points(points):
+            x, y = self._x(each.time_ns), self._level((each.least + each.most) / 2 / _FULL * 100)
+            path += (f"H{x}" if step and path else "") + f"{'L' if path else 'M'}{x} {y}"
+            before = x
+        return path + (f"H{LEFT + WIDTH}" if path and step and before < LEFT + WIDTH else "")
+
+    def _spread(self, points: Sequence[Point]) -> str:
+        seen = self._points(points)
+        if all(each.least == each.most for each in seen):
+            return ""
+        upper = [f"{self._x(p.time_ns)} {self._level(p.most / _FULL * 100)}" for p in seen]
+        lower = [
+            f"{self._x(p.time_ns)} {self._level(p.least / _FULL * 100)}" for p in reversed(seen)
+        ]
+        return "M" + "L".join(upper + lower) + "Z"
+
+    # Jobs and time
+
+    def _lanes(self, y: float) -> list[Lane]:
+        found: dict[str, list[Transaction]] = {}
+        for job in self.canvas.jobs:
+            end = job.start_ns + (job.duration_ns or 0)
+            if end >= self.first_ns and job.start_ns <= self.last_ns:
+                name = f"{job.channel.upper()} {job.controller}"
+                found.setdefault(name, []).append(job)
+        return [
+            Lane(name, y + LANE * n, list(self._jobs(jobs)))
+            for n, (name, jobs) in enumerate(sorted(found.items()))
+        ]
+
+    def _jobs(self, jobs: Sequence[Transaction]) -> Iterator[Box]:
+        """One after the other; what is too narrow for its words has them behind it, where nothing else is."""
+        boxes = [self._job(each) for each in sorted(jobs, key=lambda each: each.start_ns)]
+        ends = [each.x for each in boxes[1:]] + [float(LEFT + WIDTH)]
+        for box, end in zip(boxes, ends, strict=True):
+            room = end - box.x - box.width
+            yield replace(box, beside=not box.has_room and room > _LETTER * len(box.words.en) + 8)
+
+    def _job(self, job: Transaction) -> Box:
+        words = Both.same(_short(job))
+        end = job.start_ns + max(job.duration_ns or 0, 1)
+        title = Both(f"#{job.id} {_long(job, 'en')}", f"#{job.id} {_long(job, 'zh')}")
+        box = self._box(job.start_ns, end, "ok" if job.state == "ok" else "bad", words, title)
+        return replace(box, width=max(box.width, 3))
+
+    def _times(self) -> Iterator[tuple[int, str]]:
+        """Round times on the axis, counted from the beginning of the capture."""
+        span = self.last_ns - self.first_ns
+        step = next(each for each in _STEPS if span / each <= 9 or each == _STEPS[-1])
+        digits = max(0, 9 - len(str(step)) + len(str(step).rstrip("0")))
+        at = (self.first_ns - self.canvas.start_ns) // step * step + step
+        while at + self.canvas.start_ns <= self.last_ns:
+            yield at + self.canvas.start_ns, f"{at / 1e9:.{digits}f} s"
+            at += step
+
+    def _ticks(self) -> list[float]:
+        """The frames that were looked at, where single ones can be told apart."""
+        relation = self.canvas.relation
+        if (self.last_ns - self.first_ns) / 1e6 > 3 * CYCLES * relation.cycle_ms:
+            return []
+        return [
+            self._x(each.time_ns)
+            for each in self.canvas.timeline.actual
+            if self._is_seen(each.time_ns)
+        ]
+
+
+_STEPS = [n * 10**power for power in range(6, 13) for n in (1, 2, 5)]
+
+
+def _pairs(events: Sequence[Event]) -> Iterator[tuple[Event, Event]]:
+    return itertools.pairwise(events)
+
+
+def _short(job: Transaction) -> str:
+    """`p304 = 50`, or the number of the error."""
+    if not job.parameters:
+        return ""
+    first = job.parameters[0]
+    number = "p?" if first.pnu is None else f"p{first.pnu}"
+    if first.error is not None:
+        return f"{number}: {first.error.number or '?'}"
+    sign = ":=" if job.operation == "change" else "="
+    return f"{number} {sign} {first.values[0]}" if first.values else number
+
+
+def _long(job: Transaction, lang: str) -> str:
+    written = job.operation == "change"
+    parts = "; ".join(parameter(each, written, lang) for each in job.parameters[:4])
+    return f"{parts} [{state(job.state).text(lang)}]"

@@ -1,0 +1,22 @@
+"""What 100 % of a setpoint is: p2000 of a drive, as somebody says or as it was read.
+
+Where it is looked for and how it is told is in `ds47.report.timelines`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """What 100 % is: values with their units, and the frame that said so; None where a person did."""
+
+    values: tuple[tuple[float, str], ...]
+    frame: int | None = None
+
+    def shown(self, percent: float) -> str:
+        """So much of it, as `25 Hz, 698 rpm`."""
+        return ", ".join(
+            f"{value * percent / 100:.4g} {unit}".rstrip() for value, unit in self.values
+        )

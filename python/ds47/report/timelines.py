@@ -1,0 +1,153 @@
+"""The events of a drive as every report tells them: what came in one frame, and how long after its command.
+
+Only what a drive proves is joined: that it runs after ON, that it does not after an OFF, that a fault is gone
+after it was acknowledged. What is wrong is told by findings. Pictures are drawn elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from ds47.model import CaptureResult, Event, Timeline
+from ds47.report.bilingual import Both, joined, say
+from ds47.report.formatting import duration
+from ds47.report.reference import Reference
+from ds47.spec.cyclic import event_text, state_text
+
+_CAUSES = {
+    "running": ("on",),
+    "stopped": ("off1", "off2", "off3"),
+    "fault-cleared": ("acknowledge",),
+}
+"""What a command brings about."""
+
+
+_REFERENCE = 2000
+"""p2000, the reference value: what 100 % of a setpoint is."""
+
+
+def reference(result: CaptureResult, device: str, given: Reference | None) -> Reference | None:
+    """What 100 % is of a drive: as it was given, else p2000 as it was read last; None where nobody says.
+
+    Its unit depends on the family (Hz on MICROMASTER, rpm on SINAMICS), and is not guessed.
+    """
+    if given is not None:
+        return given
+    for item in reversed(result.transactions):
+        if item.device != device or item.operation != "read" or item.state not in ("ok", "partial"):
+            continue
+        for each in item.parameters:
+            number = each.values[0] if each.pnu == _REFERENCE and each.values else None
+            if isinstance(number, int | float) and not each.error and each.attribute == "value":
+                return Reference(((float(number), ""),), item.frames.read_response)
+    return None
+
+
+def reference_words(found: Reference) -> Both:
+    """`100 % is 50 Hz, 1395 rpm`, and where that is from."""
+    if found.frame is None:
+        return say("reference_given", value=found.shown(100))
+    return say("reference_read", value=found.shown(100), frame=str(found.frame))
+
+
+@dataclass(slots=True)
+class Row:
+    """Events of one word in one frame.
+
+    `cause` is the command before it that brought about one of them, `after_ns` how long before that was.
+    """
+
+    events: list[Event]
+    cause: Event | None = None
+
+    @property
+    def last(self) -> Event:
+        """The event whose state counts."""
+        return self.events[-1]
+
+    @property
+    def after_ns(self) -> int | None:
+        """Nanoseconds since the command that brought it about; None without one."""
+        return None if self.cause is None else self.last.time_ns - self.cause.time_ns
+
+
+def rows(timeline: Timeline) -> list[Row]:
+    """The events of a drive, those of one word in one frame together."""
+    found: list[Row] = []
+    newest: dict[str, Event] = {}
+    for event in timeline.events:
+        here = found[-1].last if found else None
+        if here is not None and (here.frame, here.word) == (event.frame, event.word):
+            found[-1].events.append(event)
+        else:
+            found.append(Row([event]))
+        newest[event.name] = event
+        row = found[-1]
+        row.cause = row.cause or _cause(event, newest)
+    return found
+
+
+def _cause(event: Event, newest: dict[str, Event]) -> Event | None:
+    """The newest command that brings about an event, unless the opposite happened since."""
+    commands = [newest[name] for name in _CAUSES.get(event.name, ()) if name in newest]
+    if not commands:
+        return None
+    command = max(commands, key=lambda each: each.time_ns)
+    before = {"running": "stopped", "stopped": "running"}.get(event.name)
+    since = newest.get(before) if before else None
+    if event.name == "running" and since is not None and since.time_ns > command.time_ns:
+        return None
+    return command
+
+
+def is_caused(event: Event) -> bool:
+    """Whether an event is one that a command brings about."""
+    return event.name in _CAUSES
+
+
+def words(row: Row) -> Both:
+    """What happened, in both languages: `running, 1.2 s after ON`."""
+    told = joined([_event(each) for each in row.events])
+    after = row.after_ns
+    if row.cause is None or after is None:
+        return told
+    time = _time(after)
+    return told.joined(say("after_command", time=time, command=_event(row.cause)), ", ", "，")
+
+
+def _time(nanoseconds: int) -> str:
+    """A time as people say it of a drive: `32.1 ms`, `1.22 s`, `99.1 s`."""
+    seconds = nanoseconds / 1e9
+    return f"{seconds:.2f} s" if 1 <= seconds < 10 else duration(nanoseconds)
+
+
+def _event(event: Event) -> Both:
+    return Both(event_text(event.name), event_text(event.name, "zh"))
+
+
+def change(row: Row) -> str:
+    """The word before and after, as PLC tables print it: `STW1 047E -> 047F`; empty where there is none."""
+    last = row.last
+    if last.word is None or last.after is None:
+        return ""
+    before = "" if last.before is None else f"{last.before:04X} -> "
+    return f"{last.word} {before}{last.after:04X}"
+
+
+def standing(row: Row) -> Both:
+    """The state of the drive from then on, with what is shown beside it; empty where it is not known."""
+    last = row.last
+    if last.state is None:
+        return Both.same("")
+    return Both(*(state_text(last.state, last.overlays, lang) for lang in ("en", "zh")))
+
+
+def seconds(time_ns: int, start_ns: int | None) -> str:
+    """A time as seconds from the beginning of the capture."""
+    return f"{(time_ns - (start_ns or 0)) / 1e9:.3f} s"
+
+
+def of(relation: int, timelines: Sequence[Timeline]) -> Iterator[Timeline]:
+    """The timelines of a relation, which counts from 1."""
+    return (each for each in timelines if each.relation == relation)

@@ -1,0 +1,395 @@
+"""Control and status words: whether the events are those of the frames, and what findings DS507 to DS531 claim.
+
+Every frame of a relation is read, changed or not, and the bits are those of the manual. What stands for some seconds
+is looked for in each of the frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from tests.audit.reading import Complaint, Finding, Reading
+
+Plain = dict[str, Any]
+CONTROL = {
+    (0, 1): "on", (0, 0): "off1", (1, 0): "off2", (2, 0): "off3", (3, 1): "enable-operation",
+    (3, 0): "disable-operation", (4, 1): "ramp-generator-on", (4, 0): "ramp-generator-off",
+    (5, 1): "ramp-generator-continued", (5, 0): "ramp-generator-frozen", (6, 1): "setpoint-enabled",
+    (6, 0): "setpoint-blocked", (7, 1): "acknowledge", (8, 1): "jog-1", (8, 0): "jog-1-end", (9, 1): "jog-2",
+    (9, 0): "jog-2-end", (11, 1): "reverse", (11, 0): "forward",
+}  # fmt: skip
+STATUS = {
+    (1, 1): "ready", (1, 0): "not-ready", (2, 1): "running", (2, 0): "stopped", (3, 1): "fault",
+    (3, 0): "fault-cleared", (4, 0): "off2-active", (4, 1): "off2-inactive", (5, 0): "off3-active",
+    (5, 1): "off3-inactive", (6, 1): "inhibited", (6, 0): "released", (7, 1): "alarm", (7, 0): "alarm-cleared",
+    (9, 1): "control-requested", (9, 0): "local",
+}  # fmt: skip
+OF_SPEED = [name for (bit, _), name in CONTROL.items() if bit in (4, 5, 6, 11)]
+"""Of telegram 7 these bits are about positions, and its lengths are those of telegram 1."""
+STATES = ((0x40, 0x40, "S1"), (7, 7, "S4"), (7, 3, "S3"), (7, 1, "S2"))
+
+
+class Look(NamedTuple):
+    """What both sides say after a frame; None before the first word, and where the data is not valid."""
+
+    frame: int
+    time_ns: int
+    by_controller: bool
+    stw1: int | None
+    zsw1: int | None
+    setpoint: int
+    actual: int
+    heeded: int
+    code: int
+
+
+class Drive:
+    """One relation of PZD, frame by frame."""
+
+    def __init__(self, relation: Plain, reading: Reading) -> None:
+        self.relation = relation
+        self.looks: list[Look] = list(self._read(reading))
+
+    @property
+    def is_speed(self) -> bool:
+        return not {7, 9, 111} & set(self.relation["telegrams"])
+
+    def _read(self, reading: Reading) -> Iterator[Look]:
+        words: dict[bool, bytes | None] = {True: None, False: None}
+        heeded, setpoint, actual, code = None, 0, 0, 0
+        for frame in reading.capture.frames:
+            for sent, side in ((True, "output"), (False, "input")):
+                data = _part(frame.data, self.relation[side])
+                if data is None or frame.number <= self.relation["frame"]:
+                    continue
+                words[sent] = data if _is_good(frame.data, self.relation[side]) else None
+                out, in_ = words[True], words[False]
+                if out is not None:
+                    stw1 = int.from_bytes(out[:2])
+                    heeded = stw1 if stw1 & 0x400 else heeded
+                    setpoint = int.from_bytes(out[2:4], signed=True) * (-1 if stw1 & 0x800 else 1)
+                if in_ is not None:
+                    actual = int.from_bytes(in_[2:4], signed=True)
+                    code = int.from_bytes(in_[10:12])
+                yield Look(
+                    frame.number, frame.time_ns, sent, _word(out), _word(in_), setpoint, actual,
+                    (_word(out) or 0) if heeded is None else heeded, code,
+                )  # fmt: skip
+
+    def before(self, frame: int, by_controller: bool) -> tuple[Look, Look]:
+        """The frame of a side before one, and this one."""
+        side = [each for each in self.looks if each.by_controller == by_controller]
+        place = [each.frame for each in side].index(frame)
+        return side[max(0, place - 1)], side[place]
+
+    def while_(self, frame: int, seconds: float) -> list[Look]:
+        """What was said from a frame on, for some seconds, without the moment at which they end."""
+        start = next(each.time_ns for each in self.looks if each.frame == frame)
+        return [
+            each for each in self.looks
+            if each.frame >= frame and each.time_ns - start < round(seconds * 1e9)
+        ]  # fmt: skip
+
+
+def _word(data: bytes | None) -> int | None:
+    return None if data is None else int.from_bytes(data[:2])
+
+
+def _part(data: bytes, side: Plain) -> bytes | None:
+    """The bytes of a side in one of its frames."""
+    at = 12 if data[12:14] == b"\x88\x92" else 16
+    if data[6:12].hex(":") != side["mac"] or data[at : at + 4] != b"\x88\x92" + side[
+        "frame_id"
+    ].to_bytes(2):
+        return None
+    start = at + 4 + side["offset"]
+    return data[start : start + side["length"]]
+
+
+def _is_good(data: bytes, side: Plain) -> bool:
+    at = (12 if data[12:14] == b"\x88\x92" else 16) + 4
+    return bool(data[at + side["offset"] + side["length"]] & 0x80 and data[-2] & 0x04)
+
+
+def drives(reading: Reading) -> list[Drive]:
+    return [
+        Drive(each, reading)
+        for each in reading.plain.get("relations", ())
+        if each["channel"] == "pzd"
+    ]
+
+
+def check(reading: Reading) -> Iterator[Complaint]:
+    """Whether the events are those that the frames have, and in which state the drive is then."""
+    for timeline in reading.plain.get("timelines", ()):
+        drive = Drive(reading.plain["relations"][timeline["relation"] - 1], reading)
+        left_out = {"first"} if drive.is_speed else {"first", *OF_SPEED}
+        events = [each for each in timeline["events"] if each["name"] not in left_out]
+        said = sorted((each["frame"], each["name"]) for each in events)
+        truth = sorted(each for each in _events(drive.looks) if each[1] not in left_out)
+        if said != truth:
+            odd = sorted(set(said) ^ set(truth))[:4]
+            yield Complaint("pzd", f"relation {timeline['relation']}", f"the events differ: {odd}")
+        for each in timeline["events"]:
+            look = next(look for look in drive.looks if look.frame == each["frame"])
+            if each["state"] != _state(look):
+                where = f"frame {each['frame']}"
+                yield Complaint(
+                    "pzd", where, f"{each['name']}: {each['state']} and not {_state(look)}"
+                )
+            word = look.stw1 if each["word"] == "STW1" else look.zsw1
+            if each["word"] and each["after"] != word:
+                yield Complaint("pzd", f"frame {each['frame']}", f"{each['word']} is {word}")
+
+
+def _state(look: Look) -> str | None:
+    if look.zsw1 is None:
+        return None
+    for mask, bits, name in STATES:
+        if look.zsw1 & mask == bits:
+            off = look.heeded & 0x400 and not look.heeded & 0x300 and look.heeded & 5 != 5
+            return "S5" if name in ("S3", "S4") and off else name
+    return "not ready"
+
+
+def _events(looks: Sequence[Look]) -> Iterator[tuple[int, str]]:
+    """What happens, told slowly: frame and name."""
+    valid: dict[bool, bool] = {}
+    stw1 = zsw1 = heeded = None
+    for look in looks:
+        sent, now = look.by_controller, look.stw1 if look.by_controller else look.zsw1
+        name = "output" if sent else "input"
+        if now is None:
+            if valid.get(sent):
+                yield look.frame, f"{name}-lost"
+                valid[sent] = False
+            continue
+        if valid.get(sent) is False:
+            yield look.frame, f"{name}-back"
+        valid[sent] = True
+        if sent:
+            if stw1 is not None and (stw1 ^ now) & 0x400:
+                yield look.frame, "control" if now & 0x400 else "no-control"
+            if stw1 is not None and now & 0x400 and heeded is not None:
+                yield from ((look.frame, each) for each in _edges(CONTROL, heeded, now))
+            stw1, heeded = now, now if now & 0x400 else heeded
+        else:
+            if zsw1 is not None:
+                yield from ((look.frame, each) for each in _edges(STATUS, zsw1, now))
+            zsw1 = now
+
+
+def _edges(names: dict[tuple[int, int], str], before: int, after: int) -> Iterator[str]:
+    for bit in range(16):
+        value = after >> bit & 1
+        if before >> bit & 1 != value and (bit, value) in names:
+            yield names[bit, value]
+
+
+# Findings about operation
+
+
+def of(finding: Finding, reading: Reading) -> Iterator[str]:
+    """What is not so in a finding about control and status word."""
+    frame = finding.frame
+    for drive in drives(reading):
+        where = drive.relation["device"], drive.relation["slot"]
+        there = any(each.frame == frame for each in drive.looks)
+        if where == (finding.args["device"], finding.args["slot"]) and there:
+            yield from AUDITORS[finding.rule](finding, drive)
+            return
+    yield "no drive of that slot has this frame"
+
+
+def _stands(finding: Finding, drive: Drive) -> list[Look]:
+    """What was said while it stood; both sides were known by then."""
+    there = drive.while_(finding.frame, finding.args["seconds"])
+    return [each for each in there if each.stw1 is not None and each.zsw1 is not None]
+
+
+def _long_enough(finding: Finding, wrong: list[Look]) -> Iterator[str]:
+    if finding.args["seconds"] < finding.args["limit"]:
+        yield "it did not stand for as long as the limit"
+    if wrong:
+        yield f"it is not so in frame {wrong[0].frame}"
+
+
+def _fault(finding: Finding, drive: Drive) -> Iterator[str]:
+    before, now = drive.before(finding.frame, by_controller=False)
+    if before.zsw1 is None or now.zsw1 is None or before.zsw1 & 8 or not now.zsw1 & 8:
+        yield "no fault comes in this frame"
+    elif not before.zsw1 & 4:
+        yield "the drive did not run"
+    code = finding.args["code"]
+    if (code is None) != (finding.args["what"] == "pzd_fault"):
+        yield "the number of the fault is not said"
+    codes = [each.code for each in drive.looks if each.frame >= finding.frame and each.code]
+    if code is not None and codes[:1] != [code]:
+        yield f"the number is {codes[:1]}"
+
+
+def _idle(finding: Finding, drive: Drive) -> Iterator[str]:
+    there = _stands(finding, drive)
+    wrong = [each for each in there if (each.stw1 or 0) & 0x40F != 0x40F or (each.zsw1 or 0) & 0x4C]
+    yield from _long_enough(finding, wrong)
+    state = _state(there[0])
+    if finding.args["what"] != f"pzd_{(state or '').replace(' ', '_')}":
+        yield f"the drive stands in {state}"
+
+
+def _ignored(finding: Finding, drive: Drive) -> Iterator[str]:
+    before, now = drive.before(finding.frame, by_controller=True)
+    word = now.stw1 or 0
+    if (before.stw1 or 0) & 1 or not word & 1 or word & 0x400:
+        yield "there is no ON without bit 10 in this frame"
+    if finding.args["word"] != word:
+        yield f"the word is {word:04X}"
+
+
+def _inhibited(finding: Finding, drive: Drive) -> Iterator[str]:
+    there = _stands(finding, drive)
+    wrong = [
+        each for each in there if (each.stw1 or 0) & 0x407 != 0x407 or not (each.zsw1 or 0) & 0x40
+    ]
+    yield from _long_enough(finding, wrong)
+
+
+def _acknowledged(finding: Finding, drive: Drive) -> Iterator[str]:
+    before, now = drive.before(finding.frame, by_controller=True)
+    if (before.stw1 or 0) & 0x80 or (now.stw1 or 0) & 0x480 != 0x480:
+        yield "no edge of the acknowledgement is in this frame"
+    yield from _long_enough(
+        finding, [each for each in _stands(finding, drive) if not (each.zsw1 or 0) & 8]
+    )
+
+
+def _locked(finding: Finding, drive: Drive) -> Iterator[str]:
+    there = _stands(finding, drive)
+    bits = [bit for bit in (4, 5, 6) if not there[0].heeded >> bit & 1]
+    if finding.args["bits"] != bits:
+        yield f"the bits are {bits}"
+    wrong = [each for each in there if not (each.zsw1 or 0) & 4 or each.heeded & 0x70 == 0x70]
+    yield from _long_enough(finding, wrong)
+    setpoints = [each.setpoint for each in there]
+    if max(setpoints) - min(setpoints) < 160:
+        yield "the setpoint does not change"
+
+
+def _away(finding: Finding, drive: Drive) -> Iterator[str]:
+    there, gap = _stands(finding, drive), finding.args["percent"] * 163.84
+    wrong = [
+        each for each in there
+        if abs(each.setpoint - each.actual) <= gap or (each.zsw1 or 0) & 0x104 != 4 or each.heeded & 0x77 != 0x77
+    ]  # fmt: skip
+    yield from _long_enough(finding, wrong)
+
+
+def _not_requested(finding: Finding, drive: Drive) -> Iterator[str]:
+    before, now = drive.before(finding.frame, by_controller=False)
+    if not (before.zsw1 or 0) & 0x200 or (now.zsw1 or 0) & 0x200 or not (now.stw1 or 0) & 0x400:
+        yield "control is not lost in this frame"
+
+
+def _stopped(finding: Finding, drive: Drive) -> Iterator[str]:
+    before, now = drive.before(finding.frame, by_controller=True)
+    if not (before.stw1 or 0) & 0x400 or not (before.zsw1 or 0) & 4:
+        yield "the drive did not run under control"
+    if now.stw1 != (0 if finding.args["what"] == "pzd_zero" else None):
+        yield f"the word is {now.stw1}"
+
+
+def _off(finding: Finding, drive: Drive) -> Iterator[str]:
+    before, now = drive.before(finding.frame, by_controller=False)
+    active, asked = {"OFF2": (0x10, 2), "OFF3": (0x20, 4)}[finding.args["off"]]
+    if not (before.zsw1 or 0) & active or (now.zsw1 or 0) & active:
+        yield "it does not become active in this frame"
+    if not now.heeded & asked:
+        yield "the controller asks for it"
+
+
+def of_change(finding: Finding, reading: Reading) -> Iterator[str]:
+    """A change that was not accepted, and the state of the drive from its request to its response."""
+    deal = next(each for each in reading.plain["transactions"] if each["id"] == finding.transaction)
+    first, last = deal["frames"]["write_request"], deal["frames"]["read_response"]
+    codes = [each["error"]["code"] for each in deal["parameters"] if each["error"]]
+    if finding.frame != last:
+        yield f"its response is in frame {last}"
+    if deal["operation"] != "change" or not set(codes) & {0x11, 0x6B, 0x71}:
+        yield "no such change was turned down"
+    (drive,) = [
+        each for each in drives(reading)
+        if (each.relation["device"], each.relation["slot"]) == (deal["device"], deal["slot"])
+    ]  # fmt: skip
+    known = [each for each in drive.looks if each.zsw1 is not None and each.frame <= last]
+    there = [each for each in known if each.frame >= first] or known[-1:]
+    runs = finding.rule == "DS530"
+    if any(bool((each.zsw1 or 0) & 4) != runs for each in there):
+        yield "the drive was in another state"
+    if not runs:
+        return
+    began = [
+        now.frame for before, now in pairwise(known)
+        if now.frame <= first and not (before.zsw1 or 0) & 4 and (now.zsw1 or 0) & 4
+    ]  # fmt: skip
+    if finding.args["since"] != (began[-1] if began else None):
+        yield f"it runs since {began[-1:]}"
+
+
+AUDITORS: dict[str, Callable[[Finding, Drive], Iterator[str]]] = {
+    "DS520": _fault, "DS521": _idle, "DS522": _ignored, "DS523": _inhibited, "DS524": _acknowledged,
+    "DS525": _locked, "DS526": _away, "DS527": _not_requested, "DS528": _stopped, "DS529": _off,
+}  # fmt: skip
+OF_CHANGES = ("DS530", "DS531")
+
+
+# Findings about habits
+
+
+def of_habit(finding: Finding, reading: Reading) -> Iterator[str]:
+    """What is not so in a finding about all requests to a drive."""
+    args = finding.args
+    own = [
+        each for each in reading.plain["transactions"]
+        if each["channel"] == "pkw" and (each["device"], each["slot"]) == (args["device"], args["slot"])
+    ]  # fmt: skip
+    if finding.rule == "DS512":
+        if own:
+            yield f"there are {len(own)} requests"
+        return
+    if finding.rule == "DS510":
+        counted = [each for each in own if bytes.fromhex(each["bytes"]["request"])[3] & 3]
+    elif finding.rule == "DS511":
+        counted = [each for each in own if (each["duration_ms"] or 0) > args["limit"]]
+        if max(each["duration_ms"] or 0 for each in counted) != args["slowest"]:
+            yield "another one is the slowest"
+    else:
+        aks = range(11, 15) if finding.rule == "DS508" else (1, 6)
+        counted = [
+            each for each in own
+            if int(each["bytes"]["request"][0], 16) in aks
+            and (each["parameters"][0]["pnu"], each["parameters"][0]["subindex"]) == (args["pnu"], args["subindex"])
+        ]  # fmt: skip
+        if len(counted) <= args["limit"]:
+            yield "it is no more than the limit"
+    if len(counted) != args["count"]:
+        yield f"it is {len(counted)} times"
+
+
+HABITS = ("DS508", "DS509", "DS510", "DS511", "DS512")
+
+
+def of_word(finding: Finding, reading: Reading) -> Iterator[str]:
+    """DS507: the response to a read of the same parameter, in the frame that is named, was a double word."""
+    args = finding.args
+    reads = [
+        each
+        for each in reading.plain["transactions"]
+        if each["frames"]["read_response"] == args["read"]
+    ]
+    if not any(int(each["bytes"]["response"][0], 16) in (2, 5) for each in reads):
+        yield "it was no double word"
+    told = [(each["parameters"][0]["pnu"], each["parameters"][0]["subindex"]) for each in reads]
+    if (args["pnu"], args["subindex"]) not in told:
+        yield "another parameter was read"
