@@ -123,7 +123,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
   local number, views, findings = pinfo.number, nil, nil
   if not track.is_new(number, pinfo) then
     views, findings = track.complete_views(number)
-  elseif track.is_news(tvb:raw()) then
+  elseif track.is_news(tvb:raw(), number) then
     clock.set(pinfo)
     track.feed_cyclic(number, clock.now)
     views, findings = track.live_cyclic_views(true)
@@ -163,6 +163,7 @@ end
 local function begin_anew()
   clock.reset()
   track.reset()
+  track.begin()
   collector.collect_all()
 end
 

@@ -123,6 +123,13 @@ local function hand_over_stations()
   stations = {}
 end
 
+--- A file begins: whether there are cyclic frames that are looked at, because a user named them.
+function M.begin()
+  local chosen = options and options()
+  M.watching = chosen ~= nil and chosen.cyclic ~= nil and #chosen.cyclic > 0
+  if M.watching then the_analysis() end
+end
+
 --- Takes a frame that names a station (DCP, LLDP): its number and its bytes.
 function M.station(number, frame)
   if number <= newest_station then
@@ -231,15 +238,15 @@ function M.feed(number, frame, offset, clock, length)
   else
     live:packet(packet)
   end
-  M.watching = #live.cyclic.relations > 0
+  M.watching = #live.cyclic.all > 0
   return true
 end
 
 local news, news_row, news_at -- the cyclic frame that is news, and where its channels are
 
 --- Whether words of PKW in a frame are not those of the frame before it: then it is to be fed.
-function M.is_news(frame)
-  news, news_row, news_at = frame, current:cyclic_news(frame)
+function M.is_news(frame, number)
+  news, news_row, news_at = frame, current:cyclic_news(frame, number)
   return news_row ~= nil
 end
 
@@ -472,8 +479,10 @@ function M.standing(number, frame)
   local source, id = sub(frame, 7, 12), u16(frame, at - 2)
   for _, each in ipairs(id and current.cyclic:ends_in(number, source, id) or NONE) do
     local offset = at + each.side.offset
-    if each.relation.certainty == "seen" and offset + each.side.length <= #frame then
-      local layout = current:pkw_layout(each.relation.device)
+    local relation = each.relation
+    local shown = relation.channel == "pkw" and relation.certainty ~= "lengths"
+    if shown and offset + each.side.length <= #frame then
+      local layout = current:pkw_layout(relation.device)
       found[#found + 1] = { offset = offset, answer = not each.sent, layout = layout }
     end
   end
