@@ -13,11 +13,15 @@ from test_cyclic_scenes import SCENES, capture
 from test_lua_analysis import VERSIONS, Source, compare
 
 from ds47.analysis import AnalysisOptions, analyze
+from ds47.capture import open_capture
+from ds47.capture.writer import PcapngWriter
 from ds47.cyclic import named
 from ds47.lab.cyclic_stories import BOOK
 
 NAMES = ("00:1c:06:00:00:01@8002:0:pzd", "00-1F-F8-00-00-01@0x8001:0:PZD")
 """Control and status word of the last story."""
+ABSENT = ("00:1c:06:00:00:09@8002:0:ppo1", "00:1f:f8:00:00:01@8009:0:ppo1")
+"""Of frames that nobody sends."""
 RULES = {f"DS{number}" for number in (*range(507, 513), *range(520, 532))}
 
 
@@ -43,27 +47,24 @@ def test_the_scenes_have_every_rule() -> None:
     assert found >= RULES
 
 
-def without_connect(content: bytes) -> bytes:
-    """A capture without its IP frames."""
-    from ds47.capture import open_capture
-    from ds47.capture.writer import PcapngWriter
-
+def without_connect() -> io.BytesIO:
+    """The last story without its IP frames."""
+    content = capture(next(each for each in BOOK.scenarios if "start" in each.name))
     target = io.BytesIO()
     with open_capture(io.BytesIO(content)) as source, PcapngWriter(target) as writer:
         for frame in source.everything():
             if frame.data[12:14] != b"\x08\x00":
                 writer.write(frame.time_ns, frame.data, frame.original_length)
-    return target.getvalue()
+    return io.BytesIO(target.getvalue())
 
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("wrong", [False, True])
 def test_channels_named_by_hand(version: str, wrong: bool, tmp_path: Path) -> None:
     """At the right offset they are a drive, at another one no drive has such words."""
-    story = next(each for each in BOOK.scenarios if "start" in each.name)
     names = tuple(named.parse(each.replace(":0:", ":2:" if wrong else ":0:")) for each in NAMES)
     options = AnalysisOptions(cyclic=names)
-    source = Source("named", without_connect(capture(story)), False)
+    source = Source("named", without_connect().getvalue(), False)
     result = analyze(source.open(), options)
     assert [each.certainty for each in result.relations] == ["refuted" if wrong else "named"]
     assert [each.rule for each in result.findings] == ([] if wrong else ["DS523"])
