@@ -41,7 +41,7 @@ preferences.define(ds47)
 local ds47_words = Proto("ds47_pzd", "DS47 PZD (control and status word of a drive)")
 local fields, experts = ds47_fields.define(ds47, ds47_words)
 local tree_of = later("ds47_ws.tree", function(module)
-  module.configure(ds47, fields, experts)
+  module.configure(ds47, ds47_words, fields, experts)
 end)
 local words_of = later("ds47_ws.pkw_tree")
 track.configure(function()
@@ -186,6 +186,7 @@ function ds47_words.dissector() end
 local function begin_anew()
   clock.reset()
   track.reset()
+  track.begin()
   collector.collect_all()
 end
 

@@ -199,9 +199,7 @@ def _status() -> Iterator[str]:
 
 
 def _rules() -> Iterator[str]:
-    names = tuple(
-        name for name in spec.Rule.__annotations__ if name not in ("group", "args", "analyzer_only")
-    )
+    names = tuple(name for name in spec.Rule.__annotations__ if name not in ("group", "args"))
     yield from block(
         "M.rules", {number: fields(row, names) for number, row in spec.rules().items()}
     )
@@ -253,6 +251,14 @@ def _pzd() -> Iterator[str]:
             yield from rows(name, bits, PZD_BIT)
     for name, listed in (("states", cyclic.states()), ("overlays", cyclic.overlays())):
         yield from block(f"M.pzd.{name}", [fields(row, PZD_STATE) for row in listed])
+    for word in ("stw1", "zsw1"):
+        edges = [fields(row, ("id", "bit", "value", "speed")) for row in cyclic.edges(word)]
+        yield from block(f"M.pzd.{word}_edges", edges)
+    yield from block("M.pzd.events", {
+        f'["{event}"]': {lang: cyclic.event_text(event, lang) for lang in LANGUAGES}
+        for event in cyclic.event_ids()
+    })  # fmt: skip
+    yield f"M.pzd.state_errors = {literal(dict.fromkeys(sorted(cyclic.state_errors()), True))}"
     ending = cyclic.stopping()
     stopping = fields(ending, ("id", "en", "zh", "heeded", "missing", "missing_zh"))
     yield f"M.pzd.stopping = {literal(stopping)}"

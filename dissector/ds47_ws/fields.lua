@@ -4,7 +4,8 @@
 -- by itself: `define` is given the protocols by the entry file. Which field stands where is in tree.lua.
 --
 -- What is drawn in every frame of a drive (control and status word, ds47.pzd) belongs to a protocol of its
--- own: so one question tells whether anybody wants it. Nothing is ever found by the name of that protocol.
+-- own: so one question tells whether anybody wants it. What happened to a drive stands below that protocol,
+-- too: a frame of `ds47` is one of the parameter channel.
 
 local tables = require("ds47.spec.tables")
 

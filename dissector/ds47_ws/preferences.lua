@@ -2,6 +2,7 @@
 --
 -- Registers nothing by itself: `define` is given the protocol by the entry file.
 
+local named = require("ds47.cyclic.named")
 local tables = require("ds47.spec.tables")
 
 local M = {}
@@ -31,6 +32,11 @@ function M.define(proto)
     { { 1, "cyclic", CYCLIC }, { 2, "uss", USS } }, true)
   prefs.pkw_layouts = Pref.string("Layout of IND of single devices", "",
     "Addresses with the layout that is not that of all others, for example: 192.168.0.5=uss")
+  prefs.cyclic = Pref.string("Channels in cyclic frames", "",
+    "Where a channel is whose Connect is missing, two for each: first of the controller's frames, then of "
+    .. "the drive's. For example: 00:1b:1b:11:22:33@8000:0:pkw 00:1f:f8:11:22:33@8001:0:pkw")
+  prefs.every_cyclic = Pref.bool("Look at every frame of a cyclic channel", false,
+    "Slow; for captures from which frames without news were left out")
   prefs.language = Pref.enum("Language of the texts", ENGLISH,
     "Texts of error numbers and findings",
     { { 1, "en", ENGLISH }, { 2, "zh", CHINESE } }, true)
@@ -86,6 +92,8 @@ function M.options(proto)
     ignore = rules(prefs.ignore),
     pkw_layout = prefs.pkw_layout == USS and "uss" or "cyclic",
     pkw_layouts = layouts(prefs.pkw_layouts),
+    cyclic = named.list(prefs.cyclic or ""),
+    every_cyclic = prefs.every_cyclic,
     codec = {
       legacy_g120_formats = prefs.legacy_g120_formats,
       profile_v3_types = prefs.profile_v3_types,

@@ -126,6 +126,22 @@ local function hand_over_stations()
   stations = {}
 end
 
+-- Keeps whether there are relations in cyclic frames, and drives among them: there are never less.
+local function note_relations(relations)
+  if #relations ~= known_relations then
+    known_relations = #relations
+    M.watching, M.has_drives = known_relations > 0, drives.among(relations)
+  end
+end
+
+--- A file begins: whether there are cyclic frames that are looked at, because a user named them.
+function M.begin()
+  local chosen = options and options()
+  if chosen and chosen.cyclic and #chosen.cyclic > 0 then
+    note_relations(the_analysis().cyclic.all)
+  end
+end
+
 --- Takes a frame that names a station (DCP, LLDP): its number and its bytes.
 function M.station(number, frame)
   if number <= newest_station then
@@ -234,11 +250,7 @@ function M.feed(number, frame, offset, clock, length)
   else
     live:packet(packet)
   end
-  local relations = live.cyclic.all
-  if #relations ~= known_relations then
-    known_relations = #relations
-    M.watching, M.has_drives = known_relations > 0, drives.among(relations)
-  end
+  note_relations(live.cyclic.all)
   return true
 end
 
@@ -489,8 +501,8 @@ function M.standing(number, frame)
   for _, each in ipairs(id and current.cyclic:ends_in(number, source, id) or NONE) do
     local offset = at + each.side.offset
     local relation = each.relation
-    local is_proven = relation.channel == "pkw" and relation.certainty ~= "lengths"
-    if is_proven and offset + each.side.length <= #frame then
+    local shown = relation.channel == "pkw" and relation.certainty ~= "lengths"
+    if shown and offset + each.side.length <= #frame then
       local layout = current:pkw_layout(relation.device)
       found[#found + 1] = { offset = offset, answer = not each.sent, layout = layout }
     end

@@ -28,10 +28,11 @@ local floor = math.floor
 local M = {}
 
 local fields, experts, protocol
+local of_drives -- the protocol of what drives say
 
---- Tells the protocol, its fields and its expert infos, as fields.lua makes them.
-function M.configure(the_protocol, the_fields, the_experts)
-  protocol, fields, experts = the_protocol, the_fields, the_experts
+--- Tells the protocols, their fields and expert infos, as fields.lua makes them.
+function M.configure(the_protocol, the_words, the_fields, the_experts)
+  protocol, of_drives, fields, experts = the_protocol, the_words, the_fields, the_experts
 end
 
 -- Small things
@@ -534,8 +535,7 @@ end
 -- Drives
 
 local function add_events(tree, events, find_word, lang)
-  local label = marked and "DS47 " .. info.events(events, lang) or "DS47"
-  local root = tree:add(protocol, label)
+  local root = tree:add(of_drives, marked and "DS47 " .. info.events(events, lang) or "DS47 PZD")
   for _, each in ipairs(events) do
     local shown = pzd_tree.add_event(adding, root, each, find_word(each), lang)
     shown = shown or root

@@ -10,11 +10,13 @@
 
 local calls = require("ds47.profinet.calls")
 local channels = require("ds47.cyclic.channels")
+local conclusions = require("ds47.cyclic.conclusions")
 local copy = require("ds47.support.later").module("ds47.acyclic.copy")
 local diagnosis = require("ds47.diagnosis.transaction")
 local findings = require("ds47.findings.collection")
 local gate = require("ds47.acyclic.index47")
 local ip = require("ds47.profinet.ip")
+local named = require("ds47.cyclic.named")
 local naming = require("ds47.profinet.stations")
 local pairing = require("ds47.acyclic.pairing")
 local pkw = require("ds47.cyclic.transactions")
@@ -53,6 +55,8 @@ local UNCHANGING = {
 --   codec         dialects of the parameter channel, as parameter.lua takes them
 --   pkw_layout    layout of IND in PKW, "cyclic" or "uss" (docs/cyclic.md 2)
 --   pkw_layouts   the same by the IP address of the device, where it is not that
+--   cyclic        channels in cyclic frames that are named by hand, as named.lua takes them
+--   every_cyclic  true: every frame of a watched channel is looked at, as somebody chose them already
 --   frames_dropped  whether the capture says that frames are missing (docs/pairing.md P47)
 function M.new(options)
   options = options or {}
@@ -78,7 +82,9 @@ function M.new(options)
   self.gate = gate.Gate.new(options.indices, limits.waiting_calls, options.forbid_47)
   self.records = recordcalls.RecordCalls.new(self.gate, self.pairing, self.codec, self)
   self.calls = calls.CallTracker.new(limits, self)
-  self.cyclic = channels.new(self, limits.relations)
+  self.cyclic = channels.new(self, limits, options.every_cyclic)
+  self.cyclic:name(named.relations(options.cyclic or NONE))
+  self.conclusions = conclusions.new(limits, self.cyclic)
   return self
 end
 
@@ -165,12 +171,13 @@ function Analysis:fragment(fragment)
   end
 end
 
---- The row of a cyclic frame that is watched and says something else than the one before it, and where its
--- data begins: for `cyclic_frame`. Nil of any other frame.
+--- The row of a cyclic frame that is watched and is looked at (it says something else than the one before it,
+-- or is the first of a while), and where its data begins: for `cyclic_frame`. Nil of any other frame.
 -- @param frame an Ethernet frame, all of it
-function Analysis:cyclic_news(frame)
+-- @param number of the frame in the file
+function Analysis:cyclic_news(frame, number)
   local row, at = self.cyclic:row_of(frame)
-  if row and self.cyclic:is_news(row, frame, at) then
+  if row and self.cyclic:is_news(row, frame, at, number) then
     return row, at
   end
   return nil
@@ -255,6 +262,11 @@ function Analysis:cyclic_touched()
   return found
 end
 
+--- What happened to drives in the last cyclic frame: array of {relation, event (timeline.lua)}.
+function Analysis:cyclic_events()
+  return self.cyclic:happened(self.last_frame)
+end
+
 function Analysis:_is_ours(peer, record)
   return self.gate:concerns(record.index) and self.gate:is_open(records.ar_key(peer, record), record.index)
 end
@@ -290,7 +302,7 @@ end
 
 --- The complete result, as if the capture ended here; the analysis goes on as if nothing was asked.
 -- The same table until the next packet. {transactions, findings, diagnoses, devices, rpc, records, summary,
--- relations}:
+-- relations, timelines}:
 -- transactions by `id`, findings by frame and rule, rpc and records (by index) as counts. Nobody may change
 -- it, and of an older result only numbers may differ from a newer one: transactions that were finished
 -- before are the same tables, with their newest `id` and `findings`.
@@ -316,6 +328,7 @@ function Analysis:_open_state()
   self.judge:copied(known)
   self.diagnoses:copied(known)
   self.pairing:copied(known)
+  self.cyclic:copied(known)
   return copy.copy(self, known, UNCHANGING)
 end
 
@@ -327,6 +340,9 @@ function Analysis:_finish()
   self.pairing:finish()
   self.records:finish()
   self.cyclic:finish()
+  for _, remark in ipairs(self.conclusions:finish()) do
+    self.findings:add(remark)
+  end
   local numbered = self.finished_jobs:numbered()
   local found, diagnoses = self.findings:result(numbered, self.finished_jobs)
   return {
@@ -337,7 +353,8 @@ function Analysis:_finish()
     rpc = self.calls.counts,
     records = self.records.counts,
     summary = transactions.summary(numbered),
-    relations = self.cyclic.relations,
+    relations = self.cyclic:relations(),
+    timelines = self.cyclic:timelines(),
   }
 end
 
@@ -433,6 +450,17 @@ function Analysis:closed(job)
     self.findings:add(diagnoses[number])
   end
   self.finished_jobs:add(job)
+  self:_explain(job.order)
+end
+
+-- Whether the state of its drive explains the transaction of this order, which is over.
+function Analysis:_explain(order)
+  if #self.cyclic:drives() == 0 then return end
+  local remark = self.conclusions:transaction(self.finished_jobs:by_order(order))
+  if remark then
+    remark.order = order
+    self.findings:add(remark)
+  end
 end
 
 --- A closed job is about to change: its transaction stays what it is.
@@ -456,10 +484,11 @@ function Analysis:exchanged(relation, job)
   local layout = self:pkw_layout(relation.device)
   job.order = job.order or self.pairing:number()
   self.finished_jobs:add_made(pkw.build(relation, job, layout))
-  for _, remark in ipairs(pkw_judge.remarks(relation, job, layout)) do
+  for _, remark in ipairs(self.conclusions:exchanged(relation, job, layout)) do
     remark.order = job.order
     self.findings:add(remark)
   end
+  self:_explain(job.order)
 end
 
 --- A Read without record on a channel that has no request (docs/pairing.md P33).

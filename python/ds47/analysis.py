@@ -24,6 +24,7 @@ from ds47.cyclic import CYCLIC
 from ds47.cyclic.channels import CyclicChannels
 from ds47.cyclic.conclusions import Conclusions
 from ds47.cyclic.handshake import Job as PkwJob
+from ds47.cyclic.named import Name
 from ds47.cyclic.relations import Relation
 from ds47.cyclic.transactions import build as build_pkw
 from ds47.diagnosis import Diagnoses
@@ -69,6 +70,7 @@ class AnalysisOptions:
         pkw_layouts: the layout of IND ("cyclic" or "uss", docs/cyclic.md 2) by the IP address of the device;
             "" stands for all others.
         channels: of `model.CHANNELS` those that are reported.
+        cyclic: channels in cyclic frames that are named by hand, two for each; `cyclic.named.pairs` likes them.
     """
 
     indices: frozenset[int] = frozenset()
@@ -79,12 +81,13 @@ class AnalysisOptions:
     digest: bool = False
     pkw_layouts: tuple[tuple[str, str], ...] = ()
     channels: tuple[str, ...] = CHANNELS
+    cyclic: tuple[Name, ...] = ()
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         """To another process, compiled too: pickle itself cannot fill in what is frozen."""
         return type(self), (
             self.indices, self.slow_ms, self.select, self.ignore, self.codec, self.digest,
-            self.pkw_layouts, self.channels,
+            self.pkw_layouts, self.channels, self.cyclic,
         )  # fmt: skip
 
 
@@ -204,6 +207,7 @@ class Analysis:
     def run(self, capture: Capture | Series) -> CaptureResult:
         """Reads the capture to its end and sums up."""
         self._capture = capture
+        self._cyclic.name(self._options.cyclic)
         self._frames(capture)
         self._findings.frames_dropped = capture.gaps
         self._transport.finish()

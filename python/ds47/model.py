@@ -216,9 +216,10 @@ class Transaction(_Plain):
     controller: str
     device: str
     ar: str | None
-    api: int
-    slot: int
-    subslot: int
+    api: int | None
+    """With slot and subslot, None of a channel that was named by hand."""
+    slot: int | None
+    subslot: int | None
     index: int | None
     """Record index; None of a channel that has none."""
     request_reference: int | None
@@ -248,9 +249,9 @@ class Transaction(_Plain):
         controller: str,
         device: str,
         ar: str | None,
-        api: int,
-        slot: int,
-        subslot: int,
+        api: int | None,
+        slot: int | None,
+        subslot: int | None,
         index: int | None,
         request_reference: int | None,
         axis: int | None,
@@ -401,7 +402,7 @@ class Device(_Plain):
     device_id: int | None = None
 
 
-LENGTHS, SEEN = "lengths", "seen"
+LENGTHS, SEEN, NAMED, REFUTED = "lengths", "seen", "named", "refuted"
 """How sure a relation is: its lengths fit, or what a drive says was seen in it."""
 
 
@@ -416,24 +417,25 @@ class Side(NamedTuple):
 
 @dataclass(slots=True, repr=False, eq=False)
 class Relation(_Plain):
-    """A channel in cyclic frames, as a Connect sets it up (docs/cyclic.md 5).
+    """A channel in cyclic frames, as a Connect sets it up, or as it was named by hand (docs/cyclic.md 5).
 
-    `telegrams` are those that the lengths allow, `frame` is that of the response to the Connect, `certainty`
-    is LENGTHS or SEEN.
+    `telegrams` are those that the lengths allow, `frame` is that of the response to the Connect. `certainty` is
+    LENGTHS, SEEN, NAMED, or REFUTED where no drive has the words that were named. Of a channel that was named
+    `controller` and `device` are MAC addresses, `frame` is its first one, and what only a Connect says is None.
     """
 
     channel: str
     controller: str
     device: str
-    api: int
-    slot: int
-    subslot: int
+    api: int | None
+    slot: int | None
+    subslot: int | None
     telegrams: list[int]
     output: Side
     """From the controller to the device."""
     input: Side
-    cycle_ms: float
-    frame: int
+    cycle_ms: float | None
+    frame: int | None
     certainty: str
 
 

@@ -26,6 +26,9 @@ STATUS = {
     (5, 1): "off3-inactive", (6, 1): "inhibited", (6, 0): "released", (7, 1): "alarm", (7, 0): "alarm-cleared",
     (9, 1): "control-requested", (9, 0): "local",
 }  # fmt: skip
+LIMITS = {"DS521": 10, "DS523": 2, "DS524": 2, "DS525": 2, "DS526": 5}
+"""Seconds for which something stands before it is said, as docs and findings have them."""
+COUNTS = {"DS508": 10, "DS509": 100, "DS511": 1000}
 OF_SPEED = [name for (bit, _), name in CONTROL.items() if bit in (4, 5, 6, 11)]
 """Of telegram 7 these bits are about positions, and its lengths are those of telegram 1."""
 STATES = ((0x40, 0x40, "S1"), (7, 7, "S4"), (7, 3, "S3"), (7, 1, "S2"))
@@ -210,6 +213,8 @@ def _stands(finding: Finding, drive: Drive) -> list[Look]:
 
 
 def _long_enough(finding: Finding, wrong: list[Look]) -> Iterator[str]:
+    if finding.args["limit"] != LIMITS[finding.rule]:
+        yield f"the limit is {LIMITS[finding.rule]} s"
     if finding.args["seconds"] < finding.args["limit"]:
         yield "it did not stand for as long as the limit"
     if wrong:
@@ -278,7 +283,9 @@ def _locked(finding: Finding, drive: Drive) -> Iterator[str]:
 
 
 def _away(finding: Finding, drive: Drive) -> Iterator[str]:
-    there, gap = _stands(finding, drive), finding.args["percent"] * 163.84
+    there, gap = _stands(finding, drive), 10 * 163.84
+    if finding.args["percent"] != 10:
+        yield "it is 10 % of the reference value"
     wrong = [
         each for each in there
         if abs(each.setpoint - each.actual) <= gap or (each.zsw1 or 0) & 0x104 != 4 or each.heeded & 0x77 != 0x77
@@ -318,6 +325,11 @@ def of_change(finding: Finding, reading: Reading) -> Iterator[str]:
         yield f"its response is in frame {last}"
     if deal["operation"] != "change" or not set(codes) & {0x11, 0x6B, 0x71}:
         yield "no such change was turned down"
+    named = finding.args["pnu"], finding.args["subindex"]
+    if named not in [
+        (each["pnu"], each["subindex"]) for each in deal["parameters"] if each["error"]
+    ]:
+        yield "it is another parameter"
     (drive,) = [
         each for each in drives(reading)
         if (each.relation["device"], each.relation["slot"]) == (deal["device"], deal["slot"])
@@ -328,7 +340,12 @@ def of_change(finding: Finding, reading: Reading) -> Iterator[str]:
     if any(bool((each.zsw1 or 0) & 4) != runs for each in there):
         yield "the drive was in another state"
     if not runs:
+        state = _state(there[-1]) or "not ready"
+        if finding.args["what"] != f"pzd_{state.replace(' ', '_')}":
+            yield f"the drive stands in {state}"
         return
+    if finding.args["what"] != ("pzd_since_ever" if finding.args["since"] is None else "pzd_since"):
+        yield "since when it runs is not said"
     began = [
         now.frame for before, now in pairwise(known)
         if now.frame <= first and not (before.zsw1 or 0) & 4 and (now.zsw1 or 0) & 4
@@ -350,6 +367,8 @@ OF_CHANGES = ("DS530", "DS531")
 def of_habit(finding: Finding, reading: Reading) -> Iterator[str]:
     """What is not so in a finding about all requests to a drive."""
     args = finding.args
+    if finding.rule in COUNTS and args["limit"] != COUNTS[finding.rule]:
+        yield f"the limit is {COUNTS[finding.rule]}"
     own = [
         each for each in reading.plain["transactions"]
         if each["channel"] == "pkw" and (each["device"], each["slot"]) == (args["device"], args["slot"])

@@ -16,6 +16,7 @@ local analysis = require("ds47.analysis")
 local formats = require("ds47.profidrive.formats")
 local json = require("ds47.support.json")
 local unhex = require("ds47.support.bytes").unhex
+local named = require("ds47.cyclic.named")
 local sentences = require("ds47.report.sentences")
 local status = require("ds47.spec.statuses")
 local times = require("ds47.support.times")
@@ -116,9 +117,24 @@ end
 
 local function relation(item)
   local result = object(item, "channel controller device api slot subslot frame certainty")
-  result.telegrams, result.cycle_ms = json.array(item.telegrams), json.float(item.input.cycle_ns / 1e6)
+  result.telegrams, result.cycle_ms = json.array(item.telegrams), json.null
+  if item.input.cycle_ns > 0 then result.cycle_ms = json.float(item.input.cycle_ns / 1e6) end
   result.output, result.input = side(item.output), side(item.input)
   return result
+end
+
+local function event(item, base_seconds)
+  local result = object(item, "frame name word before after state")
+  local seconds, nanoseconds = times.split(item.time)
+  result.time, result.overlays = {base_seconds + seconds, nanoseconds}, json.array(item.overlays)
+  return result
+end
+
+local function timeline(item, base_seconds)
+  return {
+    relation = item.relation, events_left_out = item.left_out,
+    events = list(item.events, function(each) return event(each, base_seconds) end),
+  }
 end
 
 local function capture()
@@ -137,6 +153,9 @@ local function capture()
     diagnoses = list(result.diagnoses, diagnosis),
     summary = result.summary,
     relations = #result.relations > 0 and list(result.relations, relation) or nil,
+    timelines = #result.timelines > 0 and list(result.timelines, function(item)
+      return timeline(item, run.base_seconds)
+    end) or nil,
   }
 end
 
@@ -158,7 +177,8 @@ end
 local take = {}
 
 function take.begin(line)
-  run = analysis.new({pkw_layout = line.layouts[""], pkw_layouts = line.layouts})
+  local names = named.list(line.cyclic)
+  run = analysis.new({pkw_layout = line.layouts[""], pkw_layouts = line.layouts, cyclic = names})
   language, look = line.lang, line.look
 end
 
@@ -181,7 +201,7 @@ take.lldp = take.dcp
 
 function take.rt(line)
   local frame = unhex(line.data)
-  local row, at = run:cyclic_news(frame)
+  local row, at = run:cyclic_news(frame, line.frame)
   if row then
     run:cyclic_frame(row, frame, at, line.frame, run:time_ns(line.seconds, line.nanoseconds))
   end

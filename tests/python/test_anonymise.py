@@ -49,8 +49,12 @@ def anonymised(source: Path, target: Path, **more: Any) -> tuple[Outcome, Key]:
     return export(source, target, Selection(), key=key, **more), key
 
 
+OF_CYCLES = {"DS530", "DS531"}
+"""What only the cyclic frames show."""
+
+
 def story(item: Transaction, number: Callable[[int], int], values: bool) -> tuple[object, ...]:
-    """A transaction without addresses, and with the frame numbers of the copy.
+    """A transaction without addresses, and with the frame numbers of the copy, which has no cyclic frames.
 
     Without values, too, where it asks for the name or the address of the station.
     """
@@ -77,7 +81,7 @@ def story(item: Transaction, number: Callable[[int], int], values: bool) -> tupl
             # A message that never became whole is none that can be written: the copy lacks all of it.
             "DS101" if rule == "DS105" else rule
             for rule in item.findings
-            if (values and not unread) or rule not in OF_VALUES
+            if ((values and not unread) or rule not in OF_VALUES) and rule not in OF_CYCLES
         ],
         item.request if exact else None, item.response if exact else None,
     )  # fmt: skip

@@ -18,11 +18,10 @@ from typing import Any
 import handmade
 import pytest
 from lua_program import LUAS, lua_program
-from test_lua_analysis import LUA
 from test_lua_cyclic import scenes
 
 from ds47 import spec
-from ds47.analysis import AnalysisOptions, analyze
+from ds47.analysis import analyze
 from ds47.findings import grouping
 from ds47.model import (
     CaptureResult,
@@ -133,8 +132,7 @@ def python_text(result: CaptureResult, **options: Any) -> str:
     """The report of Python, without what only Python has."""
     stream = io.StringIO()
     wanted = Options(rules=spec.rules(), corrected=False, **options)
-    told = dataclasses.replace(result, timelines=[])
-    text_report.write(Report([told]), stream, wanted)
+    text_report.write(Report([result]), stream, wanted)
     return stream.getvalue()
 
 
@@ -260,8 +258,7 @@ def diagnosed_results() -> list[CaptureResult]:
 
 def cyclic_results() -> list[CaptureResult]:
     """Transactions of PKW beside others, more relations than are listed, lengths of no telegram."""
-    chosen = AnalysisOptions(**LUA)
-    found = [analyze(each.open(), chosen) for each in scenes()]
+    found = [analyze(each.open()) for each in scenes()]
     for result in found:
         result.path = "cyclic.pcapng"
     mixed = copy.deepcopy(found[0])

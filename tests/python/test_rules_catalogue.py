@@ -21,7 +21,6 @@ KEYS = ["id", "name", "severity", "scope", "anchor", *TEXTS]
 ORDER = [
     *KEYS[:5],
     "group",
-    "analyzer_only",
     "args",
     "message",
     "many",
@@ -217,7 +216,8 @@ def test_messages_are_short_facts(rule: dict[str, Any]) -> None:
         assert len(rule[key]) <= 140
         assert not rule[key].endswith((".", "。"))
     assert placeholders(rule["message"]) == placeholders(rule["message_zh"])
-    assert {*placeholders(rule["message"])} <= {*rule.get("args", {}), "text", "error"}
+    assert {*placeholders(rule["message"])} <= {*rule.get("args", {}), "text", "error", "drive"}
+    assert "{device} " not in rule["message"] or "{slot}" not in rule["message"], "that is {drive}"
 
 
 @EACH

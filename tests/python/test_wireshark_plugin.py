@@ -298,7 +298,7 @@ def test_every_filter_that_the_page_offers_finds_frames(name: str, tshark: Tshar
 
 @pytest.mark.parametrize(
     "rule",
-    [each.id for each in rules().values() if not (each.in_wireshark or each.analyzer_only)],
+    [each.id for each in rules().values() if not each.in_wireshark],
 )
 def test_no_filter_is_offered_for_what_the_plugin_has_not(rule: str) -> None:
     path = next(

@@ -1,19 +1,21 @@
--- Cyclic frames to PKW transactions: which bytes of which frame are a channel, and what changed in them.
--- What a change of the bytes means is the business of handshake.lua.
---
--- Relations come from Connects; a later Connect of the same stations replaces what an earlier one said.
--- Transactions are handed out when a relation is proven: a request and the response that followed it were
--- seen.
---
--- A line is one relation at work, an end one direction of it: {line, side, sent (by the controller), words
--- and valid (what was there last)}. Ends are found by the bytes that all their frames begin with: a frame
--- costs one look-up, a comparison of ten bytes where it is watched, and no more as long as nothing changes
--- in it.
+-- Cyclic frames to what their channels say: which bytes of which frame are a channel, and what changed in
+-- them. What a change of the bytes means is the business of handshake.lua and timeline.lua.
+--  Relations come from Connects, or are named by hand; a later Connect of the same stations replaces what an
+-- earlier one said. Transactions of PKW are handed out when their relation is proven: a request and the
+-- response that followed it were seen. PZD is proven by its words, or by PKW beside it.
+--  A line is one relation at work (`Requests`, `Drive`), an end one direction of it: {line, side, sent (by
+-- the controller), and of PKW words (what was there last)}. A row has the ends of one sender and frame id;
+-- it is found by the bytes that all its frames begin with: a frame costs one look-up, a comparison where it
+-- is watched, and no more as long as nothing changes in it. Of the others one in a while is looked at,
+-- because values move in all of them: the same ones as the analyzer looks at (`sampled` in capture/scan.py).
 
 local connect = require("ds47.profinet.connect")
 local handshake = require("ds47.cyclic.handshake")
+local operation = require("ds47.cyclic.operation")
 local relations = require("ds47.cyclic.relations")
 local rpc = require("ds47.profinet.rpc")
+local tables = require("ds47.spec.tables")
+local timeline = require("ds47.cyclic.timeline")
 
 local byte, char, floor, max, sub = string.byte, string.char, math.floor, math.max, string.sub
 local concat, find, gsub, rep = table.concat, string.find, string.gsub, string.rep
@@ -23,39 +25,50 @@ local M = {}
 local ETHERTYPE, TAG = "\x88\x92", "\x81\x00"
 local DCP = 0xFE -- first byte of frame ids that are not cyclic
 local KEPT = 256 -- transactions that wait for the proof
+local PATIENCE = 8192 -- frames of what might be PZD that are looked at without a proof
+-- Of so many frames one is looked at, and how often before it is half as many.
+local SAMPLE, RAREST, OFTEN = 4, 1024, 256
+local SPEED = "^NSOLL" -- how the name of a word begins that is a setpoint of speed
+local LENGTHS, SEEN = relations.LENGTHS, relations.SEEN
+local NAMED, REFUTED = relations.NAMED, relations.REFUTED
 
 local Channels = {}
 Channels.__index = Channels
 
---- All parameter channels of a capture.
+--- All channels of drives in the cyclic frames of a capture.
 -- @param listener listener:exchanged(relation, job) is told of each transaction of a proven relation when
 --   it is over
--- @param most relations that are kept
-function M.new(listener, most)
+-- @param limits the flat table of tables.lua
+-- @param every whether every watched frame is looked at: somebody chose them already
+function M.new(listener, limits, every)
   return setmetatable({
-    listener = listener, most = most, lines = {},
-    rows = {}, -- source, EtherType and frame id -> {ends, need = length of data, standing, at = of `is_news`}
-    any = false, -- whether there are rows
-    relations = {}, -- all that there were, those that a later Connect replaced too
-    candidates = 0, -- how many, of process data too
+    every = every, listener = listener, limits = limits, lines = {},
+    rows = {}, -- source, EtherType and frame id -> row
+    senders = 0, -- how many rows there are
+    all = {}, -- relations, those that a later Connect replaced and those that are only candidates too
+    drives_ = {}, -- lines of PZD
+    without_request = {}, -- relations of PKW in which none was seen
     moved = {}, -- ends in which the last frame changed something
   }, Channels)
 end
 
--- Relations
+-- A relation of PKW; what is over waits until one transaction proves it.
+local Requests = {}
+Requests.__index = Requests
 
--- A transaction is over; it waits until one of them proves the relation. Not a closure: an analysis is
--- copied.
+-- A transaction is over. Not a closure: an analysis is copied.
 local function over(job, line)
   local relation, waiting = line.relation, line.waiting
   local responded = job.state == "ok" or job.state == "error"
-  if responded and job.began and not job.settled then -- with an edge of its own
-    relation.certainty = relations.SEEN
+  local edge = job.began and not job.settled
+  if relation.certainty == LENGTHS and responded and edge then
+    relation.certainty = SEEN
+    line.owner:proven(relation)
   end
   if #waiting < KEPT then
     waiting[#waiting + 1] = job
   end
-  if relation.certainty == relations.SEEN then
+  if relation.certainty ~= LENGTHS then
     line.waiting = {}
     for _, each in ipairs(waiting) do
       line.owner.listener:exchanged(relation, each)
@@ -63,14 +76,153 @@ local function over(job, line)
   end
 end
 
-local function add(self, relation)
-  self.relations[#self.relations + 1] = relation
-  local line = {relation = relation, owner = self, waiting = {}}
+function Requests:take(sent, words, moment)
+  if sent then
+    self.said_out = true
+    self.channel:sent(words, moment)
+  else
+    self.said_in = true
+    self.channel:answered(words, moment)
+  end
+end
+
+function Requests:lost(sent, moment)
+  local said = sent and "said_out" or "said_in"
+  if self[said] then
+    self[said] = false
+    self.channel:lost(moment, sent and "out" or "in")
+  end
+end
+
+function Requests:finish()
+  self.channel:finish()
+  if self.relation.certainty == LENGTHS and #self.waiting == 0 then
+    local unused = self.owner.without_request
+    unused[#unused + 1] = self.relation
+  end
+end
+
+-- A relation of PZD with what its words say; `behind` PKW in one submodule only PKW can prove it.
+local Drive = {}
+Drive.__index = Drive
+
+-- Whether the word behind STW1 is a speed in all of these telegrams; nil where some have another word.
+local function is_speed(numbers)
+  local known
+  for _, number in ipairs(numbers) do
+    local speed = find(tables.pzd.telegrams[number].out[2], SPEED) ~= nil
+    if known ~= nil and known ~= speed then return nil end
+    known = speed
+  end
+  return known
+end
+
+--- Whether it is a drive, as far as one can see.
+function Drive:is_proven()
+  local certainty = self.relation.certainty
+  return (certainty == SEEN or certainty == NAMED) and not (self.refuted or self.recorder.refuted)
+end
+
+-- Whether it was looked at for long, and nothing speaks for a drive.
+function Drive:is_hopeless()
+  return self.looked_at > PATIENCE and not self:is_proven()
+end
+
+-- A speed is known to be one: the telegrams without a setpoint of speed are left out.
+local function leave_out_positions(self)
+  local left = {}
+  for _, number in ipairs(self.relation.telegrams) do
+    if is_speed({number}) then left[#left + 1] = number end
+  end
+  self.is_speed, self.relation.telegrams = true, left
+end
+
+function Drive:take(sent, words, moment)
+  local recorder, relation = self.recorder, self.relation
+  self.looked_at = self.looked_at + 1
+  if sent then
+    recorder:sent(words, moment.frame, moment.time)
+  else
+    recorder:answered(words, moment.frame, moment.time)
+  end
+  if recorder.proven and not self.behind and relation.certainty == LENGTHS then relation.certainty = SEEN end
+  if recorder.refuted and relation.certainty == NAMED then relation.certainty = REFUTED end
+  if recorder.speed and not self.is_speed then leave_out_positions(self) end
+end
+
+function Drive:lost(sent, moment)
+  self.recorder:lost(sent, moment.frame, moment.time)
+end
+
+function Drive:finish()
+  self.recorder.operation:finish()
+end
+
+--- What was wrong with its operation; when nothing more comes. An array of remarks.
+function Drive:remarks()
+  local found, recorder = {}, self.recorder
+  for _, frame in ipairs(recorder.operation.faults) do
+    local code = recorder:fault_code(frame)
+    local args = {device = self.relation.device, slot = self.relation.slot, code = code}
+    args.what = code and "pzd_fault_number" or "pzd_fault"
+    found[#found + 1] = {rule = "DS520", frame = frame, args = args}
+  end
+  for _, remark in ipairs(recorder.operation.remarks) do found[#found + 1] = remark end
+  return found
+end
+
+-- Relations
+
+-- The line of a relation of PZD.
+local function new_drive(self, relation, behind)
+  local place = relations.place_of("FAULT_CODE", relation.telegrams)
+  local warning = relations.place_of("WARN_CODE", relation.telegrams)
+  local recorder = timeline.new(
+    operation.new({device = relation.device, slot = relation.slot}, self.limits),
+    relations.is_judged(relation), is_speed(relation.telegrams), warning and place, self.limits.events
+  )
+  local line = {
+    relation = relation, owner = self, recorder = recorder, behind = behind,
+    refuted = false, -- whether its bytes turned out to be PKW
+    looked_at = 0, is_speed = false, -- whether the telegrams without a setpoint of speed are left out
+  }
+  return setmetatable(line, Drive)
+end
+
+local function new_requests(self, relation)
+  local line = setmetatable({relation = relation, owner = self, waiting = {}}, Requests)
   line.channel = handshake.new(over, line)
+  return line
+end
+
+local function add(self, relation, behind)
+  self.all[#self.all + 1] = relation
+  local line
+  if relation.channel == relations.PKW then
+    line = new_requests(self, relation)
+  else
+    line = new_drive(self, relation, behind)
+    self.drives_[#self.drives_ + 1] = line
+  end
   line.ends = {
     {line = line, side = relation.output, sent = true}, {line = line, side = relation.input, sent = false},
   }
   self.lines[#self.lines + 1] = line
+end
+
+--- A relation is PKW: what is beside or behind it is PZD, and nothing else is in its bytes.
+function Channels:proven(pkw)
+  local place, beside = relations.place(pkw), {}
+  for _, each in ipairs(self.drives_) do
+    if relations.place(each.relation) == place then
+      if each.relation.subslot == pkw.subslot and not each.behind then
+        each.refuted = true
+      else
+        beside[#beside + 1] = each
+      end
+    end
+  end
+  if #beside == 1 then beside[1].relation.certainty = SEEN end
 end
 
 -- The stations set up all their channels anew, in this frame.
@@ -78,7 +230,7 @@ local function replace(self, controller, device, frame)
   local left = {}
   for _, line in ipairs(self.lines) do
     if line.relation.output.source == controller and line.relation.input.source == device then
-      line.channel:finish()
+      line:finish()
       line.relation.replaced = frame
     else
       left[#left + 1] = line
@@ -87,20 +239,54 @@ local function replace(self, controller, device, frame)
   self.lines = left
 end
 
+-- The bytes that matter in the frames of a row, in order and each once: array of {offset, length}.
+local function parts_of(row)
+  local places, parts = {}, {}
+  for _, each in ipairs(row) do
+    local side = each.side
+    for at = side.offset, side.offset + side.watched - 1 do places[#places + 1] = at end
+    places[#places + 1] = side.status
+    places[#places + 1] = side.iops
+  end
+  table.sort(places)
+  for _, at in ipairs(places) do
+    local newest = parts[#parts]
+    if newest and newest[1] + newest[2] == at then
+      newest[2] = newest[2] + 1
+    elseif newest == nil or newest[1] + newest[2] < at then
+      parts[#parts + 1] = {at, 1}
+    end
+  end
+  return parts
+end
+
 local function watch(self)
-  self.rows, self.any, self.moved = {}, false, {}
+  self.rows, self.senders, self.moved = {}, 0, {}
   for _, line in ipairs(self.lines) do
     for _, each in ipairs(line.ends) do
-      local side = each.side
-      local id = side.frame_id
+      local id = each.side.frame_id
       if floor(id / 256) ~= DCP then
-        local key = side.source .. ETHERTYPE .. char(floor(id / 256), id % 256)
-        local row = self.rows[key] or {need = 0}
-        self.rows[key], self.any, row[#row + 1] = row, true, each
-        row.need = max(row.need, side.offset + side.length, (side.iops or 0) + 1, side.status + 1)
+        local key = each.side.source .. ETHERTYPE .. char(floor(id / 256), id % 256)
+        local row = self.rows[key]
+        if row == nil then
+          row = {period = -1, due = 0} -- of the last look, and the frame with which the next begins
+          self.rows[key], self.senders = row, self.senders + 1
+        end
+        row[#row + 1] = each
       end
     end
   end
+  for _, row in pairs(self.rows) do
+    row.parts = parts_of(row)
+    local final = row.parts[#row.parts]
+    row.need = final[1] + final[2]
+  end
+end
+
+--- Channels that a user names, before the first frame: relations as named.lua gives them.
+function Channels:name(named)
+  for _, relation in ipairs(named) do add(self, relation, false) end
+  watch(self)
 end
 
 --- A Connect and its response; nothing happens where it was refused, or sets up no such channel.
@@ -112,21 +298,84 @@ function Channels:connected(request, response)
   replace(self, asked.controller_mac, device_mac, response.frame)
   local vendor_id = rpc.device_identity(response.object_uuid)
   for _, found in ipairs(relations.channels(asked)) do
-    if self.candidates >= self.most then break end
-    self.candidates = self.candidates + 1
-    local item = found.submodule
-    if found.channel == relations.PKW then
-      add(self, {
-        channel = found.channel, controller = request.client, device = request.server,
-        vendor_id = vendor_id, ar = ar, api = item.api, slot = item.slot, subslot = item.subslot,
-        telegrams = found.telegrams,
-        output = relations.side(item.output, asked.controller_mac),
-        input = relations.side(item.input, device_mac),
-        frame = response.frame, certainty = relations.LENGTHS,
-      })
-    end
+    if #self.all >= self.limits.relations then break end
+    local item, channel, offset = found.submodule, found.channel, found.offset
+    add(self, {
+      channel = channel, controller = request.client, device = request.server,
+      vendor_id = vendor_id, ar = ar, api = item.api, slot = item.slot, subslot = item.subslot,
+      telegrams = found.telegrams,
+      output = relations.side(item.output, asked.controller_mac, channel, offset),
+      input = relations.side(item.input, device_mac, channel, offset),
+      frame = response.frame, certainty = LENGTHS,
+    }, offset > 0)
   end
   watch(self)
+end
+
+-- What there is
+
+--- The proven lines of PZD.
+function Channels:drives()
+  local found = {}
+  for _, each in ipairs(self.drives_) do
+    if each:is_proven() then found[#found + 1] = each end
+  end
+  return found
+end
+
+-- Whether the bytes of what might be PKW turned out to be the words of a drive.
+local function is_pzd(self, pkw)
+  if pkw.certainty ~= LENGTHS then return false end
+  for _, each in ipairs(self.drives_) do
+    if each:is_proven() and not each.behind and each.relation.subslot == pkw.subslot
+      and relations.place(each.relation) == relations.place(pkw) then
+      return true
+    end
+  end
+  return false
+end
+
+--- Those that are reported, those that a later Connect replaced too; of PZD those that are proven.
+function Channels:relations()
+  local proven, found = {}, {}
+  for _, each in ipairs(self:drives()) do proven[each.relation] = true end
+  for _, each in ipairs(self.all) do
+    local named = each.certainty == NAMED or each.certainty == REFUTED
+    if proven[each] or named or each.channel == relations.PKW and not is_pzd(self, each) then
+      found[#found + 1] = each
+    end
+  end
+  return found
+end
+
+--- What happened to each drive: array of {relation (its place in `relations`), events, left_out}.
+function Channels:timelines()
+  local places, found = {}, {}
+  for place, each in ipairs(self:relations()) do places[each] = place end
+  for _, drive in ipairs(self:drives()) do
+    local recorder = drive.recorder
+    found[#found + 1] = {
+      relation = places[drive.relation], events = recorder:told(), left_out = recorder.left_out,
+    }
+  end
+  return found
+end
+
+--- Where PKW is as sure as the process data beside it, and no request was seen; when nothing more comes.
+function Channels:unused()
+  local places, found = {}, {}
+  for _, each in ipairs(self:drives()) do places[relations.place(each.relation)] = true end
+  for _, each in ipairs(self.without_request) do
+    if places[relations.place(each)] and not is_pzd(self, each) then found[#found + 1] = each end
+  end
+  return found
+end
+
+--- For a copy of the analysis, which only plays the end: events are shared, because it adds none.
+function Channels:copied(known)
+  for _, each in ipairs(self.drives_) do
+    known[each.recorder.events], known[each.recorder.faults] = each.recorder.events, each.recorder.faults
+  end
 end
 
 -- Frames
@@ -143,48 +392,61 @@ function Channels:row_of(frame)
   return nil
 end
 
--- What an end says in this frame: its words, and whether they are valid.
+-- What an end says in this frame: its words, and whether they are valid; nil where the capture cut them.
 local function said(each, frame, at)
   local side = each.side
   local first = at + side.offset
-  local valid = floor(byte(frame, at + side.status + 1) / 4) % 2 == 1
+  if #frame < first + side.length then return nil end
+  local valid = (not side.status or floor(byte(frame, at + side.status + 1) / 4) % 2 == 1)
     and (not side.iops or byte(frame, at + side.iops + 1) >= 0x80)
   return sub(frame, first + 1, first + side.length), valid
 end
 
--- What a frame looks like in which nothing changed, as a pattern: one call tells nearly all frames apart. Nil
--- where two channels share bytes.
-local function pattern_of(row, frame, at)
-  local parts, stop, places = {"^"}, 0, {}
-  for _, each in ipairs(row) do
-    local side = each.side
-    places[#places + 1] = {at + side.offset, side.length}
-    places[#places + 1] = {at + side.status, 1}
-    if side.iops then places[#places + 1] = {at + side.iops, 1} end
+-- The bytes that matter, and what a frame looks like in which they are the same, as a pattern: one call tells
+-- nearly all frames apart.
+local function keep(row, frame, at)
+  local bytes, pattern, stop = {}, {"^"}, 0
+  for number, part in ipairs(row.parts) do
+    local first = at + part[1]
+    bytes[number] = sub(frame, first + 1, first + part[2])
+    pattern[number + 1] = rep(".", first - stop) .. gsub(bytes[number], "%W", "%%%0")
+    stop = first + part[2]
   end
-  table.sort(places, function(a, b) return a[1] < b[1] end)
-  for number, place in ipairs(places) do
-    local same = number > 1 and place[1] == places[number - 1][1] and place[2] == 1
-    if not same then
-      if place[1] < stop then return nil end
-      local bytes = sub(frame, place[1] + 1, place[1] + place[2])
-      parts[#parts + 1] = rep(".", place[1] - stop) .. gsub(bytes, "%W", "%%%0")
-      stop = place[1] + place[2]
-    end
-  end
-  return concat(parts)
+  row.bytes, row.standing, row.at = concat(bytes), concat(pattern), at
 end
 
---- Whether a watched frame says something else than the one before it; one that the capture cut says nothing.
-function Channels:is_news(row, frame, at)
-  if row.at == at and find(frame, row.standing) then return false end
-  if #frame < at + row.need then return false end
-  for number = 1, #row do
-    local each = row[number]
-    local words, valid = said(each, frame, at)
-    if words ~= each.words or valid ~= each.valid then return true end
+local function has_changed(row, frame, at)
+  local first = 1
+  for _, part in ipairs(row.parts) do
+    local start, last = at + part[1], first + part[2]
+    if sub(frame, start + 1, start + part[2]) ~= sub(row.bytes, first, last - 1) then return true end
+    first = last
   end
   return false
+end
+
+-- Of how many frames around the one of this number each watched sender has one looked at.
+local function sampled(self, number)
+  local sample = SAMPLE
+  while sample < RAREST and number >= sample * self.senders * OFTEN do
+    sample = sample * 2
+  end
+  return sample * self.senders
+end
+
+--- Whether a watched frame is looked at: it says something else than the one before it, or is the first of a
+-- while. One that the capture cut says nothing.
+function Channels:is_news(row, frame, at, number)
+  if self.every then return #frame >= at + row.need end
+  if number < row.due and row.at == at and find(frame, row.standing) then return false end
+  if #frame < at + row.need then return false end
+  if number >= row.due then
+    local step = sampled(self, number)
+    local period = floor(number / step)
+    row.due = (period + 1) * step
+    if period ~= row.period then return true end
+  end
+  return has_changed(row, frame, at)
 end
 
 -- Half of an even number goes down, as Python rounds.
@@ -195,41 +457,56 @@ local function rounded(number)
   return whole
 end
 
-local function take(each, moment, words, valid)
-  local channel, was_valid = each.line.channel, each.valid
+-- One end of a frame that is looked at; true where what it says has changed.
+local function take(each, frame, at, number, time)
+  local words, valid = said(each, frame, at)
+  if words == nil then return false end
+  local line = each.line
+  local relation = line.relation
+  line.start, relation.frame = line.start or time, relation.frame or number
+  local cycle = rounded((time - line.start) / max(each.side.cycle_ns, 1))
+  local moment = {frame = number, time = time, cycle = cycle}
+  if valid then
+    line:take(each.sent, words, moment)
+  else
+    line:lost(each.sent, moment)
+  end
+  local moved = words ~= each.words or valid ~= each.valid
   each.words, each.valid = words, valid
-  if valid and each.sent then
-    channel:sent(words, moment)
-  elseif valid then
-    channel:answered(words, moment)
-  elseif was_valid then
-    channel:lost(moment, each.sent and "out" or "in")
+  return moved
+end
+
+-- Lines that were looked at for long without a proof are given up.
+local function give_up(self)
+  local left = {}
+  for _, line in ipairs(self.lines) do
+    if line.is_hopeless == nil or not line:is_hopeless() then left[#left + 1] = line end
+  end
+  if #left < #self.lines then
+    self.lines = left
+    watch(self)
   end
 end
 
---- Takes a watched frame that says something else than the one before it (`is_news`).
+--- Takes a watched frame that is looked at (`is_news`).
 -- @param row, at as `row_of` gives them
 -- @param number, time  of the frame; a time as times.lua has it
 function Channels:frame(row, frame, at, number, time)
   self.moved = {}
+  local hopeless = false
+  row.period = floor(number / sampled(self, number))
+  keep(row, frame, at)
   for place = 1, #row do
     local each = row[place]
-    local words, valid = said(each, frame, at)
-    if words ~= each.words or valid ~= each.valid then
-      local line = each.line
-      line.start = line.start or time
-      local cycle = rounded((time - line.start) / max(each.side.cycle_ns, 1))
-      take(each, {frame = number, time = time, cycle = cycle}, words, valid)
-      self.moved[#self.moved + 1] = each
-    end
+    if take(each, frame, at, number, time) then self.moved[#self.moved + 1] = each end
+    hopeless = hopeless or (each.line.is_hopeless ~= nil and each.line:is_hopeless())
   end
-  row.standing = pattern_of(row, frame, at)
-  row.at = row.standing and at
+  if hopeless then give_up(self) end
 end
 
 -- Whether a relation is proven, or will be by this request.
 local function is_proven(line, job)
-  return line.relation.certainty == relations.SEEN or (job.answer and job.began and not job.settled)
+  return line.relation.certainty ~= LENGTHS or (job.answer and job.began and not job.settled)
 end
 
 --- What the last frame began or responded to, as far as it is proven: array of {relation, job, role}, a role
@@ -238,7 +515,7 @@ end
 function Channels:touched(number)
   local found = {}
   for _, each in ipairs(self.moved) do
-    local job = each.line.channel:open_job()
+    local job = each.line.channel and each.line.channel:open_job()
     if job and is_proven(each.line, job) then
       local sight = job.answer
       if each.sent then sight = job.request end
@@ -251,13 +528,31 @@ function Channels:touched(number)
   return found
 end
 
+--- What happened to drives in the last frame, as far as it is known to be one: array of {relation, event}.
+-- @param number of the frame
+function Channels:happened(number)
+  local found = {}
+  for _, each in ipairs(self.moved) do
+    local recorder = each.line.recorder
+    local events = recorder and each.line:is_proven() and recorder.events or {}
+    local first = #events
+    while first > 0 and events[first].frame == number do first = first - 1 end
+    for place = first + 1, #events do
+      if recorder:is_told(events[place]) then
+        found[#found + 1] = {relation = each.line.relation, event = events[place]}
+      end
+    end
+  end
+  return found
+end
+
 --- The ends of relations whose words are in a frame: array of {relation, side, sent}. Those that a later
 -- Connect replaced count for the frames before it.
 -- @param source, frame_id  of the frame: MAC address and number
 function Channels:ends_in(number, source, frame_id)
   local found = {}
-  for _, relation in ipairs(self.relations) do
-    if relation.frame < number and (relation.replaced == nil or number <= relation.replaced) then
+  for _, relation in ipairs(self.all) do
+    if (relation.frame or number) <= number and (relation.replaced == nil or number <= relation.replaced) then
       for _, way in ipairs({"output", "input"}) do
         local side = relation[way]
         if side.source == source and side.frame_id == frame_id then
@@ -272,7 +567,7 @@ end
 --- The capture ends.
 function Channels:finish()
   for _, line in ipairs(self.lines) do
-    line.channel:finish()
+    line:finish()
   end
 end
 

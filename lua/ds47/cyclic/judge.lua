@@ -7,6 +7,7 @@
 local json = require("ds47.support.json")
 local pkw = require("ds47.cyclic.pkw")
 local reader = require("ds47.support.bytes")
+local relations = require("ds47.cyclic.relations")
 local tables = require("ds47.spec.tables")
 local transactions = require("ds47.cyclic.transactions")
 
@@ -64,7 +65,7 @@ end
 -- array of remarks.
 function M.remarks(relation, job, layout)
   local remarks = {}
-  if relation.vendor_id ~= transactions.SIEMENS then return remarks end
+  if not relations.is_judged(relation) then return remarks end
   local asked, told = transactions.decoded(job, layout)
   of_request(remarks, job, asked)
   if told then

@@ -1,20 +1,17 @@
 -- The control word and the status word: the state of the drive, and what it waits for (docs/cyclic.md 3). One
 -- word, or one pair of words, at a time; edges, times and who sent what are not here.
 
+local bits = require("ds47.support.bits")
 local tables = require("ds47.spec.tables")
 
-local floor = math.floor
+local bit_of = bits.bit
 
 local M = {}
 
-local function bit_of(word, bit)
-  return floor(word / 2 ^ bit) % 2
-end
-
--- Whether the bits of a word under a mask are these; no Lua of Wireshark before 4.4 has operators for it.
-local function has(word, mask, bits)
+-- Whether the bits of a word under a mask are these.
+local function has(word, mask, wanted)
   for bit = 0, 15 do
-    if bit_of(mask, bit) == 1 and bit_of(word, bit) ~= bit_of(bits, bit) then return false end
+    if bit_of(mask, bit) == 1 and bit_of(word, bit) ~= bit_of(wanted, bit) then return false end
   end
   return true
 end

@@ -2,17 +2,22 @@
 -- frames are not looked at here.
 --
 -- Lengths alone make candidates only: which of them is a PKW channel, its first request with a response shows
--- (channels.lua).
---
--- A relation: {channel, controller, device, vendor_id, ar, api, slot, subslot, telegrams, output, input,
--- frame, certainty}; `frame` is that of the response to the Connect, `certainty` M.LENGTHS or M.SEEN. A
--- side of it: {source (six bytes), frame_id, offset, length, iops, status, cycle_ns}: where the channel is
--- behind the frame id, the state of the data (nil where there is none), and that of the frame.
+-- and which is PZD, the words themselves (channels.lua).
+--  A relation: {channel, controller, device, vendor_id, ar, api, slot, subslot, telegrams, output, input,
+-- frame, certainty}; `frame` is that of the response to the Connect, `certainty` M.LENGTHS, M.SEEN, M.NAMED
+-- or M.REFUTED. One that was named by hand has no AR and no submodule, and `frame` is its first one.
+--  A side of it: {source (six bytes), frame_id, offset, length, watched, iops, status, cycle_ns}: where the
+-- channel is behind the frame id, how many of its bytes matter when they change, the state of the data (nil
+-- where there is none or nobody knows), that of the frame (nil where nobody knows). A cycle of 0 is not
+-- known.
 
 local LENGTH = require("ds47.cyclic.pkw").LENGTH
 local tables = require("ds47.spec.tables")
 
-local M = {PKW = "pkw", PZD = "pzd", LENGTHS = "lengths", SEEN = "seen"}
+local M = {
+  PKW = "pkw", PZD = "pzd", LENGTHS = "lengths", SEEN = "seen", NAMED = "named", REFUTED = "refuted",
+  SIEMENS = 0x002A, WORD = 2,
+}
 
 local LEAST_PZD = 4
 local LONGEST = 1440 -- bytes of data that a cyclic frame has at the most
@@ -125,15 +130,41 @@ function M.channels(connect)
   return result
 end
 
---- A direction of a parameter channel at the beginning of the data of a submodule.
+--- A direction of a channel that begins `offset` bytes behind the data of a submodule.
 -- @param source MAC address of who sends it, six bytes
-function M.side(data, source)
+function M.side(data, source, channel, offset)
+  local pkw = channel == M.PKW
   return {
-    source = source, frame_id = data.frame_id, offset = data.offset, length = LENGTH,
+    source = source, frame_id = data.frame_id, offset = data.offset + offset,
+    length = pkw and LENGTH or data.length - offset, watched = pkw and LENGTH or M.WORD,
     iops = data.iops > 0 and data.offset + data.length or nil,
     status = data.frame_length + 2, -- behind the cycle counter
     cycle_ns = data.cycle_ns,
   }
+end
+
+--- Where a word is in the drive's data of the only telegram that it may be; nil where that has none.
+function M.place_of(word, numbers)
+  if #numbers ~= 1 then return nil end
+  local before = {}
+  for _, each in ipairs(tables.pzd.telegrams[numbers[1]].inward) do
+    if each == word then return size_of(before) end
+    before[#before + 1] = each
+  end
+  return nil
+end
+
+--- Whether findings are about a relation: of Siemens, whose tables are known, or said to be a drive by a
+-- user.
+function M.is_judged(relation)
+  local named = relation.certainty == M.NAMED or relation.certainty == M.REFUTED
+  return relation.vendor_id == M.SIEMENS or (named and relation.vendor_id == nil)
+end
+
+--- The stations and the slot as a key: PKW and PZD of one drive have them in common.
+function M.place(relation)
+  local place = relation.slot and relation.api .. "." .. relation.slot or "-"
+  return relation.controller .. " " .. relation.device .. " " .. place
 end
 
 return M

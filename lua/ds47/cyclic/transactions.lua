@@ -3,10 +3,11 @@
 
 local handshake = require("ds47.cyclic.handshake")
 local pkw = require("ds47.cyclic.pkw")
+local relations = require("ds47.cyclic.relations")
 local tables = require("ds47.spec.tables")
 local uuid_text = require("ds47.spec.units").uuid_text
 
-local M = {SIEMENS = 0x002A, CHANNEL = "pkw"}
+local M = {CHANNEL = "pkw"}
 
 local NONE = {}
 local OPERATIONS = {read = "read", description = "read", count = "read", text = "read", change = "change"}
@@ -24,7 +25,7 @@ end
 
 -- The parameter, with the value that was written or is answered.
 local function parameter(relation, asked, told)
-  local access, siemens = access_of(asked), relation.vendor_id == M.SIEMENS
+  local access, siemens = access_of(asked), relation.vendor_id == relations.SIEMENS
   local failed
   if told and told.error then
     failed = {code = told.error.code, vendor_id = relation.vendor_id, ak = told.ak}
@@ -72,12 +73,14 @@ function M.build(relation, job, layout)
   local asked, told = M.decoded(job, layout)
   local answer = job.answer or (job.state == "mismatch" and job.odd) or nil
   local cycles, duration = handshake.duration(job)
+  if relation.input.cycle_ns == 0 then cycles = nil end -- not known
   return {
     id = 0, findings = {}, order = job.order, channel = M.CHANNEL, cycles = cycles, position = 0,
     layout = layout,
     operation = OPERATIONS[access_of(asked)] or "unknown", state = state_of(job, told),
     controller = relation.controller, device = relation.device, vendor_id = relation.vendor_id,
-    ar = uuid_text(relation.ar), api = relation.api, slot = relation.slot, subslot = relation.subslot,
+    ar = relation.ar and uuid_text(relation.ar), api = relation.api, slot = relation.slot,
+    subslot = relation.subslot,
     frames = {
       write_request = job.request.at.frame, read_response = answer and answer.at.frame,
       polls = NONE, rereads = NONE,

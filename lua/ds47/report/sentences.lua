@@ -128,6 +128,13 @@ local function reason(args, lang)
   return args.dropped and text .. "; " .. word(tables.reasons.dropped, lang) or text
 end
 
+-- A drive in cyclic frames: its device and slot; one that was named by hand has no slot.
+local function drive(args, lang)
+  if args.slot == nil then return args.device end
+  local values_ = {device = args.device, slot = integer(args.slot)}
+  return (word(tables.diagnosis_words.drive, lang):gsub("{(%w+)}", values_))
+end
+
 local function place(where, lang)
   local values_ = {slot = where.slot, subslot = where.subslot, index = M.record_index(where.index)}
   return (word(tables.diagnosis_words.place, lang):gsub("{(%w+)}", values_))
@@ -138,6 +145,8 @@ function shown(name, rule, args, lang, many)
     return text_of(args, lang)
   elseif name == "error" then
     return error_of(rule, args, lang)
+  elseif name == "drive" then
+    return drive(args, lang)
   end
   local kind, value = rule.args and rule.args[name] or "text", args[name]
   if value == nil then

@@ -132,17 +132,28 @@ local function header(add, result, counts, options)
   end
 end
 
+local function where_of(relation)
+  local place = relation.slot and format(" slot %d.%d", relation.slot, relation.subslot) or ""
+  return escape(relation.device) .. place
+end
+
+-- The key of the words that say how sure a relation is.
+local function certainty_of(relation)
+  if relation.frame == nil then return "certainty_absent" end
+  if relation.channel == "pzd" and relation.certainty == "seen" then return "certainty_seen_pzd" end
+  return "certainty_" .. relation.certainty
+end
+
 local function relation_line(item, lang)
-  local drive = item.channel == "pzd" and item.certainty == "seen"
   local numbers = concat(item.telegrams, ", ")
   return say(lang, "relation", {
-    device = escape(item.device), place = format("slot %d.%d", item.slot, item.subslot),
-    channel = item.channel:upper(),
+    where = where_of(item), channel = item.channel:upper(),
     telegram = numbers ~= "" and say(lang, "relation_telegram", { numbers = numbers }) or "",
     output = format("%04X", item.output.frame_id), output_at = item.output.offset,
     input = format("%04X", item.input.frame_id), input_at = item.input.offset,
-    cycle = duration(item.input.cycle_ns),
-    certainty = say(lang, drive and "certainty_seen_pzd" or "certainty_" .. item.certainty),
+    cycle = item.input.cycle_ns > 0 and say(lang, "relation_cycle", { cycle = duration(item.input.cycle_ns) })
+      or "",
+    certainty = say(lang, certainty_of(item)),
   })
 end
 

@@ -16,6 +16,7 @@ from ds47.model import CHANNELS, SEVERITIES
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
+    from ds47.cyclic.named import Name
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -30,7 +31,7 @@ fail_on_option = click.option(
 
 
 def analysis_options(function: Function) -> Function:
-    """Adds --select, --ignore, --index, --lang, --slow, --channels, --pkw-layout and the dialects."""
+    """Adds --select, --ignore, --index, --lang, --slow, --channels, --cyclic, --pkw-layout, the dialects."""
     for option in (
         dialect_options,
         click.option(
@@ -39,6 +40,13 @@ def analysis_options(function: Function) -> Function:
             multiple=True,
             metavar="[IP=]LAYOUT",
             help="Where IND of PKW has the page: cyclic (low byte, usual) or uss (high byte).",
+        ),
+        click.option(
+            "--cyclic",
+            multiple=True,
+            metavar="MAC@ID:AT:KIND",
+            help="Where a channel is whose Connect is missing: sender, frame id in hex, offset behind it, and"
+            " pkw, pzd or ppo1. Twice: for the controller's frames, then for the drive's.",
         ),
         click.option(
             "--channels",
@@ -78,6 +86,7 @@ def options_from(
     slow: float | None,
     pkw_layouts: Sequence[str],
     channels: str,
+    cyclic: Sequence[str],
     legacy_g120_formats: bool,
     profile_v3_types: bool,
     **others: Any,
@@ -100,6 +109,7 @@ def options_from(
         codec=codec_options(legacy_g120_formats, profile_v3_types),
         pkw_layouts=tuple(map(_layout, pkw_layouts)),
         channels=_channels(channels),
+        cyclic=_named(cyclic),
         **others,
     )
 
@@ -113,6 +123,18 @@ def _channels(names: str) -> tuple[str, ...]:
             f"--channels {names}: {unknown[0]!r} is none of {', '.join(CHANNELS)}"
         )
     return tuple(name for name in CHANNELS if name in chosen)
+
+
+def _named(texts: Sequence[str]) -> tuple[Name, ...]:
+    """The channels that are named by hand."""
+    from ds47.cyclic import named
+
+    try:
+        names = tuple(map(named.parse, texts))
+        named.pairs(names)
+    except ValueError as problem:
+        raise click.UsageError(f"--cyclic: {problem}") from None
+    return names
 
 
 def known_rules(names: Sequence[str]) -> tuple[str, ...]:

@@ -1,9 +1,9 @@
 """Cyclic frames to what their channels say: which bytes of which frame are a channel, and what changed in them.
 
-Relations come from Connects; a later Connect of the same stations replaces what an earlier one said. Transactions
-of PKW are handed out when their relation is proven: a request and the response that followed it were seen. PZD is
-proven by its words, or by PKW beside it. What a change of the bytes means is the business of `handshake` and
-`timeline`; frames are found by `ds47.capture`, which is told what to watch.
+Relations come from Connects, or are named by hand; a later Connect of the same stations replaces what an earlier
+one said. Transactions of PKW are handed out when their relation is proven: a request and the response that
+followed it were seen. PZD is proven by its words, or by PKW beside it. What a change of the bytes means is the business of
+`handshake` and `timeline`; frames are found by `ds47.capture`, which is told what to watch.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from ds47.capture.scan import Watch
+from ds47.cyclic import named
 from ds47.cyclic.handshake import ERROR, OK, Channel, Job, Moment
-from ds47.cyclic.judge import SIEMENS
+from ds47.cyclic.named import Name
 from ds47.cyclic.operation import Operation
-from ds47.cyclic.relations import Found, Relation, Side, channels, place_of, side
+from ds47.cyclic.relations import Relation, Side, channels, place_of, side
 from ds47.cyclic.timeline import Recorder
 from ds47.findings.remark import Remark
-from ds47.model import PKW, PZD, SEEN, Timeline
+from ds47.model import LENGTHS, NAMED, PKW, PZD, REFUTED, SEEN, Timeline
 from ds47.profinet.connect import parse_request, parse_response
 from ds47.profinet.link import Packet
 from ds47.profinet.rpc import Pdu, device_identity
@@ -85,17 +86,17 @@ class _Requests:
 
     @property
     def unused(self) -> bool:
-        """Whether no request was seen; only when nothing more comes."""
-        return self.relation.certainty != SEEN and not self.waiting
+        """Whether no request was seen where one might have been; only when nothing more comes."""
+        return self.relation.certainty == LENGTHS and not self.waiting
 
     def _over(self, job: Job) -> None:
         relation = self.relation
-        if relation.certainty != SEEN and _proves(job):
+        if relation.certainty == LENGTHS and _proves(job):
             relation.certainty = SEEN
             self.proven(relation)
         if len(self.waiting) < _KEPT:
             self.waiting.append(job)
-        if relation.certainty == SEEN:
+        if relation.certainty != LENGTHS:
             for each in self.waiting:
                 self.closed(relation, each)
             self.waiting.clear()
@@ -118,7 +119,9 @@ class Drive:
     @property
     def proven(self) -> bool:
         """Whether it is a drive, as far as one can see."""
-        return self.relation.certainty == SEEN and not (self.refuted or self.recorder.refuted)
+        return self.relation.certainty in (SEEN, NAMED) and not (
+            self.refuted or self.recorder.refuted
+        )
 
     @property
     def hopeless(self) -> bool:
@@ -130,8 +133,10 @@ class Drive:
         self.looked_at += 1
         recorder = self.recorder
         (recorder.sent if sent else recorder.answered)(words, at.frame, at.time_ns)
-        if recorder.proven and not self.behind:
+        if recorder.proven and not self.behind and self.relation.certainty == LENGTHS:
             self.relation.certainty = SEEN
+        if recorder.refuted and self.relation.certainty == NAMED:
+            self.relation.certainty = REFUTED
         if recorder.speed and not self.is_speed:
             self.is_speed = True
             numbers = self.relation.telegrams
@@ -210,12 +215,13 @@ class CyclicChannels:
         drives = [each.relation for each in self.drives()]
         return [
             each for each in self._relations
-            if any(each is drive for drive in drives) or (each.channel == PKW and not self._is_pzd(each))
+            if any(each is drive for drive in drives) or each.certainty in (NAMED, REFUTED)
+            or (each.channel == PKW and not self._is_pzd(each))
         ]  # fmt: skip
 
     def _is_pzd(self, pkw: Relation) -> bool:
         """Whether the bytes of what might be PKW turned out to be the words of a drive."""
-        return pkw.certainty != SEEN and any(
+        return pkw.certainty == LENGTHS and any(
             each.proven and not each.behind
             and (each.relation.place, each.relation.subslot) == (pkw.place, pkw.subslot)
             for each in self._drives
@@ -237,13 +243,25 @@ class CyclicChannels:
             submodule, about = found.submodule, (found.channel, found.offset)
             assert submodule.output is not None
             assert submodule.input is not None
-            self._add(found, Relation(
+            self._add(Relation(
                 found.channel, request.client, request.server, identity and identity[0], asked.ar,
                 submodule.api, submodule.slot, submodule.subslot, found.telegrams,
                 side(submodule.output, asked.controller_mac, *about),
                 side(submodule.input, device_mac, *about), response.frame,
-            ))  # fmt: skip
+            ), behind=found.offset > 0)  # fmt: skip
         self._tell()
+
+    def name(self, names: Sequence[Name]) -> None:
+        """Channels that a user names, before the first frame.
+
+        Raises:
+            ValueError: two of them are no relation.
+        """
+        for relation in named.relations(names):
+            if relation.channel in self._wanted:
+                self._add(relation)
+        if self._lines:
+            self._tell()
 
     def _replace(self, controller: str, device: str) -> None:
         """The stations set up all their channels anew."""
@@ -254,20 +272,20 @@ class CyclicChannels:
                 self._end(line)
                 self._lines.remove(line)
 
-    def _add(self, found: Found, relation: Relation) -> None:
+    def _add(self, relation: Relation, behind: bool = False) -> None:
         self._relations.append(relation)
-        if found.channel == PKW:
+        if relation.channel == PKW:
             self._lines.append(_Requests(relation, self._closed, self._proven))
             return
-        fault, warning = (place_of(word, found.telegrams) for word in ("FAULT_CODE", "WARN_CODE"))
+        fault, warning = (
+            place_of(word, relation.telegrams) for word in ("FAULT_CODE", "WARN_CODE")
+        )
         codes = None if fault is None or warning is None else (warning, fault)
         where = {"device": relation.device, "slot": relation.slot}
         operation = Operation(where, self._bounds)
-        trusted = relation.vendor_id == SIEMENS
-        recorder = Recorder(
-            operation, trusted, _is_speed(found.telegrams), codes, self._bounds.events
-        )
-        drive = Drive(relation, recorder, behind=found.offset > 0)
+        speed = _is_speed(relation.telegrams)
+        recorder = Recorder(operation, relation.is_judged, speed, codes, self._bounds.events)
+        drive = Drive(relation, recorder, behind)
         self._drives.append(drive)
         self._lines.append(drive)
 
@@ -297,7 +315,7 @@ class CyclicChannels:
         data, given_up = packet.payload, False
         found = self._sides.get((packet.src_mac or "", int.from_bytes(data[:_FRAME_ID])))
         for line, each, sent in found or ():
-            if len(data) >= _FRAME_ID + max(each.offset + each.length, each.status + 1):
+            if len(data) >= _FRAME_ID + max(each.offset + each.length, (each.status or 0) + 1):
                 self._take(line, each, sent, data[_FRAME_ID:], packet)
             if isinstance(line, Drive) and line.hopeless:
                 self._lines.remove(line)
@@ -308,9 +326,13 @@ class CyclicChannels:
     def _take(self, line: _Line, each: Side, sent: bool, data: bytes, packet: Packet) -> None:
         if line.start_ns is None:
             line.start_ns = packet.time_ns
+        if line.relation.frame is None:
+            line.relation.frame = packet.frame
         cycle = round((packet.time_ns - line.start_ns) / max(each.cycle_ns, 1))
         at = Moment(packet.frame, packet.time_ns, cycle)
-        if data[each.status] & _VALID and (each.iops is None or data[each.iops] & _GOOD):
+        if (each.status is None or data[each.status] & _VALID) and (
+            each.iops is None or data[each.iops] & _GOOD
+        ):
             line.take(sent, data[each.offset : each.offset + each.length], at)
         else:
             line.lost(sent, at)

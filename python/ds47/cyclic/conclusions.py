@@ -18,7 +18,7 @@ from ds47.findings.remark import Remark
 from ds47.model import Transaction
 from ds47.spec.semantics import Limits
 
-Place = tuple[str, str, int, int]
+Place = tuple[str, str, int | None, int | None]
 
 
 class Conclusions:
@@ -40,7 +40,7 @@ class Conclusions:
 
     def exchanged(self, relation: Relation, job: Job) -> list[Remark]:
         """A transaction of PKW that is over, and what is wrong with it."""
-        if relation.vendor_id != judge.SIEMENS:
+        if not relation.is_judged:
             return []
         found = list(judge.remarks(relation, job, self._layout(relation.device)))
         return [*found, *self._habits_of(relation).take(job)]
@@ -54,12 +54,12 @@ class Conclusions:
     def finish(self) -> Iterator[Remark]:
         """Everything else."""
         for drive in self._channels.drives():
-            if drive.relation.vendor_id == judge.SIEMENS:
+            if drive.relation.is_judged:
                 yield from drive.remarks()
         for habits in self._habits.values():
             yield from habits.finish()
         for relation in self._channels.unused():
-            if relation.vendor_id == judge.SIEMENS:
+            if relation.is_judged and relation.frame is not None:
                 where = {"device": relation.device, "slot": relation.slot}
                 yield Remark("DS512", relation.frame, where)
 

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ds47.cyclic.channels import Drive
-from ds47.cyclic.judge import SIEMENS
 from ds47.cyclic.operation import state_key
 from ds47.findings.remark import Remark
 from ds47.model import Transaction
@@ -25,7 +24,7 @@ class TurnedDown:
     """A change of a parameter with an error number about a state: from which frame to which."""
 
     device: str
-    slot: int
+    slot: int | None
     index: int | None
     pnu: int | None
     subindex: int | None
@@ -49,7 +48,7 @@ def turned_down(item: Transaction) -> TurnedDown | None:
 def explain(it: TurnedDown, drives: Sequence[Drive]) -> Remark | None:
     """What the status word of the same drive object says; None where that is not known."""
     drive = _same(it, drives)
-    if drive is None or drive.relation.vendor_id != SIEMENS:
+    if drive is None or not drive.relation.is_judged:
         return None
     running = drive.recorder.running(it.request, it.response)
     if running is None:

@@ -15,13 +15,10 @@ from ds47.cyclic.relations import Relation
 from ds47.findings.remark import Remark
 from ds47.spec import cyclic
 
-SIEMENS = 0x002A
-"""PROFINET vendor id."""
-
 
 def remarks(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Iterator[Remark]:
     """What is wrong with a transaction that is over."""
-    if relation.vendor_id != SIEMENS:
+    if not relation.is_judged:
         return
     asked = pkw.decode(job.request.data, answer=False, layout=layout)
     which = {"pnu": asked.pnu, "subindex": asked.subindex}

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from ds47 import model
 from ds47.cyclic.pkw import LENGTH
-from ds47.model import LENGTHS
+from ds47.model import LENGTHS, NAMED, REFUTED
 from ds47.profinet.connect import Connect, Data, Submodule
 from ds47.spec.cyclic import telegrams
 
@@ -21,6 +21,8 @@ _LEAST_PZD = 4
 _PPO = ((12, 12), (20, 20))
 """Lengths of one submodule with PKW in front of its process data."""
 _WORD = 2
+SIEMENS = 0x002A
+"""PROFINET vendor id."""
 _LONGEST = 1440
 """Bytes of data that a cyclic frame has at the most."""
 
@@ -30,7 +32,8 @@ class Side:
     """One direction: the sender's MAC address and frame id, and where the channel is behind the frame id.
 
     Of `length` bytes only the first `watched` matter when they change. `iops` is where the state of the data
-    stands, None where there is none; `status` where that of the frame does.
+    stands, None where there is none or nobody knows; `status` where that of the frame does, None where nobody
+    knows. A `cycle_ns` of 0 is not known.
     """
 
     source: bytes
@@ -39,7 +42,7 @@ class Side:
     length: int
     watched: int
     iops: int | None
-    status: int
+    status: int | None
     cycle_ns: int
 
     @property
@@ -58,27 +61,35 @@ class Relation:
     """A channel in cyclic frames between a controller and a device: `model.PKW` or `model.PZD`.
 
     `telegrams` are those that the lengths allow; none where no telegram has them. `frame` is that of the
-    response to the Connect, `certainty` one of `model.LENGTHS` and `model.SEEN`.
+    response to the Connect, `certainty` one of those of `model.Relation`. A channel that was named by hand has no
+    AR and no submodule, and `frame` is its first one.
     """
 
     channel: str
     controller: str
     device: str
     vendor_id: int | None
-    ar: bytes
-    api: int
-    slot: int
-    subslot: int
+    ar: bytes | None
+    api: int | None
+    slot: int | None
+    subslot: int | None
     telegrams: tuple[int, ...]
     output: Side
     input: Side
-    frame: int
+    frame: int | None
     certainty: str = LENGTHS
 
     @property
-    def place(self) -> tuple[str, str, int, int]:
+    def place(self) -> tuple[str, str, int | None, int | None]:
         """The stations and the slot: PKW and PZD of one drive have them in common."""
         return self.controller, self.device, self.api, self.slot
+
+    @property
+    def is_judged(self) -> bool:
+        """Whether findings are about it: of Siemens, whose tables are known, or said to be a drive by a user."""
+        return self.vendor_id == SIEMENS or (
+            self.certainty in (NAMED, REFUTED) and self.vendor_id is None
+        )
 
     def told(self) -> model.Relation:
         """As the report has it."""
@@ -86,7 +97,7 @@ class Relation:
             channel=self.channel, controller=self.controller, device=self.device, api=self.api,
             slot=self.slot, subslot=self.subslot, telegrams=list(self.telegrams),
             output=self.output.told(), input=self.input.told(),
-            cycle_ms=self.input.cycle_ns / 1e6, frame=self.frame, certainty=self.certainty,
+            cycle_ms=self.input.cycle_ns / 1e6 or None, frame=self.frame, certainty=self.certainty,
         )  # fmt: skip
 
 

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 from ds47.cyclic import handshake, pkw
 from ds47.cyclic.handshake import Job
-from ds47.cyclic.relations import Relation
+from ds47.cyclic.relations import SIEMENS, Relation
 from ds47.model import PKW, Frames, Parameter, ParameterError, Transaction
 from ds47.spec import cyclic, parameters
 from ds47.spec.units import uuid_text
 
-SIEMENS = 0x002A
 _OPERATIONS = {
     "read": "read",
     "description": "read",
@@ -34,7 +33,7 @@ def build(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Transaction
         state=job.state,
         controller=relation.controller,
         device=relation.device,
-        ar=uuid_text(relation.ar),
+        ar=None if relation.ar is None else uuid_text(relation.ar),
         api=relation.api,
         slot=relation.slot,
         subslot=relation.subslot,
@@ -50,7 +49,7 @@ def build(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Transaction
         read_status=None,
         parameters=[_parameter(relation, asked, access, job, layout)],
         channel=PKW,
-        cycles=job.cycles,
+        cycles=job.cycles if relation.input.cycle_ns else None,
     )
 
 

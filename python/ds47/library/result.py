@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Literal, NamedTuple, get_args
 
 from ds47.analysis import AnalysisOptions
 from ds47.analysis import analyze as analyze_natively
+from ds47.cyclic.named import pairs as name_pairs
+from ds47.cyclic.named import parse as parse_name
 from ds47.model import (
     CHANNELS,
     CaptureFile,
@@ -248,6 +250,7 @@ def analyze(
     slow_ms: float | None = None,
     pkw_layouts: Mapping[str, str] | None = None,
     channels: Iterable[str] = ("ds47", "pkw", "pzd"),
+    cyclic: Iterable[str] = (),
     select: Iterable[str] = (),
     ignore: Iterable[str] = (),
     options: Options | None = None,
@@ -266,6 +269,8 @@ def analyze(
         pkw_layouts: the layout of IND in PKW, "cyclic" or "uss", by the IP address of the device; "" for all
             others.
         channels: what to report: "ds47" record calls, "pkw", "pzd".
+        cyclic: channels in cyclic frames whose Connect is missing, two names for each, as in
+            "00:1b:1b:11:22:33@8000:0:pkw"; docs/cyclic.md 5.
         select: rules to report, by id, beginning of an id, or name; empty for all.
         ignore: rules to leave out.
         options: dialects of the parameter channel.
@@ -273,7 +278,8 @@ def analyze(
 
     Raises:
         CaptureError: nothing of the capture can be read.
-        ValueError: there is no such rule, engine or channel, or the files are not those of one ring buffer.
+        ValueError: there is no such rule, engine or channel, a name in `cyclic` is none, or the files are not
+            those of one ring buffer.
         NotReadyError: the engine needs tshark or pyshark, and it is missing; the text says what to do.
     """
     wanted = tuple(channels)
@@ -282,8 +288,9 @@ def analyze(
     chosen = AnalysisOptions(
         indices=frozenset(indices), slow_ms=slow_ms, select=_rules(select), ignore=_rules(ignore),
         codec=options or Options(), digest=digest, pkw_layouts=tuple((pkw_layouts or {}).items()),
-        channels=wanted,
+        channels=wanted, cyclic=tuple(map(parse_name, cyclic)),
     )  # fmt: skip
+    name_pairs(chosen.cyclic)
     if engine not in get_args(Engine):
         raise ValueError(f"no engine {engine!r}: {', '.join(get_args(Engine))}")
     if isinstance(path, Sequence) and not isinstance(path, str):

@@ -27,8 +27,8 @@ class Access(NamedTuple):
 
     device: str
     record_index: int
-    slot: int
-    subslot: int
+    slot: int | None
+    subslot: int | None
     axis: int | None
 
     @property
@@ -62,7 +62,9 @@ class DriveObjects:
     """
 
     def __init__(self) -> None:
-        self._submodules: OrderedDict[tuple[str, int, int], int | None] = OrderedDict()
+        self._submodules: OrderedDict[tuple[str, int | None, int | None], int | None] = (
+            OrderedDict()
+        )
         """DO-ID of a submodule, by PNU 975; None where it was read twice and differs."""
         self._distinguishing: OrderedDict[str, None] = OrderedDict()
         """Devices that have refused an axis number: they look at it."""
@@ -168,7 +170,9 @@ def access_of(item: Transaction) -> Access:
     return access(item.device, index, item.slot, item.subslot, item.axis)
 
 
-def access(device: str, record_index: int, slot: int, subslot: int, axis: int | None) -> Access:
+def access(
+    device: str, record_index: int, slot: int | None, subslot: int | None, axis: int | None
+) -> Access:
     """An access; of a local one the axis byte says nothing."""
     return Access(device, record_index, slot, subslot, None if record_index == LOCAL else axis)
 

@@ -109,7 +109,7 @@ class Places:
         return all(shown.exists(device, axis) for shown in self._shown)
 
 
-def _submodule(access: Access) -> tuple[str, int, int]:
+def _submodule(access: Access) -> tuple[str, int | None, int | None]:
     return access.device, access.slot, access.subslot
 
 

@@ -36,7 +36,7 @@ _END: Final = 1 << 62
 _HEADER: Final = (("mirror_reference", 0), ("mirror_axis", 2), ("mirror_count", 3))
 """The bytes of a request that its response mirrors, but for byte 1."""
 
-_Channel = tuple[str, str, str | None, int, int, int, int | None]
+_Channel = tuple[str, str, str | None, int | None, int | None, int | None, int | None]
 
 
 class Call(NamedTuple):

@@ -61,6 +61,8 @@ def _names(row: Rule, template: str, args: Mapping[str, Any], many: bool) -> set
         found.add("status")
     if "error" in found:
         found.add("code")
+    if "drive" in found:
+        found.update(("device", "slot"))
     return found
 
 
@@ -135,6 +137,8 @@ class _Shown(dict[str, str]):
             text = self._text()
         elif key == "error":
             text = self._error()
+        elif key == "drive":
+            text = drive(str(self._args.get("device")), self._args.get("slot"), self._lang)
         else:
             text = self._shown(key)
         self[key] = text
@@ -165,6 +169,13 @@ class _Shown(dict[str, str]):
         if kind == "place" and value is not None:
             return place(value, self._lang)
         return shown(kind, value)
+
+
+def drive(device: str, slot: int | None, lang: str) -> str:
+    """A drive in cyclic frames: its device and slot; one that was named by hand has no slot."""
+    if slot is None:
+        return device
+    return diagnosis_words(lang)["drive"].format(device=device, slot=slot)
 
 
 def place(where: Mapping[str, int], lang: str) -> str:

@@ -69,5 +69,5 @@ class Targets:
 
 
 def slot(item: Transaction) -> str:
-    """`slot 1.1`."""
-    return f"slot {item.slot}.{item.subslot}"
+    """`slot 1.1`; nothing of a channel that was named by hand."""
+    return "" if item.slot is None else f"slot {item.slot}.{item.subslot}"

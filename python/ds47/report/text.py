@@ -140,23 +140,27 @@ class Writer(_Writer):
         for each in relations[:RELATIONS_LISTED]:
             numbers = ", ".join(map(str, each.telegrams))
             self._line("  " + self._say(
-                "relation", device=escape(each.device), place=_place(each), channel=each.channel.upper(),
+                "relation", where=_where(each), channel=each.channel.upper(),
                 telegram=self._say("relation_telegram", numbers=numbers) if numbers else "",
                 output=f"{each.output.frame_id:04X}", output_at=each.output.offset,
                 input=f"{each.input.frame_id:04X}", input_at=each.input.offset,
-                cycle=duration(round(each.cycle_ms * 1_000_000)),
+                cycle=self._cycle(each.cycle_ms),
                 certainty=self._say(_certainty(each)),
             ))  # fmt: skip
         if len(relations) > RELATIONS_LISTED:
             self._line("  " + self._say("more", number=str(len(relations) - RELATIONS_LISTED)))
 
+    def _cycle(self, milliseconds: float | None) -> str:
+        if milliseconds is None:
+            return ""
+        return self._say("relation_cycle", cycle=duration(round(milliseconds * 1_000_000)))
+
     def _timelines(self, result: CaptureResult) -> None:
         """What happened to each drive, a line for each word and frame."""
         for timeline in result.timelines:
             relation = result.relations[timeline.relation - 1]
-            where = {"device": escape(relation.device), "place": _place(relation)}
             self._line()
-            self._title(self._say("timeline_head", **where))
+            self._title(self._say("timeline_head", where=_where(relation)))
             known = timelines.reference(result, relation.device, self.options.reference)
             if known is not None:
                 self._line("  " + timelines.reference_words(known).text(self.options.lang))
@@ -304,12 +308,15 @@ class Writer(_Writer):
                 self._line(f"  {line}")
 
 
-def _place(relation: Relation) -> str:
-    return f"slot {relation.slot}.{relation.subslot}"
+def _where(relation: Relation) -> str:
+    place = "" if relation.slot is None else f" slot {relation.slot}.{relation.subslot}"
+    return escape(relation.device) + place
 
 
 def _certainty(relation: Relation) -> str:
     """The key of the words that say how sure a relation is."""
+    if relation.frame is None:
+        return "certainty_absent"
     drive = relation.channel == PZD and relation.certainty == SEEN
     return "certainty_seen_pzd" if drive else f"certainty_{relation.certainty}"
 

@@ -137,7 +137,6 @@ class Rule(Row):
     many: str = ""
     many_zh: str = ""
     group: tuple[str, ...] = ()
-    analyzer_only: bool = False
     args: Mapping[str, str] = MappingProxyType({})
 
     def carried(self, args: Mapping[str, Any]) -> dict[str, Any]:
@@ -161,8 +160,7 @@ class Rule(Row):
     @property
     def in_wireshark(self) -> bool:
         """Whether the plugin finds it: a diagnosis of the whole capture it has not while it shows a frame."""
-        whole = self.id.startswith("DS7") and self.scope == "capture"
-        return not (whole or self.analyzer_only)
+        return not (self.id.startswith("DS7") and self.scope == "capture")
 
 
 @cache

@@ -203,7 +203,7 @@ class _Growing(text._Columns):
         self.controllers = False
         self.slots = False
         self.route = 0
-        self._first: tuple[str, tuple[int, int, int]] | None = None
+        self._first: tuple[str, tuple[int | None, int | None, int | None]] | None = None
 
     def grow(self, item: Transaction) -> None:
         """Makes room for one more; what it addresses is told by what was seen until then."""

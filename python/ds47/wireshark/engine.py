@@ -188,16 +188,9 @@ def _place(finding: Finding) -> tuple[int, str, int, int]:
 def differences(native: CaptureResult, found: CaptureResult, lang: str = "en") -> list[Change]:
     """What differs between two results of one capture, in words of `lang`: was native, is tshark.
 
-    What only the analyzer has is no difference: events of drives, and findings about them.
+    Events of drives are no difference: what they lead to is compared, the findings.
     """
-    own = spec.rules()
-    native, found = (
-        replace(
-            each, timelines=[],
-            findings=[one for one in each.findings if not own[one.rule].analyzer_only],
-        )
-        for each in (native, found)
-    )  # fmt: skip
+    native, found = replace(native, timelines=[]), replace(found, timelines=[])
     # One file: compare() then compares frames and times too.
     one_file = {"sha256": "the same"}
     stored, now = report.capture(native) | one_file, report.capture(found) | one_file
@@ -231,10 +224,15 @@ def preferences(options: AnalysisOptions) -> list[str]:
     layouts = dict(options.pkw_layouts)
     plain = layouts.pop("", "cyclic")
     others = " ".join(f"{device}={layout}" for device, layout in sorted(layouts.items()))
+    cyclic = " ".join(
+        f"{each.mac}@{each.frame_id:04x}:{each.offset}:{each.kind}" for each in options.cyclic
+    )
     return [
         *([f"ds47.indices:{indices}"] if indices else []),
         f"ds47.pkw_layout:{plain}",
         *([f"ds47.pkw_layouts:{others}"] if others else []),
+        *([f"ds47.cyclic:{cyclic}"] if cyclic else []),
+        "ds47.every_cyclic:TRUE",  # those that the analyzer looked at are given, and no others
         "ds47.index_47:auto",
         "ds47.language:en",
         f"ds47.slow_ms:{int(slow_ms)}",

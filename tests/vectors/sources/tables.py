@@ -26,8 +26,6 @@ ABOUT = (
 Flat = Iterator[tuple[str, Any]]
 KEYS = ("code", "last", "number", "id")
 """Fields that say again what stands in the key."""
-OF_PYTHON = ("analyzer_only",)
-"""Fields that Lua has no use for."""
 EXPLAINING = ("note", "confirmed", "zh_from", "plc", "wireshark")
 """Fields for the reader of a table alone: the Lua tables leave them out."""
 
@@ -35,7 +33,7 @@ EXPLAINING = ("note", "confirmed", "zh_from", "plc", "wireshark")
 def fields(where: str, row: Any) -> Flat:
     """An object's fields; what is absent or empty has no line."""
     for name, value in row.columns().items():
-        if name not in (*KEYS, *OF_PYTHON) and value is not None and value != "":
+        if name not in KEYS and value is not None and value != "":
             yield from leaves(f"{where}.{name}", value)
 
 

@@ -137,7 +137,7 @@ def _view(result: CaptureResult, timeline: Timeline, given: Reference | None) ->
     drawings, opened = canvas.drawings()
     return TimelineView(
         device=relation.device,
-        place=f"slot {relation.slot}.{relation.subslot}",
+        place="" if relation.slot is None else f"slot {relation.slot}.{relation.subslot}",
         start=timestamp(timeline.events[0].time_ns),
         reference=told.reference_words(reference) if reference else None,
         drawings=drawings,
@@ -192,7 +192,7 @@ class _Canvas:
             about = say("zoom_story_about", rule=rules, frame=str(told_in[0].frame))
             found.append(_Drawing(self, first, last).drawn(Both.same(rules), about))
         stories = len(found)
-        if self.findings:
+        if self.findings and self.relation.cycle_ms is not None:
             moment = self._time(self.findings[0].frame)
             half = round(CYCLES / 2 * self.relation.cycle_ms * 1e6)
             zoom = _Drawing(self, moment - half, moment + half)
@@ -419,7 +419,10 @@ class _Drawing:
     def _ticks(self) -> list[float]:
         """The frames that were looked at, where single ones can be told apart."""
         relation = self.canvas.relation
-        if (self.last_ns - self.first_ns) / 1e6 > 3 * CYCLES * relation.cycle_ms:
+        if (
+            relation.cycle_ms is None
+            or (self.last_ns - self.first_ns) / 1e6 > 3 * CYCLES * relation.cycle_ms
+        ):
             return []
         return [
             self._x(each.time_ns)

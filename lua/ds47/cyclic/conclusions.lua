@@ -1,0 +1,67 @@
+-- What only the whole capture shows of the cyclic channels: habits, operation, why a change was not accepted.
+--  Gathers what habits.lua, operation.lua and explanation.lua have to say, and decides whom it is said of:
+-- tables and bits are those of one maker, and of other drives nothing is said (docs/cyclic.md 7).
+
+local explanation = require("ds47.cyclic.explanation")
+local habits = require("ds47.cyclic.habits")
+local handshake = require("ds47.cyclic.handshake")
+local judge = require("ds47.cyclic.judge")
+local relations = require("ds47.cyclic.relations")
+
+local M = {}
+
+local NONE = {}
+
+local Conclusions = {}
+Conclusions.__index = Conclusions
+
+--- What is kept of transactions until the capture is over.
+-- @param limits the flat table of tables.lua
+-- @param channels those of the capture
+function M.new(limits, channels)
+  return setmetatable({limits = limits, channels = channels, habits = {}}, Conclusions)
+end
+
+local function habits_of(self, relation, layout)
+  local place = relations.place(relation)
+  local found = self.habits[place]
+  if found == nil then
+    found = habits.new({device = relation.device, slot = relation.slot}, self.limits, layout)
+    self.habits[place], self.habits[#self.habits + 1] = found, found
+  end
+  return found
+end
+
+--- What is wrong with a transaction of PKW that is over: array of remarks.
+function Conclusions:exchanged(relation, job, layout)
+  if not relations.is_judged(relation) then return NONE end
+  local remarks = judge.remarks(relation, job, layout)
+  local _, took = handshake.duration(job)
+  habits_of(self, relation, layout):take(job, took, remarks)
+  return remarks
+end
+
+--- Whether the state of its drive explains a transaction of any channel that is over: a remark, or nil.
+function Conclusions:transaction(item)
+  return explanation.explain(item, self.channels:drives())
+end
+
+--- Everything else, when the capture is over: array of remarks.
+function Conclusions:finish()
+  local found = {}
+  local function add(remarks)
+    for _, remark in ipairs(remarks) do found[#found + 1] = remark end
+  end
+  for _, drive in ipairs(self.channels:drives()) do
+    if relations.is_judged(drive.relation) then add(drive:remarks()) end
+  end
+  for _, each in ipairs(self.habits) do add(each:finish()) end
+  for _, relation in ipairs(self.channels:unused()) do
+    if relations.is_judged(relation) and relation.frame then
+      add({{rule = "DS512", frame = relation.frame, args = {device = relation.device, slot = relation.slot}}})
+    end
+  end
+  return found
+end
+
+return M

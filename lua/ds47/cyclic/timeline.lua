@@ -1,0 +1,244 @@
+-- Control and status word of one drive along the time: words to events (docs/cyclic.md 6). One relation at a
+-- time, fed with what was looked at; which bytes of which frame these words are is not here, and what is
+-- wrong is said in operation.lua.
+--  An event: {frame, time, name, word ("STW1", "ZSW1" or nil), before, after, state, overlays}; ids are
+-- those of tables.pzd.events.
+
+local bits = require("ds47.support.bits")
+local pzd = require("ds47.cyclic.pzd")
+local reader = require("ds47.support.bytes")
+local tables = require("ds47.spec.tables")
+
+local bit, u16 = bits.bit, reader.u16
+
+local M = {}
+
+local HEEDED = 10 -- bit of STW1: where it is 0, the drive ignores the whole word and keeps the one before
+local REQUESTED = 9 -- bit of ZSW1: the drive wants to be controlled by the PLC
+local RUNNING = 2 -- bit of ZSW1: operation enabled
+local REVERSE = 11 -- bit of STW1 that turns the sign of the setpoint
+local FAULT, NO_OFF2, NO_OFF3, INHIBITED = 3, 4, 5, 6 -- bits of ZSW1
+local REACTION_NS = 2000000000 -- so soon after ON a drive has the next state
+local LAST_TASK = 63 -- of traversing tasks, which telegram 7 has where telegram 1 has the setpoint
+local LEGAL = {[1] = true, [3] = true, [7] = true} -- bits 2 to 0 of ZSW1 in the states S2 to S4
+local ILLEGAL = {[2] = true, [4] = true, [6] = true} -- no drive without a fault has these
+local COMMANDS, STATES = tables.pzd.stw1_edges, tables.pzd.zsw1_edges
+
+local of_speed = {} -- ids of events that only telegrams with a speed have
+for _, edge in ipairs(COMMANDS) do
+  if edge.speed then of_speed[edge.id] = true end
+end
+
+local Recorder = {}
+Recorder.__index = Recorder
+
+--- A recorder.
+-- @param operation is told of every frame, as long as the data of both sides is valid
+-- @param trusted whether the words alone prove a drive; else only what it does after ON
+-- @param speed whether the word behind STW1 is a setpoint of speed; nil where the lengths do not tell
+-- @param fault where in the drive's data FAULT_CODE is, nil where the telegram has none
+-- @param most events that are kept
+function M.new(operation, trusted, speed, fault, most)
+  return setmetatable({
+    operation = operation, trusted = trusted, speed = speed, fault = fault, most = most,
+    events = {}, left_out = 0,
+    faults = {}, -- {frame, code} at each change of the fault number
+    proven = false, -- whether both words were seen as a drive has them that a PLC controls
+    refuted = false, -- whether a word was seen that no drive has
+    stw1 = nil, zsw1 = nil, heeded = nil, -- the words, and the last control word that the drive heeds
+    on_time = nil, -- when ON was given to a drive that was ready for it
+    lost_out = false, lost_in = false, -- whose data is not valid
+    setpoint = nil, actual = nil, -- raw, the setpoint as it is effective
+  }, Recorder)
+end
+
+-- Whether the second word is a speed: a number that no traversing task has shows it.
+local function learnt(self, raw)
+  if self.speed == nil and raw % 0x8000 > LAST_TASK then self.speed = true end
+  return self.speed
+end
+
+local function tell(self, frame, time)
+  if self.stw1 == nil or self.zsw1 == nil or self.lost_out or self.lost_in then return end
+  self.operation:look({
+    frame = frame, time = time, stw1 = self.stw1, heeded = self.heeded or self.stw1, zsw1 = self.zsw1,
+    setpoint = self.setpoint, actual = self.actual,
+  })
+end
+
+local function happened(self, name, frame, time, word, before, after)
+  if #self.events >= self.most then
+    self.left_out = self.left_out + 1
+    return
+  end
+  local state, overlays
+  if self.zsw1 and not self.lost_in then state, overlays = pzd.state(self.zsw1, self.heeded) end
+  self.events[#self.events + 1] = {
+    frame = frame, time = time, name = name, word = word, before = before, after = after,
+    state = state, overlays = overlays or {},
+  }
+end
+
+local function is_edge(edge, before, after)
+  return bit(before, edge.bit) ~= bit(after, edge.bit) and bit(after, edge.bit) == edge.value
+end
+
+-- Whether these words look like those of a drive under control.
+local function look(self)
+  local stw1, zsw1 = self.stw1, self.zsw1
+  if self.proven or not self.trusted or stw1 == nil or zsw1 == nil then return end
+  local legal = LEGAL[zsw1 % 8] and bit(zsw1, NO_OFF2) == 1 and bit(zsw1, NO_OFF3) == 1
+  if bit(zsw1, INHIBITED) == 1 then legal = bit(zsw1, 1) == 0 and bit(zsw1, 2) == 0 end
+  local heeded = bit(stw1, HEEDED) == 1 and stw1 < 0x1000 -- controllers leave bits 12 to 15 at 0
+  self.proven = heeded and bit(zsw1, REQUESTED) == 1 and (legal or false)
+end
+
+local function back(self, by_controller, frame, time)
+  local lost = by_controller and "lost_out" or "lost_in"
+  if self[lost] then
+    self[lost] = false
+    happened(self, by_controller and "output-back" or "input-back", frame, time)
+  end
+end
+
+local function control(self, stw1, frame, time)
+  local before, heeded, now = self.stw1, self.heeded, bit(stw1, HEEDED) == 1
+  self.stw1 = stw1
+  if now then
+    self.heeded = stw1
+    local on = bit(stw1, 0) == 1 and bit(heeded or 0, 0) == 0
+    if on and (self.zsw1 or 0) % 8 == 1 then self.on_time = time end
+  end
+  look(self)
+  back(self, true, frame, time)
+  if before == nil then
+    happened(self, "first", frame, time, "STW1", nil, stw1)
+    return
+  end
+  for _, edge in ipairs(COMMANDS) do
+    local from = before
+    if edge.bit ~= HEEDED then from = now and heeded or stw1 end -- nothing happens where it is not heeded
+    if is_edge(edge, from, stw1) then happened(self, edge.id, frame, time, "STW1", before, stw1) end
+  end
+end
+
+local function status(self, zsw1, frame, time)
+  local before, running = self.zsw1, zsw1 % 8
+  self.zsw1 = zsw1
+  if bit(zsw1, FAULT) == 0 and (ILLEGAL[running] or bit(zsw1, INHIBITED) == 1 and running ~= 0) then
+    self.refuted = true
+  end
+  if self.on_time and (before or 0) % 8 == 1 and (running == 3 or running == 7) then
+    self.trusted = self.trusted or time - self.on_time <= REACTION_NS
+  end
+  look(self)
+  back(self, false, frame, time)
+  if before == nil then
+    happened(self, "first", frame, time, "ZSW1", nil, zsw1)
+    return
+  end
+  for _, edge in ipairs(STATES) do
+    if is_edge(edge, before, zsw1) then happened(self, edge.id, frame, time, "ZSW1", before, zsw1) end
+  end
+end
+
+--- The words of the controller from a frame on.
+function Recorder:sent(words, frame, time)
+  local stw1, raw = u16(words, 0), u16(words, 2)
+  if stw1 ~= self.stw1 or self.lost_out or self.lost_in then control(self, stw1, frame, time) end
+  if learnt(self, raw) then
+    local value = pzd.signed(raw)
+    self.setpoint = bit(stw1, REVERSE) == 1 and -value or value
+  end
+  tell(self, frame, time)
+end
+
+--- The words of the drive from a frame on.
+function Recorder:answered(words, frame, time)
+  local zsw1, raw = u16(words, 0), u16(words, 2)
+  if self.fault then
+    local code, newest = u16(words, self.fault), self.faults[#self.faults]
+    if code ~= (newest and newest.code or 0) and #self.faults < self.most then
+      self.faults[#self.faults + 1] = {frame = frame, code = code}
+    end
+  end
+  if zsw1 ~= self.zsw1 or self.lost_out or self.lost_in then status(self, zsw1, frame, time) end
+  if learnt(self, raw) then self.actual = pzd.signed(raw) end
+  tell(self, frame, time)
+end
+
+--- Data of one side is not valid from a frame on.
+function Recorder:lost(by_controller, frame, time)
+  local lost = by_controller and "lost_out" or "lost_in"
+  local word = self.zsw1
+  if by_controller then word = self.stw1 end
+  if self[lost] or word == nil then return end
+  self[lost] = true
+  self.operation:lost(frame, by_controller)
+  happened(self, by_controller and "output-lost" or "input-lost", frame, time)
+end
+
+--- Whether an event is told: those of bits that are about a speed only where it is known to be one.
+function Recorder:is_told(event)
+  return self.speed or not of_speed[event.name]
+end
+
+--- The events.
+function Recorder:told()
+  if self.speed then return self.events end
+  local found = {}
+  for _, event in ipairs(self.events) do
+    if self:is_told(event) then found[#found + 1] = event end
+  end
+  return found
+end
+
+--- The number of the fault that came with a frame: it stands there already, or comes soon.
+function Recorder:fault_code(frame)
+  local there, coming
+  for _, each in ipairs(self.faults) do
+    if each.frame <= frame then
+      there = each.code
+    elseif each.code ~= 0 then
+      coming = coming or each.code
+    end
+  end
+  if there and there ~= 0 then return there end
+  return coming
+end
+
+--- Whether the drive ran in all frames from one to another; nil where it changed, or nobody knows.
+function Recorder:running(first, last)
+  local found
+  for _, event in ipairs(self.events) do
+    if event.word == "ZSW1" then
+      local now = bit(event.after, RUNNING) == 1
+      if event.frame <= first then
+        found = now
+      elseif event.frame <= last and now ~= found then
+        return nil
+      end
+    end
+  end
+  return found
+end
+
+--- The frame in which it began to run, before or in this one; nil where it ran from the beginning on.
+function Recorder:running_since(frame)
+  local found
+  for _, event in ipairs(self.events) do
+    if event.name == "running" and event.frame <= frame then found = event.frame end
+  end
+  return found
+end
+
+--- The state of the drive in a frame; nil where nobody knows.
+function Recorder:state_at(frame)
+  local found
+  for _, event in ipairs(self.events) do
+    if event.frame <= frame then found = event.state end
+  end
+  return found
+end
+
+return M

@@ -1,0 +1,112 @@
+"""Channels that a user names, where a capture has no Connect: their notation, and relations (docs/cyclic.md 5).
+
+A name says who sends a channel and where it is; two of them make a relation, the first for the frames of the
+controller. What a Connect would say besides (addresses, slot, IOPS, cycle time) nobody knows.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from ds47.cyclic.pkw import LENGTH
+from ds47.cyclic.relations import Relation, Side
+from ds47.model import NAMED, PKW, PZD
+
+KINDS: Final = ("pkw", "pzd", "ppo1")
+"""PKW; PZD that begins with a control or status word; PKW with PZD behind it."""
+_NAME = re.compile(
+    r"((?:[0-9a-f]{2}[:-]){5}[0-9a-f]{2})@(?:0x)?([0-9a-f]{1,4}):(\d{1,4}):(\w+)", re.IGNORECASE
+)
+_FORM = "MAC@FRAMEID:OFFSET:KIND, as in 00:1b:1b:11:22:33@8000:0:pkw"
+_FIRST, _LAST = 0x0100, 0xFBFF
+"""Frame ids of cyclic frames."""
+_LONGEST = 1440
+_PZD_LENGTH = 4
+"""STW1 and setpoint, ZSW1 and actual value: what all telegrams have."""
+
+
+@dataclass(frozen=True, slots=True)
+class Name:
+    """One direction of a channel: the sender's MAC address and frame id, and where it is behind the frame id."""
+
+    source: bytes
+    frame_id: int
+    offset: int
+    kind: str
+
+    @property
+    def mac(self) -> str:
+        """The MAC address as text."""
+        return self.source.hex(":")
+
+
+def parse(text: str) -> Name:
+    """A name as it is typed: `00:1b:1b:11:22:33@8000:0:pkw`, the frame id in hex.
+
+    Raises:
+        ValueError: what is wrong, and what a name looks like.
+    """
+    found = _NAME.fullmatch(text.strip())
+    if found is None:
+        raise ValueError(f"{text!r} is not {_FORM}")
+    mac, frame_id, offset, kind = found.groups()
+    if kind.lower() not in KINDS:
+        raise ValueError(f"{text!r}: {kind!r} is none of {', '.join(KINDS)}")
+    if not _FIRST <= int(frame_id, 16) <= _LAST:
+        raise ValueError(
+            f"{text!r}: cyclic frames have a frame id from {_FIRST:04X} to {_LAST:04X}"
+        )
+    if int(offset) >= _LONGEST:
+        raise ValueError(f"{text!r}: a cyclic frame has at most {_LONGEST} bytes of data")
+    return Name(
+        bytes.fromhex(re.sub("[:-]", "", mac)), int(frame_id, 16), int(offset), kind.lower()
+    )
+
+
+def pairs(names: Sequence[Name]) -> list[tuple[Name, Name]]:
+    """Two and two of them: the direction from the controller, and that from the drive.
+
+    Raises:
+        ValueError: one is left over, or two differ in their kind.
+    """
+    if len(names) % 2:
+        one = names[-1]
+        raise ValueError(
+            f"a channel has two directions: {one.mac}@{one.frame_id:04X} wants a second name,"
+            " first the controller's frames, then the drive's"
+        )
+    found = list(zip(names[::2], names[1::2], strict=True))
+    for output, input_ in found:
+        if output.kind != input_.kind:
+            raise ValueError(
+                f"{output.kind} of {output.mac} and {input_.kind} of {input_.mac}:"
+                " both directions of a channel are of one kind"
+            )
+    return found
+
+
+def relations(names: Sequence[Name]) -> Iterator[Relation]:
+    """The channels that names stand for; see `pairs`."""
+    for output, input_ in pairs(names):
+        if output.kind != "pzd":
+            yield _relation(PKW, output, input_, 0, LENGTH)
+        if output.kind != "pkw":
+            behind = LENGTH if output.kind == "ppo1" else 0
+            yield _relation(PZD, output, input_, behind, _PZD_LENGTH)
+
+
+def _relation(channel: str, output: Name, input_: Name, behind: int, length: int) -> Relation:
+    sides = [
+        Side(
+            name.source, name.frame_id, name.offset + behind, length,
+            watched=length if channel == PKW else 2, iops=None, status=None, cycle_ns=0,
+        )
+        for name in (output, input_)
+    ]  # fmt: skip
+    return Relation(
+        channel, output.mac, input_.mac, vendor_id=None, ar=None, api=None, slot=None, subslot=None,
+        telegrams=(), output=sides[0], input=sides[1], frame=None, certainty=NAMED,
+    )  # fmt: skip

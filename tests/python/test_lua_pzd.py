@@ -1,0 +1,71 @@
+"""PZD in Lua against Python: relations, events, and findings of operation, habits and what explains a refusal.
+
+The scenes of the lab, captures of stories with channels that are named by hand, and operation by chance.
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from test_cyclic_scenes import SCENES, capture
+from test_lua_analysis import VERSIONS, Source, compare
+
+from ds47.analysis import AnalysisOptions, analyze
+from ds47.cyclic import named
+from ds47.lab.cyclic_stories import BOOK
+
+NAMES = ("00:1c:06:00:00:01@8002:0:pzd", "00-1F-F8-00-00-01@0x8001:0:PZD")
+"""Control and status word of the last story."""
+RULES = {f"DS{number}" for number in (*range(507, 513), *range(520, 532))}
+
+
+def sources() -> list[Source]:
+    return [Source(name, capture(scene), False) for name, scene in SCENES.items()]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lang", ["en", "zh"])
+@pytest.mark.parametrize("version", VERSIONS)
+def test_scenes_give_the_same_result(version: str, lang: str, tmp_path: Path) -> None:
+    compare(version, lang, sources(), tmp_path)
+
+
+def test_some_scenes_give_the_same_result(tmp_path: Path) -> None:
+    chosen = [each for each in sources() if each.name in ("fault", "every-event", "motor-blocked")]
+    assert len(chosen) == 3
+    compare("5.4", "en", chosen, tmp_path)
+
+
+def test_the_scenes_have_every_rule() -> None:
+    found = {each.rule for source in sources() for each in analyze(source.open()).findings}
+    assert found >= RULES
+
+
+def without_connect(content: bytes) -> bytes:
+    """A capture without its IP frames."""
+    from ds47.capture import open_capture
+    from ds47.capture.writer import PcapngWriter
+
+    target = io.BytesIO()
+    with open_capture(io.BytesIO(content)) as source, PcapngWriter(target) as writer:
+        for frame in source.everything():
+            if frame.data[12:14] != b"\x08\x00":
+                writer.write(frame.time_ns, frame.data, frame.original_length)
+    return target.getvalue()
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("wrong", [False, True])
+def test_channels_named_by_hand(version: str, wrong: bool, tmp_path: Path) -> None:
+    """At the right offset they are a drive, at another one no drive has such words."""
+    story = next(each for each in BOOK.scenarios if "start" in each.name)
+    names = tuple(named.parse(each.replace(":0:", ":2:" if wrong else ":0:")) for each in NAMES)
+    options = AnalysisOptions(cyclic=names)
+    source = Source("named", without_connect(capture(story)), False)
+    result = analyze(source.open(), options)
+    assert [each.certainty for each in result.relations] == ["refuted" if wrong else "named"]
+    assert [each.rule for each in result.findings] == ([] if wrong else ["DS523"])
+    assert result.timelines == [] if wrong else len(result.timelines[0].events) > 5
+    compare(version, "en", [source], tmp_path, options)
