@@ -328,6 +328,14 @@ def test_what_is_said_of_much_random_operation_is_so(
 
 def is_so(steps: list[tuple[str, Any]], begin: int, telegram: int) -> None:
     """The auditor reads every frame; the analysis sees those in which something changes, and samples."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "talk.pcapng")
+        path.write_bytes(written(operated(steps, begin, telegram)))
+        assert [str(each) for each in run.audit(path)] == []
+
+
+def operated(steps: list[tuple[str, Any]], begin: int, telegram: int) -> Stage:
+    """A drive with one of these telegrams, and what happens to it."""
     stage = Stage()
     machine = Machine(Client(stage), Drive(cells=parameters()), reduction=16)
     if telegram != 353:
@@ -338,7 +346,4 @@ def is_so(steps: list[tuple[str, Any]], begin: int, telegram: int) -> None:
         if telegram == 353 or step not in ("read", "change"):
             play(machine, step, what)
     machine.run(0.5)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "talk.pcapng")
-        path.write_bytes(written(stage))
-        assert [str(each) for each in run.audit(path)] == []
+    return stage

@@ -6,18 +6,30 @@ The scenes of the lab, captures of stories with channels that are named by hand,
 from __future__ import annotations
 
 import io
+import random
 from pathlib import Path
+from typing import Any
 
 import pytest
-from test_cyclic_scenes import SCENES, capture
+from test_cyclic_scenes import SCENES, WORDS, capture, operated, written
 from test_lua_analysis import VERSIONS, Source, compare
 
 from ds47.analysis import AnalysisOptions, analyze
+from ds47.capture import open_capture
+from ds47.capture.writer import PcapngWriter
 from ds47.cyclic import named
+from ds47.lab.cyclic import INPUT, OUTPUT
 from ds47.lab.cyclic_stories import BOOK
 
 NAMES = ("00:1c:06:00:00:01@8002:0:pzd", "00-1F-F8-00-00-01@0x8001:0:PZD")
 """Control and status word of the last story."""
+ABSENT = ("00:1c:06:00:00:09@8002:0:ppo1", "00:1f:f8:00:00:01@8009:0:ppo1")
+"""Of frames that nobody sends."""
+CHANCES: tuple[tuple[str, tuple[Any, ...]], ...] = (
+    ("control", WORDS), ("setpoint", tuple(range(-100, 101, 10))), ("run", (0.016, 0.05, 0.3, 1.0, 2.5, 6.0)),
+    ("drive", ("enabled", "off2", "off3", "local", "alarm", "blocked", "fault", "cleared")),
+    ("iops", (INPUT, OUTPUT)), ("read", (1082, 700, 2000, 999)), ("change", (304, 52, 1082)),
+)  # fmt: skip
 RULES = {f"DS{number}" for number in (*range(507, 513), *range(520, 532))}
 
 
@@ -43,27 +55,40 @@ def test_the_scenes_have_every_rule() -> None:
     assert found >= RULES
 
 
-def without_connect(content: bytes) -> bytes:
-    """A capture without its IP frames."""
-    from ds47.capture import open_capture
-    from ds47.capture.writer import PcapngWriter
+def by_chance(seed: int) -> Source:
+    """What may happen to a drive, as in test_cyclic_scenes, from a seed."""
+    chance = random.Random(seed)
+    steps = [chance.choice(CHANCES) for _ in range(chance.randint(1, 14))]
+    told = [(step, chance.choice(what)) for step, what in steps]
+    stage = operated(told, chance.choice(WORDS), chance.choice((353, 352, 1)))
+    return Source(f"seed {seed}", written(stage), False)
 
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", VERSIONS)
+def test_operation_by_chance_gives_the_same_result(version: str, tmp_path: Path) -> None:
+    first = 1000 * VERSIONS.index(version)
+    compare(version, "en", [by_chance(seed) for seed in range(first, first + 40)], tmp_path)
+
+
+def without_connect() -> io.BytesIO:
+    """The last story without its IP frames."""
+    content = capture(next(each for each in BOOK.scenarios if "start" in each.name))
     target = io.BytesIO()
     with open_capture(io.BytesIO(content)) as source, PcapngWriter(target) as writer:
         for frame in source.everything():
             if frame.data[12:14] != b"\x08\x00":
                 writer.write(frame.time_ns, frame.data, frame.original_length)
-    return target.getvalue()
+    return io.BytesIO(target.getvalue())
 
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("wrong", [False, True])
 def test_channels_named_by_hand(version: str, wrong: bool, tmp_path: Path) -> None:
     """At the right offset they are a drive, at another one no drive has such words."""
-    story = next(each for each in BOOK.scenarios if "start" in each.name)
     names = tuple(named.parse(each.replace(":0:", ":2:" if wrong else ":0:")) for each in NAMES)
     options = AnalysisOptions(cyclic=names)
-    source = Source("named", without_connect(capture(story)), False)
+    source = Source("named", without_connect().getvalue(), False)
     result = analyze(source.open(), options)
     assert [each.certainty for each in result.relations] == ["refuted" if wrong else "named"]
     assert [each.rule for each in result.findings] == ([] if wrong else ["DS523"])

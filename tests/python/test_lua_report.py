@@ -18,10 +18,13 @@ from typing import Any
 import handmade
 import pytest
 from lua_program import LUAS, lua_program
+from test_cyclic_scenes import SCENES, capture
 from test_lua_cyclic import scenes
+from test_lua_pzd import ABSENT, NAMES, without_connect
 
 from ds47 import spec
-from ds47.analysis import analyze
+from ds47.analysis import AnalysisOptions, analyze
+from ds47.cyclic.named import parse
 from ds47.findings import grouping
 from ds47.model import (
     CaptureResult,
@@ -86,7 +89,13 @@ def as_lua(result: CaptureResult) -> dict[str, Any]:
             each["frames"][key] = [{"request": one, "response": two} for one, two in pairs]
     for each, told in zip(item["relations"], result.relations, strict=True):
         each["output"] = told.output._asdict()
-        each["input"] = told.input._asdict() | {"cycle_ns": round(told.cycle_ms * 1e6)}
+        each["input"] = told.input._asdict() | {"cycle_ns": round((told.cycle_ms or 0) * 1e6)}
+    item["start_time"] = (result.start_ns or 0) - base * 10**9
+    for each, shown in zip(item["timelines"], result.timelines, strict=True):
+        each["left_out"] = each["events_left_out"]
+        each["events"] = [
+            event._asdict() | {"time": event.time_ns - base * 10**9} for event in shown.events
+        ]
     for each in item["diagnoses"]:
         del each["corrected"]  # the analyzer alone has them
     for each in (*item["findings"], *item["diagnoses"]):
@@ -259,6 +268,10 @@ def diagnosed_results() -> list[CaptureResult]:
 def cyclic_results() -> list[CaptureResult]:
     """Transactions of PKW beside others, more relations than are listed, lengths of no telegram."""
     found = [analyze(each.open()) for each in scenes()]
+    named = tuple(map(parse, NAMES))
+    for turned in (named, named[::-1], tuple(map(parse, ABSENT))):
+        found.append(analyze(without_connect(), AnalysisOptions(cyclic=turned)))
+    found += [analyze(io.BytesIO(capture(each))) for each in SCENES.values()]
     for result in found:
         result.path = "cyclic.pcapng"
     mixed = copy.deepcopy(found[0])

@@ -1,9 +1,11 @@
 -- Cyclic frames to what their channels say: which bytes of which frame are a channel, and what changed in
 -- them. What a change of the bytes means is the business of handshake.lua and timeline.lua.
---  Relations come from Connects, or are named by hand; a later Connect of the same stations replaces what an
+--
+-- Relations come from Connects, or are named by hand; a later Connect of the same stations replaces what an
 -- earlier one said. Transactions of PKW are handed out when their relation is proven: a request and the
 -- response that followed it were seen. PZD is proven by its words, or by PKW beside it.
---  A line is one relation at work (`Requests`, `Drive`), an end one direction of it: {line, side, sent (by
+--
+-- A line is one relation at work (`Requests`, `Drive`), an end one direction of it: {line, side, sent (by
 -- the controller), and of PKW words (what was there last)}. A row has the ends of one sender and frame id;
 -- it is found by the bytes that all its frames begin with: a frame costs one look-up, a comparison where it
 -- is watched, and no more as long as nothing changes in it. Of the others one in a while is looked at,

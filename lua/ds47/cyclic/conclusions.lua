@@ -1,5 +1,6 @@
 -- What only the whole capture shows of the cyclic channels: habits, operation, why a change was not accepted.
---  Gathers what habits.lua, operation.lua and explanation.lua have to say, and decides whom it is said of:
+--
+-- Gathers what habits.lua, operation.lua and explanation.lua have to say, and decides whom it is said of:
 -- tables and bits are those of one maker, and of other drives nothing is said (docs/cyclic.md 7).
 
 local explanation = require("ds47.cyclic.explanation")

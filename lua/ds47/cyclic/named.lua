@@ -1,6 +1,7 @@
 -- Channels that a user names, where a capture has no Connect: their notation, and relations (docs/cyclic.md
 -- 5).
---  A name says who sends a channel and where it is; two of them make a relation, the first for the frames of
+--
+-- A name says who sends a channel and where it is; two of them make a relation, the first for the frames of
 -- the controller. What a Connect would say besides (addresses, slot, IOPS, cycle time) nobody knows.
 
 local LENGTH = require("ds47.cyclic.pkw").LENGTH

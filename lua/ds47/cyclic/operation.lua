@@ -4,7 +4,8 @@
 -- Why a drive does not start, who switched it off. Fed by timeline.lua with every frame that is looked at; a
 -- rule is about an edge, or about something that stands for so long. Whether anybody wants to know (another
 -- maker's drive, no proof) is decided elsewhere.
---  A look: {frame, time, stw1 (as it was sent), heeded (the last one that the drive heeds), zsw1, setpoint
+--
+-- A look: {frame, time, stw1 (as it was sent), heeded (the last one that the drive heeds), zsw1, setpoint
 -- (raw, as it is effective; nil where the telegram has none), actual}. Nobody changes one.
 
 local bits = require("ds47.support.bits")

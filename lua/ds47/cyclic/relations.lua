@@ -1,12 +1,14 @@
 -- Where PKW and PZD are in cyclic frames: what a Connect sets up, as relations (docs/cyclic.md 5). Bytes of
 -- frames are not looked at here.
 --
--- Lengths alone make candidates only: which of them is a PKW channel, its first request with a response shows
--- and which is PZD, the words themselves (channels.lua).
---  A relation: {channel, controller, device, vendor_id, ar, api, slot, subslot, telegrams, output, input,
+-- Lengths alone make candidates only: which of them is a PKW channel, its first request with a response
+-- shows, and which is PZD, the words themselves (channels.lua).
+--
+-- A relation: {channel, controller, device, vendor_id, ar, api, slot, subslot, telegrams, output, input,
 -- frame, certainty}; `frame` is that of the response to the Connect, `certainty` M.LENGTHS, M.SEEN, M.NAMED
 -- or M.REFUTED. One that was named by hand has no AR and no submodule, and `frame` is its first one.
---  A side of it: {source (six bytes), frame_id, offset, length, watched, iops, status, cycle_ns}: where the
+--
+-- A side of it: {source (six bytes), frame_id, offset, length, watched, iops, status, cycle_ns}: where the
 -- channel is behind the frame id, how many of its bytes matter when they change, the state of the data (nil
 -- where there is none or nobody knows), that of the frame (nil where nobody knows). A cycle of 0 is not
 -- known.

@@ -1,7 +1,8 @@
 -- Control and status word of one drive along the time: words to events (docs/cyclic.md 6). One relation at a
 -- time, fed with what was looked at; which bytes of which frame these words are is not here, and what is
 -- wrong is said in operation.lua.
---  An event: {frame, time, name, word ("STW1", "ZSW1" or nil), before, after, state, overlays}; ids are
+--
+-- An event: {frame, time, name, word ("STW1", "ZSW1" or nil), before, after, state, overlays}; ids are
 -- those of tables.pzd.events.
 
 local bits = require("ds47.support.bits")

@@ -36,7 +36,8 @@ end
 
 local function channel_of(item)
   return concat({
-    item.controller, item.device, item.ar or "", words.integer(item.api), item.slot, item.subslot,
+    item.controller, item.device, item.ar or "", item.api and words.integer(item.api) or "",
+    item.slot or "", item.subslot or "",
     item.index,
   }, "\0")
 end

@@ -36,7 +36,7 @@ end
 function Targets:place(item, with_slot)
   local parts = {}
   if with_slot or drive_objects.access_of(item).record_index == drive_objects.LOCAL then
-    parts[1] = format("slot %d.%d", item.slot, item.subslot)
+    parts[1] = item.slot and format("slot %d.%d", item.slot, item.subslot) or nil
   end
   local words = self:words(item)
   parts[#parts + 1] = words ~= "" and words or nil

@@ -10,6 +10,7 @@ local opening = require("ds47.report.summary")
 local plc = require("ds47.report.plc")
 local tables = require("ds47.spec.tables")
 local targets = require("ds47.report.targets")
+local timelines = require("ds47.report.timelines")
 local todo = require("ds47.report.todo")
 local verdict = require("ds47.report.verdict")
 local words = require("ds47.report.formatting")
@@ -23,6 +24,7 @@ local concat, format, sort = table.concat, string.format, table.sort
 M.LINE_LENGTH = 120 -- parameters that make a line longer than this stand below it, one a line
 M.FINDINGS_PER_RULE = 12
 M.RELATIONS_LISTED = 20
+M.EVENTS_LISTED = 60
 M.OPERATIONS = { "read", "change", "vendor", "unknown" }
 M.SEVERITIES = { "error", "warning", "note" } -- from serious to harmless
 
@@ -172,6 +174,53 @@ local function relations(add, list, lang)
   end
 end
 
+-- Cells in columns, each as wide as its widest cell, two blanks between them.
+local function aligned(rows)
+  local widths, lines = {}, {}
+  for _, row in ipairs(rows) do
+    for place, cell in ipairs(row) do
+      widths[place] = math.max(widths[place] or 0, words.width(cell))
+    end
+  end
+  for number, row in ipairs(rows) do
+    local cells = {}
+    for place, cell in ipairs(row) do
+      cells[place] = cell .. (" "):rep(widths[place] - words.width(cell))
+    end
+    lines[number] = concat(cells, "  "):gsub(" +$", "")
+  end
+  return lines
+end
+
+local function event_cells(row, start, lang)
+  local standing = timelines.standing(row, lang)
+  return {
+    say(lang, "frame", { frame = integer(row.last.frame) }), timelines.seconds(row.last.time, start),
+    timelines.change(row), timelines.words(row, lang), standing ~= "" and "[" .. standing .. "]" or "",
+  }
+end
+
+--- What happened to each drive, a line for each word and frame.
+local function events(add, result, lang)
+  for _, timeline in ipairs(result.timelines or {}) do
+    local relation, rows, cells = result.relations[timeline.relation], timelines.rows(timeline), {}
+    add("")
+    add(say(lang, "timeline_head", { where = where_of(relation) }))
+    local reference = timelines.reference(result, relation.device, lang)
+    if reference then add("  " .. reference) end
+    for number = 1, math.min(#rows, M.EVENTS_LISTED) do
+      cells[number] = event_cells(rows[number], result.start_time, lang)
+    end
+    for _, line in ipairs(aligned(cells)) do
+      add("  " .. line)
+    end
+    if #rows > M.EVENTS_LISTED then
+      add("  " .. say(lang, "more", { number = integer(#rows - M.EVENTS_LISTED) }))
+    end
+    if timeline.left_out > 0 then add("  " .. say(lang, "timeline_left_out", { n = timeline.left_out })) end
+  end
+end
+
 local function differ(list, key)
   local first = key(list[1])
   for i = 2, #list do
@@ -189,7 +238,7 @@ local function columns_of(transactions, lang)
     return each.controller
   end)
   columns.slots = differ(transactions, function(each)
-    return format("%.0f.%d.%d", each.api, each.slot, each.subslot)
+    return each.slot and format("%.0f.%d.%d", each.api, each.slot, each.subslot) or ""
   end)
   for _, each in ipairs(transactions) do
     columns.operation = math.max(columns.operation, words.width(words.operation(lang, each.operation)))
@@ -372,6 +421,7 @@ function M.report(result, options)
   header(add, result, counts, options)
   opening.lines(add, result, counts, { lang = options.lang, rules = rules })
   relations(add, result.relations or {}, options.lang)
+  events(add, result, options.lang)
   transaction_table(add, result, options)
   findings(add, result.findings, rules, options.lang)
   add("")

@@ -32,13 +32,24 @@ local function open(counts)
   return number
 end
 
---- What a verdict rests on: {unreadable, drives, jobs, states, operations, severities, calls}; `calls` is
--- true where a record call brought nothing.
+-- How many drives are followed in their cyclic frames.
+local function watched(result)
+  local seen, number = {}, 0
+  for _, each in ipairs(result.timelines or {}) do
+    local device = result.relations[each.relation].device
+    number = number + (seen[device] and 0 or 1)
+    seen[device] = true
+  end
+  return number
+end
+
+--- What a verdict rests on: {unreadable, drives, watched, jobs, states, operations, severities, calls};
+-- `calls` is true where a record call brought nothing.
 function M.counts(result)
   local seen = {}
   local counts = {
     unreadable = result.complete == false and 1 or 0, drives = 0, jobs = #result.transactions,
-    states = {}, operations = {}, severities = {},
+    watched = watched(result), states = {}, operations = {}, severities = {},
   }
   for _, each in ipairs(result.transactions) do
     bump(counts.states, each.state)
@@ -73,7 +84,7 @@ function M.level(counts)
   if counts.severities.warning or counts.unreadable > 0 or open(counts) > 0 then
     return "warn"
   end
-  return counts.jobs > 0 and "good" or "none"
+  return (counts.jobs > 0 or counts.watched > 0) and "good" or "none"
 end
 
 --- `84 ok`, `3 error`: how many transactions have each state, in the order of the table; `but` is left out.
@@ -98,7 +109,8 @@ end
 function M.verdict(counts, lang)
   local parts = {}
   if counts.jobs == 0 then
-    parts[1] = say(lang, "verdict_no_jobs")
+    parts[1] = counts.watched > 0 and say(lang, "verdict_watched", { n = counts.watched }) or nil
+    parts[#parts + 1] = say(lang, "verdict_no_jobs")
   else
     parts = M.told(counts.states, M.smooth(counts), lang)
     table.insert(parts, 1, say(lang, "transactions", { n = counts.jobs }))

@@ -47,6 +47,12 @@ function M.state_text(id, overlays, lang)
   return concat(parts, chinese and "，" or ", ")
 end
 
+--- An event of a drive, in "en" or "zh".
+function M.event_text(id, lang)
+  local row = tables.pzd.events[id]
+  return lang == "zh" and row.zh or row.en
+end
+
 --- What leads a drive on from its state, in "en" or "zh": out of a fault first; "": nothing is missing.
 function M.next_step(id, overlays, lang)
   local name = lang == "zh" and "missing_zh" or "missing"
