@@ -54,6 +54,7 @@ local index_field = Field.new("pn_io.index")
 clock.configure(Field.new("frame.time_epoch"))
 
 local this_dissector, words_dissector -- to ask whether anybody wants fields of ours
+local referenced -- the method of all trees that tells it: looking it up costs as much as asking
 
 local NONE = {}
 local RECORD_HEADER, INDEX_IN_HEADER = 64, 34 -- bytes of a record block (docs/protocol.md E.4)
@@ -127,7 +128,7 @@ end
 
 -- Control and status words of drives, which stand in each of their frames, where somebody wants them.
 local function show_words(tvb, number, tree, whole)
-  local places = track.words(number, tvb:raw(), whole)
+  local places = track.has_drives and track.words(number, tvb:raw(), whole) or NONE
   if #places > 0 then
     tree_of.add_words(tree, tvb, places, track.lang)
   end
@@ -136,6 +137,7 @@ end
 -- A frame without IP, once there are channels of drives in cyclic frames: nearly always nothing changed in
 -- it.
 local function dissect_cyclic(tvb, pinfo, tree)
+  referenced = referenced or tree.referenced
   local number, views, findings, events = pinfo.number, nil, nil, nil
   local is_new = track.is_new(number, pinfo)
   if not is_new then
@@ -148,11 +150,11 @@ local function dissect_cyclic(tvb, pinfo, tree)
   if views then
     show(views, findings, events, tvb, columns_of(pinfo), tree, nil, tree:referenced(this_dissector))
   end
-  if track.has_drives and tree:referenced(words_dissector) then -- a tree that is visible counts as well
+  if referenced(tree, words_dissector) then -- a tree that is visible counts as well
     show_words(tvb, number, tree, not is_new)
-  end
-  if tree.visible and (views == nil or #views == 0) then
-    show_standing(tvb, number, tree)
+    if tree.visible and (views == nil or #views == 0) then
+      show_standing(tvb, number, tree)
+    end
   end
 end
 

@@ -222,7 +222,10 @@ local function names(events, lang)
 end
 
 local function with_state(text, event, lang)
-  return event.state and text .. ": " .. cyclic.state_text(event.state, event.overlays, lang) or text
+  if event.state == nil then
+    return text
+  end
+  return text .. (lang == "zh" and "：" or ": ") .. cyclic.state_text(event.state, event.overlays, lang)
 end
 
 --- Events of one word in one frame, with the state from then on: `running: S4 operation enabled`.

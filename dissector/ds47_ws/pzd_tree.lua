@@ -144,6 +144,9 @@ function M.add_event(put, root, found, record, lang)
   local event, relation = found.event, found.relation
   local text = info.event_name(event.name, lang)
   local shown = put.add(root, "pzd.event", text, record, 0, 2)
+  if shown then
+    shown:set_text("Event of a drive: " .. info.what({ event }, lang))
+  end
   local below = shown or root
   put.derive(below, "pzd.event.name", event.name)
   put.derive(below, "pzd.event.word", event.word)
@@ -152,9 +155,6 @@ function M.add_event(put, root, found, record, lang)
   if event.state then
     put.derive(below, "pzd.event.state", event.state)
     put.derive(below, "pzd.event.overlays", event.overlays[1] and concat(event.overlays, " "))
-    if shown then
-      shown:append_text(": " .. cyclic.state_text(event.state, event.overlays, lang))
-    end
   end
   put.derive(below, "pzd.event.relation", found.number)
   put.derive(below, "controller", relation.controller)
