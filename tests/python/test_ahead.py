@@ -15,6 +15,7 @@ from ds47.analysis import AnalysisOptions
 from ds47.batch.local import Local
 from ds47.batch.products import Spool
 from ds47.cli import main
+from ds47.cyclic.named import parse
 from ds47.profidrive import Options
 
 
@@ -76,7 +77,7 @@ def test_every_option_goes_to_another_process() -> None:
     """A new option that `__reduce__` forgets would be lost on the way."""
     given = AnalysisOptions(
         frozenset({48}), 2.5, ("DS3",), ("DS301",), Options(True, True, 42), True, (("", "uss"),),
-        ("pzd",),
+        ("pzd",), (parse("00:1b:1b:11:22:33@8000:0:pkw"),),
     )  # fmt: skip
     assert pickle.loads(pickle.dumps(given)) == given
     for options, default in ((given, AnalysisOptions()), (given.codec, Options())):

@@ -23,6 +23,7 @@ from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import CaptureError, open_capture
 from ds47.capture.scan import ETHERNET, SLL, SLL2
 from ds47.capture.writer import PcapngWriter
+from ds47.cyclic.named import parse
 from ds47.model import CaptureResult, Finding, Transaction
 from ds47.profidrive import Options
 from ds47.report import contract, load
@@ -506,9 +507,11 @@ def test_preferences_are_complete() -> None:
     text = (ROOT / "dissector/ds47_ws/preferences.lua").read_text(encoding="utf-8")
     there = set(re.findall(r"^  prefs\.(\w+) = Pref", text, re.MULTILINE))
     layouts = (("192.168.0.5", "uss"),)
-    options = AnalysisOptions(indices=frozenset((3, 0xB030)), pkw_layouts=layouts)
+    names = tuple(map(parse, ("00:1b:1b:11:22:33@8000:0:pkw", "00:1f:f8:11:22:33@8001:4:pkw")))
+    options = AnalysisOptions(indices=frozenset((3, 0xB030)), pkw_layouts=layouts, cyclic=names)
     given = engine.preferences(options)
     assert {each.split(":")[0].removeprefix("ds47.") for each in given} == there - {"ignore"}
+    assert "ds47.cyclic:00:1b:1b:11:22:33@8000:0:pkw 00:1f:f8:11:22:33@8001:4:pkw" in given
     assert {"ds47.indices:3,45104", f"ds47.slow_ms:{limits().slow_ns // 10**6}"} <= set(given)
     assert all(each.split(":")[1] for each in engine.preferences(AnalysisOptions()))
 

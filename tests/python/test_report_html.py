@@ -533,7 +533,8 @@ def test_a_finding_with_arguments_is_worded_in_both_languages(rule):
         error = f"0x11 {spec.error_text(0x11, lang, args.get('vendor_id'))}"
         if known.args.get("code") == "pkw":
             error = f"17 {cyclic.error_text(17, lang)}"
-        assert getattr(both, lang) == template.format(**told, text=text, error=error)
+        drive = sentences.drive(told.get("device", ""), args.get("slot"), lang)
+        assert getattr(both, lang) == template.format(**told, text=text, error=error, drive=drive)
         assert getattr(both, lang) == sentences.words(rule, args, lang)
 
 

@@ -42,6 +42,7 @@ NOT_OF_THE_WIRE = frozenset(
         "digest",
         "pkw_layouts",
         "channels",
+        "cyclic",
     }
 )
 """Options that choose texts or what is shown, or are about cyclic frames, and no meaning of records.

@@ -130,8 +130,9 @@ end
 
 -- A drive in cyclic frames: its device and slot; one that was named by hand has no slot.
 local function drive(args, lang)
-  if args.slot == nil then return args.device end
-  local values_ = {device = args.device, slot = integer(args.slot)}
+  local device = args.device or "?"
+  if args.slot == nil then return device end
+  local values_ = {device = device, slot = integer(args.slot)}
   return (word(tables.diagnosis_words.drive, lang):gsub("{(%w+)}", values_))
 end
 

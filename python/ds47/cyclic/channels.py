@@ -2,8 +2,8 @@
 
 Relations come from Connects, or are named by hand; a later Connect of the same stations replaces what an earlier
 one said. Transactions of PKW are handed out when their relation is proven: a request and the response that
-followed it were seen. PZD is proven by its words, or by PKW beside it. What a change of the bytes means is the business of
-`handshake` and `timeline`; frames are found by `ds47.capture`, which is told what to watch.
+followed it were seen. PZD is proven by its words, or by PKW beside it. What a change of the bytes means is the
+business of `handshake` and `timeline`; frames are found by `ds47.capture`, which is told what to watch.
 """
 
 from __future__ import annotations

@@ -138,7 +138,7 @@ class _Shown(dict[str, str]):
         elif key == "error":
             text = self._error()
         elif key == "drive":
-            text = drive(str(self._args.get("device")), self._args.get("slot"), self._lang)
+            text = drive(self["device"], self._args.get("slot"), self._lang)
         else:
             text = self._shown(key)
         self[key] = text
