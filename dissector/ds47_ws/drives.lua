@@ -135,14 +135,15 @@ end
 -- @param channels Analysis.cyclic
 -- @param at where the data of the frame begins, behind the frame id
 function M.live_words(channels, number, frame, at)
-  local found, recorders = {}, {}
-  for _, line in ipairs(channels:drives()) do
-    recorders[line.relation] = line.recorder
+  local found, lines = {}, channels:drives()
+  if #lines == 0 then
+    return found
   end
   for _, each in ipairs(channels:ends_in(number, sub(frame, 7, 12), word_at(frame, at - 2))) do
-    local recorder = recorders[each.relation]
-    if recorder and is_whole(each.side, frame, at) then
-      found[#found + 1] = place_of(each, frame, at, recorder.speed, recorder.heeded)
+    for _, line in ipairs(lines) do
+      if line.relation == each.relation and is_whole(each.side, frame, at) then
+        found[#found + 1] = place_of(each, frame, at, line.recorder.speed, line.recorder.heeded)
+      end
     end
   end
   return found

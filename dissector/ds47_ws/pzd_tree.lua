@@ -1,8 +1,8 @@
 -- The part of the tree that is about a drive: control and status word in each of its cyclic frames, and what
 -- happened in one.
 --
--- `put` are the functions of tree.lua that add fields: {add, take, derive}. A record is the TvbRange of the
--- words. Where they stand and whose they are is told by drives.lua.
+-- `put` are the functions of tree.lua that add fields: {wanted, add, take, derive}. A record is the TvbRange
+-- of the words. Where they stand and whose they are is told by drives.lua.
 
 local bits = require("ds47.support.bits")
 local cyclic = require("ds47.spec.cyclic")
@@ -62,12 +62,20 @@ local function bit_text(name, word, bit, family, lang)
   return row[(value == 1 and "set" or "clear") .. (lang == "zh" and "_zh" or "")] or tostring(value)
 end
 
+local KEYS = {} -- of the bits of each word
+for name, names in pairs(field_names.BITS) do
+  KEYS[name] = {}
+  for number, last in ipairs(names) do
+    KEYS[name][number] = "pzd." .. name .. "." .. last
+  end
+end
+
 -- Bits have their words from the field, which knows those of speed telegrams in English.
 local function add_bits(put, parent, name, place, record, lang)
   local family = place.speed == false and "positioning" or nil
-  for number, last in ipairs(field_names.BITS[name]) do
-    local bit = number - 1
-    local shown = put.take(parent, "pzd." .. name .. "." .. last, record, 0, 2)
+  local keys = KEYS[name]
+  for number = 1, #keys do
+    local shown, bit = put.take(parent, keys[number], record, 0, 2), number - 1
     if shown and (family or lang == "zh") then
       shown:set_text(format("%s = %s bit %d: %s", picture(place.word, bit), name:upper(), bit,
         bit_text(name, place.word, bit, family, lang)))
@@ -110,26 +118,40 @@ local function add_values(put, parent, place, record, raw, value)
   end
 end
 
+local function add_root(put, parent, place, record, value, lang)
+  local line = line_of(place, value, lang)
+  local root = put.add(parent, "pzd", line, record, 0, record:len())
+  if root then
+    root:set_text("DS47 PZD: " .. line)
+  end
+  return root
+end
+
+local function add_state(put, parent, place, lang)
+  local state, overlays = drives.state(place)
+  if state then
+    put.derive(parent, "pzd.state", cyclic.state_text(state, overlays, lang))
+  end
+end
+
 --- Adds the words of one direction of a drive.
 -- @param parent the tree of the frame
 -- @param place as drives.lua gives it
 -- @param lang "en" or "zh"
 function M.add(put, parent, place, record, lang)
   local raw, name = raw_value(record), place.sent and "stw1" or "zsw1"
-  local value = percent(place, raw)
-  local line = line_of(place, value, lang)
-  local root = put.add(parent, "pzd", line, record, 0, record:len())
-  if root then
-    root:set_text("DS47 PZD: " .. line)
+  local value, root = percent(place, raw), parent
+  if put.wanted("pzd") then
+    root = add_root(put, parent, place, record, value, lang)
   end
-  root = root or parent
   local numbers = place.relation.telegrams
-  put.derive(root, "pzd.telegram", #numbers > 0 and concat(numbers, ", ") or nil)
+  if numbers[1] and put.wanted("pzd.telegram") then
+    put.derive(root, "pzd.telegram", concat(numbers, ", "))
+  end
   local word = put.add(root, "pzd." .. name, place.word, record, 0, 2)
   add_bits(put, word or root, name, place, record, lang)
-  local state, overlays = drives.state(place)
-  if state then
-    put.derive(root, "pzd.state", cyclic.state_text(state, overlays, lang))
+  if put.wanted("pzd.state") then
+    add_state(put, root, place, lang)
   end
   add_values(put, root, place, record, raw, value)
   add_words(put, root, place, record)

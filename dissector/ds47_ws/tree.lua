@@ -96,7 +96,8 @@ local function derive(parent, key, value)
   return item
 end
 
-local adding = { add = add, take = take, derive = derive } -- for pkw_tree.lua and pzd_tree.lua
+-- For pkw_tree.lua and pzd_tree.lua.
+local adding = { wanted = wanted, add = add, take = take, derive = derive }
 
 -- Values with the type of their format
 
