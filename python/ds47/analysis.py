@@ -26,6 +26,7 @@ from ds47.cyclic.conclusions import Conclusions
 from ds47.cyclic.handshake import Job as PkwJob
 from ds47.cyclic.named import Name
 from ds47.cyclic.relations import Relation
+from ds47.cyclic.senders import senders
 from ds47.cyclic.transactions import build as build_pkw
 from ds47.diagnosis import Diagnoses
 from ds47.findings.collection import Findings
@@ -110,11 +111,23 @@ def analyze(
     """
     options = options or AnalysisOptions()
     if isinstance(source, (Capture, Series)):
-        return Analysis(options, on_transaction).run(source)
+        return _told(source, options, on_transaction)
     with open_capture(source) as capture:
-        result = Analysis(options, on_transaction).run(capture)
+        result = _told(capture, options, on_transaction)
     if options.digest and isinstance(source, (str, Path)) and str(source) != "-":
         result.sha256 = sha256(source)
+    return result
+
+
+def _told(
+    capture: Capture | Series, options: AnalysisOptions, on_transaction: OnTransaction | None
+) -> CaptureResult:
+    """The result; a file in which nothing was set up is opened again for who sends cyclic frames."""
+    analysis = Analysis(options, on_transaction)
+    result = analysis.run(capture)
+    if analysis.lacks_connect and result.frames and Path(capture.path).is_file():
+        with open_capture(capture.path) as again:
+            result.senders = senders(again.everything())
     return result
 
 
@@ -236,6 +249,12 @@ class Analysis:
             relations=self._relations(),
             timelines=self._cyclic.timelines(),
         )
+
+    @property
+    def lacks_connect(self) -> bool:
+        """Whether nobody told what is in cyclic frames: no Connect was seen, and nothing was named."""
+        wanted = {PKW, PZD} & set(self._options.channels)
+        return bool(wanted) and not (self._options.cyclic or self._cyclic.is_set_up)
 
     def _relations(self) -> list[ToldRelation]:
         """The channels in cyclic frames, where any is reported: timelines count in all of them."""

@@ -439,6 +439,18 @@ class Relation(_Plain):
     certainty: str
 
 
+class Sender(NamedTuple):
+    """A station that sends cyclic frames in which no channel is known: its MAC address, and that of the receiver.
+
+    `length` is that of the data between frame id and cycle counter, in bytes, as it is on the wire.
+    """
+
+    mac: str
+    to: str
+    frame_id: int
+    length: int
+
+
 class Event(NamedTuple):
     """Something that happened to a drive: an edge of a bit of its words, or data that is no longer valid.
 
@@ -504,7 +516,7 @@ class CaptureFile(_Plain):
 class CaptureResult(_Plain):
     """All that one capture says. `files` only for a series, `relations` where cyclic frames have channels.
 
-    `timelines` are those of the drives among them.
+    `timelines` are those of the drives among them. `senders` are those of cyclic frames whose Connect is missing.
     """
 
     path: str
@@ -525,6 +537,7 @@ class CaptureResult(_Plain):
     files: list[CaptureFile] = field(default_factory=list)
     relations: list[Relation] = field(default_factory=list)
     timelines: list[Timeline] = field(default_factory=list)
+    senders: list[Sender] = field(default_factory=list)
 
     @property
     def start(self) -> str | None:

@@ -186,6 +186,8 @@ class CyclicChannels:
         self._relations: list[Relation] = []
         self._drives: list[Drive] = []
         self._without_request: list[Relation] = []
+        self.is_set_up = False
+        """Whether a Connect was seen with its response, whatever it sets up."""
 
     def drives(self) -> list[Drive]:
         """The proven relations of PZD."""
@@ -232,6 +234,7 @@ class CyclicChannels:
         asked, told = parse_request(request), parse_response(response)
         if asked is None or told is None or told[0] != asked.ar:
             return
+        self.is_set_up = True
         device_mac, frame_ids = told[1:]
         identity = device_identity(response.object_uuid)
         self._replace(asked.controller_mac, device_mac)

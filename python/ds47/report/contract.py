@@ -377,6 +377,13 @@ RELATION = Shape("relation", (
         "Its lengths fit; what a drive says was seen; named by hand; named, and no drive has such words."),
 ), model.Relation, "A channel in cyclic frames; docs/cyclic.md.")  # fmt: skip
 
+SENDER = Shape("sender", (
+    Key("mac", TEXT),
+    Key("to", TEXT, "MAC address of the receiver."),
+    Key("frame_id", whole(0, 0xFFFF)),
+    Key("length", COUNT, "Bytes between frame id and cycle counter."),
+), model.Sender, "A station that sends cyclic frames in which no channel is known.")  # fmt: skip
+
 EVENT = Shape("event", (
     Key("frame", NUMBER, column="Frame in which it is seen first, as Wireshark numbers it."),
     Key("time", TEXT | {"pattern": _TIME}, into="time_ns", take=_time,
@@ -422,6 +429,8 @@ HEAD = (
         required=False),
     Key("timelines", many(ref("timeline"), 1), "Only where cyclic frames have the words of drives.",
         shape=TIMELINE, required=False),
+    Key("senders", many(ref("sender"), 1), "Only where cyclic frames are there without their Connect.",
+        shape=SENDER, required=False),
 )  # fmt: skip
 LISTS = (
     Key("devices", many(ref("device")), shape=DEVICE),

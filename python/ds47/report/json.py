@@ -163,7 +163,7 @@ def capture(result: CaptureResult, lang: str = "en") -> dict[str, Any]:
 
 def _without_empty(plain: dict[str, Any]) -> dict[str, Any]:
     """Only a series has files, and few captures have relations and timelines."""
-    for key in ("files", "relations", "timelines"):
+    for key in ("files", "relations", "timelines", "senders"):
         if not plain[key]:
             del plain[key]
     return plain

@@ -22,6 +22,7 @@ from ds47.model import (
     Finding,
     Relation,
     Report,
+    Sender,
     Transaction,
 )
 from ds47.report import Options, causes, plc, timelines, write_all
@@ -76,6 +77,7 @@ class Writer(_Writer):
         for line in self._opening.lines(result):
             self._line(line)
         self._relations(result.relations)
+        self._senders(result.senders)
         self._timelines(result)
         self._table(result)
         self._findings(result.findings, Places(result.files))
@@ -149,6 +151,27 @@ class Writer(_Writer):
             ))  # fmt: skip
         if len(relations) > RELATIONS_LISTED:
             self._line("  " + self._say("more", number=str(len(relations) - RELATIONS_LISTED)))
+
+    def _senders(self, senders: Sequence[Sender]) -> None:
+        """Who sends cyclic frames in which no channel is known, and how to name one."""
+        if not senders:
+            return
+        self._line()
+        self._title(self._say("senders_head"))
+        for each in senders[:RELATIONS_LISTED]:
+            frame_id = f"{each.frame_id:04X}"
+            self._line(
+                "  "
+                + self._say("sender", mac=each.mac, to=each.to, frame_id=frame_id, n=each.length)
+            )
+        if len(senders) > RELATIONS_LISTED:
+            self._line("  " + self._say("more", number=str(len(senders) - RELATIONS_LISTED)))
+        first = senders[0]
+        back = [each for each in senders if (each.mac, each.to) == (first.to, first.mac)]
+        if back:
+            self._line("  " + self._say("senders_how"))
+            names = [f"--cyclic {each.mac}@{each.frame_id:04X}:0:pzd" for each in (first, back[0])]
+            self._line("    " + " ".join(names))
 
     def _cycle(self, milliseconds: float | None) -> str:
         if milliseconds is None:
