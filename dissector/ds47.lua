@@ -38,9 +38,10 @@ set_plugin_info({
 
 local ds47 = Proto("ds47", "DS47 (PROFIdrive parameter channel)")
 preferences.define(ds47)
-local fields, experts = ds47_fields.define(ds47)
+local ds47_words = Proto("ds47_pzd", "DS47 PZD (control and status word of a drive)")
+local fields, experts = ds47_fields.define(ds47, ds47_words)
 local tree_of = later("ds47_ws.tree", function(module)
-  module.configure(ds47, fields, experts)
+  module.configure(ds47, ds47_words, fields, experts)
 end)
 local words_of = later("ds47_ws.pkw_tree")
 track.configure(function()
@@ -52,8 +53,10 @@ local ip_field = Field.new("ip")
 local index_field = Field.new("pn_io.index")
 clock.configure(Field.new("frame.time_epoch"))
 
-local this_dissector -- to ask whether anybody wants fields of ours
+local this_dissector, words_dissector -- to ask whether anybody wants fields of ours
+local referenced -- the method of all trees that tells it: looking it up costs as much as asking
 
+local NONE = {}
 local RECORD_HEADER, INDEX_IN_HEADER = 64, 34 -- bytes of a record block (docs/protocol.md E.4)
 
 -- A record in what the built-in put together from fragments: behind the header in which the index stands.
@@ -86,27 +89,33 @@ local function columns_of(pinfo)
   return tostring(columns.info) ~= "(info)" and columns or nil
 end
 
--- A function that finds words of PKW in this frame.
-local function finder_of_words(tvb, frame)
+-- Functions that find words of PKW, and those of events, in this frame.
+local function finders_of_words(tvb, frame)
   local at = track.cyclic_data(frame)
-  return function(_, view)
-    return tvb:range(at + view.item.places[view.role], 8)
-  end
+  return {
+    record = function(_, view)
+      return tvb:range(at + view.item.places[view.role], 8)
+    end,
+    word = function(found)
+      local side = found.event.word and found.relation[found.event.word == "STW1" and "output" or "input"]
+      return side and tvb:range(at + side.offset, 2)
+    end,
+  }
 end
 
 -- Adds to the tree and sets the columns, where there are some. `offset`: of the IP header, nil of a cyclic
 -- frame. `whole`: somebody wants our fields.
-local function show(views, findings, tvb, columns, tree, offset, whole)
-  if columns and #views > 0 then
-    columns.protocol, columns.info = "DS47", info.text(views, track.lang)
+local function show(views, findings, events, tvb, columns, tree, offset, whole)
+  if columns and #views + #events > 0 then
+    columns.protocol, columns.info = "DS47", info.text(views, events, track.lang)
   end
-  if whole and #views + #findings > 0 then
+  if whole and #views + #findings + #events > 0 then
     local context = { base_seconds = track.base_seconds(), lang = track.lang }
     local frame = tvb:raw()
-    local find_record = offset and finder(tvb, frame, offset) or finder_of_words(tvb, frame)
-    tree_of.add(tree, views, findings, find_record, context)
-  elseif #findings > 0 then
-    tree_of.add_experts(tree, findings, track.lang)
+    local find = offset and { record = finder(tvb, frame, offset) } or finders_of_words(tvb, frame)
+    tree_of.add(tree, views, findings, events, find, context)
+  elseif #findings + #events > 0 then
+    tree_of.add_experts(tree, findings, events, track.lang)
   end
 end
 
@@ -117,22 +126,35 @@ local function show_standing(tvb, number, tree)
   end
 end
 
--- A frame without IP, once there are parameter channels in cyclic frames: nearly always nothing changed in
+-- Control and status words of drives, which stand in each of their frames, where somebody wants them.
+local function show_words(tvb, number, tree, whole)
+  local places = track.has_drives and track.words(number, tvb:raw(), whole) or NONE
+  if #places > 0 then
+    tree_of.add_words(tree, tvb, places, track.lang)
+  end
+end
+
+-- A frame without IP, once there are channels of drives in cyclic frames: nearly always nothing changed in
 -- it.
 local function dissect_cyclic(tvb, pinfo, tree)
-  local number, views, findings = pinfo.number, nil, nil
-  if not track.is_new(number, pinfo) then
-    views, findings = track.complete_views(number)
+  referenced = referenced or tree.referenced
+  local number, views, findings, events = pinfo.number, nil, nil, nil
+  local is_new = track.is_new(number, pinfo)
+  if not is_new then
+    views, findings, events = track.complete_views(number)
   elseif track.is_news(tvb:raw(), number) then
     clock.set(pinfo)
     track.feed_cyclic(number, clock.now)
-    views, findings = track.live_cyclic_views(true)
+    views, findings, events = track.live_cyclic_views(true)
   end
   if views then
-    show(views, findings, tvb, columns_of(pinfo), tree, nil, tree:referenced(this_dissector))
+    show(views, findings, events, tvb, columns_of(pinfo), tree, nil, tree:referenced(this_dissector))
   end
-  if tree.visible and (views == nil or #views == 0) then
-    show_standing(tvb, number, tree)
+  if referenced(tree, words_dissector) then -- a tree that is visible counts as well
+    show_words(tvb, number, tree, not is_new)
+    if tree.visible and (views == nil or #views == 0) then
+      show_standing(tvb, number, tree)
+    end
   end
 end
 
@@ -151,14 +173,17 @@ function ds47.dissector(tvb, pinfo, tree)
   if not track.is_new(number, pinfo) then
     local views, findings = track.complete_views(number)
     if views then
-      show(views, findings, tvb, columns_of(pinfo), tree, offset, whole)
+      show(views, findings, NONE, tvb, columns_of(pinfo), tree, offset, whole)
     end
   elseif track.feed(number, frame, offset, clock.now, pinfo.len) then
     local columns = columns_of(pinfo)
     local views, findings = track.live_views(columns ~= nil or whole)
-    show(views, findings, tvb, columns, tree, offset, whole)
+    show(views, findings, NONE, tvb, columns, tree, offset, whole)
   end
 end
+
+-- Nothing is given to it: a protocol has to have one before anybody can ask for its fields.
+function ds47_words.dissector() end
 
 local function begin_anew()
   clock.reset()
@@ -169,6 +194,7 @@ end
 
 function ds47.init()
   this_dissector = this_dissector or Dissector.get("ds47")
+  words_dissector = words_dissector or Dissector.get("ds47_pzd")
   begin_anew()
 end
 

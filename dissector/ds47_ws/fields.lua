@@ -1,7 +1,11 @@
 -- The fields and expert infos of the ds47 protocol: their names, types and labels.
 --
 -- A name is the key of the JSON report behind `ds47.`; docs/report.md says what each means. Registers nothing
--- by itself: `define` is given the protocol by the entry file. Which field stands where is in tree.lua.
+-- by itself: `define` is given the protocols by the entry file. Which field stands where is in tree.lua.
+--
+-- What is drawn in every frame of a drive (control and status word, ds47.pzd) belongs to a protocol of its
+-- own: so one question tells whether anybody wants it. What happened to a drive stands below that protocol,
+-- too: a frame of `ds47` is one of the parameter channel.
 
 local tables = require("ds47.spec.tables")
 
@@ -97,6 +101,42 @@ local FIELDS = {
   { "finding.frame", "Frame of the finding", "framenum" },
   { "finding.offset", "Offset in the message", "uint32", "DEC" },
   { "finding.transaction", "Transaction of the finding", "uint32", "DEC" },
+  -- what happened to a drive
+  { "pzd.event", "Event of a drive", "string" },
+  { "pzd.event.name", "Name", "string" },
+  { "pzd.event.word", "Word", "string" },
+  { "pzd.event.before", "Before", "uint16", "HEX" },
+  { "pzd.event.after", "After", "uint16", "HEX" },
+  { "pzd.event.state", "State of the drive", "string" },
+  { "pzd.event.overlays", "Beside the state", "string" },
+  { "pzd.event.relation", "Relation", "uint32", "DEC" },
+}
+
+-- The words of a drive, in each of its frames.
+local WORDS = {
+  { "pzd", "Control and status word", "string" },
+  { "pzd.telegram", "Telegram", "string" },
+  { "pzd.stw1", "STW1", "uint16", "HEX" },
+  { "pzd.zsw1", "ZSW1", "uint16", "HEX" },
+  { "pzd.state", "State of the drive", "string" },
+  { "pzd.setpoint", "Setpoint (%)", "double" },
+  { "pzd.actual", "Actual value (%)", "double" },
+  { "pzd.setpoint.raw", "Setpoint, as it is sent", "int16", "DEC" },
+  { "pzd.actual.raw", "Actual value, as it is sent", "int16", "DEC" },
+}
+
+--- The last part of the name of each bit, from bit 0 on.
+M.BITS = {
+  stw1 = {
+    "on", "no_off2", "no_off3", "enable_operation", "enable_ramp_generator", "continue_ramp_generator",
+    "enable_setpoint", "acknowledge", "jog_1", "jog_2", "control_by_plc", "reverse", "bit_12",
+    "motor_potentiometer_up", "motor_potentiometer_down", "bit_15",
+  },
+  zsw1 = {
+    "ready_to_switch_on", "ready", "operation_enabled", "fault", "no_off2", "no_off3",
+    "switching_on_inhibited", "alarm", "speed_within_tolerance", "control_requested", "comparison_reached",
+    "limit_not_reached", "holding_brake_open", "no_temperature_alarm", "forward", "no_overload",
+  },
 }
 
 local SEVERITIES = { note = "NOTE", warning = "WARN", error = "ERROR" }
@@ -110,6 +150,63 @@ local function names(table_name)
   return result
 end
 
+-- Words of a telegram that are numbers without a sign, or bits.
+local UNSIGNED = { "STW", "ZSW", "MELD", "CODE", "SATZ" }
+
+local function is_unsigned(word)
+  for _, part in ipairs(UNSIGNED) do
+    if string.find(word, part, 1, true) then
+      return true
+    end
+  end
+  return false
+end
+
+--- The name of a word of a telegram without the mark of double words, and whether it is one. Nil where it has
+-- no field of its own: nobody knows what it is, or it is the setpoint or the actual value.
+function M.word(word)
+  if string.find(word, "^%-$") or string.find(word, "^NSOLL_A") or string.find(word, "^NIST_A") then
+    return nil, false
+  end
+  local name = string.match(word, "^(.*)%(2%)$")
+  return name or word, name ~= nil
+end
+
+-- Adds the fields of the words of one direction of a telegram, but for those that have one.
+local function add_words(rows, known, words)
+  for number = 2, #words do -- behind STW1 or ZSW1
+    local name, double = M.word(words[number])
+    if name and not known[name] then
+      known[name] = true
+      local size = double and "32" or "16"
+      local kind = is_unsigned(name) and "uint" or "int"
+      local shown = kind == "int" and "DEC" or "DEC_HEX"
+      rows[#rows + 1] = { "pzd.word." .. string.lower(name), name, kind .. size, shown }
+    end
+  end
+end
+
+-- The fields of all words that telegrams have, in the order of the numbers.
+local function rows_of_telegrams()
+  local numbers, rows, known = {}, {}, {}
+  for number in pairs(tables.pzd.telegrams) do
+    numbers[#numbers + 1] = number
+  end
+  table.sort(numbers)
+  for _, number in ipairs(numbers) do
+    add_words(rows, known, tables.pzd.telegrams[number].out)
+    add_words(rows, known, tables.pzd.telegrams[number].inward)
+  end
+  return rows
+end
+
+-- The field of a bit: what it says as 1 and as 0.
+local function make_bit(key, word, bit)
+  local row = tables.pzd[word][bit]
+  return ProtoField.bool("ds47." .. key, string.format("%s bit %d", string.upper(word), bit), 16,
+    { row.set or "1", row.clear or "0" }, 2 ^ bit)
+end
+
 local function make(row)
   local key, label, kind, detail, table_name = row[1], row[2], row[3], row[4], row[5]
   local abbreviation, constructor = "ds47." .. key, ProtoField[kind]
@@ -121,25 +218,64 @@ local function make(row)
   return constructor(abbreviation, label)
 end
 
---- Gives the protocol its fields and expert infos.
--- @return fields by key ("value.float"), expert infos by rule id
-function M.define(proto)
-  local fields, list = {}, {}
-  for number, row in ipairs(FIELDS) do
+-- Makes fields, adds them to those that there are by key, and gives them as an array.
+local function add_fields(fields, rows)
+  local list = {}
+  for number, row in ipairs(rows) do
     local field = make(row)
     fields[row[1]] = field
     list[number] = field
   end
+  return list
+end
+
+local function define_words(proto, fields)
+  local list = add_fields(fields, WORDS)
+  for _, word in ipairs({ "stw1", "zsw1" }) do
+    for number, name in ipairs(M.BITS[word]) do
+      local key = "pzd." .. word .. "." .. name
+      fields[key] = make_bit(key, word, number - 1)
+      list[#list + 1] = fields[key]
+    end
+  end
+  for _, field in ipairs(add_fields(fields, rows_of_telegrams())) do
+    list[#list + 1] = field
+  end
   proto.fields = list
+end
+
+-- Expert infos of what happens to a drive: key, text, severity.
+local EVENTS = {
+  { "pzd.event", "Event of a drive", "note" },
+  { "pzd.fault", "Fault of a drive", "warning" },
+}
+
+local function define_experts(proto)
   local experts, all = {}, {}
-  for number, rule in ipairs(tables.experts) do
-    local made = ProtoExpert.new("ds47.expert." .. string.lower(rule.id), rule.id .. " " .. rule.name,
-      expert.group.PROTOCOL, expert.severity[SEVERITIES[rule.severity]])
-    experts[rule.id] = made
-    all[number] = made
+  local function add(key, name, text, severity)
+    local made = ProtoExpert.new("ds47.expert." .. name, text, expert.group.PROTOCOL,
+      expert.severity[SEVERITIES[severity]])
+    experts[key] = made
+    all[#all + 1] = made
+  end
+  for _, rule in ipairs(tables.experts) do
+    add(rule.id, string.lower(rule.id), rule.id .. " " .. rule.name, rule.severity)
+  end
+  for _, row in ipairs(EVENTS) do
+    add(row[1], row[1], row[2], row[3])
   end
   proto.experts = all
-  return fields, experts
+  return experts
+end
+
+--- Gives the protocols their fields and expert infos.
+-- @param proto, words  the protocol, and that of the words of drives
+-- @return fields of both by key ("value.float"), expert infos by rule id, and by "pzd.event" and "pzd.fault"
+function M.define(proto, words)
+  local fields = {}
+  proto.fields = add_fields(fields, FIELDS)
+  define_words(words, fields)
+  return fields, define_experts(proto)
 end
 
 return M

@@ -2,10 +2,12 @@
 --
 -- A *view* is one transaction as one frame shows it (track.lua makes them): {role, item = the transaction,
 -- parameters = those that the frame shows, message, response, complete}. Numbers, values and addresses are
--- written as the text report does.
+-- written as the text report does. Events of drives are told as drives.lua gives them: {relation, event}.
 
+local cyclic = require("ds47.spec.cyclic")
 local entries = require("ds47.support.later").entries
 local status = require("ds47.spec.statuses")
+local tables = require("ds47.spec.tables")
 local words = require("ds47.report.formatting")
 local error_texts = require("ds47.report.sentences")
 
@@ -191,13 +193,83 @@ function M.sentence(view, lang)
   return view.item.channel == "pkw" and pkw_sentence(view) or sentences[view.role](view)
 end
 
---- The Info column of a frame: the sentences of all its views.
-function M.text(views, lang)
-  local text = "DS47 " .. M.sentence(views[1], lang)
-  for number = 2, #views do
-    text = text .. "; " .. M.sentence(views[number], lang)
+--- What happened, in words.
+function M.event_name(name, lang)
+  local row = tables.pzd.events[name]
+  return lang == "zh" and row.zh or row.en
+end
+
+--- Events of one drive, in their order: those of one word in one frame together, an array of arrays.
+function M.together(events)
+  local found, newest = {}, {}
+  for _, event in ipairs(events) do
+    local before = newest[1]
+    if before == nil or before.frame ~= event.frame or before.word ~= event.word then
+      newest = {}
+      found[#found + 1] = newest
+    end
+    newest[#newest + 1] = event
   end
-  return text
+  return found
+end
+
+local function names(events, lang)
+  local texts = {}
+  for number, event in ipairs(events) do
+    texts[number] = M.event_name(event.name, lang)
+  end
+  return table.concat(texts, lang == "zh" and "，" or ", ")
+end
+
+local function with_state(text, event, lang)
+  if event.state == nil then
+    return text
+  end
+  return text .. (lang == "zh" and "：" or ": ") .. cyclic.state_text(event.state, event.overlays, lang)
+end
+
+--- Events of one word in one frame, with the state from then on: `running: S4 operation enabled`.
+function M.what(events, lang)
+  return with_state(names(events, lang), events[#events], lang)
+end
+
+-- The same with the word, `ON (STW1 047E -> 047F)`: the state only where the drive itself says it.
+local function of_word(events, lang)
+  local text, event = names(events, lang), events[#events]
+  if event.word == nil then
+    return text
+  end
+  local before = event.before and string.format("%04X -> ", event.before) or ""
+  text = string.format("%s (%s %s%04X)", text, event.word, before, event.after)
+  return event.word == "ZSW1" and with_state(text, event, lang) or text
+end
+
+--- What happened to drives in a frame: `PZD running (ZSW1 FB33 -> FB37): S4 operation enabled`.
+function M.events(events, lang)
+  local texts, first = {}, 1
+  while events[first] do
+    local relation, own = events[first].relation, {}
+    while events[first] and events[first].relation == relation do
+      own[#own + 1] = events[first].event
+      first = first + 1
+    end
+    for _, same in ipairs(M.together(own)) do
+      texts[#texts + 1] = of_word(same, lang)
+    end
+  end
+  return "PZD " .. table.concat(texts, "; ")
+end
+
+--- The Info column of a frame: the sentences of all its views, and what happened to drives.
+function M.text(views, events, lang)
+  local texts = {}
+  for number = 1, #views do
+    texts[number] = M.sentence(views[number], lang)
+  end
+  if #events > 0 then
+    texts[#texts + 1] = M.events(events, lang)
+  end
+  return "DS47 " .. table.concat(texts, "; ")
 end
 
 return M

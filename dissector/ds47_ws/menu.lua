@@ -1,4 +1,4 @@
---- Tools > DS47: statistics, save a report, check the installation, about.
+--- Tools > DS47: statistics, drives, save a report, check the installation, about.
 -- The texts come from ds47.statistics, ds47.report_text and ds47.report_csv (through ds47_ws.stats). Does
 -- nothing when loaded, only when called.
 
@@ -7,6 +7,7 @@ local stats = require("ds47_ws.stats")
 local M = {}
 
 local OLDEST = { 3, 4 } -- the oldest Wireshark that the plugin is tested with
+local DRIVES = "Drives: control and status word"
 local NAME = "^ds47.*%.lua$" -- a plugin file: ds47.lua or the single file ds47-0_1_0.lua
 
 local function show(title, text)
@@ -30,13 +31,14 @@ local function count_frames(track)
   return frames
 end
 
-local function show_statistics(track)
+-- A window with one of the texts of stats.lua, which can be made anew while a capture goes on.
+local function show_text(track, kind, title)
   local options = stats.options(track)
   local window
   local function fill()
-    window:set(stats.text("statistics", track, options))
+    window:set(stats.text(kind, track, options))
   end
-  window = TextWindow.new("DS47 statistics")
+  window = TextWindow.new(title)
   fill()
   window:add_button("Refresh", fill)
 end
@@ -194,6 +196,8 @@ Filters     ds47
             ds47.state == "refused"
             ds47.error.code
             ds47.finding
+            ds47.pzd.event
+            ds47.pzd.stw1.on == 1
 Profile     DS47: columns, colours, filter buttons
             (at the right end of the status bar)
 tshark      -q -X lua_script:ds47.lua -X lua_script1:statistics
@@ -213,7 +217,10 @@ function M.register(track, info)
     register_menu("DS47/" .. name, action, MENU_TOOLS_UNSORTED)
   end
   entry("Statistics", function()
-    show_statistics(track)
+    show_text(track, "statistics", "DS47 statistics")
+  end)
+  entry(DRIVES, function()
+    show_text(track, "drives", "DS47: " .. DRIVES)
   end)
   entry("Save report", function()
     ask_and_save(track)

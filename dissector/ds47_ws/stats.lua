@@ -1,6 +1,7 @@
 --- Statistics and reports at the end of a run: what `tshark -X lua_script1:statistics` prints.
 -- Here are the arguments of the script, the Listener and the files; the texts come from ds47.statistics,
--- ds47.report_text and ds47.report_csv. Does nothing when loaded, only when called.
+-- ds47.report_text and ds47.report_csv, that of drives from drives_text.lua. Does nothing when loaded, only
+-- when called.
 
 local M = {}
 
@@ -9,8 +10,9 @@ local KINDS = {
   statistics = { "ds47.report.statistics", "text" },
   report = { "ds47.report.text", "report" },
   csv = { "ds47.report.csv", "report" },
+  drives = { "ds47_ws.drives_text", "text" },
 }
-local USAGE = "statistics[=FILE], report[=FILE], csv[=FILE], name=NAME, lang=en or lang=zh"
+local USAGE = "statistics[=FILE], report[=FILE], csv[=FILE], drives[=FILE], name=NAME, lang=en or lang=zh"
 
 local function complain(text)
   io.stderr:write("ds47: ", text, "\n")
@@ -49,7 +51,7 @@ function M.options(track, frames, wanted)
   }
 end
 
---- The text of one kind: "statistics", "report" or "csv".
+--- The text of one kind: "statistics", "report", "csv" or "drives".
 function M.text(kind, track, options)
   local module, name = KINDS[kind][1], KINDS[kind][2]
   return require(module)[name](track.result(), options)

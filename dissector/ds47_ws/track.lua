@@ -6,6 +6,7 @@
 -- Not here: fields and trees (tree.lua), and the analysis itself (ds47.analysis).
 
 local analysis = require("ds47.analysis")
+local drives = require("ds47_ws.drives")
 local entries = require("ds47.support.later").entries
 local parameter = require("ds47.profidrive.parameter")
 local pkw = require("ds47.cyclic.transactions")
@@ -28,7 +29,8 @@ local NONE = {}
 local options -- a function that gives the options of a new analysis
 local current -- the analysis of the open file; nil before its first packet
 local last -- number of the newest frame that was fed
-local complete -- {views by frame, findings by frame} of the complete result; nil after a packet
+local complete -- views, findings and drives by frame of the complete result; nil after a packet
+local known_relations -- how many there are in cyclic frames
 local stations -- what names stations and waits
 local newest_station -- number of the newest frame of those
 local told -- MAC address and kind -> what was told last
@@ -52,8 +54,9 @@ end
 
 --- Forgets everything: another file, other preferences.
 function M.reset()
-  current, last, complete = nil, 0, nil
+  current, last, complete, known_relations = nil, 0, nil, 0
   M.watching = false -- whether there are cyclic frames that are looked at
+  M.has_drives = false -- whether there may be drives in them
   stations, newest_station, told = {}, 0, {}
 end
 
@@ -123,11 +126,20 @@ local function hand_over_stations()
   stations = {}
 end
 
+-- Keeps whether there are relations in cyclic frames, and drives among them: there are never less.
+local function note_relations(relations)
+  if #relations ~= known_relations then
+    known_relations = #relations
+    M.watching, M.has_drives = known_relations > 0, drives.among(relations)
+  end
+end
+
 --- A file begins: whether there are cyclic frames that are looked at, because a user named them.
 function M.begin()
   local chosen = options and options()
-  M.watching = chosen ~= nil and chosen.cyclic ~= nil and #chosen.cyclic > 0
-  if M.watching then the_analysis() end
+  if chosen and chosen.cyclic and #chosen.cyclic > 0 then
+    note_relations(the_analysis().cyclic.all)
+  end
 end
 
 --- Takes a frame that names a station (DCP, LLDP): its number and its bytes.
@@ -238,7 +250,7 @@ function M.feed(number, frame, offset, clock, length)
   else
     live:packet(packet)
   end
-  M.watching = #live.cyclic.all > 0
+  note_relations(live.cyclic.all)
   return true
 end
 
@@ -355,9 +367,10 @@ local function pkw_view(item, role, is_complete)
   return setmetatable({ role = role, item = item, complete = is_complete }, PKW)
 end
 
---- The same of the cyclic frame that was fed last.
+--- The same of the cyclic frame that was fed last, and what happened to drives: an array of its own.
 function M.live_cyclic_views(seen)
   local views, findings = {}, {}
+  local events = M.has_drives and current:cyclic_events() or NONE
   for _, each in ipairs(current:cyclic_touched()) do
     if seen then
       views[#views + 1] = pkw_view(each.item, each.role, false)
@@ -369,7 +382,7 @@ function M.live_cyclic_views(seen)
   for _, finding in ipairs(current:findings_at(last)) do
     findings[#findings + 1] = finding
   end
-  return views, findings
+  return views, findings, events
 end
 
 local function put(places, frame, item, role)
@@ -411,7 +424,10 @@ local function by_frames(result)
     end
     there[#there + 1] = finding
   end
-  return { places = places, findings = findings, witness = plc.witness(result) }
+  return {
+    places = places, findings = findings, witness = plc.witness(result),
+    drives = drives.complete(result, current.cyclic),
+  }
 end
 
 -- The parts of a view of a complete transaction, which are made when they are asked for.
@@ -453,23 +469,28 @@ local function complete_view(item, role)
   return setmetatable({ role = role, item = item, witness = complete.witness }, COMPLETE)
 end
 
---- What the complete result says of a frame: views, findings. Nil when it says nothing.
+local function the_complete()
+  if complete == nil then
+    complete = by_frames(current:ended())
+  end
+  return complete
+end
+
+--- What the complete result says of a frame: views, findings, events. Nil when it says nothing.
 function M.complete_views(number)
   if current == nil then
     return nil
   end
-  if complete == nil then
-    complete = by_frames(current:ended())
-  end
-  local place, findings = complete.places[number], complete.findings[number]
-  if place == nil and findings == nil then
+  local all = the_complete()
+  local place, findings, events = all.places[number], all.findings[number], all.drives.events[number]
+  if place == nil and findings == nil and events == nil then
     return nil
   end
   local views = {}
   for at = 1, place and #place or 0, 2 do
     views[#views + 1] = complete_view(place[at], place[at + 1])
   end
-  return views, findings or NONE
+  return views, findings or NONE, events or NONE
 end
 
 --- Where words of PKW stand in a cyclic frame, changed or not: array of {offset of the eight bytes, answer,
@@ -487,6 +508,18 @@ function M.standing(number, frame)
     end
   end
   return found
+end
+
+--- The words of drives in a cyclic frame, changed or not, as drives.lua gives them.
+-- @param whole whether all frames were fed, and the complete result tells
+function M.words(number, frame, whole)
+  local at = M.cyclic_data(frame)
+  if #frame < at then
+    return NONE
+  elseif whole then
+    return drives.words(the_complete().drives, number, frame, at)
+  end
+  return drives.live_words(current.cyclic, number, frame, at)
 end
 
 --- Where the data of a cyclic frame begins, behind the frame id: there may be a VLAN tag.

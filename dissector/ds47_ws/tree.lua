@@ -10,8 +10,10 @@
 -- field is wanted.
 
 local info = require("ds47_ws.info")
-local pkw_tree = require("ds47.support.later").module("ds47_ws.pkw_tree")
+local later = require("ds47.support.later").module
+local pkw_tree = later("ds47_ws.pkw_tree")
 local plc = require("ds47.report.plc")
+local pzd_tree = later("ds47_ws.pzd_tree")
 local reader = require("ds47.support.bytes")
 local spec = require("ds47.spec.lookup")
 local tables = require("ds47.spec.tables")
@@ -26,10 +28,11 @@ local floor = math.floor
 local M = {}
 
 local fields, experts, protocol
+local of_drives -- the protocol of what drives say
 
---- Tells the protocol, its fields and its expert infos, as fields.lua makes them.
-function M.configure(the_protocol, the_fields, the_experts)
-  protocol, fields, experts = the_protocol, the_fields, the_experts
+--- Tells the protocols, their fields and expert infos, as fields.lua makes them.
+function M.configure(the_protocol, the_words, the_fields, the_experts)
+  protocol, of_drives, fields, experts = the_protocol, the_words, the_fields, the_experts
 end
 
 -- Small things
@@ -74,6 +77,12 @@ local function add(parent, key, value, record, offset, size)
   return parent:add(fields[key], value)
 end
 
+-- Adds a field whose value is taken from its bytes, which have to be in the frame.
+local function take(parent, key, record, offset, size)
+  local range = wanted(key) and part(record, offset, size)
+  return range and parent:add(fields[key], range) or nil
+end
+
 local function mark_generated(item)
   if item and marked then
     item:set_generated()
@@ -87,7 +96,8 @@ local function derive(parent, key, value)
   return item
 end
 
-local adding = { add = add, derive = derive } -- for pkw_tree.lua
+-- For pkw_tree.lua and pzd_tree.lua.
+local adding = { wanted = wanted, add = add, take = take, derive = derive }
 
 -- Values with the type of their format
 
@@ -523,8 +533,32 @@ local function add_finding(parent, finding, lang)
   derive(shown, "finding.transaction", finding.transaction or finding.order)
 end
 
---- Findings as expert infos and nothing else: for a frame of which nobody wants fields.
-function M.add_experts(tree, findings, lang)
+-- Drives
+
+local function add_events(tree, events, find_word, lang)
+  local root = tree:add(of_drives, marked and "DS47 " .. info.events(events, lang) or "DS47 PZD")
+  for _, each in ipairs(events) do
+    local shown = pzd_tree.add_event(adding, root, each, find_word(each), lang)
+    shown = shown or root
+    shown:add_proto_expert_info(experts[pzd_tree.expert_of(each.event)], info.what({ each.event }, lang))
+  end
+end
+
+--- The words of drives, in a frame in which they need not have changed.
+-- @param tree the tree of the frame
+-- @param found as track.words gives them
+function M.add_words(tree, tvb, found, lang)
+  frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, lang
+  for _, place in ipairs(found) do
+    pzd_tree.add(adding, tree, place, tvb:range(place.offset, place.length), lang)
+  end
+end
+
+--- Findings and events as expert infos and nothing else: for a frame of which nobody wants fields.
+function M.add_experts(tree, findings, events, lang)
+  for _, each in ipairs(events) do
+    tree:add_proto_expert_info(experts[pzd_tree.expert_of(each.event)], info.what({ each.event }, lang))
+  end
   for _, finding in ipairs(findings) do
     local text = with_offset(finding, words.escape(sentences.sentence(finding, lang)))
     tree:add_proto_expert_info(experts[finding.rule], text)
@@ -560,11 +594,11 @@ end
 
 --- Adds all that a frame shows.
 -- @param tree the tree of the frame
--- @param views, findings as track.lua gives them
--- @param find_record a function of a record and of the view that has it, which gives its TvbRange in this
---   frame, or nil
+-- @param views, findings, events as track.lua gives them
+-- @param finders {record = a function of a record and of the view that has it, which gives its TvbRange in
+--   this frame, or nil; word = the same of an event}
 -- @param context {base_seconds = second since 1970 that the times are relative to, lang = "en" or "zh"}
-function M.add(tree, views, findings, find_record, context)
+function M.add(tree, views, findings, events, finders, context)
   frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, context.lang
   local taken = {}
   for _, view in ipairs(views) do
@@ -574,7 +608,10 @@ function M.add(tree, views, findings, find_record, context)
     elseif HEADERS[view.role] then
       data = view.item.response
     end
-    add_view(tree, view, findings, taken, data and find_record(data, view), context)
+    add_view(tree, view, findings, taken, data and finders.record(data, view), context)
+  end
+  if #events > 0 then
+    add_events(tree, events, finders.word, context.lang)
   end
   local rest
   for number, finding in ipairs(findings) do

@@ -282,6 +282,9 @@ def test_colours_of_the_profile(
     assert "DS47 slow" in slow.values()
     other = colours(shark, *profile, *plugin, "-r", captures / "conversation-wrong-axis.pcapng")
     assert "DS47 mismatch" in other.values()
+    drive = colours(shark, *profile, *plugin, "-r", captures / "cyclic-does-not-start.pcapng")
+    assert (drive["6"], drive["842"]) == ("Drive: event", "Drive: event")
+    assert drive["7"] == "PROFINET cyclic data"
 
 
 def buttons(repository: Path) -> dict[str, str]:
@@ -292,13 +295,21 @@ def buttons(repository: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(
-    ("label", "count"), [("DS47", 34), ("Not ok", 12), ("Errors", 4), ("Changes", 16), ("Slow", 0)]
+    ("label", "count"),
+    [
+        ("DS47", 34),
+        ("Not ok", 12),
+        ("Errors", 4),
+        ("Changes", 16),
+        ("Slow", 0),
+        ("Drive events", 0),
+    ],
 )
 def test_filter_buttons(
     shark: Run, plugin: list[str], repository: Path, tour: Path, label: str, count: int
 ) -> None:
     filters = buttons(repository)
-    assert len(filters) == 5
+    assert len(filters) == 6
     said = shark(*plugin, "-2", "-Y", filters[label], "-r", tour)
     assert "warning" not in said.err.lower()
     assert said.out.count("\n") == count

@@ -1,0 +1,177 @@
+-- What a frame has of the drives that PZD controls: where their words stand, and what happened in it.
+--
+-- Live from what the analysis tells frame by frame, later from the complete result. Only drives that are
+-- proven. Fields and texts are not here (pzd_tree.lua, info.lua), nor is what words mean (ds47.cyclic).
+
+local bits = require("ds47.support.bits")
+local pzd = require("ds47.cyclic.pzd")
+local tables = require("ds47.spec.tables")
+
+local byte, floor, sub = string.byte, math.floor, string.sub
+
+local M = {}
+
+local NONE = {}
+local PZD = "pzd"
+local VALID = 2 -- bit of the status of a frame
+
+--- Whether there is one that may be a drive among relations.
+function M.among(relations)
+  for _, relation in ipairs(relations) do
+    if relation.channel == PZD then
+      return true
+    end
+  end
+  return false
+end
+
+-- The complete result
+
+local function is_heeded(word)
+  return bits.bit(word, tables.pzd.stopping.heeded) == 1
+end
+
+local function key_of(source, frame_id)
+  return source .. frame_id
+end
+
+local function push(lists, key, item)
+  local list = lists[key]
+  if list == nil then
+    list = {}
+    lists[key] = list
+  end
+  list[#list + 1] = item
+end
+
+-- The control words that a drive heeds, by the frames from which on they stand.
+local function controls_of(events)
+  local controls = {}
+  for _, event in ipairs(events) do
+    if event.word == "STW1" and is_heeded(event.after) then
+      controls[#controls + 1] = { event.frame, event.after }
+    end
+  end
+  return controls
+end
+
+-- Both ends of a relation, found by what its frames begin with.
+local function push_ends(ends, relation, recorder, controls)
+  for _, way in ipairs({ "output", "input" }) do
+    local side = relation[way]
+    local id = side.frame_id
+    push(ends, key_of(side.source, string.char(floor(id / 256), id % 256)), {
+      relation = relation, side = side, sent = way == "output", speed = recorder.speed, controls = controls,
+    })
+  end
+end
+
+--- The complete result as frames ask for it.
+-- @param result as Analysis:ended gives it
+-- @param channels Analysis.cyclic, which has its drives in the same order
+-- @return {ends = by source and frame id, events = by frame: array of {relation, event, number}}
+function M.complete(result, channels)
+  local found, lines = { ends = {}, events = {} }, channels:drives()
+  for place, timeline in ipairs(result.timelines) do
+    local number = timeline.relation
+    local relation = result.relations[number]
+    push_ends(found.ends, relation, lines[place].recorder, controls_of(timeline.events))
+    for _, event in ipairs(timeline.events) do
+      push(found.events, event.frame, { relation = relation, event = event, number = number })
+    end
+  end
+  return found
+end
+
+-- The newest control word that stands in a frame, of those that the drive heeds; nil before the first.
+local function control_at(controls, frame)
+  local low, high = 0, #controls
+  while low < high do
+    local middle = math.ceil((low + high) / 2)
+    if controls[middle][1] <= frame then
+      low = middle
+    else
+      high = middle - 1
+    end
+  end
+  return low > 0 and controls[low][2] or nil
+end
+
+-- Words
+
+-- Whether data is valid, as its IOPS and the status of the frame say, where they are known.
+local function is_valid(side, frame, at)
+  return (not side.status or bits.bit(byte(frame, at + side.status + 1), VALID) == 1)
+    and (not side.iops or byte(frame, at + side.iops + 1) >= 0x80)
+end
+
+-- Whether the frame has all of an end: the capture may have cut it.
+local function is_whole(side, frame, at)
+  return #frame > at + math.max(side.offset + side.length - 1, side.status or 0, side.iops or 0)
+end
+
+-- Whether a relation counts in a frame: a Connect began it, and another one may have replaced it.
+local function counts(relation, number)
+  return (relation.frame or number) <= number and (relation.replaced == nil or number <= relation.replaced)
+end
+
+local function word_at(frame, offset)
+  local high, low = byte(frame, offset + 1, offset + 2)
+  return high * 256 + low
+end
+
+-- What an end says in a frame, a place: {offset in the frame, length, sent (by the controller), relation,
+-- word, valid, speed (whether a speed is behind the word), control (that the drive heeds, may be nil)}.
+local function place_of(each, frame, at, speed, control)
+  local side = each.side
+  local offset = at + side.offset
+  return {
+    offset = offset, length = side.length, sent = each.sent, relation = each.relation,
+    word = word_at(frame, offset), valid = is_valid(side, frame, at), speed = speed, control = control,
+  }
+end
+
+--- The words of drives in a cyclic frame, as far as earlier frames prove them: array of places.
+-- @param channels Analysis.cyclic
+-- @param at where the data of the frame begins, behind the frame id
+function M.live_words(channels, number, frame, at)
+  local found, lines = {}, channels:drives()
+  if #lines == 0 then
+    return found
+  end
+  for _, each in ipairs(channels:ends_in(number, sub(frame, 7, 12), word_at(frame, at - 2))) do
+    for _, line in ipairs(lines) do
+      if line.relation == each.relation and is_whole(each.side, frame, at) then
+        found[#found + 1] = place_of(each, frame, at, line.recorder.speed, line.recorder.heeded)
+      end
+    end
+  end
+  return found
+end
+
+--- The same as the complete result knows it.
+-- @param complete as `M.complete` gives it
+function M.words(complete, number, frame, at)
+  local ends = complete.ends[key_of(sub(frame, 7, 12), sub(frame, at - 1, at))]
+  if ends == nil then
+    return NONE
+  end
+  local found = {}
+  for _, each in ipairs(ends) do
+    if counts(each.relation, number) and is_whole(each.side, frame, at) then
+      found[#found + 1] = place_of(each, frame, at, each.speed, control_at(each.controls, number))
+    end
+  end
+  return found
+end
+
+--- The state that words of a drive show: its id and the ids of what is shown beside it; nil of a control
+-- word, and where the data is not valid.
+function M.state(place)
+  if place.sent or not place.valid then
+    return nil
+  end
+  return pzd.state(place.word, place.control)
+end
+
+return M

@@ -1,0 +1,194 @@
+-- The part of the tree that is about a drive: control and status word in each of its cyclic frames, and what
+-- happened in one.
+--
+-- `put` are the functions of tree.lua that add fields: {wanted, add, take, derive}. A record is the TvbRange
+-- of the words. Where they stand and whose they are is told by drives.lua.
+
+local bits = require("ds47.support.bits")
+local cyclic = require("ds47.spec.cyclic")
+local drives = require("ds47_ws.drives")
+local field_names = require("ds47_ws.fields")
+local info = require("ds47_ws.info")
+local tables = require("ds47.spec.tables")
+
+local bit_of = bits.bit
+local concat, format, lower, rep = table.concat, string.format, string.lower, string.rep
+
+local M = {}
+
+local REVERSE = 11 -- bit of STW1 that turns the sign of the setpoint
+
+-- The second word with its sign.
+local function raw_value(record)
+  return record:len() >= 4 and record:range(2, 2):int() or nil
+end
+
+-- Setpoint as it is effective, or actual value, in percent; nil where it is none, or not valid.
+local function percent(place, raw)
+  if not raw or not place.valid or not place.speed then
+    return nil
+  end
+  local share = raw / tables.pzd.word * 100
+  return place.sent and bit_of(place.word, REVERSE) == 1 and -share or share
+end
+
+-- `STW1 16#047F, setpoint 60.0 %`, the whole in one line.
+local function line_of(place, value, lang)
+  local parts = { format("%s 16#%04X", place.sent and "STW1" or "ZSW1", place.word) }
+  local state, overlays = drives.state(place)
+  if state then
+    parts[2] = cyclic.state_text(state, overlays, lang)
+  end
+  if value then
+    parts[#parts + 1] = format("%s %.1f %%", place.sent and "setpoint" or "actual value", value)
+  end
+  if not place.valid then
+    parts[#parts + 1] = "data not valid"
+  end
+  return concat(parts, ", ")
+end
+
+-- `.... .1.. .... ....`, as Wireshark shows a bit of a word.
+local function picture(word, bit)
+  local dots = rep(".", 15 - bit) .. bit_of(word, bit) .. rep(".", bit)
+  return (dots:gsub("....", "%0 "):sub(1, -2))
+end
+
+-- The words of a bit in this family of telegrams.
+local function bit_text(name, word, bit, family, lang)
+  local own = family and tables.pzd[name .. "_" .. family] or {}
+  local row = own[bit] or tables.pzd[name][bit]
+  local value = bit_of(word, bit)
+  return row[(value == 1 and "set" or "clear") .. (lang == "zh" and "_zh" or "")] or tostring(value)
+end
+
+local KEYS = {} -- of the bits of each word
+for name, names in pairs(field_names.BITS) do
+  KEYS[name] = {}
+  for number, last in ipairs(names) do
+    KEYS[name][number] = "pzd." .. name .. "." .. last
+  end
+end
+
+-- Bits have their words from the field, which knows those of speed telegrams in English.
+local function add_bits(put, parent, name, place, record, lang)
+  local family = place.speed == false and "positioning" or nil
+  local keys = KEYS[name]
+  for number = 1, #keys do
+    local shown, bit = put.take(parent, keys[number], record, 0, 2), number - 1
+    if shown and (family or lang == "zh") then
+      shown:set_text(format("%s = %s bit %d: %s", picture(place.word, bit), name:upper(), bit,
+        bit_text(name, place.word, bit, family, lang)))
+    end
+  end
+end
+
+-- The telegram that is the only one that may be; nil where there are more, or none.
+local function telegram_of(relation)
+  local numbers = relation.telegrams
+  return #numbers == 1 and tables.pzd.telegrams[numbers[1]] or nil
+end
+
+-- The words behind the first, by their names in the telegram.
+local function add_words(put, parent, place, record)
+  local telegram = telegram_of(place.relation)
+  if telegram == nil then
+    return
+  end
+  local offset = 2
+  local names = place.sent and telegram.out or telegram.inward
+  for number = 2, #names do
+    local name, double = field_names.word(names[number])
+    local size = double and 4 or 2
+    if name then
+      put.take(parent, "pzd.word." .. lower(name), record, offset, size)
+    end
+    offset = offset + size
+  end
+end
+
+local function add_values(put, parent, place, record, raw, value)
+  local key = place.sent and "pzd.setpoint" or "pzd.actual"
+  local shown = put.add(parent, key, value, record, 2, 2)
+  if shown then
+    shown:set_text(format("%s: %.2f %%", place.sent and "Setpoint" or "Actual value", value))
+  end
+  if place.speed then
+    put.add(parent, key .. ".raw", raw, record, 2, 2)
+  end
+end
+
+local function add_root(put, parent, place, record, value, lang)
+  local line = line_of(place, value, lang)
+  local root = put.add(parent, "pzd", line, record, 0, record:len())
+  if root then
+    root:set_text("DS47 PZD: " .. line)
+  end
+  return root
+end
+
+local function add_state(put, parent, place, lang)
+  local state, overlays = drives.state(place)
+  if state then
+    put.derive(parent, "pzd.state", cyclic.state_text(state, overlays, lang))
+  end
+end
+
+--- Adds the words of one direction of a drive.
+-- @param parent the tree of the frame
+-- @param place as drives.lua gives it
+-- @param lang "en" or "zh"
+function M.add(put, parent, place, record, lang)
+  local raw, name = raw_value(record), place.sent and "stw1" or "zsw1"
+  local value, root = percent(place, raw), parent
+  if put.wanted("pzd") then
+    root = add_root(put, parent, place, record, value, lang)
+  end
+  local numbers = place.relation.telegrams
+  if numbers[1] and put.wanted("pzd.telegram") then
+    put.derive(root, "pzd.telegram", concat(numbers, ", "))
+  end
+  local word = put.add(root, "pzd." .. name, place.word, record, 0, 2)
+  add_bits(put, word or root, name, place, record, lang)
+  if put.wanted("pzd.state") then
+    add_state(put, root, place, lang)
+  end
+  add_values(put, root, place, record, raw, value)
+  add_words(put, root, place, record)
+end
+
+--- Adds what happened to a drive in this frame.
+-- @param root the tree that it stands below
+-- @param found {relation, event, number}, as drives.lua gives it
+-- @param record the word that the event is about; nil where it is about none
+-- @return the item, nil where nobody wants it
+function M.add_event(put, root, found, record, lang)
+  local event, relation = found.event, found.relation
+  local text = info.event_name(event.name, lang)
+  local shown = put.add(root, "pzd.event", text, record, 0, 2)
+  if shown then
+    shown:set_text("Event of a drive: " .. info.what({ event }, lang))
+  end
+  local below = shown or root
+  put.derive(below, "pzd.event.name", event.name)
+  put.derive(below, "pzd.event.word", event.word)
+  put.derive(below, "pzd.event.before", event.before)
+  put.derive(below, "pzd.event.after", event.after)
+  if event.state then
+    put.derive(below, "pzd.event.state", event.state)
+    put.derive(below, "pzd.event.overlays", event.overlays[1] and concat(event.overlays, " "))
+  end
+  put.derive(below, "pzd.event.relation", found.number)
+  put.derive(below, "controller", relation.controller)
+  put.derive(below, "device", relation.device)
+  put.derive(below, "slot", relation.slot)
+  put.derive(below, "subslot", relation.subslot)
+  return shown
+end
+
+--- The expert info of an event, by its key.
+function M.expert_of(event)
+  return event.name == "fault" and "pzd.fault" or "pzd.event"
+end
+
+return M
