@@ -18,6 +18,7 @@ from tests.audit import run
 
 import ds47
 from ds47.analysis import analyze
+from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
 from ds47.lab.client import Client
@@ -200,6 +201,25 @@ def test_the_picture_of_a_drive(operation: Path, capsys: pytest.CaptureFixture[s
     assert re.findall(r"<g class=\"flag is-(\w+)\"", story) == ["on", "off"]
     assert re.findall(r"<g class=\"job is-(\w+)\"", story) == ["bad", "ok"]
     assert "p304 := 50 error 17" not in story.split("<title>")[0]
+
+
+def test_in_some_cycles_each_frame_is_a_tick(operation: Path) -> None:
+    """All of those that the file has there, with their values; without the file those that were looked at."""
+    found = analyze(operation)
+    (view,) = views(found)
+    cycles = view.drawings[-1]
+    relation = found.relations[found.timelines[0].relation - 1]
+    senders = [(side.mac, side.frame_id) for side in (relation.output, relation.input)]
+    with open_capture(operation) as source:
+        sent = [
+            each.time_ns - (found.start_ns or 0) for each in source.everything()
+            if (each.data[6:12].hex(":"), int.from_bytes(each.data[14:16])) in senders
+        ]  # fmt: skip
+    first, last = cycles.seconds, cycles.seconds + cycles.span
+    assert len(cycles.frames) == len([each for each in sent if first <= each / 1e9 <= last]) > 70
+    operation.unlink()
+    (without,) = views(found)
+    assert 0 < len(without.drawings[-1].frames) < len(cycles.frames) / 2
 
 
 def test_the_picture_says_where_data_is_invalid(tmp_path: Path) -> None:

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
+from ds47.cyclic.closeup import Seen, closeup
 from ds47.model import CaptureResult, Event, Finding, Point, Relation, Timeline, Transaction
 from ds47.report import timelines as told
 from ds47.report.bilingual import state
@@ -21,11 +23,12 @@ from ds47.spec import cyclic
 
 LEFT, WIDTH, RIGHT = 124, 880, 12
 """Of a drawing, in its own units: the names of the lanes, the time, and what is free behind it."""
-BAND, FLAGS, CURVE, LANE, AXIS = 26, 30, 132, 22, 22
+BAND, FLAGS, CURVE, LANE, AXIS = 26, 30, 132, 22, 36
 """Heights: states, commands, speed, one lane of jobs, the axis."""
 SHOWN = 200
 """Rows of the table of events."""
 STORIES = 6
+CLOCK = len("08:00:05.490")
 CYCLES = 40
 """Cycles in the closest drawing."""
 _BEFORE_NS, _AFTER_NS = 2_000_000_000, 5_000_000_000
@@ -71,6 +74,13 @@ class Tick:
 
     at: float
     words: str
+    time_ms: float = 0.0
+    """Of a time: milliseconds since 1970."""
+
+    @property
+    def clock(self) -> str:
+        """The same as a clock shows it, UTC: the page shows that of who reads it."""
+        return timestamp(round(self.time_ms * 1e6))[11 : 11 + CLOCK]
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +124,8 @@ class TimelineView:
     place: str
     start: str
     """Time of its first event, UTC."""
+    begin_ms: float
+    """Time of the first frame of the capture, milliseconds since 1970."""
     reference: Both | None
     """What 100 % is."""
     drawings: list[Drawing]
@@ -139,6 +151,7 @@ def _view(result: CaptureResult, timeline: Timeline, given: Reference | None) ->
         device=relation.device,
         place="" if relation.slot is None else f"slot {relation.slot}.{relation.subslot}",
         start=timestamp(timeline.events[0].time_ns),
+        begin_ms=(result.start_ns or 0) / 1e6,
         reference=told.reference_words(reference) if reference else None,
         drawings=drawings,
         opened=opened,
@@ -160,7 +173,10 @@ class _Canvas:
         self, result: CaptureResult, timeline: Timeline, relation: Relation,
         reference: Reference | None,
     ) -> None:  # fmt: skip
+        self.path = result.path
         self.start_ns = result.start_ns or 0
+        self.frames: list[int] = []
+        """Times of all frames of the drive, where somebody looked at all of them."""
         self.reference = reference
         self.timeline = timeline
         self.relation = relation
@@ -193,11 +209,26 @@ class _Canvas:
             found.append(_Drawing(self, first, last).drawn(Both.same(rules), about))
         stories = len(found)
         if self.findings and self.relation.cycle_ms is not None:
-            moment = self._time(self.findings[0].frame)
-            half = round(CYCLES / 2 * self.relation.cycle_ms * 1e6)
-            zoom = _Drawing(self, moment - half, moment + half)
-            found.append(zoom.drawn(say("zoom_cycles"), say("zoom_cycles_about", n=CYCLES)))
+            found.append(self._cycles(self.findings[0].frame, self.relation.cycle_ms))
         return found, 1 if stories > 1 else 0
+
+    def _cycles(self, frame: int, cycle_ms: float) -> Drawing:
+        """Some cycles around a frame: all frames that the file has there, else those that were looked at."""
+        half = round(CYCLES / 2 * cycle_ms * 1e6)
+        seen = closeup(self.path, self.relation, frame, 2 * half)
+        moment = next((each.time_ns for each in seen if each.frame == frame), self._time(frame))
+        canvas = self
+        if seen:
+            canvas = copy(self)
+            canvas.frames = [each.time_ns for each in seen]
+            canvas.timeline = replace(
+                self.timeline,
+                setpoint=_points(seen, self.timeline.setpoint, by_controller=True),
+                actual=_points(seen, self.timeline.actual, by_controller=False),
+            )
+        about = say("zoom_frames_about" if seen else "zoom_cycles_about", n=CYCLES)
+        first = max(self.first_ns, moment - half)
+        return _Drawing(canvas, first, first + 2 * half).drawn(say("zoom_cycles"), about)
 
     def _stories(self) -> dict[tuple[int, int], list[Finding]]:
         """The findings with a story, one of each rule, by its time: several may have the same."""
@@ -226,6 +257,12 @@ class _Canvas:
         return first, max(last, first + 100_000_000)
 
 
+def _points(seen: Sequence[Seen], known: Sequence[Point], *, by_controller: bool) -> list[Point]:
+    """The values of one side; none where they are no speed."""
+    sent = [each for each in seen if each.by_controller == by_controller] if known else []
+    return [Point(each.time_ns, each.raw, each.raw) for each in sent]
+
+
 class _Drawing:
     """One drawing: from one time to another."""
 
@@ -250,7 +287,7 @@ class _Drawing:
             spread=self._spread(self.canvas.timeline.actual),
             levels=[Tick(self._level(part), self._percent(part)) for part in self._parts()],
             lanes=lanes,
-            times=[Tick(self._x(at), label) for at, label in self._times()],
+            times=[Tick(self._x(at), label, at / 1e6) for at, label in self._times()],
             frames=self._ticks(),
             height=height,
         )  # fmt: skip
@@ -417,18 +454,15 @@ class _Drawing:
             at += step
 
     def _ticks(self) -> list[float]:
-        """The frames that were looked at, where single ones can be told apart."""
+        """The frames, or those that were looked at, where single ones can be told apart."""
         relation = self.canvas.relation
         if (
             relation.cycle_ms is None
             or (self.last_ns - self.first_ns) / 1e6 > 3 * CYCLES * relation.cycle_ms
         ):
             return []
-        return [
-            self._x(each.time_ns)
-            for each in self.canvas.timeline.actual
-            if self._is_seen(each.time_ns)
-        ]
+        times = self.canvas.frames or [each.time_ns for each in self.canvas.timeline.actual]
+        return [self._x(each) for each in times if self._is_seen(each)]
 
 
 _STEPS = [n * 10**power for power in range(6, 13) for n in (1, 2, 5)]

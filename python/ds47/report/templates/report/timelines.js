@@ -6,6 +6,17 @@ function eventAt(article, seconds) {
   return rows.findLast((row) => parseFloat(row.dataset.at) <= seconds) ?? null;
 }
 
+/** A time in milliseconds since 1970 as the clock of who reads it shows it. */
+function clock(milliseconds) {
+  const time = new Date(milliseconds);
+  const part = (number, digits = 2) => String(number).padStart(digits, "0");
+  const seconds = `${part(time.getHours())}:${part(time.getMinutes())}:${part(time.getSeconds())}`;
+  return `${seconds}.${part(time.getMilliseconds(), 3)}`;
+}
+
+for (const text of document.querySelectorAll("text.clock")) text.textContent = clock(Number(text.dataset.time));
+for (const note of document.querySelectorAll("[data-timeline] .js-only")) note.hidden = false;
+
 function zoomTo(article, number) {
   for (const button of article.querySelectorAll("[data-zoom]")) button.setAttribute("aria-pressed", String(button.dataset.zoom === number));
   for (const drawing of article.querySelectorAll("[data-drawing]")) drawing.hidden = drawing.dataset.drawing !== number;
@@ -25,7 +36,7 @@ function pointAt(article, drawing, event) {
   const first = Number(drawing.dataset.seconds);
   const seconds = first + ((x - from) / (to - from)) * Number(drawing.dataset.span);
   const row = eventAt(article, seconds);
-  const words = [`${seconds.toFixed(3)} s`];
+  const words = [`${seconds.toFixed(3)} s`, clock(Number(drawing.dataset.begin) + seconds * 1000)];
   if (row) {
     const [frame, , word, happened, stands] = [...row.cells].map((cell) => cell.innerText.trim());
     words.push(stands, `${say("frame", { n: frame })}: ${word} ${happened}`);
