@@ -3,6 +3,7 @@
 No test data lives here (``vectors/``) and no helper of a single module (its own test file).
 """
 
+import gc
 import os
 import shutil
 import signal
@@ -21,6 +22,13 @@ os.environ.setdefault("DS47_COMPILE", "0")
 # Ctrl-C want it as at a terminal.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_runtest_teardown() -> None:
+    """A command that ran in this process looks for garbage rarely, because it ends soon; tests go on for minutes."""
+    if not gc.isenabled():
+        gc.unfreeze()
+        gc.enable()
 
 
 def _missing(what: str) -> None:
