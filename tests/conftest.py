@@ -25,7 +25,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 def pytest_runtest_teardown() -> None:
-    """A command that ran in this process looks for garbage rarely, because it ends soon; tests go on for minutes."""
+    """A command that ran in this process looks for garbage rarely, because it ends soon; tests go on."""
     if not gc.isenabled():
         gc.unfreeze()
         gc.enable()
