@@ -149,6 +149,18 @@ local function look(add, lang, item)
     .. (left_out > 0 and "  " .. say(lang, "frames_more", { n = left_out }) or ""))
 end
 
+-- What the status word of the drive says of it.
+local function state(add, context, item)
+  local found = todo.by_state(context.findings, item.transactions)
+  if found then
+    local said = escape(sentences.sentence(found, context.lang))
+    local text = say(context.lang, "state_says", { job = words.integer(found.transaction), message = said })
+    for _, each in ipairs(words.wrap(text, M.WIDTH - 4)) do
+      add("    " .. each)
+    end
+  end
+end
+
 local function diagnosis(add, context, item, advised)
   local text = escape(sentences.sentence(item, context.lang))
   if context.several and item.device and not text:find(item.device, 1, true) then
@@ -162,6 +174,7 @@ local function diagnosis(add, context, item, advised)
   if axes then
     add("    " .. say(context.lang, "answering", { list = axes }))
   end
+  state(add, context, item)
   look(add, context.lang, item)
 end
 
@@ -186,6 +199,7 @@ local function other_findings(add, context, rest)
       if advised ~= each.rule then
         advice(add, context, each.rule)
       end
+      state(add, context, each)
       look(add, context.lang, each)
       advised = each.rule
     end
@@ -245,6 +259,7 @@ function M.lines(add, result, counts, context)
   local diagnoses = result.diagnoses or {}
   local rest = todo.uncovered(result)
   context.several, context.transactions = counts.drives > 1, result.transactions
+  context.findings = result.findings
   if #diagnoses > 0 or #rest > 0 then
     to_do(add, context, diagnoses, rest)
   end

@@ -10,7 +10,23 @@ local M = {}
 local SERIOUS = { error = 1, warning = 2, note = 3 }
 
 local WRONG_DRIVE_OBJECT = "DS709"
+local OF_STATE = { DS530 = true, DS531 = true } -- what the status word says of a change that was not accepted
 local ANSWERED = { ok = true, partial = true }
+
+--- What the status word of the drive says of the first of these transactions of which it says something: a
+-- finding, or nil.
+function M.by_state(findings, transactions)
+  local wanted = {}
+  for _, id in ipairs(transactions) do
+    wanted[id] = true
+  end
+  for _, each in ipairs(findings) do
+    if OF_STATE[each.rule] and wanted[each.transaction] then
+      return each
+    end
+  end
+  return nil
+end
 
 --- The drive objects of its device that answer, for a request to one that does not exist; else nil.
 function M.answering(all, item)

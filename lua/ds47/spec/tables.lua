@@ -1174,6 +1174,7 @@ M.report_words = {
   first_capture = {en = "first in {path}", zh = "首次出现：{path}"},
   look_at = {en = "look at frame {frame}: {filter}", zh = "查看帧 {frame}：{filter}"},
   look_at_job = {en = "look at frame {frame} (#{job}): {filter}", zh = "查看帧 {frame}（#{job}）：{filter}"},
+  state_says = {en = "the status word of the drive (#{job}): {message}", zh = "驱动器的状态字（#{job}）：{message}"},
   answering = {en = "these respond here: DO {list}", zh = "此处有应答：DO {list}"},
   instead_of = {en = "instead of the request of #{job} send: {hex}", zh = "#{job} 的请求应改为发送：{hex}"},
   instead = {en = "send instead: {hex}", zh = "应改为发送：{hex}"},

@@ -17,7 +17,7 @@ from ds47.report.filters import display_filter
 from ds47.report.formatting import escape
 from ds47.report.places import Places
 from ds47.report.sentences import of_all, sentence
-from ds47.report.todo import More, answering, causes, uncovered
+from ds47.report.todo import More, answering, by_state, causes, uncovered
 from ds47.report.verdict import Counts, blind, told, verdict
 from ds47.report.wrap import wrap
 
@@ -109,12 +109,13 @@ class Opening:
             yield from self._advice(each.rule, advised)
             if axes := answering(result, each):
                 yield "    " + self._say("answering", list=axes)
+            yield from self._state(result, each)
             yield from self._look(each, places)
             yield from self._corrected(each)
             advised = each.rule
         if rest and result.diagnoses:
             yield "  " + self._paint("bold", self._say("other_findings_head"))
-        yield from self._others(rest, places)
+        yield from self._others(result, rest, places)
 
     def _head(self, item: Diagnosis, text: str) -> Iterator[str]:
         known = self._options.rules.get(item.rule)
@@ -145,7 +146,17 @@ class Opening:
             text = self._say("cause_device", device=escape(item.device), message=text)
         yield from self._head(item, text)
 
-    def _others(self, rest: list[Finding], places: Places) -> Iterator[str]:
+    def _state(self, result: CaptureResult, item: Diagnosis) -> Iterator[str]:
+        """What the status word of the drive says of it."""
+        found = by_state(result, item.transactions)
+        if found is not None:
+            said = escape(sentence(found, self._lang))
+            for line in wrap(
+                self._say("state_says", job=str(found.transaction), message=said), WIDTH - 4
+            ):
+                yield "    " + line
+
+    def _others(self, result: CaptureResult, rest: list[Finding], places: Places) -> Iterator[str]:
         """The findings that no diagnosis covers, by what they have in common."""
         found = headlines(rest)
         firsts = {id(item): first for item, first in found}
@@ -159,6 +170,7 @@ class Opening:
                 text = self._say("first_of", message=sentence(firsts[id(each)], self._lang))
             yield from self._head(each, escape(text))
             yield from self._advice(each.rule, advised)
+            yield from self._state(result, each)
             yield from self._look(each, places)
             advised = each.rule
 

@@ -6,7 +6,7 @@ Which findings a diagnosis covers stands in spec/report.toml. Used by the text r
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import NamedTuple
 
 from ds47.model import DIAGNOSIS, CaptureResult, Diagnosis, Finding
@@ -15,6 +15,8 @@ from ds47.spec.reporting import covers
 
 _WRONG_DRIVE_OBJECT = "DS709"
 _ANSWERED = ("ok", "partial")
+_OF_STATE = ("DS530", "DS531")
+"""What the status word says of a change that was not accepted."""
 
 
 def uncovered(result: CaptureResult) -> list[Finding]:
@@ -75,6 +77,12 @@ def _same_code(diagnosis: Finding, finding: Finding) -> bool:
         finding.args.get(key) is not None and diagnosis.args.get(key) == finding.args[key]
         for key in ("code", "status")
     )
+
+
+def by_state(result: CaptureResult, transactions: Collection[int]) -> Finding | None:
+    """What the status word of the drive says of the first of these transactions of which it says something."""
+    told = (each for each in result.findings if each.rule in _OF_STATE)
+    return next((each for each in told if each.transaction in transactions), None)
 
 
 def answering(result: CaptureResult, item: Diagnosis) -> str:
