@@ -18,6 +18,7 @@ local here -- what Wireshark knows of this frame
 local newest_ns -- a frame without a time has that of the frame before it
 local origin -- seconds since 1970 to which relative times are added, not exact; nil before the first
 local origin_ns -- the same as the analysis counts, exact
+local start_ns -- time of the first frame, before somebody set another one as the reference
 
 --- Tells where the exact time comes from: an extractor of frame.time_epoch.
 function M.configure(extractor)
@@ -26,7 +27,7 @@ end
 
 --- Forgets all times: another analysis counts from another second.
 function M.reset()
-  origin, newest_ns = nil, nil
+  origin, newest_ns, start_ns = nil, nil, nil
 end
 
 --- Tells which frame is dissected.
@@ -42,9 +43,15 @@ local function exact(analysis, absolute, relative)
     newest_ns = analysis:time_ns(floor(time.secs), floor(time.nsecs))
     if times.is_near(newest_ns) then
       origin, origin_ns = absolute - relative, newest_ns - floor(relative * 1e9 + 0.5)
+      start_ns = start_ns or origin_ns
     end
   end
   return newest_ns or analysis:time_ns(0, 0)
+end
+
+--- The time of the first frame as an analysis counts it; nil where nobody asked for a time yet.
+function M.start()
+  return start_ns
 end
 
 --- The time of the frame as an analysis counts it (Analysis:time_ns).

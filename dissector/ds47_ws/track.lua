@@ -7,6 +7,7 @@
 
 local analysis = require("ds47.analysis")
 local drives = require("ds47_ws.drives")
+local clock = require("ds47_ws.clock")
 local entries = require("ds47.support.later").entries
 local parameter = require("ds47.profidrive.parameter")
 local pkw = require("ds47.cyclic.transactions")
@@ -539,7 +540,7 @@ function M.result()
   hand_over_stations()
   local live = the_analysis()
   local result = live:ended()
-  result.base_seconds = live.base_seconds
+  result.base_seconds, result.start_time = live.base_seconds, clock.start()
   return result
 end
 

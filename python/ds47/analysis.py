@@ -8,6 +8,7 @@ Each step is a module of its own; here they are only joined. Nothing is printed,
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -18,7 +19,7 @@ from ds47.acyclic.judge import Judge
 from ds47.acyclic.pairing import Job, Pairing, Peer
 from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.transactions import build, summarise
-from ds47.capture import Capture, Frame, Series, open_capture, sha256
+from ds47.capture import Capture, CaptureError, Frame, Series, open_capture, sha256
 from ds47.capture.scan import Watch
 from ds47.cyclic import CYCLIC
 from ds47.cyclic.channels import CyclicChannels
@@ -125,8 +126,9 @@ def _told(
     """The result; a file in which nothing was set up is opened again for who sends cyclic frames."""
     analysis = Analysis(options, on_transaction)
     result = analysis.run(capture)
-    if analysis.lacks_connect and result.frames and Path(capture.path).is_file():
-        with open_capture(capture.path) as again:
+    alone = isinstance(capture, Capture) and Path(capture.path).is_file()
+    if alone and result.frames and analysis.lacks_connect:
+        with suppress(CaptureError), open_capture(capture.path) as again:
             result.senders = senders(again.everything())
     return result
 

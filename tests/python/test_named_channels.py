@@ -11,6 +11,7 @@ from test_lua_pzd import NAMES, without_connect
 
 import ds47
 from ds47.analysis import analyze
+from ds47.batch import settings as batch_settings
 from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
@@ -125,3 +126,48 @@ def test_a_name_that_is_none_is_told_in_one_line(
     assert words in line
     with pytest.raises(ValueError, match=words.split("'")[-1]):
         pairs([parse(each) for each in names])
+
+
+def with_settings(story: Path, text: str) -> Path:
+    (story.parent / "ds47.toml").write_text(text, encoding="utf-8")
+    batch_settings._nearest.cache_clear()
+    return story
+
+
+def test_a_folder_names_its_channels(
+    story: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plain = report(capsys, str(story))
+    with_settings(story, f"[cyclic]\nchannels = {list(NAMES)!r}\n")
+    assert "DS523" not in plain
+    assert "DS523" in report(capsys, str(story))
+    assert main(["baseline", str(story)]) == 0
+    assert main(["check", str(story)]) == 0
+    results = tmp_path / "results"
+    assert "DS523" in report(capsys, "--results", str(results), str(story))
+    with_settings(story, "[cyclic]\nchannels = []\n")
+    assert "DS523" not in report(capsys, "--results", str(results), str(story))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[cyclic]\nchannels = 'x'", "[cyclic] channels: write a list of texts"),
+        ("[cyclic]\nchannels = ['x']", "[cyclic] channels: 'x' is not MAC@FRAMEID:OFFSET:KIND"),
+        ("[cyclic]\nlayout = 'uss'", "unknown key 'layout'; known are channels, pkw_layout"),
+        ("[cyclic]\npkw_layout = ['us']", "cyclic or uss"),
+        ("cyclic = 3", "write it as a table"),
+        ("[cyclic", "ds47.toml"),
+    ],
+)
+def test_settings_that_cannot_be_are_told_in_one_line(
+    text: str, words: str, story: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with_settings(story, text)
+    results = str(tmp_path / "results")
+    for command, status in ((["report"], 3), (["report", "--results", results], 3), (["check"], 2)):
+        assert main([*command, str(story)]) == status
+        told = capsys.readouterr()
+        line = next(each for each in (told.err + told.out).splitlines() if "ds47.toml" in each)
+        assert words in line
+        assert "Traceback" not in told.err

@@ -11,11 +11,13 @@ from pathlib import Path
 
 import pytest
 from test_cyclic_scenes import SCENES, capture
+from test_lua_pzd import NAMES, without_connect
 from test_wireshark_plugin import CAPTURES, COMPLETE, Tshark, columns, rows, tshark
 
-from ds47.analysis import analyze
+from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import open_capture
 from ds47.cyclic import pzd
+from ds47.cyclic.named import parse
 from ds47.model import CaptureResult, Event, Relation, Side
 from ds47.spec import cyclic
 
@@ -372,3 +374,23 @@ def test_graphs_of_the_profile() -> None:
     assert {len(each) for each in graphs} == {8}
     assert [each[6] for each in graphs] == ["ds47.pzd.setpoint", "ds47.pzd.actual", ""]
     assert {each[0] for each in graphs} <= {"Enabled", "Disabled"}
+
+
+@pytest.mark.parametrize("ways", [(), ("-2",)])
+def test_a_drive_that_is_named_by_hand(
+    ways: tuple[str, ...], tshark: Tshark, tmp_path: Path
+) -> None:
+    """Without its Connect: the same events as the analyzer tells, and no slot."""
+    path = tmp_path / "named.pcapng"
+    path.write_bytes(without_connect().getvalue())
+    names = tuple(map(parse, NAMES))
+    wanted = [
+        str(event.frame)
+        for event in analyze(path, AnalysisOptions(cyclic=names)).timelines[0].events
+    ]
+    shown = tshark(
+        "-o", "ds47.cyclic:" + " ".join(NAMES), *ways, "-r", path, "-Y", "ds47.pzd.event",
+        *columns("frame.number", "ds47.slot"),
+    )  # fmt: skip
+    assert rows(shown) == [[frame, ""] for frame in dict.fromkeys(wanted)]
+    assert tshark("-r", path, "-Y", "ds47") == ""

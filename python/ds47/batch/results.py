@@ -19,6 +19,7 @@ from typing import Any, BinaryIO, cast
 from ds47 import __version__
 from ds47.analysis import AnalysisOptions
 from ds47.batch.products import discard, draft_of, whole
+from ds47.batch.settings import options_for
 from ds47.batch.tasks import Task, read
 from ds47.capture.remote import is_url
 from ds47.model import CaptureResult
@@ -101,6 +102,7 @@ def _whole(data: bytes, seal: str) -> bool:
 
 def _made_of(task: Task, options: AnalysisOptions, lang: str) -> dict[str, Any]:
     """What a result depends on, besides the version: when it is the same, so is the result."""
+    options = options_for(task.path, options)
     chosen = asdict(options) | {"indices": sorted(options.indices), "lang": lang}
     sources = [
         {"path": each.name, "size": each.size, "mark": each.mark, "missing_before": each.missing}

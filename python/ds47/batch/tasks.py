@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from ds47.analysis import AnalysisOptions, OnTransaction, analyze
+from ds47.batch.settings import options_for
 from ds47.capture import CaptureError, Series, open_capture, sha256
 from ds47.capture.names import is_capture
 from ds47.capture.remote import facts, is_url
@@ -149,16 +150,16 @@ def read(
     """Analyses a task; `finished` as in `ds47.analysis.analyze`.
 
     Raises:
-        ds47.capture.CaptureError: nothing of it can be read.
+        ds47.capture.CaptureError: nothing of it can be read, or its `ds47.toml` cannot be used.
     """
     if task.series:
         with Series(task.parts) as series:
-            result = analyze(series, options, finished)
+            result = analyze(series, options_for(task.path, options), finished)
     else:
         (source,) = task.sources
         place = sys.stdin.buffer if source.place == STDIN else source.place
         with open_capture(place, name=source.name) as capture:
-            result = analyze(capture, options, finished)
+            result = analyze(capture, options_for(source.place, options), finished)
     result.path = task.path
     if options.digest and task.path != STDIN:
         _digest(task, result)

@@ -166,9 +166,9 @@ def _index(text: str) -> int:
 
 
 def _layout(text: str) -> tuple[str, str]:
-    device, _, layout = text.rpartition("=")
-    if layout not in ("cyclic", "uss"):
-        raise click.UsageError(
-            f"--pkw-layout {text!r}: cyclic or uss, for one device 192.168.0.5=uss"
-        )
-    return device, layout
+    from ds47.batch.settings import layout
+
+    try:
+        return layout(text)
+    except ValueError as problem:
+        raise click.UsageError(f"--pkw-layout {problem}") from None

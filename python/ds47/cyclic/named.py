@@ -32,15 +32,10 @@ _PZD_LENGTH = 4
 class Name:
     """One direction of a channel: the sender's MAC address and frame id, and where it is behind the frame id."""
 
-    source: bytes
+    mac: str
     frame_id: int
     offset: int
     kind: str
-
-    @property
-    def mac(self) -> str:
-        """The MAC address as text."""
-        return self.source.hex(":")
 
 
 def parse(text: str) -> Name:
@@ -61,9 +56,7 @@ def parse(text: str) -> Name:
         )
     if int(offset) >= _LONGEST:
         raise ValueError(f"{text!r}: a cyclic frame has at most {_LONGEST} bytes of data")
-    return Name(
-        bytes.fromhex(re.sub("[:-]", "", mac)), int(frame_id, 16), int(offset), kind.lower()
-    )
+    return Name(mac.lower().replace("-", ":"), int(frame_id, 16), int(offset), kind.lower())
 
 
 def pairs(names: Sequence[Name]) -> list[tuple[Name, Name]]:
@@ -101,7 +94,7 @@ def relations(names: Sequence[Name]) -> Iterator[Relation]:
 def _relation(channel: str, output: Name, input_: Name, behind: int, length: int) -> Relation:
     sides = [
         Side(
-            name.source, name.frame_id, name.offset + behind, length,
+            bytes.fromhex(name.mac.replace(":", "")), name.frame_id, name.offset + behind, length,
             watched=length if channel == PKW else 2, iops=None, status=None, cycle_ns=0,
         )
         for name in (output, input_)

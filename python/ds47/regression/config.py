@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ds47 import spec
+from ds47.batch.settings import FILE
+from ds47.batch.settings import parse as parse_cyclic
 from ds47.model import SEVERITIES
 
-FILE = "ds47.toml"
 _T = TypeVar("_T")
 
 
@@ -154,11 +155,15 @@ def load(path: Path) -> Config:
         raise ConfigError(f"{path}: {problem}") from None
 
 
-_TOP = ("tolerance", "mask", "ignore", "labels", "check")
+_TOP = ("tolerance", "mask", "ignore", "labels", "check", "cyclic")
 
 
 def _config(folder: Path, table: dict[str, Any]) -> Config:
     _known_keys("the file", table, _TOP)
+    try:
+        parse_cyclic(table.get("cyclic", {}))  # who reads the captures takes it from there
+    except ValueError as problem:
+        raise ConfigError(str(problem)) from None
     tolerance = _section(table, "tolerance")
     own = _rows(tolerance.pop("parameter", []), "tolerance.parameter")
     check = _section(table, "check")
