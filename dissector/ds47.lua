@@ -55,8 +55,10 @@ clock.configure(Field.new("frame.time_epoch"))
 
 local this_dissector, words_dissector -- to ask whether anybody wants fields of ours
 local referenced -- the method of all trees that tells it: looking it up costs as much as asking
+local always_wanted -- whether words of drives are, in new frames; nil before the first
 
 local NONE = {}
+local WINDOW = gui_enabled()
 local RECORD_HEADER, INDEX_IN_HEADER = 64, 34 -- bytes of a record block (docs/protocol.md E.4)
 
 -- A record in what the built-in put together from fragments: behind the header in which the index stands.
@@ -134,10 +136,21 @@ local function show_words(tvb, number, tree, whole)
   end
 end
 
+-- Whether somebody wants words of drives; a tree that is visible counts as well. Asking costs as much as all
+-- else of a frame in which nothing changed. Without a window the answer is the same for all new frames.
+local function is_looked_at(tree, is_new)
+  referenced = referenced or tree.referenced
+  if WINDOW or not is_new then
+    return referenced(tree, words_dissector)
+  elseif always_wanted == nil then
+    always_wanted = referenced(tree, words_dissector)
+  end
+  return always_wanted
+end
+
 -- A frame without IP, once there are channels of drives in cyclic frames: nearly always nothing changed in
 -- it.
 local function dissect_cyclic(tvb, pinfo, tree)
-  referenced = referenced or tree.referenced
   local number, views, findings, events = pinfo.number, nil, nil, nil
   local is_new = track.is_new(number, pinfo)
   if not is_new then
@@ -150,7 +163,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
   if views then
     show(views, findings, events, tvb, columns_of(pinfo), tree, nil, tree:referenced(this_dissector))
   end
-  if referenced(tree, words_dissector) then -- a tree that is visible counts as well
+  if is_looked_at(tree, is_new) then
     show_words(tvb, number, tree, not is_new)
     if tree.visible and (views == nil or #views == 0) then
       show_standing(tvb, number, tree)
@@ -186,6 +199,7 @@ end
 function ds47_words.dissector() end
 
 local function begin_anew()
+  always_wanted = nil
   clock.reset()
   track.reset()
   track.begin()

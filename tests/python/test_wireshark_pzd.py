@@ -5,6 +5,7 @@ Words are read here once more, from the bytes of the frames; states and events a
 
 from __future__ import annotations
 
+import io
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,7 @@ from test_wireshark_plugin import CAPTURES, COMPLETE, Tshark, columns, rows, tsh
 
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import open_capture
+from ds47.capture.writer import PcapngWriter
 from ds47.cyclic import pzd
 from ds47.cyclic.named import parse
 from ds47.model import CaptureResult, Event, Relation, Side
@@ -337,6 +339,28 @@ def test_pkw_and_pzd_stand_in_one_frame(tshark: Tshark, tmp_path: Path) -> None:
     both = tshark("-r", path, *COMPLETE, "-Y", "ds47.pkw && ds47.pzd", "-V")
     assert "DS47 PKW read request p1082[0]" in both
     assert "DS47 PZD: STW1 16#047F" in both
+
+
+def test_tagged_and_cut_frames(tshark: Tshark, tmp_path: Path) -> None:
+    """A VLAN tag moves the words by four bytes; a frame that the capture cut has none."""
+    target = io.BytesIO()
+    with open_capture(STORY) as source, PcapngWriter(target) as writer:
+        for number, frame in enumerate(source.everything(), 1):
+            data, length = frame.data, frame.original_length
+            if data[12:14] == b"\x88\x92":
+                data, length = data[:12] + b"\x81\0\xc0\0" + data[12:], length + 4
+                data = data[:23] if number % 50 == 0 else data
+            writer.write(frame.time_ns, data, length)
+    path = tmp_path / "tagged.pcapng"
+    path.write_bytes(target.getvalue())
+    result = analyze(path)
+    assert shown_events(tshark, path, *COMPLETE) == events_of(result) != []
+    shown = columns("frame.number", "ds47.pzd.stw1", "ds47.pzd.zsw1")
+    found = rows(tshark("-r", path, *COMPLETE, "-Y", "ds47.pzd", *shown))
+    plain = rows(tshark("-r", STORY, *COMPLETE, "-Y", "ds47.pzd", *shown))
+    assert found == [each for each in plain if int(each[0]) % 50]
+    text = tshark("-r", path, *COMPLETE, "-Y", "frame.number == 842", *PDML)
+    assert re.search(r'name="ds47.pzd.zsw1"[^>]* size="2" pos="20"', text)
 
 
 def test_a_graph_of_setpoint_and_actual_value(tshark: Tshark) -> None:
