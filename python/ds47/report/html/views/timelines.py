@@ -123,7 +123,7 @@ class TimelineView:
     device: str
     place: str
     start: str
-    """Time of its first event, UTC."""
+    """Time of its first event, UTC, to the millisecond."""
     begin_ms: float
     """Time of the first frame of the capture, milliseconds since 1970."""
     reference: Both | None
@@ -150,7 +150,7 @@ def _view(result: CaptureResult, timeline: Timeline, given: Reference | None) ->
     return TimelineView(
         device=relation.device,
         place="" if relation.slot is None else f"slot {relation.slot}.{relation.subslot}",
-        start=timestamp(timeline.events[0].time_ns),
+        start=timestamp(timeline.events[0].time_ns)[:23].replace("T", " "),
         begin_ms=(result.start_ns or 0) / 1e6,
         reference=told.reference_words(reference) if reference else None,
         drawings=drawings,
