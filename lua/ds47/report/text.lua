@@ -159,6 +159,16 @@ local function relation_line(item, lang)
   })
 end
 
+-- The words of a drive, where only one telegram has these lengths; nil elsewhere.
+local function telegram_words(item, lang)
+  local number = item.telegrams[1]
+  if item.channel ~= "pzd" or #item.telegrams ~= 1 then return nil end
+  local row = tables.pzd.telegrams[number]
+  return say(lang, "relation_words", {
+    number = integer(number), output = concat(row.out, ", "), input = concat(row.inward, ", "),
+  })
+end
+
 --- The parameter channels in cyclic frames, and how sure each is.
 local function relations(add, list, lang)
   if #list == 0 then
@@ -168,6 +178,8 @@ local function relations(add, list, lang)
   add(say(lang, "relations_head"))
   for i = 1, math.min(#list, M.RELATIONS_LISTED) do
     add("  " .. relation_line(list[i], lang))
+    local told = telegram_words(list[i], lang)
+    if told then add("    " .. told) end
   end
   if #list > M.RELATIONS_LISTED then
     add("  " .. say(lang, "more", { number = integer(#list - M.RELATIONS_LISTED) }))

@@ -39,6 +39,7 @@ from ds47.report.summary import Opening
 from ds47.report.targets import Targets
 from ds47.report.verdict import Counts
 from ds47.report.wrap import aligned, columns
+from ds47.spec.cyclic import telegrams
 
 LINE_LENGTH = 120
 """Parameters that make a line longer than this stand below it, one a line."""
@@ -149,6 +150,7 @@ class Writer(_Writer):
                 cycle=self._cycle(each.cycle_ms),
                 certainty=self._say(_certainty(each)),
             ))  # fmt: skip
+            self._words_of(each)
         if len(relations) > RELATIONS_LISTED:
             self._line("  " + self._say("more", number=str(len(relations) - RELATIONS_LISTED)))
 
@@ -172,6 +174,13 @@ class Writer(_Writer):
             self._line("  " + self._say("senders_how"))
             names = [f"--cyclic {each.mac}@{each.frame_id:04X}:0:pzd" for each in (first, back[0])]
             self._line("    " + " ".join(names))
+
+    def _words_of(self, relation: Relation) -> None:
+        """The words of a drive, where only one telegram has these lengths."""
+        if relation.channel == PZD and len(relation.telegrams) == 1:
+            row = telegrams()[relation.telegrams[0]]
+            both = {"output": ", ".join(row.out), "input": ", ".join(row.inward)}
+            self._line("    " + self._say("relation_words", number=str(row.number), **both))
 
     def _cycle(self, milliseconds: float | None) -> str:
         if milliseconds is None:

@@ -12,7 +12,7 @@ from copy import copy
 from dataclasses import dataclass, replace
 
 from ds47.cyclic.closeup import Seen, closeup
-from ds47.model import CaptureResult, Event, Finding, Point, Relation, Timeline, Transaction
+from ds47.model import CaptureResult, Event, Finding, Point, Relation, Timeline, Transaction, Value
 from ds47.report import timelines as told
 from ds47.report.bilingual import state
 from ds47.report.formatting import parameter
@@ -184,6 +184,7 @@ class _Canvas:
         self.first_ns = self.events[0].time_ns
         self.last_ns = max(timeline.end_ns or 0, self.events[-1].time_ns, self.first_ns + 1_000_000)
         self.jobs = [each for each in result.transactions if each.device == relation.device]
+        self.before = _values_before(self.jobs)
         numbers = {each.id for each in self.jobs}
         self.findings = [each for each in result.findings if self._is_mine(each, numbers)]
         peak = max((abs(v) for each in self._values() for v in (each.least, each.most)), default=0)
@@ -437,7 +438,7 @@ class _Drawing:
             yield replace(box, beside=not box.has_room and room > _LETTER * len(box.words.en) + 8)
 
     def _job(self, job: Transaction) -> Box:
-        words = Both.same(_short(job))
+        words = Both.same(_short(job, self.canvas.before.get(job.id)))
         end = job.start_ns + max(job.duration_ns or 0, 1)
         title = Both(f"#{job.id} {_long(job, 'en')}", f"#{job.id} {_long(job, 'zh')}")
         box = self._box(job.start_ns, end, "ok" if job.state == "ok" else "bad", words, title)
@@ -472,16 +473,38 @@ def _pairs(events: Sequence[Event]) -> Iterator[tuple[Event, Event]]:
     return itertools.pairwise(events)
 
 
-def _short(job: Transaction) -> str:
-    """`p304 = 50`, or the number of the error."""
+def _values_before(jobs: Sequence[Transaction]) -> dict[int, Value]:
+    """The value that the first parameter of a change had, by the id of the job, as far as somebody saw it."""
+    newest: dict[tuple[int, int | None, int | None], Value] = {}
+    found: dict[int, Value] = {}
+    for job in sorted(jobs, key=lambda each: each.start_ns):
+        for number, each in enumerate(job.parameters):
+            key = job.axis or 0, each.pnu, each.subindex
+            if job.operation == "change" and number == 0 and key in newest:
+                found[job.id] = newest[key]
+            if each.values and each.error is None and job.state in ("ok", "partial"):
+                newest[key] = each.values[0]
+    return found
+
+
+def _plain(value: Value) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _short(job: Transaction, before: Value | None = None) -> str:
+    """`p304 = 50`, `p304 10 -> 50`, or the number of the error."""
     if not job.parameters:
         return ""
     first = job.parameters[0]
     number = "p?" if first.pnu is None else f"p{first.pnu}"
     if first.error is not None:
         return f"{number}: {first.error.number or '?'}"
-    sign = ":=" if job.operation == "change" else "="
-    return f"{number} {sign} {first.values[0]}" if first.values else number
+    if not first.values:
+        return number
+    value = f"{_plain(first.values[0])} {first.unit or ''}".rstrip()
+    if job.operation != "change":
+        return f"{number} = {value}"
+    return f"{number} := {value}" if before is None else f"{number} {_plain(before)} -> {value}"
 
 
 def _long(job: Transaction, lang: str) -> str:
