@@ -43,6 +43,7 @@ local fields, experts = ds47_fields.define(ds47, ds47_words)
 local tree_of = later("ds47_ws.tree", function(module)
   module.configure(ds47, ds47_words, fields, experts)
 end)
+local experts_of = later("ds47_ws.experts")
 local words_of = later("ds47_ws.pkw_tree")
 track.configure(function()
   return preferences.options(ds47)
@@ -117,7 +118,7 @@ local function show(views, findings, events, tvb, columns, tree, offset, whole)
     local find = offset and { record = finder(tvb, frame, offset) } or finders_of_words(tvb, frame)
     tree_of.add(tree, views, findings, events, find, context)
   elseif #findings + #events > 0 then
-    tree_of.add_experts(tree, findings, events, track.lang)
+    experts_of.add(tree, experts, findings, events, track.lang)
   end
 end
 

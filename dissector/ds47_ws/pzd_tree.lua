@@ -186,9 +186,4 @@ function M.add_event(put, root, found, record, lang)
   return shown
 end
 
---- The expert info of an event, by its key.
-function M.expert_of(event)
-  return event.name == "fault" and "pzd.fault" or "pzd.event"
-end
-
 return M

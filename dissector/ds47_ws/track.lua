@@ -257,10 +257,16 @@ end
 
 local news, news_row, news_at -- the cyclic frame that is news, and where its channels are
 
---- Whether words of PKW in a frame are not those of the frame before it: then it is to be fed.
+--- Whether a cyclic frame is looked at, because words in it are not those of the frame before it or it is the
+-- first of a while: then it is to be fed. As Analysis:cyclic_news does it, without two calls for each frame.
 function M.is_news(frame, number)
-  news, news_row, news_at = frame, current:cyclic_news(frame, number)
-  return news_row ~= nil
+  local channels = current.cyclic
+  local row, at = channels:row_of(frame)
+  if row and channels:is_news(row, frame, at, number) then
+    news, news_row, news_at = frame, row, at
+    return true
+  end
+  return false
 end
 
 --- Feeds the cyclic frame that is news.

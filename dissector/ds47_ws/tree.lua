@@ -12,6 +12,7 @@
 local info = require("ds47_ws.info")
 local later = require("ds47.support.later").module
 local pkw_tree = later("ds47_ws.pkw_tree")
+local own_experts = require("ds47_ws.experts")
 local plc = require("ds47.report.plc")
 local pzd_tree = later("ds47_ws.pzd_tree")
 local reader = require("ds47.support.bytes")
@@ -508,13 +509,8 @@ end
 
 -- Findings
 
-local function with_offset(finding, text)
-  return finding.offset and format("offset %d: %s", finding.offset, text) or text
-end
-
 local function add_finding(parent, finding, lang)
-  local said = words.escape(sentences.sentence(finding, lang))
-  local text = with_offset(finding, said)
+  local text, said = own_experts.of_finding(finding, lang)
   local shown = derive(parent, "finding", finding.rule)
   if shown then
     shown:set_text(format("%s %s: %s", finding.rule, finding.severity, text))
@@ -540,7 +536,8 @@ local function add_events(tree, events, find_word, lang)
   for _, each in ipairs(events) do
     local shown = pzd_tree.add_event(adding, root, each, find_word(each), lang)
     shown = shown or root
-    shown:add_proto_expert_info(experts[pzd_tree.expert_of(each.event)], info.what({ each.event }, lang))
+    local key, text = own_experts.of_event(each.event, lang)
+    shown:add_proto_expert_info(experts[key], text)
   end
 end
 
@@ -551,17 +548,6 @@ function M.add_words(tree, tvb, found, lang)
   frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, lang
   for _, place in ipairs(found) do
     pzd_tree.add(adding, tree, place, tvb:range(place.offset, place.length), lang)
-  end
-end
-
---- Findings and events as expert infos and nothing else: for a frame of which nobody wants fields.
-function M.add_experts(tree, findings, events, lang)
-  for _, each in ipairs(events) do
-    tree:add_proto_expert_info(experts[pzd_tree.expert_of(each.event)], info.what({ each.event }, lang))
-  end
-  for _, finding in ipairs(findings) do
-    local text = with_offset(finding, words.escape(sentences.sentence(finding, lang)))
-    tree:add_proto_expert_info(experts[finding.rule], text)
   end
 end
 

@@ -407,7 +407,8 @@ end
 -- The bytes that matter, and what a frame looks like in which they are the same, as a pattern: one call tells
 -- nearly all frames apart.
 local function keep(row, frame, at)
-  local bytes, pattern, stop = {}, {"^"}, 0
+  local bytes, pattern, stop = {}, {"^"}, at + row.parts[1][1]
+  row.first = stop + 1
   for number, part in ipairs(row.parts) do
     local first = at + part[1]
     bytes[number] = sub(frame, first + 1, first + part[2])
@@ -440,7 +441,7 @@ end
 -- while. One that the capture cut says nothing.
 function Channels:is_news(row, frame, at, number)
   if self.every then return #frame >= at + row.need end
-  if number < row.due and row.at == at and find(frame, row.standing) then return false end
+  if number < row.due and row.at == at and find(frame, row.standing, row.first) then return false end
   if #frame < at + row.need then return false end
   if number >= row.due then
     local step = sampled(self, number)
