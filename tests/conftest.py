@@ -24,6 +24,11 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+gc.set_threshold(
+    50_000
+)  # what an analysis keeps has few cycles: looking for them often costs time alone
+
+
 def pytest_runtest_teardown() -> None:
     """A command that ran in this process looks for garbage rarely, because it ends soon; tests go on."""
     if not gc.isenabled():

@@ -12,6 +12,7 @@ import json
 import subprocess
 import unicodedata
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -265,6 +266,7 @@ def diagnosed_results() -> list[CaptureResult]:
     return [whole, dataclasses.replace(whole, findings=[], dropped=0, complete=True)]
 
 
+@cache
 def cyclic_results() -> list[CaptureResult]:
     """Transactions of PKW beside others, more relations than are listed, lengths of no telegram."""
     found = [analyze(each.open()) for each in scenes()]
