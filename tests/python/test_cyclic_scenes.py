@@ -367,3 +367,20 @@ def operated(steps: list[tuple[str, Any]], begin: int, telegram: int) -> Stage:
             play(machine, step, what)
     machine.run(0.5)
     return stage
+
+
+def test_the_printed_telegrams() -> None:
+    """Nine of PKW, six of PZD, as they stand in the frames and as they are told."""
+    found = result("as-printed")
+    told = [(each.request or b"", each.response or b"") for each in found.transactions]
+    assert [(one.hex(), two.hex()) for one, two in told] == [
+        ("12bc000000000000", "12bc000000000002"), ("100a018000000000", "200a018042480000"),
+        ("143a000000000000", "243a000042480000"), ("343a000042200000", "243a000042200000"),
+        ("1019000000000000", "2019000043660000"),
+    ]  # fmt: skip
+    values = [(each.parameters[0].pnu, each.parameters[0].values) for each in found.transactions]
+    assert values == [(700, [2]), (2010, [50.0]), (1082, [50.0]), (1082, [40.0]), (25, [230.0])]
+    words = [(each.word, each.after) for each in found.timelines[0].events]
+    for word in (("STW1", 0x047E), ("ZSW1", 0xFB31), ("STW1", 0x047F), ("STW1", 0x057E)):
+        assert word in words
+    assert found.findings == []

@@ -1,4 +1,4 @@
-"""Scenes of the cyclic channels: each rule of PKW and PZD once, its near miss, and three stories.
+"""Scenes of the cyclic channels: each rule of PKW and PZD once, its near miss, and telegrams as printed.
 
 A near miss is the closest conversation of which the rule says nothing. Telegram 353 where nothing else is said.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 
 from ds47.lab.client import Client
-from ds47.lab.cyclic import BAD, GOOD, OUTPUT, Module
+from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic, Module
 from ds47.lab.drive import Cell, Drive
 from ds47.lab.machine import ACKNOWLEDGE, IDLE, OFF, ON, Machine
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
@@ -324,3 +324,36 @@ def change_at_standstill(client: Client) -> None:
     it = machine(client).control(OFF).run(0.3)
     it.drive.cells[304, 0].refused = 17
     it.change(304, b"\0\x32", ak=2)
+
+
+PRINTED = (
+    ("12bc000000000000", "12bc000000000002"), ("100a018000000000", "200a018042480000"),
+    ("143a000000000000", "243a000042480000"), ("343a000042200000", "243a000042200000"),
+    ("1019000000000000", "2019000043660000"),
+)  # fmt: skip
+"""Requests of PKW and their responses, as an application note prints them; of the last one the request only."""
+SAID = (
+    ("047e3333", "fb310000"), ("047f3333", "fb330000"), ("047f3333", "fb373333"), ("047e0000", "fb310000"),
+    ("057e0000", "fb310000"), ("047e0000", "fb310000"),
+)  # fmt: skip
+"""Words of controller and drive; what the drive says after ON is not printed."""
+
+
+@BOOK.scene(
+    "The telegrams of PKW and PZD that an application note prints",
+    OK_READ, OK_READ, OK_READ, OK_CHANGE, OK_READ,
+)  # fmt: skip
+def as_printed(client: Client) -> None:
+    """Nine telegrams of PKW and six of PZD, one after the other."""
+    line = Cyclic(client)
+    line.connect()
+    for control, status in SAID:
+        line.say(PZD, OUTPUT, bytes.fromhex(control))
+        line.cycle(2)
+        line.say(PZD, INPUT, bytes.fromhex(status))
+        line.cycle(6)
+    for request, response in PRINTED:
+        line.say(PKW, OUTPUT, bytes.fromhex(request))
+        line.cycle(3)
+        line.say(PKW, INPUT, bytes.fromhex(response))
+        line.cycle(3)

@@ -1,13 +1,13 @@
-"""Stories of a controller and a drive: cyclic frames and what is read and changed meanwhile.
+"""Three stories of a controller and a drive: cyclic frames and what is read and changed meanwhile.
 
-They are captures, and three of them pictures of the documentation. Each rule by itself is in `cyclic_scenes`.
+They are captures, and pictures of the documentation. Each rule by itself is in `cyclic_scenes`.
 """
 
 from __future__ import annotations
 
 from ds47.lab import message
 from ds47.lab.client import Client
-from ds47.lab.cyclic import INPUT, OUTPUT, PKW, PZD, Cyclic, Module
+from ds47.lab.cyclic import Module
 from ds47.lab.drive import Drive
 from ds47.lab.machine import OFF, ON, Machine
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
@@ -79,36 +79,3 @@ def does_not_start(client: Client) -> None:
         .control(ON)
     )
     it.until(lambda drive: drive.actual >= 59.9).run(1)
-
-
-PRINTED = (
-    ("12bc000000000000", "12bc000000000002"), ("100a018000000000", "200a018042480000"),
-    ("143a000000000000", "243a000042480000"), ("343a000042200000", "243a000042200000"),
-    ("1019000000000000", "2019000043660000"),
-)  # fmt: skip
-"""Requests of PKW and their responses, as an application note prints them; of the last one the request only."""
-SAID = (
-    ("047e3333", "fb310000"), ("047f3333", "fb330000"), ("047f3333", "fb373333"), ("047e0000", "fb310000"),
-    ("057e0000", "fb310000"), ("047e0000", "fb310000"),
-)  # fmt: skip
-"""Words of controller and drive; what the drive says after ON is not printed."""
-
-
-@BOOK.scene(
-    "The telegrams of PKW and PZD that an application note prints",
-    OK_READ, OK_READ, OK_READ, OK_CHANGE, OK_READ,
-)  # fmt: skip
-def as_printed(client: Client) -> None:
-    """Nine telegrams of PKW and six of PZD, one after the other."""
-    line = Cyclic(client)
-    line.connect()
-    for control, status in SAID:
-        line.say(PZD, OUTPUT, bytes.fromhex(control))
-        line.cycle(2)
-        line.say(PZD, INPUT, bytes.fromhex(status))
-        line.cycle(6)
-    for request, response in PRINTED:
-        line.say(PKW, OUTPUT, bytes.fromhex(request))
-        line.cycle(3)
-        line.say(PKW, INPUT, bytes.fromhex(response))
-        line.cycle(3)

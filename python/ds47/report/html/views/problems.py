@@ -6,7 +6,7 @@ The serious come first; findings are put together by what the drive or the devic
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +26,7 @@ from ds47.report.html import messages
 from ds47.report.html.texts import Both, joined, say
 from ds47.report.html.views.links import Link, Links
 from ds47.report.targets import Targets
-from ds47.report.todo import answering, by_state, uncovered
+from ds47.report.todo import answering, uncovered
 
 if TYPE_CHECKING:
     from ds47.diagnosis.suggest import Corrected
@@ -125,7 +125,6 @@ def problems(result: CaptureResult, targets: Targets | None = None) -> list[Prob
         if axes := answering(result, each):
             problem.what = problem.what.joined(say("answering", list=axes), "; ", "；")
         told.append(problem)
-        _state(result, problem, each.transactions)
     return sorted(
         [*told, *_others(result, targets or Targets(result.transactions))],
         key=_serious_first,
@@ -164,17 +163,7 @@ def _others(result: CaptureResult, targets: Targets) -> Iterable[Problem]:
         problem.alike &= what == problem.what
         if owner is not None:
             problem.places[_place(owner, finding.args, targets.place(owner))] += 1
-    for problem in found.values():
-        _state(result, problem, [problem.job] if problem.job is not None else [])
     return found.values()
-
-
-def _state(result: CaptureResult, problem: Problem, jobs: Collection[int]) -> None:
-    """What the status word of the drive says of it stands with it."""
-    found = by_state(result, jobs)
-    if found is not None:
-        said = say("state_says", job=str(found.transaction), message=messages.message(found))
-        problem.what = problem.what.joined(said, "; ", "；")
 
 
 def _problem(finding: Finding, what: Both) -> Problem:
