@@ -367,6 +367,15 @@ def test_one_axis_under_local_access_is_none_that_is_ignored(others: list[Job]) 
     assert Whole(under(2, 1), *others).of("DS710") == []
 
 
+@pytest.mark.parametrize("axis", [2, 9])
+@pytest.mark.parametrize("frame", [0, 41])
+def test_where_an_axis_does_not_exist_the_axis_counts(axis: int, frame: int) -> None:
+    missing = under(axis, frame + 1, message.error(0x19), identifier=0x81)
+    jobs = [under(2, 11), under(3, 21)]
+    jobs.insert(0 if frame < 10 else 2, missing)
+    assert Whole(*jobs).of("DS710") == []
+
+
 def test_another_error_is_a_response_of_the_axis() -> None:
     told = Whole(under(2, 1), under(3, 11, message.error(0x01), identifier=0x81)).of("DS710")
     assert [args["axes"] for _, _, args in told] == [[2, 3]]

@@ -29,6 +29,8 @@ CHANGED, CHANGED_IN_PART = 0x02, 0x82
 """Response ids of a change."""
 _INVALID_SLOT = 0xB2
 _NO_ACCESS = 0xDF80B600
+_NO_AXIS = -1
+"""Stands among axes where the device has said that there is no such axis: then the axis byte counts."""
 
 Pair = tuple[str, str]
 """Controller and device."""
@@ -307,15 +309,14 @@ class WholeCapture:
         if message is None or not message.axis or response is None or read is None:
             return  # axis 0 names no drive object
         axes = self._axes.get((device, place))
-        if axes is not None and message.axis in axes:
-            return
-        if all(b.error is None or b.error.code != known().axis_error for b in response.blocks):
-            axes = axes or self._axes.put((device, place), {})
-            axes[message.axis] = read.frame
+        if axes is None:
+            axes = self._axes.put((device, place), {})
+        missing = any(b.error and b.error.code == known().axis_error for b in response.blocks)
+        axes.setdefault(_NO_AXIS if missing else message.axis, read.frame)
 
     def _ignored_axes(self) -> Iterator[Remark]:
         for (device, place), axes in self._axes.items():
-            if len(axes) > 1:
+            if len(axes) > 1 and _NO_AXIS not in axes:  # else the axis counts there
                 args = {
                     "axes": sorted(axes),
                     "device": device,
