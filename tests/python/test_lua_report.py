@@ -273,7 +273,7 @@ def cyclic_results() -> list[CaptureResult]:
     named = tuple(map(parse, NAMES))
     for turned in (named, named[::-1], tuple(map(parse, ABSENT))):
         found.append(analyze(without_connect(), AnalysisOptions(cyclic=turned)))
-    found += [analyze(io.BytesIO(capture(each))) for each in SCENES.values()]
+    found += [analyze(io.BytesIO(capture(each))) for each in list(SCENES.values())[::5]]
     for result in found:
         result.path = "cyclic.pcapng"
     mixed = copy.deepcopy(found[0])

@@ -246,6 +246,7 @@ def truth(cell: str) -> int | None:
     return None if cell == "" else int(cell in ("1", "True"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STORIES)
 def test_words_of_each_frame(name: str, tshark: Tshark) -> None:
     assert compare_words(tshark, CAPTURES[name], *COMPLETE) > 100
@@ -258,6 +259,7 @@ def test_words_of_scenes(name: str, tshark: Tshark, tmp_path: Path) -> None:
     assert compare_words(tshark, scene(name, tmp_path), *COMPLETE) > 20
 
 
+@pytest.mark.slow
 def test_one_pass_shows_words_from_the_proof_on(tshark: Tshark) -> None:
     shown = columns(*WORDS)
     whole = rows(tshark("-r", STORY, *COMPLETE, "-Y", "ds47.pzd", *shown))
@@ -297,6 +299,7 @@ def test_fields_stand_at_the_bytes_that_the_built_in_shows(tshark: Tshark) -> No
         assert own.groups() == ("2", data[2], data[3][:4])
 
 
+@pytest.mark.slow
 def test_each_bit_has_its_words(tshark: Tshark) -> None:
     for lang in ("en", "zh"):
         text = tshark(
@@ -341,6 +344,7 @@ def test_pkw_and_pzd_stand_in_one_frame(tshark: Tshark, tmp_path: Path) -> None:
     assert "DS47 PZD: STW1 16#047F" in both
 
 
+@pytest.mark.slow
 def test_tagged_and_cut_frames(tshark: Tshark, tmp_path: Path) -> None:
     """A VLAN tag moves the words by four bytes; a frame that the capture cut has none."""
     target = io.BytesIO()
