@@ -67,7 +67,6 @@ function M.new(options)
     options = options,
     codec = options.codec or {},
     findings = findings.new(options.select, options.ignore),
-    judge = rules.new(limits, slow_ns),
     diagnoses = diagnosis.new(options.codec or {}),
     naming = naming.Naming.new(),
     fragments = rpc.Fragments.new(limits.fragment_expiry_ns),
@@ -80,6 +79,7 @@ function M.new(options)
   }, Analysis)
   self.pairing = pairing.new(limits, self)
   self.gate = gate.Gate.new(options.indices, limits.waiting_calls, options.forbid_47)
+  self.judge = rules.new(limits, slow_ns, function(device) return self.gate:waits(device) end)
   self.records = recordcalls.RecordCalls.new(self.gate, self.pairing, self.codec, self)
   self.calls = calls.CallTracker.new(limits, self)
   self.cyclic = channels.new(self, limits, options.every_cyclic)

@@ -184,15 +184,15 @@ class Analysis:
         found = early.found if early is not None else None
         ignore = (*options.ignore, *rules_of_others(options.channels))
         self._findings = Findings(options.select, ignore, found)
-        self._judge = Judge(bounds, slow_ns)
+        index47 = Index47(
+            options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars
+        )
+        self._judge = Judge(bounds, slow_ns, index47.waits)
         self._diagnoses = Diagnoses(options.codec)
         self._pairing = Pairing(
             bounds, self._answered, self._closed, self._nothing_to_read, self._refused,
             self._asked, self._judge.connected,
         )  # fmt: skip
-        index47 = Index47(
-            options.indices, bounds.waiting_calls, bounds.waiting_ars, bounds.proven_ars
-        )
         self._cyclic = CyclicChannels(self._exchanged, self._watch, bounds, options.channels)
         self._records = RecordCalls(
             index47, self._pairing, options.codec, self._remark, self._diagnoses.foreign,

@@ -19,6 +19,15 @@ SHARE = 100
 """So many conversations are audited by one process, in 10 s or so."""
 
 
+PLANS = Path(__file__).with_name("plans.jsonl")
+"""Conversations about which the report once said something untrue, one plan a line."""
+
+
+def kept() -> list[Plan]:
+    """The plans that once had a complaint."""
+    return [conversations.plan(line) for line in PLANS.read_text(encoding="utf-8").splitlines()]
+
+
 def planned(count: int, number: int) -> list[Plan]:
     """So many plans of a seed."""
     found: list[Plan] = []

@@ -107,8 +107,14 @@ end
 
 local of, compared, failures = {}, 0, {}
 
+local waits -- what the call is told of record calls that wait, one after the other
+
+local function next_waits()
+  return table.remove(waits, 1)
+end
+
 local NEW = {
-  judge = function(limits, slow_ns) return rules.new(limits, slow_ns) end,
+  judge = function(limits, slow_ns) return rules.new(limits, slow_ns, next_waits) end,
   objects = function() return drive_objects.new() end,
 }
 
@@ -136,6 +142,7 @@ end
 for text in io.lines(arg[1]) do
   local raw = json.decode(text)
   local line = without_null(raw)
+  waits = line.waits
   local result = call(line)
   if raw.gives ~= nil then
     compared = compared + 1

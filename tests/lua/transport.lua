@@ -581,6 +581,24 @@ function Door:told()
   return table.concat(self.through, " ")
 end
 
+local function test_gate_waits()
+  local door = door_of()
+  local function waits(device)
+    return door.gate:waits(device)
+  end
+  local ar, other = records.ar_text(CONTROLLER, DRIVE, AR), records.ar_text(CONTROLLER, DRIVE, AR:lower())
+  check("nothing waits", waits(DRIVE), false)
+  door:send("a", ar)
+  check("waits", waits(DRIVE), true)
+  check("the controller does not", waits(CONTROLLER), false)
+  check("nor one whose name begins alike", waits(DRIVE:sub(1, -2)), false)
+  door:send("b", other)
+  door:send("proof", ar, nil, true)
+  check("the other AR waits", waits(DRIVE), true)
+  door:send("proof", other, nil, true)
+  check("none waits any more", waits(DRIVE), false)
+end
+
 local function test_gate_indices()
   local shut = gate.Gate.new({[1000] = true}, 4)
   for index, want in pairs({
@@ -744,7 +762,8 @@ for _, test in ipairs({
   test_ordered, test_rpc_parse, test_rpc_refused, test_rpc_fragments, test_rpc_fragment_bounds,
   test_ip_orders, test_ip_incomplete, test_ip_bounds, test_copies, test_alike_copies,
   test_retransmissions, test_expiry, test_faults, test_record_requests, test_write_multiple,
-  test_responses, test_gate_indices, test_gate_waiting, test_record_calls, test_names, test_lldp,
+  test_responses, test_gate_indices, test_gate_waiting, test_gate_waits, test_record_calls, test_names,
+  test_lldp,
 }) do
   test()
 end

@@ -28,6 +28,8 @@ _PLAIN = ("phase", "write_fault", "previous_reference", "previous", "superseded_
 _lines: list[dict[str, Any]] = []
 _numbers: dict[int, tuple[int, object]] = {}
 _depth = [0]
+_waits: list[bool] = []
+"""What the call that runs was told of record calls that wait."""
 
 
 def _number(item: object) -> int:
@@ -117,19 +119,30 @@ def _listen(owner: Any, name: str, said: bool) -> None:
         if outer:
             if said:
                 line["gives"] = _shown(result)
+            line["waits"] = _waits.copy()
+            _waits.clear()
             _lines.append(line)
         return result
 
     setattr(owner, name, new)
 
 
+def _heard(waits: Callable[[str], bool]) -> Callable[[str], bool]:
+    def new(device: str) -> bool:
+        _waits.append(waits(device))
+        return _waits[-1]
+
+    return new
+
+
 def _listen_to_new(owner: type, call: str) -> None:
     old = owner.__init__
 
     def new(self: Any, *given: Any) -> None:
-        old(self, *given)
+        old(self, *(_heard(each) if callable(each) else each for each in given))
         if _depth[0] == 0:
-            args = [each.columns() if isinstance(each, Limits) else each for each in given]
+            plain = [each for each in given if not callable(each)]
+            args = [each.columns() if isinstance(each, Limits) else each for each in plain]
             _lines.append({"call": call, "of": _number(self), "args": args})
 
     owner.__init__ = new  # type: ignore[misc]

@@ -75,6 +75,11 @@ def test_random_conversations(number: int, tmp_path: Path) -> None:
     audited()
 
 
+@pytest.mark.parametrize("plan", many.kept(), ids=lambda plan: str(plan.seed))
+def test_what_once_had_a_complaint(plan: Plan, tmp_path: Path) -> None:
+    assert list(map(str, many.of_plan(plan, tmp_path))) == []
+
+
 def test_each_rule_has_an_auditor_or_a_reason_to_have_none() -> None:
     assert set(run.AUDITORS) | set(run.NO_CLAIM) == set(rules())
     assert not set(run.AUDITORS) & set(run.NO_CLAIM)

@@ -52,6 +52,20 @@ def test_what_waited_goes_first_and_in_its_order() -> None:
     assert door.passes(AR, 47)
 
 
+def test_a_device_waits_until_its_ar_has_proved_itself() -> None:
+    door = Door()
+    assert not door.waits(AR[1])
+    door.send("a")
+    assert door.waits(AR[1])
+    assert not door.waits(AR[0])
+    assert not door.waits(AR[1][:-1])
+    door.send("other", OTHER)
+    door.send("proof", shaped=True)
+    assert door.waits(AR[1])
+    door.send("proof", OTHER, shaped=True)
+    assert not door.waits(AR[1])
+
+
 def test_each_ar_proves_itself() -> None:
     door = Door()
     door.send("other", OTHER)

@@ -283,7 +283,7 @@ AUDITED = 12
 @pytest.mark.parametrize("version", VERSIONS)
 def test_conversations_of_the_auditor_give_the_same_result(version: str, tmp_path: Path) -> None:
     sources = []
-    for plan in seeds.planned(AUDITED, number=1):
+    for plan in (*seeds.kept(), *seeds.planned(AUDITED, number=1)):
         path = tmp_path / "talk.pcap"
         conversations.play(plan).tape.write(path)
         sources.append(Source(plan.text(), path.read_bytes(), False))

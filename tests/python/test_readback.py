@@ -28,7 +28,10 @@ class Court:
     """A judge that is told of one transaction after the other, four frames each."""
 
     def __init__(self, written_values: int = LIMITS.written_values) -> None:
-        self.judge = Judge(LIMITS.but(written_values=written_values), LIMITS.slow_ns)
+        self.waiting: set[str] = set()
+        """Devices of which record calls wait until their AR has proved itself."""
+        bounds = LIMITS.but(written_values=written_values)
+        self.judge = Judge(bounds, LIMITS.slow_ns, self.waiting.__contains__)
         self.frame = 1
 
     def hear(self, asked: bytes, answer: bytes | None, **more: Any) -> list[Remark]:
@@ -534,6 +537,14 @@ def test_what_is_written_after_the_response_to_p0340_counts(court: Court) -> Non
     court.hear(asked, message.changed(1, 1), write_response=Half(15, 15, status=0))
     court.change(TEN)
     assert court.back(NINE)
+
+
+def test_while_calls_of_the_device_wait_one_of_them_may_be_a_change(court: Court) -> None:
+    court.change()
+    court.waiting.add("d")
+    assert not court.back()
+    court.waiting.clear()
+    assert court.back()
 
 
 def test_too_many_open_changes_say_nothing(court: Court) -> None:

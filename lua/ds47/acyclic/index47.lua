@@ -10,6 +10,7 @@
 -- event is made at all: ask `admit` first.
 
 local ordered = require("ds47.support.ordered")
+local records = require("ds47.profinet.records")
 local tables = require("ds47.spec.tables")
 
 local M = {}
@@ -56,6 +57,16 @@ end
 --- Whether a message with the right shape would open the gate.
 function Gate:needs_proof(ar, index)
   return not self.always[index] and not self.open:get(ar)
+end
+
+--- Whether anything waits that was asked of a device, perhaps a change of a parameter.
+function Gate:waits(device)
+  for ar in self.held:iterate() do
+    if records.is_of(ar, device) then
+      return true
+    end
+  end
+  return false
 end
 
 --- Whether what comes on a record of this AR and index runs now, and does not have to wait.

@@ -112,11 +112,12 @@ Judge.__index = Judge
 --- Judges jobs; keeps the little history that some rules need.
 -- @param limits   the numbers of tables.limits
 -- @param slow_ns  from which share of the drive a transaction is slow, nanoseconds
-function M.new(limits, slow_ns)
+-- @param waits    whether record calls of a device wait until their AR has proved itself (readback.lua)
+function M.new(limits, slow_ns, waits)
   return setmetatable({
     limits = limits,
     slow_ns = slow_ns,
-    written = readback.new(limits.written_values),
+    written = readback.new(limits.written_values, waits),
     longest = ordered.new(), -- device -> longest message it takes
     most = ordered.new(), -- device -> most parameters of one request
     blank = {}, -- where the remarks of the next job go; made anew only when it had some

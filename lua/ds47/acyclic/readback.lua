@@ -24,13 +24,20 @@ local OF_CHANGES = {[0x02] = true, [0x82] = true, [0x42] = true, [0xC2] = true} 
 local NEGATIVE = 0x80 -- the first response id that is negative
 local NONE = {}
 
+local function none_waits()
+  return false
+end
+
 local ReadBack = {}
 ReadBack.__index = ReadBack
 
 --- Remembers what was written, and compares what is read.
--- @param most  parameters that are remembered; of more the one that was written longest ago is forgotten
-function M.new(most)
+-- @param most   parameters that are remembered; of more the one that was written longest ago is forgotten
+-- @param waits  waits(device): whether record calls of a device wait until their AR has proved itself; a
+--   change that nobody has told of yet may be among them. nil where none ever waits
+function M.new(most, waits)
   return setmetatable({
+    waits = waits or none_waits,
     most = most,
     objects = drive_objects.new(),
     written = ordered.new(), -- device, PNU and subindex -> array of writes
@@ -317,7 +324,8 @@ function ReadBack:_compare(found, job, access, address, block)
     local key = key_of(access.device, address.pnu, subindex)
     local last = self:_last(key, address.pnu, access, job:write_request().frame)
     local raw = sub(block.raw, number * size + 1, (number + 1) * size)
-    if last and last.asked > device.forgotten and differs(last, block, raw, value) then
+    if last and last.asked > device.forgotten and differs(last, block, raw, value)
+      and not self.waits(access.device) then
       self.written:set(key, kept(self.written:get(key), function(each) return each.upto == NEVER end))
       found[#found + 1] = {
         offset = block.offset,

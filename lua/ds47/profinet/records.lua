@@ -15,7 +15,7 @@
 local rpc = require("ds47.profinet.rpc")
 local layout = require("ds47.spec.tables").layouts
 
-local byte, sub = string.byte, string.sub
+local byte, find, sub = string.byte, string.find, string.sub
 
 local M = {}
 
@@ -90,6 +90,12 @@ end
 --- What names an AR: controller, device, AR UUID (nil UUID for ReadImplicit).
 function M.ar_text(controller, device, ar)
   return controller .. "\0" .. device .. "\0" .. ar
+end
+
+--- Whether an AR, named by its `ar_text`, is one with a device.
+function M.is_of(ar, device)
+  local at = find(ar, "\0", 1, true)
+  return at ~= nil and sub(ar, at + 1, at + #device + 1) == device .. "\0"
 end
 
 local function know_peer(place, peer)

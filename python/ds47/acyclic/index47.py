@@ -49,6 +49,10 @@ class Index47:
         """Whether records of this index are ours only if their AR has proved itself."""
         return index not in self._always
 
+    def waits(self, device: str) -> bool:
+        """Whether anything waits that was asked of a device, perhaps a change of a parameter."""
+        return any(ar[1] == device for ar in self._held)
+
     def passes(self, ar: ArKey, index: int) -> bool:
         """Whether an event may go on now; the AR has spoken then."""
         if ar in self.open:

@@ -8,6 +8,7 @@ the transport is reported by `ds47.analysis`.
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any, Final
 
@@ -76,12 +77,13 @@ class Judge:
     Args:
         limits: numbers of spec/limits.toml.
         slow_ns: from which share of the drive a transaction is slow.
+        waits: whether record calls of a device wait until their AR has proved itself (`Index47.waits`).
     """
 
-    def __init__(self, limits: Limits, slow_ns: int) -> None:
+    def __init__(self, limits: Limits, slow_ns: int, waits: Callable[[str], bool]) -> None:
         self._limits = limits
         self._slow_ns = slow_ns
-        self._written = ReadBack(limits.written_values)
+        self._written = ReadBack(limits.written_values, waits)
         self._longest: OrderedDict[str, int] = OrderedDict()
         """r0974[0] of a device,"""
         self._most: OrderedDict[str, int] = OrderedDict()

@@ -9,7 +9,7 @@ and for every drive object that a request may have reached.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -68,10 +68,13 @@ class ReadBack:
 
     Args:
         most: parameters that are remembered; of more the one that was written longest ago is forgotten.
+        waits: whether record calls of a device wait until their AR has proved itself: a change that nobody
+            has told of yet may be among them.
     """
 
-    def __init__(self, most: int) -> None:
+    def __init__(self, most: int, waits: Callable[[str], bool]) -> None:
         self._most = most
+        self._waits = waits
         self._objects = DriveObjects()
         self._written: OrderedDict[Element, list[Written]] = OrderedDict()
         self._open: dict[Job, list[tuple[Element, Written]]] = {}
@@ -188,7 +191,9 @@ class ReadBack:
             last = self._last(key, reached, asked)
             if last is None or last.asked <= device.forgotten or len(last.raw) != len(raw):
                 continue
-            if last.raw != raw and not (last.format != block.format and last.value == value):
+            if last.raw == raw or (last.format != block.format and last.value == value):
+                continue
+            if not self._waits(reached.device):
                 there = self._written[key]
                 there[:] = [each for each in there if each.until == NEVER]
                 yield {
