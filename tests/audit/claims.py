@@ -614,14 +614,22 @@ def _unanswered(case: Case) -> Iterator[str]:
     if deal is None or deal.asked is None:
         yield "belongs to no request"
         return
-    if deal.asked.changes is not (case.finding.rule == "DS402"):
-        yield "the operation is another one"
+    yield from _asked_for(case, deal.asked, changes=case.finding.rule == "DS402")
     if deal.write != case.frame:
         yield f"the request is in frame {deal.write}"
     if deal.answer is not None or deal.read is not None:
         yield f"the response is in frame {deal.read}"
     yield from _reason(case, deal)
     yield from case.wrong("dropped", _dropped(case.reading))
+
+
+def _asked_for(case: Case, asked: message.Message, *, changes: bool) -> Iterator[str]:
+    """That the sentence calls a request what it is: makers' services are neither read nor change."""
+    text = case.finding.message.lower()
+    if (asked.id == message.CHANGE) is not changes or ("parameter change" in text) is not changes:
+        yield "the operation is another one"
+    if "parameter read" in text and asked.id not in message.READS:
+        yield f"request ID 0x{asked.id or 0:02X} is no read"
 
 
 def _reason(case: Case, deal: Deal) -> Iterator[str]:
@@ -847,12 +855,12 @@ def _superseded(case: Case) -> Iterator[str]:
     request, by = case.args.get("request"), case.args.get("by")
     deals = [each for each in case.reading.deals if each.write == request]
     deals = [each for each in deals if case.deal is None or each.id == case.deal.id] or deals
-    if not deals or deals[0].asked is None:
+    asked = deals[0].asked if deals else None
+    if asked is None:
         yield f"no request is in frame {request}"
         return
     deal = deals[0]
-    if deal.asked is not None and deal.asked.changes is not (case.finding.rule == "DS414"):
-        yield "the operation is another one"
+    yield from _asked_for(case, asked, changes=case.finding.rule == "DS414")
     if deal.answer is not None:
         yield f"its response was fetched in frame {deal.read}"
     later = [
