@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ds47 import __version__, spec
-from ds47.spec import cyclic, semantics
+from ds47.spec import cyclic, profibus, semantics
 from ds47.spec.reporting import COVERS, covers, report_words
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -79,6 +79,8 @@ PKW_ANSWER = ("en", "zh", "width")
 LANGUAGES = ("en", "zh")
 PZD_FAMILIES = ("micromaster", "positioning")
 PZD_BIT = ("set", "clear", "set_zh", "clear_zh")
+DP_CODE = ("id", "en", "zh", "exchange", "wants")
+DP_FLAG = ("id", "byte", "bit", "en", "zh")
 PZD_STATE = ("id", "mask", "bits", "en", "zh", "missing", "missing_zh")
 
 
@@ -272,6 +274,46 @@ def _pzd() -> Iterator[str]:
     yield from block("M.pzd.telegrams", telegrams)
 
 
+def _profibus() -> Iterator[str]:
+    least, most = profibus.lengths()
+    master, highest = profibus.ms2()
+    decoded, first = profibus.not_ready()
+    numbers = {
+        "least": least, "most": most, "ms2_master": master, "ms2_most": highest,
+        "not_ready_decode": decoded, "not_ready_code_1": first,
+    }  # fmt: skip
+    yield f"M.profibus = {literal(numbers)}"
+    for name in profibus.CODES:
+        yield from rows(f"M.profibus.{name}", profibus.codes(name), DP_CODE)
+    for name in profibus.FLAGS:
+        flags = [fields(row, DP_FLAG) for row in profibus.flags(name)]
+        yield from block(f"M.profibus.{name}_flags", flags)
+    services = {
+        name: {lang: profibus.service_text(name, lang) for lang in LANGUAGES}
+        for name in (*profibus.services(), "ms2")
+    }
+    yield from block("M.profibus.services", services)
+    yield from block("M.profibus.service_ids", _by_slave(profibus.service_ids()))
+    known = [fields(row, ("number", "modules", "pkw")) for row in profibus.ppos()]
+    yield from block("M.profibus.ppos", known)
+    yield from rows("M.profibus.functions", profibus.functions(), ("id", "en", "zh", "negative"))
+    yield from rows("M.profibus.refusals", profibus.refusals(), ("id", "en", "zh", "negative"))
+    flaws = {
+        name: {lang: profibus.flaw_template(name, lang) for lang in LANGUAGES}
+        for name in profibus.flaw_ids()
+    }
+    yield from block("M.profibus.flaws", flaws)
+    yield from block("M.profibus.words", profibus.words())
+
+
+def _by_slave(ids: Mapping[tuple[int, int], str]) -> dict[int, dict[int, str]]:
+    """SAP of the slave -> SAP of the master -> the service."""
+    found: dict[int, dict[int, str]] = {}
+    for (slave, master), name in ids.items():
+        found.setdefault(slave, {})[master] = name
+    return found
+
+
 LETTERS = {1: "B", 2: "H", 4: "I", 16: "16s"}
 """How `struct` reads a field of that many bytes."""
 LAYOUT_HEAD = '''\
@@ -354,6 +396,7 @@ def generate() -> str:
         later("covers", block("M.covers", {how: covers(how) for how in COVERS})),
         later("pkw", _pkw()),
         later("pzd", _pzd()),
+        later("profibus", _profibus()),
         ["return M"],
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"

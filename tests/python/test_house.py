@@ -135,6 +135,7 @@ def test_four_modules_stand_loose() -> None:
 ANALYSIS = (
     "capture",
     "profinet",
+    "profibus",
     "profidrive",
     "cyclic",
     "acyclic",

@@ -1558,4 +1558,163 @@ M.pzd.telegrams = {
 }
 ]=]
 
+later.profibus = [=[
+M.profibus = {least = 3, most = 249, ms2_master = 50, ms2_most = 48, not_ready_decode = 128, not_ready_code_1 = 181}
+M.profibus.start = {
+  [0x10] = {id = "SD1", en = "frame without data", zh = "无数据帧", exchange = false, wants = false},
+  [0x68] = {id = "SD2", en = "frame with data", zh = "变长数据帧", exchange = false, wants = false},
+  [0xA2] = {id = "SD3", en = "frame with 8 bytes of data", zh = "8 字节数据帧", exchange = false, wants = false},
+  [0xDC] = {id = "SD4", en = "token", zh = "令牌", exchange = false, wants = false},
+  [0xE5] = {id = "SC", en = "short acknowledgement", zh = "短确认", exchange = false, wants = false},
+}
+M.profibus.request = {
+  [0x00] = {en = "time event", zh = "时间事件", exchange = false, wants = false},
+  [0x03] = {en = "SDA low", zh = "SDA 低优先级", exchange = false, wants = false},
+  [0x04] = {en = "SDN low", zh = "SDN 低优先级", exchange = false, wants = false},
+  [0x05] = {en = "SDA high", zh = "SDA 高优先级", exchange = false, wants = false},
+  [0x06] = {en = "SDN high", zh = "SDN 高优先级", exchange = false, wants = false},
+  [0x07] = {en = "MSRD", zh = "MSRD", exchange = false, wants = false},
+  [0x09] = {en = "FDL status request", zh = "FDL 状态请求", exchange = false, wants = false},
+  [0x0C] = {en = "SRD low", zh = "SRD 低优先级", exchange = true, wants = false},
+  [0x0D] = {en = "SRD high", zh = "SRD 高优先级", exchange = true, wants = false},
+  [0x0E] = {en = "ident request", zh = "标识请求", exchange = false, wants = false},
+  [0x0F] = {en = "LSAP status request", zh = "LSAP 状态请求", exchange = false, wants = false},
+}
+M.profibus.answer = {
+  [0x00] = {en = "OK", zh = "正常", exchange = false, wants = false},
+  [0x01] = {en = "user error (UE)", zh = "用户错误（UE）", exchange = false, wants = false},
+  [0x02] = {en = "no resource (RR)", zh = "无资源（RR）", exchange = false, wants = false},
+  [0x03] = {en = "SAP not enabled (RS)", zh = "SAP 未启用（RS）", exchange = false, wants = false},
+  [0x08] = {en = "data, low priority (DL)", zh = "低优先级数据（DL）", exchange = true, wants = false},
+  [0x09] = {en = "no data (NR)", zh = "无数据（NR）", exchange = false, wants = false},
+  [0x0A] = {en = "data, high priority (DH)", zh = "高优先级数据（DH）", exchange = true, wants = true},
+  [0x0C] = {en = "data, low priority, no resource (RDL)", zh = "低优先级数据，无资源（RDL）", exchange = true, wants = false},
+  [0x0D] = {en = "data, high priority, no resource (RDH)", zh = "高优先级数据，无资源（RDH）", exchange = true, wants = true},
+}
+M.profibus.station = {
+  [0x00] = {en = "slave", zh = "从站", exchange = false, wants = false},
+  [0x01] = {en = "master, not ready", zh = "主站，未就绪", exchange = false, wants = false},
+  [0x02] = {en = "master, ready for the ring", zh = "主站，可入环", exchange = false, wants = false},
+  [0x03] = {en = "master in the ring", zh = "环内主站", exchange = false, wants = false},
+}
+M.profibus.block = {
+  [0x00] = {en = "of the device", zh = "与设备有关", exchange = false, wants = false},
+  [0x01] = {en = "of modules", zh = "与模块有关", exchange = false, wants = false},
+  [0x02] = {en = "of a channel", zh = "与通道有关", exchange = false, wants = false},
+  [0x03] = {en = "revision", zh = "版本号", exchange = false, wants = false},
+}
+M.profibus.diagnosis_flags = {
+  {id = "station_non_existent", byte = 0, bit = 0, en = "station does not answer (said by the master)", zh = "从站无应答（由主站设置）"},
+  {id = "station_not_ready", byte = 0, bit = 1, en = "not ready for data exchange", zh = "未准备好数据交换"},
+  {id = "cfg_fault", byte = 0, bit = 2, en = "Cfg_Fault: the configuration was refused", zh = "Cfg_Fault：组态被拒绝"},
+  {id = "ext_diag", byte = 0, bit = 3, en = "extended diagnosis is there", zh = "存在扩展诊断"},
+  {id = "not_supported", byte = 0, bit = 4, en = "a service is not supported", zh = "不支持所请求的功能"},
+  {id = "invalid_response", byte = 0, bit = 5, en = "invalid answer of the slave (said by the master)", zh = "从站应答无效（由主站设置）"},
+  {id = "prm_fault", byte = 0, bit = 6, en = "Prm_Fault: the parameters were refused", zh = "Prm_Fault：参数被拒绝"},
+  {id = "master_lock", byte = 0, bit = 7, en = "Master_Lock: another master has parameterised it (said by the master)", zh = "Master_Lock：已由另一主站参数化（由主站设置）"},
+  {id = "prm_req", byte = 1, bit = 0, en = "wants parameters and configuration anew", zh = "要求重新参数化和组态"},
+  {id = "stat_diag", byte = 1, bit = 1, en = "static diagnosis: no valid data", zh = "静态诊断：数据无效"},
+  {id = "watchdog", byte = 1, bit = 3, en = "watchdog is on", zh = "看门狗已启用"},
+  {id = "freeze", byte = 1, bit = 4, en = "inputs are frozen", zh = "输入已冻结"},
+  {id = "sync", byte = 1, bit = 5, en = "outputs wait for a sync", zh = "输出等待同步"},
+  {id = "deactivated", byte = 1, bit = 7, en = "deactivated (said by the master)", zh = "已停用（由主站设置）"},
+  {id = "overflow", byte = 2, bit = 7, en = "more diagnosis than fits", zh = "诊断数据溢出"},
+}
+M.profibus.parameters_flags = {
+  {id = "watchdog", byte = 0, bit = 3, en = "watchdog on", zh = "看门狗启用"},
+  {id = "freeze", byte = 0, bit = 4, en = "freeze is wanted", zh = "要求支持冻结"},
+  {id = "sync", byte = 0, bit = 5, en = "sync is wanted", zh = "要求支持同步"},
+  {id = "unlock", byte = 0, bit = 6, en = "other masters may come", zh = "对其他主站解锁"},
+  {id = "lock", byte = 0, bit = 7, en = "locked for other masters", zh = "对其他主站锁定"},
+  {id = "watchdog_base_1ms", byte = 7, bit = 2, en = "the watchdog counts in 1 ms (if the slave knows DPV1)", zh = "看门狗以 1 ms 计时（若从站支持 DPV1）"},
+  {id = "fail_safe", byte = 7, bit = 6, en = "fail safe: empty outputs mean 0 (if the slave knows DPV1)", zh = "故障安全：无输出数据即为 0（若从站支持 DPV1）"},
+  {id = "dpv1", byte = 7, bit = 7, en = "DPV1 is enabled (if the slave knows DPV1)", zh = "DPV1 已启用（若从站支持 DPV1）"},
+}
+M.profibus.control_flags = {
+  {id = "clear", byte = 0, bit = 1, en = "clear outputs", zh = "输出清零"},
+  {id = "unfreeze", byte = 0, bit = 2, en = "unfreeze", zh = "解除冻结"},
+  {id = "freeze", byte = 0, bit = 3, en = "freeze", zh = "冻结"},
+  {id = "unsync", byte = 0, bit = 4, en = "unsync", zh = "解除同步"},
+  {id = "sync", byte = 0, bit = 5, en = "sync", zh = "同步"},
+}
+M.profibus.services = {
+  exchange = {en = "data exchange", zh = "数据交换"},
+  resource = {en = "MS2 initiate (resource manager)", zh = "MS2 建立连接（资源管理器）"},
+  alarm = {en = "alarm acknowledgement (MS1)", zh = "报警确认（MS1）"},
+  record = {en = "read and write of records (MS1)", zh = "记录读写（MS1）"},
+  extended_parameters = {en = "set extended parameters", zh = "设置扩展参数"},
+  address = {en = "set slave address", zh = "设置从站地址"},
+  inputs = {en = "read inputs", zh = "读输入"},
+  outputs = {en = "read outputs", zh = "读输出"},
+  control = {en = "global control", zh = "全局控制"},
+  get_configuration = {en = "get configuration", zh = "读取组态"},
+  diagnosis = {en = "slave diagnosis", zh = "从站诊断"},
+  parameters = {en = "set parameters", zh = "设置参数"},
+  configuration = {en = "check configuration", zh = "检查组态"},
+  ms2 = {en = "read and write of records (MS2)", zh = "记录读写（MS2）"},
+}
+M.profibus.service_ids = {
+  [49] = {[50] = "resource"},
+  [50] = {[51] = "alarm"},
+  [51] = {[51] = "record"},
+  [53] = {[62] = "extended_parameters"},
+  [55] = {[62] = "address"},
+  [56] = {[62] = "inputs"},
+  [57] = {[62] = "outputs"},
+  [58] = {[62] = "control"},
+  [59] = {[62] = "get_configuration"},
+  [60] = {[62] = "diagnosis"},
+  [61] = {[62] = "parameters"},
+  [62] = {[62] = "configuration"},
+}
+M.profibus.ppos = {
+  {number = 1, modules = {8, 4}, pkw = true},
+  {number = 2, modules = {8, 12}, pkw = true},
+  {number = 3, modules = {4}, pkw = false},
+  {number = 4, modules = {12}, pkw = false},
+  {number = 5, modules = {8, 20}, pkw = true},
+}
+M.profibus.functions = {
+  [0x48] = {id = "idle", en = "idle", zh = "空闲"},
+  [0x51] = {id = "transport", en = "data transport", zh = "数据传输", negative = 209},
+  [0x56] = {id = "resource", en = "resource manager", zh = "资源管理器"},
+  [0x57] = {id = "initiate", en = "initiate", zh = "建立连接", negative = 215},
+  [0x58] = {id = "abort", en = "abort", zh = "中止"},
+  [0x5C] = {id = "alarm", en = "alarm acknowledgement", zh = "报警确认", negative = 220},
+  [0x5E] = {id = "read", en = "DS_Read", zh = "DS_Read", negative = 222},
+  [0x5F] = {id = "write", en = "DS_Write", zh = "DS_Write", negative = 223},
+}
+M.profibus.refusals = {
+  [0xD1] = {id = "transport", en = "data transport", zh = "数据传输", negative = 209},
+  [0xD7] = {id = "initiate", en = "initiate", zh = "建立连接", negative = 215},
+  [0xDC] = {id = "alarm", en = "alarm acknowledgement", zh = "报警确认", negative = 220},
+  [0xDE] = {id = "read", en = "DS_Read", zh = "DS_Read", negative = 222},
+  [0xDF] = {id = "write", en = "DS_Write", zh = "DS_Write", negative = 223},
+}
+M.profibus.flaws = {
+  start = {en = "no frame begins with {byte:02X}", zh = "没有以 {byte:02X} 开头的帧"},
+  cut = {en = "cut off: {have} of {want} bytes", zh = "不完整：{want} 个字节中只有 {have} 个"},
+  lengths = {en = "length bytes differ: {le} and {ler}", zh = "两个长度字节不同：{le} 和 {ler}"},
+  length = {en = "length byte {le}; it goes from {least} to {most}", zh = "长度字节为 {le}；允许范围 {least} 至 {most}"},
+  second = {en = "the start byte comes again as {byte:02X}, not 68", zh = "重复的起始字节为 {byte:02X}，应为 68"},
+  check = {en = "check byte is {sent:02X}, and the bytes give {computed:02X}", zh = "校验字节为 {sent:02X}，按各字节计算应为 {computed:02X}"},
+  end_byte = {en = "end byte is {byte:02X}, not 16", zh = "结束字节为 {byte:02X}，应为 16"},
+  reserved = {en = "bit 7 of the function code {byte:02X} is set", zh = "功能码 {byte:02X} 的位 7 被置位"},
+  address = {en = "no station has the address {address}", zh = "没有地址为 {address} 的站"},
+  extension = {en = "an address extension is announced and not there", zh = "已声明地址扩展，但帧中没有"},
+  rest = {en = "{n} bytes behind the end of the frame", zh = "帧结束后还有 {n} 个字节"},
+  data = {en = "data ends too early: {have} of {want} bytes", zh = "数据过短：{want} 个字节中只有 {have} 个"},
+  record_length = {en = "the length byte says {says}, and {there} bytes of data follow", zh = "长度字节为 {says}，而其后有 {there} 个数据字节"},
+  more = {en = "{n} bytes behind what belongs here", zh = "其后多出 {n} 个字节"},
+}
+M.profibus.words = {
+  unknown = {en = "unknown 0x{code:02X}", zh = "未知 0x{code:02X}"},
+  fcb = {en = "FCB {bit}", zh = "FCB {bit}"},
+  fcb_first = {en = "first FCB", zh = "首个 FCB"},
+  separator = {en = ", ", zh = "，"},
+  positive = {en = "positive", zh = "肯定应答"},
+  negative = {en = "negative", zh = "否定应答"},
+}
+]=]
+
 return M

@@ -1,0 +1,218 @@
+"""The tables of PROFIBUS DP as Python objects (spec/profibus.toml).
+
+Loading, lookup and words only; frames are decoded in `ds47.profibus`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from types import MappingProxyType
+from typing import Any
+
+from ds47.spec import _load
+from ds47.spec.rows import Row
+
+
+class Code(Row):
+    """A request, an answer, a start byte, a kind of station or of block by its code (docs/profibus.md 2)."""
+
+    code: int
+    en: str
+    zh: str
+    id: str = ""
+    exchange: bool = False
+    """Without SAPs it belongs to data exchange."""
+    wants: bool = False
+    """The slave asks for Slave_Diag."""
+
+
+class Service(Row):
+    """What a pair of SAPs stands for; data exchange has none."""
+
+    id: str
+    en: str
+    zh: str
+    sap: int | None = None
+    """Of the slave,"""
+    master: int | None = None
+    """and of the master."""
+
+
+class Flag(Row):
+    """A bit of Slave_Diag, Set_Prm or Global_Control."""
+
+    id: str
+    byte: int
+    bit: int
+    en: str
+    zh: str
+
+    def stands_in(self, data: bytes) -> bool:
+        """Whether the bit is set; not where its byte is missing."""
+        return self.byte < len(data) and bool(data[self.byte] >> self.bit & 1)
+
+
+class Ppo(Row):
+    """A PPO by the bytes of its modules; `pkw`: the first one is PKW."""
+
+    number: int
+    modules: tuple[int, ...]
+    pkw: bool = False
+
+
+class Function(Row):
+    """A function of MS1 and MS2 by its first byte; `negative` is that of its refusal."""
+
+    code: int
+    id: str
+    en: str
+    zh: str
+    negative: int | None = None
+
+
+CODES = ("start", "request", "answer", "station", "block")
+FLAGS = ("diagnosis", "parameters", "control")
+
+
+@cache
+def codes(table: str) -> Mapping[int, Code]:
+    """One of CODES, by code."""
+    return MappingProxyType({row["code"]: Code(**row) for row in _load("profibus.toml")[table]})
+
+
+@cache
+def flags(table: str) -> tuple[Flag, ...]:
+    """One of FLAGS, in the order of the bits."""
+    return tuple(Flag(**row) for row in _load("profibus.toml")[table])
+
+
+@cache
+def services() -> Mapping[str, Service]:
+    """The services by id; MS2, which has many SAPs, is not among them."""
+    return MappingProxyType(
+        {row["id"]: Service(**row) for row in _load("profibus.toml")["service"]}
+    )
+
+
+@cache
+def service_ids() -> Mapping[tuple[int, int], str]:
+    """The SAP of the slave and that of the master -> the id of the service."""
+    rows = services().values()
+    return MappingProxyType(
+        {
+            (row.sap, row.master): row.id
+            for row in rows
+            if row.sap is not None and row.master is not None
+        }
+    )
+
+
+@cache
+def ms2() -> tuple[int, int]:
+    """The SAP of a master for MS2, and the highest that a slave has for it."""
+    row = _load("profibus.toml")["ms2"]
+    return row["master"], row["most"]
+
+
+@cache
+def lengths() -> tuple[int, int]:
+    """The least and the greatest LE of SD2."""
+    row = _load("profibus.toml")["length"]
+    return row["least"], row["most"]
+
+
+@cache
+def ppos() -> tuple[Ppo, ...]:
+    """The PPO that a configuration can be."""
+    rows = _load("profibus.toml")["ppo"]
+    return tuple(Ppo(**{**row, "modules": tuple(row["modules"])}) for row in rows)
+
+
+@cache
+def functions() -> Mapping[int, Function]:
+    """The functions of MS1 and MS2 by their code, refusals apart."""
+    rows = _load("profibus.toml")["function"]
+    return MappingProxyType({row["code"]: Function(**row) for row in rows})
+
+
+@cache
+def refusals() -> Mapping[int, Function]:
+    """The functions by the code of their refusal."""
+    rows = functions().values()
+    return MappingProxyType({row.negative: row for row in rows if row.negative is not None})
+
+
+@cache
+def not_ready() -> tuple[int, int]:
+    """Error decode and error code 1 of a read whose answer is not there yet."""
+    row = _load("profibus.toml")["not_ready"]
+    return row["error_decode"], row["error_code_1"]
+
+
+@cache
+def words() -> Mapping[str, Mapping[str, str]]:
+    """Words around those of the tables: key -> "en" and "zh"."""
+    return MappingProxyType(dict(_load("profibus.toml")["words"]))
+
+
+@cache
+def _flaws() -> Mapping[str, Mapping[str, str]]:
+    return MappingProxyType({row["id"]: row for row in _load("profibus.toml")["flaw"]})
+
+
+def flaw_ids() -> tuple[str, ...]:
+    """All that can be wrong with a frame and its data."""
+    return tuple(_flaws())
+
+
+def flaw_text(flaw_id: str, args: Mapping[str, Any], lang: str = "en") -> str:
+    """What is wrong, in "en" or "zh"."""
+    return flaw_template(flaw_id, lang).format(**args)
+
+
+def flaw_template(flaw_id: str, lang: str = "en") -> str:
+    """The same with its numbers not filled in."""
+    return _flaws()[flaw_id][lang]
+
+
+def text(row: Code | Service | Flag | Function, lang: str = "en") -> str:
+    """The words of a row, in "en" or "zh"."""
+    return row.zh if lang == "zh" else row.en
+
+
+def service_text(service_id: str, lang: str = "en") -> str:
+    """What a service is called, MS2 too, in "en" or "zh"."""
+    if service_id == "ms2":
+        named: str = _load("profibus.toml")["ms2"][lang]
+        return named
+    return text(services()[service_id], lang)
+
+
+def control_text(fc: int, lang: str = "en") -> str:
+    """What a function code says, in "en" or "zh": `SRD high, FCB 1`, `OK, slave`."""
+    requested, code, middle = bool(fc & 0x40), fc & 0x0F, fc >> 4 & 3
+    row = codes("request" if requested else "answer").get(code)
+    own = _word("unknown", lang).format(code=code) if row is None else text(row, lang)
+    if not requested:
+        beside = text(codes("station")[middle], lang)
+    else:
+        beside = ("", _word("fcb", lang).format(bit=0), _word("fcb_first", lang),
+                  _word("fcb", lang).format(bit=1))[middle]  # fmt: skip
+    return own + _word("separator", lang) + beside if beside else own
+
+
+def function_text(code: int, request: bool, lang: str = "en") -> str:
+    """What the first byte of MS1 says, in "en" or "zh": `DS_Read`, `DS_Read positive`, `DS_Read negative`."""
+    refused = None if request else refusals().get(code)
+    row = refused or functions().get(code)
+    if row is None:
+        return _word("unknown", lang).format(code=code)
+    own = text(row, lang)
+    if request or row.negative is None:
+        return own
+    return own + " " + _word("negative" if refused else "positive", lang)
+
+
+def _word(key: str, lang: str) -> str:
+    return words()[key][lang]
