@@ -407,7 +407,17 @@ def english_layout():
     bare = [{lang: re.sub(r"{\w+}", " ", text) for lang, text in each.items()} for each in tables]
     english = set().union(*(words_of(each["en"]) for each in bare))
     chinese = set().union(*(words_of(each["zh"]) for each in bare))
-    fields = {"state", "values", "value", "rule", "operation", "parameter", "name", "device"}
+    fields = {
+        "state",
+        "values",
+        "value",
+        "rule",
+        "operation",
+        "parameter",
+        "name",
+        "device",
+        "slot",
+    }
     names = {rule.name for rule in spec.rules().values()}
     return english - chinese - fields - names - {*STATES, *OPERATIONS}
 

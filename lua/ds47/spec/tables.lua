@@ -1703,6 +1703,7 @@ M.profibus.flaws = {
   address = {en = "no station has the address {address}", zh = "没有地址为 {address} 的站"},
   extension = {en = "an address extension is announced and not there", zh = "已声明地址扩展，但帧中没有"},
   rest = {en = "{n} bytes behind the end of the frame", zh = "帧结束后还有 {n} 个字节"},
+  unproved = {en = "nothing proves that a frame is here", zh = "无法证明此处是一帧"},
   data = {en = "data ends too early: {have} of {want} bytes", zh = "数据过短：{want} 个字节中只有 {have} 个"},
   record_length = {en = "the length byte says {says}, and {there} bytes of data follow", zh = "长度字节为 {says}，而其后有 {there} 个数据字节"},
   more = {en = "{n} bytes behind what belongs here", zh = "其后多出 {n} 个字节"},

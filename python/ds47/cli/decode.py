@@ -1,30 +1,28 @@
 """`ds47 decode`: one parameter-channel message from hex, in words or as JSON.
 
-Here: what the input is, and the layout. Decoding is `ds47.library`, how values are written
-`ds47.report.formatting`. Nothing here depends on a capture.
+Here: what the input is. The layout is in `decode_message`, `decode_cyclic` and `decode_profibus`, decoding
+`ds47.library`. Nothing here depends on a capture.
 """
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import click
 
 from ds47.cli.common import (
     codec_options,
     dialect_options,
-    flaw_text,
     lang_option,
     pkw_layout_option,
     stdout,
     warn,
 )
 from ds47.cli.decode_cyclic import CYCLIC, cyclic_words
-from ds47.cli.dump import dump
-from ds47.model import Parameter
-from ds47.report import formatting
+from ds47.cli.decode_message import text
+from ds47.cli.decode_profibus import PROFIBUS, profibus_words
 from ds47.report.bilingual import say
 
 if TYPE_CHECKING:
@@ -37,7 +35,7 @@ if TYPE_CHECKING:
 @click.option(
     "--as",
     "kind",
-    type=click.Choice(["request", "response", *CYCLIC]),
+    type=click.Choice(["request", "response", *CYCLIC, PROFIBUS]),
     help="Default: request or response of DS47, a guess, and says so.",
 )
 @click.option("--request", "request_hex", metavar="HEX", help="The request that it answers.")
@@ -62,8 +60,10 @@ def command(
 
     Words of cyclic frames: --as pkw and pkw-answer take 8 bytes, stw1 and zsw1 a word with or without
     its setpoint or actual value, ppo1-out and ppo1-in 12 bytes.
+
+    --as profibus takes frames of PROFIBUS DP, from start byte to end byte, one or several.
     """
-    if request_hex is not None and kind in CYCLIC:
+    if request_hex is not None and kind in (*CYCLIC, PROFIBUS):
         raise click.UsageError(
             f"--request is for a response of DS47; it does not go with --as {kind}"
         )
@@ -76,6 +76,9 @@ def command(
     if kind in CYCLIC:
         stdout().write(cyclic_words(data, kind, pkw_layout, format_name, lang))
         return
+    if kind == PROFIBUS:
+        stdout().write(profibus_words(data, format_name, options, lang))
+        return
     question = None if request_hex is None else _bytes(request_hex, "--request")
     found = _decoded(data, "response" if question else kind, question, options)
     if kind is None and question is None:
@@ -83,7 +86,7 @@ def command(
         kind_name = say(f"decode_{found.kind}")
         warn(say("decode_guess", kind=kind_name, option=other).text(lang))
     as_json = format_name == "json"
-    stdout().write(json.text(found.to_dict()) + "\n" if as_json else _text(found, lang))
+    stdout().write(json.text(found.to_dict()) + "\n" if as_json else text(found, lang))
 
 
 def _decoded(data: bytes, kind: str | None, question: bytes | None, options: Options) -> Message:
@@ -108,74 +111,3 @@ def _bytes(text: str, what: str) -> bytes:
     if not data:
         raise click.UsageError(f"{what}: no bytes")
     return data
-
-
-def _text(message: Message, lang: str) -> str:
-    from ds47 import spec
-
-    kind = say(f"decode_{message.kind}")
-    lines = [say("decode_head", kind=kind, n=len(message.data)).text(lang)]
-    rows = sorted(_rows(message, lang), key=lambda row: row[0])
-    ends = [row[0] for row in rows[1:]] + [len(message.data)]
-    for (start, meaning), end in zip(rows, ends, strict=True):
-        lines += dump(message.data, start, end, meaning)
-    for flaw in message.flaws:
-        text = formatting.escape(flaw_text(flaw, lang))
-        severity = say(f"severity_{spec.rules()[flaw.rule].severity}")
-        lines.append(say("flaw_line", rule=flaw.rule, severity=severity, message=text).text(lang))
-    return "\n".join(lines) + "\n"
-
-
-def _rows(message: Message, lang: str) -> Iterator[tuple[int, str]]:
-    """Where each part of the message starts, and what it means."""
-    own, plain, asks = f"{message.kind}_id", message.plain, message.kind == "request"
-    header = (
-        ("request_reference", message.request_reference, str),
-        (own, getattr(message, own), _id_words(message.kind, lang)),
-        ("axis", message.axis, str),
-        ("parameter_count", message.parameter_count, str),
-    )
-    for offset, (name, value, show) in enumerate(header):
-        if value is not None:
-            yield offset, f"{name} {show(value)}"
-    for address, block, item in message.rows():
-        if address is not None and asks:
-            yield address.offset, _address_words(item, lang)
-        if block is not None:
-            yield block.offset, _block_words(item, asks, lang)
-    if plain.rest and len(message.data) > len(plain.rest):
-        yield len(message.data) - len(plain.rest), say("decode_rest").text(lang)
-
-
-def _address_words(item: Parameter, lang: str) -> str:
-    bare = Parameter(item.pnu, item.subindex, item.attribute, item.element_count)
-    told = say(
-        "decode_elements",
-        parameter=formatting.address(bare),
-        attribute=item.attribute,
-        n=item.element_count or 0,
-    )
-    return told.text(lang)
-
-
-def _block_words(item: Parameter, written: bool, lang: str) -> str:
-    told = say(
-        "decode_words" if item.error else "decode_values",
-        format=item.format or "Error",
-        n=item.value_count or 0,
-        parameter=formatting.parameter(item, written, lang),
-    )
-    return told.text(lang)
-
-
-def _id_words(kind: str, lang: str) -> Any:
-    from ds47 import spec
-
-    table: Any = spec.request_ids() if kind == "request" else spec.response_ids()
-    unknown = say("decode_unknown").text(lang)
-
-    def show(code: int) -> str:
-        known = table.get(code)
-        return f"0x{code:02X} {known.name if known else unknown}"
-
-    return show

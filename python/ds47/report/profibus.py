@@ -136,7 +136,7 @@ def headline(item: Telegram) -> Both:
 
 def lines(item: Telegram) -> Iterator[Line]:
     """A frame in words, field by field, its data as far as DP and MS1 know it."""
-    yield 0, headline(item)
+    yield 0, _start(item)
     if item.fc is None:
         if item.kind == SD4 and None not in (item.da, item.sa):
             yield 1, say("dp_token", sa=str(item.sa), da=str(item.da))
@@ -160,6 +160,11 @@ def lines(item: Telegram) -> Iterator[Line]:
         yield at, say("dp_check")
 
 
+def record_start(item: Telegram) -> int:
+    """Where the record of a message of MS1 begins."""
+    return _data_start(item) + 4
+
+
 def beside(item: Telegram) -> Iterator[Both]:
     """What is told of a frame, and of no byte of it: what it means, and what is wrong."""
     message, content = record(item), dp.decode(item)
@@ -179,6 +184,15 @@ def beside(item: Telegram) -> Iterator[Both]:
     for each in (message, content):
         for found in each.flaws if each else ():
             yield say("dp_flaw", offset=str(start + found.offset), text=flaw(found))
+
+
+def _start(item: Telegram) -> Both:
+    """The first bytes, as far as they say something."""
+    if not item.kind:
+        return say("decode_rest")
+    if item.kind == SD2 and item.fc is not None:
+        return say("dp_start_length", le=str(item.data[1]))
+    return say("dp_start")
 
 
 def _head(item: Telegram) -> int:

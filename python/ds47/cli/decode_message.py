@@ -1,0 +1,95 @@
+"""A DS47 message in words for `ds47 decode`: its bytes with what they mean, and what is wrong with it.
+
+Here is the layout. Decoding is `ds47.library`, how values are written `ds47.report.formatting`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from ds47.cli.common import flaw_text
+from ds47.cli.dump import dump
+from ds47.model import Parameter
+from ds47.report import formatting
+from ds47.report.bilingual import say
+
+if TYPE_CHECKING:
+    from ds47.library.message import Message
+
+
+def text(message: Message, lang: str) -> str:
+    """The whole message."""
+    kind = say(f"decode_{message.kind}")
+    lines = [say("decode_head", kind=kind, n=len(message.data)).text(lang)]
+    found = sorted(rows(message, lang), key=lambda row: row[0])
+    ends = [row[0] for row in found[1:]] + [len(message.data)]
+    for (start, meaning), end in zip(found, ends, strict=True):
+        lines += dump(message.data, start, end, meaning)
+    lines += flaw_lines(message, lang)
+    return "\n".join(lines) + "\n"
+
+
+def flaw_lines(message: Message, lang: str) -> Iterator[str]:
+    """What is wrong with the message."""
+    from ds47 import spec
+
+    for flaw in message.flaws:
+        words = formatting.escape(flaw_text(flaw, lang))
+        severity = say(f"severity_{spec.rules()[flaw.rule].severity}")
+        yield say("flaw_line", rule=flaw.rule, severity=severity, message=words).text(lang)
+
+
+def rows(message: Message, lang: str) -> Iterator[tuple[int, str]]:
+    """Where each part of the message starts, and what it means."""
+    own, plain, asks = f"{message.kind}_id", message.plain, message.kind == "request"
+    header = (
+        ("request_reference", message.request_reference, str),
+        (own, getattr(message, own), _id_words(message.kind, lang)),
+        ("axis", message.axis, str),
+        ("parameter_count", message.parameter_count, str),
+    )
+    for offset, (name, value, show) in enumerate(header):
+        if value is not None:
+            yield offset, f"{name} {show(value)}"
+    for address, block, item in message.rows():
+        if address is not None and asks:
+            yield address.offset, _address_words(item, lang)
+        if block is not None:
+            yield block.offset, _block_words(item, asks, lang)
+    if plain.rest and len(message.data) > len(plain.rest):
+        yield len(message.data) - len(plain.rest), say("decode_rest").text(lang)
+
+
+def _address_words(item: Parameter, lang: str) -> str:
+    bare = Parameter(item.pnu, item.subindex, item.attribute, item.element_count)
+    told = say(
+        "decode_elements",
+        parameter=formatting.address(bare),
+        attribute=item.attribute,
+        n=item.element_count or 0,
+    )
+    return told.text(lang)
+
+
+def _block_words(item: Parameter, written: bool, lang: str) -> str:
+    told = say(
+        "decode_words" if item.error else "decode_values",
+        format=item.format or "Error",
+        n=item.value_count or 0,
+        parameter=formatting.parameter(item, written, lang),
+    )
+    return told.text(lang)
+
+
+def _id_words(kind: str, lang: str) -> Any:
+    from ds47 import spec
+
+    table: Any = spec.request_ids() if kind == "request" else spec.response_ids()
+    unknown = say("decode_unknown").text(lang)
+
+    def show(code: int) -> str:
+        known = table.get(code)
+        return f"0x{code:02X} {known.name if known else unknown}"
+
+    return show
