@@ -150,6 +150,42 @@ def not_ready() -> tuple[int, int]:
     return row["error_decode"], row["error_code_1"]
 
 
+class Listing(Row):
+    """How logs of text name what they have; all in small letters."""
+
+    time: tuple[str, ...]
+    data: tuple[str, ...]
+    direction: tuple[str, ...]
+    """Names of the three columns,"""
+    to_slave: tuple[str, ...]
+    to_master: tuple[str, ...]
+    """words for both directions,"""
+    units: Mapping[str, int]
+    """and units of a time, in nanoseconds."""
+
+
+@cache
+def listing() -> Listing:
+    """The words of logs."""
+    table = _load("profibus.toml")["listing"]
+    return Listing(**{k: tuple(v) if isinstance(v, list) else v for k, v in table.items()})
+
+
+@cache
+def _unread() -> Mapping[str, Mapping[str, str]]:
+    return MappingProxyType({row["id"]: row for row in _load("profibus.toml")["unread"]})
+
+
+def unread_ids() -> tuple[str, ...]:
+    """All reasons why a line of a log is not read."""
+    return tuple(_unread())
+
+
+def unread_text(reason: str, lang: str = "en") -> str:
+    """Why a line of a log is not read, in "en" or "zh"."""
+    return _unread()[reason][lang]
+
+
 @cache
 def words() -> Mapping[str, Mapping[str, str]]:
     """Words around those of the tables: key -> "en" and "zh"."""
