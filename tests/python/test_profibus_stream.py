@@ -121,3 +121,13 @@ def test_noise_is_told_in_pieces_and_not_kept() -> None:
     pieces += reader.finish()
     assert sum(len(each.telegram.data) for each in pieces) == 20_000
     assert max(len(each.telegram.data) for each in pieces) <= 4096
+
+
+def test_an_idle_line_between_damaged_bytes_is_read() -> None:
+    """Tokens in a row for long need no frame that proves them; a few do."""
+    assert told(split(b"\xff" + TOKEN * 100 + b"\xff")) == [TOKEN] * 100
+    assert told(split(b"\xff" + TOKEN * 10 + b"\xff")) == []
+
+
+def test_bytes_that_lead_nowhere_are_followed_once() -> None:
+    assert told(split((b"\x00" + SHORT * 99) * 500 + b"\x00")) == []

@@ -29,7 +29,7 @@ from ds47.spec import profibus
 _AHEAD = 1024
 """Bytes behind a frame that may decide what it is; all that is looked at from one place is shorter."""
 _CHAIN = 256
-"""Bytes of tokens and SC in a row that are followed to a proved frame."""
+"""Bytes of tokens and SC in a row that are as good as a proved frame: a line has them for long when it is idle."""
 _MOST_LOST = 4096
 """Bytes without a frame that are told as one piece."""
 _KNOWN_TOKENS = 1024
@@ -56,6 +56,8 @@ class Reader:
         self._border = border
         self._lost = b""
         self._tokens: set[bytes] = set()
+        self._blind: set[int] = set()
+        """Where tokens and SC begin that lead to no frame, as far as they were followed."""
 
     def feed(self, data: bytes) -> Iterator[Piece]:
         """The frames that further bytes make certain, in their order."""
@@ -89,6 +91,7 @@ class Reader:
         """What stood before `end` and is no frame."""
         if self._lost:
             data, self._lost = self._lost, b""
+            self._blind.clear()
             item = decode(data)
             if not item.flaws:
                 item = replace(item, flaws=(Flaw("unproved", 0),))
@@ -99,8 +102,20 @@ class Reader:
         if whole := _proved(data, at):
             return whole
         if not self._border:
-            return _unproved(data, at) if _leads_to_a_frame(data, at) else 0
+            return _unproved(data, at) if self._leads_to_a_frame(data, at) else 0
         return self._other_start(data, at) or self._bare(data, at) or _damaged(data, at)
+
+    def _leads_to_a_frame(self, data: bytes, at: int) -> bool:
+        """Whether tokens and SC alone stand between here and a proved frame, the end, or _CHAIN bytes of them."""
+        end, passed = min(len(data), at + _CHAIN), set[int]()
+        while at < end and not _proved(data, at):
+            length = _unproved(data, at)
+            if not length or self._start + at in self._blind:
+                self._blind |= passed
+                return False
+            passed.add(self._start + at)
+            at += length
+        return True
 
     def _bare(self, data: bytes, at: int) -> int:
         """A token or SC that stands at a border; not where a proved frame begins inside it."""
@@ -166,19 +181,6 @@ def _unproved(data: bytes, at: int) -> int:
     whole = size(data[at : at + 1]) if data[at : at + 1] != b"\x68" else None
     bare = whole is not None and data[at] in (_code(SD4), _code(SC))
     return whole if bare and whole is not None and at + whole <= len(data) else 0
-
-
-def _leads_to_a_frame(data: bytes, at: int) -> bool:
-    """Whether tokens and SC alone stand between here and a proved frame, or the end."""
-    end = min(len(data), at + _CHAIN)
-    while at < end:
-        if _proved(data, at):
-            return True
-        length = _unproved(data, at)
-        if not length:
-            return False
-        at += length
-    return at >= len(data)
 
 
 def _damaged(data: bytes, at: int) -> int:
