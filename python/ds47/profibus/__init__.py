@@ -1,8 +1,8 @@
 """PROFIBUS DP: what a line of the bus carries (docs/profibus.md).
 
 `telegram` has the frames, `dp` what DP says in them, `ms1` read and write of records, `stream` the frames of
-bytes without borders, `listing` those of a log that is text. What belongs together, and what it means for a drive,
-is not here.
+bytes without borders, `listing` those of a log that is text. `line` knows which answer belongs to which request,
+and `calls` which of them are one record call. What a record call means is not here.
 """
 
 from ds47.profibus.telegram import Flaw, Telegram, decode

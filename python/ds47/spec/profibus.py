@@ -25,6 +25,8 @@ class Code(Row):
     """Without SAPs it belongs to data exchange."""
     wants: bool = False
     """The slave asks for Slave_Diag."""
+    silent: bool = False
+    """Nobody answers it."""
 
 
 class Service(Row):

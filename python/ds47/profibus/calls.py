@@ -1,0 +1,129 @@
+"""Reads and writes of records by MS1 and MS2, from the exchanges of a line (docs/profibus.md 6).
+
+A service is asked once and polled until its answer is there: SC, no data and empty answers say that it is not.
+What is asked of a record, and what "not ready" (B5) means for it, is not here: every DS_Read is a call of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from ds47.profibus import dp, ms1
+from ds47.profibus.line import Exchange, Seen
+from ds47.profinet.records import Half, Record
+
+_NO_AR = bytes(16)
+"""PROFIBUS has no application relation: stations and SAP are all that names one."""
+_REFUSED = (1, 2, 3)
+"""Answers without data that end a service: UE, RR, RS."""
+
+
+@dataclass(slots=True, eq=False)
+class Call:
+    """A DS_Read or DS_Write with its answer; `record` is what the pairing takes.
+
+    `record.response.status` is 0 or that of the refusal (docs/profibus.md 4), `record.ar` is empty.
+    """
+
+    master: int
+    station: int
+    """Of the slave,"""
+    sap: int
+    """and its SAP: 51 for MS1."""
+    record: Record
+    polls: list[Exchange] = field(default_factory=list)
+    """Exchanges that brought no answer yet, that of the request first."""
+    fault: int | None = None
+    """The function code that refused it below MS1: 3 where the SAP is not enabled."""
+
+
+@dataclass(frozen=True, slots=True)
+class Handlers:
+    """Who hears of what becomes of a call, in the order of the capture."""
+
+    asked: Callable[[Call], None]
+    answered: Callable[[Call], None]
+    """It has its answer, positive or negative."""
+    failed: Callable[[Call], None]
+    """The station refused it before MS1 (`fault`)."""
+    lost: Callable[[Call], None]
+    """Another service began, or nothing came any more."""
+    unasked: Callable[[int, int, int, ms1.Message, Seen], None]
+    """An answer without its request: master, station, SAP, message, frame."""
+
+
+class CallTracker:
+    """Takes the exchanges of a line and tells of the calls in them."""
+
+    def __init__(self, handlers: Handlers) -> None:
+        self._handlers = handlers
+        self._open: dict[tuple[int, int, int], Call] = {}
+
+    def take(self, exchange: Exchange) -> None:
+        """An exchange; those of other services than MS1 and MS2 say nothing here."""
+        item = exchange.request.item
+        if dp.service(item) not in (dp.RECORD, dp.MS2) or not item.request:
+            return
+        station, sap, master = item.da, item.dsap, item.sa
+        if station is None or sap is None or master is None:
+            return
+        key = (master, station, sap)
+        asked = ms1.decode(item.du, request=True)
+        if asked.kind == ms1.REQUEST and not exchange.again:
+            self._asked(key, asked, exchange)
+        self._answer(key, exchange)
+
+    def finish(self) -> None:
+        """No exchange comes any more."""
+        for key in list(self._open):
+            self._lose(key)
+
+    def _asked(self, key: tuple[int, int, int], asked: ms1.Message, exchange: Exchange) -> None:
+        self._lose(key)
+        if asked.code not in (ms1.READ, ms1.WRITE) or asked.slot is None or asked.index is None:
+            return
+        write = asked.code == ms1.WRITE
+        half = _half(exchange.request, asked)
+        record = Record(write, False, _NO_AR, 0, asked.slot, 0, asked.index, 0, half)
+        master, station, sap = key
+        call = self._open[key] = Call(master, station, sap, record)
+        self._handlers.asked(call)
+
+    def _answer(self, key: tuple[int, int, int], exchange: Exchange) -> None:
+        seen, call = exchange.answer, self._open.get(key)
+        item = None if seen is None else seen.item
+        if call is not None and item is not None and item.code in _REFUSED:
+            call.fault = item.code
+            del self._open[key]
+            self._handlers.failed(call)
+            return
+        if seen is None or item is None or not item.du:
+            if call is not None:
+                call.polls.append(exchange)
+            return
+        answer = ms1.decode(item.du, request=False)
+        if answer.function not in ("read", "write"):
+            self._lose(key)
+        elif call is not None and call.record.write == (answer.function == "write"):
+            del self._open[key]
+            call.record.response = _half(seen, answer)
+            self._handlers.answered(call)
+        elif not exchange.again:
+            self._handlers.unasked(*key, answer, seen)
+
+    def _lose(self, key: tuple[int, int, int]) -> None:
+        call = self._open.pop(key, None)
+        if call is not None:
+            self._handlers.lost(call)
+
+
+def _half(seen: Seen, message: ms1.Message) -> Half:
+    """A message as one half of a record call; a DS_Read carries nothing, and says how much it wants."""
+    stated = message.length or 0
+    carries = (message.code == ms1.WRITE) == bool(seen.item.request)
+    missing = max(stated - len(message.data), 0) if carries and message.kind != ms1.REFUSAL else 0
+    status = message.status if message.kind == ms1.REFUSAL else 0
+    status = None if message.kind == ms1.REQUEST else status
+    data = b"" if message.kind == ms1.REFUSAL else message.data
+    return Half(seen.frame, seen.time_ns, data, stated, missing, status)

@@ -1,0 +1,110 @@
+"""Frames of a line in their order: which answer belongs to which request, and which request is a retry.
+
+On a line one station asks at a time, and the answer follows at once (docs/profibus.md 6). What is asked and
+answered is not looked at; records are `calls`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from ds47.profibus.telegram import ALL_STATIONS, SC, SD4, Telegram
+from ds47.spec import profibus
+
+_Way = tuple[int | None, int | None]
+"""Who asks whom."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """A frame with its place in the capture."""
+
+    frame: int
+    time_ns: int
+    item: Telegram
+
+
+@dataclass(slots=True, eq=False)
+class Exchange:
+    """A request and what became of it."""
+
+    request: Seen
+    answer: Seen | None = None
+    """None where none came, or nobody answers such a request."""
+    retries: list[Seen] = field(default_factory=list)
+    """The same request again, because the master got no answer."""
+    again: bool = False
+    """Whether it repeats an exchange that had its answer: the master did not get that."""
+    silent: bool = False
+    """Whether nobody answers such a request."""
+
+
+class Line:
+    """Takes the frames of one line and gives their exchanges, each when it is over.
+
+    Damaged frames are none: a request behind whose answer was damaged stays without it.
+    """
+
+    def __init__(self) -> None:
+        self._open: Exchange | None = None
+        self._last: dict[_Way, Telegram] = {}
+        self.tokens = 0
+        """How many tokens went round,"""
+        self.damaged = 0
+        """how many frames are damaged,"""
+        self.stray = 0
+        """and how many answers nobody asked for."""
+
+    def take(self, seen: Seen) -> Iterator[Exchange]:
+        """A frame; gives the exchanges that are over with it, one or two."""
+        item = seen.item
+        if item.flaws:
+            self.damaged += 1
+        elif item.kind == SD4:
+            self.tokens += 1
+        elif item.request:
+            yield from self._request(seen)
+        else:
+            yield from self._answer(seen)
+
+    def finish(self) -> Iterator[Exchange]:
+        """No frame comes any more."""
+        if self._open is not None:
+            over, self._open = self._open, None
+            yield over
+
+    def _request(self, seen: Seen) -> Iterator[Exchange]:
+        item, way = seen.item, (seen.item.sa, seen.item.da)
+        same = item.fcv == 1 and self._last.get(way) == item
+        if self._open is not None and same and self._open.request.item == item:
+            self._open.retries.append(seen)
+            return
+        yield from self.finish()
+        row = profibus.codes("request").get(item.code or 0)
+        silent = item.da == ALL_STATIONS or (row is not None and row.silent)
+        exchange = Exchange(seen, again=same, silent=silent)
+        if silent:
+            yield exchange
+            return
+        self._last[way] = item
+        self._open = exchange
+
+    def _answer(self, seen: Seen) -> Iterator[Exchange]:
+        over, item = self._open, seen.item
+        if over is None or not _fits(over.request.item, item):
+            self.stray += 1
+            return
+        self._open = None
+        over.answer = seen
+        yield over
+
+
+def _fits(request: Telegram, answer: Telegram) -> bool:
+    """Whether an answer is one to a request: SC names nobody, others have stations and SAPs turned round."""
+    if answer.kind == SC:
+        return True
+    if (answer.sa, answer.da) != (request.da, request.sa):
+        return False
+    saps = (answer.ssap, answer.dsap)
+    return saps in ((request.dsap, request.ssap), (None, None))

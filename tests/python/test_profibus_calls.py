@@ -1,0 +1,284 @@
+"""Frames of a line to exchanges, and MS1 to the record calls that the pairing takes (docs/profibus.md 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ds47.acyclic.pairing import Job, Pairing, Peer
+from ds47.profibus import ms1, telegram
+from ds47.profibus.calls import Call, CallTracker, Handlers
+from ds47.profibus.line import Exchange, Line, Seen
+from ds47.profidrive import decode_request, decode_response
+from ds47.profidrive.model import Options
+from ds47.spec.semantics import limits
+
+MS = 1_000_000
+SHORT = b"\xe5"
+ASKED, GIVEN = "030102011001c47f0000", "03010201080141200000"
+"""A DS47 request for one parameter, and its response."""
+WRITE, READ = "5f002f0a" + ASKED, "5e002ff0"
+NOT_READY = "de80b500"
+
+
+class Talk:
+    """A master and its slave: each request toggles the frame count bit."""
+
+    def __init__(self, station: int = 3, sap: int = 51) -> None:
+        self.frames: list[bytes] = []
+        self._station, self._sap, self._fcb = station, sap, True
+
+    def ask(self, du: str, repeated: bool = False) -> Talk:
+        """A request of master 2, or the same frame count bit again."""
+        self._fcb ^= not repeated
+        fc = 0x7D if self._fcb else 0x5D
+        own = 51 if self._sap == 51 else 50
+        data = telegram.encode(self._station, 2, fc, bytes.fromhex(du), self._sap, own)
+        self.frames.append(data)
+        return self
+
+    def answer(self, du: str | None = None, fc: int = 0x08) -> Talk:
+        """What the slave says with data; a short acknowledgement without."""
+        own = 51 if self._sap == 51 else 50
+        bare = fc in (1, 2, 3, 9)
+        data = b"" if du is None else bytes.fromhex(du)
+        saps = (None, None) if bare else (own, self._sap)
+        with_data = telegram.encode(2, self._station, fc, data, *saps)
+        self.frames.append(SHORT if du is None and not bare else with_data)
+        return self
+
+    def add(self, *frames: bytes) -> Talk:
+        self.frames += frames
+        return self
+
+
+def exchanges(frames: Iterable[bytes], line: Line | None = None) -> list[Exchange]:
+    line, found = line or Line(), []
+    for number, data in enumerate(frames, start=1):
+        found += line.take(Seen(number, number * MS, telegram.decode(data)))
+    return [*found, *line.finish()]
+
+
+class Heard:
+    """Everything that is told of calls."""
+
+    def __init__(self, frames: Iterable[bytes]) -> None:
+        self.events: list[tuple[str, int]] = []
+        self.calls: list[Call] = []
+        self.unasked: list[tuple[int, int, int, ms1.Message]] = []
+        tracker = CallTracker(
+            Handlers(self._asked, self._event("answered"), self._event("failed"), self._event("lost"),
+                     lambda *about: self.unasked.append(about[:4]))
+        )  # fmt: skip
+        for exchange in exchanges(frames):
+            tracker.take(exchange)
+        tracker.finish()
+
+    def _asked(self, call: Call) -> None:
+        self.calls.append(call)
+        self._event("asked")(call)
+
+    def _event(self, name):
+        return lambda call: self.events.append((name, self.calls.index(call)))
+
+
+# The line
+
+
+def test_an_answer_belongs_to_the_request_before_it() -> None:
+    status, known = telegram.encode(3, 2, 0x49), telegram.encode(2, 3, 0x00)
+    (found,) = exchanges([status, known])
+    assert (found.request.frame, found.answer and found.answer.frame) == (1, 2)
+    assert (found.retries, found.again, found.silent) == ([], False, False)
+
+
+def test_no_answer_and_retries() -> None:
+    talk = Talk().ask(WRITE).ask(WRITE, repeated=True).ask(WRITE, repeated=True).answer().ask("")
+    first, second = exchanges(talk.frames)
+    assert (len(first.retries), first.answer and first.answer.frame) == (2, 4)
+    assert (second.request.frame, second.answer) == (5, None)
+
+
+def test_a_request_that_comes_again_after_its_answer() -> None:
+    talk = (
+        Talk().ask("").answer(NOT_READY).ask("", repeated=True).answer(NOT_READY).ask("").answer()
+    )
+    assert [each.again for each in exchanges(talk.frames)] == [False, True, False]
+
+
+def test_what_nobody_answers_is_over_at_once() -> None:
+    control = telegram.encode(127, 2, 0x46, b"\x20\x00", 58, 62)
+    line = Line()
+    assert [each.silent for each in exchanges([control, control], line)] == [True, True]
+
+
+def test_what_is_counted() -> None:
+    line, good = Line(), telegram.encode(2, 3, 0x00)
+    damaged = good[:-1] + b"\x17"
+    assert exchanges([b"\xdc\x02\x02", good, damaged, SHORT, b"\xdc\x02\x02"], line) == []
+    assert (line.tokens, line.damaged, line.stray) == (2, 1, 2)
+
+
+def test_an_answer_of_another_station_is_stray() -> None:
+    line = Line()
+    (found,) = exchanges([telegram.encode(3, 2, 0x49), telegram.encode(2, 4, 0x00)], line)
+    assert (found.answer, line.stray) == (None, 1)
+
+
+# Calls
+
+
+def test_a_write_is_polled_until_it_is_answered() -> None:
+    heard = Heard(Talk().ask(WRITE).answer().ask("").answer("").ask("").answer("5f002f0a").frames)
+    assert heard.events == [("asked", 0), ("answered", 0)]
+    (call,) = heard.calls
+    assert (call.master, call.station, call.sap, len(call.polls)) == (2, 3, 51, 2)
+    record = call.record
+    assert (record.write, record.slot, record.index) == (True, 0, 47)
+    assert record.request is not None
+    assert record.response is not None
+    assert (record.request.data.hex(), record.request.stated, record.request.missing) == (
+        ASKED,
+        10,
+        0,
+    )
+    assert (record.response.frame, record.response.status, record.response.missing) == (6, 0, 0)
+
+
+def test_a_read_and_a_refusal() -> None:
+    talk = Talk().ask(READ).answer().ask("").answer(NOT_READY)
+    talk.ask(READ).answer().ask("").answer("5e002f0a" + GIVEN)
+    first, second = (call.record for call in Heard(talk.frames).calls)
+    assert first.response is not None
+    assert second.response is not None
+    assert (first.response.status, first.response.data) == (0xDE80B500, b"")
+    assert (second.response.status, second.response.data.hex()) == (0, GIVEN)
+    assert second.request is not None
+    assert (second.request.status, second.request.stated, second.request.missing) == (None, 240, 0)
+
+
+def test_a_request_that_comes_again_is_one_call() -> None:
+    talk = Talk().ask(WRITE).answer().ask(WRITE, repeated=True).answer().ask("").answer("5f002f0a")
+    assert Heard(talk.frames).events == [("asked", 0), ("answered", 0)]
+    talk = (
+        Talk()
+        .ask(WRITE)
+        .answer()
+        .ask("")
+        .answer("5f002f0a")
+        .ask("", repeated=True)
+        .answer("5f002f0a")
+    )
+    heard = Heard(talk.frames)
+    assert (heard.events, heard.unasked) == ([("asked", 0), ("answered", 0)], [])
+
+
+def test_a_sap_that_is_not_enabled() -> None:
+    heard = Heard(Talk().ask(WRITE).answer(fc=3).frames)
+    assert (heard.events, heard.calls[0].fault) == ([("asked", 0), ("failed", 0)], 3)
+
+
+def test_a_call_without_an_answer() -> None:
+    heard = Heard(Talk().ask(WRITE).answer().ask(READ).answer().ask("").answer(fc=9).frames)
+    assert heard.events == [("asked", 0), ("lost", 0), ("asked", 1), ("lost", 1)]
+
+
+def test_an_answer_without_its_request() -> None:
+    ((master, station, sap, message),) = Heard(Talk().ask("").answer("5f002f0a").frames).unasked
+    assert (master, station, sap, message.kind) == (2, 3, 51, ms1.ANSWER)
+
+
+def test_an_abort_ends_a_call() -> None:
+    heard = Heard(Talk(sap=7).ask(READ).answer().ask("").answer("58000000").frames)
+    assert heard.events == [("asked", 0), ("lost", 0)]
+    assert heard.calls[0].sap == 7
+
+
+def test_a_length_that_promises_more() -> None:
+    talk = Talk().ask("5f002f14" + ASKED).answer()
+    (call,) = Heard(talk.frames).calls
+    assert call.record.request is not None
+    assert (call.record.request.stated, call.record.request.missing) == (20, 10)
+
+
+@given(st.lists(st.sampled_from([
+    *Talk().ask(WRITE).ask(READ).ask("").ask("").ask("99").answer().answer("").answer(NOT_READY)
+    .answer("5f002f0a").answer("5e").answer(fc=3).answer(fc=9).frames, b"\xdc\x02\x02", b"\x10",
+]), max_size=30))  # fmt: skip
+def test_every_call_ends_once(frames: list[bytes]) -> None:
+    heard = Heard(frames)
+    for number in range(len(heard.calls)):
+        first, last = (name for name, each in heard.events if each == number)
+        assert first == "asked"
+        assert last in ("answered", "failed", "lost")
+
+
+# The pairing takes them
+
+
+def paired(frames: Iterable[bytes]) -> list[Job]:
+    """The jobs that the pairing makes of the calls."""
+    jobs: dict[int, Job] = {}
+    closed: list[Job] = []
+    pairing = Pairing(limits(), lambda job: None, closed.append, lambda peer, record: None)
+
+    def peer(call: Call) -> Peer:
+        return Peer(str(call.master), str(call.station))
+
+    def asked(call: Call) -> None:
+        half = call.record.request
+        assert half is not None
+        if call.record.write:
+            message = decode_request(half.data, Options())
+            jobs[id(call)] = pairing.write_request(peer(call), call.record, message)
+        else:
+            pairing.expected(peer(call), call.record)
+
+    def answered(call: Call) -> None:
+        if call.record.write:
+            pairing.write_response(jobs[id(call)], call.record.response)
+        else:
+            pairing.read_response(peer(call), call.record)
+
+    tracker = CallTracker(
+        Handlers(asked, answered, lambda call: None, lambda call: None, lambda *about: None)
+    )
+    for exchange in exchanges(frames):
+        tracker.take(exchange)
+    tracker.finish()
+    pairing.finish()
+    return closed
+
+
+def test_one_transaction_with_its_polls() -> None:
+    talk = Talk().ask(WRITE).answer().ask("").answer("5f002f0a")
+    for _ in range(2):
+        talk.ask(READ).answer().ask("").answer(NOT_READY)
+    talk.ask(READ).answer().ask("").answer("5e002f0a" + GIVEN)
+    (job,) = paired(talk.frames)
+    assert (len(job.polls), job.accepted, job.reference) == (2, True, 3)
+    assert job.read_response is not None
+    assert (job.read_response.data.hex(), job.read_response.frame) == (GIVEN, len(talk.frames))
+    response = decode_response(job.read_response.data, job.message, Options())
+    assert response.axis == 2
+
+
+@pytest.mark.parametrize("status", ["df80b000", "df80b500"])
+def test_a_refused_write_is_refused(status: str) -> None:
+    (job,) = paired(Talk().ask(WRITE).answer().ask("").answer(status).frames)
+    assert (job.write_refused, job.read_response) == (True, None)
+
+
+def test_two_stations_are_two_channels() -> None:
+    first, second = (Talk(station) for station in (3, 4))
+    for talk in (first, second):
+        talk.ask(WRITE).answer().ask("").answer("5f002f0a").ask(READ).answer("5e002f0a" + GIVEN)
+    jobs = paired([frame for pair in zip(
+        [first.frames[at : at + 2] for at in range(0, 6, 2)],
+        [second.frames[at : at + 2] for at in range(0, 6, 2)], strict=True,
+    ) for both in pair for frame in both])  # fmt: skip
+    assert [job.peer.device for job in jobs] == ["3", "4"]
+    assert all(job.read_response is not None for job in jobs)
