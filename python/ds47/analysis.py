@@ -16,8 +16,10 @@ from typing import Any, BinaryIO, NamedTuple
 
 from ds47.acyclic.index47 import Index47
 from ds47.acyclic.judge import Judge
+from ds47.acyclic.ms1_calls import Ms1Calls
 from ds47.acyclic.pairing import Job, Pairing, Peer
 from ds47.acyclic.record_calls import RecordCalls
+from ds47.acyclic.record_events import RecordEvents
 from ds47.acyclic.transactions import build, summarise
 from ds47.capture import Capture, CaptureError, Frame, Series, open_capture, sha256
 from ds47.capture.scan import Watch
@@ -34,6 +36,8 @@ from ds47.findings.collection import Findings
 from ds47.findings.remark import Exchange, Remark
 from ds47.model import CHANNELS, DS47, PKW, PZD, CaptureResult, Finding, Transaction
 from ds47.model import Relation as ToldRelation
+from ds47.profibus.bus import LINK_TYPES, Bus
+from ds47.profibus.calls import CallTracker as ServiceTracker
 from ds47.profidrive import Options, decode_response
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.records import Record
@@ -194,8 +198,9 @@ class Analysis:
             self._asked, self._judge.connected,
         )  # fmt: skip
         self._cyclic = CyclicChannels(self._exchanged, self._watch, bounds, options.channels)
+        self._events = RecordEvents(index47, self._pairing, options.codec, self._remark)
         self._records = RecordCalls(
-            index47, self._pairing, options.codec, self._remark, self._diagnoses.foreign,
+            self._events, index47, self._pairing, self._remark, self._diagnoses.foreign,
             self._cyclic.connected, bounds,
         )  # fmt: skip
         self._calls = CallTracker(bounds, self._records.handlers())
@@ -208,6 +213,9 @@ class Analysis:
             self._diagnoses.cut,
             self._cyclic.frame,
         )
+        services = Ms1Calls(self._events, self._diagnoses.foreign)
+        self._services = ServiceTracker(services.handlers())
+        self._bus = Bus((self._services.take,))
         self._answers: dict[Job, list[Remark]] = {}
         self._remarks: dict[Exchange, list[Remark]] = {}
         """What is wrong with the transport of open jobs."""
@@ -227,12 +235,14 @@ class Analysis:
         self._findings.frames_dropped = capture.gaps
         self._transport.finish()
         self._calls.finish()
+        self._bus.finish()
+        self._services.finish()
         self._pairing.finish()
         self._records.finish()
         self._cyclic.finish()
         self._operation()
         self._diagnose(capture)
-        counts = self._records.counts
+        counts = self._events.counts
         return CaptureResult(
             path=capture.path,
             frames=capture.frames,
@@ -265,7 +275,10 @@ class Analysis:
 
     def _frames(self, frames: Iterable[Frame]) -> None:
         for frame in frames:
-            self._transport.take_frame(frame)
+            if frame.link_type in LINK_TYPES:
+                self._bus.take(frame)
+            else:
+                self._transport.take_frame(frame)
 
     def _diagnose(self, capture: Capture | Series) -> None:
         """What only the whole capture can show."""

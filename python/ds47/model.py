@@ -241,6 +241,8 @@ class Transaction(_Plain):
     channel: str
     cycles: int | None
     """From a request in cyclic frames to its response, in cycles; None where they were not seen to begin."""
+    station: int | None
+    """The address of the device on PROFIBUS; None on PROFINET."""
 
     def __init__(
         self,
@@ -268,6 +270,7 @@ class Transaction(_Plain):
         id: int = 0,  # noqa: A002 (a key of the report)
         channel: str = "ds47",  # a name as default takes the signature away where this is compiled
         cycles: int | None = None,
+        station: int | None = None,
     ) -> None:
         self.operation = operation
         self.state = state
@@ -293,6 +296,7 @@ class Transaction(_Plain):
         self.id = id
         self.channel = channel
         self.cycles = cycles
+        self.station = station
 
     @property
     def start(self) -> str:

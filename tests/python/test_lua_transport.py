@@ -25,6 +25,7 @@ import pytest
 from ds47.acyclic.index47 import Index47
 from ds47.acyclic.pairing import Peer
 from ds47.acyclic.record_calls import RecordCalls
+from ds47.acyclic.record_events import RecordEvents
 from ds47.capture import Frame, open_capture
 from ds47.capture.scan import IPV4, network_layer
 from ds47.findings.remark import Remark
@@ -228,8 +229,9 @@ class Run:
         self.ear = Ear()
         self.naming = Stations()
         self.fragments = rpc.Fragments(limits().fragment_expiry_ns)
+        self.events = RecordEvents(gate, self.ear, Options(), self.ear.remark)  # type: ignore[arg-type]
         self.records = RecordCalls(
-            gate, self.ear, Options(), self.ear.remark, _ignore, self.ear.set_up, limits()
+            self.events, gate, self.ear, self.ear.remark, _ignore, self.ear.set_up, limits()
         )  # type: ignore[arg-type]
         self.calls = CallTracker(limits(), self.records.handlers())
 
@@ -251,7 +253,7 @@ class Run:
                 self.records.incomplete(pdu, have, "IP", limit)
         self.calls.finish()
         self.records.finish()
-        counts = {str(index): count for index, count in self.records.counts.items()}
+        counts = {str(index): count for index, count in self.events.counts.items()}
         devices = [
             _known(ip=device.ip, mac=device.mac, station=device.station,
                    vendor_id=device.vendor_id, device_id=device.device_id)

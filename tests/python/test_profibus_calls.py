@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ds47.acyclic.pairing import Job, Pairing, Peer
-from ds47.profibus import ms1, telegram
+from ds47.profibus import telegram
 from ds47.profibus.calls import Call, CallTracker, Handlers
 from ds47.profibus.line import Exchange, Line, Seen
 from ds47.profidrive import decode_request, decode_response
@@ -68,10 +68,10 @@ class Heard:
     def __init__(self, frames: Iterable[bytes]) -> None:
         self.events: list[tuple[str, int]] = []
         self.calls: list[Call] = []
-        self.unasked: list[tuple[int, int, int, ms1.Message]] = []
+        self.unasked: list[Call] = []
         tracker = CallTracker(
             Handlers(self._asked, self._event("answered"), self._event("failed"), self._event("lost"),
-                     lambda *about: self.unasked.append(about[:4]))
+                     self.unasked.append)
         )  # fmt: skip
         for exchange in exchanges(frames):
             tracker.take(exchange)
@@ -187,8 +187,9 @@ def test_a_call_without_an_answer() -> None:
 
 
 def test_an_answer_without_its_request() -> None:
-    ((master, station, sap, message),) = Heard(Talk().ask("").answer("5f002f0a").frames).unasked
-    assert (master, station, sap, message.kind) == (2, 3, 51, ms1.ANSWER)
+    (call,) = Heard(Talk().ask("").answer("5f002f0a").frames).unasked
+    assert (call.master, call.station, call.sap, call.record.index) == (2, 3, 51, 47)
+    assert call.record.write
 
 
 def test_an_abort_ends_a_call() -> None:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from ds47.acyclic.index47 import Index47
 from ds47.acyclic.pairing import Pairing
-from ds47.acyclic.record_calls import RecordCalls
+from ds47.acyclic.record_events import RecordEvents
 from ds47.capture import Frame, open_capture
 from ds47.lab import message
 from ds47.model import Frames, Parameter, ParameterError, Read, Transaction
@@ -110,24 +110,22 @@ def test_sound_blocks_are_what_the_careful_decoder_gives(
             assert decode_response(data, request, options) == quick
 
 
-def _calls() -> RecordCalls:
+def _events() -> RecordEvents:
     def ignore(*_: Any) -> None:
         pass
 
     pairing = Pairing(limits(), ignore, ignore, ignore)
-    return RecordCalls(
-        Index47(frozenset(), 16), pairing, Options(), ignore, ignore, ignore, limits()
-    )
+    return RecordEvents(Index47(frozenset(), 16), pairing, Options(), ignore)
 
 
 @given(st.lists(st.tuples(st.integers(0, 3), st.binary(max_size=30)), max_size=12))
 def test_a_shared_request_is_a_fresh_one(requests: list[tuple[int, bytes]]) -> None:
-    calls = _calls()
+    events = _events()
     asked = message.read(1, 1, message.address(27))[1:]
     for reference, data in [*requests, (1, asked), (2, asked), (0, asked), (2, asked + b"\0\0\0")]:
         whole = bytes((reference,)) + data
-        assert calls.decoded(whole) == decode_request(whole)
-    assert calls.decoded(b"") == decode_request(b"")
+        assert events.decoded(whole) == decode_request(whole)
+    assert events.decoded(b"") == decode_request(b"")
 
 
 numbers = st.one_of(st.none(), st.integers(0, 1 << 40))

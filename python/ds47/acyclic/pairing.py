@@ -34,6 +34,8 @@ class Peer(NamedTuple):
     device: str
     vendor_id: int | None = None
     device_id: int | None = None
+    station: int | None = None
+    """The address of the device on PROFIBUS; None on PROFINET."""
 
 
 ChannelKey = tuple[str, str, bytes, int, int, int, int]

@@ -1,7 +1,7 @@
-"""Record calls to DS47 events: what an RPC call carries, whether it is ours, and where it goes.
+"""RPC calls to the records in them: what is asked and answered of each goes on to `record_events`.
 
-Sits between the RPC calls (`profinet.calls`) and the jobs (`pairing`), and reports what is wrong with
-the transport of a record call (DS1xx, DS202, DS208). Decodes a message once; compares nothing.
+Sits between the RPC calls (`profinet.calls`) and those, and reports what is wrong with the transport of a record
+call (DS1xx, DS208). Knows of a record where it goes, and nothing of what it holds.
 """
 
 from __future__ import annotations
@@ -9,14 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Any, Final
+from typing import Final
 
-from ds47.acyclic.index47 import SHARED_INDEX, ArKey, Index47
-from ds47.acyclic.pairing import Job, Pairing, Peer
+from ds47.acyclic.index47 import SHARED_INDEX, Index47
+from ds47.acyclic.pairing import Pairing, Peer
+from ds47.acyclic.record_events import Jobs, RecordEvents
 from ds47.findings.remark import Remark
-from ds47.profidrive import Options, Request, decode_request, decode_response
 from ds47.profinet import rpc
 from ds47.profinet.calls import Call, Handlers
+from ds47.profinet.ip import Cut
 from ds47.profinet.records import (
     Half,
     Record,
@@ -39,21 +40,12 @@ from ds47.spec.semantics import Limits
 
 _OPERATIONS: Final = {RPC_READ: "Read", RPC_WRITE: "Write", RPC_READ_IMPLICIT: "ReadImplicit"}
 
-_MOST_SHARED: Final = 4_096
-"""Decoded requests that are kept to be used again,"""
-_LONGEST_SHARED: Final = 512
-"""and how many bytes each of them may have."""
-
-
 @dataclass(slots=True, init=False)
 class _Context:
-    """What an RPC call carries: its record calls, and by their position the jobs they belong to.
-
-    That is the job of a Write, and the one whose response a Read was to fetch.
-    """
+    """What an RPC call carries: its record calls, and the jobs they belong to."""
 
     body: RequestBody
-    jobs: dict[int, Job]
+    jobs: Jobs
     peer: Peer
 
     def __init__(self, body: RequestBody, peer: Peer) -> None:
@@ -74,9 +66,9 @@ class RecordCalls:
     """The handlers of a `CallTracker`.
 
     Args:
+        events: hears of every record that may be ours.
         index47: which records are ours.
-        pairing: hears of every Write and Read that is ours.
-        codec: dialects of the messages.
+        pairing: hears of connections that begin and end.
         remark: takes the transport findings.
         foreign: hears of every answered Write to an index that cannot be ours, or without its request.
         connected: hears of every answered Connect.
@@ -85,28 +77,21 @@ class RecordCalls:
 
     def __init__(
         self,
+        events: RecordEvents,
         index47: Index47,
         pairing: Pairing,
-        codec: Options,
         remark: Callable[[Remark], None],
         foreign: Callable[[Peer, Record], None],
         connected: Callable[[rpc.Pdu, rpc.Pdu], None],
         limits: Limits,
     ) -> None:
         self._limits = limits
+        self._events = events
         self._index47 = index47
         self._pairing = pairing
-        self._codec = codec
         self._remark = remark
         self._foreign = foreign
         self._connected = connected
-        self.newest_ns: int | None = None
-        """The time of the newest frame of a call that is ours,"""
-        self.newest_frame = 0
-        """and its number."""
-        self._requests: dict[bytes, Request] = {}
-        self.counts: dict[int, dict[str, int]] = {}
-        """Record requests by index: {"read": n, "write": n}."""
         self._forgot_requests = False
         """Whether a limit pushed out a request whose response may still come."""
         self._pushed_out: dict[str, _PushedOut] = {}
@@ -149,28 +134,28 @@ class RecordCalls:
         if record is None:
             return
         if limit:
-            self._pass(pdu, record, partial(self.pushed_out, limit, pdu.frame))
+            self._pushed_out_with(pdu, record, limit)
             self._forgot_requests |= pdu.ptype == 0
         else:
             remark = Remark("DS105", pdu.frame, {"have": have, "kind": kind})
             context = _context(call) if call is not None and not record.write else None
             if context is None:
-                self._about(pdu, record, remark)
+                self._events.about(peer(pdu), record, remark)
             else:
-                self._pass(pdu, record, partial(self._call_remark, remark, record, context))
+                self._events.about_job(peer(pdu), record, remark, context.jobs)
 
     def first_record(self, pdu: rpc.Pdu) -> Record | None:
         """The first record in the beginning of a message; None where that tells of none that can be ours."""
         if pdu.fragment or pdu.ptype not in (0, 2):
             return None
         records = parse_request(pdu).records if pdu.ptype == 0 else parse_response(pdu)[1]
-        return records[0] if records and self._index47.concerns(records[0].index) else None
+        return records[0] if records and self._events.concerns(records[0].index) else None
 
     def _asked_by(self, call: Call | None) -> Record | None:
         """The first record that a call asks for and that can be ours; None for none."""
         context = None if call is None else _context(call)
         records = [] if context is None else context.body.records
-        return next((each for each in records if self._index47.concerns(each.index)), None)
+        return next((each for each in records if self._events.concerns(each.index)), None)
 
     # Requests
 
@@ -188,62 +173,16 @@ class RecordCalls:
         body = parse_request(pdu)
         context = call.context = _Context(body, peer(pdu))
         if body.multiple:
-            self._count(RECORD_WRITE_MULTIPLE, write=True)
+            self._events.count(RECORD_WRITE_MULTIPLE, write=True)
         pairing = self._pairing
         for record in body.records:
-            self._count(record.index, write=record.write)
+            self._events.count(record.index, write=record.write)
             pairing.goes_on(pdu.client, pdu.server, record.ar)
         if body.nested:
             self._remark(Remark("DS208", pdu.frame))
         for record in body.records:
-            if self._index47.concerns(record.index):
-                self._record_request(pdu, record, context)
-
-    def _record_request(self, pdu: rpc.Pdu, record: Record, context: _Context) -> None:
-        half = record.request
-        assert half is not None
-        if half.missing:
-            self._length(pdu, record, half)
-        passes = self._index47.passes((pdu.client, pdu.server, record.ar), record.index)
-        if not record.write:
-            if passes:
-                self._read_asked(pdu, record, context)
-            else:
-                self._pass(pdu, record, partial(self._read_asked, pdu, record, context))
-            return
-        message = self.decoded(half.data)
-        if passes:
-            self._write(pdu, record, context, message)
-        else:
-            event = partial(self._write, pdu, record, context, message)
-            self._pass(pdu, record, event, shaped=message.shaped)
-
-    def _read_asked(self, pdu: rpc.Pdu, record: Record, context: _Context) -> None:
-        self._clock(pdu)
-        job = self._pairing.expected(context.peer, record)
-        if job is not None:
-            context.jobs[record.position] = job
-
-    def _write(self, pdu: rpc.Pdu, record: Record, context: _Context, message: Request) -> None:
-        self._clock(pdu)
-        context.jobs[record.position] = self._pairing.write_request(context.peer, record, message)
-
-    def decoded(self, data: bytes) -> Request:
-        """The request; the same question is asked again and again, often with a reference that counts.
-
-        So the messages that differ in nothing else share their addresses and blocks, which nobody
-        changes.
-        """
-        if not data or not data[0]:  # reference 0 is a flaw
-            return decode_request(data, self._codec)
-        known = self._requests.get(data[1:])
-        if known is None:
-            known = decode_request(data, self._codec)
-            if len(data) <= _LONGEST_SHARED:
-                if len(self._requests) >= _MOST_SHARED:
-                    self._requests.clear()
-                self._requests[data[1:]] = known
-        return known.asked_as(data[0])
+            if self._events.concerns(record.index):
+                self._events.asked(context.peer, record, _cut(pdu), context.jobs)
 
     def _retransmission(self, call: Call, pdu: rpc.Pdu) -> None:
         args = {"operation": _OPERATIONS.get(pdu.opnum, "?"), "first": call.request.frame}
@@ -264,17 +203,16 @@ class RecordCalls:
             return
         pdu = call.request
         for record in context.body.records:
-            if self._index47.concerns(record.index):
+            if self._events.concerns(record.index):
                 self._forgot_requests = True
-                self._pass(pdu, record, partial(self.pushed_out, limit, pdu.frame))
+                self._pushed_out_with(pdu, record, limit)
                 break
         self._reads_lost(call, context)
 
     def _reads_lost(self, call: Call, context: _Context) -> None:
         for record in context.body.records:
-            if not record.write and self._index47.concerns(record.index):
-                event = partial(self._pairing.read_lost, peer(call.request), record)
-                self._pass(call.request, record, event)
+            if self._events.concerns(record.index):
+                self._events.lost(context.peer, record)
 
     # Responses
 
@@ -286,7 +224,7 @@ class RecordCalls:
             return
         status, answers = parse_response(pdu)
         for number, record in enumerate(context.body.records):
-            ours = self._index47.concerns(record.index)
+            ours = self._events.concerns(record.index)
             if not ours and not record.write:
                 continue
             half = answers[number].response if number < len(answers) else None
@@ -297,51 +235,22 @@ class RecordCalls:
                 self._foreign(peer(pdu), record)
                 continue
             if half.status is None:
-                event = partial(self._call_remark, Remark("DS108", pdu.frame), record, context)
-                self._pass(pdu, record, event)
-            if not record.write:
-                self._read_answered(pdu, record, half)
-            elif self._index47.passes((pdu.client, pdu.server, record.ar), record.index):
-                self._write_answered(pdu, record, context)
-            else:
-                self._pass(pdu, record, partial(self._write_answered, pdu, record, context))
-
-    def _write_answered(self, pdu: rpc.Pdu, record: Record, context: _Context) -> None:
-        self._clock(pdu)
-        job = context.jobs.get(record.position)
-        if job is not None:
-            self._pairing.write_response(job, record.response)
-
-    def _read_answered(self, pdu: rpc.Pdu, record: Record, half: Half) -> None:
-        if half.missing:
-            self._length(pdu, record, half)
-        if self._index47.passes((pdu.client, pdu.server, record.ar), record.index):
-            self._read(pdu, record)
-            return
-        shaped = False
-        if half.data and not half.missing:
-            shaped = decode_response(half.data, None, self._codec).shaped
-            shaped = shaped or self._pairing.is_again(peer(pdu), record)
-        self._pass(pdu, record, partial(self._read, pdu, record), shaped=shaped)
-
-    def _read(self, pdu: rpc.Pdu, record: Record) -> None:
-        self._clock(pdu)
-        self._pairing.read_response(peer(pdu), record)
+                remark = Remark("DS108", pdu.frame)
+                self._events.about_job(peer(pdu), record, remark, context.jobs)
+            self._events.answered(peer(pdu), record, _cut(pdu), context.jobs)
 
     def _orphan_response(self, pdu: rpc.Pdu, certain: bool) -> None:
         if pdu.opnum not in _OPERATIONS:
             return
         for record in parse_response(pdu)[1]:
-            if not self._index47.concerns(record.index) or record.response is None:
+            if not self._events.concerns(record.index) or record.response is None:
                 continue
             if certain and not self._forgot_requests:
                 args = {"operation": _OPERATIONS[pdu.opnum]}
-                self._about(pdu, record, Remark("DS102", pdu.frame, args))
+                self._events.about(peer(pdu), record, Remark("DS102", pdu.frame, args))
             if record.write:
                 self._foreign(peer(pdu), record)
-                self._pass(pdu, record, partial(self._pairing.write_unasked, peer(pdu), record))
-            else:
-                self._read_answered(pdu, record, record.response)
+            self._events.unasked(peer(pdu), record, _cut(pdu))
 
     def _fault(self, call: Call, pdu: rpc.Pdu) -> None:
         code = int.from_bytes(pdu.body[:4], "little" if pdu.little else "big")
@@ -351,37 +260,11 @@ class RecordCalls:
         if context is None:
             return
         for record in context.body.records:
-            if record.write and self._index47.concerns(record.index):
-                self._pass(pdu, record, partial(self._write_failed, pdu, record, context))
+            if self._events.concerns(record.index):
+                half = Half(pdu.frame, pdu.time_ns)
+                self._events.failed(peer(pdu), record, half, context.jobs)
 
-    def _write_failed(self, pdu: rpc.Pdu, record: Record, context: _Context) -> None:
-        job = context.jobs.get(record.position)
-        if job is not None:
-            self._pairing.write_response(job, Half(pdu.frame, pdu.time_ns), fault=True)
-
-    # Findings and small things
-
-    def _length(self, pdu: rpc.Pdu, record: Record, half: Half) -> None:
-        if pdu.missing and pdu.cut is not None:
-            half.cut = True
-            frame, captured, original = pdu.cut
-            args = {
-                "captured": captured, "original": original, "length": half.stated,
-                "completed": half.frame,
-            }  # fmt: skip
-            self._about(pdu, record, Remark("DS106", frame, args))
-        else:
-            args = {"stated": half.stated, "present": len(half.data)}
-            self._about(pdu, record, Remark("DS202", half.frame, args))
-
-    def _clock(self, pdu: rpc.Pdu) -> None:
-        newest, before = self.newest_ns, self.newest_frame
-        if pdu.frame < before:  # that of an AR that proved itself late
-            return
-        if newest is not None and pdu.time_ns < newest:
-            args = {"milliseconds": (newest - pdu.time_ns) / 1e6, "first": before}
-            self._remark(Remark("DS107", pdu.frame, args))
-        self.newest_ns, self.newest_frame = pdu.time_ns, pdu.frame
+    # Findings
 
     def _about_call(self, call: Call, remark: Remark) -> None:
         """A finding about an RPC call: once, and with the first job that it carries."""
@@ -389,30 +272,12 @@ class RecordCalls:
         if context is None:
             return
         for record in context.body.records:
-            if self._index47.concerns(record.index):
-                self._pass(
-                    call.request, record, partial(self._call_remark, remark, record, context)
-                )
+            if self._events.concerns(record.index):
+                self._events.about_job(context.peer, record, remark, context.jobs)
                 return
 
-    def _call_remark(self, remark: Remark, record: Record, context: _Context) -> None:
-        remark.job = context.jobs.get(record.position)
-        self._remark(remark)
-
-    def _about(self, pdu: rpc.Pdu, record: Record, remark: Remark) -> None:
-        """A finding about a record that is ours, or will turn out to be."""
-        self._pass(pdu, record, partial(self._remark, remark))
-
-    def _pass(
-        self, pdu: rpc.Pdu, record: Record, event: Callable[[], Any], *, shaped: bool = False
-    ) -> None:
-        self._index47.pass_on(_ar(pdu, record), record.index, event, shaped=shaped)
-
-    def _count(self, index: int, *, write: bool) -> None:
-        counts = self.counts.get(index)
-        if counts is None:
-            counts = self.counts[index] = {"read": 0, "write": 0}
-        counts["write" if write else "read"] += 1
+    def _pushed_out_with(self, pdu: rpc.Pdu, record: Record, limit: str) -> None:
+        self._events.pass_on(peer(pdu), record, partial(self.pushed_out, limit, pdu.frame))
 
 
 def _context(call: Call) -> _Context | None:
@@ -421,8 +286,9 @@ def _context(call: Call) -> _Context | None:
     return context if isinstance(context, _Context) else None
 
 
-def _ar(pdu: rpc.Pdu, record: Record) -> ArKey:
-    return pdu.client, pdu.server, record.ar
+def _cut(pdu: rpc.Pdu) -> Cut | None:
+    """Where the capture cut the message; None where it did not."""
+    return pdu.cut if pdu.missing else None
 
 
 @lru_cache(maxsize=4096)

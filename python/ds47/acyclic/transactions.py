@@ -35,15 +35,16 @@ def build(job: Job) -> Transaction:
     took = read.time_ns - write.time_ns if answer and read and write else None
     stray = is_mismatch(job)
     parameters_ = _parameters(job, stray)
+    on_profinet = peer.station is None
     return Transaction(
         operation(job),
         _state(job, parameters_, stray),
         peer.controller,
         peer.device,
         None if record.ar == NIL_UUID else uuid_text(record.ar),
-        record.api,
+        record.api if on_profinet else None,
         record.slot,
-        record.subslot,
+        record.subslot if on_profinet else None,
         record.index,
         reference,
         axis,
@@ -56,6 +57,7 @@ def build(job: Job) -> Transaction:
         read.status if read else None,
         parameters_,
         record.position,
+        station=peer.station,
     )
 
 

@@ -46,11 +46,11 @@ class Handlers:
     answered: Callable[[Call], None]
     """It has its answer, positive or negative."""
     failed: Callable[[Call], None]
-    """The station refused it before MS1 (`fault`)."""
+    """The station refused it before MS1 (`fault`); `record.response` has the place alone."""
     lost: Callable[[Call], None]
     """Another service began, or nothing came any more."""
-    unasked: Callable[[int, int, int, ms1.Message, Seen], None]
-    """An answer without its request: master, station, SAP, message, frame."""
+    unasked: Callable[[Call], None]
+    """An answer without its request. One that is negative says neither slot nor index: nobody hears of it."""
 
 
 class CallTracker:
@@ -93,8 +93,9 @@ class CallTracker:
     def _answer(self, key: tuple[int, int, int], exchange: Exchange) -> None:
         seen, call = exchange.answer, self._open.get(key)
         item = None if seen is None else seen.item
-        if call is not None and item is not None and item.code in _REFUSED:
+        if call is not None and seen is not None and item is not None and item.code in _REFUSED:
             call.fault = item.code
+            call.record.response = Half(seen.frame, seen.time_ns)
             del self._open[key]
             self._handlers.failed(call)
             return
@@ -110,7 +111,14 @@ class CallTracker:
             call.record.response = _half(seen, answer)
             self._handlers.answered(call)
         elif not exchange.again:
-            self._handlers.unasked(*key, answer, seen)
+            self._unasked(key, answer, seen)
+
+    def _unasked(self, key: tuple[int, int, int], answer: ms1.Message, seen: Seen) -> None:
+        if answer.slot is not None and answer.index is not None:
+            write = answer.function == "write"
+            record = Record(write, False, _NO_AR, 0, answer.slot, 0, answer.index, 0)
+            record.response = _half(seen, answer)
+            self._handlers.unasked(Call(*key, record))
 
     def _lose(self, key: tuple[int, int, int]) -> None:
         call = self._open.pop(key, None)

@@ -1,0 +1,72 @@
+"""Services of MS1 and MS2 on PROFIBUS to the same events as RPC calls on PROFINET (docs/profibus.md 6).
+
+Sits between the services (`profibus.calls`) and the records (`record_events`), as `record_calls` does for RPC.
+Which frames a service has, and what is wrong with them, is not here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+from ds47.acyclic.pairing import Peer
+from ds47.acyclic.record_events import Jobs, RecordEvents
+from ds47.profibus.calls import Call, Handlers
+from ds47.profinet.records import Record
+
+
+class Ms1Calls:
+    """The handlers of a `profibus.calls.CallTracker`.
+
+    Args:
+        events: hears of every record that may be ours.
+        foreign: hears of every answered write to an index that cannot be ours, or without its request.
+    """
+
+    def __init__(self, events: RecordEvents, foreign: Callable[[Peer, Record], None]) -> None:
+        self._events = events
+        self._foreign = foreign
+        self._jobs: dict[Call, Jobs] = {}
+        """Of the services that are open."""
+
+    def handlers(self) -> Handlers:
+        """What to give to the `CallTracker`."""
+        return Handlers(self._asked, self._answered, self._failed, self._lost, self._unasked)
+
+    def _asked(self, call: Call) -> None:
+        record = call.record
+        self._events.count(record.index, write=record.write)
+        if self._events.concerns(record.index):
+            jobs = self._jobs[call] = {}
+            self._events.asked(peer(call.master, call.station), record, None, jobs)
+
+    def _answered(self, call: Call) -> None:
+        jobs, who = self._jobs.pop(call, None), peer(call.master, call.station)
+        if jobs is not None:
+            self._events.answered(who, call.record, None, jobs)
+        elif call.record.write:
+            self._foreign(who, call.record)
+
+    def _failed(self, call: Call) -> None:
+        jobs, who = self._jobs.pop(call, None), peer(call.master, call.station)
+        half = call.record.response
+        if jobs is not None and half is not None:
+            self._events.failed(who, call.record, half, jobs)
+            self._events.lost(who, call.record)
+
+    def _lost(self, call: Call) -> None:
+        if self._jobs.pop(call, None) is not None:
+            self._events.lost(peer(call.master, call.station), call.record)
+
+    def _unasked(self, call: Call) -> None:
+        who, record = peer(call.master, call.station), call.record
+        if record.write:
+            self._foreign(who, record)
+        if self._events.concerns(record.index):
+            self._events.unasked(who, record, None)
+
+
+@lru_cache(maxsize=4096)
+def peer(master: int, station: int) -> Peer:
+    """Who talks to whom: `dp2` is the station with the address 2."""
+    return Peer(f"dp{master}", f"dp{station}", station=station)

@@ -1,0 +1,54 @@
+"""Frames of a capture to the exchanges of a line of PROFIBUS (docs/profibus.md 6).
+
+Takes the frames of the two link types that carry PROFIBUS; what an exchange is about is the business of those who
+hear of it. Files and texts are not here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from ds47.capture import Frame
+from ds47.profibus.line import Exchange, Line, Seen
+from ds47.profibus.telegram import SC, SD4, Telegram, decode
+
+PROFIBUS_DL, USER0 = 257, 147
+"""LINKTYPE_PROFIBUS_DL, and the link type that is everybody's own: PROFIBUS where a frame of it proves that."""
+LINK_TYPES = frozenset({PROFIBUS_DL, USER0})
+
+
+class Bus:
+    """One line of PROFIBUS.
+
+    Args:
+        listeners: hear of each exchange when it is over.
+    """
+
+    def __init__(self, listeners: Sequence[Callable[[Exchange], None]]) -> None:
+        self._listeners = listeners
+        self._proven = False
+        """Whether a frame with the right check byte was seen: the user's own link type may be anything."""
+        self.line = Line()
+
+    def take(self, frame: Frame) -> None:
+        """A frame of one of `LINK_TYPES`."""
+        item = decode(frame.data)
+        if not self._proven:
+            self._proven = frame.link_type == PROFIBUS_DL or _proves(item)
+            if not self._proven:
+                return
+        for exchange in self.line.take(Seen(frame.number, frame.time_ns, item)):
+            self._tell(exchange)
+
+    def finish(self) -> None:
+        """No frame comes any more."""
+        for exchange in self.line.finish():
+            self._tell(exchange)
+
+    def _tell(self, exchange: Exchange) -> None:
+        for each in self._listeners:
+            each(exchange)
+
+
+def _proves(item: Telegram) -> bool:
+    return not item.flaws and item.kind not in ("", SC, SD4)
