@@ -16,8 +16,8 @@ local gsub, sub = string.gsub, string.sub
 local integer = words.integer
 
 M.TRANSACTION_COLUMNS = {
-  "path", "transaction", "channel", "operation", "state", "controller", "device", "ar", "api", "slot",
-  "subslot", "index", "request_reference", "axis", "frames.write_request", "frames.write_response",
+  "path", "transaction", "channel", "operation", "state", "controller", "device", "station", "ar", "api",
+  "slot", "subslot", "index", "request_reference", "axis", "frames.write_request", "frames.write_response",
   "frames.read_request", "frames.read_response", "polls", "start", "duration_ms", "cycles", "status.write",
   "status.read", "findings",
 }
@@ -110,8 +110,9 @@ end
 local function transaction_cells(item, path, base_seconds)
   local cells, frames = {}, item.frames
   local duration = item.duration_ns and numbers.float_text(item.duration_ns / 1000000)
-  append(cells, 11, M.guarded(path), item.id, item.channel, item.operation, item.state,
-    M.guarded(item.controller), M.guarded(item.device), item.ar, item.api, item.slot, item.subslot)
+  append(cells, 12, M.guarded(path), item.id, item.channel, item.operation, item.state,
+    M.guarded(item.controller), M.guarded(item.device), item.station, item.ar, item.api, item.slot,
+    item.subslot)
   append(cells, 7, item.index, item.request_reference, item.axis, frames.write_request,
     frames.write_response, frames.read_request, frames.read_response)
   append(cells, 7, #(frames.polls or {}), M.timestamp(base_seconds, item.start_ns), duration, item.cycles,

@@ -136,8 +136,13 @@ local function drive(args, lang)
   return (word(tables.diagnosis_words.drive, lang):gsub("{(%w+)}", values_))
 end
 
+--- `1.1`; `1` on PROFIBUS, which has no subslots.
+function M.slot_number(slot, subslot)
+  return subslot and format("%d.%d", slot, subslot) or format("%d", slot)
+end
+
 local function place(where, lang)
-  local values_ = {slot = where.slot, subslot = where.subslot, index = M.record_index(where.index)}
+  local values_ = {slot = M.slot_number(where.slot, where.subslot), index = M.record_index(where.index)}
   return (word(tables.diagnosis_words.place, lang):gsub("{(%w+)}", values_))
 end
 

@@ -3,6 +3,7 @@
 -- ds47.report.targets).
 
 local drive_objects = require("ds47.profidrive.drive_objects")
+local sentences = require("ds47.report.sentences")
 
 local format = string.format
 
@@ -36,7 +37,7 @@ end
 function Targets:place(item, with_slot)
   local parts = {}
   if with_slot or drive_objects.access_of(item).record_index == drive_objects.LOCAL then
-    parts[1] = item.slot and format("slot %d.%d", item.slot, item.subslot) or nil
+    parts[1] = item.slot and "slot " .. sentences.slot_number(item.slot, item.subslot) or nil
   end
   local words = self:words(item)
   parts[#parts + 1] = words ~= "" and words or nil

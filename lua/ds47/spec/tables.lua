@@ -1050,7 +1050,7 @@ M.known = {
 later.diagnosis_words = [=[
 M.diagnosis_words = {
   drive = {en = "{device} slot {slot}", zh = "{device} 插槽 {slot}"},
-  place = {en = "slot {slot}.{subslot}, index {index}", zh = "插槽 {slot}.{subslot}，索引 {index}"},
+  place = {en = "slot {slot}, index {index}", zh = "插槽 {slot}，索引 {index}"},
   all_bytes = {en = "every word", zh = "每个字"},
   fields = {en = "PNU, subindex and values", zh = "PNU、下标和数值"},
   values = {en = "the values", zh = "数值"},

@@ -12,7 +12,7 @@ from ds47.acyclic.judge import NOT_SUPPORTED, is_mismatch
 from ds47.acyclic.pairing import Job
 from ds47.model import Frames, Parameter, ParameterError, Read, Transaction
 from ds47.profidrive import Address, Block
-from ds47.profinet.records import NIL_UUID, Half
+from ds47.profinet.records import NIL_UUID, NO_API, Half
 from ds47.spec import parameters, request_ids, response_ids
 from ds47.spec.units import uuid_text
 
@@ -35,16 +35,15 @@ def build(job: Job) -> Transaction:
     took = read.time_ns - write.time_ns if answer and read and write else None
     stray = is_mismatch(job)
     parameters_ = _parameters(job, stray)
-    on_profinet = peer.station is None
     return Transaction(
         operation(job),
         _state(job, parameters_, stray),
         peer.controller,
         peer.device,
         None if record.ar == NIL_UUID else uuid_text(record.ar),
-        record.api if on_profinet else None,
+        None if record.api == NO_API else record.api,
         record.slot,
-        record.subslot if on_profinet else None,
+        None if record.api == NO_API else record.subslot,
         record.index,
         reference,
         axis,

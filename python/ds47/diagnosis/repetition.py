@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from ds47.acyclic.pairing import Job
 from ds47.findings.remark import Remark
+from ds47.profinet.records import NO_API
 from ds47.spec.semantics import known
 
 _MS = 1_000_000
@@ -16,10 +17,10 @@ _GAPS = 256
 """Periods kept of one run: enough to say whether they are equal."""
 
 
-def place_args(place: tuple[int, int, int, int]) -> dict[str, int]:
+def place_args(place: tuple[int, int, int, int]) -> dict[str, int | None]:
     """API, slot, subslot and index as an argument of a finding."""
-    _api, slot, subslot, index = place
-    return {"slot": slot, "subslot": subslot, "index": index}
+    api, slot, subslot, index = place
+    return {"slot": slot, "subslot": None if api == NO_API else subslot, "index": index}
 
 
 class _Run:

@@ -11,10 +11,8 @@ from dataclasses import dataclass, field
 
 from ds47.profibus import dp, ms1
 from ds47.profibus.line import Exchange, Seen
-from ds47.profinet.records import Half, Record
+from ds47.profinet.records import NIL_UUID, NO_API, Half, Record
 
-_NO_AR = bytes(16)
-"""PROFIBUS has no application relation: stations and SAP are all that names one."""
 _REFUSED = (1, 2, 3)
 """Answers without data that end a service: UE, RR, RS."""
 
@@ -85,7 +83,7 @@ class CallTracker:
             return
         write = asked.code == ms1.WRITE
         half = _half(exchange.request, asked)
-        record = Record(write, False, _NO_AR, 0, asked.slot, 0, asked.index, 0, half)
+        record = Record(write, False, NIL_UUID, NO_API, asked.slot, 0, asked.index, 0, half)
         master, station, sap = key
         call = self._open[key] = Call(master, station, sap, record)
         self._handlers.asked(call)
@@ -116,7 +114,7 @@ class CallTracker:
     def _unasked(self, key: tuple[int, int, int], answer: ms1.Message, seen: Seen) -> None:
         if answer.slot is not None and answer.index is not None:
             write = answer.function == "write"
-            record = Record(write, False, _NO_AR, 0, answer.slot, 0, answer.index, 0)
+            record = Record(write, False, NIL_UUID, NO_API, answer.slot, 0, answer.index, 0)
             record.response = _half(seen, answer)
             self._handlers.unasked(Call(*key, record))
 

@@ -31,6 +31,7 @@ from ds47.spec.layouts import (
 )
 
 NIL_UUID: Final = bytes(16)
+NO_API: Final = -1
 
 _BLOCK: Final = struct.Struct(RECORD_STRUCT)
 """Type, length, version, sequence, AR, API, slot, subslot, padding, index, record data length."""
@@ -89,6 +90,7 @@ class Record:
     implicit: bool
     ar: bytes
     api: int
+    """`NO_API` where there is neither API nor subslot: on PROFIBUS."""
     slot: int
     subslot: int
     index: int

@@ -206,7 +206,7 @@ def place_text(place: Place) -> str:
     if place.drive_object is not None:
         words.append(f"DO {place.drive_object}")
     if place.slot is not None:
-        words.append(f"slot {place.slot}.{place.subslot}")
+        words.append(f"slot {slot_number(place.slot, place.subslot)}")
     if place.axis is not None:
         words.append(f"axis {place.axis}")
     if place.local:

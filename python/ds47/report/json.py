@@ -64,6 +64,7 @@ def transaction_line(item: Transaction, lang: str = "en") -> str:
         f'{{"id": {item.id}, "channel": {_quoted(item.channel)}, '
         f'"operation": {_quoted(item.operation)}, "state": {_quoted(item.state)}, '
         f'"controller": {_quoted(item.controller)}, "device": {_quoted(item.device)}, '
+        f'"station": {_number(item.station)}, '
         f'"ar": {_NULL if item.ar is None else _quoted(item.ar)}, "api": {_number(item.api)}, '
         f'"slot": {_number(item.slot)}, "subslot": {_number(item.subslot)}, "index": {_number(item.index)}, '
         f'"request_reference": {_number(item.request_reference)}, "axis": {_number(item.axis)}, '

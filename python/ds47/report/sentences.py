@@ -180,10 +180,13 @@ def drive(device: str, slot: int | None, lang: str) -> str:
 
 def place(where: Mapping[str, int], lang: str) -> str:
     """Slot, subslot and record index in words."""
-    index = record_index(where["index"])
-    return diagnosis_words(lang)["place"].format(
-        slot=where["slot"], subslot=where["subslot"], index=index
-    )
+    slot = slot_number(where["slot"], where["subslot"])
+    return diagnosis_words(lang)["place"].format(slot=slot, index=record_index(where["index"]))
+
+
+def slot_number(slot: int, subslot: int | None) -> str:
+    """`1.1`; `1` on PROFIBUS, which has no subslots."""
+    return str(slot) if subslot is None else f"{slot}.{subslot}"
 
 
 def record_index(index: int) -> str:

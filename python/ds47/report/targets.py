@@ -11,6 +11,7 @@ from collections.abc import Iterable, Sequence
 
 from ds47.model import DS47, Transaction
 from ds47.profidrive.drive_objects import DriveObjects, Identity, access_of
+from ds47.report.sentences import slot_number
 
 ANSWERED = ("ok", "partial", "error")
 """States of a transaction that has its response."""
@@ -69,5 +70,5 @@ class Targets:
 
 
 def slot(item: Transaction) -> str:
-    """`slot 1.1`; nothing of a channel that was named by hand."""
-    return "" if item.slot is None else f"slot {item.slot}.{item.subslot}"
+    """`slot 1.1`, on PROFIBUS `slot 1`; nothing of a channel that was named by hand."""
+    return "" if item.slot is None else f"slot {slot_number(item.slot, item.subslot)}"

@@ -108,7 +108,7 @@ def _word(text: str | None) -> str | None:
 def _nothing(number: int) -> dict[str, Any]:
     """A transaction of which no frame was read yet, with its keys in the order of the report."""
     keys = (
-        "id", "channel", "operation", "state", "controller", "device", "ar", "api", "slot", "subslot",
+        "id", "channel", "operation", "state", "controller", "device", "station", "ar", "api", "slot", "subslot",
         "index", "request_reference", "axis", "frames", "start", "duration_ms", "cycles", "bytes",
         "status", "parameters", "findings",
     )  # fmt: skip
@@ -129,6 +129,7 @@ def _merge(transaction: dict[str, Any], frame: int, tree: Element, item: Element
         transaction[key] = seen.get(key)
     transaction["channel"] = seen.get("channel", DS47)
     transaction["cycles"] = _number(seen.get("cycles"))
+    transaction["station"] = _number(seen.get("station"))
     for key in _NUMBERS:
         transaction[key] = _number(seen.get(key))
     frames = transaction["frames"]

@@ -94,7 +94,8 @@ function haystack(capture, row) {
 function detail(capture, row) {
   const id = capture.get(row, "id");
   const [, api, slot, subslot, index] = capture.channels[capture.get(row, "channel")];
-  const place = index === null ? say("channel_pkw", { slot, subslot, api }) : say("channel_text", { slot, subslot, api, index: index > 255 ? `0x${index.toString(16).toUpperCase()}` : index });
+  const channel = index === null ? "channel_pkw" : subslot === null ? "channel_dp" : "channel_text";
+  const place = say(channel, { slot, subslot, api, index: index > 255 ? `0x${index.toString(16).toUpperCase()}` : index });
   const filter = displayFilter(capture.frames(row));
   const when = new Date(capture.start_ms + capture.get(row, "start") / 1000);
   const facts = [
