@@ -33,8 +33,8 @@ RECORD_PATH = (
     "profinet/rpc", "profinet/link", "profinet/ip", "profinet/calls", "profinet/records",
     "profinet/stations", "profinet/transport", "profidrive/model", "profidrive/parameter",
     "profidrive/formats", "report/json",
-    "acyclic/index47", "acyclic/record_calls", "acyclic/pairing", "acyclic/transactions",
-    "acyclic/judge", "findings/remark", "findings/collection", "findings/grouping",
+    "acyclic/index47", "acyclic/record_calls", "acyclic/record_events", "acyclic/pairing",
+    "acyclic/transactions", "acyclic/judge", "findings/remark", "findings/collection", "findings/grouping",
     "diagnosis/__init__", "diagnosis/capture", "diagnosis/length", "diagnosis/order",
     "diagnosis/refusal", "diagnosis/repair", "diagnosis/repetition",
 )  # fmt: skip

@@ -23,6 +23,7 @@ local pkw = require("ds47.cyclic.transactions")
 local pkw_judge = require("ds47.cyclic.judge")
 local parameter = require("ds47.profidrive.parameter")
 local recordcalls = require("ds47.acyclic.record_calls")
+local recordevents = require("ds47.acyclic.record_events")
 local records = require("ds47.profinet.records")
 local rpc = require("ds47.profinet.rpc")
 local rules = require("ds47.acyclic.judge")
@@ -80,7 +81,8 @@ function M.new(options)
   self.pairing = pairing.new(limits, self)
   self.gate = gate.Gate.new(options.indices, limits.waiting_calls, options.forbid_47)
   self.judge = rules.new(limits, slow_ns, function(device) return self.gate:waits(device) end)
-  self.records = recordcalls.RecordCalls.new(self.gate, self.pairing, self.codec, self)
+  self.events = recordevents.RecordEvents.new(self.gate, self.pairing, self.codec, self)
+  self.records = recordcalls.RecordCalls.new(self.events, self.gate, self.pairing, self)
   self.calls = calls.CallTracker.new(limits, self)
   self.cyclic = channels.new(self, limits, options.every_cyclic)
   self.cyclic:name(named.relations(options.cyclic or NONE))
@@ -351,7 +353,7 @@ function Analysis:_finish()
     diagnoses = diagnoses,
     devices = self.naming:devices(),
     rpc = self.calls.counts,
-    records = self.records.counts,
+    records = self.events.counts,
     summary = transactions.summary(numbered),
     relations = self.cyclic:relations(),
     timelines = self.cyclic:timelines(),
@@ -436,7 +438,7 @@ function Analysis:closed(job)
   else
     remarks = self.judge:unanswered(job, self.findings.frames_dropped)
     if job.limit and job:write_request() then
-      self.records:limit_reached(job.limit, job:write_request().frame)
+      self.records:limit_reached(job.limit, job:write_request())
     end
     self.findings:foresee(remarks)
   end

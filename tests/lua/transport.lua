@@ -12,6 +12,7 @@ local lldp = require("ds47.profinet.lldp")
 local naming = require("ds47.profinet.stations")
 local ordered = require("ds47.support.ordered")
 local recordcalls = require("ds47.acyclic.record_calls")
+local recordevents = require("ds47.acyclic.record_events")
 local records = require("ds47.profinet.records")
 local rpc = require("ds47.profinet.rpc")
 
@@ -685,8 +686,9 @@ end
 local GOOD_REQUEST = "\1\1\1\1\16\1\3\232\0\0"
 
 local function calls_of(ear, extra)
-  return calls.CallTracker.new(LIMITS,
-    recordcalls.RecordCalls.new(gate.Gate.new(extra, 4096), ear, nil, ear))
+  local door = gate.Gate.new(extra, 4096)
+  local events = recordevents.RecordEvents.new(door, ear, nil, ear)
+  return calls.CallTracker.new(LIMITS, recordcalls.RecordCalls.new(events, door, ear, ear))
 end
 
 local function test_record_calls()

@@ -20,6 +20,7 @@ local json = require("ds47.support.json")
 local lldp = require("ds47.profinet.lldp")
 local naming = require("ds47.profinet.stations")
 local recordcalls = require("ds47.acyclic.record_calls")
+local recordevents = require("ds47.acyclic.record_events")
 local records = require("ds47.profinet.records")
 local rpc = require("ds47.profinet.rpc")
 local tables = require("ds47.spec.tables")
@@ -169,8 +170,10 @@ end
 local function new_run()
   local ear = setmetatable({jobs = 0}, Ear)
   local gates = gate.Gate.new({}, tables.limits.waiting_calls, arg[2] == "forbid_47")
+  local events = recordevents.RecordEvents.new(gates, ear, nil, ear)
   local run = {
-    records = recordcalls.RecordCalls.new(gates, ear, nil, ear), naming = naming.Naming.new(),
+    events = events, records = recordcalls.RecordCalls.new(events, gates, ear, ear),
+    naming = naming.Naming.new(),
     fragments = rpc.Fragments.new(tables.limits.fragment_expiry_ns),
     reassembly = ip.Reassembly.new(tables.limits),
   }
@@ -217,7 +220,7 @@ local function finish(run)
   run.calls:finish()
   run.records:finish()
   local counts = {}
-  for index, count in pairs(run.records.counts) do
+  for index, count in pairs(run.events.counts) do
     counts[tostring(index)] = count
   end
   tell("end", {rpc = run.calls.counts, records = counts, devices = json.array(run.naming:devices())})

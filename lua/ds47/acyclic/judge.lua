@@ -2,7 +2,7 @@
 --
 -- Everything that compares a request with its response, or a transaction with its history, stands here. What
 -- is wrong inside one message is found by the codec (flaws) and only passed on; what is wrong with the
--- transport is reported by record_calls.lua.
+-- transport is reported by record_calls.lua and record_events.lua.
 --
 -- A remark is a finding in the making: {rule, frame, args, offset, job}. The args of each rule are in
 -- spec/rules.toml.

@@ -1,15 +1,9 @@
--- Record calls to DS47 events: what an RPC call carries, whether it is ours, and who hears of it.
+-- RPC calls to the records in them: what is asked and answered of each goes on to record_events.lua.
 --
--- Sits between the RPC calls (calls.lua) and the jobs (pairing.lua), and reports what is wrong with the
--- transport of a record call (DS1xx, DS202, DS208). Decodes a message once; compares nothing.
---
--- What happens to a record is an event: one of the methods under "Events", with up to three arguments (pdu,
--- record, detail). While the gate is open the method is called at once; a table is made only for an event
--- that has to wait. The record of a Write knows the job that was made of it (`record.job`).
+-- Sits between the RPC calls (calls.lua) and those, and reports what is wrong with the transport of a record
+-- call (DS1xx, DS208). Knows of a record where it goes, and nothing of what it holds.
 
-local json = require("ds47.support.json")
 local ordered = require("ds47.support.ordered")
-local parameter = require("ds47.profidrive.parameter")
 local records = require("ds47.profinet.records")
 local rpc = require("ds47.profinet.rpc")
 local tables = require("ds47.spec.tables")
@@ -17,99 +11,11 @@ local tables = require("ds47.spec.tables")
 local byte = string.byte
 local SHARED_INDEX = require("ds47.acyclic.index47").SHARED_INDEX
 local ar_key, half_of, parse_request = records.ar_key, records.half, records.parse_request
-local decode_response = parameter.decode_response
 local parse_halves, parse_response = records.parse_halves, records.parse_response
 
 local M = {}
 
 local OPERATIONS = {[rpc.READ] = "Read", [rpc.WRITE] = "Write", [rpc.READ_IMPLICIT] = "ReadImplicit"}
-
-local RecordCalls = {}
-RecordCalls.__index = RecordCalls
-M.RecordCalls = RecordCalls
-
---- The handlers of a `CallTracker`.
---
--- `counts` says the record requests by index: {[index] = {read = n, write = n}}.
--- @param gate which records are ours
--- @param pairing hears of every Write and Read that is ours
--- @param codec dialects of the messages (options of parameter.lua, or nil)
--- @param listener takes the transport findings: listener:remark({rule, frame, args, offset, job}), and
---   hears of every answered Connect: listener:set_up(request, response)
-function RecordCalls.new(gate, pairing, codec, listener)
-  return setmetatable({
-    gate = gate, pairing = pairing, codec = codec, listener = listener, counts = {},
-    newest_ns = nil, newest_frame = 0, -- time and number of the newest frame of a call that is ours
-    decode_request = parameter.remembering(codec),
-    forgot_requests = false, -- whether a limit pushed out a request whose response may still come
-    limits = ordered.new(), -- name of a limit -> what it pushed out: {frame = of the first, count}
-  }, RecordCalls)
-end
-
---- The first record in the beginning of a message; nil where that tells of none that can be ours.
-function RecordCalls:first_record(pdu)
-  local record
-  if pdu.fragment ~= 0 then
-    return nil
-  elseif pdu.ptype == 0 then
-    record = parse_request(pdu).records[1]
-  elseif pdu.ptype == 2 then
-    local _, answers = parse_response(pdu)
-    record = answers[1]
-  end
-  return record and self.gate:concerns(record.index) and record or nil
-end
-
--- The first record that a call asks for and that can be ours; nil for none.
-function RecordCalls:_asked_by(call)
-  for _, record in ipairs(call and call.context and call.context.records or {}) do
-    if self.gate:concerns(record.index) then
-      return record
-    end
-  end
-  return nil
-end
-
---- A message whose fragments did not become whole.
--- @param pdu its beginning, or the first that was seen of it
--- @param have number of its fragments
--- @param kind "RPC" or "IP"
--- @param limit name of the limit that pushed it out: the others may have come later; nil for none
--- @param call  the call that it answers, as far as that is known; nil for none
-function RecordCalls:incomplete(pdu, have, kind, limit, call)
-  local record = self:first_record(pdu) or self:_asked_by(call)
-  if not record then
-    return
-  end
-  if limit then
-    self:_pass("_event_pushed_out", false, pdu, record, limit)
-    self.forgot_requests = self.forgot_requests or pdu.ptype == 0
-  else
-    local remark = {rule = "DS105", frame = pdu.frame, args = {have = have, kind = kind}}
-    local asked = call and call.context and not record.write and call.context.records[1]
-    self:_pass(asked and "_event_call_remark" or "_event_remark", false, pdu, asked or record, remark)
-  end
-end
-
---- A limit pushed out something of ours that began in this frame.
-function RecordCalls:limit_reached(limit, frame)
-  local pushed = self.limits:get(limit)
-  if not pushed then
-    pushed = {frame = frame, count = 0}
-    self.limits:set(limit, pushed)
-  end
-  pushed.count = pushed.count + 1
-end
-
---- The capture is over: tells of each limit that pushed something out, once.
-function RecordCalls:finish()
-  for name, pushed in self.limits:iterate() do
-    local args = {limit = name, most = tables.limits[name], count = pushed.count}
-    self.listener:remark({rule = "DS109", frame = pushed.frame, args = args})
-  end
-end
-
--- Small things
 
 -- Peers that were told, by what tells them apart.
 local peers, peer_count, MOST_PEERS = {}, 0, 4096
@@ -141,34 +47,95 @@ end
 
 local peer_of = M.peer
 
-local function count(self, index, write)
-  local counts = self.counts[index]
-  if not counts then
-    counts = {read = 0, write = 0}
-    self.counts[index] = counts
-  end
-  local name = write and "write" or "read"
-  counts[name] = counts[name] + 1
+-- The PDU, which knows its peers then: that is where an event happens.
+local function placed(pdu)
+  peer_of(pdu)
+  return pdu
 end
 
---- Runs an event, now or when a shaped message of the same AR comes; never if none does.
-function RecordCalls:_pass(method, shaped, pdu, record, detail)
-  local ar = ar_key(peer_of(pdu), record)
-  if self.gate:admit(ar, record.index, shaped, self) then
-    self[method](self, pdu, record, detail)
+local RecordCalls = {}
+RecordCalls.__index = RecordCalls
+M.RecordCalls = RecordCalls
+
+--- The handlers of a `CallTracker`.
+-- @param events    hears of every record that may be ours (record_events.lua)
+-- @param gate      hears of connections that end: what waits for one of them waits behind that
+-- @param pairing   hears of connections that begin and end
+-- @param listener  takes the transport findings: listener:remark({rule, frame, args, offset, job}), and
+--   hears of every answered Connect: listener:set_up(request, response)
+function RecordCalls.new(events, gate, pairing, listener)
+  return setmetatable({
+    events = events, gate = gate, pairing = pairing, listener = listener,
+    forgot_requests = false, -- whether a limit pushed out a request whose response may still come
+    limits = ordered.new(), -- name of a limit -> what it pushed out: {frame = of the first, count}
+  }, RecordCalls)
+end
+
+--- The first record in the beginning of a message; nil where that tells of none that can be ours.
+function RecordCalls:first_record(pdu)
+  local record
+  if pdu.fragment ~= 0 then
+    return nil
+  elseif pdu.ptype == 0 then
+    record = parse_request(pdu).records[1]
+  elseif pdu.ptype == 2 then
+    local _, answers = parse_response(pdu)
+    record = answers[1]
+  end
+  return record and self.events:concerns(record.index) and record or nil
+end
+
+-- The first record that a call asks for and that can be ours; nil for none.
+function RecordCalls:_asked_by(call)
+  for _, record in ipairs(call and call.context and call.context.records or {}) do
+    if self.events:concerns(record.index) then
+      return record
+    end
+  end
+  return nil
+end
+
+--- A message whose fragments did not become whole.
+-- @param pdu its beginning, or the first that was seen of it
+-- @param have number of its fragments
+-- @param kind "RPC" or "IP"
+-- @param limit name of the limit that pushed it out: the others may have come later; nil for none
+-- @param call  the call that it answers, as far as that is known; nil for none
+function RecordCalls:incomplete(pdu, have, kind, limit, call)
+  local record = self:first_record(pdu) or self:_asked_by(call)
+  if not record then
+    return
+  end
+  if limit then
+    self.events:then_run(placed(pdu), record, self, "limit_reached", limit)
+    self.forgot_requests = self.forgot_requests or pdu.ptype == 0
   else
-    self.gate:hold(ar, {method = method, pdu = pdu, record = record, detail = detail})
+    local remark = {rule = "DS105", frame = pdu.frame, args = {have = have, kind = kind}}
+    local asked = call and call.context and not record.write and call.context.records[1]
+    if asked then
+      self.events:about_job(placed(pdu), asked, remark)
+    else
+      self.events:about(placed(pdu), record, remark)
+    end
   end
 end
 
---- Runs an event that the gate held back.
-function RecordCalls:run(event)
-  self[event.method](self, event.pdu, event.record, event.detail)
+--- A limit pushed out something of ours that began here: `at.frame`.
+function RecordCalls:limit_reached(limit, at)
+  local pushed = self.limits:get(limit)
+  if not pushed then
+    pushed = {frame = at.frame, count = 0}
+    self.limits:set(limit, pushed)
+  end
+  pushed.count = pushed.count + 1
 end
 
---- A finding about a record that is ours, or will turn out to be.
-function RecordCalls:_about(pdu, record, remark)
-  self:_pass("_event_remark", false, pdu, record, remark)
+--- The capture is over: tells of each limit that pushed something out, once.
+function RecordCalls:finish()
+  for name, pushed in self.limits:iterate() do
+    local args = {limit = name, most = tables.limits[name], count = pushed.count}
+    self.listener:remark({rule = "DS109", frame = pushed.frame, args = args})
+  end
 end
 
 --- A finding about an RPC call: once, and with the first job that it carries.
@@ -178,28 +145,10 @@ function RecordCalls:_about_call(call, remark)
     return
   end
   for _, record in ipairs(context.records) do
-    if self.gate:concerns(record.index) then
-      self:_pass("_event_call_remark", false, call.request, record, remark)
+    if self.events:concerns(record.index) then
+      self.events:about_job(placed(call.request), record, remark)
       return
     end
-  end
-end
-
---- A record that is shorter than its stated length: cut by the capture, or wrong.
-function RecordCalls:_length(pdu, record, half)
-  if half.missing == 0 then
-    return
-  end
-  local cut = pdu.missing ~= 0 and pdu.cut
-  if cut then
-    half.cut = true -- by the capture
-    local args = {
-      captured = cut.captured, original = cut.original, length = half.stated, completed = half.frame,
-    }
-    self:_about(pdu, record, {rule = "DS106", frame = cut.frame, args = args})
-  else
-    local args = {stated = half.stated, present = #half.data}
-    self:_about(pdu, record, {rule = "DS202", frame = half.frame, args = args})
   end
 end
 
@@ -213,7 +162,7 @@ function RecordCalls:request(call)
     if ar then
       self.pairing:release(pdu.client, pdu.server, ar, pdu.frame)
       local of_ar = records.ar_text(pdu.client, pdu.server, ar)
-      self.gate:follow(of_ar, {method = "_event_release", pdu = pdu, record = ar})
+      self.gate:follow(of_ar, self.events.event_of(placed(pdu), self, "_released", ar))
     end
   elseif opnum == rpc.CONNECT then
     local ar, only = records.connected_ar(pdu), records.is_only_ar(pdu)
@@ -226,10 +175,10 @@ function RecordCalls:request(call)
   call.context = body
   local list = body.records
   if body.multiple then
-    count(self, records.WRITE_MULTIPLE, true)
+    self.events:count(records.WRITE_MULTIPLE, true)
   end
   for number = 1, #list do
-    count(self, list[number].index, list[number].write)
+    self.events:count(list[number].index, list[number].write)
     self.pairing:goes_on(ar_key(peer_of(pdu), list[number]))
   end
   if body.nested then
@@ -237,14 +186,8 @@ function RecordCalls:request(call)
   end
   for number = 1, #list do
     local record = list[number]
-    if self.gate:concerns(record.index) then
-      self:_length(pdu, record, record.request)
-      if record.write then
-        local message = self.decode_request(record.request.data)
-        self:_pass("_event_write_request", message.shaped, pdu, record, message)
-      else
-        self:_pass("_event_read_request", false, pdu, record)
-      end
+    if self.events:concerns(record.index) then
+      self.events:asked(placed(pdu), record)
     end
   end
 end
@@ -274,9 +217,9 @@ function RecordCalls:pushed_out(call, limit)
     return
   end
   for _, record in ipairs(context.records) do
-    if self.gate:concerns(record.index) then
+    if self.events:concerns(record.index) then
       self.forgot_requests = true
-      self:_pass("_event_pushed_out", false, pdu, record, limit)
+      self.events:then_run(placed(pdu), record, self, "limit_reached", limit)
       break
     end
   end
@@ -285,8 +228,8 @@ end
 
 function RecordCalls:_reads_lost(pdu, context)
   for _, record in ipairs(context.records) do
-    if not record.write and self.gate:concerns(record.index) then
-      self:_pass("_event_read_lost", false, pdu, record)
+    if self.events:concerns(record.index) then
+      self.events:lost(placed(pdu), record)
     end
   end
 end
@@ -305,32 +248,17 @@ function RecordCalls:response(call)
   local list = context.records
   for number = 1, #list do
     local record = list[number]
-    if self.gate:concerns(record.index) then
+    if self.events:concerns(record.index) then
       -- without a block of its own the status of the NDR header counts
       local half = halves[number] or half_of(pdu.frame, pdu.time_ns, status)
       record.response = half
       if not half.status then
         local remark = {rule = "DS108", frame = pdu.frame, args = {}}
-        self:_pass("_event_call_remark", false, pdu, record, remark)
+        self.events:about_job(placed(pdu), record, remark)
       end
-      if record.write then
-        self:_pass("_event_write_answered", false, pdu, record)
-      else
-        self:_read_answered(pdu, record, half)
-      end
+      self.events:answered(placed(pdu), record)
     end
   end
-end
-
-function RecordCalls:_read_answered(pdu, record, half)
-  self:_length(pdu, record, half)
-  local shaped = false
-  if half.data ~= "" and half.missing == 0
-    and self.gate:needs_proof(ar_key(peer_of(pdu), record), record.index) then
-    shaped = decode_response(half.data, nil, self.codec).shaped
-      or self.pairing:is_again(peer_of(pdu), record)
-  end
-  self:_pass("_event_read_answered", shaped, pdu, record)
 end
 
 --- A response to no known call; `certain`: that its request is not in the capture.
@@ -341,15 +269,12 @@ function RecordCalls:orphan_response(pdu, certain)
   end
   local _, answers = parse_response(pdu)
   for _, record in ipairs(answers) do
-    if self.gate:concerns(record.index) then
+    if self.events:concerns(record.index) then
       if certain and not self.forgot_requests then
-        self:_about(pdu, record, {rule = "DS102", frame = pdu.frame, args = {operation = operation}})
+        local remark = {rule = "DS102", frame = pdu.frame, args = {operation = operation}}
+        self.events:about(placed(pdu), record, remark)
       end
-      if record.write then
-        self:_pass("_event_write_unasked", false, pdu, record)
-      else
-        self:_read_answered(pdu, record, record.response)
-      end
+      self.events:unasked(placed(pdu), record)
     end
   end
 end
@@ -371,81 +296,15 @@ function RecordCalls:fault(call, pdu)
     return
   end
   for _, record in ipairs(context.records) do
-    if record.write and self.gate:concerns(record.index) then
-      self:_pass("_event_write_failed", false, pdu, record)
+    if self.events:concerns(record.index) then
+      self.events:failed(placed(pdu), record)
     end
   end
 end
 
--- Events: what happens to a record once it is known to be ours
-
---- Time of the capture; a finding where it steps backwards.
-local function clock(self, pdu)
-  local newest, before, now = self.newest_ns, self.newest_frame, pdu.time_ns
-  if pdu.frame < before then -- that of an AR that proved itself late
-    return
-  end
-  if newest and now < newest then
-    local args = {milliseconds = json.float((newest - now) / 1e6), first = before}
-    self.listener:remark({rule = "DS107", frame = pdu.frame, args = args})
-  end
-  self.newest_ns, self.newest_frame = now, pdu.frame
-end
-
-function RecordCalls:_event_remark(_, _, remark)
-  self.listener:remark(remark)
-end
-
-function RecordCalls:_event_pushed_out(pdu, _, limit)
-  self:limit_reached(limit, pdu.frame)
-end
-
-function RecordCalls:_event_call_remark(_, record, remark)
-  remark.job = record.job
-  self.listener:remark(remark)
-end
-
-function RecordCalls:_event_read_request(pdu, record)
-  clock(self, pdu)
-  record.job = self.pairing:expected(peer_of(pdu), record) -- for what is said of the call
-end
-
-function RecordCalls:_event_write_request(pdu, record, message)
-  clock(self, pdu)
-  record.job = self.pairing:write_request(peer_of(pdu), record, message)
-end
-
-function RecordCalls:_event_read_lost(pdu, record)
-  self.pairing:read_lost(peer_of(pdu), record)
-end
-
-function RecordCalls:_event_write_answered(pdu, record)
-  clock(self, pdu)
-  local job = record.job
-  if job then
-    self.pairing:write_response(job, record.response)
-  end
-end
-
-function RecordCalls:_event_write_unasked(pdu, record)
-  self.pairing:write_unasked(peer_of(pdu), record)
-end
-
 -- What waited for its AR to prove itself is behind a Release then, as all else was when that came.
-function RecordCalls:_event_release(pdu, ar)
+function RecordCalls:_released(ar, pdu)
   self.pairing:release(pdu.client, pdu.server, ar, pdu.frame, SHARED_INDEX)
-end
-
-function RecordCalls:_event_read_answered(pdu, record)
-  clock(self, pdu)
-  self.pairing:read_response(peer_of(pdu), record)
-end
-
-function RecordCalls:_event_write_failed(pdu, record)
-  local job = record.job
-  if job then
-    self.pairing:write_response(job, half_of(pdu.frame, pdu.time_ns, nil), true)
-  end
 end
 
 M.OPERATIONS = OPERATIONS

@@ -17,6 +17,7 @@ from ds47.regression.elements import Outcomes, is_whole
 from ds47.regression.places import Place
 from ds47.report.bilingual import Both, joined, operation, say, state
 from ds47.report.formatting import escape, values
+from ds47.report.sentences import slot_number
 from ds47.spec import error_hex
 
 SCHEMA = "ds47.diff/2"

@@ -1,0 +1,232 @@
+-- What happens to a record that may be ours; when it is known to be ours, the jobs hear of it.
+--
+-- Stands between those who know how a record travels (record_calls.lua for RPC, ms1_calls.lua for PROFIBUS)
+-- and the jobs (pairing.lua). Holds back what is not known to be ours yet (index47.lua), decodes a request once,
+-- and says where the length of a record or the order of the capture is wrong (DS106, DS107, DS202).
+--
+-- What happens to a record is an event: one of the methods under "Events", with up to three arguments
+-- (origin, record, detail). The origin says where it happens: {frame, time_ns, peer, missing, cut}, of RPC the
+-- PDU. While the gate is open the method is called at once; a table is made only for an event that has to wait.
+-- The record of a Write knows the job that was made of it (`record.job`).
+
+local json = require("ds47.support.json")
+local parameter = require("ds47.profidrive.parameter")
+local records = require("ds47.profinet.records")
+
+local ar_key, half_of = records.ar_key, records.half
+local decode_response = parameter.decode_response
+
+local M = {}
+
+local RecordEvents = {}
+RecordEvents.__index = RecordEvents
+M.RecordEvents = RecordEvents
+
+--- Tells the pairing what happens to records, once they are known to be ours.
+--
+-- `counts` says the record requests by index: {[index] = {read = n, write = n}}.
+-- @param gate which records are ours
+-- @param pairing hears of every Write and Read that is ours
+-- @param codec dialects of the messages (options of parameter.lua, or nil)
+-- @param listener takes the findings: listener:remark({rule, frame, args, offset, job})
+function RecordEvents.new(gate, pairing, codec, listener)
+  return setmetatable({
+    gate = gate, pairing = pairing, codec = codec, listener = listener, counts = {},
+    newest_ns = nil, newest_frame = 0, -- time and number of the newest frame of a call that is ours
+    decode_request = parameter.remembering(codec),
+  }, RecordEvents)
+end
+
+--- Whether a record of this index can be ours at all.
+function RecordEvents:concerns(index)
+  return self.gate:concerns(index)
+end
+
+--- A record request, ours or not.
+function RecordEvents:count(index, write)
+  local counts = self.counts[index]
+  if not counts then
+    counts = {read = 0, write = 0}
+    self.counts[index] = counts
+  end
+  local name = write and "write" or "read"
+  counts[name] = counts[name] + 1
+end
+
+-- Runs an event, now or when a shaped message of the same AR comes; never if none does.
+-- `method`: the name of a method of this table.
+function RecordEvents:_pass(method, shaped, origin, record, detail)
+  local ar = ar_key(origin.peer, record)
+  if self.gate:admit(ar, record.index, shaped, self) then
+    self[method](self, origin, record, detail)
+  else
+    self.gate:hold(ar, {method = method, origin = origin, record = record, detail = detail})
+  end
+end
+
+--- Runs an event that the gate held back.
+function RecordEvents:run(event)
+  self[event.method](self, event.origin, event.record, event.detail)
+end
+
+--- A finding about a record that is ours, or will turn out to be.
+function RecordEvents:about(origin, record, remark)
+  self:_pass("_event_remark", false, origin, record, remark)
+end
+
+--- The same, about the job that the record belongs to, where there is one then.
+function RecordEvents:about_job(origin, record, remark)
+  self:_pass("_event_job_remark", false, origin, record, remark)
+end
+
+--- What else happens only if the record is ours: `target[method](target, argument, origin)`.
+function RecordEvents:then_run(origin, record, target, method, argument)
+  local detail = {target = target, method = method, argument = argument}
+  self:_pass("_event_run", false, origin, record, detail)
+end
+
+--- The same as an event that may wait (index47.lua) without a record of its own.
+function RecordEvents.event_of(origin, target, method, argument)
+  local detail = {target = target, method = method, argument = argument}
+  return {method = "_event_run", origin = origin, detail = detail}
+end
+
+--- A request.
+function RecordEvents:asked(origin, record)
+  self:_length(origin, record, record.request)
+  if record.write then
+    local message = self.decode_request(record.request.data)
+    self:_pass("_event_write_request", message.shaped, origin, record, message)
+  else
+    self:_pass("_event_read_request", false, origin, record)
+  end
+end
+
+--- The response to a request.
+function RecordEvents:answered(origin, record)
+  if record.write then
+    self:_pass("_event_write_answered", false, origin, record)
+  else
+    self:_read_answered(origin, record, record.response)
+  end
+end
+
+--- A response without its request.
+function RecordEvents:unasked(origin, record)
+  if record.write then
+    self:_pass("_event_write_unasked", false, origin, record)
+  else
+    self:_read_answered(origin, record, record.response)
+  end
+end
+
+--- A request that was turned away before anybody looked at its record.
+function RecordEvents:failed(origin, record)
+  if record.write then
+    self:_pass("_event_write_failed", false, origin, record)
+  end
+end
+
+--- A request whose response does not come any more.
+function RecordEvents:lost(origin, record)
+  if not record.write then
+    self:_pass("_event_read_lost", false, origin, record)
+  end
+end
+
+-- A record that is shorter than its stated length: cut by the capture, or wrong.
+function RecordEvents:_length(origin, record, half)
+  if half.missing == 0 then
+    return
+  end
+  local cut = origin.missing ~= 0 and origin.cut
+  if cut then
+    half.cut = true -- by the capture
+    local args = {
+      captured = cut.captured, original = cut.original, length = half.stated, completed = half.frame,
+    }
+    self:about(origin, record, {rule = "DS106", frame = cut.frame, args = args})
+  else
+    local args = {stated = half.stated, present = #half.data}
+    self:about(origin, record, {rule = "DS202", frame = half.frame, args = args})
+  end
+end
+
+function RecordEvents:_read_answered(origin, record, half)
+  self:_length(origin, record, half)
+  local shaped = false
+  if half.data ~= "" and half.missing == 0
+    and self.gate:needs_proof(ar_key(origin.peer, record), record.index) then
+    shaped = decode_response(half.data, nil, self.codec).shaped
+      or self.pairing:is_again(origin.peer, record)
+  end
+  self:_pass("_event_read_answered", shaped, origin, record)
+end
+
+-- Events: what happens to a record once it is known to be ours
+
+-- Time of the capture; a finding where it steps backwards.
+local function clock(self, origin)
+  local newest, before, now = self.newest_ns, self.newest_frame, origin.time_ns
+  if origin.frame < before then -- that of an AR that proved itself late
+    return
+  end
+  if newest and now < newest then
+    local args = {milliseconds = json.float((newest - now) / 1e6), first = before}
+    self.listener:remark({rule = "DS107", frame = origin.frame, args = args})
+  end
+  self.newest_ns, self.newest_frame = now, origin.frame
+end
+
+function RecordEvents:_event_remark(_, _, remark)
+  self.listener:remark(remark)
+end
+
+function RecordEvents:_event_run(origin, _, detail)
+  detail.target[detail.method](detail.target, detail.argument, origin)
+end
+
+function RecordEvents:_event_job_remark(_, record, remark)
+  remark.job = record.job
+  self.listener:remark(remark)
+end
+
+function RecordEvents:_event_read_request(origin, record)
+  clock(self, origin)
+  record.job = self.pairing:expected(origin.peer, record) -- for what is said of the call
+end
+
+function RecordEvents:_event_write_request(origin, record, message)
+  clock(self, origin)
+  record.job = self.pairing:write_request(origin.peer, record, message)
+end
+
+function RecordEvents:_event_read_lost(origin, record)
+  self.pairing:read_lost(origin.peer, record)
+end
+
+function RecordEvents:_event_write_answered(origin, record)
+  clock(self, origin)
+  local job = record.job
+  if job then
+    self.pairing:write_response(job, record.response)
+  end
+end
+
+function RecordEvents:_event_write_unasked(origin, record)
+  self.pairing:write_unasked(origin.peer, record)
+end
+
+function RecordEvents:_event_read_answered(origin, record)
+  clock(self, origin)
+  self.pairing:read_response(origin.peer, record)
+end
+
+function RecordEvents:_event_write_failed(origin, record)
+  local job = record.job
+  if job then
+    self.pairing:write_response(job, half_of(origin.frame, origin.time_ns, nil), true)
+  end
+end
+
+return M
