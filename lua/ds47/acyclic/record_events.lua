@@ -1,13 +1,13 @@
 -- What happens to a record that may be ours; when it is known to be ours, the jobs hear of it.
 --
 -- Stands between those who know how a record travels (record_calls.lua for RPC, ms1_calls.lua for PROFIBUS)
--- and the jobs (pairing.lua). Holds back what is not known to be ours yet (index47.lua), decodes a request once,
--- and says where the length of a record or the order of the capture is wrong (DS106, DS107, DS202).
+-- and the jobs (pairing.lua). Holds back what is not known to be ours yet (index47.lua), decodes a request
+-- once, and says where the length of a record or the order of the capture is wrong (DS106, DS107, DS202).
 --
 -- What happens to a record is an event: one of the methods under "Events", with up to three arguments
--- (origin, record, detail). The origin says where it happens: {frame, time_ns, peer, missing, cut}, of RPC the
--- PDU. While the gate is open the method is called at once; a table is made only for an event that has to wait.
--- The record of a Write knows the job that was made of it (`record.job`).
+-- (origin, record, detail). The origin says where it happens: {frame, time_ns, peer, missing, cut}, of RPC
+-- the PDU. While the gate is open the method is called at once; a table is made only for an event that has to
+-- wait. The record of a Write knows the job that was made of it (`record.job`).
 
 local json = require("ds47.support.json")
 local parameter = require("ds47.profidrive.parameter")
