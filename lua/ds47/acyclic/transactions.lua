@@ -4,6 +4,7 @@
 -- are those of python/ds47/model.py, and `order`, by which its job is known while the capture goes on.
 
 local parameter = require("ds47.profidrive.parameter")
+local records = require("ds47.profinet.records")
 local rules = require("ds47.acyclic.judge")
 local tables = require("ds47.spec.tables")
 local uuid_text = require("ds47.spec.units").uuid_text
@@ -17,6 +18,7 @@ M.SIEMENS = 0x002A
 
 local SIEMENS = M.SIEMENS
 local NIL_UUID = ("\0"):rep(16)
+local NO_API = records.NO_API
 
 -- Operation and state
 
@@ -247,12 +249,16 @@ local KEYS = {
   stray = function(_, job) return is_mismatch(job) end, -- its response is the one of another request
 }
 
-for _, key in ipairs({"controller", "device", "vendor_id"}) do
+for _, key in ipairs({"controller", "device", "vendor_id", "station"}) do
   KEYS[key] = function(_, job) return job.peer[key] end
 end
 
-for _, key in ipairs({"api", "slot", "subslot", "index", "position"}) do
+for _, key in ipairs({"slot", "index", "position"}) do
   KEYS[key] = function(_, job) return job.record[key] end
+end
+
+for _, key in ipairs({"api", "subslot"}) do
+  KEYS[key] = function(_, job) return job.record.api ~= NO_API and job.record[key] or nil end
 end
 
 -- Of the header of a message: that of the request, or of the response to an unknown one.

@@ -129,7 +129,7 @@ end
 function M.access_of(item)
   local index = item.index or LOCAL
   return {
-    device = item.device, record_index = index, slot = item.slot, subslot = item.subslot,
+    device = item.device, record_index = index, slot = item.slot, subslot = item.subslot or 0,
     axis = index ~= LOCAL and item.axis or nil,
   }
 end

@@ -25,6 +25,7 @@ local STATUS = layout.RECORD_STATUS
 local WRITE_MULTIPLE = layout.RECORD_WRITE_MULTIPLE
 local NIL_UUID = ("\0"):rep(16)
 M.WRITE_MULTIPLE, M.NIL_UUID = WRITE_MULTIPLE, NIL_UUID
+M.NO_API = -1 -- where there is neither API nor subslot: on PROFIBUS
 
 local WRITE, READ_IMPLICIT = rpc.WRITE, rpc.READ_IMPLICIT
 local REQUEST_BLOCKS = {
@@ -53,18 +54,21 @@ end
 -- (`ar_key`, `channel_key`), which is always the same one but for ReadImplicit.
 local places, place_count, MOST_PLACES = {}, 0, 4096
 
-local function new_place(opnum, key)
-  local a1, a2, a3, a4, s1, s2, u1, u2, _, _, i1, i2 = byte(key, 17, 28)
-  local implicit = opnum == READ_IMPLICIT
-  local place = {
-    write = opnum == WRITE, implicit = implicit, ar = implicit and NIL_UUID or sub(key, 1, 16),
-    api = ((a1 * 256 + a2) * 256 + a3) * 256 + a4, slot = s1 * 256 + s2, subslot = u1 * 256 + u2,
-    index = i1 * 256 + i2, position = 0,
-  }
+local function completed(place)
   place.spot = "\0" .. place.slot * 65536 + place.subslot .. "\0" .. place.index .. "\0"
   place.text = place.api .. place.spot .. place.ar
   place.place, place.__index = place, place
   return place
+end
+
+local function new_place(opnum, key)
+  local a1, a2, a3, a4, s1, s2, u1, u2, _, _, i1, i2 = byte(key, 17, 28)
+  local implicit = opnum == READ_IMPLICIT
+  return completed({
+    write = opnum == WRITE, implicit = implicit, ar = implicit and NIL_UUID or sub(key, 1, 16),
+    api = ((a1 * 256 + a2) * 256 + a3) * 256 + a4, slot = s1 * 256 + s2, subslot = u1 * 256 + u2,
+    index = i1 * 256 + i2, position = 0,
+  })
 end
 
 -- The place of the block at the 0-based offset.
@@ -85,6 +89,23 @@ local function place_at(opnum, data, offset)
     end
   end
   return place
+end
+
+-- On PROFIBUS: a key of write, slot and index -> place.
+local bus_places = {}
+
+--- A record on PROFIBUS, where there is neither AR nor API nor subslot; it has no halves yet.
+function M.on_profibus(write, slot, index)
+  local key = (slot * 256 + index) * 2 + (write and 1 or 0)
+  local place = bus_places[key]
+  if place == nil then
+    place = completed({
+      write = write, implicit = false, ar = NIL_UUID, api = M.NO_API, slot = slot, subslot = 0, index = index,
+      position = 0,
+    })
+    bus_places[key] = place
+  end
+  return setmetatable({}, place)
 end
 
 --- What names an AR: controller, device, AR UUID (nil UUID for ReadImplicit).

@@ -1,0 +1,174 @@
+"""Captures of PROFIBUS to transactions: DS47 by MS1 gives what the same records give on PROFINET."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ds47.analysis import analyze
+from ds47.capture import open_capture
+from ds47.capture.writer import PcapngWriter
+from ds47.model import CaptureResult, Transaction
+from ds47.profibus import telegram
+from ds47.profibus.bus import PROFIBUS_DL, USER0
+from ds47.profinet import rpc
+from ds47.profinet.calls import Call, CallTracker, Handlers
+from ds47.profinet.link import Packets
+from ds47.profinet.records import Record, parse_request, parse_response
+from ds47.spec.semantics import limits
+
+STATION, MASTER = 3, 2
+SHORT = b"\xe5"
+MOST = 240
+OTHER = ("controller", "device", "station", "ar", "api", "subslot")
+"""What PROFIBUS has no equal of."""
+
+
+@dataclass
+class Shot:
+    """A frame of PROFIBUS, and which one of PROFINET it stands for."""
+
+    time_ns: int
+    data: bytes
+    frame: int | None = None
+
+
+class Master:
+    """Asks a slave what a controller asked a device."""
+
+    def __init__(self) -> None:
+        self.shots: list[Shot] = []
+        self._fcb = True
+
+    def service(self, record: Record, ask: bytes, answer: bytes, polls: int = 1) -> None:
+        """A request, short acknowledgement, empty polls, and the answer."""
+        asked, answered = record.request, record.response
+        assert asked is not None
+        assert answered is not None
+        self._ask(asked.time_ns, ask, asked.frame)
+        for _ in range(polls):
+            self.shots.append(Shot(asked.time_ns, SHORT))
+            self._ask(asked.time_ns, b"")
+        data = telegram.encode(MASTER, STATION, 0x08, answer, 51, 51)
+        self.shots.append(Shot(answered.time_ns, data, answered.frame))
+
+    def _ask(self, time_ns: int, du: bytes, frame: int | None = None) -> None:
+        self._fcb = not self._fcb
+        fc = 0x7D if self._fcb else 0x5D
+        data = telegram.encode(STATION, MASTER, fc, du, 51, 51)
+        self.shots.append(Shot(time_ns, data, frame))
+
+    def write(self, path: Path, link_type: int = PROFIBUS_DL) -> dict[int, int]:
+        """Frames of PROFINET to those of PROFIBUS."""
+        with PcapngWriter(path, link_type=link_type) as writer:
+            for shot in self.shots:
+                writer.write(shot.time_ns, shot.data)
+        return {each.frame: at for at, each in enumerate(self.shots, 1) if each.frame is not None}
+
+
+def calls(path: Path) -> list[Call]:
+    """The RPC calls of a capture in the order of their requests."""
+    found: list[Call] = []
+
+    def ignore(*_: Any) -> None:
+        pass
+
+    tracker = CallTracker(
+        limits(), Handlers(found.append, ignore, ignore, ignore, ignore, ignore, ignore)
+    )
+    with open_capture(path) as capture:
+        for packet in Packets().of(capture):
+            pdu = rpc.parse(packet) if packet.kind == "udp" else None
+            if pdu is not None and not tracker.is_copy(pdu):
+                tracker.feed(pdu)
+    return found
+
+
+def reframed(path: Path) -> Master | None:
+    """The same records by MS1; None where MS1 cannot carry them so."""
+    master, busy = Master(), 0
+    for call in calls(path):
+        if call.request.opnum in (rpc_ for rpc_ in range(10) if rpc_ not in (2, 3)):
+            return None
+        if call.response is None or call.request.frame < busy:
+            return None
+        busy = call.response.frame
+        asked, (_, told) = parse_request(call.request), parse_response(call.response)
+        if len(asked.records) != 1 or len(told) != 1 or asked.multiple:
+            return None
+        record = asked.records[0]
+        record.response = told[0].response
+        both = framed(record)
+        if both is None:
+            return None
+        master.service(record, *both)
+    return master if master.shots else None
+
+
+def framed(record: Record) -> tuple[bytes, bytes] | None:
+    """Request and response of a record as data units of MS1."""
+    asked, told = record.request, record.response
+    assert asked is not None
+    if told is None or record.index > 0xFF or record.slot > 0xFE or asked.missing or told.missing:
+        return None
+    if max(len(asked.data), len(told.data)) > MOST or told.status is None:
+        return None
+    if told.status and told.status >> 16 not in (0xDE80, 0xDF80):
+        return None
+    place = bytes((record.slot, record.index))
+    code = b"\x5f" if record.write else b"\x5e"
+    wanted = len(asked.data) if record.write else min(asked.stated, MOST)
+    ask = code + place + bytes((wanted,)) + asked.data
+    if told.status:
+        return ask, told.status.to_bytes(4)
+    length = len(asked.data) if record.write else len(told.data)
+    return ask, code + place + bytes((length,)) + told.data
+
+
+def told(item: Transaction, frames: dict[int, int] | None = None) -> dict[str, Any]:
+    """What a transaction says that both can say; frame numbers as those of PROFIBUS."""
+    plain = {name: getattr(item, name) for name in item.__dataclass_fields__ if name not in OTHER}
+    number = dict(frames or {})
+    place = item.frames
+    plain["frames"] = [
+        each if frames is None or each is None else number[each]
+        for each in (place.write_request, place.write_response, place.read_request,
+                     place.read_response, *(one for read in place.polls + place.rereads for one in read))
+    ]  # fmt: skip
+    plain["parameters"] = [
+        {name: value for name, value in _plain(each).items() if name not in ("listed", "unit", "scaled")}
+        for each in item.parameters
+    ]
+    return plain
+
+
+def _plain(item: Any) -> dict[str, Any]:
+    found = {name: getattr(item, name) for name in item.__dataclass_fields__}
+    if found.get("error") is not None:
+        found["error"] = (found["error"].code, found["error"].info)
+    return found
+
+
+def captures() -> Iterator[Path]:
+    yield from sorted((Path(__file__).parents[2] / "captures").glob("*.pcapng"))
+
+
+@pytest.mark.parametrize("link_type", [PROFIBUS_DL, USER0])
+def test_the_same_records_give_the_same_transactions(tmp_path: Path, link_type: int) -> None:
+    compared = 0
+    for path in captures():
+        master = reframed(path)
+        if master is None:
+            continue
+        target = tmp_path / "bus.pcapng"
+        frames = master.write(target, link_type)
+        there, here = analyze(path), analyze(target)
+        expected = [told(each, frames) for each in there.transactions]
+        assert [told(each) for each in here.transactions] == expected, path.name
+        assert all(each.station == STATION for each in here.transactions)
+        compared += len(expected)
+    assert compared > 50
