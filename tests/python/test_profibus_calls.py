@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from ds47.acyclic.pairing import Job, Pairing, Peer
 from ds47.profibus import telegram
-from ds47.profibus.calls import Call, CallTracker, Handlers
-from ds47.profibus.line import Exchange, Line, Seen
+from ds47.profibus.calls import MOST_POLLS, Call, CallTracker, Handlers
+from ds47.profibus.line import MOST_RETRIES, Exchange, Line, Seen
 from ds47.profidrive import decode_request, decode_response
 from ds47.profidrive.model import Options
 from ds47.spec.semantics import limits
@@ -109,6 +109,34 @@ def test_a_request_that_comes_again_after_its_answer() -> None:
     assert [each.again for each in exchanges(talk.frames)] == [False, True, False]
 
 
+def test_a_request_behind_one_that_was_not_seen_repeats_none() -> None:
+    talk = Talk().ask("").answer().ask("").answer().ask("").answer()
+    for at, replaced in ((2, b"\x10"), (2, b"\xdc\x02\x02")):
+        line, frames = Line(), list(talk.frames)
+        frames[at] = replaced
+        assert [each.again for each in exchanges(frames, line)] == [False, False]
+        assert line.stray == 1
+    talk = Talk().ask("").answer("").ask("").answer("").ask("").answer()
+    assert [each.again for each in exchanges([*talk.frames[:2], *talk.frames[3:]])] == [False] * 2
+
+
+def test_an_answer_of_another_station_ends_no_retries() -> None:
+    other = telegram.encode(2, 4, 0x08, b"", 51, 51)
+    wrong_sap = telegram.encode(2, 3, 0x08, b"", 51, 50)
+    talk = Talk().ask(WRITE).add(other, wrong_sap).ask(WRITE, repeated=True).answer()
+    (found,) = exchanges(talk.frames)
+    assert (found.retried, found.answer and found.answer.frame) == (1, 5)
+
+
+def test_retries_without_end_are_counted() -> None:
+    talk = Talk().ask(WRITE)
+    for _ in range(MOST_RETRIES + 3):
+        talk.ask(WRITE, repeated=True)
+    (found,) = exchanges(talk.frames)
+    assert (found.retried, len(found.retries)) == (MOST_RETRIES + 3, MOST_RETRIES)
+    assert [each.frame for each in found.retries][:2] == [2, 3]
+
+
 def test_what_nobody_answers_is_over_at_once() -> None:
     control = telegram.encode(127, 2, 0x46, b"\x20\x00", 58, 62)
     line = Line()
@@ -198,6 +226,31 @@ def test_an_abort_ends_a_call() -> None:
     assert heard.calls[0].sap == 7
 
 
+def test_idle_of_a_connection_says_nothing_of_a_call() -> None:
+    talk = Talk(sap=7).ask(READ).answer().ask("48").answer("48").ask("").answer("48")
+    heard = Heard(talk.ask("").answer("5e002f0a" + GIVEN).frames)
+    assert (heard.events, heard.unasked) == ([("asked", 0), ("answered", 0)], [])
+    assert len(heard.calls[0].polls) == 3
+
+
+def test_polls_without_end_are_counted() -> None:
+    talk = Talk().ask(READ).answer()
+    for _ in range(MOST_POLLS + 3):
+        talk.ask("").answer()
+    (call,) = Heard(talk.frames).calls
+    assert (call.polled, len(call.polls)) == (MOST_POLLS + 4, MOST_POLLS)
+    assert [each.request.frame for each in call.polls][:2] == [1, 3]
+
+
+def test_what_a_half_carries() -> None:
+    talk = Talk().ask("5f002f02aabb").answer("5f002f02cc").ask("5e002ff0aa").answer("5e002f02bbcc")
+    write, read = (call.record for call in Heard(talk.frames).calls)
+    halves = (write.request, write.response, read.request, read.response)
+    assert [half and (half.data.hex(), half.stated, half.missing) for half in halves] == [
+        ("aabb", 2, 0), ("", 0, 0), ("", 240, 0), ("bbcc", 2, 0),
+    ]  # fmt: skip
+
+
 def test_a_length_that_promises_more() -> None:
     talk = Talk().ask("5f002f14" + ASKED).answer()
     (call,) = Heard(talk.frames).calls
@@ -267,7 +320,7 @@ def test_one_transaction_with_its_polls() -> None:
     assert response.axis == 2
 
 
-@pytest.mark.parametrize("status", ["df80b000", "df80b500"])
+@pytest.mark.parametrize("status", ["df80b000", "df80b500", "df80b0", "df80", "df"])
 def test_a_refused_write_is_refused(status: str) -> None:
     (job,) = paired(Talk().ask(WRITE).answer().ask("").answer(status).frames)
     assert (job.write_refused, job.read_response) == (True, None)

@@ -15,6 +15,10 @@ from ds47.profinet.records import NIL_UUID, NO_API, Half, Record
 
 _REFUSED = (1, 2, 3)
 """Answers without data that end a service: UE, RR, RS."""
+_IDLE = "idle"
+"""The function that keeps a connection of MS2 alive: no service, and no answer to one."""
+MOST_POLLS = 64
+"""Polls of a call that are kept."""
 
 
 @dataclass(slots=True, eq=False)
@@ -31,7 +35,9 @@ class Call:
     """and its SAP: 51 for MS1."""
     record: Record
     polls: list[Exchange] = field(default_factory=list)
-    """Exchanges that brought no answer yet, that of the request first."""
+    """Exchanges that brought no answer yet, that of the request first: the first ones,"""
+    polled: int = 0
+    """and how many there are."""
     fault: int | None = None
     """The function code that refused it below MS1: 3 where the SAP is not enabled."""
 
@@ -68,7 +74,7 @@ class CallTracker:
             return
         key = (master, station, sap)
         asked = ms1.decode(item.du, request=True)
-        if asked.kind == ms1.REQUEST and not exchange.again:
+        if asked.kind == ms1.REQUEST and asked.function != _IDLE and not exchange.again:
             self._asked(key, asked, exchange)
         self._answer(key, exchange)
 
@@ -90,19 +96,19 @@ class CallTracker:
 
     def _answer(self, key: tuple[int, int, int], exchange: Exchange) -> None:
         seen, call = exchange.answer, self._open.get(key)
-        item = None if seen is None else seen.item
-        if call is not None and seen is not None and item is not None and item.code in _REFUSED:
-            call.fault = item.code
+        if call is not None and seen is not None and seen.item.code in _REFUSED:
+            call.fault = seen.item.code
             call.record.response = Half(seen.frame, seen.time_ns)
             del self._open[key]
             self._handlers.failed(call)
             return
-        if seen is None or item is None or not item.du:
+        answer = None if seen is None else ms1.decode(seen.item.du, request=False)
+        if seen is None or answer is None or answer.kind == ms1.TAKEN or answer.function == _IDLE:
             if call is not None:
-                call.polls.append(exchange)
-            return
-        answer = ms1.decode(item.du, request=False)
-        if answer.function not in ("read", "write"):
+                call.polled += 1
+                if call.polled <= MOST_POLLS:
+                    call.polls.append(exchange)
+        elif answer.function not in ("read", "write"):
             self._lose(key)
         elif call is not None and call.record.write == (answer.function == "write"):
             del self._open[key]
@@ -125,11 +131,22 @@ class CallTracker:
 
 
 def _half(seen: Seen, message: ms1.Message) -> Half:
-    """A message as one half of a record call; a DS_Read carries nothing, and says how much it wants."""
-    stated = message.length or 0
-    carries = (message.code == ms1.WRITE) == bool(seen.item.request)
-    missing = max(stated - len(message.data), 0) if carries and message.kind != ms1.REFUSAL else 0
-    status = message.status if message.kind == ms1.REFUSAL else 0
-    status = None if message.kind == ms1.REQUEST else status
-    data = b"" if message.kind == ms1.REFUSAL else message.data
-    return Half(seen.frame, seen.time_ns, data, stated, missing, status)
+    """A message as one half of a record call.
+
+    A DS_Read carries nothing, and says how much it wants; the answer to a DS_Write repeats its length, and
+    carries nothing either.
+    """
+    if message.kind == ms1.REFUSAL:
+        return Half(seen.frame, seen.time_ns, status=_status(message))
+    asked = message.kind == ms1.REQUEST
+    write, status, stated = message.code == ms1.WRITE, None if asked else 0, message.length or 0
+    if write == asked:
+        missing = stated - len(message.data)  # never below 0: ms1 takes no more than is stated
+        return Half(seen.frame, seen.time_ns, message.data, stated, missing, status)
+    return Half(seen.frame, seen.time_ns, stated=stated if asked else 0, status=status)
+
+
+def _status(refusal: ms1.Message) -> int:
+    """That of a refusal; error bytes that a short one does not have are 0, as it refuses without them, too."""
+    errors = (refusal.error_decode, refusal.error_code_1, refusal.error_code_2)
+    return int.from_bytes(bytes((refusal.code or 0, *(error or 0 for error in errors))))

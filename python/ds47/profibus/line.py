@@ -12,6 +12,9 @@ from dataclasses import dataclass, field
 from ds47.profibus.telegram import ALL_STATIONS, SC, SD4, Telegram
 from ds47.spec import profibus
 
+MOST_RETRIES = 16
+"""Retries of an exchange that are kept; masters repeat a request up to 15 times."""
+
 _Way = tuple[int | None, int | None]
 """Who asks whom."""
 
@@ -33,9 +36,11 @@ class Exchange:
     answer: Seen | None = None
     """None where none came, or nobody answers such a request."""
     retries: list[Seen] = field(default_factory=list)
-    """The same request again, because the master got no answer."""
+    """The same request again, because the master got no answer: the first ones,"""
+    retried: int = 0
+    """and how many there are."""
     again: bool = False
-    """Whether it repeats an exchange that had its answer: the master did not get that."""
+    """Whether it repeats the exchange before between the two: the master has no answer to that."""
     silent: bool = False
     """Whether nobody answers such a request."""
 
@@ -57,7 +62,7 @@ class Line:
         """and how many answers nobody asked for."""
 
     def take(self, seen: Seen) -> Iterator[Exchange]:
-        """A frame; gives the exchanges that are over with it, one or two."""
+        """A frame; gives the exchanges that are over with it, up to two."""
         item = seen.item
         if item.flaws:
             self.damaged += 1
@@ -76,14 +81,16 @@ class Line:
 
     def _request(self, seen: Seen) -> Iterator[Exchange]:
         item, way = seen.item, (seen.item.sa, seen.item.da)
-        same = item.fcv == 1 and self._last.get(way) == item
-        if self._open is not None and same and self._open.request.item == item:
-            self._open.retries.append(seen)
+        if self._open is not None and item.fcv == 1 and self._open.request.item == item:
+            self._open.retried += 1
+            if self._open.retried <= MOST_RETRIES:
+                self._open.retries.append(seen)
             return
         yield from self.finish()
         row = profibus.codes("request").get(item.code or 0)
         silent = item.da == ALL_STATIONS or (row is not None and row.silent)
-        exchange = Exchange(seen, again=same, silent=silent)
+        again = item.fcv == 1 and self._last.get(way) == item
+        exchange = Exchange(seen, again=again, silent=silent)
         if silent:
             yield exchange
             return
@@ -94,10 +101,21 @@ class Line:
         over, item = self._open, seen.item
         if over is None or not _fits(over.request.item, item):
             self.stray += 1
+            self._forget(item)
             return
         self._open = None
         over.answer = seen
         yield over
+
+    def _forget(self, answer: Telegram) -> None:
+        """Between the requests before and behind this answer was one that was not seen.
+
+        They may be alike, FCB included, and the second is no repetition of the first.
+        """
+        if answer.kind == SC:
+            self._last.clear()
+        else:
+            self._last.pop((answer.da, answer.sa), None)
 
 
 def _fits(request: Telegram, answer: Telegram) -> bool:
