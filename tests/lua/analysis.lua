@@ -80,8 +80,8 @@ local function word(code)
 end
 
 local function transaction(item, base_seconds)
-  local result = object(item, "id channel operation state controller device station ar api slot subslot index "
-    .. "request_reference axis duration_ns cycles")
+  local result = object(item, "id channel operation state controller device station ar api slot subslot "
+    .. "index request_reference axis duration_ns cycles")
   result.frames = object(item.frames, "write_request write_response read_request read_response")
   result.frames.polls, result.frames.rereads = reads(item.frames.polls), reads(item.frames.rereads)
   local seconds, nanoseconds = times.split(item.start_ns)

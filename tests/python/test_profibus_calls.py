@@ -27,16 +27,16 @@ NOT_READY = "de80b500"
 class Talk:
     """A master and its slave: each request toggles the frame count bit."""
 
-    def __init__(self, station: int = 3, sap: int = 51) -> None:
+    def __init__(self, station: int = 3, sap: int = 51, master: int = 2) -> None:
         self.frames: list[bytes] = []
-        self._station, self._sap, self._fcb = station, sap, True
+        self._station, self._sap, self._master, self._fcb = station, sap, master, True
 
     def ask(self, du: str, repeated: bool = False) -> Talk:
-        """A request of master 2, or the same frame count bit again."""
+        """A request of the master, or the same frame count bit again."""
         self._fcb ^= not repeated
         fc = 0x7D if self._fcb else 0x5D
         own = 51 if self._sap == 51 else 50
-        data = telegram.encode(self._station, 2, fc, bytes.fromhex(du), self._sap, own)
+        data = telegram.encode(self._station, self._master, fc, bytes.fromhex(du), self._sap, own)
         self.frames.append(data)
         return self
 
@@ -46,7 +46,7 @@ class Talk:
         bare = fc in (1, 2, 3, 9)
         data = b"" if du is None else bytes.fromhex(du)
         saps = (None, None) if bare else (own, self._sap)
-        with_data = telegram.encode(2, self._station, fc, data, *saps)
+        with_data = telegram.encode(self._master, self._station, fc, data, *saps)
         self.frames.append(SHORT if du is None and not bare else with_data)
         return self
 

@@ -54,17 +54,25 @@ end
 -- (`ar_key`, `channel_key`), which is always the same one but for ReadImplicit.
 local places, place_count, MOST_PLACES = {}, 0, 4096
 
-local function completed(place)
+--- Makes a place of a table with the fields `write` to `position`.
+function M.place(place)
   place.spot = "\0" .. place.slot * 65536 + place.subslot .. "\0" .. place.index .. "\0"
   place.text = place.api .. place.spot .. place.ar
   place.place, place.__index = place, place
   return place
 end
 
+--- A record at a place, with one half or the other.
+local function new_record(place, request, response)
+  -- the job that record_calls.lua puts there is named to be given room at once
+  return setmetatable({request = request, response = response, job = nil}, place)
+end
+M.record = new_record
+
 local function new_place(opnum, key)
   local a1, a2, a3, a4, s1, s2, u1, u2, _, _, i1, i2 = byte(key, 17, 28)
   local implicit = opnum == READ_IMPLICIT
-  return completed({
+  return M.place({
     write = opnum == WRITE, implicit = implicit, ar = implicit and NIL_UUID or sub(key, 1, 16),
     api = ((a1 * 256 + a2) * 256 + a3) * 256 + a4, slot = s1 * 256 + s2, subslot = u1 * 256 + u2,
     index = i1 * 256 + i2, position = 0,
@@ -89,23 +97,6 @@ local function place_at(opnum, data, offset)
     end
   end
   return place
-end
-
--- On PROFIBUS: a key of write, slot and index -> place.
-local bus_places = {}
-
---- A record on PROFIBUS, where there is neither AR nor API nor subslot; it has no halves yet.
-function M.on_profibus(write, slot, index)
-  local key = (slot * 256 + index) * 2 + (write and 1 or 0)
-  local place = bus_places[key]
-  if place == nil then
-    place = completed({
-      write = write, implicit = false, ar = NIL_UUID, api = M.NO_API, slot = slot, subslot = 0, index = index,
-      position = 0,
-    })
-    bus_places[key] = place
-  end
-  return setmetatable({}, place)
 end
 
 --- What names an AR: controller, device, AR UUID (nil UUID for ReadImplicit).
@@ -156,10 +147,7 @@ end
 
 --- The record whose block stands at the 0-based offset, with one half or the other.
 local function record_at(pdu, data, offset, position, request, response)
-  -- the job that recordcalls.lua puts there is named to be given room at once
-  local record = setmetatable(
-    {request = request, response = response, job = nil}, place_at(pdu.opnum, data, offset)
-  )
+  local record = new_record(place_at(pdu.opnum, data, offset), request, response)
   if position ~= 0 then
     record.position = position
   end

@@ -1,0 +1,166 @@
+-- Reads and writes of records by MS1 and MS2, from the exchanges of a line (docs/profibus.md 6).
+--
+-- A service is asked once and polled until its answer is there: SC, no data and empty answers say that it
+-- is not. What is asked of a record, and what "not ready" (B5) means for it, is not here: every DS_Read is a
+-- call of its own.
+--
+-- A call is a DS_Read or DS_Write with its answer:
+--   master, station  who asks whom
+--   sap              that of the slave: 51 for MS1
+--   record           what the pairing takes, as profinet/records.lua has it; `record.response.status` is 0 or
+--                    that of the refusal, `record.ar` is empty
+--   polls            array of exchanges that brought no answer yet, that of the request first: the first
+--                    ones,
+--   polled           and how many there are
+--   fault            the function code that refused it below MS1: 3 where the SAP is not enabled; else nil
+
+local dp = require("ds47.profibus.dp")
+local entries = require("ds47.support.later").entries
+local ms1 = require("ds47.profibus.ms1")
+local ordered = require("ds47.support.ordered")
+local records = require("ds47.profinet.records")
+
+local floor = math.floor
+
+-- Polls of a call that are kept.
+local M = {MOST_POLLS = 64}
+
+local REFUSED = {[1] = true, [2] = true, [3] = true} -- answers without data that end a service: UE, RR, RS
+-- The function that keeps a connection of MS2 alive: no service, and no answer to one.
+local IDLE = "idle"
+local CARRIES_RECORDS = {record = true, ms2 = true}
+local MOST_PLACES = 4096
+
+local CallTracker = {}
+CallTracker.__index = CallTracker
+M.CallTracker = CallTracker
+
+--- Takes the exchanges of a line and tells of the calls in them.
+-- @param handlers a table with methods, who hear what becomes of a call in the order of the capture:
+--   asked(call); answered(call), positive or negative; failed(call), when the station refused it before MS1
+--   (`fault`; `record.response` has the place alone); lost(call), when another service began, or nothing came
+--   any more; and unasked(call), an answer without its request. One that is negative says neither slot nor
+--   index: nobody hears of it
+function CallTracker.new(handlers)
+  return setmetatable({
+    handlers = handlers,
+    open = ordered.new(), -- master, station and SAP -> the call that has no answer yet
+  }, CallTracker)
+end
+
+--- An exchange; those of other services than MS1 and MS2 say nothing here.
+function CallTracker:take(exchange)
+  local item = exchange.request.item
+  if not item.request or not CARRIES_RECORDS[dp.service(item)] then
+    return
+  end
+  local key = (item.sa * 0x100 + item.da) * 0x100 + item.dsap
+  local asked = ms1.decode(item.du, true)
+  if asked.kind == "request" and asked.name ~= IDLE and not exchange.again then
+    self:_asked(key, asked, exchange)
+  end
+  self:_answer(key, exchange)
+end
+
+--- No exchange comes any more.
+function CallTracker:finish()
+  local key = self.open:first()
+  while key do
+    self:_lose(key)
+    key = self.open:first()
+  end
+end
+
+-- Places of records: PROFIBUS has neither AR nor API nor subslot.
+local places = entries(function(key)
+  return records.place({
+    write = key >= 0x10000, implicit = false, ar = records.NIL_UUID, api = records.NO_API,
+    slot = floor(key / 0x100) % 0x100, subslot = 0, index = key % 0x100, position = 0,
+  })
+end, MOST_PLACES)
+
+-- That of a refusal; error bytes that a short one does not have are 0, as it refuses without them, too.
+local function status_of(refusal)
+  local status = refusal.code * 0x100 + (refusal.error_decode or 0)
+  return (status * 0x100 + (refusal.error_code_1 or 0)) * 0x100 + (refusal.error_code_2 or 0)
+end
+
+-- A message as one half of a record call. A DS_Read carries nothing, and says how much it wants; the answer
+-- to a DS_Write repeats its length, and carries nothing either.
+local function half_of(seen, message)
+  if message.kind == "refusal" then
+    return records.half(seen.frame, seen.time_ns, status_of(message))
+  end
+  local asked, stated = message.kind == "request", message.length or 0
+  local half = records.half(seen.frame, seen.time_ns, not asked and 0 or nil)
+  if (message.code == ms1.WRITE) == asked then
+    half.data, half.stated = message.data, stated
+    half.missing = stated - #message.data -- never below 0: ms1.lua takes no more than is stated
+  elseif asked then
+    half.stated = stated
+  end
+  return half
+end
+
+-- A call, with the request or the answer.
+local function new_call(exchange, message, request, response)
+  local write = message.name == "write"
+  local item = exchange.request.item
+  return {
+    master = item.sa, station = item.da, sap = item.dsap, polls = {}, polled = 0, fault = nil,
+    record = records.record(
+      places[(write and 0x10000 or 0) + message.slot * 0x100 + message.index], request, response),
+  }
+end
+
+function CallTracker:_asked(key, asked, exchange)
+  self:_lose(key)
+  if asked.code ~= ms1.READ and asked.code ~= ms1.WRITE or not asked.slot or not asked.index then
+    return
+  end
+  local call = new_call(exchange, asked, half_of(exchange.request, asked))
+  self.open:set(key, call)
+  self.handlers:asked(call)
+end
+
+-- An exchange brought no answer yet.
+local function poll(call, exchange)
+  call.polled = call.polled + 1
+  if call.polled <= M.MOST_POLLS then
+    call.polls[call.polled] = exchange
+  end
+end
+
+function CallTracker:_answer(key, exchange)
+  local seen, call = exchange.answer, self.open:get(key)
+  if call and seen and REFUSED[seen.item.code] then
+    call.fault = seen.item.code
+    call.record.response = records.half(seen.frame, seen.time_ns)
+    self.open:pop(key)
+    self.handlers:failed(call)
+    return
+  end
+  local answer = seen and ms1.decode(seen.item.du, false)
+  if not answer or answer.kind == "taken" or answer.name == IDLE then
+    if call then
+      poll(call, exchange)
+    end
+  elseif answer.name ~= "read" and answer.name ~= "write" then
+    self:_lose(key)
+  elseif call and call.record.write == (answer.name == "write") then
+    self.open:pop(key)
+    call.record.response = half_of(seen, answer)
+    self.handlers:answered(call)
+  elseif not exchange.again and answer.slot and answer.index then
+    self.handlers:unasked(new_call(exchange, answer, nil, half_of(seen, answer)))
+  end
+end
+
+function CallTracker:_lose(key)
+  local call = self.open:pop(key)
+  if call then
+    self.handlers:lost(call)
+  end
+end
+
+return M

@@ -1,0 +1,122 @@
+-- Frames of a line in their order: which answer belongs to which request, and which request is a retry
+-- (docs/profibus.md 6).
+--
+-- On a line one station asks at a time, and the answer follows at once. What is asked and answered is not
+-- looked at; records are in calls.lua.
+--
+-- What is seen is {frame, time_ns, item}, a frame as telegram.lua decoded it with its place in the capture.
+-- An exchange is a request and what became of it:
+--   request  what was seen of it
+--   answer   the same; nil where none came, or nobody answers such a request
+--   retries  array: the same request again, because the master got no answer; the first ones,
+--   retried  and how many there are
+--   again    whether it repeats the exchange before between the two: the master has no answer to that
+--   silent   whether nobody answers such a request
+
+local ALL_STATIONS = require("ds47.profibus.telegram").ALL_STATIONS
+local tables = require("ds47.spec.tables")
+
+-- Retries of an exchange that are kept; masters repeat a request up to 15 times.
+local M = {MOST_RETRIES = 16}
+
+local Line = {}
+Line.__index = Line
+M.Line = Line
+
+--- Takes the frames of one line and gives their exchanges, each when it is over.
+--
+-- Damaged frames are none: a request behind whose answer was damaged stays without it. Counted are `tokens`,
+-- `damaged` frames, and `stray` answers, for which nobody asked.
+function Line.new()
+  return setmetatable({
+    open = nil, -- the exchange that waits for its answer
+    last = {}, -- who asks whom -> the bytes of the newest request
+    tokens = 0, damaged = 0, stray = 0,
+  }, Line)
+end
+
+local function way(asks, asked)
+  return asks * 0x100 + asked
+end
+
+--- A frame.
+-- @return the exchanges that are over with it, up to two
+function Line:take(seen)
+  local item = seen.item
+  if item.flaws[1] then
+    self.damaged = self.damaged + 1
+  elseif item.kind == "SD4" then
+    self.tokens = self.tokens + 1
+  elseif item.request then
+    return self:_request(seen)
+  else
+    return self:_answer(seen)
+  end
+  return nil
+end
+
+--- No frame comes any more.
+-- @return the exchange that is over with that, nil for none
+function Line:finish()
+  local over = self.open
+  self.open = nil
+  return over
+end
+
+function Line:_request(seen)
+  local item, open = seen.item, self.open
+  if open and item.fcv == 1 and open.request.item.data == item.data then
+    open.retried = open.retried + 1
+    if open.retried <= M.MOST_RETRIES then
+      open.retries[open.retried] = seen
+    end
+    return nil
+  end
+  self.open = nil
+  local row, key = tables.profibus.request[item.code], way(item.sa, item.da)
+  local exchange = {
+    request = seen, answer = nil, retries = {}, retried = 0,
+    again = item.fcv == 1 and self.last[key] == item.data,
+    silent = item.da == ALL_STATIONS or row ~= nil and row.silent or false,
+  }
+  if not exchange.silent then
+    self.last[key], self.open = item.data, exchange
+    return open
+  elseif open then
+    return open, exchange
+  end
+  return exchange
+end
+
+-- Whether an answer is one to a request: SC names nobody, others have stations and SAPs turned round.
+local function fits(request, answer)
+  if answer.kind == "SC" then
+    return true
+  elseif answer.sa ~= request.da or answer.da ~= request.sa then
+    return false
+  end
+  return answer.ssap == request.dsap and answer.dsap == request.ssap or not answer.ssap and not answer.dsap
+end
+
+function Line:_answer(seen)
+  local over, item = self.open, seen.item
+  if not over or not fits(over.request.item, item) then
+    self.stray = self.stray + 1
+    self:_forget(item)
+    return nil
+  end
+  self.open, over.answer = nil, seen
+  return over
+end
+
+-- Between the requests before and behind this answer was one that was not seen. They may be alike, FCB
+-- included, and the second is no repetition of the first.
+function Line:_forget(answer)
+  if answer.kind == "SC" then
+    self.last = {}
+  else
+    self.last[way(answer.da, answer.sa)] = nil
+  end
+end
+
+return M
