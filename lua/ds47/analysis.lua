@@ -8,6 +8,7 @@
 -- A capture that is looked at may go on. So the end of a capture is played on a copy of what is still open
 -- (`ended`), and the analysis itself stays as it was.
 
+local bus = require("ds47.profibus.bus")
 local calls = require("ds47.profinet.calls")
 local channels = require("ds47.cyclic.channels")
 local conclusions = require("ds47.cyclic.conclusions")
@@ -17,6 +18,7 @@ local findings = require("ds47.findings.collection")
 local gate = require("ds47.acyclic.index47")
 local ip = require("ds47.profinet.ip")
 local named = require("ds47.cyclic.named")
+local ms1calls = require("ds47.acyclic.ms1_calls")
 local naming = require("ds47.profinet.stations")
 local pairing = require("ds47.acyclic.pairing")
 local pkw = require("ds47.cyclic.transactions")
@@ -27,6 +29,7 @@ local recordevents = require("ds47.acyclic.record_events")
 local records = require("ds47.profinet.records")
 local rpc = require("ds47.profinet.rpc")
 local rules = require("ds47.acyclic.judge")
+local services = require("ds47.profibus.calls")
 local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
 local new_time = require("ds47.support.times").new
@@ -84,6 +87,8 @@ function M.new(options)
   self.events = recordevents.RecordEvents.new(self.gate, self.pairing, self.codec, self)
   self.records = recordcalls.RecordCalls.new(self.events, self.gate, self.pairing, self)
   self.calls = calls.CallTracker.new(limits, self)
+  self.services = services.CallTracker.new(ms1calls.new(self.events))
+  self.bus = bus.new(self.services)
   self.cyclic = channels.new(self, limits, options.every_cyclic)
   self.cyclic:name(named.relations(options.cyclic or NONE))
   self.conclusions = conclusions.new(limits, self.cyclic)
@@ -193,6 +198,16 @@ function Analysis:cyclic_frame(row, frame, at, number, time_ns)
   self.last_frame = number
   self.pairing.touched_count = 0
   self.cyclic:frame(row, frame, at, number, time_ns)
+end
+
+--- Takes a frame of PROFIBUS.
+-- @param link_type  one of those that profibus/bus.lua knows
+-- @param number, time_ns  of the frame
+function Analysis:bus_frame(link_type, data, number, time_ns)
+  self.result, self.last_call = nil, nil
+  self.last_frame = number
+  self.pairing.touched_count = 0
+  self.bus:take(link_type, data, number, time_ns)
 end
 
 --- Takes what names a station: the payload of a DCP ("dcp", from the frame id on) or LLDP ("lldp") frame.
@@ -339,6 +354,8 @@ function Analysis:_finish()
   tell_given_up(self, self.fragments:unfinished(), "RPC")
   tell_given_up(self, self.reassembly:unfinished(), "IP")
   self.calls:finish()
+  self.bus:finish()
+  self.services:finish()
   self.pairing:finish()
   self.records:finish()
   self.cyclic:finish()

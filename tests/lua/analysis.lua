@@ -207,6 +207,10 @@ function take.rt(line)
   end
 end
 
+function take.bus(line)
+  run:bus_frame(line.link, unhex(line.data), line.frame, run:time_ns(line.seconds, line.nanoseconds))
+end
+
 take["end"] = function(line)
   run.options.frames_dropped = line.dropped
   run.result = nil

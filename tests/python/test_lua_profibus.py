@@ -1,8 +1,8 @@
 """Lines of PROFIBUS in both implementations: the same frames, exchanges, calls and jobs (docs/profibus.md 6).
 
-The lines that test_profibus_calls.py makes by hand, those of printed frames, and lines by chance (seeded): masters and
-slaves whose services are retried, polled, refused and not ready, with frames that are lost, doubled, too early and
-damaged. What single frames are is compared in test_profibus.py.
+The lines that test_profibus_calls.py makes by hand, those of printed frames, and lines by chance (seeded):
+masters and slaves whose services are retried, polled, refused and not ready, with frames that are lost,
+doubled, too early and damaged. What single frames are is compared in test_profibus.py.
 """
 
 from __future__ import annotations

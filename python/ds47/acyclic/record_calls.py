@@ -195,7 +195,7 @@ class RecordCalls:
         if not call.in_part:  # DS105 says what there is
             operation = _OPERATIONS[call.request.opnum]
             self._about_call(call, Remark("DS101", call.request.frame, {"operation": operation}))
-        self._reads_lost(call, context)
+        self._reads_lost(context)
 
     def _call_pushed_out(self, call: Call, limit: str) -> None:
         context = _context(call)
@@ -207,9 +207,9 @@ class RecordCalls:
                 self._forgot_requests = True
                 self._pushed_out_with(pdu, record, limit)
                 break
-        self._reads_lost(call, context)
+        self._reads_lost(context)
 
-    def _reads_lost(self, call: Call, context: _Context) -> None:
+    def _reads_lost(self, context: _Context) -> None:
         for record in context.body.records:
             if self._events.concerns(record.index):
                 self._events.lost(context.peer, record)

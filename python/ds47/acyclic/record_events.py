@@ -1,4 +1,4 @@
-"""What happens to a record that may be ours: asked, answered, lost; when it is known to be ours, the jobs hear of it.
+"""What happens to a record that may be ours; once it is known to be ours, the jobs hear of it.
 
 Stands between those who know how a record travels (`record_calls` for RPC, `ms1_calls` for PROFIBUS) and the
 jobs (`pairing`). Holds back what is not known to be ours yet (`index47`), decodes a request once, and says where

@@ -1,0 +1,75 @@
+-- Services of MS1 and MS2 on PROFIBUS to the same events as RPC calls on PROFINET (docs/profibus.md 6).
+--
+-- Sits between the services (profibus/calls.lua) and the records (record_events.lua), as record_calls.lua does
+-- for RPC. Which frames a service has, and what is wrong with them, is not here.
+
+local M = {}
+
+local Ms1Calls = {}
+Ms1Calls.__index = Ms1Calls
+
+--- The handlers of a `CallTracker` of profibus/calls.lua.
+-- @param events  hears of every record that may be ours (record_events.lua)
+function M.new(events)
+  return setmetatable({events = events}, Ms1Calls)
+end
+
+local peers = {}
+
+--- Who talks to whom: {controller, device, station}; `dp2` is the station with the address 2.
+-- The same table again for the same stations, so nobody may change it.
+function M.peer(master, station)
+  local key = master * 256 + station
+  local peer = peers[key]
+  if peer == nil then
+    peer = {controller = ("dp%d"):format(master), device = ("dp%d"):format(station), station = station}
+    peers[key] = peer
+  end
+  return peer
+end
+
+-- Where something happens to a record, as record_events.lua takes it.
+local function origin(call, half)
+  local peer = M.peer(call.master, call.station)
+  return {frame = half.frame, time_ns = half.time_ns, peer = peer, missing = 0}
+end
+
+function Ms1Calls:asked(call)
+  local record = call.record
+  self.events:count(record.index, record.write)
+  if self.events:concerns(record.index) then
+    self.events:asked(origin(call, record.request), record)
+  end
+end
+
+function Ms1Calls:answered(call)
+  local record = call.record
+  if self.events:concerns(record.index) then
+    self.events:answered(origin(call, record.response), record)
+  end
+end
+
+function Ms1Calls:failed(call)
+  local record = call.record
+  if self.events:concerns(record.index) then
+    local here = origin(call, record.response)
+    self.events:failed(here, record)
+    self.events:lost(here, record)
+  end
+end
+
+function Ms1Calls:lost(call)
+  local record = call.record
+  if self.events:concerns(record.index) then
+    self.events:lost(origin(call, record.request), record)
+  end
+end
+
+function Ms1Calls:unasked(call)
+  local record = call.record
+  if self.events:concerns(record.index) then
+    self.events:unasked(origin(call, record.response), record)
+  end
+end
+
+return M

@@ -1,0 +1,53 @@
+-- Frames of a capture to the exchanges of a line of PROFIBUS (docs/profibus.md 6).
+--
+-- Takes the frames of the two link types that carry PROFIBUS; what an exchange is about is the business of
+-- those who hear of it.
+
+local line = require("ds47.profibus.line")
+local telegram = require("ds47.profibus.telegram")
+
+-- LINKTYPE_PROFIBUS_DL, and the link type that is everybody's own: PROFIBUS where a frame of it proves that.
+local M = {PROFIBUS_DL = 257, USER0 = 147}
+
+local PROVES = {SD1 = true, SD2 = true, SD3 = true}
+
+local Bus = {}
+Bus.__index = Bus
+
+--- One line of PROFIBUS.
+-- @param listener  hears of each exchange when it is over: listener:take(exchange)
+function M.new(listener)
+  return setmetatable({
+    listener = listener,
+    proven = false, -- whether a frame with the right check byte was seen: the user's own link type may be anything
+    line = line.Line.new(),
+  }, Bus)
+end
+
+local function tell(self, ...)
+  for number = 1, select("#", ...) do
+    local exchange = select(number, ...)
+    if exchange then
+      self.listener:take(exchange)
+    end
+  end
+end
+
+--- A frame of one of the two link types.
+function Bus:take(link_type, data, number, time_ns)
+  local item = telegram.decode(data)
+  if not self.proven then
+    self.proven = link_type == M.PROFIBUS_DL or not item.flaws[1] and PROVES[item.kind] or false
+    if not self.proven then
+      return
+    end
+  end
+  tell(self, self.line:take({frame = number, time_ns = time_ns, item = item}))
+end
+
+--- No frame comes any more.
+function Bus:finish()
+  tell(self, self.line:finish())
+end
+
+return M
