@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import pytest
+import test_lua_profibus
+import test_profibus_analysis
 import troubles
 from test_conversations import CASES, capture
 from tests.audit import conversations, seeds
@@ -25,8 +27,17 @@ from whole_capture import of_transactions
 
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Frame, open_capture
-from ds47.capture.scan import ETHERNET, IPV4, PROFINET, network_layer, relevant
+from ds47.capture.scan import (
+    ETHERNET,
+    IPV4,
+    PROFIBUS_DL,
+    PROFINET,
+    USER0,
+    network_layer,
+    relevant,
+)
 from ds47.capture.writer import PcapngWriter
+from ds47.profibus.bus import LINK_TYPES
 from ds47.profinet import ip
 from ds47.profinet.link import dissect, mac
 from ds47.report import json as report
@@ -112,6 +123,10 @@ def everything(content: BinaryIO) -> Iterator[Frame]:
 def lines(frames: Iterable[Frame]) -> Iterator[dict[str, Any]]:
     """What Wireshark's half of the program would feed: datagrams, fragments, names of stations, cyclic frames."""
     for frame in frames:
+        if frame.link_type in LINK_TYPES:
+            bus = {"kind": "bus", "link": frame.link_type, "data": frame.data.hex()}
+            yield instant(frame) | bus
+            continue
         if cyclic(frame):
             yield instant(frame) | {"kind": "rt", "data": frame.data.hex()}
             continue
@@ -287,6 +302,23 @@ def test_conversations_of_the_auditor_give_the_same_result(version: str, tmp_pat
         path = tmp_path / "talk.pcap"
         conversations.play(plan).tape.write(path)
         sources.append(Source(plan.text(), path.read_bytes(), False))
+    compare(version, "en", sources, tmp_path)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_records_by_ms1_give_the_same_result(version: str, tmp_path: Path) -> None:
+    sources, path = [], tmp_path / "bus.pcapng"
+    for number, stored_ in enumerate(CAPTURES):
+        master = test_profibus_analysis.reframed(stored_)
+        if master is not None:
+            master.write(path, PROFIBUS_DL if number % 2 else USER0)
+            sources.append(Source(stored_.name, path.read_bytes(), number % 5 == 0))
+    assert len(sources) > 100
+    for number, frames in enumerate(test_lua_profibus.by_chance()):
+        with PcapngWriter(path, link_type=PROFIBUS_DL) as writer:
+            for at, data in enumerate(frames):
+                writer.write(at * 1_000_000, data)
+        sources.append(Source(f"by chance {number}", path.read_bytes(), False))
     compare(version, "en", sources, tmp_path)
 
 

@@ -1,7 +1,7 @@
 -- Services of MS1 and MS2 on PROFIBUS to the same events as RPC calls on PROFINET (docs/profibus.md 6).
 --
--- Sits between the services (profibus/calls.lua) and the records (record_events.lua), as record_calls.lua does
--- for RPC. Which frames a service has, and what is wrong with them, is not here.
+-- Sits between the services (profibus/calls.lua) and the records (record_events.lua), as record_calls.lua
+-- does for RPC. Which frames a service has, and what is wrong with them, is not here.
 
 local M = {}
 

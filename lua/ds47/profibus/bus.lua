@@ -19,7 +19,7 @@ Bus.__index = Bus
 function M.new(listener)
   return setmetatable({
     listener = listener,
-    proven = false, -- whether a frame with the right check byte was seen: the user's own link type may be anything
+    proven = false, -- whether a frame with the right check byte was seen: USER0 may be anything
     line = line.Line.new(),
   }, Bus)
 end

@@ -40,6 +40,7 @@ from ds47.spec.semantics import Limits
 
 _OPERATIONS: Final = {RPC_READ: "Read", RPC_WRITE: "Write", RPC_READ_IMPLICIT: "ReadImplicit"}
 
+
 @dataclass(slots=True, init=False)
 class _Context:
     """What an RPC call carries: its record calls, and the jobs they belong to."""

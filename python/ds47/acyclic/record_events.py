@@ -159,9 +159,7 @@ class RecordEvents:
         if job is not None:
             jobs[record.position] = job
 
-    def _write(
-        self, peer: Peer, record: Record, half: Half, jobs: Jobs, message: Request
-    ) -> None:
+    def _write(self, peer: Peer, record: Record, half: Half, jobs: Jobs, message: Request) -> None:
         self._clock(half)
         jobs[record.position] = self._pairing.write_request(peer, record, message)
 

@@ -4,7 +4,7 @@ cimport cython
 cdef const unsigned char* _UUIDS
 cdef unsigned int _BIG_1, _BIG_2, _LITTLE_1, _LITTLE_2, _TAIL_1, _TAIL_2
 cdef unsigned int _IPV4, _PROFINET, _LLDP, _UDP, _PNIO_PORT, _ENHANCED
-cdef long _ETHERNET, _RAW, _RAW_IPV4, _SLL, _SLL2
+cdef long _ETHERNET, _RAW, _RAW_IPV4, _SLL, _SLL2, _PROFIBUS_DL, _USER0
 cdef Py_ssize_t _MAX_FRAME, _BATCH, _ENTRY, _FIRST_AHEAD, _AHEAD, _KEPT, _FAR, _ROW, _SAMPLE, _RAREST, _OFTEN
 cdef unsigned int _CONNECT, _RESPONSE
 

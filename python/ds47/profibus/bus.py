@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from ds47.capture import Frame
+from ds47.capture.scan import PROFIBUS_DL, USER0
 from ds47.profibus.line import Exchange, Line, Seen
 from ds47.profibus.telegram import SC, SD4, Telegram, decode
 
-PROFIBUS_DL, USER0 = 257, 147
-"""LINKTYPE_PROFIBUS_DL, and the link type that is everybody's own: PROFIBUS where a frame of it proves that."""
 LINK_TYPES = frozenset({PROFIBUS_DL, USER0})
+"""LINKTYPE_PROFIBUS_DL, and the link type that is everybody's own: PROFIBUS where a frame of it proves that."""
 
 
 class Bus:
