@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ds47.acyclic.pairing import Job, Pairing, Peer
 from ds47.profibus import telegram
-from ds47.profibus.calls import MOST_POLLS, Call, CallTracker, Handlers
+from ds47.profibus.calls import MOST_OPEN, MOST_POLLS, Call, CallTracker, Handlers
 from ds47.profibus.line import MOST_RETRIES, Exchange, Line, Seen
 from ds47.profidrive import decode_request, decode_response
 from ds47.profidrive.model import Options
@@ -240,6 +240,16 @@ def test_polls_without_end_are_counted() -> None:
     (call,) = Heard(talk.frames).calls
     assert (call.polled, len(call.polls)) == (MOST_POLLS + 4, MOST_POLLS)
     assert [each.request.frame for each in call.polls][:2] == [1, 3]
+
+
+def test_of_too_many_calls_the_oldest_is_given_up() -> None:
+    talks = [Talk(station, sap) for sap in range(9) for station in range(3, 127)]
+    frames = [frame for talk in talks for frame in talk.ask(READ).answer().frames]
+    lost = [number for name, number in Heard(frames).events if name == "lost"]
+    assert lost == list(range(len(talks)))
+    heard = Heard([*frames, *talks[-1].ask("").answer("5e002f0a" + GIVEN).frames[2:]])
+    assert heard.events.index(("lost", 0)) == MOST_OPEN + 1
+    assert ("answered", len(talks) - 1) in heard.events
 
 
 def test_what_a_half_carries() -> None:

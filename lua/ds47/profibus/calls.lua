@@ -22,8 +22,8 @@ local records = require("ds47.profinet.records")
 
 local floor = math.floor
 
--- Polls of a call that are kept.
-local M = {MOST_POLLS = 64}
+-- Polls of a call that are kept, and calls without an answer: eight for each station that a line can have.
+local M = {MOST_POLLS = 64, MOST_OPEN = 1024}
 
 local REFUSED = {[1] = true, [2] = true, [3] = true} -- answers without data that end a service: UE, RR, RS
 -- The function that keeps a connection of MS2 alive: no service, and no answer to one.
@@ -39,7 +39,7 @@ M.CallTracker = CallTracker
 -- @param handlers a table with methods, who hear what becomes of a call in the order of the capture:
 --   asked(call); answered(call), positive or negative; failed(call), when the station refused it before MS1
 --   (`fault`; `record.response` has the place alone); lost(call), when another service began, or nothing came
---   any more; and unasked(call), an answer without its request. One that is negative says neither slot nor
+--   any more, or it is the oldest of too many; and unasked(call), an answer without its request. One that is negative says neither slot nor
 --   index: nobody hears of it
 function CallTracker.new(handlers)
   return setmetatable({
@@ -121,6 +121,9 @@ function CallTracker:_asked(key, asked, exchange)
   local call = new_call(exchange, asked, half_of(exchange.request, asked))
   self.open:set(key, call)
   self.handlers:asked(call)
+  if self.open.length > M.MOST_OPEN then
+    self:_lose(self.open:first())
+  end
 end
 
 -- An exchange brought no answer yet.

@@ -18,7 +18,9 @@ _REFUSED = (1, 2, 3)
 _IDLE = "idle"
 """The function that keeps a connection of MS2 alive: no service, and no answer to one."""
 MOST_POLLS = 64
-"""Polls of a call that are kept."""
+"""Polls of a call that are kept,"""
+MOST_OPEN = 1_024
+"""and calls without an answer: eight for each station that a line can have."""
 
 
 @dataclass(slots=True, eq=False)
@@ -52,7 +54,7 @@ class Handlers:
     failed: Callable[[Call], None]
     """The station refused it before MS1 (`fault`); `record.response` has the place alone."""
     lost: Callable[[Call], None]
-    """Another service began, or nothing came any more."""
+    """Another service began, or nothing came any more; or it is the oldest of too many."""
     unasked: Callable[[Call], None]
     """An answer without its request. One that is negative says neither slot nor index: nobody hears of it."""
 
@@ -93,6 +95,8 @@ class CallTracker:
         master, station, sap = key
         call = self._open[key] = Call(master, station, sap, record)
         self._handlers.asked(call)
+        if len(self._open) > MOST_OPEN:
+            self._lose(next(iter(self._open)))
 
     def _answer(self, key: tuple[int, int, int], exchange: Exchange) -> None:
         seen, call = exchange.answer, self._open.get(key)
