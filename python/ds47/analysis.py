@@ -20,6 +20,7 @@ from ds47.acyclic.ms1_calls import Ms1Calls
 from ds47.acyclic.pairing import Job, Pairing, Peer
 from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.record_events import RecordEvents
+from ds47.acyclic.services import CallTracker as ServiceTracker
 from ds47.acyclic.transactions import build, summarise
 from ds47.capture import Capture, CaptureError, Frame, Series, open_capture, sha256
 from ds47.capture.scan import Watch
@@ -37,7 +38,6 @@ from ds47.findings.remark import Exchange, Remark
 from ds47.model import CHANNELS, DS47, PKW, PZD, CaptureResult, Finding, Transaction
 from ds47.model import Relation as ToldRelation
 from ds47.profibus.bus import LINK_TYPES, Bus
-from ds47.profibus.calls import CallTracker as ServiceTracker
 from ds47.profidrive import Options, decode_response
 from ds47.profinet.calls import CallTracker
 from ds47.profinet.records import Record
@@ -276,7 +276,7 @@ class Analysis:
     def _frames(self, frames: Iterable[Frame]) -> None:
         for frame in frames:
             if frame.link_type in LINK_TYPES:
-                self._bus.take(frame)
+                self._bus.take(frame.link_type, frame.data, frame.number, frame.time_ns)
             else:
                 self._transport.take_frame(frame)
 

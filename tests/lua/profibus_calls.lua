@@ -6,7 +6,7 @@
 local here = arg[0]:match("^(.*)[/\\]") or "."
 package.path = here .. "/../../lua/?.lua;" .. package.path
 
-local calls = require("ds47.profibus.calls")
+local calls = require("ds47.acyclic.services")
 local json = require("ds47.support.json")
 local line = require("ds47.profibus.line")
 local pairing = require("ds47.acyclic.pairing")

@@ -30,14 +30,12 @@ from ds47.capture import Frame, open_capture
 from ds47.capture.scan import (
     ETHERNET,
     IPV4,
-    PROFIBUS_DL,
     PROFINET,
-    USER0,
     network_layer,
     relevant,
 )
 from ds47.capture.writer import PcapngWriter
-from ds47.profibus.bus import LINK_TYPES
+from ds47.profibus.bus import LINK_TYPES, PROFIBUS_DL, USER0
 from ds47.profinet import ip
 from ds47.profinet.link import dissect, mac
 from ds47.report import json as report

@@ -23,8 +23,8 @@ from lua_program import LUAS, lua_program
 from test_profibus_calls import MS, NOT_READY, SHORT, Talk
 
 from ds47.acyclic.pairing import Job, Pairing, Peer
+from ds47.acyclic.services import Call, CallTracker, Handlers
 from ds47.profibus import telegram
-from ds47.profibus.calls import Call, CallTracker, Handlers
 from ds47.profibus.line import Exchange, Line, Seen
 from ds47.profidrive import decode_request
 from ds47.profidrive.model import Options

@@ -11,10 +11,10 @@ import pytest
 
 from ds47.analysis import analyze
 from ds47.capture import open_capture
-from ds47.capture.scan import PROFIBUS_DL, USER0
 from ds47.capture.writer import PcapngWriter
 from ds47.model import Transaction
 from ds47.profibus import telegram
+from ds47.profibus.bus import PROFIBUS_DL, USER0
 from ds47.profinet import rpc
 from ds47.profinet.calls import Call, CallTracker, Handlers
 from ds47.profinet.link import Packets

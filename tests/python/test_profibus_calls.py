@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ds47.acyclic.pairing import Job, Pairing, Peer
+from ds47.acyclic.services import MOST_OPEN, MOST_POLLS, Call, CallTracker, Handlers
 from ds47.profibus import telegram
-from ds47.profibus.calls import MOST_OPEN, MOST_POLLS, Call, CallTracker, Handlers
 from ds47.profibus.line import MOST_RETRIES, Exchange, Line, Seen
 from ds47.profidrive import decode_request, decode_response
 from ds47.profidrive.model import Options

@@ -1,6 +1,6 @@
 -- Services of MS1 and MS2 on PROFIBUS to the same events as RPC calls on PROFINET (docs/profibus.md 6).
 --
--- Sits between the services (profibus/calls.lua) and the records (record_events.lua), as record_calls.lua
+-- Sits between the services (services.lua) and the records (record_events.lua), as record_calls.lua
 -- does for RPC. Which frames a service has, and what is wrong with them, is not here.
 
 local M = {}
@@ -8,7 +8,7 @@ local M = {}
 local Ms1Calls = {}
 Ms1Calls.__index = Ms1Calls
 
---- The handlers of a `CallTracker` of profibus/calls.lua.
+--- The handlers of a `CallTracker` of services.lua.
 -- @param events  hears of every record that may be ours (record_events.lua)
 function M.new(events)
   return setmetatable({events = events}, Ms1Calls)

@@ -2,7 +2,7 @@
 -- (docs/profibus.md 6).
 --
 -- On a line one station asks at a time, and the answer follows at once. What is asked and answered is not
--- looked at; records are in calls.lua.
+-- looked at.
 --
 -- What is seen is {frame, time_ns, item}, a frame as telegram.lua decoded it with its place in the capture.
 -- An exchange is a request and what became of it:

@@ -1,6 +1,6 @@
 """Services of MS1 and MS2 on PROFIBUS to the same events as RPC calls on PROFINET (docs/profibus.md 6).
 
-Sits between the services (`profibus.calls`) and the records (`record_events`), as `record_calls` does for RPC.
+Sits between the services (`services`) and the records (`record_events`), as `record_calls` does for RPC.
 Which frames a service has, and what is wrong with them, is not here.
 """
 
@@ -11,12 +11,12 @@ from functools import lru_cache
 
 from ds47.acyclic.pairing import Peer
 from ds47.acyclic.record_events import Jobs, RecordEvents
-from ds47.profibus.calls import Call, Handlers
+from ds47.acyclic.services import Call, Handlers
 from ds47.profinet.records import Record
 
 
 class Ms1Calls:
-    """The handlers of a `profibus.calls.CallTracker`.
+    """The handlers of a `services.CallTracker`.
 
     Args:
         events: hears of every record that may be ours.

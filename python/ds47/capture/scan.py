@@ -28,11 +28,12 @@ import struct
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Literal, NamedTuple
 
+from ds47.profibus.bus import PROFIBUS_DL, USER0
+
 ByteOrder = Literal["little", "big"]
 Bytes = bytes | bytearray
 
 ETHERNET, RAW, RAW_IPV4, SLL, SLL2 = 1, 101, 228, 113, 276
-PROFIBUS_DL, USER0 = 257, 147  # all of their frames matter
 IPV4, PROFINET, LLDP = 0x0800, 0x8892, 0x88CC
 VLAN_TAGS = frozenset((0x8100, 0x88A8, 0x9100, 0x9200))
 DCP_FRAME_IDS = range(0xFEFC, 0xFF00)
@@ -54,7 +55,7 @@ UUIDS = b"".join(
 # The same constants, as C integers where this file is compiled
 _IPV4, _PROFINET, _LLDP, _UDP = IPV4, PROFINET, LLDP, UDP
 _ETHERNET, _RAW, _RAW_IPV4, _SLL, _SLL2 = ETHERNET, RAW, RAW_IPV4, SLL, SLL2
-_PROFIBUS_DL, _USER0 = PROFIBUS_DL, USER0
+_PROFIBUS_DL, _USER0 = PROFIBUS_DL, USER0  # all of their frames matter
 _PNIO_PORT, _MAX_FRAME, _BATCH, _ENHANCED = PNIO_PORT, MAX_FRAME, BATCH, ENHANCED_PACKET
 _UUIDS = UUIDS
 _BIG_1, _BIG_2 = 0xDEA00001, 0x6C9711D1  # words of the first UUID in network order

@@ -2,7 +2,7 @@
 
 `telegram` has the frames, `dp` what DP says in them, `ms1` read and write of records, `stream` the frames of
 bytes without borders, `listing` those of a log that is text. `line` knows which answer belongs to which request,
-and `calls` which of them are one record call. What a record call means is not here.
+`bus` takes the frames of a capture. What a record call is, and what it means, is not here.
 """
 
 from ds47.profibus.telegram import Flaw, Telegram, decode

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from ds47.capture import Frame
-from ds47.capture.scan import PROFIBUS_DL, USER0
 from ds47.profibus.line import Exchange, Line, Seen
 from ds47.profibus.telegram import SC, SD4, Telegram, decode
 
+PROFIBUS_DL, USER0 = 257, 147
 LINK_TYPES = frozenset({PROFIBUS_DL, USER0})
 """LINKTYPE_PROFIBUS_DL, and the link type that is everybody's own: PROFIBUS where a frame of it proves that."""
 
@@ -30,14 +29,14 @@ class Bus:
         """Whether a frame with the right check byte was seen: the user's own link type may be anything."""
         self.line = Line()
 
-    def take(self, frame: Frame) -> None:
-        """A frame of one of `LINK_TYPES`."""
-        item = decode(frame.data)
+    def take(self, link_type: int, data: bytes, number: int, time_ns: int) -> None:
+        """A frame of one of `LINK_TYPES`, with its number and its time."""
+        item = decode(data)
         if not self._proven:
-            self._proven = frame.link_type == PROFIBUS_DL or _proves(item)
+            self._proven = link_type == PROFIBUS_DL or _proves(item)
             if not self._proven:
                 return
-        for exchange in self.line.take(Seen(frame.number, frame.time_ns, item)):
+        for exchange in self.line.take(Seen(number, time_ns, item)):
             self._tell(exchange)
 
     def finish(self) -> None:

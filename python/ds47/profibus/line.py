@@ -1,7 +1,7 @@
 """Frames of a line in their order: which answer belongs to which request, and which request is a retry.
 
 On a line one station asks at a time, and the answer follows at once (docs/profibus.md 6). What is asked and
-answered is not looked at; records are `calls`.
+answered is not looked at.
 """
 
 from __future__ import annotations
