@@ -336,6 +336,8 @@ class Analysis:
         remarks += self._diagnoses.closed(job)
         remarks += self._remarks.pop(job, [])
         transaction = build(job)
+        if self._capture is not None and not self._capture.timed:
+            transaction.duration_ns = None
         for remark in self._conclusions.transaction(transaction):
             remark.job = job
             remarks.append(remark)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
-from . import pcap, pcapng
+from . import bus_log, pcap, pcapng
 from .closing import Closing
 from .errors import CaptureError
 from .frame import Frame, WholeFrame
@@ -37,11 +37,13 @@ class Capture(Closing):
         window = Window(stream)
         window.more(0, 4)
         head = bytes(window.view[: min(4, window.end)])
-        self._reader: pcap.PcapReader | pcapng.PcapngReader
+        self._reader: pcap.PcapReader | pcapng.PcapngReader | bus_log.BusLogReader
         if pcap.recognised(head):
             self._reader = pcap.PcapReader(window)
         elif pcapng.recognised(head):
             self._reader = pcapng.PcapngReader(window)
+        elif log := bus_log.recognised(window):
+            self._reader = log
         else:
             raise CaptureError(_not_a_capture(head, window.broken))
         self._frames = self._read()
@@ -91,6 +93,12 @@ class Capture(Closing):
         return self._reader.dropped
 
     @property
+    def timed(self) -> bool:
+        """Whether frames have times; a log of PROFIBUS may have none."""
+        reader = self._reader
+        return not isinstance(reader, bus_log.BusLogReader) or reader.timed
+
+    @property
     def gaps(self) -> bool:
         """Whether frames lack between two others."""
         return bool(self.dropped)
@@ -106,7 +114,10 @@ def _not_a_capture(head: bytes, broken: str | None) -> str:
         return broken
     if not head:
         return "the file is empty"
-    return f"not a capture: it begins with {head.hex(' ')}, expected is pcap or pcapng (.gz, .zst)"
+    return (
+        f"not a capture: it begins with {head.hex(' ')}, expected is pcap or pcapng (.gz, .zst), "
+        "or a recording with frames of PROFIBUS"
+    )
 
 
 def holds_capture(path: str | Path) -> bool:
@@ -119,7 +130,8 @@ def holds_capture(path: str | Path) -> bool:
         window = Window(stream)
         window.more(0, 4)
         head = bytes(window.view[: min(4, window.end)])
-        return pcap.recognised(head) or pcapng.recognised(head)
+        capture = pcap.recognised(head) or pcapng.recognised(head)
+        return capture or bus_log.recognised(window) is not None
     finally:
         stream.close()
 
@@ -127,8 +139,8 @@ def holds_capture(path: str | Path) -> bool:
 def open_capture(source: str | Path | BinaryIO, *, name: str | None = None) -> Capture:
     """Open a capture: a path, "-" for stdin, or a binary file object (which stays open).
 
-    pcap, pcapng, gzip and zstd are recognised by content. `name` is shown instead of the path.
-    Raises CaptureError when nothing can be read at all.
+    pcap, pcapng, recordings of PROFIBUS (bus_log.py), gzip and zstd are recognised by content. `name` is
+    shown instead of the path. Raises CaptureError when nothing can be read at all.
     """
     stream = Stream(source, name)
     try:

@@ -118,6 +118,11 @@ class Series(Closing):
         return whole and self.problem is None
 
     @property
+    def timed(self) -> bool:
+        """As `Capture.timed`, of the file that is open."""
+        return self._capture is None or self._capture.timed
+
+    @property
     def gaps(self) -> bool:
         """Whether frames lack between two others: dropped ones, a missing or a damaged file."""
         missing = any(file.missing_before for file in self.files[1:])
