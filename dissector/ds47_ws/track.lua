@@ -442,7 +442,7 @@ local PARTS = {}
 
 function PARTS.message(view)
   local request = view.item.request
-  return request and current.records.decode_request(request)
+  return request and current.events.decode_request(request)
 end
 
 function PARTS.response(view)
