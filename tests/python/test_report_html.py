@@ -386,8 +386,8 @@ def test_the_words_that_fill_a_diagnosis_are_of_its_language():
         template = row.message if lang == "en" else row.message_zh
         told = template.format(
             device=DRIVE,
-            place=words["place"].format(slot=1, subslot=2, index="47"),
-            other=words["place"].format(slot=3, subslot=4, index="0xB02E"),
+            place=words["place"].format(slot="1.2", index="47"),
+            other=words["place"].format(slot="3.4", index="0xB02E"),
             status="DF80B600",
         )
         assert getattr(messages.message(moved), lang) == told

@@ -557,6 +557,7 @@ def test_every_word_of_the_commands_too():
         "diff_",
         "decode_",
         "summary_",
+        "ms1_",
     )
     for key, texts in command_words().items():
         assert key not in report_words()
