@@ -190,7 +190,9 @@ IP_CALL = make.ipv4(make.udp(make.rpc()))
         (bytes(14) + b"\x81\x00\x00\x01\x08\x00" + IP_CALL, SLL, True),
         (b"\x08\x00" + bytes(18) + IP_CALL, SLL2, True),
         (IP_CALL, RAW, True),
-        (make.call(), 147, False),
+        (make.call(), 148, False),
+        (make.call(), 147, True),  # anything may be PROFIBUS there
+        (make.call(), 257, True),
     ],
 )
 def test_predicate(frame: bytes, link_type: int, wanted: bool) -> None:

@@ -116,6 +116,7 @@ def test_a_transaction_is_put_together_from_its_frames() -> None:
         "state": "ok",
         "controller": "10.0.0.1",
         "device": "10.0.0.2",
+        "station": None,
         "ar": None,
         "api": 0x3A00,
         "slot": 1,
