@@ -39,8 +39,8 @@ M.CallTracker = CallTracker
 -- @param handlers a table with methods, who hear what becomes of a call in the order of the capture:
 --   asked(call); answered(call), positive or negative; failed(call), when the station refused it before MS1
 --   (`fault`; `record.response` has the place alone); lost(call), when another service began, or nothing came
---   any more, or it is the oldest of too many; and unasked(call), an answer without its request. One that is negative says neither slot nor
---   index: nobody hears of it
+--   any more, or it is the oldest of too many; and unasked(call), an answer without its request. One that is
+--   negative says neither slot nor index: nobody hears of it
 function CallTracker.new(handlers)
   return setmetatable({
     handlers = handlers,
