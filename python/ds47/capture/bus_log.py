@@ -160,8 +160,10 @@ def _lines(chunks: Iterable[bytes], encoding: str) -> Iterator[str]:
 
 
 def recognised(window: Window) -> BusLogReader | None:
-    """The reader of what stands in a window; None where it is no recording of PROFIBUS."""
-    window.more(0, _LOOKED_AT)
+    """The reader of what stands in a window; None where it is no recording of PROFIBUS.
+
+    Nothing more is read: who feeds a pipe may wait.
+    """
     head = bytes(window.view[: min(_LOOKED_AT, window.end)])
     encoding = _text(head)
     if encoding is not None:
