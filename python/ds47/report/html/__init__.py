@@ -45,6 +45,7 @@ SCRIPTS = (
     "parameters",
     "overview",
     "plots",
+    "cursor",
     "timelines",
     "page",
 )
@@ -117,6 +118,7 @@ def page(overview: list[Overview], views: list[CaptureView], lang: str) -> str:
         "views": sorted(views, key=lambda each: worst_first(each.overview)),
         "most_drives": DRIVES,
         "words_of": say,
+        "data_element": embed.data_element,
         "left": timelines.LEFT,
         "width": timelines.WIDTH,
         "right": timelines.RIGHT,

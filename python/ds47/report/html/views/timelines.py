@@ -10,13 +10,15 @@ import itertools
 from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any
 
 from ds47.cyclic.closeup import Seen, closeup
 from ds47.model import CaptureResult, Event, Finding, Point, Relation, Timeline, Transaction, Value
 from ds47.report import timelines as told
-from ds47.report.bilingual import state
+from ds47.report.bilingual import operation, state
 from ds47.report.formatting import parameter
 from ds47.report.html.texts import Both, say
+from ds47.report.html.views.cursor import Reach, readings
 from ds47.report.json import timestamp
 from ds47.report.reference import Reference
 from ds47.spec import cyclic
@@ -114,6 +116,8 @@ class Drawing:
     times: list[Tick]
     frames: list[float]
     height: float
+    readings: dict[str, Any]
+    """What the cursor reads (`cursor.readings`)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,8 +179,8 @@ class _Canvas:
     ) -> None:  # fmt: skip
         self.path = result.path
         self.start_ns = result.start_ns or 0
-        self.frames: list[int] = []
-        """Times of all frames of the drive, where somebody looked at all of them."""
+        self.frames: dict[int, int] = {}
+        """Times and numbers of all frames of the drive, where somebody looked at all of them."""
         self.reference = reference
         self.timeline = timeline
         self.relation = relation
@@ -221,7 +225,7 @@ class _Canvas:
         canvas = self
         if seen:
             canvas = copy(self)
-            canvas.frames = [each.time_ns for each in seen]
+            canvas.frames = {each.time_ns: each.frame for each in seen}
             canvas.timeline = replace(
                 self.timeline,
                 setpoint=_points(seen, self.timeline.setpoint, by_controller=True),
@@ -291,6 +295,7 @@ class _Drawing:
             times=[Tick(self._x(at), label, at / 1e6) for at, label in self._times()],
             frames=self._ticks(),
             height=height,
+            readings=self._readings(),
         )  # fmt: skip
 
     def _x(self, time_ns: int) -> float:
@@ -419,15 +424,28 @@ class _Drawing:
 
     def _lanes(self, y: float) -> list[Lane]:
         found: dict[str, list[Transaction]] = {}
-        for job in self.canvas.jobs:
-            end = job.start_ns + (job.duration_ns or 0)
-            if end >= self.first_ns and job.start_ns <= self.last_ns:
-                name = f"{job.channel.upper()} {job.controller}"
-                found.setdefault(name, []).append(job)
+        for name, job in self._seen_jobs():
+            found.setdefault(name, []).append(job)
         return [
             Lane(name, y + LANE * n, list(self._jobs(jobs)))
             for n, (name, jobs) in enumerate(sorted(found.items()))
         ]
+
+    def _seen_jobs(self) -> Iterator[tuple[str, Transaction]]:
+        """Lane and transaction of each job of these times."""
+        for job in self.canvas.jobs:
+            end = job.start_ns + (job.duration_ns or 0)
+            if end >= self.first_ns and job.start_ns <= self.last_ns:
+                yield f"{job.channel.upper()} {job.controller}", job
+
+    def _readings(self) -> dict[str, Any]:
+        canvas = self.canvas
+        reach = Reach(canvas.start_ns, self.first_ns, self.last_ns)
+        jobs = [
+            (lane, job, operation(job.operation).joined(Both(_long(job, "en"), _long(job, "zh"))))
+            for lane, job in self._seen_jobs()
+        ]
+        return readings(canvas.timeline, jobs, reach, canvas.reference, canvas.frames)
 
     def _jobs(self, jobs: Sequence[Transaction]) -> Iterator[Box]:
         """One after the other; what is too narrow for its words has them behind it, where nothing else is."""
@@ -462,7 +480,7 @@ class _Drawing:
             or (self.last_ns - self.first_ns) / 1e6 > 3 * CYCLES * relation.cycle_ms
         ):
             return []
-        times = self.canvas.frames or [each.time_ns for each in self.canvas.timeline.actual]
+        times = list(self.canvas.frames) or [each.time_ns for each in self.canvas.timeline.actual]
         return [self._x(each) for each in times if self._is_seen(each)]
 
 

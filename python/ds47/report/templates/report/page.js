@@ -58,6 +58,7 @@ function setLanguage(lang) {
     for (const table of Object.values(tables)) table.retell();
     if (plots && drawn) plots.draw();
   }
+  retellCursors();
   nameTheme();
 }
 
@@ -111,6 +112,8 @@ function follow(hash) {
   if (job) return openJob(Number(job[1]), Number(job[2]));
   const target = hash.length > 1 ? document.getElementById(hash.slice(1)) : null;
   if (target instanceof HTMLDetailsElement) target.open = true;
+  const fold = target && target.closest("details:not([open])");
+  if (fold) fold.open = true;
   if (target) target.scrollIntoView();
   return Promise.resolve(Boolean(target));
 }
