@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from ds47.export import Key, Outcome, Selection
 
 _UNREADABLE, _NOTHING = 3, 1
+_LINKS = {"profibus": 257, "user0": 147}
 _FILES_SHOWN = 20
 """Files of a series whose filters are printed."""
 
@@ -60,7 +61,7 @@ _FILES_SHOWN = 20
     "devices",
     multiple=True,
     metavar="DEVICE",
-    help="IP address, MAC address or station name.",
+    help="IP address, MAC address or station name; on PROFIBUS dp3.",
 )
 @click.option(
     "-s",
@@ -86,6 +87,11 @@ _FILES_SHOWN = 20
     "output_name",
     metavar="FILE",
     help="File, folder, or - for stdout; else NAME.ds47.pcapng in this folder.",
+)
+@click.option(
+    "--link",
+    type=click.Choice(tuple(_LINKS)),
+    help="Link type of frames of PROFIBUS: profibus (257) or user0 (147), which every Wireshark opens.",
 )
 @click.option("--force", is_flag=True, help="Let -o write over a capture that is there already.")
 @click.option(
@@ -116,6 +122,7 @@ def command(
     anonymise: bool,
     everything: bool | None,
     key_name: str | None,
+    link: str | None,
     series: bool,
     lang: str,
     **options: Any,
@@ -146,6 +153,7 @@ def command(
     )
     span = _Span(_moment("--from", start), _moment("--to", end))
     run = _Run(options_from(**options), selection, span, bool(everything), lang)
+    run.bus_link = _LINKS[link] if link else None
     found = tasks(paths, series, run.misses)
     targets = _targets(found, output_name)
     refuse_links(targets)
@@ -206,6 +214,7 @@ class _Run:
         self._span = span
         self._everything = everything
         self._key: Key | None = None
+        self.bus_link: int | None = None
         self.key_path: Path | None = None
         self.replaced: Sequence[str] = ()
         self.misses = Misses()
@@ -231,7 +240,10 @@ class _Run:
             with _source(task) as source:
                 selection = self._span.applied(self._selection, source)
                 sink = sys.stdout.buffer if target == STDIN else target
-                done = export(source, sink, selection, self._options, self._key, self._everything)
+                done = export(
+                    source, sink, selection, self._options, self._key, self._everything,
+                    self.bus_link,
+                )  # fmt: skip
                 if self._key is not None and self.key_path is not None and done.frames:
                     self._key.save(self.key_path)
         except CaptureError as problem:

@@ -22,6 +22,7 @@ from ds47.capture import Interface, PcapngWriter, WholeFrame
 from ds47.capture.scan import ETHERNET, IPV4, network_layer
 from ds47.capture.writer import nearest
 from ds47.model import PKW, CaptureResult
+from ds47.profibus.bus import LINK_TYPES
 from ds47.profinet import dcp, lldp, rpc
 from ds47.profinet.link import mac
 from ds47.profinet.records import NIL_UUID, parse_request, parse_response
@@ -37,6 +38,7 @@ from ds47.spec.layouts import (
 )
 
 from .anonymise import Anonymiser, Knowledge
+from .bus import BusFrames
 from .drafts import Draft, Drafts
 from .earlier import APPLICATION, OF_THE_ORIGINAL, is_earlier_export
 from .mapping import Key, KeyFileError
@@ -94,6 +96,7 @@ def export(
     options: AnalysisOptions | None = None,
     key: Key | None = None,
     everything: bool = False,
+    bus_link: int | None = None,
 ) -> Outcome:
     """Exports the frames of one capture.
 
@@ -105,10 +108,12 @@ def export(
         options: of the analysis.
         key: anonymises with this key, and learns new originals.
         everything: with a key, replaces all values of parameters too.
+        bus_link: link type that frames of PROFIBUS get; None leaves them theirs.
 
     Raises:
         ds47.capture.CaptureError: nothing can be read.
-        SelectionError: something is asked for that this capture does not have.
+        SelectionError: something is asked for that this capture does not have, or frames of PROFIBUS are to be
+            anonymised.
         OSError: the target cannot be written; a link to a file is not followed.
         ValueError: frames of other protocols are wanted, and anonymised.
     """
@@ -117,6 +122,8 @@ def export(
     options = options or AnalysisOptions()
     with opened(source) as capture:
         result = analyze(capture, options)
+    if key is not None and any(each.station is not None for each in result.transactions):
+        raise SelectionError("frames of PROFIBUS cannot be anonymised: export them without")
     names = None if key is None else {rule.id: rule.name for rule in spec.rules().values()}
     chosen = choose(result, selection, names)
     outcome = Outcome(result)
@@ -124,6 +131,7 @@ def export(
     if key is None:
         wanted |= _cyclic(chosen)  # nobody replaces what is in these
         frames: Iterable[WholeFrame] = _plain(source, wanted, selection, chosen)
+        frames = frames if bus_link is None else _relinked(frames, bus_link)
     else:
         anonymiser = Anonymiser(key, _knowledge(result, options, everything))
         key.learning = True
@@ -158,9 +166,11 @@ class _Survey:
 
     def run(self, original: Original) -> set[int]:
         """Numbers of the wanted frames."""
-        tracker = Tracker()
+        tracker, bus = Tracker(), BusFrames(self._selection, self._chosen)
         with opened(original) as capture:
             for frame in capture:
+                if bus.wants(frame):
+                    self._wanted.add(frame.number)
                 found = tracker.feed(frame)
                 if isinstance(found, Message):
                     self._message(found)
@@ -271,6 +281,18 @@ def _plain(
     for frame in whole_frames(original, lambda number: every or number in wanted):
         if frame.number in wanted or (selection.in_time(frame.time_ns) and _touches(frame, chosen)):
             yield frame
+
+
+def _relinked(frames: Iterable[WholeFrame], link_type: int) -> Iterator[WholeFrame]:
+    """The same with another link type for those of PROFIBUS."""
+    interfaces: dict[Interface, Interface] = {}
+    for frame in frames:
+        about = frame.interface
+        if about.link_type in LINK_TYPES:
+            if about not in interfaces:
+                interfaces[about] = Interface(link_type, about.snap_length, about.options)
+            frame.interface = interfaces[about]
+        yield frame
 
 
 def _touches(frame: WholeFrame, chosen: Chosen) -> bool:

@@ -114,6 +114,11 @@ def _find_devices(result: CaptureResult, selection: Selection, chosen: Chosen) -
             for each in result.devices
             if wanted.lower() in (each.ip, each.mac, (each.station or "").lower())
         ]
+        if wanted.lower() in {
+            each.device for each in result.transactions if each.station is not None
+        }:
+            chosen.ips.add(wanted.lower())
+            continue
         if not found:
             raise SelectionError(f"no device {wanted!r}; {_devices(result)}")
         chosen.ips.update(each.ip for each in found)
@@ -123,9 +128,11 @@ def _find_devices(result: CaptureResult, selection: Selection, chosen: Chosen) -
 def _devices(result: CaptureResult) -> str:
     shown = [
         f"{each.ip} ({escape(each.station)})" if each.station else each.ip
-        for each in result.devices[:12]
+        for each in result.devices
     ]
-    more = f" and {len(result.devices) - 12} more" if len(result.devices) > 12 else ""
+    shown += sorted({each.device for each in result.transactions if each.station is not None})
+    more = f" and {len(shown) - 12} more" if len(shown) > 12 else ""
+    shown = shown[:12]
     return f"there are {', '.join(shown)}{more}" if shown else "the capture shows no device"
 
 
