@@ -600,3 +600,44 @@ def test_a_size_that_no_source_prints_is_called_unconfirmed(code: int, doubted: 
     assert ("unconfirmed" in meaning.title) is doubted
     (chinese,) = explain(f"format 0x{code:02X}", "zh")
     assert ("未确认" in chinese.title) is doubted
+
+
+RETURNED = {
+    "consistent_data": ("SFC14", "SFC15", "sfc 14", "DPRD_DAT", "dpwr_dat"),
+    "record_data": ("SFC58", "SFC59", "WR_REC", "rd_rec"),
+}
+
+
+@pytest.mark.parametrize("lang", LANGUAGES)
+@pytest.mark.parametrize("kind", RETURNED)
+def test_what_system_functions_return(kind: str, lang: str) -> None:
+    table = tomllib.loads((resources.files("ds47.spec") / "explain.toml").read_text("utf-8"))
+    codes = [code for row in table["number"] if row["kind"] == kind for code in row["codes"]]
+    assert len(codes) > 10
+    assert len(set(codes)) == len(codes)
+    for code in codes:
+        for word in RETURNED[kind]:
+            signed = code - 0x10000 if code > 0x7FFF else code
+            forms = (f"{code:04X}", f"16#{code:04X}", *([str(signed)] if code else ()))
+            for text in (f"{word} {form}" for form in forms):
+                meaning = next(each for each in explain(text, lang) if each.known)
+                assert (meaning.kind, meaning.code) == (kind, f"0x{code:04X}"), text
+        assert f"0x{code:04X} = {signed}" in meaning.title
+        assert explain(meaning.name, lang)[0] == meaning
+        assert meaning.look
+        assert meaning.plc
+        for text in (meaning.title, meaning.look, *(each.text for each in meaning.causes)):
+            assert bool(CHINESE.search(text)) == (lang == "zh"), text
+        assert bool(meaning.filter) == (kind == "record_data")
+
+
+def test_what_a_system_function_does_not_return() -> None:
+    (meaning, *_) = explain("SFC14 8123")
+    assert not meaning.known
+    assert "RET_VAL 0x8123" in meaning.title
+    assert all(each.kind == "status" for each in explain("80B1")), "a bare word stays what it was"
+
+
+def test_lengths_of_ppo_are_told_where_the_length_is_wrong() -> None:
+    (meaning,) = explain("SFC14 80B1")
+    assert "8 bytes for PKW" in meaning.causes[0].text

@@ -10,7 +10,17 @@ from typing import Any
 
 from ds47 import spec
 from ds47.cyclic.pzd import missing, signed, state
-from ds47.explain.forms import CYCLIC, FORMAT, RULE, STATUS, WORD, Reading, UnknownFormError, read
+from ds47.explain.forms import (
+    BYTE,
+    CYCLIC,
+    FORMAT,
+    RULE,
+    STATUS,
+    WORD,
+    Reading,
+    UnknownFormError,
+    read,
+)
 from ds47.spec import cyclic, explanations
 from ds47.spec.explanations import Entry
 from ds47.spec.statuses import status_hex, status_text
@@ -123,6 +133,9 @@ def _meanings(
     value = reading.value
     if kind in CYCLIC:
         yield _cyclic_word(str(kind), value, lang)
+    elif kind in RETURNED:
+        if reading.size in (BYTE, WORD):
+            yield _number(str(kind), value, lang)
     elif reading.size == RULE:
         yield _rule(value, lang)
     elif reading.size == FORMAT:
@@ -321,6 +334,12 @@ def _decimal_byte(value: int, lang: str, vendor: Maker | None) -> Iterator[Meani
         yield _number("response_id", value, lang)
 
 
+RETURNED = ("consistent_data", "record_data")
+"""Kinds of words that system functions of a CPU return: of cyclic data, and of records."""
+_FILTERS = {"error_code": "service"} | dict.fromkeys(RETURNED, "")
+"""Kinds of which the filters have another name, or which have none."""
+
+
 def _names(kind: str) -> Mapping[int, str]:
     """The codes of a kind that the tables know, with their names."""
     rows = _TABLES[kind]().items()
@@ -337,28 +356,29 @@ _TABLES: Mapping[str, Callable[[], Mapping[int, Any]]] = {
 def _number(kind: str, value: int, lang: str) -> Meaning:
     """An id, attribute, format, index or first byte of a status."""
     words = explanations.words(lang)
-    wide = kind == "index" and value > 0xFF
+    wide = kind in RETURNED or (kind == "index" and value > 0xFF)
     code = f"0x{value:0{4 if wide else 2}X}"
+    shown = value - 0x10000 if kind in RETURNED and value > 0x7FFF else value  # an INT of the PLC
     known, name = True, ""
     if kind == "error_code":
         name = spec.status(lang).code[value]
-    elif kind != "index":
+    elif kind != "index" and kind not in RETURNED:
         known, name = value in _names(kind), _names(kind).get(value, "")
     entry = explanations.of_number(kind, value)
     known = known and entry is not None and name != "Reserved"
     if entry is None or not known:
-        plain = words[f"plain_{kind}"].format(code=code, decimal=value)
+        plain = words[f"plain_{kind}"].format(code=code, decimal=shown)
         title = f"{plain}{words['separator']}{words['unknown_error_text']}"
         entry = explanations.of_unknown()
     else:
         size = _size(value, words) if kind == "format" else ""
         headline = entry.headline(lang).format(name=name, size=size)
-        title = words[kind].format(code=code, decimal=value, text=headline)
+        title = words[kind].format(code=code, decimal=shown, text=headline)
     alone = code if kind == "error_code" else f"{explanations.kind_word(kind)} {code}"
     return _meaning(
         kind, code, alone, title, known, entry, lang, rank=_rank_of(kind, value),
         parts=_other_names(value, words) if known and kind == FORMAT else (),
-        filter_name=entry.filter or (kind if kind != "error_code" else "service"),
+        filter_name=entry.filter or _FILTERS.get(kind, kind),
         values={"value": code.lower(), "code": code.lower(), "name": name or code},
     )  # fmt: skip
 
