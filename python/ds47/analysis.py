@@ -16,7 +16,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 from ds47.acyclic.index47 import Index47
 from ds47.acyclic.judge import Judge
-from ds47.acyclic.ms1_calls import Ms1Calls
+from ds47.acyclic.ms1_calls import Ms1Calls, StartUps
 from ds47.acyclic.pairing import Job, Pairing, Peer
 from ds47.acyclic.record_calls import RecordCalls
 from ds47.acyclic.record_events import RecordEvents
@@ -215,7 +215,8 @@ class Analysis:
         )
         services = Ms1Calls(self._events, self._diagnoses.foreign)
         self._services = ServiceTracker(services.handlers())
-        self._bus = Bus((self._services.take,))
+        start_ups = StartUps(self._pairing.connected)
+        self._bus = Bus((start_ups.take, self._services.take))
         self._answers: dict[Job, list[Remark]] = {}
         self._remarks: dict[Exchange, list[Remark]] = {}
         """What is wrong with the transport of open jobs."""

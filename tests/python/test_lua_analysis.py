@@ -312,7 +312,9 @@ def test_records_by_ms1_give_the_same_result(version: str, tmp_path: Path) -> No
             master.write(path, PROFIBUS_DL if number % 2 else USER0)
             sources.append(Source(stored_.name, path.read_bytes(), number % 5 == 0))
     assert len(sources) > 100
-    for number, frames in enumerate(test_lua_profibus.by_chance()):
+    again = (test_profibus_analysis.SET_PRM, test_profibus_analysis.SHORT)
+    told = [test_profibus_analysis.read_back(*between) for between in ((), again)]
+    for number, frames in enumerate([*told, *test_lua_profibus.by_chance()]):
         with PcapngWriter(path, link_type=PROFIBUS_DL) as writer:
             for at, data in enumerate(frames):
                 writer.write(at * 1_000_000, data)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from test_profibus_calls import Talk
 
 from ds47.analysis import analyze
 from ds47.capture import open_capture
@@ -188,6 +189,35 @@ def test_the_same_records_give_the_same_transactions(tmp_path: Path, link_type: 
 
 def rules(item: Transaction) -> set[str]:
     return set(item.findings) - OTHER_RULES
+
+
+def read_back(*between: bytes) -> list[bytes]:
+    """p1082 is written, and reads back something else; what comes between the two."""
+    change = "020201011001043a0000080141200000"
+    talk = Talk().ask("5f002f10" + change).answer().ask("").answer("5f002f10")
+    talk.ask("5e002ff0").answer("5e002f04" + "02020101").add(*between)
+    talk.ask("5f002f0a" + "030101011001043a0000").answer().ask("").answer("5f002f0a")
+    return talk.ask("5e002ff0").answer("5e002f0a" + "03010101080141100000").frames
+
+
+SET_PRM = telegram.encode(STATION, MASTER, 0x7D, bytes.fromhex("b81e010080b501"), 61, 62)
+
+
+@pytest.mark.parametrize(
+    ("between", "found"),
+    [((), ["DS417"]), ((SET_PRM, SHORT), []), ((SET_PRM,), ["DS417"])],
+    ids=["nothing", "parameters", "parameters-without-answer"],
+)
+def test_a_station_that_gets_its_parameters_may_have_been_off(
+    tmp_path: Path, between: tuple[bytes, ...], found: list[str]
+) -> None:
+    target = tmp_path / "bus.pcapng"
+    with PcapngWriter(target, link_type=PROFIBUS_DL) as writer:
+        for number, data in enumerate(read_back(*between)):
+            writer.write(number * 1_000_000, data)
+    result = analyze(target)
+    assert [each.state for each in result.transactions] == ["ok", "ok"]
+    assert [each.rule for each in result.findings if each.rule == "DS417"] == found
 
 
 def test_what_is_no_profibus_says_nothing(tmp_path: Path) -> None:

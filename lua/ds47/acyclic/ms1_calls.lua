@@ -3,6 +3,8 @@
 -- Sits between the services (services.lua) and the records (record_events.lua), as record_calls.lua
 -- does for RPC. Which frames a service has, and what is wrong with them, is not here.
 
+local dp = require("ds47.profibus.dp")
+
 local M = {}
 
 local Ms1Calls = {}
@@ -26,6 +28,27 @@ function M.peer(master, station)
     peers[key] = peer
   end
   return peer
+end
+
+local StartUps = {}
+StartUps.__index = StartUps
+
+--- Hears of the exchanges of a line, for the stations that get their parameters (Set_Prm): a station may have
+-- been switched off and on before that, as a device before its Connect.
+-- @param pairing   is told of them: pairing:connected(master, station, frame)
+-- @param services  hears of every exchange after that (services.lua)
+function M.start_ups(pairing, services)
+  return setmetatable({pairing = pairing, services = services}, StartUps)
+end
+
+--- An exchange; one without an answer says nothing here.
+function StartUps:take(exchange)
+  local item = exchange.request.item
+  if item.request and exchange.answer and dp.service(item) == "parameters" and item.sa and item.da then
+    local peer = M.peer(item.sa, item.da)
+    self.pairing:connected(peer.controller, peer.device, exchange.request.frame)
+  end
+  self.services:take(exchange)
 end
 
 -- Where something happens to a record, as record_events.lua takes it.

@@ -12,6 +12,8 @@ from functools import lru_cache
 from ds47.acyclic.pairing import Peer
 from ds47.acyclic.record_events import Jobs, RecordEvents
 from ds47.acyclic.services import Call, Handlers
+from ds47.profibus import dp
+from ds47.profibus.line import Exchange
 from ds47.profinet.records import Record
 
 
@@ -64,6 +66,28 @@ class Ms1Calls:
             self._foreign(who, record)
         if self._events.concerns(record.index):
             self._events.unasked(who, record, None)
+
+
+class StartUps:
+    """Hears of the exchanges of a line, for the stations that get their parameters (Set_Prm).
+
+    A station may have been switched off and on before that, as a device before its Connect.
+
+    Args:
+        connected: is told master, station and frame.
+    """
+
+    def __init__(self, connected: Callable[[str, str, int], None]) -> None:
+        self._connected = connected
+
+    def take(self, exchange: Exchange) -> None:
+        """An exchange; those of other services say nothing here, nor does one without an answer."""
+        item = exchange.request.item
+        if dp.service(item) != dp.PARAMETERS or not item.request or exchange.answer is None:
+            return
+        if item.sa is not None and item.da is not None:
+            who = peer(item.sa, item.da)
+            self._connected(who.controller, who.device, exchange.request.frame)
 
 
 @lru_cache(maxsize=4096)
