@@ -17,6 +17,7 @@ from typing import Any
 import pytest
 import troubles
 from fake_tshark import real_tshark
+from test_profibus_calls import WRITE, Talk
 
 from ds47 import spec
 from ds47.analysis import AnalysisOptions, analyze
@@ -25,6 +26,7 @@ from ds47.capture.scan import ETHERNET, SLL, SLL2
 from ds47.capture.writer import PcapngWriter
 from ds47.cyclic.named import parse
 from ds47.model import CaptureResult, Finding, Transaction
+from ds47.profibus.bus import PROFIBUS_DL
 from ds47.profidrive import Options
 from ds47.report import contract, load
 from ds47.report import json as report
@@ -277,6 +279,20 @@ def test_a_clock_that_is_set_by_decades(ready: Callable[..., Engine], tmp_path: 
     native = analyze(moved)
     assert min(each.duration_ns or 0 for each in native.transactions) < -(2**53)
     assert as_json(ready().analyze(moved)) == as_json(native)  # not one DS601
+
+
+def test_profibus_is_not_compared(ready: Callable[..., Engine], tmp_path: Path) -> None:
+    path = tmp_path / "bus.pcapng"
+    talk = Talk().ask(WRITE).answer().ask("").answer("5f002f0a")
+    with PcapngWriter(path, link_type=PROFIBUS_DL) as writer:
+        for number, data in enumerate(talk.frames):
+            writer.write(number, data)
+    with pytest.raises(CaptureError, match="does not know frames of PROFIBUS: use --engine native"):
+        ready("tshark").analyze(path)
+    both = ready("both").analyze(path)
+    (said,) = [each for each in both.findings if each.rule == "DS601"]
+    assert "not compared, the plugin does not know frames of PROFIBUS" in sentence(said)
+    assert len(both.transactions) == 1
 
 
 def test_a_single_time_before_1970(ready: Callable[..., Engine], tmp_path: Path) -> None:

@@ -95,6 +95,11 @@ class Engine:
                 if not self._both:
                     raise CaptureError(f"{native.path}: {problem}") from problem
                 found, errors = None, [str(problem)]
+        if any(each.station is not None for each in native.transactions):
+            text = "the plugin does not know frames of PROFIBUS"
+            if not self._both:
+                raise CaptureError(f"{native.path}: {text}: use --engine native")
+            found, errors = None, [f"not compared, {text}"]
         if capture.misfit is not None:
             text = f"the time of frame {capture.misfit} is too far from the others for tshark"
             if self._both:
