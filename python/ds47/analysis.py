@@ -29,6 +29,7 @@ from ds47.cyclic.channels import CyclicChannels
 from ds47.cyclic.conclusions import Conclusions
 from ds47.cyclic.handshake import Job as PkwJob
 from ds47.cyclic.named import Name
+from ds47.cyclic.ppo import Ppo
 from ds47.cyclic.relations import Relation
 from ds47.cyclic.senders import senders
 from ds47.cyclic.transactions import build as build_pkw
@@ -216,7 +217,7 @@ class Analysis:
         services = Ms1Calls(self._events, self._diagnoses.foreign)
         self._services = ServiceTracker(services.handlers())
         start_ups = StartUps(self._pairing.connected)
-        self._bus = Bus((start_ups.take, self._services.take))
+        self._bus = Bus((start_ups.take, self._services.take, Ppo(self._cyclic).take))
         self._answers: dict[Job, list[Remark]] = {}
         self._remarks: dict[Exchange, list[Remark]] = {}
         """What is wrong with the transport of open jobs."""

@@ -28,6 +28,7 @@ from ds47.spec.cyclic import telegrams
 from ds47.spec.semantics import Limits
 
 _FRAME_ID = 2
+_MAC = len("00:11:22:33:44:55")
 _VALID, _GOOD = 0x04, 0x80
 """The bit of the status of a frame that says that its data is valid, and that of IOPS."""
 _KEPT = 256
@@ -225,7 +226,7 @@ class CyclicChannels:
         """Whether the bytes of what might be PKW turned out to be the words of a drive."""
         return pkw.certainty == LENGTHS and any(
             each.proven and not each.behind
-            and (each.relation.place, each.relation.subslot) == (pkw.place, pkw.subslot)
+            and (each.relation.place, each.relation.spot) == (pkw.place, pkw.spot)
             for each in self._drives
         )  # fmt: skip
 
@@ -266,12 +267,30 @@ class CyclicChannels:
         if self._lines:
             self._tell()
 
+    def configured(self, relations: Sequence[Relation]) -> None:
+        """A station of PROFIBUS gets its configuration: the channels in its data, in place of those before."""
+        for relation in relations:
+            self._drop(relation.output.source, relation.input.source)
+        self.is_set_up = True
+        for relation in relations:
+            if relation.channel in self._wanted and len(self._relations) < self._bounds.relations:
+                self._add(relation)
+        self._tell()
+
+    def exchanged(self, source: bytes, data: bytes, frame: int, time_ns: int) -> None:
+        """Data of a station of PROFIBUS; one side of a relation at a time (`ppo.source`)."""
+        for line, each, sent in self._sides.get((source.hex(":"), 0), ()):
+            if len(data) >= each.offset + each.length and line.relation.frame != frame:
+                self._take(line, each, sent, data, frame, time_ns)
+
     def _replace(self, controller: str, device: str) -> None:
         """The stations set up all their channels anew."""
-        macs = [bytes.fromhex(each.replace(":", "")) for each in (controller, device)]
+        self._drop(*(bytes.fromhex(each.replace(":", "")) for each in (controller, device)))
+
+    def _drop(self, output: bytes, input_: bytes) -> None:
         for line in list(self._lines):
             relation = line.relation
-            if [relation.output.source, relation.input.source] == macs:
+            if (relation.output.source, relation.input.source) == (output, input_):
                 self._end(line)
                 self._lines.remove(line)
 
@@ -296,7 +315,7 @@ class CyclicChannels:
         """A relation is PKW: what is beside or behind it is PZD, and nothing else is in its bytes."""
         beside = [each for each in self._drives if each.relation.place == pkw.place]
         for each in list(beside):
-            if each.relation.subslot == pkw.subslot and not each.behind:
+            if each.relation.spot == pkw.spot and not each.behind:
                 each.refuted = True
                 beside.remove(each)
         if len(beside) == 1:
@@ -311,6 +330,7 @@ class CyclicChannels:
         self._watch([
             Watch(bytes.fromhex(mac.replace(":", "")), frame_id, _apart(each.parts for _, each, _ in found))
             for (mac, frame_id), found in self._sides.items()
+            if len(mac) == _MAC
         ])  # fmt: skip
 
     def frame(self, packet: Packet) -> None:
@@ -319,20 +339,22 @@ class CyclicChannels:
         found = self._sides.get((packet.src_mac or "", int.from_bytes(data[:_FRAME_ID])))
         for line, each, sent in found or ():
             if len(data) >= _FRAME_ID + max(each.offset + each.length, (each.status or 0) + 1):
-                self._take(line, each, sent, data[_FRAME_ID:], packet)
+                self._take(line, each, sent, data[_FRAME_ID:], packet.frame, packet.time_ns)
             if isinstance(line, Drive) and line.hopeless:
                 self._lines.remove(line)
                 given_up = True
         if given_up:
             self._tell()
 
-    def _take(self, line: _Line, each: Side, sent: bool, data: bytes, packet: Packet) -> None:
+    def _take(
+        self, line: _Line, each: Side, sent: bool, data: bytes, frame: int, time_ns: int
+    ) -> None:
         if line.start_ns is None:
-            line.start_ns = packet.time_ns
+            line.start_ns = time_ns
         if line.relation.frame is None:
-            line.relation.frame = packet.frame
-        cycle = round((packet.time_ns - line.start_ns) / max(each.cycle_ns, 1))
-        at = Moment(packet.frame, packet.time_ns, cycle)
+            line.relation.frame = frame
+        cycle = round((time_ns - line.start_ns) / max(each.cycle_ns, 1))
+        at = Moment(frame, time_ns, cycle)
         if (each.status is None or data[each.status] & _VALID) and (
             each.iops is None or data[each.iops] & _GOOD
         ):

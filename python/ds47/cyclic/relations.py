@@ -21,6 +21,8 @@ _LEAST_PZD = 4
 _PPO = ((12, 12), (20, 20))
 """Lengths of one submodule with PKW in front of its process data."""
 _WORD = 2
+_STATIONS = 2
+"""Bytes of a sender on PROFIBUS; a MAC address has six."""
 SIEMENS = 0x002A
 """PROFINET vendor id."""
 _LONGEST = 1440
@@ -81,8 +83,20 @@ class Relation:
 
     @property
     def place(self) -> tuple[str, str, int | None, int | None]:
-        """The stations and the slot: PKW and PZD of one drive have them in common."""
+        """The stations and the slot: PKW and PZD of one drive have them in common, on PROFIBUS the stations."""
+        if self.is_bus:
+            return self.controller, self.device, None, None
         return self.controller, self.device, self.api, self.slot
+
+    @property
+    def spot(self) -> tuple[int | None, int | None]:
+        """Slot and subslot: PKW and PZD behind it may have one in common."""
+        return self.slot, self.subslot
+
+    @property
+    def is_bus(self) -> bool:
+        """Whether it is one of PROFIBUS: senders are stations, two bytes with the receiver."""
+        return len(self.output.source) == _STATIONS
 
     @property
     def is_judged(self) -> bool:

@@ -1,0 +1,75 @@
+"""PKW and PZD in the data exchange of PROFIBUS: what Chk_Cfg says of its modules, as relations.
+
+Hears of the exchanges of a line. Which modules a configuration has is `ds47.profibus.dp`; what the words mean is
+the business of `channels` and of those behind it, for PROFINET and PROFIBUS alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ds47.cyclic.channels import CyclicChannels
+from ds47.cyclic.pkw import LENGTH
+from ds47.cyclic.relations import Relation, Side
+from ds47.model import LENGTHS, PKW, PZD
+from ds47.profibus import dp
+from ds47.profibus.line import Exchange
+
+_WORD = 2
+
+
+def source(sender: int, receiver: int) -> bytes:
+    """What stands for a sender where frames have stations, and neither MAC address nor frame id."""
+    return bytes((sender, receiver))
+
+
+class Ppo:
+    """Feeds channels with the data of stations whose configuration was seen.
+
+    Args:
+        channels: takes the relations, and the data.
+    """
+
+    def __init__(self, channels: CyclicChannels) -> None:
+        self._channels = channels
+        self._idents: dict[int, int] = {}
+        """Ident numbers by station, as Set_Prm has them."""
+
+    def take(self, exchange: Exchange) -> None:
+        """An exchange that is over; one without an answer says nothing."""
+        item, answer = exchange.request.item, exchange.answer
+        master, station = item.sa, item.da
+        if answer is None or master is None or station is None:
+            return
+        name = dp.service(item)
+        if name == dp.EXCHANGE:
+            seen = exchange.request
+            told = source(master, station), source(station, master)
+            self._channels.exchanged(told[0], item.du, seen.frame, seen.time_ns)
+            self._channels.exchanged(told[1], answer.item.du, answer.frame, answer.time_ns)
+        elif name == dp.CONFIGURATION:
+            found = relations(master, station, dp.configuration(item.du), exchange.request.frame)
+            self._channels.configured(list(found))
+
+
+def relations(master: int, station: int, told: dp.Configuration, frame: int) -> Iterator[Relation]:
+    """The channels of a configuration; none where it is no PPO that is known."""
+    output = input_ = 0
+    for number, (module, role) in enumerate(zip(told.modules, told.roles, strict=True), start=1):
+        lengths = [0 if area is None else area.length for area in (module.outputs, module.inputs)]
+        if role is not None:
+            sides = [
+                Side(
+                    source(*way), 0, offset, length, LENGTH if role == dp.PKW else _WORD,
+                    iops=None, status=None, cycle_ns=0,
+                )
+                for way, offset, length in (
+                    ((master, station), output, lengths[0]), ((station, master), input_, lengths[1]),
+                )
+            ]  # fmt: skip
+            yield Relation(
+                PKW if role == dp.PKW else PZD, f"dp{master}", f"dp{station}", vendor_id=None,
+                ar=None, api=None, slot=number, subslot=None, telegrams=(),
+                output=sides[0], input=sides[1], frame=frame, certainty=LENGTHS,
+            )  # fmt: skip
+        output, input_ = output + lengths[0], input_ + lengths[1]
