@@ -10,10 +10,11 @@ from collections.abc import Iterator
 
 from ds47.cyclic.channels import CyclicChannels
 from ds47.cyclic.pkw import LENGTH
-from ds47.cyclic.relations import Relation, Side
+from ds47.cyclic.relations import Relation, Side, fitting_telegrams
 from ds47.model import LENGTHS, PKW, PZD
 from ds47.profibus import dp
 from ds47.profibus.line import Exchange
+from ds47.spec import profibus
 
 _WORD = 2
 
@@ -44,18 +45,33 @@ class Ppo:
         name = dp.service(item)
         if name == dp.EXCHANGE:
             seen = exchange.request
-            told = source(master, station), source(station, master)
-            self._channels.exchanged(told[0], item.du, seen.frame, seen.time_ns)
-            self._channels.exchanged(told[1], answer.item.du, answer.frame, answer.time_ns)
+            out, in_ = source(master, station), source(station, master)
+            self._channels.exchanged(out, item.du, seen.frame, seen.time_ns)
+            self._channels.exchanged(in_, answer.item.du, answer.frame, answer.time_ns)
+        elif name == dp.PARAMETERS:
+            told = dp.decode(item)
+            if isinstance(told, dp.Parameters) and told.ident is not None:
+                self._idents[station] = told.ident
         elif name == dp.CONFIGURATION:
-            found = relations(master, station, dp.configuration(item.du), exchange.request.frame)
+            vendor = profibus.vendor(self._idents.get(station))
+            found = relations(
+                master, station, dp.configuration(item.du), vendor, exchange.request.frame
+            )
             self._channels.configured(list(found))
 
 
-def relations(master: int, station: int, told: dp.Configuration, frame: int) -> Iterator[Relation]:
+def relations(
+    master: int, station: int, told: dp.Configuration, vendor_id: int | None, frame: int
+) -> Iterator[Relation]:
     """The channels of a configuration; none where it is no PPO that is known."""
     output = input_ = 0
-    for number, (module, role) in enumerate(zip(told.modules, told.roles, strict=True), start=1):
+    words = [
+        (each.outputs.length, each.inputs.length)
+        for each, role in zip(told.modules, told.roles, strict=True)
+        if role == dp.PZD and each.outputs and each.inputs
+    ]
+    telegrams = fitting_telegrams(words, pkw=dp.PKW in told.roles)
+    for module, role in zip(told.modules, told.roles, strict=True):
         lengths = [0 if area is None else area.length for area in (module.outputs, module.inputs)]
         if role is not None:
             sides = [
@@ -68,8 +84,8 @@ def relations(master: int, station: int, told: dp.Configuration, frame: int) -> 
                 )
             ]  # fmt: skip
             yield Relation(
-                PKW if role == dp.PKW else PZD, f"dp{master}", f"dp{station}", vendor_id=None,
-                ar=None, api=None, slot=number, subslot=None, telegrams=(),
+                PKW if role == dp.PKW else PZD, f"dp{master}", f"dp{station}", vendor_id=vendor_id,
+                ar=None, api=None, slot=None, subslot=None, telegrams=telegrams,
                 output=sides[0], input=sides[1], frame=frame, certainty=LENGTHS,
             )  # fmt: skip
         output, input_ = output + lengths[0], input_ + lengths[1]

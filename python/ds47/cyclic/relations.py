@@ -90,7 +90,9 @@ class Relation:
 
     @property
     def spot(self) -> tuple[int | None, int | None]:
-        """Slot and subslot: PKW and PZD behind it may have one in common."""
+        """What lies at another spot is not in the same bytes: slot and subslot, on PROFIBUS the offsets."""
+        if self.is_bus:
+            return self.output.offset, self.input.offset
         return self.slot, self.subslot
 
     @property
@@ -145,13 +147,13 @@ def _of_slot(there: list[Submodule]) -> Iterator[Found]:
     for each in there:
         lengths = _lengths(each)
         if lengths == words and others:
-            yield Found(model.PKW, each, 0, _telegrams(others, pkw=True))
+            yield Found(model.PKW, each, 0, fitting_telegrams(others, pkw=True))
             continue
         if lengths in _PPO:
             rest = (lengths[0] - LENGTH, lengths[1] - LENGTH)
-            yield Found(model.PKW, each, 0, _telegrams([rest], pkw=True))
-            yield Found(model.PZD, each, LENGTH, _telegrams([rest], pkw=True))
-        known = _telegrams([lengths], pkw=bool(others))
+            yield Found(model.PKW, each, 0, fitting_telegrams([rest], pkw=True))
+            yield Found(model.PZD, each, LENGTH, fitting_telegrams([rest], pkw=True))
+        known = fitting_telegrams([lengths], pkw=bool(others))
         if known or (others and min(lengths) >= _LEAST_PZD):
             yield Found(model.PZD, each, 0, known)
 
@@ -169,7 +171,7 @@ def _lengths(submodule: Submodule) -> tuple[int, int]:
     return submodule.output.length, submodule.input.length
 
 
-def _telegrams(lengths: list[tuple[int, int]], pkw: bool) -> tuple[int, ...]:
+def fitting_telegrams(lengths: list[tuple[int, int]], pkw: bool) -> tuple[int, ...]:
     """The telegrams, with PKW or without, whose process data has one of these lengths (output, input)."""
     return tuple(
         row.number for each in lengths for row in telegrams().values()

@@ -178,6 +178,18 @@ def _unread() -> Mapping[str, Mapping[str, str]]:
     return MappingProxyType({row["id"]: row for row in _load("profibus.toml")["unread"]})
 
 
+@cache
+def _idents() -> Mapping[int, int]:
+    return MappingProxyType(
+        {row["number"]: row["vendor"] for row in _load("profibus.toml")["ident"]}
+    )
+
+
+def vendor(ident: int | None) -> int | None:
+    """PROFINET vendor id of the maker of a drive, by the ident number of its GSD; None where that is not known."""
+    return None if ident is None else _idents().get(ident)
+
+
 def unread_ids() -> tuple[str, ...]:
     """All reasons why a line of a log is not read."""
     return tuple(_unread())
