@@ -294,6 +294,10 @@ def _profibus() -> Iterator[str]:
     }
     yield from block("M.profibus.services", services)
     yield from block("M.profibus.service_ids", _by_slave(profibus.service_ids()))
+    vendors = ", ".join(
+        f"[0x{number:04X}] = 0x{each:04X}" for number, each in profibus.vendors().items()
+    )
+    yield f"M.profibus.vendors = {{{vendors}}}"
     known = [fields(row, ("number", "modules", "pkw")) for row in profibus.ppos()]
     yield from block("M.profibus.ppos", known)
     yield from rows("M.profibus.functions", profibus.functions(), ("id", "en", "zh", "negative"))

@@ -18,10 +18,13 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import pytest
+import test_cyclic_scenes
 import test_lua_profibus
 import test_profibus_analysis
+import test_profibus_ppo
 import troubles
 from test_conversations import CASES, capture
+from test_cyclic_scenes import SCENES
 from tests.audit import conversations, seeds
 from whole_capture import of_transactions
 
@@ -319,6 +322,17 @@ def test_records_by_ms1_give_the_same_result(version: str, tmp_path: Path) -> No
             for at, data in enumerate(frames):
                 writer.write(at * 1_000_000, data)
         sources.append(Source(f"by chance {number}", path.read_bytes(), False))
+    compare(version, "en", sources, tmp_path)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_ppo_gives_the_same_result(version: str, tmp_path: Path) -> None:
+    sources = []
+    for number, name in enumerate(test_profibus_ppo.scenes()):
+        content = test_profibus_ppo.on_profibus(test_cyclic_scenes.capture(SCENES[name]))
+        if content is not None:
+            sources.append(Source(name, content, number % 9 == 0 and len(content) < SMALL))
+    assert len(sources) > 30
     compare(version, "en", sources, tmp_path)
 
 

@@ -35,10 +35,9 @@ StartUps.__index = StartUps
 
 --- Hears of the exchanges of a line, for the stations that get their parameters (Set_Prm): a station may have
 -- been switched off and on before that, as a device before its Connect.
--- @param pairing   is told of them: pairing:connected(master, station, frame)
--- @param services  hears of every exchange after that (services.lua)
-function M.start_ups(pairing, services)
-  return setmetatable({pairing = pairing, services = services}, StartUps)
+-- @param pairing is told of them: pairing:connected(master, station, frame)
+function M.start_ups(pairing)
+  return setmetatable({pairing = pairing}, StartUps)
 end
 
 --- An exchange; one without an answer says nothing here.
@@ -48,7 +47,6 @@ function StartUps:take(exchange)
     local peer = M.peer(item.sa, item.da)
     self.pairing:connected(peer.controller, peer.device, exchange.request.frame)
   end
-  self.services:take(exchange)
 end
 
 -- Where something happens to a record, as record_events.lua takes it.

@@ -217,7 +217,7 @@ function Channels:proven(pkw)
   local place, beside = relations.place(pkw), {}
   for _, each in ipairs(self.drives_) do
     if relations.place(each.relation) == place then
-      if each.relation.subslot == pkw.subslot and not each.behind then
+      if relations.is_same_spot(each.relation, pkw) and not each.behind then
         each.refuted = true
       else
         beside[#beside + 1] = each
@@ -267,7 +267,7 @@ local function watch(self)
   for _, line in ipairs(self.lines) do
     for _, each in ipairs(line.ends) do
       local id = each.side.frame_id
-      if floor(id / 256) ~= DCP then
+      if floor(id / 256) ~= DCP and not relations.is_bus(line.relation) then
         local key = each.side.source .. ETHERTYPE .. char(floor(id / 256), id % 256)
         local row = self.rows[key]
         if row == nil then
@@ -314,6 +314,17 @@ function Channels:connected(request, response)
   watch(self)
 end
 
+--- A station of PROFIBUS gets its configuration: the channels in its data, in place of those before.
+-- @param found  array of relations
+-- @param frame  of the configuration
+function Channels:configured(found, frame)
+  for _, relation in ipairs(found) do replace(self, relation.output.source, relation.input.source, frame) end
+  for _, relation in ipairs(found) do
+    if #self.all < self.limits.relations then add(self, relation, false) end
+  end
+  watch(self)
+end
+
 -- What there is
 
 --- The proven lines of PZD.
@@ -329,8 +340,8 @@ end
 local function is_pzd(self, pkw)
   if pkw.certainty ~= LENGTHS then return false end
   for _, each in ipairs(self.drives_) do
-    if each:is_proven() and not each.behind and each.relation.subslot == pkw.subslot
-      and relations.place(each.relation) == relations.place(pkw) then
+    if each:is_proven() and not each.behind and relations.place(each.relation) == relations.place(pkw)
+      and relations.is_same_spot(each.relation, pkw) then
       return true
     end
   end
@@ -503,6 +514,23 @@ function Channels:frame(row, frame, at, number, time)
     local each = row[place]
     if take(each, frame, at, number, time) then self.moved[#self.moved + 1] = each end
     hopeless = hopeless or (each.line.is_hopeless ~= nil and each.line:is_hopeless())
+  end
+  if hopeless then give_up(self) end
+end
+
+--- Data of a station of PROFIBUS: one side of a relation at a time.
+-- @param source  sender and receiver, two bytes
+-- @param number, time  of the frame; a time as times.lua has it
+function Channels:exchanged(source, data, number, time)
+  self.moved = {}
+  local hopeless = false
+  for _, line in ipairs(self.lines) do
+    for _, each in ipairs(line.ends) do
+      if each.side.source == source and take(each, data, 0, number, time) then
+        self.moved[#self.moved + 1] = each
+      end
+    end
+    hopeless = hopeless or (line.is_hopeless ~= nil and line:is_hopeless())
   end
   if hopeless then give_up(self) end
 end

@@ -22,6 +22,7 @@ local M = {
 }
 
 local LEAST_PZD = 4
+local STATIONS = 2 -- bytes of a sender on PROFIBUS; a MAC address has six
 local LONGEST = 1440 -- bytes of data that a cyclic frame has at the most
 
 -- Whether data lies in its frame: what a device sets up does, a broken capture may say anything.
@@ -60,8 +61,8 @@ local function known_telegrams()
   return telegrams
 end
 
--- Adds the numbers of the telegrams, with PKW or without, whose process data has these lengths.
-local function add_telegrams(numbers, output, input, pkw)
+--- Adds the numbers of the telegrams, with PKW or without, whose process data has these lengths.
+function M.add_telegrams(numbers, output, input, pkw)
   for _, each in ipairs(known_telegrams()) do
     if each.pkw == pkw and each.output == output and each.input == input then
       numbers[#numbers + 1] = each.number
@@ -81,7 +82,7 @@ local function beside(slot)
     words = words or is(each, LENGTH)
     if may_be_pzd(each) and not is(each, LENGTH) then
       others = true
-      add_telegrams(numbers, each.output.length, each.input.length, true)
+      M.add_telegrams(numbers, each.output.length, each.input.length, true)
     end
   end
   return words and others, numbers
@@ -98,11 +99,11 @@ local function of_slot(slot, result)
       found(M.PKW, each, 0, numbers)
     else
       if is(each, 12) or is(each, 20) then -- PPO1 and PPO2
-        local rest = add_telegrams({}, output - LENGTH, input - LENGTH, true)
+        local rest = M.add_telegrams({}, output - LENGTH, input - LENGTH, true)
         found(M.PKW, each, 0, rest)
         found(M.PZD, each, LENGTH, rest)
       end
-      local own = add_telegrams({}, output, input, others)
+      local own = M.add_telegrams({}, output, input, others)
       if #own > 0 or others and may_be_pzd(each) then found(M.PZD, each, 0, own) end
     end
   end
@@ -163,10 +164,24 @@ function M.is_judged(relation)
   return relation.vendor_id == M.SIEMENS or (named and relation.vendor_id == nil)
 end
 
---- The stations and the slot as a key: PKW and PZD of one drive have them in common.
+--- Whether a relation is one of PROFIBUS: senders are stations, two bytes with the receiver.
+function M.is_bus(relation)
+  return #relation.output.source == STATIONS
+end
+
+--- The stations and the slot as a key: PKW and PZD of one drive have them in common; on PROFIBUS there are only
+-- stations.
 function M.place(relation)
   local place = relation.slot and relation.api .. "." .. relation.slot or "-"
   return relation.controller .. " " .. relation.device .. " " .. place
+end
+
+--- Whether two relations of a place are in the same bytes, or one behind the other in one submodule.
+function M.is_same_spot(one, other)
+  if M.is_bus(one) or M.is_bus(other) then
+    return one.output.offset == other.output.offset and one.input.offset == other.input.offset
+  end
+  return one.slot == other.slot and one.subslot == other.subslot
 end
 
 return M

@@ -9,16 +9,17 @@ local telegram = require("ds47.profibus.telegram")
 -- LINKTYPE_PROFIBUS_DL, and the link type that is everybody's own: PROFIBUS where a frame of it proves that.
 local M = {PROFIBUS_DL = 257, USER0 = 147}
 
+local NONE = {}
 local PROVES = {SD1 = true, SD2 = true, SD3 = true}
 
 local Bus = {}
 Bus.__index = Bus
 
 --- One line of PROFIBUS.
--- @param listener  hears of each exchange when it is over: listener:take(exchange)
-function M.new(listener)
+-- @param listeners  array; each hears of every exchange when it is over: listener:take(exchange)
+function M.new(listeners)
   return setmetatable({
-    listener = listener,
+    listeners = listeners,
     proven = false, -- whether a frame with the right check byte was seen: USER0 may be anything
     line = line.Line.new(),
   }, Bus)
@@ -27,8 +28,8 @@ end
 local function tell(self, ...)
   for number = 1, select("#", ...) do
     local exchange = select(number, ...)
-    if exchange then
-      self.listener:take(exchange)
+    for _, listener in ipairs(exchange and self.listeners or NONE) do
+      listener:take(exchange)
     end
   end
 end

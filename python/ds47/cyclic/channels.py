@@ -279,9 +279,15 @@ class CyclicChannels:
 
     def exchanged(self, source: bytes, data: bytes, frame: int, time_ns: int) -> None:
         """Data of a station of PROFIBUS; one side of a relation at a time (`ppo.source`)."""
+        given_up = False
         for line, each, sent in self._sides.get((source.hex(":"), 0), ()):
-            if len(data) >= each.offset + each.length and line.relation.frame != frame:
+            if len(data) >= each.offset + each.length:
                 self._take(line, each, sent, data, frame, time_ns)
+            if isinstance(line, Drive) and line.hopeless:
+                self._lines.remove(line)
+                given_up = True
+        if given_up:
+            self._tell()
 
     def _replace(self, controller: str, device: str) -> None:
         """The stations set up all their channels anew."""

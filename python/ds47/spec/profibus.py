@@ -179,15 +179,15 @@ def _unread() -> Mapping[str, Mapping[str, str]]:
 
 
 @cache
-def _idents() -> Mapping[int, int]:
-    return MappingProxyType(
-        {row["number"]: row["vendor"] for row in _load("profibus.toml")["ident"]}
-    )
+def vendors() -> Mapping[int, int]:
+    """PROFINET vendor id of the maker, by the ident numbers of drives that are known."""
+    rows = _load("profibus.toml")["ident"]
+    return MappingProxyType({row["number"]: row["vendor"] for row in rows})
 
 
 def vendor(ident: int | None) -> int | None:
     """PROFINET vendor id of the maker of a drive, by the ident number of its GSD; None where that is not known."""
-    return None if ident is None else _idents().get(ident)
+    return None if ident is None else vendors().get(ident)
 
 
 def unread_ids() -> tuple[str, ...]:

@@ -1,0 +1,93 @@
+-- PKW and PZD in the data exchange of PROFIBUS: what Chk_Cfg says of its modules, as relations
+-- (docs/profibus.md 3).
+--
+-- Hears of the exchanges of a line. Which modules a configuration has is dp.lua; what the words mean is the
+-- business of channels.lua and of those behind it, for PROFINET and PROFIBUS alike.
+
+local dp = require("ds47.profibus.dp")
+local pkw = require("ds47.cyclic.pkw")
+local relations = require("ds47.cyclic.relations")
+local tables = require("ds47.spec.tables")
+
+local char, format = string.char, string.format
+
+local M = {}
+
+local Ppo = {}
+Ppo.__index = Ppo
+
+--- Feeds channels with the data of stations whose configuration was seen.
+-- @param channels takes the relations, and the data (channels.lua)
+function M.new(channels)
+  return setmetatable({
+    channels = channels,
+    idents = {}, -- ident numbers by station, as Set_Prm has them
+  }, Ppo)
+end
+
+--- What stands for a sender where frames have stations, and neither MAC address nor frame id.
+function M.source(sender, receiver)
+  return char(sender, receiver)
+end
+
+-- The telegrams that the process data may be.
+local function telegrams_of(told)
+  local numbers, with_pkw = {}, false
+  for _, module in ipairs(told.modules) do with_pkw = with_pkw or module.role == "PKW" end
+  for _, module in ipairs(told.modules) do
+    if module.role == "PZD" and module.outputs and module.inputs then
+      relations.add_telegrams(numbers, module.outputs.length, module.inputs.length, with_pkw)
+    end
+  end
+  return numbers
+end
+
+local function side(source, offset, length, is_pkw)
+  return {
+    source = source, frame_id = 0, offset = offset, length = length,
+    watched = is_pkw and pkw.LENGTH or relations.WORD, iops = nil, status = nil, cycle_ns = 0,
+  }
+end
+
+--- The channels of a configuration; none where it is no PPO that is known.
+-- @param told as `dp.configuration` gives it
+-- @param vendor_id of the maker of the drive; nil where that is not known
+function M.relations(master, station, told, vendor_id, frame)
+  local found, output, input, telegrams = {}, 0, 0, telegrams_of(told)
+  for _, module in ipairs(told.modules) do
+    local out = module.outputs and module.outputs.length or 0
+    local in_ = module.inputs and module.inputs.length or 0
+    if module.role then
+      local is_pkw = module.role == "PKW"
+      found[#found + 1] = {
+        channel = is_pkw and relations.PKW or relations.PZD, controller = format("dp%d", master),
+        device = format("dp%d", station), vendor_id = vendor_id, telegrams = telegrams,
+        output = side(M.source(master, station), output, out, is_pkw),
+        input = side(M.source(station, master), input, in_, is_pkw),
+        frame = frame, certainty = relations.LENGTHS,
+      }
+    end
+    output, input = output + out, input + in_
+  end
+  return found
+end
+
+--- An exchange that is over; one without an answer says nothing.
+function Ppo:take(exchange)
+  local item, answer = exchange.request.item, exchange.answer
+  if not answer or not item.request or not item.sa or not item.da then
+    return
+  end
+  local name, frame = dp.service(item), exchange.request.frame
+  if name == "exchange" then
+    self.channels:exchanged(M.source(item.sa, item.da), item.du, frame, exchange.request.time_ns)
+    self.channels:exchanged(M.source(item.da, item.sa), answer.item.du, answer.frame, answer.time_ns)
+  elseif name == "parameters" then
+    self.idents[item.da] = dp.decode(item).ident
+  elseif name == "configuration" then
+    local vendor = tables.profibus.vendors[self.idents[item.da] or -1]
+    self.channels:configured(M.relations(item.sa, item.da, dp.configuration(item.du), vendor, frame), frame)
+  end
+end
+
+return M
