@@ -411,10 +411,13 @@ LENGTHS, SEEN, NAMED, REFUTED = "lengths", "seen", "named", "refuted"
 
 
 class Side(NamedTuple):
-    """One direction of a relation: who sends it, in frames of which id, and its first byte behind that id."""
+    """One direction of a relation: who sends it, in frames of which id, and its first byte behind that id.
+
+    On PROFIBUS the sender is a station (`dp2`), and the frames of a data exchange have no id.
+    """
 
     mac: str
-    frame_id: int
+    frame_id: int | None
     offset: int
     length: int
 

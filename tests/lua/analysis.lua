@@ -111,6 +111,10 @@ local function diagnosis(item)
 end
 
 local function side(item)
+  if #item.source == 2 then
+    local mac = "dp" .. item.source:byte()
+    return {mac = mac, frame_id = json.null, offset = item.offset, length = item.length}
+  end
   return {mac = item.source:gsub(".", function(each) return ("%02x:"):format(each:byte()) end):sub(1, -2),
     frame_id = item.frame_id, offset = item.offset, length = item.length}
 end

@@ -169,8 +169,8 @@ function M.is_bus(relation)
   return #relation.output.source == STATIONS
 end
 
---- The stations and the slot as a key: PKW and PZD of one drive have them in common; on PROFIBUS there are only
--- stations.
+--- The stations and the slot as a key: PKW and PZD of one drive have them in common; on PROFIBUS there are
+-- stations alone.
 function M.place(relation)
   local place = relation.slot and relation.api .. "." .. relation.slot or "-"
   return relation.controller .. " " .. relation.device .. " " .. place

@@ -8,6 +8,7 @@ local all_frames = require("ds47.acyclic.transactions").all_frames
 local filters = require("ds47.report.filters")
 local opening = require("ds47.report.summary")
 local plc = require("ds47.report.plc")
+local is_bus = require("ds47.cyclic.relations").is_bus
 local tables = require("ds47.spec.tables")
 local targets = require("ds47.report.targets")
 local timelines = require("ds47.report.timelines")
@@ -148,7 +149,7 @@ end
 
 local function relation_line(item, lang)
   local numbers = concat(item.telegrams, ", ")
-  return say(lang, "relation", {
+  return say(lang, is_bus(item) and "relation_ppo" or "relation", {
     where = where_of(item), channel = item.channel:upper(),
     telegram = numbers ~= "" and say(lang, "relation_telegram", { numbers = numbers }) or "",
     output = format("%04X", item.output.frame_id), output_at = item.output.offset,

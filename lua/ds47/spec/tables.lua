@@ -1229,6 +1229,7 @@ M.report_words = {
   frame_in_file = {en = "{frame} ({number} of {file})", zh = "{frame}（{file} 的帧 {number}）"},
   relations_head = {en = "Channels in cyclic frames", zh = "循环帧中的通道"},
   relation = {en = "{where} {channel}{telegram}  output 0x{output} from byte {output_at}, input 0x{input} from byte {input_at}{cycle}  {certainty}", zh = "{where} {channel}{telegram}  输出 0x{output} 自字节 {output_at}，输入 0x{input} 自字节 {input_at}{cycle}  {certainty}"},
+  relation_ppo = {en = "{where} {channel}{telegram}  data exchange: output from byte {output_at}, input from byte {input_at}{cycle}  {certainty}", zh = "{where} {channel}{telegram}  数据交换：输出自字节 {output_at}，输入自字节 {input_at}{cycle}  {certainty}"},
   relation_words = {en = "telegram {number}: output {output}; input {input}", zh = "报文 {number}：输出 {output}；输入 {input}"},
   relation_cycle = {en = ", every {cycle}", zh = "，周期 {cycle}"},
   relation_telegram = {en = ", lengths of telegram {numbers}", zh = "，长度同报文 {numbers}"},

@@ -55,6 +55,8 @@ class Side:
 
     def told(self) -> model.Side:
         """As the report has it."""
+        if len(self.source) == _STATIONS:
+            return model.Side(f"dp{self.source[0]}", None, self.offset, self.length)
         return model.Side(self.source.hex(":"), self.frame_id, self.offset, self.length)
 
 

@@ -358,23 +358,24 @@ FILE = Shape("file", (
 
 
 _SIDE = Shape("", (
-    Key("mac", TEXT),
-    Key("frame_id", whole(0, 0xFFFF)),
-    Key("offset", COUNT, "Of its first byte, from the byte behind the frame id."),
+    Key("mac", TEXT, "Of the sender; on PROFIBUS dp and its address."),
+    Key("frame_id", whole(0, 0xFFFF, maybe=True), "Null on PROFIBUS."),
+    Key("offset", COUNT, "Of its first byte, from the byte behind the frame id; on PROFIBUS in the data."),
     Key("length", COUNT),
 ), model.Side)  # fmt: skip
 RELATION = Shape("relation", (
     Key("channel", ref("channel")),
     Key("controller", TEXT),
     Key("device", TEXT),
-    Key("api", whole(0, 0xFFFF_FFFF, maybe=True), "Null where the channel was named by hand."),
+    Key("api", whole(0, 0xFFFF_FFFF, maybe=True), "Null where the channel was named by hand, and on PROFIBUS."),
     Key("slot", WORD),
     Key("subslot", WORD),
     Key("telegrams", many(COUNT), "Those that the lengths allow."),
     Key("output", {}, "From the controller to the device.", shape=_SIDE),
     Key("input", {}, "From the device to the controller.", shape=_SIDE),
     Key("cycle_ms", {"type": ["number", "null"]}, "From one frame of the device to the next."),
-    Key("frame", FRAME, "The response to the Connect; of a channel named by hand its first frame."),
+    Key("frame", FRAME,
+        "The response to the Connect, on PROFIBUS Chk_Cfg; of a channel named by hand its first frame."),
     Key("certainty", {"enum": [model.LENGTHS, model.SEEN, model.NAMED, model.REFUTED]},
         "Its lengths fit; what a drive says was seen; named by hand; named, and no drive has such words."),
 ), model.Relation, "A channel in cyclic frames; docs/cyclic.md.")  # fmt: skip

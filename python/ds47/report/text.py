@@ -142,11 +142,13 @@ class Writer(_Writer):
         self._title(self._say("relations_head"))
         for each in relations[:RELATIONS_LISTED]:
             numbers = ", ".join(map(str, each.telegrams))
+            out, in_ = each.output.frame_id, each.input.frame_id
             self._line("  " + self._say(
-                "relation", where=_where(each), channel=each.channel.upper(),
+                "relation_ppo" if out is None else "relation",
+                where=_where(each), channel=each.channel.upper(),
                 telegram=self._say("relation_telegram", numbers=numbers) if numbers else "",
-                output=f"{each.output.frame_id:04X}", output_at=each.output.offset,
-                input=f"{each.input.frame_id:04X}", input_at=each.input.offset,
+                output=f"{out or 0:04X}", output_at=each.output.offset,
+                input=f"{in_ or 0:04X}", input_at=each.input.offset,
                 cycle=self._cycle(each.cycle_ms),
                 certainty=self._say(_certainty(each)),
             ))  # fmt: skip
