@@ -47,6 +47,18 @@ local function with_points(item)
   return item
 end
 
+-- A side of a relation has the bytes of its sender, and on PROFIBUS those of the receiver as well.
+local function with_source(side, receiver)
+  local station, other = side.mac:match("^dp(%d+)$"), receiver.mac:match("^dp(%d+)$")
+  if station then
+    side.source, side.frame_id = string.char(tonumber(station), tonumber(other)), 0
+  else
+    side.source = side.mac:gsub("%x%x:?", function(digits)
+      return string.char(tonumber(digits:sub(1, 2), 16))
+    end)
+  end
+end
+
 -- Messages are bytes in a result, and hexadecimal digits in JSON; arguments keep the point of a float.
 local function as_result(result)
   for _, each in ipairs(result.transactions) do
@@ -55,6 +67,10 @@ local function as_result(result)
         return string.char(tonumber(digits, 16))
       end)
     end
+  end
+  for _, each in ipairs(result.relations or {}) do
+    with_source(each.output, each.input)
+    with_source(each.input, each.output)
   end
   for _, key in ipairs({"findings", "diagnoses"}) do
     for _, each in ipairs(result[key] or {}) do
