@@ -81,8 +81,8 @@ SIMPLE: dict[str, Schema] = {
     "error": {"anyOf": [{"type": "null"}, entity(contract.ERROR.keys)]},
 }
 SHAPES = (
-    contract.CAPTURE, contract.FILE, contract.RELATION, contract.DEVICE, contract.TRANSACTION, contract.PARAMETER,
-    contract.FINDING, contract.DIAGNOSIS,
+    contract.CAPTURE, contract.FILE, contract.RELATION, contract.BUS, contract.BUS_STATION, contract.DEVICE,
+    contract.TRANSACTION, contract.PARAMETER, contract.FINDING, contract.DIAGNOSIS,
 )  # fmt: skip
 
 _PATH = Key("path", TEXT)

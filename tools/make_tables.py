@@ -79,7 +79,7 @@ PKW_ANSWER = ("en", "zh", "width")
 LANGUAGES = ("en", "zh")
 PZD_FAMILIES = ("micromaster", "positioning")
 PZD_BIT = ("set", "clear", "set_zh", "clear_zh")
-DP_CODE = ("id", "en", "zh", "exchange", "wants", "silent")
+DP_CODE = ("id", "en", "zh", "exchange", "wants", "silent", "probe")
 DP_FLAG = ("id", "byte", "bit", "en", "zh")
 PZD_STATE = ("id", "mask", "bits", "en", "zh", "missing", "missing_zh")
 

@@ -9,6 +9,8 @@
 -- (`ended`), and the analysis itself stays as it was.
 
 local bus = require("ds47.profibus.bus")
+local bus_judge = require("ds47.profibus.judge")
+local bus_stations = require("ds47.profibus.stations")
 local calls = require("ds47.profinet.calls")
 local channels = require("ds47.cyclic.channels")
 local conclusions = require("ds47.cyclic.conclusions")
@@ -88,10 +90,15 @@ function M.new(options)
   self.events = recordevents.RecordEvents.new(self.gate, self.pairing, self.codec, self)
   self.records = recordcalls.RecordCalls.new(self.events, self.gate, self.pairing, self)
   self.calls = calls.CallTracker.new(limits, self)
-  self.services = services.CallTracker.new(ms1calls.new(self.events))
+  self.bus_judge = bus_judge.new(limits)
+  self.bus_stations = bus_stations.new(self.bus_judge)
+  self.ms1 = ms1calls.new(self.events, self.bus_judge, self.findings)
+  self.services = services.CallTracker.new(self.ms1)
+  self.start_ups = ms1calls.start_ups(self.pairing)
   self.cyclic = channels.new(self, limits, options.every_cyclic)
   self.cyclic:name(named.relations(options.cyclic or NONE))
-  self.bus = bus.new({ms1calls.start_ups(self.pairing), self.services, ppo.new(self.cyclic)})
+  local listeners = {self.bus_stations, self.start_ups, self.services, ppo.new(self.cyclic)}
+  self.bus = bus.new(listeners, self.bus_stations)
   self.conclusions = conclusions.new(limits, self.cyclic)
   return self
 end
@@ -204,11 +211,12 @@ end
 --- Takes a frame of PROFIBUS.
 -- @param link_type  one of those that profibus/bus.lua knows
 -- @param number, time_ns  of the frame
-function Analysis:bus_frame(link_type, data, number, time_ns)
+-- @param cut  true: the recording has not all of it
+function Analysis:bus_frame(link_type, data, number, time_ns, cut)
   self.result, self.last_call = nil, nil
   self.last_frame = number
   self.pairing.touched_count = 0
-  self.bus:take(link_type, data, number, time_ns)
+  self.bus:take(link_type, data, number, time_ns, cut)
 end
 
 --- Takes what names a station: the payload of a DCP ("dcp", from the frame id on) or LLDP ("lldp") frame.
@@ -320,7 +328,7 @@ end
 
 --- The complete result, as if the capture ended here; the analysis goes on as if nothing was asked.
 -- The same table until the next packet. {transactions, findings, diagnoses, devices, rpc, records, summary,
--- relations, timelines}:
+-- relations, timelines, bus}:
 -- transactions by `id`, findings by frame and rule, rpc and records (by index) as counts. Nobody may change
 -- it, and of an older result only numbers may differ from a newer one: transactions that were finished
 -- before are the same tables, with their newest `id` and `findings`.
@@ -363,6 +371,9 @@ function Analysis:_finish()
   for _, remark in ipairs(self.conclusions:finish()) do
     self.findings:add(remark)
   end
+  for _, remark in ipairs(self.bus_judge:finish(self.bus_stations)) do
+    self.findings:add(remark)
+  end
   local numbered = self.finished_jobs:numbered()
   local found, diagnoses = self.findings:result(numbered, self.finished_jobs)
   return {
@@ -375,6 +386,7 @@ function Analysis:_finish()
     summary = transactions.summary(numbered),
     relations = self.cyclic:relations(),
     timelines = self.cyclic:timelines(),
+    bus = self.bus_stations:told(self.bus.line.stray),
   }
 end
 
@@ -512,11 +524,18 @@ function Analysis:exchanged(relation, job)
 end
 
 --- A Read without record on a channel that has no request (docs/pairing.md P33).
-function Analysis:nothing_to_read(record)
+function Analysis:nothing_to_read(record, device)
   local half = record.response
-  if half ~= nil and half.status ~= nil then -- without a status it is DS108, the cause
-    self.findings:add(rules.remark("DS206", half.frame, {status = status.status_hex(half.status)}))
+  if half == nil or half.status == nil then -- without a status it is DS108, the cause
+    return
   end
+  local args = {status = status.status_hex(half.status)}
+  local never = self.start_ups:seen(device, half.frame)
+    and not self.ms1:was_written(device, record.index, half.frame)
+  if never then -- what the capture shows since the start-up cannot lie before it
+    args.device, args.index = device, record.index
+  end
+  self.findings:add(rules.remark(never and "DS808" or "DS206", half.frame, args))
 end
 
 return M

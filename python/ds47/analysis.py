@@ -39,10 +39,12 @@ from ds47.findings.remark import Exchange, Remark
 from ds47.model import CHANNELS, DS47, PKW, PZD, CaptureResult, Finding, Transaction
 from ds47.model import Relation as ToldRelation
 from ds47.profibus.bus import LINK_TYPES, Bus
+from ds47.profibus.judge import Judge as BusJudge
+from ds47.profibus.stations import Stations
 from ds47.profidrive import Options, decode_response
 from ds47.profinet.calls import CallTracker
-from ds47.profinet.records import Record
-from ds47.profinet.stations import Stations
+from ds47.profinet.records import Half, Record
+from ds47.profinet.stations import Stations as Names
 from ds47.profinet.transport import Transport
 from ds47.spec.semantics import limits
 from ds47.spec.statuses import status_hex
@@ -205,7 +207,7 @@ class Analysis:
             self._cyclic.connected, bounds,
         )  # fmt: skip
         self._calls = CallTracker(bounds, self._records.handlers())
-        self._stations = Stations(bounds.stations)
+        self._stations = Names(bounds.stations)
         self._transport = Transport(
             bounds,
             self._calls,
@@ -214,10 +216,16 @@ class Analysis:
             self._diagnoses.cut,
             self._cyclic.frame,
         )
-        services = Ms1Calls(self._events, self._diagnoses.foreign)
-        self._services = ServiceTracker(services.handlers())
-        start_ups = StartUps(self._pairing.connected)
-        self._bus = Bus((start_ups.take, self._services.take, Ppo(self._cyclic).take))
+        self._bus_judge = BusJudge(bounds)
+        self._bus_stations = Stations(self._bus_judge.heard)
+        self._ms1 = Ms1Calls(self._events, self._diagnoses.foreign, self._bus_judge, self._remark)
+        self._services = ServiceTracker(self._ms1.handlers())
+        self._start_ups = StartUps(self._pairing.connected)
+        listeners = (
+            self._bus_stations.take, self._start_ups.take, self._services.take,
+            Ppo(self._cyclic).take,
+        )  # fmt: skip
+        self._bus = Bus(listeners, self._bus_stations.frame)
         self._answers: dict[Job, list[Remark]] = {}
         self._remarks: dict[Exchange, list[Remark]] = {}
         """What is wrong with the transport of open jobs."""
@@ -262,6 +270,7 @@ class Analysis:
             summary=self._summary,
             relations=self._relations(),
             timelines=self._cyclic.timelines(),
+            bus=self._bus_stations.told(self._bus.line.stray, capture.timed),
         )
 
     @property
@@ -278,7 +287,10 @@ class Analysis:
     def _frames(self, frames: Iterable[Frame]) -> None:
         for frame in frames:
             if frame.link_type in LINK_TYPES:
-                self._bus.take(frame.link_type, frame.data, frame.number, frame.time_ns)
+                self._bus.take(
+                    frame.link_type, frame.data, frame.number, frame.time_ns,
+                    cut=len(frame.data) < frame.original_length,
+                )  # fmt: skip
             else:
                 self._transport.take_frame(frame)
 
@@ -375,8 +387,10 @@ class Analysis:
             self._findings.add(remark)
 
     def _operation(self) -> None:
-        """What the cyclic channels show when the capture is over."""
+        """What the cyclic channels, and the stations of PROFIBUS, show when the capture is over."""
         for remark in self._conclusions.finish():
+            self._findings.add(remark)
+        for remark in self._bus_judge.finish(self._bus_stations):
             self._findings.add(remark)
 
     def _hand_out(
@@ -391,7 +405,16 @@ class Analysis:
         self._diagnoses.nothing_to_read(peer, record)
         half = record.response
         if half is not None and half.status is not None:  # without a status it is DS108, the cause
-            self._findings.add(Remark("DS206", half.frame, {"status": status_hex(half.status)}))
+            self._findings.add(self._not_asked(peer, record, half))
+
+    def _not_asked(self, peer: Peer, record: Record, half: Half) -> Remark:
+        """Of a Read that found nothing; what the capture shows since the start-up cannot lie before it."""
+        status, device = status_hex(half.status or 0), peer.device
+        known = self._start_ups.seen(device, half.frame)
+        if known and not self._ms1.was_written(device, record.index, half.frame):
+            args = {"device": device, "index": record.index, "status": status}
+            return Remark("DS808", half.frame, args)
+        return Remark("DS206", half.frame, {"status": status})
 
     def _numbered(self) -> list[Transaction]:
         """The transactions in the order of their first frame, then of the position inside it."""

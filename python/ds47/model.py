@@ -501,6 +501,88 @@ class Timeline(_Plain):
     actual: list[Point] = field(default_factory=list)
 
 
+class Span(NamedTuple):
+    """The least, the mean and the most of some times, in nanoseconds."""
+
+    least_ns: int
+    mean_ns: int
+    most_ns: int
+
+    @property
+    def least_ms(self) -> float | None:
+        """The least, in milliseconds."""
+        return milliseconds(self.least_ns)
+
+    @property
+    def mean_ms(self) -> float | None:
+        """The mean, in milliseconds."""
+        return milliseconds(self.mean_ns)
+
+    @property
+    def most_ms(self) -> float | None:
+        """The most, in milliseconds."""
+        return milliseconds(self.most_ns)
+
+
+class StationDiagnosis(NamedTuple):
+    """What a station said last to Slave_Diag (docs/profibus.md 3)."""
+
+    frame: int
+    flags: list[str]
+    """Ids of the bits that are set (spec/profibus.toml)."""
+    master: int | None
+    """The master that has parameterised it; None for none."""
+    ident: int | None
+    blocks: list[bytes]
+    """Extended diagnosis."""
+
+
+class BusStation(NamedTuple):
+    """What a station of PROFIBUS did in the capture (docs/profibus.md 8); None is what nobody said."""
+
+    address: int
+    role: str
+    """"master" for one that asks, else "slave"."""
+    ident: int | None
+    """The ident number in Set_Prm, or in Slave_Diag."""
+    ppo: int | None
+    """That of Chk_Cfg."""
+    watchdog_ms: int | None
+    """As Set_Prm sets it; None where it is off, too."""
+    requests: int
+    """To it, repetitions and FDL_Status without an answer aside;"""
+    unanswered: int
+    damaged: int
+    """answers in whose place there is a damaged frame;"""
+    retries: int
+    exchanges: int
+    """data exchanges."""
+    cycle: Span | None
+    """From one data exchange to the next,"""
+    answer: Span | None
+    """and from a request to its answer; None without times."""
+    diagnoses_wanted: int
+    """How often it began to ask for Slave_Diag,"""
+    diagnoses_fetched: int
+    """and how often the master read it then."""
+    parameters: int | None
+    """Frame of the last Set_Prm that was answered,"""
+    configuration: int | None
+    """and of the last Chk_Cfg."""
+    diagnosis: StationDiagnosis | None
+
+
+@dataclass(slots=True, repr=False, eq=False)
+class Bus(_Plain):
+    """The line of PROFIBUS of a capture. `stray` answers are those that nobody asked for."""
+
+    frames: int
+    tokens: int
+    damaged: int
+    stray: int
+    stations: list[BusStation] = field(default_factory=list)
+
+
 @dataclass(slots=True, repr=False, eq=False)
 class CaptureFile(_Plain):
     """A file of a series that was read as one capture; frames are numbered through all of them.
@@ -545,6 +627,8 @@ class CaptureResult(_Plain):
     relations: list[Relation] = field(default_factory=list)
     timelines: list[Timeline] = field(default_factory=list)
     senders: list[Sender] = field(default_factory=list)
+    bus: Bus | None = None
+    """None on PROFINET."""
 
     @property
     def start(self) -> str | None:

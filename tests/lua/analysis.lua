@@ -141,6 +141,32 @@ local function timeline(item, base_seconds)
   }
 end
 
+local function span(item)
+  if not item then return json.null end
+  return {
+    least_ms = json.float(item.least / 1e6), mean_ms = json.float(item.mean / 1e6),
+    most_ms = json.float(item.most / 1e6),
+  }
+end
+
+local function bus_station(item)
+  local result = object(item, "address role ident ppo watchdog_ms requests unanswered damaged retries "
+    .. "exchanges diagnoses_wanted diagnoses_fetched parameters configuration diagnosis")
+  result.cycle, result.answer = span(item.cycle), span(item.answer)
+  if item.diagnosis then
+    result.diagnosis = object(item.diagnosis, "frame master ident")
+    result.diagnosis.flags = json.array(item.diagnosis.flags)
+    result.diagnosis.blocks = list(item.diagnosis.blocks, hex)
+  end
+  return result
+end
+
+local function bus(item)
+  local result = object(item, "frames tokens damaged stray")
+  result.stations = list(item.stations, bus_station)
+  return result
+end
+
 local function capture()
   local result, records = run:ended(), {}
   for index, counts in pairs(result.records) do
@@ -160,6 +186,7 @@ local function capture()
     timelines = #result.timelines > 0 and list(result.timelines, function(item)
       return timeline(item, run.base_seconds)
     end) or nil,
+    bus = result.bus and bus(result.bus) or nil,
   }
 end
 
@@ -212,7 +239,8 @@ function take.rt(line)
 end
 
 function take.bus(line)
-  run:bus_frame(line.link, unhex(line.data), line.frame, run:time_ns(line.seconds, line.nanoseconds))
+  local time = run:time_ns(line.seconds, line.nanoseconds)
+  run:bus_frame(line.link, unhex(line.data), line.frame, time, line.original ~= nil)
 end
 
 take["end"] = function(line)

@@ -21,6 +21,7 @@ import pytest
 import test_cyclic_scenes
 import test_lua_profibus
 import test_profibus_analysis
+import test_profibus_bus
 import test_profibus_ppo
 import troubles
 from test_conversations import CASES, capture
@@ -176,7 +177,7 @@ def expected(source: Source, lang: str, options: AnalysisOptions) -> dict[str, A
     for diagnosis in told["diagnoses"]:
         del diagnosis["filter"], diagnosis["corrected"]
     for each in told["findings"] + told["diagnoses"]:  # nil has no place in a table of Lua
-        each["args"] = {name: value for name, value in each["args"].items() if value is not None}
+        each["args"] = without_null(each["args"])
     for shown, transaction in zip(told["transactions"], result.transactions, strict=True):
         shown["start"] = list(divmod(transaction.start_ns, 10**9))
         del shown["duration_ms"]
@@ -185,6 +186,15 @@ def expected(source: Source, lang: str, options: AnalysisOptions) -> dict[str, A
         for event, known in zip(shown["events"], timeline.events, strict=True):
             event["time"] = list(divmod(known.time_ns, 10**9))
     return told
+
+
+def without_null(args: dict[str, Any]) -> dict[str, Any]:
+    """Arguments without those that are null, in a place of a record too."""
+    return {
+        name: without_null(value) if isinstance(value, dict) else value
+        for name, value in args.items()
+        if value is not None
+    }
 
 
 def text(item: Any) -> str:
@@ -334,6 +344,19 @@ def test_ppo_gives_the_same_result(version: str, tmp_path: Path) -> None:
             sources.append(Source(name, content, number % 9 == 0 and len(content) < SMALL))
     assert len(sources) > 30
     compare(version, "en", sources, tmp_path)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_lines_of_profibus_give_the_same_result(version: str, tmp_path: Path) -> None:
+    """The stations, and what is wrong there; in both languages."""
+    lines = [test_profibus_bus.everything_wrong()]
+    lines += [test_profibus_bus.by_chance(seed)[0] for seed in range(100, 140)]
+    sources = [
+        Source(f"line {number}", line.written(), number % 5 == 0)
+        for number, line in enumerate(lines)
+    ]
+    compare(version, "en", sources, tmp_path)
+    compare(version, "zh", sources[:1], tmp_path)
 
 
 @pytest.mark.parametrize("version", VERSIONS)

@@ -59,6 +59,11 @@ ELSEWHERE = {
         if rule.startswith("DS5")
     },
     **{
+        rule: "it is about a line of PROFIBUS, and these are RPC: test_profibus_bus.py"
+        for rule in spec.rules()
+        if rule.startswith("DS8")
+    },
+    **{
         rule: "only the whole capture shows it, and only to the analyzer: test_diagnoses.py"
         for rule, row in spec.rules().items()
         if rule.startswith("DS7") and row.scope == "capture"

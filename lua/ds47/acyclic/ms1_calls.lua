@@ -3,6 +3,7 @@
 -- Sits between the services (services.lua) and the records (record_events.lua), as record_calls.lua
 -- does for RPC. Which frames a service has, and what is wrong with them, is not here.
 
+local MOST_DATA = require("ds47.profibus.ms1").MOST_DATA
 local dp = require("ds47.profibus.dp")
 
 local M = {}
@@ -12,8 +13,18 @@ Ms1Calls.__index = Ms1Calls
 
 --- The handlers of a `CallTracker` of services.lua.
 -- @param events  hears of every record that may be ours (record_events.lua)
-function M.new(events)
-  return setmetatable({events = events}, Ms1Calls)
+-- @param judge   hears of refusals of what is not ours, and of polls (profibus/judge.lua)
+-- @param findings  is told what is wrong with a request: findings:add(remark)
+function M.new(events, judge, findings)
+  return setmetatable({
+    events = events, judge = judge, findings = findings,
+    written = {}, -- stations and indices that were written there -> the frame of the first time
+  }, Ms1Calls)
+end
+
+--- Whether a record was written to an index of a station before a frame.
+function Ms1Calls:was_written(device, index, before)
+  return (self.written[device .. " " .. index] or before) < before
 end
 
 local peers = {}
@@ -37,7 +48,12 @@ StartUps.__index = StartUps
 -- been switched off and on before that, as a device before its Connect.
 -- @param pairing is told of them: pairing:connected(master, station, frame)
 function M.start_ups(pairing)
-  return setmetatable({pairing = pairing}, StartUps)
+  return setmetatable({pairing = pairing, stations = {}}, StartUps)
+end
+
+--- Whether the capture has a start-up of a station before a frame.
+function StartUps:seen(device, before)
+  return (self.stations[device] or before) < before
 end
 
 --- An exchange; one without an answer says nothing here.
@@ -45,6 +61,7 @@ function StartUps:take(exchange)
   local item = exchange.request.item
   if item.request and exchange.answer and dp.service(item) == "parameters" and item.sa and item.da then
     local peer = M.peer(item.sa, item.da)
+    self.stations[peer.device] = self.stations[peer.device] or exchange.request.frame
     self.pairing:connected(peer.controller, peer.device, exchange.request.frame)
   end
 end
@@ -55,8 +72,30 @@ local function origin(call, half)
   return {frame = half.frame, time_ns = half.time_ns, peer = peer, missing = 0}
 end
 
+function Ms1Calls:_writing(call)
+  local record, device = call.record, M.peer(call.master, call.station).device
+  local place = device .. " " .. record.index
+  self.written[place] = self.written[place] or record.request.frame
+  if record.request.stated > MOST_DATA then
+    local args = {device = device, length = record.request.stated, most = MOST_DATA}
+    self.findings:add({rule = "DS809", frame = record.request.frame, args = args})
+  end
+end
+
+-- To the judge: how long the answer took, and whether it is a refusal of what is not ours.
+function Ms1Calls:_told(call, ours)
+  local record, half = call.record, call.record.response
+  self.judge:answered(call.station, call.polled, half.frame)
+  if half.status ~= 0 and not ours then
+    self.judge:refused(call.station, record.write, record.slot, record.index, half.status, half.frame)
+  end
+end
+
 function Ms1Calls:asked(call)
   local record = call.record
+  if record.write then
+    self:_writing(call)
+  end
   self.events:count(record.index, record.write)
   if self.events:concerns(record.index) then
     self.events:asked(origin(call, record.request), record)
@@ -65,7 +104,9 @@ end
 
 function Ms1Calls:answered(call)
   local record = call.record
-  if self.events:concerns(record.index) then
+  local ours = self.events:concerns(record.index)
+  self:_told(call, ours)
+  if ours then
     self.events:answered(origin(call, record.response), record)
   end
 end

@@ -160,7 +160,7 @@ Pairing.__index = Pairing
 -- @param listener  told `asked(job)` of each Write request; `refused(job)` when a Write was refused;
 --   `connected(device, frame)` of each Connect; `answered(job)`, once, when a job has its response;
 --   `closed(job)`, once, when nothing more can come; `late(job)` before a Write response changes a closed
---   one; `nothing_to_read(record)` for a Read without record on a channel that has no request
+--   one; `nothing_to_read(record, device)` for a Read without record on a channel that has no request
 function M.new(limits, listener)
   return setmetatable({
     limits = limits,
@@ -631,7 +631,7 @@ function Pairing:read_response(peer, record)
     return job
   end
   if event ~= "read_record" then
-    self.listener:nothing_to_read(record)
+    self.listener:nothing_to_read(record, peer.device)
     if half.status ~= nil then
       pass_over(channel)
     end

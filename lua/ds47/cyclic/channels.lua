@@ -314,10 +314,32 @@ function Channels:connected(request, response)
   watch(self)
 end
 
+local function same_side(one, other)
+  return one.source == other.source and one.offset == other.offset and one.length == other.length
+end
+
+-- Whether these channels are at work already: a station that starts again has the same ones.
+local function is_set_up_so(self, found)
+  local there = {}
+  for _, line in ipairs(self.lines) do
+    local relation = line.relation
+    if found[1] and relation.output.source == found[1].output.source then there[#there + 1] = relation end
+  end
+  for number, each in ipairs(found) do
+    local other = there[number]
+    if not other or each.channel ~= other.channel or each.vendor_id ~= other.vendor_id
+      or not same_side(each.output, other.output) or not same_side(each.input, other.input) then
+      return false
+    end
+  end
+  return #there == #found
+end
+
 --- A station of PROFIBUS gets its configuration: the channels in its data, in place of those before.
 -- @param found  array of relations
 -- @param frame  of the configuration
 function Channels:configured(found, frame)
+  if is_set_up_so(self, found) then return end
   for _, relation in ipairs(found) do replace(self, relation.output.source, relation.input.source, frame) end
   for _, relation in ipairs(found) do
     if #self.all < self.limits.relations then add(self, relation, false) end

@@ -17,9 +17,11 @@ Bus.__index = Bus
 
 --- One line of PROFIBUS.
 -- @param listeners  array; each hears of every exchange when it is over: listener:take(exchange)
-function M.new(listeners)
+-- @param stations  is told of each frame, and whether the recording has not all of it:
+--   stations:frame(seen, cut)
+function M.new(listeners, stations)
   return setmetatable({
-    listeners = listeners,
+    listeners = listeners, stations = stations,
     proven = false, -- whether a frame with the right check byte was seen: USER0 may be anything
     line = line.Line.new(),
   }, Bus)
@@ -35,7 +37,8 @@ local function tell(self, ...)
 end
 
 --- A frame of one of the two link types.
-function Bus:take(link_type, data, number, time_ns)
+-- @param cut  true: the recording has not all of it
+function Bus:take(link_type, data, number, time_ns, cut)
   local item = telegram.decode(data)
   if not self.proven then
     self.proven = link_type == M.PROFIBUS_DL or not item.flaws[1] and PROVES[item.kind] or false
@@ -43,7 +46,9 @@ function Bus:take(link_type, data, number, time_ns)
       return
     end
   end
-  tell(self, self.line:take({frame = number, time_ns = time_ns, item = item}))
+  local seen = {frame = number, time_ns = time_ns, item = item}
+  self.stations:frame(seen, cut)
+  tell(self, self.line:take(seen))
 end
 
 --- No frame comes any more.

@@ -12,6 +12,8 @@
 --   retried  and how many there are
 --   again    whether it repeats the exchange before between the two: the master has no answer to that
 --   silent   whether nobody answers such a request
+--   damaged  the first damaged frame that stands where its answer should; nil for none
+--   unfinished  whether nothing came behind it: its answer may be missing for that
 
 local ALL_STATIONS = require("ds47.profibus.telegram").ALL_STATIONS
 local tables = require("ds47.spec.tables")
@@ -45,6 +47,9 @@ function Line:take(seen)
   local item = seen.item
   if item.flaws[1] then
     self.damaged = self.damaged + 1
+    if self.open then
+      self.open.damaged = self.open.damaged or seen.frame
+    end
   elseif item.kind == "SD4" then
     self.tokens = self.tokens + 1
   elseif item.request then
@@ -60,6 +65,9 @@ end
 function Line:finish()
   local over = self.open
   self.open = nil
+  if over then
+    over.unfinished = true
+  end
   return over
 end
 

@@ -20,7 +20,7 @@ local NEGATIVE = 0x80 -- the bit of byte 1 of a response that says that it is a 
 -- Rules about a call that brought no record, and what the call ended with.
 local LEFT_OUT = { DS101 = "unseen", DS105 = "unseen", DS104 = "fault", DS108 = "bare", DS207 = "empty" }
 local IN_PART, CUT = "DS105", "DS106"
-local NOTHING = "DS206" -- about a Read for which no request was open
+local NOTHING = { DS206 = true, DS808 = true } -- about a Read for which no request was open
 -- The bytes of a request that its response mirrors, but for byte 2, from 1.
 local HEADER = { { "mirror_reference", 1 }, { "mirror_axis", 3 }, { "mirror_count", 4 } }
 
@@ -216,7 +216,7 @@ function M.witness(result)
   local calls, lengths, loose = {}, {}, {}
   for _, each in ipairs(result.findings) do
     local owner = each.transaction
-    if not owner and (LEFT_OUT[each.rule] or each.rule == NOTHING) then
+    if not owner and (LEFT_OUT[each.rule] or NOTHING[each.rule]) then
       loose[#loose + 1] = { each.frame, 0 }
     elseif LEFT_OUT[each.rule] and owner then
       calls[owner] = calls[owner] or {}
@@ -330,7 +330,7 @@ local function write(item, found, left_out, wait)
   elseif item.write_status then
     outcome = item.write_status == 0 and "done" or "error"
   elseif frames.write_response then
-    outcome = is_bare(item, found) and "bare" or "fault"
+    outcome = is_bare(item, found) and "bare" or item.station and "sap" or "fault"
   elseif #left_out > 0 or frames.read_request or frames.read_response or #(frames.polls or {}) > 0 then
     outcome = "unseen"
   end

@@ -5,6 +5,7 @@
 -- no file.
 
 local all_frames = require("ds47.acyclic.transactions").all_frames
+local bus = require("ds47.report.bus")
 local filters = require("ds47.report.filters")
 local opening = require("ds47.report.summary")
 local plc = require("ds47.report.plc")
@@ -130,7 +131,7 @@ local function header(add, result, counts, options)
     add("  " .. say(lang, "machine_dropped", { n = result.dropped }))
   end
   if #result.transactions == 0 then
-    local there = traffic(result, lang) or say(lang, "no_rpc")
+    local there = traffic(result, lang) or say(lang, result.bus and "no_bus_records" or "no_rpc")
     add("  " .. say(lang, "no_transaction") .. " (" .. there .. ")")
   end
 end
@@ -203,6 +204,22 @@ local function aligned(rows)
     lines[number] = concat(cells, "  "):gsub(" +$", "")
   end
   return lines
+end
+
+--- The stations of PROFIBUS.
+local function stations(add, item, lang)
+  if not item then
+    return
+  end
+  add("")
+  add(say(lang, "bus_head"))
+  add("  " .. bus.counts(item, lang))
+  for _, line in ipairs(aligned(bus.rows(item, lang))) do
+    add("  " .. line)
+  end
+  for _, line in ipairs(bus.diagnoses(item, lang)) do
+    add("  " .. line)
+  end
 end
 
 local function event_cells(row, start, lang)
@@ -433,6 +450,7 @@ function M.report(result, options)
   end
   header(add, result, counts, options)
   opening.lines(add, result, counts, { lang = options.lang, rules = rules })
+  stations(add, result.bus, options.lang)
   relations(add, result.relations or {}, options.lang)
   events(add, result, options.lang)
   transaction_table(add, result, options)

@@ -120,6 +120,8 @@ M.limits = {
   pkw_reads = 100,
   deviation_percent = 10,
   polls = 10,
+  bus_polls = 100,
+  bus_diagnosis = 10,
   parameters = 39,
   elements = 234,
   ip_datagrams = 256,
@@ -142,6 +144,7 @@ M.limits = {
   proven_ars = 65536,
   written_values = 262144,
   longest_messages = 8192,
+  bus_remarks = 1024,
   stations = 65536,
 }
 
@@ -775,6 +778,21 @@ M.experts = {
   {id = "DS723", name = "request-held", severity = "warning"},
   {id = "DS724", name = "polling-storm", severity = "warning"},
   {id = "DS725", name = "half-captured", severity = "warning"},
+  {id = "DS801", name = "bus-check-byte", severity = "warning"},
+  {id = "DS802", name = "bus-frame-damaged", severity = "warning"},
+  {id = "DS803", name = "bus-retries", severity = "warning"},
+  {id = "DS804", name = "bus-no-answer", severity = "warning"},
+  {id = "DS805", name = "bus-sap-not-enabled", severity = "error"},
+  {id = "DS806", name = "bus-record-refused", severity = "note"},
+  {id = "DS807", name = "bus-polled-often", severity = "note"},
+  {id = "DS808", name = "bus-read-without-write", severity = "warning"},
+  {id = "DS809", name = "bus-write-too-long", severity = "error"},
+  {id = "DS810", name = "bus-parameterised-again", severity = "warning"},
+  {id = "DS811", name = "bus-lengths-differ", severity = "error"},
+  {id = "DS812", name = "bus-diagnosis-not-read", severity = "warning"},
+  {id = "DS813", name = "bus-pkw-inconsistent", severity = "warning"},
+  {id = "DS814", name = "bus-slave-diagnosis", severity = "error"},
+  {id = "DS815", name = "bus-no-watchdog", severity = "note"},
 }
 
 later.rules = [=[
@@ -884,6 +902,21 @@ M.rules = {
   DS723 = {id = "DS723", name = "request-held", severity = "warning", scope = "capture", anchor = "frame", message = "The same change was written {count} times to {device}, every {period} ms", cause = "REQ of WRREC stays TRUE, or the call is started in every cycle.", advice = "Trigger WRREC with an edge, and only when the value has changed.", message_zh = "同一修改向 {device} 写入了 {count} 次，每 {period} ms 一次", cause_zh = "WRREC 的 REQ 一直为 TRUE，或每个周期都启动任务。", advice_zh = "用边沿触发任务，且仅在数值变化时触发。", many = "Equal changes were written again and again to {device}", many_zh = "相同的修改反复写入 {device}"},
   DS724 = {id = "DS724", name = "polling-storm", severity = "warning", scope = "capture", anchor = "frame", message = "{count} Reads on {device} came before the response was ready, one every {period} ms; the drive takes {time} ms", cause = "RDREC is started again in every cycle of the program until the drive has its response; each such Read costs drive and network time.", advice = "Wait between two Reads about as long as the drive takes, or start the next one only after BUSY of the last is FALSE and a pause.", message_zh = "{device} 上有 {count} 次读取早于应答就绪，每 {period} ms 一次；驱动器需要 {time} ms", cause_zh = "程序在每个周期重新启动 RDREC，直到驱动器准备好应答；每次读取都占用驱动器和网络的时间。", advice_zh = "两次读取之间等待约等于驱动器所需的时间，或在上一次 BUSY 为 FALSE 并暂停后再启动下一次。", many = "Reads on {device} came before the response was ready, again and again", many_zh = "{device} 上的读取反复早于应答就绪"},
   DS725 = {id = "DS725", name = "half-captured", severity = "warning", scope = "capture", anchor = "frame", message = "The capture shows only a part: {what} ({count} in all)", cause = "The mirror port carries one direction, the capture began too late, frames were cut to a length or dropped.", advice = "Mirror both directions of the port of the controller or of the drive, do not limit the packet length, capture with enough buffer, and start before the first request.", message_zh = "抓包只显示了一部分：{what}（共 {count} 个）", cause_zh = "镜像端口只传送一个方向，抓包开始过晚，帧被截短或被丢弃。", advice_zh = "镜像控制器或驱动器端口的两个方向，不限制包长度，使用足够的缓冲区抓包，并在第一个请求之前开始。", many = "The capture shows only a part: {what}", many_zh = "抓包只显示了一部分：{what}"},
+  DS801 = {id = "DS801", name = "bus-check-byte", severity = "warning", scope = "capture", anchor = "frame", message = "Frames with a wrong check byte: {count}", cause = "Bits were changed on the line, or by what recorded it: terminating resistors missing or switched on twice, a damaged or wrong cable, the shield not connected, long stubs, two stations with the same address.", advice = "The summary of the stations shows in the place of whose answers the damaged frames stand. Check terminating resistors, plugs and shield there first, then measure the line. If the master has no retries although frames are damaged, the recorder is to blame.", message_zh = "校验字节错误的帧：{count}", cause_zh = "线路上或记录设备改变了位：终端电阻缺失或重复接入、电缆损坏或型号不对、屏蔽层未接、分支过长、两个站地址相同。", advice_zh = "站汇总表显示损坏的帧出现在哪些站的应答位置。先在那里检查终端电阻、插头和屏蔽，再测量线路。如果帧损坏而主站没有重试，则问题出在记录设备。"},
+  DS802 = {id = "DS802", name = "bus-frame-damaged", severity = "warning", scope = "capture", anchor = "frame", message = "Damaged frames, check byte aside: {count} (length bytes, end byte, addresses, or bytes that are missing)", cause = "Bytes were changed or lost on the line or by what recorded it, or two stations sent at the same time.", advice = "Look at the frames with ds47 decode --as profibus: it names the byte. Where the first or the last frame of a log is concerned, the log begins or ends inside a frame; else check the line as for a wrong check byte, and for two stations with the same address.", message_zh = "损坏的帧（校验字节除外）：{count}（长度字节、结束字节、地址，或缺少字节）", cause_zh = "线路上或记录设备改变或丢失了字节，或者两个站同时发送。", advice_zh = "用 ds47 decode --as profibus 查看这些帧，它会指出出错的字节。如果是日志的第一帧或最后一帧，则日志从帧的中间开始或结束；否则按校验字节错误的方法检查线路，并检查是否有两个站地址相同。"},
+  DS803 = {id = "DS803", name = "bus-retries", severity = "warning", scope = "capture", anchor = "frame", message = "Requests to {device} that the master repeated: {count}, in {of} requests", cause = "The master got no answer, or a damaged one, and sent the same frame again (same FCB): bad line near this station, a station that is switched off or busy, or a slot time that is too short for it.", advice = "Where one station alone has retries, check its plug, its terminating resistor and its supply. Where all have them, check the cable as a whole, the master and the bus parameters (baud rate, slot time).", message_zh = "主站重复发给 {device} 的请求：{count}，共 {of} 个请求", cause_zh = "主站没有收到应答或应答损坏，于是再次发送同一帧（FCB 相同）：该站附近线路不良、站已断电或繁忙，或时隙时间太短。", advice_zh = "如果只有一个站有重试，检查它的插头、终端电阻和电源。如果所有站都有，检查整条电缆、主站和总线参数（波特率、时隙时间）。"},
+  DS804 = {id = "DS804", name = "bus-no-answer", severity = "warning", scope = "capture", anchor = "frame", message = "Requests to {device} without an answer in the capture: {count} of {of}", cause = "The station is switched off, not connected, has another address or does not know the baud rate; or the recorder sees one direction only.", advice = "Check supply, plug and address of the station. If no station answers anything, the recorder sees the frames of the master alone: connect it to both wires, and without a repeater between.", message_zh = "抓包中 {device} 没有应答的请求：{count}（共 {of} 个）", cause_zh = "站已断电、未连接、地址不同或不支持该波特率；或者记录设备只看到一个方向。", advice_zh = "检查该站的电源、插头和地址。如果所有站都没有应答，则记录设备只看到主站的帧：请将其接到两根线上，中间不要有中继器。"},
+  DS805 = {id = "DS805", name = "bus-sap-not-enabled", severity = "error", scope = "capture", anchor = "frame", message = "{count} x SAP {sap} of {device} not enabled (RS): {case}", cause = "The service does not exist in this station, or not in its present state: records (MS1, SAP 51) exist from Chk_Cfg on, and only where Set_Prm enables DPV1.", advice = "For records choose the GSD entry or module of the drive with DPV1, and switch on DPV1 in the properties of the DP slave and of the master, so that Set_Prm carries DPV1_Enable. Read records only while the station is in data exchange.", message_zh = "{count} 次：{device} 的 SAP {sap} 未启用（RS）：{case}", cause_zh = "该站没有这项服务，或在当前状态下没有：记录读写（MS1，SAP 51）在 Chk_Cfg 之后才有，并且只在 Set_Prm 启用 DPV1 时才有。", advice_zh = "读写记录时，选择带 DPV1 的驱动器 GSD 条目或模块，并在 DP 从站和主站的属性中启用 DPV1，使 Set_Prm 带有 DPV1_Enable。仅在该站处于数据交换时读写记录。"},
+  DS806 = {id = "DS806", name = "bus-record-refused", severity = "note", scope = "capture", anchor = "frame", message = "{count} x {operation} of {place} refused by {device} with status {status}: {text}", cause = "The device has no such record at this place, or does not allow the access now. It is not the parameter channel: that is index 47.", advice = "Check slot, index and length against the manual of the device. Many masters read identification (index 255) of every device, and one that has none refuses it: that is harmless.", message_zh = "{count} 次：{device} 拒绝了对{place}的 {operation}，状态 {status}：{text}", cause_zh = "设备在此位置没有该记录，或当前不允许访问。这不是参数通道：参数通道是索引 47。", advice_zh = "对照设备手册检查槽、索引和长度。许多主站会读取每个设备的标识（索引 255），没有标识的设备会拒绝：这没有影响。"},
+  DS807 = {id = "DS807", name = "bus-polled-often", severity = "note", scope = "capture", anchor = "frame", message = "Answers of {device} that took more than {limit} polls: {count}, one of them {polls}", cause = "The station works on a record for long, or the bus is fast and the master polls in each cycle.", advice = "Compare the time of the transaction with the manual of the drive. Many polls alone cost bus time, nothing else; let the program read parameters less often if the cycle gets long.", message_zh = "{device} 的应答中轮询超过 {limit} 次的有：{count}，其中一次 {polls} 次轮询", cause_zh = "该站处理记录的时间较长，或总线较快而主站每个周期都轮询。", advice_zh = "将事务时间与驱动器手册比较。轮询多只占用总线时间；如果周期变长，让程序减少读取参数的次数。"},
+  DS808 = {id = "DS808", name = "bus-read-without-write", severity = "warning", scope = "record", anchor = "read_response", message = "DS_Read of index {index} from {device}, to which nothing was written since its start-up: status {status}, no data", cause = "The capture has the start-up of the station, so no request was lost before it: the program reads an answer for which it never asked.", advice = "Write the parameter request first (DS_Write, SFC58 or WRREC), and read only when that is done.", message_zh = "对 {device} 的索引 {index} 执行 DS_Read，而自其启动以来没有写入过：状态 {status}，无数据", cause_zh = "抓包包含该站的启动过程，因此之前没有丢失请求：程序读取了从未请求过的应答。", advice_zh = "先写入参数请求（DS_Write、SFC58 或 WRREC），完成之后再读取。"},
+  DS809 = {id = "DS809", name = "bus-write-too-long", severity = "error", scope = "record", anchor = "request", message = "DS_Write of {length} bytes to {device}: a record of MS1 has {most} at most", cause = "The length of the write call is that of the buffer, or the request has too many parameters for PROFIBUS.", advice = "Give the call the length of the request, and split a request with many parameters: 39 of them fit into 240 bytes.", message_zh = "向 {device} 执行 {length} 字节的 DS_Write：MS1 的记录最多 {most} 字节", cause_zh = "写调用的长度是缓冲区的长度，或请求中的参数对 PROFIBUS 来说太多。", advice_zh = "为调用指定请求的实际长度，并拆分参数很多的请求：240 字节最多容纳 39 个。"},
+  DS810 = {id = "DS810", name = "bus-parameterised-again", severity = "warning", scope = "capture", anchor = "frame", message = "{count} x Set_Prm to {device} after data exchange; the last data exchange before the first of them is frame {last}", cause = "The station had left data exchange: its watchdog ran out, its supply failed, the line was interrupted, or it asked for parameters itself. Or the master was stopped and started.", advice = "Look at the frames before: requests without an answer point to line or supply, an answer with a diagnosis points to the station, and Set_Prm to all stations at once points to the master.", message_zh = "{count} 次：{device} 在数据交换之后收到 Set_Prm；第一次之前的最后一次数据交换是第 {last} 帧", cause_zh = "该站曾退出数据交换：看门狗超时、断电、线路中断，或它自己要求参数。也可能是主站停止后又启动。", advice_zh = "查看之前的帧：没有应答的请求说明线路或电源有问题，带诊断的应答说明站有问题，同时对所有站发送 Set_Prm 说明是主站。"},
+  DS811 = {id = "DS811", name = "bus-lengths-differ", severity = "error", scope = "capture", anchor = "frame", message = "{count} x data of {device} not as in Chk_Cfg: {outputs} bytes out ({configured_outputs}), {inputs} bytes in ({configured_inputs})", cause = "Master and station do not have the same configuration: another module or PPO was chosen than the drive is set to, or the frame of another configuration was recorded.", advice = "Choose in the hardware configuration the module (PPO) that the drive is set to, and load it to the controller again.", message_zh = "{count} 次：{device} 的数据与 Chk_Cfg 不符：输出 {outputs} 字节（{configured_outputs}），输入 {inputs} 字节（{configured_inputs}）", cause_zh = "主站和从站的组态不一致：选择的模块或 PPO 与驱动器的设置不同，或记录了另一组态的帧。", advice_zh = "在硬件组态中选择与驱动器设置一致的模块（PPO），并重新下载到控制器。"},
+  DS812 = {id = "DS812", name = "bus-diagnosis-not-read", severity = "warning", scope = "capture", anchor = "frame", message = "{device} asks for a diagnosis in {count} answers in a row, and the master does not read it in between", cause = "The station has a fault or a warning to tell (it answers with high priority), and the master does not send Slave_Diag; masters read it in the next cycle.", advice = "Read the diagnosis of the station with the programming device, and check whether the program of the master disables diagnoses of this station.", message_zh = "{device} 连续 {count} 个应答请求诊断，其间主站没有读取", cause_zh = "该站有故障或报警要报告（以高优先级应答），而主站没有发送 Slave_Diag；主站通常在下一个周期读取。", advice_zh = "用编程设备读取该站的诊断，并检查主站程序是否禁用了该站的诊断。"},
+  DS813 = {id = "DS813", name = "bus-pkw-inconsistent", severity = "warning", scope = "capture", anchor = "frame", message = "Chk_Cfg of {device} configures PKW as {identifier}, without consistency over its whole length", cause = "Bit 7 of the identifier is 0: each word is transferred by itself, so PKE and PWE of one frame may come from different cycles of the program or of the drive.", advice = "Choose a module with PKW that is consistent over its whole length (F3), and write all 8 bytes with one SFC15 (DPWR_DAT).", message_zh = "{device} 的 Chk_Cfg 将 PKW 组态为 {identifier}，未在整个长度上保持一致性", cause_zh = "标识符的位 7 为 0：每个字单独传输，因此同一帧的 PKE 和 PWE 可能来自程序或驱动器的不同周期。", advice_zh = "选择在整个长度上保持一致性的 PKW 模块（F3），并用一次 SFC15（DPWR_DAT）写入全部 8 个字节。"},
+  DS814 = {id = "DS814", name = "bus-slave-diagnosis", severity = "error", scope = "capture", anchor = "frame", message = "{count} x Slave_Diag of {device}: {case}", cause = "The station does not accept what the master sent, or belongs to another one. It does not take part in data exchange as long as that lasts.", advice = "Prm_Fault: check the GSD and the parameters of the device. Cfg_Fault: choose the modules (PPO) that the drive is set to. Another ident number: the GSD in the project is that of another device. Another master: two masters have this address in their project.", message_zh = "{count} 次：{device} 的 Slave_Diag：{case}", cause_zh = "该站不接受主站发送的内容，或属于另一主站。在此期间它不参与数据交换。", advice_zh = "Prm_Fault：检查 GSD 和设备参数。Cfg_Fault：选择与驱动器设置一致的模块（PPO）。标识号不同：项目中的 GSD 属于另一设备。另一主站：两个主站的项目中都有该地址。"},
+  DS815 = {id = "DS815", name = "bus-no-watchdog", severity = "note", scope = "capture", anchor = "frame", message = "Set_Prm switches off the watchdog of {device}", cause = "The project of the master does not want it. The drive then goes on with the last control word when the master fails or the line breaks.", advice = "Switch on the watchdog (response monitoring) of the DP slave in the hardware configuration, unless the drive monitors the control word itself.", message_zh = "Set_Prm 关闭了 {device} 的看门狗", cause_zh = "主站的项目不需要它。当主站故障或线路中断时，驱动器会继续执行最后的控制字。", advice_zh = "在硬件组态中启用 DP 从站的看门狗（响应监视），除非驱动器自身监视控制字。"},
 }
 M.rules.DS101.args = {operation = "text"}
 M.rules.DS102.args = {operation = "text"}
@@ -1013,6 +1046,34 @@ M.rules.DS724.group = {"device"}
 M.rules.DS724.args = {count = "number", device = "text", period = "ms", time = "ms"}
 M.rules.DS725.group = {"what"}
 M.rules.DS725.args = {what = "key", count = "number"}
+M.rules.DS801.args = {count = "number", frames = "frames"}
+M.rules.DS802.args = {count = "number", frames = "frames"}
+M.rules.DS803.group = {"device"}
+M.rules.DS803.args = {device = "text", count = "number", frames = "frames", of = "number"}
+M.rules.DS804.group = {"device"}
+M.rules.DS804.args = {device = "text", count = "number", frames = "frames", of = "number"}
+M.rules.DS805.group = {"device", "sap", "case"}
+M.rules.DS805.args = {device = "text", count = "number", frames = "frames", sap = "number", case = "key", frame = "frame"}
+M.rules.DS806.group = {"device", "operation", "place", "status"}
+M.rules.DS806.args = {device = "text", count = "number", frames = "frames", operation = "text", place = "place", status = "status"}
+M.rules.DS807.group = {"device"}
+M.rules.DS807.args = {device = "text", count = "number", frames = "frames", limit = "number", polls = "number"}
+M.rules.DS808.group = {"device"}
+M.rules.DS808.args = {device = "text", index = "index", status = "status"}
+M.rules.DS809.group = {"device"}
+M.rules.DS809.args = {device = "text", length = "number", most = "number"}
+M.rules.DS810.group = {"device"}
+M.rules.DS810.args = {device = "text", count = "number", frames = "frames", last = "frame"}
+M.rules.DS811.group = {"device"}
+M.rules.DS811.args = {device = "text", count = "number", frames = "frames", outputs = "number", inputs = "number", configured_outputs = "number", configured_inputs = "number", frame = "frame"}
+M.rules.DS812.group = {"device"}
+M.rules.DS812.args = {device = "text", count = "number", frames = "frames"}
+M.rules.DS813.group = {"device", "identifier"}
+M.rules.DS813.args = {device = "text", count = "number", frames = "frames", identifier = "text"}
+M.rules.DS814.group = {"device", "case"}
+M.rules.DS814.args = {device = "text", count = "number", frames = "frames", case = "key", ident = "hex", sent = "hex", master = "number"}
+M.rules.DS815.group = {"device"}
+M.rules.DS815.args = {device = "text", count = "number", frames = "frames"}
 ]=]
 
 M.known = {
@@ -1049,6 +1110,14 @@ M.known = {
 
 later.diagnosis_words = [=[
 M.diagnosis_words = {
+  sap_dpv1 = {en = "Set_Prm in frame {frame} enabled DPV1", zh = "第 {frame} 帧的 Set_Prm 启用了 DPV1"},
+  sap_no_dpv1 = {en = "Set_Prm in frame {frame} did not enable DPV1", zh = "第 {frame} 帧的 Set_Prm 没有启用 DPV1"},
+  sap_unknown = {en = "its Set_Prm is not in the capture", zh = "抓包中没有它的 Set_Prm"},
+  sap_other = {en = "it does not have this service", zh = "它没有这项服务"},
+  diag_prm_fault = {en = "Prm_Fault, it refuses the parameters", zh = "Prm_Fault，它拒绝参数"},
+  diag_cfg_fault = {en = "Cfg_Fault, it refuses the configuration", zh = "Cfg_Fault，它拒绝组态"},
+  diag_ident = {en = "its ident number is {ident}, Set_Prm says {sent}", zh = "其标识号为 {ident}，Set_Prm 为 {sent}"},
+  diag_master = {en = "it belongs to master {master}", zh = "它属于主站 {master}"},
   drive = {en = "{device} slot {slot}", zh = "{device} 插槽 {slot}"},
   place = {en = "slot {slot}, index {index}", zh = "插槽 {slot}，索引 {index}"},
   all_bytes = {en = "every word", zh = "每个字"},
@@ -1192,6 +1261,7 @@ M.report_words = {
   plc_line = {en = "PLC: {calls}", zh = "PLC：{calls}"},
   plc_write_done = {en = "WRREC DONE, STATUS {status}", zh = "WRREC DONE，STATUS {status}"},
   plc_write_error = {en = "WRREC ERROR, STATUS {status}", zh = "WRREC ERROR，STATUS {status}"},
+  plc_write_sap = {en = "WRREC ERROR with a STATUS of the PLC itself (the station refused the service, not the record)", zh = "WRREC ERROR，STATUS 由 PLC 自身产生（站拒绝了该服务，而不是记录）"},
   plc_write_fault = {en = "WRREC ERROR with a STATUS of the PLC itself (RPC fault or reject)", zh = "WRREC ERROR，STATUS 由 PLC 自身产生（RPC 故障或拒绝）"},
   plc_write_bare = {en = "WRREC, a response without STATUS", zh = "WRREC，应答中没有 STATUS"},
   plc_write_busy = {en = "WRREC BUSY until its timeout, then ERROR (no response in the capture)", zh = "WRREC 保持 BUSY 直到超时，然后 ERROR（抓包中没有应答）"},
@@ -1227,6 +1297,29 @@ M.report_words = {
   frames_none = {en = "no frame", zh = "没有帧"},
   frame = {en = "frame {frame}", zh = "帧 {frame}"},
   frame_in_file = {en = "{frame} ({number} of {file})", zh = "{frame}（{file} 的帧 {number}）"},
+  bus_head = {en = "PROFIBUS", zh = "PROFIBUS"},
+  bus_counts = {en = "frames {frames}, tokens {tokens}, damaged frames {damaged}, answers without a request {stray}", zh = "帧 {frames}，令牌 {tokens}，损坏的帧 {damaged}，没有请求的应答 {stray}"},
+  bus_station = {en = "station", zh = "站"},
+  bus_role = {en = "role", zh = "角色"},
+  bus_ident = {en = "ident", zh = "标识号"},
+  bus_ppo = {en = "PPO", zh = "PPO"},
+  bus_watchdog = {en = "watchdog", zh = "看门狗"},
+  bus_requests = {en = "requests", zh = "请求"},
+  bus_unanswered = {en = "no answer", zh = "无应答"},
+  bus_damaged = {en = "damaged", zh = "损坏"},
+  bus_retries = {en = "repeated", zh = "重复"},
+  bus_exchanges = {en = "exchanges", zh = "数据交换"},
+  bus_cycle = {en = "cycle (most)", zh = "周期（最大）"},
+  bus_answer = {en = "answer (most)", zh = "应答（最大）"},
+  bus_diagnoses = {en = "diagnosis (read)", zh = "诊断（读取）"},
+  bus_master = {en = "master", zh = "主站"},
+  bus_slave = {en = "slave", zh = "从站"},
+  bus_off = {en = "off", zh = "关闭"},
+  bus_diagnosis = {en = "{station} Slave_Diag in frame {frame}: {flags}; ident {ident}, master {master}", zh = "{station} 第 {frame} 帧的 Slave_Diag：{flags}；标识号 {ident}，主站 {master}"},
+  bus_no_flags = {en = "nothing", zh = "无"},
+  bus_no_master = {en = "none", zh = "无"},
+  bus_blocks = {en = "extended {blocks}", zh = "扩展诊断 {blocks}"},
+  no_bus_records = {en = "no record on PROFIBUS either", zh = "PROFIBUS 上也没有记录"},
   relations_head = {en = "Channels in cyclic frames", zh = "循环帧中的通道"},
   relation = {en = "{where} {channel}{telegram}  output 0x{output} from byte {output_at}, input 0x{input} from byte {input_at}{cycle}  {certainty}", zh = "{where} {channel}{telegram}  输出 0x{output} 自字节 {output_at}，输入 0x{input} 自字节 {input_at}{cycle}  {certainty}"},
   relation_ppo = {en = "{where} {channel}{telegram}  data exchange: output from byte {output_at}, input from byte {input_at}{cycle}  {certainty}", zh = "{where} {channel}{telegram}  数据交换：输出自字节 {output_at}，输入自字节 {input_at}{cycle}  {certainty}"},
@@ -1277,7 +1370,7 @@ later.covers = [=[
 M.covers = {
   job = {DS704 = {"DS403", "DS404", "DS405", "DS406", "DS407"}, DS705 = {"DS203", "DS413", "DS414"}, DS709 = {"DS410"}, DS711 = {"DS3", "DS201", "DS203", "DS401", "DS410"}, DS712 = {"DS315", "DS201", "DS202", "DS407", "DS408"}, DS713 = {"DS307", "DS407", "DS408", "DS410"}, DS714 = {"DS3", "DS201", "DS203", "DS417"}, DS715 = {"DS3", "DS201", "DS203", "DS410", "DS417"}, DS716 = {"DS3", "DS201", "DS203", "DS410", "DS417"}, DS717 = {"DS307", "DS308", "DS310"}, DS722 = {"DS101", "DS401", "DS402"}},
   word = {DS701 = {"DS410"}, DS708 = {"DS201", "DS203"}, DS714 = {"DS410"}, DS717 = {"DS410"}, DS718 = {"DS410"}, DS719 = {"DS410"}, DS720 = {"DS410"}},
-  whole = {DS703 = {"DS206"}, DS706 = {"DS206", "DS401", "DS402", "DS403", "DS413", "DS414"}, DS724 = {"DS205"}, DS725 = {"DS101", "DS102", "DS105", "DS106", "DS108", "DS202", "DS315", "DS401", "DS402", "DS403"}},
+  whole = {DS703 = {"DS206", "DS808"}, DS706 = {"DS206", "DS808", "DS401", "DS402", "DS403", "DS413", "DS414"}, DS724 = {"DS205"}, DS725 = {"DS101", "DS102", "DS105", "DS106", "DS108", "DS202", "DS315", "DS401", "DS402", "DS403"}},
 }
 ]=]
 
@@ -1562,47 +1655,47 @@ M.pzd.telegrams = {
 later.profibus = [=[
 M.profibus = {least = 3, most = 249, ms2_master = 50, ms2_most = 48, not_ready_decode = 128, not_ready_code_1 = 181}
 M.profibus.start = {
-  [0x10] = {id = "SD1", en = "frame without data", zh = "无数据帧", exchange = false, wants = false, silent = false},
-  [0x68] = {id = "SD2", en = "frame with data", zh = "变长数据帧", exchange = false, wants = false, silent = false},
-  [0xA2] = {id = "SD3", en = "frame with 8 bytes of data", zh = "8 字节数据帧", exchange = false, wants = false, silent = false},
-  [0xDC] = {id = "SD4", en = "token", zh = "令牌", exchange = false, wants = false, silent = false},
-  [0xE5] = {id = "SC", en = "short acknowledgement", zh = "短确认", exchange = false, wants = false, silent = false},
+  [0x10] = {id = "SD1", en = "frame without data", zh = "无数据帧", exchange = false, wants = false, silent = false, probe = false},
+  [0x68] = {id = "SD2", en = "frame with data", zh = "变长数据帧", exchange = false, wants = false, silent = false, probe = false},
+  [0xA2] = {id = "SD3", en = "frame with 8 bytes of data", zh = "8 字节数据帧", exchange = false, wants = false, silent = false, probe = false},
+  [0xDC] = {id = "SD4", en = "token", zh = "令牌", exchange = false, wants = false, silent = false, probe = false},
+  [0xE5] = {id = "SC", en = "short acknowledgement", zh = "短确认", exchange = false, wants = false, silent = false, probe = false},
 }
 M.profibus.request = {
-  [0x00] = {en = "time event", zh = "时间事件", exchange = false, wants = false, silent = true},
-  [0x03] = {en = "SDA low", zh = "SDA 低优先级", exchange = false, wants = false, silent = false},
-  [0x04] = {en = "SDN low", zh = "SDN 低优先级", exchange = false, wants = false, silent = true},
-  [0x05] = {en = "SDA high", zh = "SDA 高优先级", exchange = false, wants = false, silent = false},
-  [0x06] = {en = "SDN high", zh = "SDN 高优先级", exchange = false, wants = false, silent = true},
-  [0x07] = {en = "MSRD", zh = "MSRD", exchange = false, wants = false, silent = false},
-  [0x09] = {en = "FDL status request", zh = "FDL 状态请求", exchange = false, wants = false, silent = false},
-  [0x0C] = {en = "SRD low", zh = "SRD 低优先级", exchange = true, wants = false, silent = false},
-  [0x0D] = {en = "SRD high", zh = "SRD 高优先级", exchange = true, wants = false, silent = false},
-  [0x0E] = {en = "ident request", zh = "标识请求", exchange = false, wants = false, silent = false},
-  [0x0F] = {en = "LSAP status request", zh = "LSAP 状态请求", exchange = false, wants = false, silent = false},
+  [0x00] = {en = "time event", zh = "时间事件", exchange = false, wants = false, silent = true, probe = false},
+  [0x03] = {en = "SDA low", zh = "SDA 低优先级", exchange = false, wants = false, silent = false, probe = false},
+  [0x04] = {en = "SDN low", zh = "SDN 低优先级", exchange = false, wants = false, silent = true, probe = false},
+  [0x05] = {en = "SDA high", zh = "SDA 高优先级", exchange = false, wants = false, silent = false, probe = false},
+  [0x06] = {en = "SDN high", zh = "SDN 高优先级", exchange = false, wants = false, silent = true, probe = false},
+  [0x07] = {en = "MSRD", zh = "MSRD", exchange = false, wants = false, silent = false, probe = false},
+  [0x09] = {en = "FDL status request", zh = "FDL 状态请求", exchange = false, wants = false, silent = false, probe = true},
+  [0x0C] = {en = "SRD low", zh = "SRD 低优先级", exchange = true, wants = false, silent = false, probe = false},
+  [0x0D] = {en = "SRD high", zh = "SRD 高优先级", exchange = true, wants = false, silent = false, probe = false},
+  [0x0E] = {en = "ident request", zh = "标识请求", exchange = false, wants = false, silent = false, probe = false},
+  [0x0F] = {en = "LSAP status request", zh = "LSAP 状态请求", exchange = false, wants = false, silent = false, probe = false},
 }
 M.profibus.answer = {
-  [0x00] = {en = "OK", zh = "正常", exchange = false, wants = false, silent = false},
-  [0x01] = {en = "user error (UE)", zh = "用户错误（UE）", exchange = false, wants = false, silent = false},
-  [0x02] = {en = "no resource (RR)", zh = "无资源（RR）", exchange = false, wants = false, silent = false},
-  [0x03] = {en = "SAP not enabled (RS)", zh = "SAP 未启用（RS）", exchange = false, wants = false, silent = false},
-  [0x08] = {en = "data, low priority (DL)", zh = "低优先级数据（DL）", exchange = true, wants = false, silent = false},
-  [0x09] = {en = "no data (NR)", zh = "无数据（NR）", exchange = false, wants = false, silent = false},
-  [0x0A] = {en = "data, high priority (DH)", zh = "高优先级数据（DH）", exchange = true, wants = true, silent = false},
-  [0x0C] = {en = "data, low priority, no resource (RDL)", zh = "低优先级数据，无资源（RDL）", exchange = true, wants = false, silent = false},
-  [0x0D] = {en = "data, high priority, no resource (RDH)", zh = "高优先级数据，无资源（RDH）", exchange = true, wants = true, silent = false},
+  [0x00] = {en = "OK", zh = "正常", exchange = false, wants = false, silent = false, probe = false},
+  [0x01] = {en = "user error (UE)", zh = "用户错误（UE）", exchange = false, wants = false, silent = false, probe = false},
+  [0x02] = {en = "no resource (RR)", zh = "无资源（RR）", exchange = false, wants = false, silent = false, probe = false},
+  [0x03] = {en = "SAP not enabled (RS)", zh = "SAP 未启用（RS）", exchange = false, wants = false, silent = false, probe = false},
+  [0x08] = {en = "data, low priority (DL)", zh = "低优先级数据（DL）", exchange = true, wants = false, silent = false, probe = false},
+  [0x09] = {en = "no data (NR)", zh = "无数据（NR）", exchange = false, wants = false, silent = false, probe = false},
+  [0x0A] = {en = "data, high priority (DH)", zh = "高优先级数据（DH）", exchange = true, wants = true, silent = false, probe = false},
+  [0x0C] = {en = "data, low priority, no resource (RDL)", zh = "低优先级数据，无资源（RDL）", exchange = true, wants = false, silent = false, probe = false},
+  [0x0D] = {en = "data, high priority, no resource (RDH)", zh = "高优先级数据，无资源（RDH）", exchange = true, wants = true, silent = false, probe = false},
 }
 M.profibus.station = {
-  [0x00] = {en = "slave", zh = "从站", exchange = false, wants = false, silent = false},
-  [0x01] = {en = "master, not ready", zh = "主站，未就绪", exchange = false, wants = false, silent = false},
-  [0x02] = {en = "master, ready for the ring", zh = "主站，可入环", exchange = false, wants = false, silent = false},
-  [0x03] = {en = "master in the ring", zh = "环内主站", exchange = false, wants = false, silent = false},
+  [0x00] = {en = "slave", zh = "从站", exchange = false, wants = false, silent = false, probe = false},
+  [0x01] = {en = "master, not ready", zh = "主站，未就绪", exchange = false, wants = false, silent = false, probe = false},
+  [0x02] = {en = "master, ready for the ring", zh = "主站，可入环", exchange = false, wants = false, silent = false, probe = false},
+  [0x03] = {en = "master in the ring", zh = "环内主站", exchange = false, wants = false, silent = false, probe = false},
 }
 M.profibus.block = {
-  [0x00] = {en = "of the device", zh = "与设备有关", exchange = false, wants = false, silent = false},
-  [0x01] = {en = "of modules", zh = "与模块有关", exchange = false, wants = false, silent = false},
-  [0x02] = {en = "of a channel", zh = "与通道有关", exchange = false, wants = false, silent = false},
-  [0x03] = {en = "revision", zh = "版本号", exchange = false, wants = false, silent = false},
+  [0x00] = {en = "of the device", zh = "与设备有关", exchange = false, wants = false, silent = false, probe = false},
+  [0x01] = {en = "of modules", zh = "与模块有关", exchange = false, wants = false, silent = false, probe = false},
+  [0x02] = {en = "of a channel", zh = "与通道有关", exchange = false, wants = false, silent = false, probe = false},
+  [0x03] = {en = "revision", zh = "版本号", exchange = false, wants = false, silent = false, probe = false},
 }
 M.profibus.diagnosis_flags = {
   {id = "station_non_existent", byte = 0, bit = 0, en = "station does not answer (said by the master)", zh = "从站无应答（由主站设置）"},

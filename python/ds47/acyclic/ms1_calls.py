@@ -12,8 +12,11 @@ from functools import lru_cache
 from ds47.acyclic.pairing import Peer
 from ds47.acyclic.record_events import Jobs, RecordEvents
 from ds47.acyclic.services import Call, Handlers
+from ds47.findings.remark import Remark
 from ds47.profibus import dp
+from ds47.profibus.judge import Judge
 from ds47.profibus.line import Exchange
+from ds47.profibus.ms1 import MOST_DATA
 from ds47.profinet.records import Record
 
 
@@ -23,11 +26,23 @@ class Ms1Calls:
     Args:
         events: hears of every record that may be ours.
         foreign: hears of every answered write to an index that cannot be ours, or without its request.
+        judge: hears of refusals of what is not ours, and of polls.
+        remark: is told what is wrong with a request.
     """
 
-    def __init__(self, events: RecordEvents, foreign: Callable[[Peer, Record], None]) -> None:
+    def __init__(
+        self,
+        events: RecordEvents,
+        foreign: Callable[[Peer, Record], None],
+        judge: Judge,
+        remark: Callable[[Remark], None],
+    ) -> None:
         self._events = events
         self._foreign = foreign
+        self._judge = judge
+        self._remark = remark
+        self._written: dict[tuple[str, int], int] = {}
+        """Stations and indices that were written there, with the frame of the first time."""
         self._jobs: dict[Call, Jobs] = {}
         """Of the services that are open."""
 
@@ -35,14 +50,42 @@ class Ms1Calls:
         """What to give to the `CallTracker`."""
         return Handlers(self._asked, self._answered, self._failed, self._lost, self._unasked)
 
+    def was_written(self, device: str, index: int, before: int) -> bool:
+        """Whether a record was written to an index of a station before a frame."""
+        return self._written.get((device, index), before) < before
+
     def _asked(self, call: Call) -> None:
         record = call.record
+        if record.write:
+            self._writing(call)
         self._events.count(record.index, write=record.write)
         if self._events.concerns(record.index):
             jobs = self._jobs[call] = {}
             self._events.asked(peer(call.master, call.station), record, None, jobs)
 
+    def _writing(self, call: Call) -> None:
+        record, device = call.record, peer(call.master, call.station).device
+        half = record.request
+        if half is None:
+            return
+        self._written.setdefault((device, record.index), half.frame)
+        if half.stated > MOST_DATA:
+            args = {"device": device, "length": half.stated, "most": MOST_DATA}
+            self._remark(Remark("DS809", half.frame, args))
+
+    def _told(self, call: Call, ours: bool) -> None:
+        """To the judge: how long the answer took, and whether it is a refusal of what is not ours."""
+        record, half = call.record, call.record.response
+        if half is None:
+            return
+        self._judge.answered(call.station, call.polled, half.frame)
+        if half.status and not ours:
+            self._judge.refused(
+                call.station, record.write, record.slot, record.index, half.status, half.frame
+            )
+
     def _answered(self, call: Call) -> None:
+        self._told(call, call in self._jobs)
         jobs, who = self._jobs.pop(call, None), peer(call.master, call.station)
         if jobs is not None:
             self._events.answered(who, call.record, None, jobs)
@@ -79,6 +122,11 @@ class StartUps:
 
     def __init__(self, connected: Callable[[str, str, int], None]) -> None:
         self._connected = connected
+        self._seen: dict[str, int] = {}
+
+    def seen(self, device: str, before: int) -> bool:
+        """Whether the capture has a start-up of a station before a frame."""
+        return self._seen.get(device, before) < before
 
     def take(self, exchange: Exchange) -> None:
         """An exchange; those of other services say nothing here, nor does one without an answer."""
@@ -87,6 +135,7 @@ class StartUps:
             return
         if item.sa is not None and item.da is not None:
             who = peer(item.sa, item.da)
+            self._seen.setdefault(who.device, exchange.request.frame)
             self._connected(who.controller, who.device, exchange.request.frame)
 
 

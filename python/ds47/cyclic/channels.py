@@ -269,13 +269,22 @@ class CyclicChannels:
 
     def configured(self, relations: Sequence[Relation]) -> None:
         """A station of PROFIBUS gets its configuration: the channels in its data, in place of those before."""
+        self.is_set_up = True
+        relations = [each for each in relations if each.channel in self._wanted]
+        if self._is_set_up_so(relations):
+            return
         for relation in relations:
             self._drop(relation.output.source, relation.input.source)
-        self.is_set_up = True
         for relation in relations:
-            if relation.channel in self._wanted and len(self._relations) < self._bounds.relations:
+            if len(self._relations) < self._bounds.relations:
                 self._add(relation)
         self._tell()
+
+    def _is_set_up_so(self, relations: Sequence[Relation]) -> bool:
+        """Whether these channels are at work already: a station that starts again has the same ones."""
+        sources = {each.output.source for each in relations}
+        there = [line.relation for line in self._lines if line.relation.output.source in sources]
+        return [_shape(each) for each in there] == [_shape(each) for each in relations]
 
     def exchanged(self, source: bytes, data: bytes, frame: int, time_ns: int) -> None:
         """Data of a station of PROFIBUS; one side of a relation at a time (`ppo.source`)."""
@@ -377,6 +386,11 @@ class CyclicChannels:
         line.finish()
         if isinstance(line, _Requests) and line.unused:
             self._without_request.append(line.relation)
+
+
+def _shape(relation: Relation) -> tuple[object, ...]:
+    """What makes it another channel when it differs."""
+    return relation.channel, relation.vendor_id, relation.output, relation.input
 
 
 def _is_speed(numbers: tuple[int, ...]) -> bool | None:

@@ -21,22 +21,32 @@ class Bus:
 
     Args:
         listeners: hear of each exchange when it is over.
+        heard: is told of each frame, and whether the recording has not all of it.
     """
 
-    def __init__(self, listeners: Sequence[Callable[[Exchange], None]]) -> None:
+    def __init__(
+        self,
+        listeners: Sequence[Callable[[Exchange], None]],
+        heard: Callable[[Seen, bool], None],
+    ) -> None:
         self._listeners = listeners
+        self._heard = heard
         self._proven = False
         """Whether a frame with the right check byte was seen: the user's own link type may be anything."""
         self.line = Line()
 
-    def take(self, link_type: int, data: bytes, number: int, time_ns: int) -> None:
-        """A frame of one of `LINK_TYPES`, with its number and its time."""
+    def take(
+        self, link_type: int, data: bytes, number: int, time_ns: int, cut: bool = False
+    ) -> None:
+        """A frame of one of `LINK_TYPES`, with its number and its time; `cut`: the recording has not all of it."""
         item = decode(data)
         if not self._proven:
             self._proven = link_type == PROFIBUS_DL or _proves(item)
             if not self._proven:
                 return
-        for exchange in self.line.take(Seen(number, time_ns, item)):
+        seen = Seen(number, time_ns, item)
+        self._heard(seen, cut)
+        for exchange in self.line.take(seen):
             self._tell(exchange)
 
     def finish(self) -> None:

@@ -43,6 +43,10 @@ class Exchange:
     """Whether it repeats the exchange before between the two: the master has no answer to that."""
     silent: bool = False
     """Whether nobody answers such a request."""
+    damaged: int = 0
+    """The first damaged frame that stands where its answer should; 0 for none."""
+    unfinished: bool = False
+    """Whether nothing came behind it: its answer may be missing for that."""
 
 
 class Line:
@@ -66,6 +70,8 @@ class Line:
         item = seen.item
         if item.flaws:
             self.damaged += 1
+            if self._open is not None:
+                self._open.damaged = self._open.damaged or seen.frame
         elif item.kind == SD4:
             self.tokens += 1
         elif item.request:
@@ -75,6 +81,12 @@ class Line:
 
     def finish(self) -> Iterator[Exchange]:
         """No frame comes any more."""
+        if self._open is not None:
+            self._open.unfinished = True
+            yield from self._give_up()
+
+    def _give_up(self) -> Iterator[Exchange]:
+        """The exchange that is open stays without an answer."""
         if self._open is not None:
             over, self._open = self._open, None
             yield over
@@ -86,7 +98,7 @@ class Line:
             if self._open.retried <= MOST_RETRIES:
                 self._open.retries.append(seen)
             return
-        yield from self.finish()
+        yield from self._give_up()
         row = profibus.codes("request").get(item.code or 0)
         silent = item.da == ALL_STATIONS or (row is not None and row.silent)
         again = item.fcv == 1 and self._last.get(way) == item

@@ -16,7 +16,7 @@ from ds47 import model
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, name, sentence
-from ds47.spec import cyclic
+from ds47.spec import cyclic, profibus
 from ds47.spec.units import duration, nanoseconds, timestamp
 
 Tell = Callable[[Any, str], Any]
@@ -105,6 +105,9 @@ class Shape:
             if key.into == "" or (key.name not in item and (key.later or not key.required)):
                 continue
             value = item[key.name]
+            if key.shape is not None and value is None:
+                yield key.into or key.name, None
+                continue
             if key.shape is not None and key.shape.make is None:
                 yield from key.shape._arguments(value, vendor_id)
                 continue
@@ -408,6 +411,48 @@ TIMELINE = Shape("timeline", (
 ), model.Timeline, "What happened to a drive, by its control and status word; docs/cyclic.md.")  # fmt: skip
 
 
+_SPAN = Shape("", tuple(
+    Key(f"{name}_ms", {"type": "number"}, into=f"{name}_ns", take=_ns) for name in ("least", "mean", "most")
+), model.Span)  # fmt: skip
+_SPANS: dict[str, Any] = {"type": ["object", "null"]}
+_STATION_DIAGNOSIS = Shape("", (
+    Key("frame", NUMBER),
+    Key("flags", many({"enum": [row.id for row in profibus.flags("diagnosis")]}), "The bits that are set."),
+    Key("master", whole(0, 126, maybe=True), "The master that has parameterised it; null for none."),
+    Key("ident", WORD, "Ident number."),
+    Key("blocks", many(TEXT | {"pattern": "^([0-9a-f]{2})*$"}), "Blocks of extended diagnosis.",
+        tell=lambda item, _: [each.hex() for each in item.blocks],
+        take=lambda value, _: list(map(bytes.fromhex, value))),
+), model.StationDiagnosis)  # fmt: skip
+BUS_STATION = Shape("bus_station", (
+    Key("address", whole(0, 127)),
+    Key("role", {"enum": ["master", "slave"]}, "A master asks."),
+    Key("ident", WORD, "Ident number in Set_Prm, or in Slave_Diag."),
+    Key("ppo", COUNT | {"type": ["integer", "null"]}, "That of Chk_Cfg."),
+    Key("watchdog_ms", COUNT | {"type": ["integer", "null"]}, "As Set_Prm sets it; null where it is off, too."),
+    Key("requests", COUNT, "To it; repetitions, and FDL_Status without an answer, aside."),
+    Key("unanswered", COUNT),
+    Key("damaged", COUNT, "Answers in whose place there is a damaged frame."),
+    Key("retries", COUNT),
+    Key("exchanges", COUNT, "Data exchanges."),
+    Key("cycle", _SPANS, "From one data exchange to the next; null without times.", shape=_SPAN),
+    Key("answer", _SPANS, "From a request to its answer; null without times.", shape=_SPAN),
+    Key("diagnoses_wanted", COUNT, "How often it began to ask for Slave_Diag."),
+    Key("diagnoses_fetched", COUNT, "How often the master read it then."),
+    Key("parameters", FRAME, "The last Set_Prm that was answered."),
+    Key("configuration", FRAME, "The last Chk_Cfg."),
+    Key("diagnosis", {"type": ["object", "null"]}, "What it said last to Slave_Diag.",
+        shape=_STATION_DIAGNOSIS),
+), model.BusStation, "A station of PROFIBUS; docs/profibus.md.")  # fmt: skip
+BUS = Shape("bus", (
+    Key("frames", COUNT),
+    Key("tokens", COUNT),
+    Key("damaged", COUNT, "Frames."),
+    Key("stray", COUNT, "Answers that nobody asked for."),
+    Key("stations", many(ref("bus_station")), shape=BUS_STATION),
+), model.Bus, "The line of PROFIBUS; docs/profibus.md.")  # fmt: skip
+
+
 def _by_index(item: tuple[str, object]) -> tuple[int, str]:
     """Record indices are numbers written as text; what is none comes last."""
     key = item[0]
@@ -434,6 +479,7 @@ HEAD = (
         shape=TIMELINE, required=False),
     Key("senders", many(ref("sender"), 1), "Only where cyclic frames are there without their Connect.",
         shape=SENDER, required=False),
+    Key("bus", ref("bus"), "Only on PROFIBUS.", shape=BUS, required=False),
 )  # fmt: skip
 LISTS = (
     Key("devices", many(ref("device")), shape=DEVICE),

@@ -163,8 +163,8 @@ def capture(result: CaptureResult, lang: str = "en") -> dict[str, Any]:
 
 
 def _without_empty(plain: dict[str, Any]) -> dict[str, Any]:
-    """Only a series has files, and few captures have relations and timelines."""
-    for key in ("files", "relations", "timelines", "senders"):
+    """Only a series has files, few captures have relations and timelines, and PROFINET has no bus."""
+    for key in ("files", "relations", "timelines", "senders", "bus"):
         if not plain[key]:
             del plain[key]
     return plain

@@ -29,8 +29,8 @@ _LEFT_OUT: Final = {
 """Rules about a call that brought no record, and what the call ended with."""
 _IN_PART: Final = "DS105"
 _CUT: Final = "DS106"
-_NOTHING: Final = "DS206"
-"""The rule about a Read for which no request was open."""
+_NOTHING: Final = ("DS206", "DS808")
+"""The rules about a Read for which no request was open."""
 _END: Final = 1 << 62
 """Behind every frame."""
 _HEADER: Final = (("mirror_reference", 0), ("mirror_axis", 2), ("mirror_count", 3))
@@ -71,7 +71,7 @@ class Witness:
         """Bytes of a record that the capture cut, by the frame of its Read response."""
         loose: list[int] = []
         for each in result.findings:
-            if each.transaction is None and (each.rule in _LEFT_OUT or each.rule == _NOTHING):
+            if each.transaction is None and (each.rule in _LEFT_OUT or each.rule in _NOTHING):
                 loose.append(each.frame)
             elif each.rule in _LEFT_OUT and each.transaction is not None:
                 self._calls.setdefault(each.transaction, []).append(each)
@@ -298,7 +298,8 @@ def _write(
         return Call("WRREC", "error" if item.write_status else "done", item.write_status)
     if frames.write_response is not None:
         bare = any(each.rule == "DS108" and each.frame == frames.write_response for each in found)
-        return Call("WRREC", "bare" if bare else "fault")
+        below = "fault" if item.station is None else "sap"
+        return Call("WRREC", "bare" if bare else below)
     if left_out or frames.read_request is not None or frames.read_response is not None:
         return Call("WRREC", "unseen")
     return Call("WRREC", "unseen" if frames.polls or wait == "beside" else wait)

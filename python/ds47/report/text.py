@@ -17,6 +17,7 @@ from ds47.model import (
     PZD,
     SEEN,
     SEVERITIES,
+    Bus,
     CaptureFile,
     CaptureResult,
     Finding,
@@ -27,6 +28,7 @@ from ds47.model import (
 )
 from ds47.report import Options, causes, plc, timelines, write_all
 from ds47.report import Writer as _Writer
+from ds47.report import bus as stations
 from ds47.report import json as contract
 from ds47.report.bilingual import Both, counted, joined, operation, say, state
 from ds47.report.filters import display_filter
@@ -77,6 +79,7 @@ class Writer(_Writer):
         self._header(result, counts)
         for line in self._opening.lines(result):
             self._line(line)
+        self._bus(result.bus)
         self._relations(result.relations)
         self._senders(result.senders)
         self._timelines(result)
@@ -131,8 +134,24 @@ class Writer(_Writer):
             lost = self._say("machine_dropped", n=result.dropped)
             self._line("  " + self._paint("warning", lost))
         if not result.transactions:
-            there = _traffic(result).text(self.options.lang) or self._say("no_rpc")
+            there = _traffic(result).text(self.options.lang) or self._say(
+                "no_rpc" if result.bus is None else "no_bus_records"
+            )
             self._line("  " + self._say("no_transaction") + f" ({there})")
+
+    def _bus(self, bus: Bus | None) -> None:
+        """The stations of PROFIBUS."""
+        if bus is None:
+            return
+        lang = self.options.lang
+        self._line()
+        self._title(self._say("bus_head"))
+        self._line("  " + stations.counts(bus).text(lang))
+        table = [stations.head(), *stations.rows(bus)]
+        for line in aligned([[cell.text(lang) for cell in row] for row in table]):
+            self._line("  " + line)
+        for each in stations.diagnoses(bus):
+            self._line("  " + each.text(lang))
 
     def _relations(self, relations: Sequence[Relation]) -> None:
         """The parameter channels in cyclic frames, and how sure each is."""

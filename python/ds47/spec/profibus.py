@@ -27,6 +27,8 @@ class Code(Row):
     """The slave asks for Slave_Diag."""
     silent: bool = False
     """Nobody answers it."""
+    probe: bool = False
+    """It asks whether a station is there at all."""
 
 
 class Service(Row):
@@ -87,6 +89,12 @@ def codes(table: str) -> Mapping[int, Code]:
 def flags(table: str) -> tuple[Flag, ...]:
     """One of FLAGS, in the order of the bits."""
     return tuple(Flag(**row) for row in _load("profibus.toml")[table])
+
+
+def probes(code: int | None) -> bool:
+    """Whether a request asks who is there at all: of most addresses nobody answers that."""
+    row = codes("request").get(code or 0)
+    return row is not None and row.probe
 
 
 @cache

@@ -31,6 +31,8 @@ class Limits(Row):
     pkw_reads: int
     deviation_percent: int
     polls: int
+    bus_polls: int
+    bus_diagnosis: int
     parameters: int
     elements: int
     ip_datagrams: int
@@ -53,6 +55,7 @@ class Limits(Row):
     proven_ars: int
     written_values: int
     longest_messages: int
+    bus_remarks: int
     stations: int
 
 

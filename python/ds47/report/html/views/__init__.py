@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
 from ds47.model import CaptureResult
-from ds47.report import causes
+from ds47.report import bus, causes
 from ds47.report.formatting import escape
 from ds47.report.html import messages
 from ds47.report.html.embed import data_element
@@ -85,6 +85,23 @@ class ToDo:
     number: int
 
 
+class BusView(NamedTuple):
+    """The stations of PROFIBUS, as `report.bus` words them."""
+
+    counts: Both
+    head: list[Both]
+    rows: list[list[Both]]
+    diagnoses: list[Both]
+
+    @classmethod
+    def of(cls, result: CaptureResult) -> BusView | None:
+        """Those of a capture; None on PROFINET."""
+        told = result.bus
+        if told is None:
+            return None
+        return cls(bus.counts(told), bus.head(), list(bus.rows(told)), list(bus.diagnoses(told)))
+
+
 @dataclass(slots=True)
 class CaptureView:
     """All that the page shows of one capture; its transactions are in `data`."""
@@ -102,6 +119,7 @@ class CaptureView:
     jobs: int
     elements: int
     elements_left_out: int
+    bus: BusView | None
     timelines: list[TimelineView]
     plots: bool
     median: int | None
@@ -148,6 +166,7 @@ def capture_view(
         jobs=len(result.transactions),
         elements=len(table["rows"]),
         elements_left_out=left_out,
+        bus=BusView.of(result),
         timelines=timelines.views(result, reference),
         plots=bool(result.transactions),
         median=percentile(durations, 50) if durations else None,

@@ -1,0 +1,183 @@
+"""What is wrong on a line: frames, stations, start-up and services to findings DS8xx (docs/profibus.md 9).
+
+A thing that happens again is one remark with a count; all are told when nothing more comes. The stations, and what
+is said of them, are `stations`; what is wrong with a transaction of DS47 is not here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from ds47.findings.remark import Remark
+from ds47.profibus import dp
+from ds47.profibus.line import Exchange, Seen
+from ds47.profibus.stations import Counted, Station, Stations
+from ds47.spec import profibus
+from ds47.spec.semantics import Limits
+from ds47.spec.statuses import status_hex
+
+_NOT_ENABLED = 3
+"""The code of an answer that says that the SAP is not enabled (RS)."""
+_OF_RECORDS = (dp.RECORD, dp.ALARM)
+_FAULTS = {"prm_fault": "diag_prm_fault", "cfg_fault": "diag_cfg_fault"}
+
+
+def name(address: int) -> str:
+    """How the report names a station: `dp3`."""
+    return f"dp{address}"
+
+
+@dataclass(slots=True, eq=False)
+class _Noted:
+    """Something that is wrong, in the frame in which it shows first."""
+
+    remark: Remark
+    counted: Counted = field(default_factory=Counted)
+
+
+def _remark(rule: str, counted: Counted, **args: Any) -> Remark:
+    """Something that happened in these frames."""
+    more = {"count": counted.count, "frames": counted.frames}
+    return Remark(rule, counted.frames[0], args | more)
+
+
+class Judge:
+    """Hears what stations say, and what becomes of records.
+
+    Args:
+        bounds: how much is too much, and how many things are kept apart.
+    """
+
+    def __init__(self, bounds: Limits) -> None:
+        self._bounds = bounds
+        self._noted: dict[tuple[Any, ...], _Noted] = {}
+
+    def heard(self, station: Station, exchange: Exchange, answer: Seen) -> None:
+        """An exchange with an answer, before the station is what it makes of it."""
+        item, at = exchange.request.item, exchange.request.frame
+        if answer.item.code == _NOT_ENABLED and item.dsap is not None:
+            self._not_enabled(station, item.dsap, dp.service(item), answer.frame)
+            return
+        service = dp.service(item)
+        if service == dp.EXCHANGE:
+            self._lengths(station, item.du, answer)
+        elif service == dp.PARAMETERS:
+            told = dp.decode(item)
+            if isinstance(told, dp.Parameters):
+                self._parameters(station, told, at)
+        elif service == dp.CONFIGURATION:
+            self._configuration(station, dp.configuration(item.du), at)
+        elif service == dp.DIAGNOSIS:
+            found = dp.decode(answer.item)
+            if isinstance(found, dp.Diagnosis):
+                self._diagnosis(station, found, item.sa, answer.frame)
+
+    def refused(
+        self, station: int, write: bool, slot: int, index: int, status: int, frame: int
+    ) -> None:
+        """A record that is not of DS47 was refused (docs/profibus.md 4)."""
+        what = {
+            "operation": "DS_Write" if write else "DS_Read", "status": status_hex(status),
+            "place": {"slot": slot, "subslot": None, "index": index},
+        }  # fmt: skip
+        self._note("DS806", station, frame, what, (write, slot, index, status))
+
+    def answered(self, station: int, polls: int, frame: int) -> None:
+        """An answer came after so many polls."""
+        if polls > self._bounds.bus_polls:
+            args = {"limit": self._bounds.bus_polls, "polls": polls}
+            noted = self._note("DS807", station, frame, args)
+            if noted is not None and noted.remark.args["polls"] < polls:
+                noted.remark.args["polls"] = polls
+                noted.remark.frame = frame
+
+    def finish(self, stations: Stations) -> Iterator[Remark]:
+        """All that was wrong, when nothing more comes."""
+        for rule, counted in (("DS801", stations.check), ("DS802", stations.broken)):
+            if counted.count:
+                yield _remark(rule, counted)
+        copied = 2 * stations.doubled >= sum(each.retries.count for each in stations.all())
+        for station in stations.all():
+            yield from self._counted(station, copied)
+        for noted in self._noted.values():
+            noted.remark.args |= {"count": noted.counted.count, "frames": noted.counted.frames}
+            yield noted.remark
+
+    def _counted(self, station: Station, copied: bool) -> Iterator[Remark]:
+        """What only counts show; repetitions that a recording of two places has are none."""
+        device, of = name(station.address), station.asked.count
+        for rule, counted in (("DS803", station.retries), ("DS804", station.silent)):
+            if counted.count and not (copied and rule == "DS803"):
+                yield _remark(rule, counted, device=device, of=of)
+        if station.wanting.longest.count >= self._bounds.bus_diagnosis:
+            yield _remark("DS812", station.wanting.longest, device=device)
+
+    def _note(
+        self, rule: str, station: int, frame: int, args: dict[str, Any], key: tuple[Any, ...] = ()
+    ) -> _Noted | None:
+        """Something is wrong; None where there is no room for one more."""
+        place = (rule, station, *key)
+        noted = self._noted.get(place)
+        if noted is None and len(self._noted) < self._bounds.bus_remarks:
+            remark = Remark(rule, frame, {"device": name(station)} | args)
+            noted = self._noted[place] = _Noted(remark)
+        if noted is not None:
+            noted.counted.add(frame)
+        return noted
+
+    def _not_enabled(self, station: Station, sap: int, service: str | None, frame: int) -> None:
+        set_up = station.parameters
+        if service not in _OF_RECORDS:
+            case = "sap_other"
+        elif set_up is None:
+            case = "sap_unknown"
+        else:
+            case = "sap_dpv1" if "dpv1" in set_up.flags else "sap_no_dpv1"
+        args = {"sap": sap, "case": case, "frame": station.parameters_frame}
+        self._note("DS805", station.address, frame, args, (sap, case))
+
+    def _lengths(self, station: Station, outputs: bytes, answer: Seen) -> None:
+        """Empty outputs are those of a master that holds its slaves safe; SC has no inputs."""
+        configured, row = station.configuration, profibus.codes("answer").get(answer.item.code or 0)
+        if configured is None or configured.flaws or row is None or not row.exchange:
+            return
+        want, there = (configured.output_length, configured.input_length), len(answer.item.du)
+        if there != want[1] or (outputs and len(outputs) != want[0]):
+            args = {
+                "outputs": len(outputs), "inputs": there, "configured_outputs": want[0],
+                "configured_inputs": want[1], "frame": station.configuration_frame,
+            }  # fmt: skip
+            self._note("DS811", station.address, answer.frame, args)
+
+    def _parameters(self, station: Station, told: dp.Parameters, frame: int) -> None:
+        last = station.last_exchange
+        if last is not None:
+            self._note("DS810", station.address, frame, {"last": last.frame})
+        if "lock" in told.flags and "watchdog" not in told.flags:
+            self._note("DS815", station.address, frame, {})
+
+    def _configuration(self, station: Station, told: dp.Configuration, frame: int) -> None:
+        if told.pkw_consistent is False:
+            module = next(
+                each for each, role in zip(told.modules, told.roles, strict=True) if role == dp.PKW
+            )
+            args = {"identifier": module.data.hex().upper()}
+            self._note("DS813", station.address, frame, args, (module.data,))
+
+    def _diagnosis(
+        self, station: Station, told: dp.Diagnosis, asker: int | None, frame: int
+    ) -> None:
+        for flag, case in _FAULTS.items():
+            if flag in told.flags:
+                self._note("DS814", station.address, frame, {"case": case}, (case,))
+        set_up = station.parameters
+        if set_up is None or station.parameters_master != asker:
+            return
+        if None not in (told.ident, set_up.ident) and told.ident != set_up.ident:
+            args = {"case": "diag_ident", "ident": told.ident, "sent": set_up.ident}
+            self._note("DS814", station.address, frame, args, ("diag_ident",))
+        if told.master not in (None, asker):
+            args = {"case": "diag_master", "master": told.master}
+            self._note("DS814", station.address, frame, args, ("diag_master",))

@@ -1,0 +1,272 @@
+"""What the stations of a line did: counts, times, what Set_Prm, Chk_Cfg, Slave_Diag said (docs/profibus.md 8).
+
+Hears of the frames and the exchanges of a line. What is wrong with it is the business of `judge`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from ds47.model import Bus, BusStation, Span, StationDiagnosis
+from ds47.profibus import dp
+from ds47.profibus.line import Exchange, Seen
+from ds47.profibus.telegram import SD4
+from ds47.spec import profibus
+
+MOST_FRAMES = 60
+"""Frames that are kept of what happens again and again."""
+_CHECK = "check"
+_CUT = "cut"
+
+
+@dataclass(slots=True, eq=False)
+class Counted:
+    """How often something happened, and in which frames: the first ones."""
+
+    count: int = 0
+    frames: list[int] = field(default_factory=list)
+
+    def add(self, frame: int, count: int = 1) -> None:
+        """It happened again."""
+        if len(self.frames) < MOST_FRAMES:
+            self.frames.append(frame)
+        self.count += count
+
+
+@dataclass(slots=True, eq=False)
+class Times:
+    """Times in nanoseconds, without keeping them."""
+
+    count: int = 0
+    least: int = 0
+    total: int = 0
+    most: int = 0
+
+    def add(self, time_ns: int) -> None:
+        """A time; a negative one, which a clock that was set back leaves, is none."""
+        if time_ns < 0:
+            return
+        self.least = min(self.least, time_ns) if self.count else time_ns
+        self.most = max(self.most, time_ns)
+        self.count += 1
+        self.total += time_ns
+
+    def span(self) -> Span | None:
+        """The least, the mean and the most; None without any."""
+        return Span(self.least, self.total // self.count, self.most) if self.count else None
+
+
+@dataclass(slots=True, eq=False)
+class Wanting:
+    """Answers in a row in which a station asks for Slave_Diag, until the master fetches it."""
+
+    asked: int = 0
+    """How often it began to ask,"""
+    fetched: int = 0
+    """how often the diagnosis was read after that,"""
+    longest: Counted = field(default_factory=Counted)
+    """and the longest row of answers that asked for it."""
+    row: Counted = field(default_factory=Counted)
+
+    def answered(self, wants: bool, frame: int) -> None:
+        """An answer of data exchange."""
+        if not wants:
+            self.row = Counted()
+            return
+        self.asked += not self.row.count
+        self.row.add(frame)
+        if self.row.count > self.longest.count:
+            self.longest = self.row
+
+    def read(self) -> None:
+        """The diagnosis was read."""
+        self.fetched += self.row.count > 0
+        self.row = Counted()
+
+
+@dataclass(slots=True, eq=False)
+class Station:
+    """A station of a line."""
+
+    address: int
+    asks: bool = False
+    """Whether it is a master."""
+    asked: Counted = field(default_factory=Counted)
+    """Requests to it that somebody answers, FDL_Status to one that is not there aside,"""
+    silent: Counted = field(default_factory=Counted)
+    """those without an answer,"""
+    damaged: Counted = field(default_factory=Counted)
+    """those in the place of whose answer there is a damaged frame,"""
+    retries: Counted = field(default_factory=Counted)
+    """and requests that repeat another one."""
+    answers: Times = field(default_factory=Times)
+    """From request to answer,"""
+    cycles: Times = field(default_factory=Times)
+    """and from one data exchange to the next."""
+    exchanges: Counted = field(default_factory=Counted)
+    last_exchange: Seen | None = None
+    """Since its last Set_Prm."""
+    wanting: Wanting = field(default_factory=Wanting)
+    parameters: dp.Parameters | None = None
+    parameters_frame: int | None = None
+    parameters_master: int | None = None
+    """The newest Set_Prm that was answered,"""
+    configuration: dp.Configuration | None = None
+    configuration_frame: int | None = None
+    """Chk_Cfg,"""
+    diagnosis: dp.Diagnosis | None = None
+    diagnosis_frame: int | None = None
+    """and answer to Slave_Diag."""
+
+    def told(self, timed: bool) -> BusStation:
+        """As the result has it, `timed` with times."""
+        told, set_up, configured = self.diagnosis, self.parameters, self.configuration
+        ident = set_up.ident if set_up else told.ident if told else None
+        return BusStation(
+            self.address, "master" if self.asks else "slave", ident,
+            None if configured is None else configured.ppo,
+            None if set_up is None else set_up.watchdog_ms,
+            self.asked.count, self.silent.count, self.damaged.count, self.retries.count,
+            self.exchanges.count, self.cycles.span() if timed else None,
+            self.answers.span() if timed else None,
+            self.wanting.asked, self.wanting.fetched,
+            self.parameters_frame, self.configuration_frame,
+            None if told is None or self.diagnosis_frame is None else StationDiagnosis(
+                self.diagnosis_frame, list(told.flags), told.master, told.ident,
+                [each.data for each in told.blocks],
+            ),
+        )  # fmt: skip
+
+
+class Stations:
+    """Takes the frames and the exchanges of a line.
+
+    Args:
+        heard: is told of each exchange with an answer, and of its station before it counts there.
+    """
+
+    def __init__(self, heard: Callable[[Station, Exchange, Seen], None]) -> None:
+        self._heard = heard
+        self._stations: dict[int, Station] = {}
+        self.frames = 0
+        self.tokens = 0
+        self.check = Counted()
+        """Frames with a wrong check byte,"""
+        self.broken = Counted()
+        """and those that are damaged otherwise."""
+        self.doubled = 0
+        """Answers that stand there twice: a recording of two places has everything twice."""
+        self._answer: bytes | None = None
+
+    def station(self, address: int) -> Station:
+        """The station with this address."""
+        found = self._stations.get(address)
+        if found is None:
+            found = self._stations[address] = Station(address)
+        return found
+
+    def all(self) -> list[Station]:
+        """All that were seen, by address."""
+        return [self._stations[address] for address in sorted(self._stations)]
+
+    def told(self, stray: int, timed: bool) -> Bus | None:
+        """As the result has it; None where there was no frame.
+
+        Args:
+            timed: whether the recording has times.
+            stray: answers that nobody asked for.
+        """
+        if not self.frames:
+            return None
+        stations = [each.told(timed) for each in self.all() if each.asks or each.asked.count]
+        damaged = self.check.count + self.broken.count
+        return Bus(self.frames, self.tokens, damaged, stray, stations)
+
+    def frame(self, seen: Seen, cut: bool) -> None:
+        """A frame, before what it belongs to is known.
+
+        Args:
+            seen: the frame.
+            cut: whether the recording did not keep all of it; that is no fault of the line.
+        """
+        self.frames += 1
+        item = seen.item
+        kinds = {each.kind for each in item.flaws}
+        if kinds and not (cut and _CUT in kinds):
+            (self.check if _CHECK in kinds else self.broken).add(seen.frame)
+        elif item.kind == SD4 and item.sa is not None:
+            self.tokens += 1
+            self.station(item.sa).asks = True
+        if not item.request:
+            self.doubled += item.data == self._answer and item.kind != SD4
+        self._answer = None if item.request else item.data
+
+    def take(self, exchange: Exchange) -> None:
+        """An exchange that is over."""
+        item = exchange.request.item
+        if item.sa is None or item.da is None:
+            return
+        if not self.station(item.sa).asks:
+            self.station(item.sa).asks = True
+        if exchange.silent:
+            return
+        answer = exchange.answer
+        if answer is None and (profibus.probes(item.code) or exchange.unfinished):
+            return
+        station = self.station(item.da)
+        _count(station, exchange)
+        if answer is not None:
+            self._heard(station, exchange, answer)
+            _keep(station, exchange, answer)
+
+
+def _keep(station: Station, exchange: Exchange, answer: Seen) -> None:
+    """What an exchange with an answer says of the station."""
+    name, item = dp.service(exchange.request.item), answer.item
+    if name == dp.EXCHANGE:
+        _exchanged(station, exchange, answer)
+    elif name == dp.PARAMETERS:
+        told = dp.decode(exchange.request.item)
+        assert isinstance(told, dp.Parameters)
+        station.parameters, station.parameters_frame = told, exchange.request.frame
+        station.parameters_master = exchange.request.item.sa
+        station.last_exchange = None
+    elif name == dp.CONFIGURATION:
+        station.configuration = dp.configuration(exchange.request.item.du)
+        station.configuration_frame = exchange.request.frame
+    elif name == dp.DIAGNOSIS and item.du:
+        told_now = dp.decode(item)
+        if isinstance(told_now, dp.Diagnosis):
+            station.diagnosis, station.diagnosis_frame = told_now, answer.frame
+            station.wanting.read()
+
+
+def _count(station: Station, exchange: Exchange) -> None:
+    seen, answer = exchange.request, exchange.answer
+    station.asked.add(seen.frame)
+    if exchange.again:
+        station.retries.add(seen.frame)
+    if exchange.retried:
+        for each in exchange.retries:
+            station.retries.add(each.frame)
+        station.retries.count += exchange.retried - len(exchange.retries)
+    if answer is None:
+        (station.damaged if exchange.damaged else station.silent).add(
+            exchange.damaged or seen.frame
+        )
+    elif exchange.retried <= len(exchange.retries):  # else nobody knows when the last one was sent
+        last = exchange.retries[-1] if exchange.retries else seen
+        station.answers.add(answer.time_ns - last.time_ns)
+
+
+def _exchanged(station: Station, exchange: Exchange, answer: Seen) -> None:
+    row = profibus.codes("answer").get(answer.item.code or 0)
+    if row is None or not row.exchange:
+        return
+    seen = exchange.request
+    if station.last_exchange is not None and not exchange.again:
+        station.cycles.add(seen.time_ns - station.last_exchange.time_ns)
+    station.last_exchange = seen
+    station.exchanges.add(seen.frame)
+    station.wanting.answered(row.wants, answer.frame)

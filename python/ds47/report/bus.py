@@ -1,0 +1,87 @@
+"""The stations of a line of PROFIBUS in words: a table, and what each said to Slave_Diag (docs/profibus.md 8).
+
+Used by the text report and by the HTML page; what is wrong there are findings like all others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ds47.model import Bus, BusStation, Span, StationDiagnosis
+from ds47.report.bilingual import LANGUAGES, Both, joined, say
+from ds47.report.formatting import duration
+from ds47.spec import profibus
+
+COLUMNS = (
+    "station", "role", "ident", "ppo", "watchdog", "requests", "unanswered", "damaged", "retries", "exchanges",
+    "cycle", "answer", "diagnoses",
+)  # fmt: skip
+"""Of the table; their words are `bus_` and the name."""
+_NOTHING = Both.same("")
+
+
+def counts(bus: Bus) -> Both:
+    """What the frames are, in one line."""
+    return say(
+        "bus_counts", frames=bus.frames, tokens=bus.tokens, damaged=bus.damaged, stray=bus.stray
+    )
+
+
+def head() -> list[Both]:
+    """The names of the columns."""
+    return [say(f"bus_{name}") for name in COLUMNS]
+
+
+def rows(bus: Bus) -> Iterator[list[Both]]:
+    """A row for each station; of one that nobody asked there is its role alone."""
+    for each in bus.stations:
+        cells = [Both.same(f"dp{each.address}"), say(f"bus_{each.role}")]
+        yield [*cells, *(_cells(each) if each.requests else [_NOTHING] * (len(COLUMNS) - 2))]
+
+
+def _cells(item: BusStation) -> list[Both]:
+    wanted = f"{item.diagnoses_wanted} ({item.diagnoses_fetched})"
+    same = (
+        "" if item.ident is None else f"{item.ident:04X}",
+        "" if item.ppo is None else f"PPO{item.ppo}",
+    )
+    after = (
+        f"{item.requests:,}", f"{item.unanswered:,}", f"{item.damaged:,}", f"{item.retries:,}",
+        f"{item.exchanges:,}", _span(item.cycle), _span(item.answer),
+        wanted if item.diagnoses_wanted else "",
+    )  # fmt: skip
+    return [*map(Both.same, same), _watchdog(item), *map(Both.same, after)]
+
+
+def _watchdog(item: BusStation) -> Both:
+    """That of Set_Prm; nothing where that was not seen."""
+    if item.parameters is None:
+        return _NOTHING
+    return say("bus_off") if item.watchdog_ms is None else Both.same(f"{item.watchdog_ms:,} ms")
+
+
+def _span(item: Span | None) -> str:
+    return "" if item is None else f"{duration(item.mean_ns)} ({duration(item.most_ns)})"
+
+
+def diagnoses(bus: Bus) -> Iterator[Both]:
+    """What stations said last to Slave_Diag, a line each."""
+    for each in bus.stations:
+        if each.diagnosis is not None:
+            yield _diagnosis(each.address, each.diagnosis)
+
+
+def _diagnosis(address: int, item: StationDiagnosis) -> Both:
+    known = {row.id: row for row in profibus.flags("diagnosis")}
+    flags = [Both(*(profibus.text(known[each], lang) for lang in LANGUAGES)) for each in item.flags]
+    told = joined(flags, "; ", "；") if flags else say("bus_no_flags")
+    ident = "?" if item.ident is None else f"{item.ident:04X}"
+    master = say("bus_no_master") if item.master is None else Both.same(f"dp{item.master}")
+    text = say(
+        "bus_diagnosis", station=f"dp{address}", frame=str(item.frame), flags=told, ident=ident,
+        master=master,
+    )  # fmt: skip
+    if not item.blocks:
+        return text
+    blocks = " | ".join(each.hex(" ").upper() for each in item.blocks)
+    return text.joined(say("bus_blocks", blocks=blocks), "; ", "；")

@@ -1,0 +1,458 @@
+"""The stations of a line and what is wrong there (DS8xx): lines by hand, whose faults the test counts itself."""
+
+from __future__ import annotations
+
+import io
+import random
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from dp_wire import DIAGNOSIS, MASTER, PPO3, SET_PRM, Wire, frame
+
+from ds47.analysis import analyze
+from ds47.model import BusStation, CaptureResult, Finding
+from ds47.profibus.stations import MOST_FRAMES
+from ds47.spec import rules
+from ds47.spec.semantics import limits
+
+STATION = 3
+
+
+def result(wire: Wire) -> CaptureResult:
+    return analyze(io.BytesIO(wire.written()))
+
+
+def station(wire: Wire, address: int = STATION) -> BusStation:
+    bus = result(wire).bus
+    assert bus is not None
+    return next(each for each in bus.stations if each.address == address)
+
+
+def found(wire: Wire, rule: str = "DS8") -> list[Finding]:
+    return [each for each in result(wire).findings if each.rule.startswith(rule)]
+
+
+def one(wire: Wire, rule: str) -> Finding:
+    """The only finding DS8xx, which is of this rule; its frames are not among its arguments here."""
+    (finding,) = found(wire)
+    assert finding.rule == rule
+    frames = finding.args.pop("frames", [finding.frame])
+    assert {finding.frame, *frames} <= {*finding.frames}
+    assert len(frames) == finding.args.get("count", 1) or len(frames) == MOST_FRAMES
+    return finding
+
+
+def running() -> Wire:
+    """A station after its start-up, in data exchange."""
+    wire = Wire()
+    wire.start(STATION)
+    for _ in range(5):
+        wire.exchange(STATION)
+        wire.token()
+    return wire
+
+
+def test_a_healthy_line_has_no_findings() -> None:
+    wire = running()
+    assert found(wire) == []
+    bus = result(wire).bus
+    assert bus is not None
+    assert (bus.frames, bus.tokens, bus.damaged, bus.stray) == (len(wire.shots), 5, 0, 0)
+    assert [(each.address, each.role) for each in bus.stations] == [(2, "master"), (3, "slave")]
+    told = station(wire)
+    assert (told.ident, told.ppo, told.watchdog_ms) == (0x80B5, 1, 300)
+    assert (told.requests, told.unanswered, told.damaged, told.retries) == (9, 0, 0, 0)
+    assert (told.exchanges, told.parameters, told.configuration) == (5, 3, 5)
+    assert told.cycle == (300_000, 300_000, 300_000)
+    assert told.answer == (100_000, 100_000, 100_000)
+    assert told.diagnosis is not None
+    assert told.diagnosis.frame == 8
+    assert (told.diagnosis.master, told.diagnosis.ident) == (MASTER, 0x80B5)
+    assert told.diagnosis.flags == ["watchdog"]
+
+
+def test_wrong_check_bytes_are_counted() -> None:
+    wire = running()
+    first = wire.exchange(STATION)
+    wire.spoil()
+    wire.exchange(STATION)
+    wire.spoil()
+    wire.exchange(STATION)
+    assert (one(wire, "DS801").frame, one(wire, "DS801").args) == (first, {"count": 2})
+    assert (station(wire).damaged, station(wire).unanswered) == (2, 0)
+
+
+def test_other_damage_is_counted_apart() -> None:
+    wire = running()
+    wire.exchange(STATION)
+    wire.spoil(1)
+    wire.exchange(STATION)
+    assert one(wire, "DS802").args == {"count": 1}
+
+
+def test_a_frame_that_the_recording_cut_is_no_damage() -> None:
+    wire = running()
+    data = wire.written()
+    whole = analyze(io.BytesIO(data))
+    assert whole.findings == []
+    cut = Wire()
+    cut.shots = list(wire.shots)
+    content = _cut_last(cut)
+    told = analyze(io.BytesIO(content))
+    assert [each for each in told.findings if each.rule in ("DS801", "DS802")] == []
+    assert told.bus is not None
+    assert told.bus.damaged == 0
+
+
+def _cut_last(wire: Wire) -> bytes:
+    """The capture with its last frame cut to ten bytes, as a snap length does it."""
+    head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 10, 257)
+    packets = b""
+    for number, (time_ns, data) in enumerate(wire.shots, 1):
+        kept = data[:10] if number == len(wire.shots) - 1 else data
+        seconds, rest = divmod(time_ns, 10**9)
+        packets += struct.pack("<IIII", seconds, rest // 1000, len(kept), len(data)) + kept
+    return head + packets
+
+
+def test_retries_are_counted() -> None:
+    wire = running()
+    wire.ask(STATION, "00" * 12)
+    first = wire.repeat()
+    wire.repeat()
+    wire.tell(STATION, "00" * 12)
+    wire.exchange(STATION)
+    finding = one(wire, "DS803")
+    assert (finding.frame, finding.args) == (first, {"device": "dp3", "count": 2, "of": 11})
+    assert station(wire).retries == 2
+    assert station(wire).answer == (100_000, 100_000, 100_000)
+
+
+def test_a_recording_of_two_places_has_no_retries() -> None:
+    wire = running()
+    double = Wire()
+    double.shots = [each for shot in wire.shots for each in (shot, shot)]
+    assert found(double, "DS803") == []
+
+
+def test_no_answer_is_counted() -> None:
+    wire = running()
+    first = wire.ask(STATION, "00" * 12)
+    wire.ask(STATION, "01" * 12)
+    wire.exchange(STATION)
+    finding = one(wire, "DS804")
+    assert (finding.frame, finding.args) == (first, {"device": "dp3", "count": 2, "of": 12})
+
+
+def test_the_end_of_a_capture_is_no_missing_answer() -> None:
+    wire = running()
+    wire.ask(STATION, "00" * 12)
+    assert found(wire) == []
+    assert station(wire).requests == 9
+
+
+def test_who_is_asked_whether_he_is_there_is_no_station() -> None:
+    wire = running()
+    for address in range(10, 20):
+        wire.put(frame(address, MASTER, 0x49))
+    wire.exchange(STATION)
+    assert found(wire) == []
+    bus = result(wire).bus
+    assert bus is not None
+    assert [each.address for each in bus.stations] == [2, 3]
+
+
+@pytest.mark.parametrize(
+    ("set_prm", "case"),
+    [(SET_PRM, "sap_dpv1"), (SET_PRM.replace("01c0", "0100"), "sap_no_dpv1"), ("", "sap_unknown")],
+)
+def test_a_sap_that_is_not_enabled(set_prm: str, case: str) -> None:
+    wire = Wire()
+    if set_prm:
+        wire.start(STATION, set_prm)
+    for _ in range(2):
+        wire.ask(STATION, "5f002f0401010100", 51, 51)
+        wire.tell(STATION, code=3)
+        wire.exchange(STATION)
+    finding = one(wire, "DS805")
+    assert finding.args["case"] == case
+    assert (finding.args["sap"], finding.args["count"]) == (51, 2)
+    assert finding.args.get("frame") == (3 if set_prm else None)
+
+
+def test_a_refused_record_that_is_not_ours() -> None:
+    wire = running()
+    for _ in range(3):
+        wire.record(STATION, "5e01ff40")
+        last = wire.poll(STATION, "de80b000")
+    finding = one(wire, "DS806")
+    assert finding.frame == last - 8
+    assert finding.args == {
+        "device": "dp3", "count": 3, "operation": "DS_Read", "status": "DE80B000",
+        "place": {"slot": 1, "subslot": None, "index": 255},
+    }  # fmt: skip
+
+
+def test_many_polls() -> None:
+    wire = running()
+    most = limits().bus_polls
+    for polls in (most - 2, most + 3, most + 9, most + 1):
+        wire.record(STATION, "5e01ff40")
+        for _ in range(polls):
+            wire.poll(STATION)
+        wire.poll(STATION, "5e01ff0400000000")
+    finding = one(wire, "DS807")
+    assert finding.args == {"device": "dp3", "count": 3, "limit": most, "polls": most + 10}
+
+
+def reading(wire: Wire) -> None:
+    """DS47 by somebody who has not asked."""
+    wire.record(STATION, "5e002ff0")
+    wire.poll(STATION, "de80b500")
+
+
+def asking(wire: Wire) -> None:
+    """DS47 as it should be."""
+    wire.record(STATION, "5f002f0a01010101100103840000")
+    wire.poll(STATION, "5f002f0a")
+    wire.record(STATION, "5e002ff0")
+    wire.poll(STATION, "5e002f080101010142010005")
+
+
+@pytest.mark.parametrize(
+    ("steps", "told"),
+    [
+        ((asking, reading), ["DS206"]),
+        ((reading, asking), ["DS808"]),
+        ((reading, asking, reading), ["DS808", "DS206"]),
+    ],
+)
+def test_a_read_without_a_write_since_the_start_up(
+    steps: tuple[Callable[[Wire], None], ...], told: list[str]
+) -> None:
+    wire = running()
+    for step in steps:
+        step(wire)
+    findings = [each for each in result(wire).findings if each.rule in ("DS206", "DS808")]
+    assert [each.rule for each in findings] == told
+    for each in found(wire):
+        assert each.args == {"device": "dp3", "index": 47, "status": "DE80B500"}
+
+
+def test_without_the_start_up_the_write_may_be_before_the_capture() -> None:
+    wire = Wire()
+    reading(wire)
+    asking(wire)
+    assert found(wire) == []
+    assert "DS206" in [each.rule for each in result(wire).findings]
+
+
+def test_a_write_that_is_too_long() -> None:
+    wire = running()
+    at = wire.ask(STATION, "5f002ff1" + "00" * 240, 51, 51)
+    wire.tell(STATION, "df80b100", 51, 51)
+    finding = next(each for each in found(wire) if each.rule == "DS809")
+    assert (finding.frame, finding.args["length"], finding.args["most"]) == (at, 241, 240)
+
+
+def test_parameters_again_after_data_exchange() -> None:
+    wire = running()
+    wire.token()
+    last = wire.exchange(STATION) - 1
+    wire.start(STATION)
+    wire.exchange(STATION)
+    wire.start(STATION)
+    finding = one(wire, "DS810")
+    assert finding.args == {"device": "dp3", "count": 2, "last": last}
+    assert finding.frame == last + 4
+
+
+def test_data_of_another_length_than_configured() -> None:
+    wire = running()
+    at = wire.exchange(STATION, "00" * 12, "00" * 4)
+    wire.exchange(STATION, "00" * 12, "00" * 4)
+    wire.exchange(STATION, "", "00" * 12)
+    finding = one(wire, "DS811")
+    assert (finding.frame, finding.args) == (at, {
+        "device": "dp3", "count": 2, "outputs": 12, "inputs": 4, "configured_outputs": 12,
+        "configured_inputs": 12, "frame": 5,
+    })  # fmt: skip
+
+
+def test_a_diagnosis_that_nobody_reads() -> None:
+    most = limits().bus_diagnosis
+    wire = running()
+    first = wire.exchange(STATION, code=0x0A)
+    for _ in range(most):
+        wire.exchange(STATION, code=0x0A)
+    finding = one(wire, "DS812")
+    assert (finding.frame, finding.args) == (first, {"device": "dp3", "count": most + 1})
+    assert (station(wire).diagnoses_wanted, station(wire).diagnoses_fetched) == (1, 0)
+
+
+def test_a_diagnosis_that_is_read_in_time() -> None:
+    wire = running()
+    for _ in range(3):
+        for _ in range(limits().bus_diagnosis - 1):
+            wire.exchange(STATION, code=0x0A)
+        wire.diagnose(STATION, "080c000280b5" + "06810000ab12")
+        wire.exchange(STATION)
+    assert found(wire) == []
+    told = station(wire)
+    assert (told.diagnoses_wanted, told.diagnoses_fetched) == (3, 3)
+    assert told.diagnosis is not None
+    assert [each.hex() for each in told.diagnosis.blocks] == ["06810000ab12"]
+
+
+@pytest.mark.parametrize(("configured", "identifier"), [("73f1", "73"), ("73fd", None)])
+def test_pkw_without_consistency(configured: str, identifier: str | None) -> None:
+    wire = Wire()
+    wire.start(STATION, configured=configured)
+    told = [each.args["identifier"] for each in found(wire, "DS813")]
+    assert told == ([identifier] if identifier else [])
+
+
+@pytest.mark.parametrize(
+    ("told", "cases"),
+    [
+        (DIAGNOSIS, []),
+        ("400c000280b5", ["diag_prm_fault"]),
+        ("040c000280b5", ["diag_cfg_fault"]),
+        ("440c000280b5", ["diag_cfg_fault", "diag_prm_fault"]),
+        ("000c000280b6", ["diag_ident"]),
+        ("000c000580b5", ["diag_master"]),
+        ("000c00ff80b5", []),
+    ],
+)
+def test_what_slave_diag_says(told: str, cases: list[str]) -> None:
+    wire = Wire()
+    wire.start(STATION, told=told)
+    wire.diagnose(STATION, told)
+    findings = found(wire, "DS814")
+    assert sorted(each.args["case"] for each in findings) == cases
+    assert {each.args["count"] for each in findings} <= {2}
+    assert {each.frame for each in findings} <= {8}
+
+
+def test_another_master_may_read_the_diagnosis_of_a_station() -> None:
+    wire = running()
+    wire.put(frame(STATION, 1, 0x6D, b"", 60, 62))
+    wire.put(frame(1, STATION, 8, bytes.fromhex(DIAGNOSIS), 62, 60))
+    wire.exchange(STATION)
+    assert found(wire) == []
+
+
+def test_no_watchdog() -> None:
+    wire = Wire()
+    wire.start(STATION, "b0" + SET_PRM[2:])
+    finding = one(wire, "DS815")
+    assert (finding.frame, finding.args) == (3, {"device": "dp3", "count": 1})
+    assert station(wire).watchdog_ms is None
+
+
+def test_every_rule_of_the_bus_has_a_test() -> None:
+    told = [each for each in rules() if each.startswith("DS8")]
+    assert told == [f"DS{number}" for number in range(801, 816)]
+    text = Path(__file__).read_text(encoding="utf-8")
+    assert [each for each in told if f'"{each}"' not in text] == []
+
+
+def everything_wrong() -> Wire:
+    """One line with every trouble that has a rule, on four stations."""
+    wire, most = Wire(), limits()
+    wire.start(3, "90" + SET_PRM[2:14] + "000000", "73f1", "440c000580b6")
+    reading(wire)
+    asking(wire)
+    for out, back, code in (("00" * 12, "00" * 12, 8), ("00" * 12, "00" * 4, 8), ("", "00", 9)):
+        wire.exchange(3, out, back, code)
+    wire.start(3)
+    for number in range(most.bus_diagnosis + 3):
+        wire.exchange(3, code=0x0A)
+        if number == 1:
+            wire.diagnose(3, "080c000280b5" + "06810000ab12")
+    wire.ask(3, "5f002f0401010100", 51, 51)
+    wire.tell(3, code=3)
+    wire.ask(3, "", 20, 62)
+    wire.tell(3, code=3)
+    wire.ask(3, "5f002ff1" + "00" * 240, 51, 51)
+    wire.tell(3, "df80b100", 51, 51)
+    wire.ask(4, "")
+    wire.ask(4, "")
+    wire.repeat()
+    wire.exchange(3)
+    wire.spoil()
+    wire.exchange(3)
+    wire.spoil(1)
+    wire.record(3, "5e01ff40")
+    for _ in range(most.bus_polls + 5):
+        wire.poll(3)
+    wire.poll(3, "de80b000")
+    wire.exchange(3)
+    return wire
+
+
+def test_everything_wrong_has_every_rule() -> None:
+    told = {each.rule for each in found(everything_wrong())}
+    assert sorted(told) == [f"DS{number}" for number in range(801, 816)]
+
+
+def by_chance(seed: int) -> tuple[Wire, dict[int, dict[str, int]], dict[str, int]]:
+    """A line with faults, and how many of each there are: whoever makes a fault counts it."""
+    chance, wire = random.Random(seed), Wire()
+    stations = chance.sample(range(3, 100), chance.randint(1, 4))
+    counts: dict[int, dict[str, int]] = {
+        each: dict.fromkeys(("requests", "unanswered", "damaged", "retries", "exchanges"), 0)
+        for each in stations
+    }
+    line = {"tokens": 0, "damaged": 0}
+    for each in stations:
+        wire.start(each, configured=PPO3)
+        counts[each]["requests"] += 4
+    for _ in range(chance.randint(5, 120)):
+        each = chance.choice(stations)
+        told = counts[each]
+        told["requests"] += 1
+        wire.ask(each, f"{chance.randrange(1 << 32):08x}")
+        for _ in range(chance.choice((0, 0, 0, 0, 1, 2))):
+            wire.repeat()
+            told["retries"] += 1
+        kind = chance.choice(("answer", "answer", "answer", "damaged", "nothing"))
+        if kind != "nothing":
+            wire.tell(each, "00" * 4)
+        if kind == "damaged":
+            wire.spoil(by=chance.randrange(1, 256))
+            line["damaged"] += 1
+        told["exchanges"] += kind == "answer"
+        told["damaged"] += kind == "damaged"
+        told["unanswered"] += kind == "nothing"
+        if chance.random() < 0.2:
+            wire.token()
+            line["tokens"] += 1
+    wire.exchange(stations[0], "00" * 4, "00" * 4)
+    counts[stations[0]]["requests"] += 1
+    counts[stations[0]]["exchanges"] += 1
+    return wire, counts, line
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_lines_by_chance_are_counted(seed: int) -> None:
+    wire, counts, line = by_chance(seed)
+    told = result(wire)
+    assert told.bus is not None
+    assert {"tokens": told.bus.tokens, "damaged": told.bus.damaged} == line
+    for address, wanted in counts.items():
+        here = station(wire, address)
+        assert {name: getattr(here, name) for name in wanted} == wanted
+    sums: dict[str, Any] = {}
+    for finding in told.findings:
+        if finding.rule in ("DS801", "DS803", "DS804"):
+            sums[finding.rule] = sums.get(finding.rule, 0) + finding.args["count"]
+    wanted_sums = {
+        "DS801": line["damaged"],
+        "DS803": sum(each["retries"] for each in counts.values()),
+        "DS804": sum(each["unanswered"] for each in counts.values()),
+    }
+    assert sums == {rule: number for rule, number in wanted_sums.items() if number}
