@@ -3,6 +3,7 @@
 -- Registers nothing by itself: `define` is given the protocol by the entry file.
 
 local named = require("ds47.cyclic.named")
+local ppo = require("ds47.cyclic.ppo")
 local tables = require("ds47.spec.tables")
 
 local M = {}
@@ -35,6 +36,8 @@ function M.define(proto)
   prefs.cyclic = Pref.string("Channels in cyclic frames", "",
     "Where a channel is whose Connect is missing, two for each: first of the controller's frames, then of "
     .. "the drive's. For example: 00:1b:1b:11:22:33@8000:0:pkw 00:1f:f8:11:22:33@8001:0:pkw")
+  prefs.ppos = Pref.string("PPO of stations", "",
+    "What stations of PROFIBUS have whose Chk_Cfg is missing, for example: 3=ppo1 4=ppo3")
   prefs.every_cyclic = Pref.bool("Look at every frame of a cyclic channel", false,
     "Slow; for captures from which frames without news were left out")
   prefs.language = Pref.enum("Language of the texts", ENGLISH,
@@ -93,6 +96,7 @@ function M.options(proto)
     pkw_layout = prefs.pkw_layout == USS and "uss" or "cyclic",
     pkw_layouts = layouts(prefs.pkw_layouts),
     cyclic = named.list(prefs.cyclic or ""),
+    ppos = ppo.list(prefs.ppos or ""),
     every_cyclic = prefs.every_cyclic,
     codec = {
       legacy_g120_formats = prefs.legacy_g120_formats,

@@ -63,6 +63,7 @@ local UNCHANGING = {
 --   pkw_layout    layout of IND in PKW, "cyclic" or "uss" (docs/cyclic.md 2)
 --   pkw_layouts   the same by the IP address of the device, where it is not that
 --   cyclic        channels in cyclic frames that are named by hand, as named.lua takes them
+--   ppos          numbers of PPO by the address of the station on PROFIBUS, where Chk_Cfg is missing
 --   every_cyclic  true: every frame of a watched channel is looked at, as somebody chose them already
 --   frames_dropped  whether the capture says that frames are missing (docs/pairing.md P47)
 function M.new(options)
@@ -97,7 +98,8 @@ function M.new(options)
   self.start_ups = ms1calls.start_ups(self.pairing)
   self.cyclic = channels.new(self, limits, options.every_cyclic)
   self.cyclic:name(named.relations(options.cyclic or NONE))
-  local listeners = {self.bus_stations, self.start_ups, self.services, ppo.new(self.cyclic)}
+  local named_ppo = ppo.new(self.cyclic, options.ppos or NONE)
+  local listeners = {self.bus_stations, self.start_ups, self.services, named_ppo}
   self.bus = bus.new(listeners, self.bus_stations)
   self.conclusions = conclusions.new(limits, self.cyclic)
   return self

@@ -80,6 +80,7 @@ class AnalysisOptions:
             "" stands for all others.
         channels: of `model.CHANNELS` those that are reported.
         cyclic: channels in cyclic frames that are named by hand, two for each; `cyclic.named.pairs` likes them.
+        ppos: numbers of PPO by the address of the station, for captures of PROFIBUS without Chk_Cfg.
     """
 
     indices: frozenset[int] = frozenset()
@@ -91,12 +92,13 @@ class AnalysisOptions:
     pkw_layouts: tuple[tuple[str, str], ...] = ()
     channels: tuple[str, ...] = CHANNELS
     cyclic: tuple[Name, ...] = ()
+    ppos: tuple[tuple[int, int], ...] = ()
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         """To another process, compiled too: pickle itself cannot fill in what is frozen."""
         return type(self), (
             self.indices, self.slow_ms, self.select, self.ignore, self.codec, self.digest,
-            self.pkw_layouts, self.channels, self.cyclic,
+            self.pkw_layouts, self.channels, self.cyclic, self.ppos,
         )  # fmt: skip
 
 
@@ -223,7 +225,7 @@ class Analysis:
         self._start_ups = StartUps(self._pairing.connected)
         listeners = (
             self._bus_stations.take, self._start_ups.take, self._services.take,
-            Ppo(self._cyclic).take,
+            Ppo(self._cyclic, dict(options.ppos)).take,
         )  # fmt: skip
         self._bus = Bus(listeners, self._bus_stations.frame)
         self._answers: dict[Job, list[Remark]] = {}

@@ -538,7 +538,7 @@ class StationDiagnosis(NamedTuple):
 
 
 class BusStation(NamedTuple):
-    """What a station of PROFIBUS did in the capture (docs/profibus.md 8); None is what nobody said."""
+    """What a station of PROFIBUS did in the capture (docs/profibus.md 7); None is what nobody said."""
 
     address: int
     role: str
@@ -557,6 +557,10 @@ class BusStation(NamedTuple):
     retries: int
     exchanges: int
     """data exchanges."""
+    outputs: int | None
+    """Bytes to it in the last of them,"""
+    inputs: int | None
+    """and from it."""
     cycle: Span | None
     """From one data exchange to the next,"""
     answer: Span | None

@@ -17,6 +17,7 @@ local formats = require("ds47.profidrive.formats")
 local json = require("ds47.support.json")
 local unhex = require("ds47.support.bytes").unhex
 local named = require("ds47.cyclic.named")
+local ppo = require("ds47.cyclic.ppo")
 local sentences = require("ds47.report.sentences")
 local status = require("ds47.spec.statuses")
 local times = require("ds47.support.times")
@@ -151,7 +152,7 @@ end
 
 local function bus_station(item)
   local result = object(item, "address role ident ppo watchdog_ms requests unanswered damaged retries "
-    .. "exchanges diagnoses_wanted diagnoses_fetched parameters configuration diagnosis")
+    .. "exchanges outputs inputs diagnoses_wanted diagnoses_fetched parameters configuration diagnosis")
   result.cycle, result.answer = span(item.cycle), span(item.answer)
   if item.diagnosis then
     result.diagnosis = object(item.diagnosis, "frame master ident")
@@ -209,7 +210,10 @@ local take = {}
 
 function take.begin(line)
   local names = named.list(line.cyclic)
-  run = analysis.new({pkw_layout = line.layouts[""], pkw_layouts = line.layouts, cyclic = names})
+  run = analysis.new({
+    pkw_layout = line.layouts[""], pkw_layouts = line.layouts, cyclic = names,
+    ppos = ppo.list(line.ppos),
+  })
   language, look = line.lang, line.look
 end
 

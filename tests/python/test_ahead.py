@@ -77,7 +77,7 @@ def test_every_option_goes_to_another_process() -> None:
     """A new option that `__reduce__` forgets would be lost on the way."""
     given = AnalysisOptions(
         frozenset({48}), 2.5, ("DS3",), ("DS301",), Options(True, True, 42), True, (("", "uss"),),
-        ("pzd",), (parse("00:1b:1b:11:22:33@8000:0:pkw"),),
+        ("pzd",), (parse("00:1b:1b:11:22:33@8000:0:pkw"),), ((3, 1),),
     )  # fmt: skip
     assert pickle.loads(pickle.dumps(given)) == given
     for options, default in ((given, AnalysisOptions()), (given.codec, Options())):

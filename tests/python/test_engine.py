@@ -524,10 +524,13 @@ def test_preferences_are_complete() -> None:
     there = set(re.findall(r"^  prefs\.(\w+) = Pref", text, re.MULTILINE))
     layouts = (("192.168.0.5", "uss"),)
     names = tuple(map(parse, ("00:1b:1b:11:22:33@8000:0:pkw", "00:1f:f8:11:22:33@8001:4:pkw")))
-    options = AnalysisOptions(indices=frozenset((3, 0xB030)), pkw_layouts=layouts, cyclic=names)
+    options = AnalysisOptions(
+        indices=frozenset((3, 0xB030)), pkw_layouts=layouts, cyclic=names, ppos=((3, 1), (4, 3))
+    )
     given = engine.preferences(options)
     assert {each.split(":")[0].removeprefix("ds47.") for each in given} == there - {"ignore"}
     assert "ds47.cyclic:00:1b:1b:11:22:33@8000:0:pkw 00:1f:f8:11:22:33@8001:4:pkw" in given
+    assert "ds47.ppos:3=ppo1 4=ppo3" in given
     assert {"ds47.indices:3,45104", f"ds47.slow_ms:{limits().slow_ns // 10**6}"} <= set(given)
     assert all(each.split(":")[1] for each in engine.preferences(AnalysisOptions()))
 

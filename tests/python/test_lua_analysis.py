@@ -218,6 +218,7 @@ def compare(
             begin["cyclic"] = " ".join(
                 f"{each.mac}@{each.frame_id:x}:{each.offset}:{each.kind}" for each in options.cyclic
             )
+            begin["ppos"] = " ".join(f"{station}=ppo{number}" for station, number in options.ppos)
             print(json.dumps(begin), file=stream)
             for line in lines(everything(source.open())):
                 print(json.dumps(line), file=stream)
@@ -344,6 +345,9 @@ def test_ppo_gives_the_same_result(version: str, tmp_path: Path) -> None:
             sources.append(Source(name, content, number % 9 == 0 and len(content) < SMALL))
     assert len(sources) > 30
     compare(version, "en", sources, tmp_path)
+    running = [Source("running", test_profibus_ppo.running(), look=True)]
+    for ppos in ((), ((3, 1),), ((3, 2),), ((3, 4), (5, 1))):
+        compare(version, "en", running, tmp_path, AnalysisOptions(ppos=ppos))
 
 
 @pytest.mark.parametrize("version", VERSIONS)

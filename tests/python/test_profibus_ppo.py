@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 from typing import Any
 
 import pytest
 from test_cyclic_scenes import SCENES, capture
 
-from ds47.analysis import analyze
+import ds47
+from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
-from ds47.model import PKW, PZD, CaptureResult, Side
+from ds47.cli import main
+from ds47.cyclic import ppo
+from ds47.model import NAMED, PKW, PZD, CaptureResult, Side
 from ds47.profibus import telegram
 from ds47.profibus.bus import PROFIBUS_DL
 
 STATION, MASTER = 3, 2
+START_UP = 4
+"""Frames before the first data exchange."""
 SHORT = b"\xe5"
 SET_PRM = bytes.fromhex("b81e010080b501")
 """Of a MICROMASTER 4."""
@@ -145,6 +151,101 @@ def test_without_chk_cfg_nothing_is_guessed() -> None:
     for number in range(50):
         bus.exchange((number * 1000, bytes(12)), (number * 1000, bytes(12)))
     assert analyze(io.BytesIO(bus.written())).relations == []
+
+
+def running() -> bytes:
+    """A scene on PROFIBUS without its start-up."""
+    content = on_profibus(capture(SCENES["word-on-double-word"]))
+    assert content is not None
+    target = io.BytesIO()
+    with (
+        open_capture(io.BytesIO(content)) as opened,
+        PcapngWriter(target, link_type=PROFIBUS_DL) as writer,
+    ):
+        for frame in opened.everything():
+            if frame.number > START_UP:
+                writer.write(frame.time_ns, frame.data)
+    return target.getvalue()
+
+
+def named(*ppos: tuple[int, int]) -> CaptureResult:
+    return analyze(io.BytesIO(running()), AnalysisOptions(ppos=ppos))
+
+
+def without_units(result: CaptureResult) -> list[Any]:
+    """Units come from the tables of a maker, and nobody says whose drive it is."""
+    return [(*each[:3], [(*one[:3], *one[4:]) for one in each[3]]) for each in transactions(result)]
+
+
+def test_a_named_ppo_says_what_chk_cfg_says() -> None:
+    whole = on_profibus(capture(SCENES["word-on-double-word"]))
+    assert whole is not None
+    there, here = analyze(io.BytesIO(whole)), named((STATION, 1))
+    assert without_units(here) == without_units(there) != []
+    assert events(here) == events(there)
+    rules = [each.rule for each in there.findings]
+    assert [each.rule for each in here.findings] == rules
+    assert {(each.certainty, each.frame) for each in here.relations} == {(NAMED, 1)}
+
+
+def test_nothing_is_named_of_another_station() -> None:
+    assert named((4, 1)).relations == []
+    assert transactions(named((4, 1))) == []
+
+
+def test_a_name_with_other_lengths_is_not_there() -> None:
+    found = named((STATION, 2))
+    assert [each.frame for each in found.relations] == [None] * len(found.relations) != []
+    assert transactions(found) == []
+    assert events(found) == []
+
+
+def test_chk_cfg_counts_more_than_a_name() -> None:
+    whole = on_profibus(capture(SCENES["word-on-double-word"]))
+    assert whole is not None
+    there = analyze(io.BytesIO(whole))
+    here = analyze(io.BytesIO(whole), AnalysisOptions(ppos=((STATION, 3),)))
+    assert here == there
+
+
+def test_the_report_says_how_to_name_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def report(folder: str, *words: str, settings: str = "") -> str:
+        path = tmp_path / folder / "running.pcapng"
+        path.parent.mkdir()
+        path.write_bytes(running())
+        (path.parent / "ds47.toml").write_text(settings, encoding="utf-8")
+        assert main(["report", *words, str(path)]) == 0
+        return capsys.readouterr().out
+
+    line = next(each for each in report("nobody").splitlines() if "--ppo" in each)
+    assert line.endswith(": --ppo 3=ppo1 | --ppo 3=ppo4")
+    for text in (
+        report("command", "--ppo", "3=PPO1"),
+        report("file", settings='[cyclic]\nppo = ["3=ppo1"]\n'),
+    ):
+        assert "named by hand" in text
+        assert "--ppo" not in text
+
+
+def test_the_library_takes_names() -> None:
+    found = ds47.analyze(io.BytesIO(running()), ppos={STATION: 1})
+    assert found.transactions
+    with pytest.raises(ValueError, match="is not STATION=PPO"):
+        ds47.analyze(io.BytesIO(running()), ppos={STATION: 6})
+
+
+@pytest.mark.parametrize("text", ["3", "3=ppo6", "127=ppo1", "x=ppo1", "3=ppo1x", ""])
+def test_a_wrong_name_is_one_line(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(ValueError, match="is not STATION=PPO, as in 3=ppo1"):
+        ppo.parse(text)
+    path = tmp_path / "running.pcapng"
+    path.write_bytes(running())
+    assert main(["report", "--ppo", text, str(path)]) == 2
+    (tmp_path / "ds47.toml").write_text(f'[cyclic]\nppo = ["{text}"]\n', encoding="utf-8")
+    assert main(["report", str(path)]) == 3
+    assert "[cyclic] ppo" in capsys.readouterr().err
 
 
 def test_another_maker_gets_no_findings() -> None:

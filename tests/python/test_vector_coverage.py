@@ -43,6 +43,7 @@ NOT_OF_THE_WIRE = frozenset(
         "pkw_layouts",
         "channels",
         "cyclic",
+        "ppos",
     }
 )
 """Options that choose texts or what is shown, or are about cyclic frames, and no meaning of records.

@@ -13,14 +13,42 @@ local char, format = string.char, string.format
 
 local M = {}
 
+local LAST = 126 -- the highest address of a station
+
 local Ppo = {}
 Ppo.__index = Ppo
 
---- Feeds channels with the data of stations whose configuration was seen.
+--- Stations and their PPO as they are typed, `3=ppo1 4=ppo3`, as a table; what is none is passed over.
+function M.list(text)
+  local found = {}
+  for station, number in text:lower():gmatch("(%d+)=ppo(%d+)") do
+    for _, row in ipairs(tables.profibus.ppos) do
+      local fits = row.number == tonumber(number) and tonumber(station) <= LAST
+      if fits then found[tonumber(station)] = row.number end
+    end
+  end
+  return found
+end
+
+-- The rows of the PPO that are named, by station.
+local function rows_of(named)
+  local found = {}
+  for _, row in ipairs(tables.profibus.ppos) do
+    for station, number in pairs(named) do
+      if number == row.number then found[station] = row end
+    end
+  end
+  return found
+end
+
+--- Feeds channels with the data of stations whose configuration was seen, or whose PPO is named.
 -- @param channels takes the relations, and the data (channels.lua)
-function M.new(channels)
+-- @param named  numbers of PPO by station, for captures without their Chk_Cfg, which counts more
+function M.new(channels, named)
   return setmetatable({
     channels = channels,
+    named = rows_of(named),
+    at_work = {}, -- masters and stations of a PPO that is named, as a set
     idents = {}, -- ident numbers by station, as Set_Prm has them
   }, Ppo)
 end
@@ -52,6 +80,7 @@ end
 --- The channels of a configuration; none where it is no PPO that is known.
 -- @param told as `dp.configuration` gives it
 -- @param vendor_id of the maker of the drive; nil where that is not known
+-- @param frame of Chk_Cfg; nil where a user named the PPO
 function M.relations(master, station, told, vendor_id, frame)
   local found, output, input, telegrams = {}, 0, 0, telegrams_of(told)
   for _, module in ipairs(told.modules) do
@@ -64,12 +93,26 @@ function M.relations(master, station, told, vendor_id, frame)
         device = format("dp%d", station), vendor_id = vendor_id, telegrams = telegrams,
         output = side(M.source(master, station), output, out, is_pkw),
         input = side(M.source(station, master), input, in_, is_pkw),
-        frame = frame, certainty = relations.LENGTHS,
+        frame = frame, certainty = frame and relations.LENGTHS or relations.NAMED,
       }
     end
     output, input = output + out, input + in_
   end
   return found
+end
+
+-- Whether data of a station whose PPO is named has its length; its channels begin with the first data.
+local function fits(self, master, station, output, input)
+  local row, key, length, identifiers = self.named[station], M.source(master, station), 0, {}
+  for number, each in ipairs(row.modules) do
+    length, identifiers[number] = length + each, char(0xF0 + each / relations.WORD - 1)
+  end
+  if not self.at_work[key] then
+    self.at_work[key] = true
+    local told = dp.configuration(table.concat(identifiers))
+    self.channels:configured(M.relations(master, station, told, nil, nil))
+  end
+  return #output == length and #input == length
 end
 
 --- An exchange that is over; one without an answer says nothing.
@@ -80,11 +123,13 @@ function Ppo:take(exchange)
   end
   local name, frame = dp.service(item), exchange.request.frame
   if name == "exchange" then
+    if self.named[item.da] and not fits(self, item.sa, item.da, item.du, answer.item.du) then return end
     self.channels:exchanged(M.source(item.sa, item.da), item.du, frame, exchange.request.time_ns)
     self.channels:exchanged(M.source(item.da, item.sa), answer.item.du, answer.frame, answer.time_ns)
   elseif name == "parameters" then
     self.idents[item.da] = dp.decode(item).ident
   elseif name == "configuration" then
+    self.named[item.da] = nil
     local vendor = tables.profibus.vendors[self.idents[item.da] or -1]
     self.channels:configured(M.relations(item.sa, item.da, dp.configuration(item.du), vendor, frame), frame)
   end

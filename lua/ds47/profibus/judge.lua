@@ -1,4 +1,4 @@
--- What is wrong on a line: frames, stations, start-up and services to findings DS8xx (docs/profibus.md 9).
+-- What is wrong on a line: frames, stations, start-up and services to findings DS8xx (docs/profibus.md 8).
 --
 -- A thing that happens again is one remark with a count; all are told when nothing more comes. The stations,
 -- and what is said of them, are in stations.lua; what is wrong with a transaction of DS47 is not here.

@@ -1,5 +1,5 @@
 -- What the stations of a line did: counts and times, what Set_Prm, Chk_Cfg and Slave_Diag said
--- (docs/profibus.md 8).
+-- (docs/profibus.md 7).
 --
 -- Hears of the frames and the exchanges of a line. What is wrong with it is the business of judge.lua.
 --
@@ -173,6 +173,7 @@ local function exchanged(station, exchange, answer)
   end
   station.last_exchange = seen
   add(station.exchanges, seen.frame)
+  station.outputs, station.inputs = #seen.item.du, #answer.item.du
   wants(station.wanting, row.wants, answer.frame)
 end
 
@@ -234,7 +235,8 @@ local function told(station)
     address = station.address, role = station.asks and "master" or "slave", ident = ident,
     ppo = configured and configured.ppo or nil, watchdog_ms = set_up and set_up.watchdog_ms or nil,
     requests = station.asked.count, unanswered = station.silent.count, damaged = station.damaged.count,
-    retries = station.retries.count, exchanges = station.exchanges.count, cycle = span(station.cycles),
+    retries = station.retries.count, exchanges = station.exchanges.count,
+    outputs = station.outputs, inputs = station.inputs, cycle = span(station.cycles),
     answer = span(station.answers), diagnoses_wanted = station.wanting.asked,
     diagnoses_fetched = station.wanting.fetched, parameters = station.parameters_frame,
     configuration = station.configuration_frame, diagnosis = told_diagnosis(station),

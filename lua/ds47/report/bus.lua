@@ -1,4 +1,4 @@
--- The stations of a line of PROFIBUS in words: a table, and what each said to Slave_Diag (docs/profibus.md 8;
+-- The stations of a line of PROFIBUS in words: a table, and what each said to Slave_Diag (docs/profibus.md 7;
 -- Python: ds47.report.bus). What is wrong there are findings like all others.
 
 local hex = require("ds47.support.bytes").hex
@@ -95,6 +95,33 @@ function M.diagnoses(bus, lang)
   for _, each in ipairs(bus.stations) do
     if each.diagnosis then
       found[#found + 1] = diagnosis(each.address, each.diagnosis, lang)
+    end
+  end
+  return found
+end
+
+-- The options that name the PPO of a station; empty where its data has the lengths of none.
+local function options_of(item)
+  local options = {}
+  for _, row in ipairs(tables.profibus.ppos) do
+    local length = 0
+    for _, each in ipairs(row.modules) do length = length + each end
+    if item.outputs == length and item.inputs == length then
+      options[#options + 1] = format("--ppo %d=ppo%d", item.address, row.number)
+    end
+  end
+  return concat(options, " | ")
+end
+
+--- How to name the PPO of stations whose Chk_Cfg is missing: array of lines.
+-- @param relations  channels that are known already, those of a PPO that was named among them
+function M.hints(bus, relations, lang)
+  local found, known = {}, {}
+  for _, each in ipairs(relations) do known[each.device] = true end
+  for _, each in ipairs(bus.stations) do
+    local options = (each.configuration or known[name(each.address)]) and "" or options_of(each)
+    if options ~= "" then
+      found[#found + 1] = say(lang, "bus_hint", {station = name(each.address), options = options})
     end
   end
   return found

@@ -207,7 +207,8 @@ local function aligned(rows)
 end
 
 --- The stations of PROFIBUS.
-local function stations(add, item, lang)
+local function stations(add, result, lang)
+  local item = result.bus
   if not item then
     return
   end
@@ -217,8 +218,8 @@ local function stations(add, item, lang)
   for _, line in ipairs(aligned(bus.rows(item, lang))) do
     add("  " .. line)
   end
-  for _, line in ipairs(bus.diagnoses(item, lang)) do
-    add("  " .. line)
+  for _, lines in ipairs({bus.diagnoses(item, lang), bus.hints(item, result.relations or {}, lang)}) do
+    for _, line in ipairs(lines) do add("  " .. line) end
   end
 end
 
@@ -450,7 +451,7 @@ function M.report(result, options)
   end
   header(add, result, counts, options)
   opening.lines(add, result, counts, { lang = options.lang, rules = rules })
-  stations(add, result.bus, options.lang)
+  stations(add, result, options.lang)
   relations(add, result.relations or {}, options.lang)
   events(add, result, options.lang)
   transaction_table(add, result, options)

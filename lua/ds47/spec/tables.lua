@@ -1319,6 +1319,7 @@ M.report_words = {
   bus_no_flags = {en = "nothing", zh = "无"},
   bus_no_master = {en = "none", zh = "无"},
   bus_blocks = {en = "extended {blocks}", zh = "扩展诊断 {blocks}"},
+  bus_hint = {en = "{station} has no Chk_Cfg in the capture; its data has the lengths of a PPO: {options}", zh = "抓包中没有 {station} 的 Chk_Cfg；其数据长度与某个 PPO 相符：{options}"},
   no_bus_records = {en = "no record on PROFIBUS either", zh = "PROFIBUS 上也没有记录"},
   relations_head = {en = "Channels in cyclic frames", zh = "循环帧中的通道"},
   relation = {en = "{where} {channel}{telegram}  output 0x{output} from byte {output_at}, input 0x{input} from byte {input_at}{cycle}  {certainty}", zh = "{where} {channel}{telegram}  输出 0x{output} 自字节 {output_at}，输入 0x{input} 自字节 {input_at}{cycle}  {certainty}"},

@@ -1,4 +1,4 @@
-"""What the `ds47.toml` beside captures says of their cyclic channels: `[cyclic]` with `channels` and `pkw_layout`.
+"""What the `ds47.toml` beside captures says of cyclic channels: `[cyclic]` with `channels`, `ppo`, `pkw_layout`.
 
 Where a folder of captures has no Connects, its channels are named once and not at each command. What is typed at a
 command counts more. Everything else in the file is about comparing results (`ds47.regression.config`).
@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from ds47.analysis import AnalysisOptions
 from ds47.capture import CaptureError
-from ds47.cyclic import CYCLIC, USS, named
+from ds47.cyclic import CYCLIC, USS, named, ppo
 from ds47.cyclic.named import Name
 
 FILE: Final = "ds47.toml"
@@ -27,6 +27,7 @@ class CyclicSettings:
 
     channels: tuple[Name, ...] = ()
     pkw_layouts: tuple[tuple[str, str], ...] = ()
+    ppos: tuple[tuple[int, int], ...] = ()
 
 
 def parse(table: Any) -> CyclicSettings:
@@ -37,15 +38,20 @@ def parse(table: Any) -> CyclicSettings:
     """
     if not isinstance(table, dict):
         raise ValueError("cyclic: write it as a table, [cyclic]")
-    unknown = set(table) - {"channels", "pkw_layout"}
+    unknown = set(table) - {"channels", "pkw_layout", "ppo"}
     if unknown:
-        raise ValueError(f"[cyclic]: unknown key {min(unknown)!r}; known are channels, pkw_layout")
+        known = "channels, pkw_layout, ppo"
+        raise ValueError(f"[cyclic]: unknown key {min(unknown)!r}; known are {known}")
     try:
         names = tuple(map(named.parse, _texts(table, "channels")))
         named.pairs(names)
     except ValueError as problem:
         raise ValueError(f"[cyclic] channels: {problem}") from None
-    return CyclicSettings(names, tuple(map(layout, _texts(table, "pkw_layout"))))
+    try:
+        ppos = tuple(map(ppo.parse, _texts(table, "ppo")))
+    except ValueError as problem:
+        raise ValueError(f"[cyclic] ppo: {problem}") from None
+    return CyclicSettings(names, tuple(map(layout, _texts(table, "pkw_layout"))), ppos)
 
 
 def _texts(table: dict[str, Any], key: str) -> Sequence[str]:
@@ -83,6 +89,7 @@ def options_for(place: str, options: AnalysisOptions) -> AnalysisOptions:
         options,
         cyclic=options.cyclic or settings.channels,
         pkw_layouts=(*settings.pkw_layouts, *options.pkw_layouts),
+        ppos=(*settings.ppos, *options.ppos),
     )
 
 

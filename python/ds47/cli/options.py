@@ -31,7 +31,7 @@ fail_on_option = click.option(
 
 
 def analysis_options(function: Function) -> Function:
-    """Adds --select, --ignore, --index, --lang, --slow, --channels, --cyclic, --pkw-layout, the dialects."""
+    """Adds --select, --ignore, --index, --lang, --slow, --channels, --cyclic, --ppo, --pkw-layout, dialects."""
     for option in (
         dialect_options,
         click.option(
@@ -47,6 +47,13 @@ def analysis_options(function: Function) -> Function:
             metavar="MAC@ID:AT:KIND",
             help="Where a channel is whose Connect is missing: sender, frame id in hex, offset behind it, and"
             " pkw, pzd or ppo1. Twice: for the controller's frames, then for the drive's.",
+        ),
+        click.option(
+            "--ppo",
+            "ppos",
+            multiple=True,
+            metavar="STATION=PPO",
+            help="What a station of PROFIBUS has whose Chk_Cfg is missing: 3=ppo1. ppo1 to ppo5.",
         ),
         click.option(
             "--channels",
@@ -87,6 +94,7 @@ def options_from(
     pkw_layouts: Sequence[str],
     channels: str,
     cyclic: Sequence[str],
+    ppos: Sequence[str],
     legacy_g120_formats: bool,
     profile_v3_types: bool,
     **others: Any,
@@ -110,6 +118,7 @@ def options_from(
         pkw_layouts=tuple(map(_layout, pkw_layouts)),
         channels=_channels(channels),
         cyclic=_named(cyclic),
+        ppos=_ppos(ppos),
         **others,
     )
 
@@ -135,6 +144,16 @@ def _named(texts: Sequence[str]) -> tuple[Name, ...]:
     except ValueError as problem:
         raise click.UsageError(f"--cyclic: {problem}") from None
     return names
+
+
+def _ppos(texts: Sequence[str]) -> tuple[tuple[int, int], ...]:
+    """The PPO of stations that are named by hand."""
+    from ds47.cyclic import ppo
+
+    try:
+        return tuple(map(ppo.parse, texts))
+    except ValueError as problem:
+        raise click.UsageError(f"--ppo: {problem}") from None
 
 
 def known_rules(names: Sequence[str]) -> tuple[str, ...]:

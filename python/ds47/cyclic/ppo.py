@@ -1,4 +1,4 @@
-"""PKW and PZD in the data exchange of PROFIBUS: what Chk_Cfg says of its modules, as relations.
+"""PKW and PZD in the data exchange of PROFIBUS: what Chk_Cfg says of its modules, or a user, as relations.
 
 Hears of the exchanges of a line. Which modules a configuration has is `ds47.profibus.dp`; what the words mean is
 the business of `channels` and of those behind it, for PROFINET and PROFIBUS alike.
@@ -6,17 +6,21 @@ the business of `channels` and of those behind it, for PROFINET and PROFIBUS ali
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 
 from ds47.cyclic.channels import CyclicChannels
 from ds47.cyclic.pkw import LENGTH
 from ds47.cyclic.relations import Relation, Side, fitting_telegrams
-from ds47.model import LENGTHS, PKW, PZD
+from ds47.model import LENGTHS, NAMED, PKW, PZD
 from ds47.profibus import dp
 from ds47.profibus.line import Exchange
 from ds47.spec import profibus
 
 _WORD = 2
+_LAST = 126
+"""The highest address of a station."""
+_NAMED = re.compile(r"([0-9]{1,3})=ppo([0-9])", re.IGNORECASE)
 
 
 def source(sender: int, receiver: int) -> bytes:
@@ -24,15 +28,36 @@ def source(sender: int, receiver: int) -> bytes:
     return bytes((sender, receiver))
 
 
+def parse(text: str) -> tuple[int, int]:
+    """A station and its PPO as they are typed: `3=ppo1`.
+
+    Raises:
+        ValueError: what is wrong, and what is allowed.
+    """
+    found = _NAMED.fullmatch(text.strip())
+    known = {row.number for row in profibus.ppos()}
+    if found is None or int(found[1]) > _LAST or int(found[2]) not in known:
+        names = ", ".join(f"ppo{number}" for number in sorted(known))
+        raise ValueError(f"{text!r} is not STATION=PPO, as in 3=ppo1: 0 to {_LAST}; {names}")
+    return int(found[1]), int(found[2])
+
+
 class Ppo:
-    """Feeds channels with the data of stations whose configuration was seen.
+    """Feeds channels with the data of stations whose configuration was seen, or whose PPO is named.
 
     Args:
         channels: takes the relations, and the data.
+        named: the PPO of stations, for captures without their Chk_Cfg, which counts more.
     """
 
-    def __init__(self, channels: CyclicChannels) -> None:
+    def __init__(self, channels: CyclicChannels, named: Mapping[int, int]) -> None:
         self._channels = channels
+        self._named = {
+            station: row for station, number in named.items() for row in profibus.ppos()
+            if row.number == number
+        }  # fmt: skip
+        self._at_work: set[tuple[int, int]] = set()
+        """Masters and stations of a PPO that is named."""
         self._idents: dict[int, int] = {}
         """Ident numbers by station, as Set_Prm has them."""
 
@@ -44,6 +69,8 @@ class Ppo:
             return
         name = dp.service(item)
         if name == dp.EXCHANGE:
+            if station in self._named and not self._fits(master, station, item.du, answer.item.du):
+                return
             seen = exchange.request
             out, in_ = source(master, station), source(station, master)
             self._channels.exchanged(out, item.du, seen.frame, seen.time_ns)
@@ -53,17 +80,35 @@ class Ppo:
             if isinstance(told, dp.Parameters) and told.ident is not None:
                 self._idents[station] = told.ident
         elif name == dp.CONFIGURATION:
+            self._named.pop(station, None)
             vendor = profibus.vendor(self._idents.get(station))
             found = relations(
                 master, station, dp.configuration(item.du), vendor, exchange.request.frame
             )
             self._channels.configured(list(found))
 
+    def _fits(self, master: int, station: int, output: bytes, input_: bytes) -> bool:
+        """Whether data of a station whose PPO is named has its length; its channels begin with the first data."""
+        row = self._named[station]
+        if (master, station) not in self._at_work:
+            self._at_work.add((master, station))
+            found = relations(master, station, dp.configuration(_identifiers(row)), None, None)
+            self._channels.configured(list(found))
+        return len(output) == len(input_) == sum(row.modules)
+
+
+def _identifiers(row: profibus.Ppo) -> bytes:
+    """The modules of a PPO as Chk_Cfg names them, in words and consistent."""
+    return bytes(0xF0 | (length // _WORD - 1) for length in row.modules)
+
 
 def relations(
-    master: int, station: int, told: dp.Configuration, vendor_id: int | None, frame: int
+    master: int, station: int, told: dp.Configuration, vendor_id: int | None, frame: int | None
 ) -> Iterator[Relation]:
-    """The channels of a configuration; none where it is no PPO that is known."""
+    """The channels of a configuration; none where it is no PPO that is known.
+
+    `frame` is that of Chk_Cfg, None where a user named the PPO.
+    """
     output = input_ = 0
     words = [
         (each.outputs.length, each.inputs.length)
@@ -86,6 +131,7 @@ def relations(
             yield Relation(
                 PKW if role == dp.PKW else PZD, f"dp{master}", f"dp{station}", vendor_id=vendor_id,
                 ar=None, api=None, slot=None, subslot=None, telegrams=telegrams,
-                output=sides[0], input=sides[1], frame=frame, certainty=LENGTHS,
+                output=sides[0], input=sides[1], frame=frame,
+                certainty=LENGTHS if frame is not None else NAMED,
             )  # fmt: skip
         output, input_ = output + lengths[0], input_ + lengths[1]

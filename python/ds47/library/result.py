@@ -11,6 +11,7 @@ from ds47.analysis import AnalysisOptions
 from ds47.analysis import analyze as analyze_natively
 from ds47.cyclic.named import pairs as name_pairs
 from ds47.cyclic.named import parse as parse_name
+from ds47.cyclic.ppo import parse as parse_ppo
 from ds47.model import (
     CHANNELS,
     CaptureFile,
@@ -251,6 +252,7 @@ def analyze(
     pkw_layouts: Mapping[str, str] | None = None,
     channels: Iterable[str] = ("ds47", "pkw", "pzd"),
     cyclic: Iterable[str] = (),
+    ppos: Mapping[int, int] | None = None,
     select: Iterable[str] = (),
     ignore: Iterable[str] = (),
     options: Options | None = None,
@@ -271,6 +273,7 @@ def analyze(
         channels: what to report: "ds47" record calls, "pkw", "pzd".
         cyclic: channels in cyclic frames whose Connect is missing, two names for each, as in
             "00:1b:1b:11:22:33@8000:0:pkw"; docs/cyclic.md 5.
+        ppos: numbers of PPO by the address of the station on PROFIBUS, where Chk_Cfg is missing; docs/profibus.md.
         select: rules to report, by id, beginning of an id, or name; empty for all.
         ignore: rules to leave out.
         options: dialects of the parameter channel.
@@ -288,7 +291,7 @@ def analyze(
     chosen = AnalysisOptions(
         indices=frozenset(indices), slow_ms=slow_ms, select=_rules(select), ignore=_rules(ignore),
         codec=options or Options(), digest=digest, pkw_layouts=tuple((pkw_layouts or {}).items()),
-        channels=wanted, cyclic=tuple(map(parse_name, cyclic)),
+        channels=wanted, cyclic=tuple(map(parse_name, cyclic)), ppos=_ppos(ppos or {}),
     )  # fmt: skip
     name_pairs(chosen.cyclic)
     if engine not in get_args(Engine):
@@ -309,6 +312,10 @@ def _series(paths: list[str], engine: Engine, options: AnalysisOptions) -> Captu
     if len(tasks) != 1 or engine != "native":
         raise ValueError(f"{paths}: not the files of one ring buffer, for the native engine")
     return read(tasks[0], options)
+
+
+def _ppos(given: Mapping[int, int]) -> tuple[tuple[int, int], ...]:
+    return tuple(parse_ppo(f"{station}=ppo{number}") for station, number in given.items())
 
 
 def _rules(names: Iterable[str]) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What the stations of a line did: counts, times, what Set_Prm, Chk_Cfg, Slave_Diag said (docs/profibus.md 8).
+"""What the stations of a line did: counts, times, what Set_Prm, Chk_Cfg, Slave_Diag said (docs/profibus.md 7).
 
 Hears of the frames and the exchanges of a line. What is wrong with it is the business of `judge`.
 """
@@ -105,6 +105,8 @@ class Station:
     cycles: Times = field(default_factory=Times)
     """and from one data exchange to the next."""
     exchanges: Counted = field(default_factory=Counted)
+    lengths: tuple[int, int] | None = None
+    """Bytes of the last data exchange, to it and from it."""
     last_exchange: Seen | None = None
     """Since its last Set_Prm."""
     wanting: Wanting = field(default_factory=Wanting)
@@ -123,12 +125,13 @@ class Station:
         """As the result has it, `timed` with times."""
         told, set_up, configured = self.diagnosis, self.parameters, self.configuration
         ident = set_up.ident if set_up else told.ident if told else None
+        outputs, inputs = self.lengths or (None, None)
         return BusStation(
             self.address, "master" if self.asks else "slave", ident,
             None if configured is None else configured.ppo,
             None if set_up is None else set_up.watchdog_ms,
             self.asked.count, self.silent.count, self.damaged.count, self.retries.count,
-            self.exchanges.count, self.cycles.span() if timed else None,
+            self.exchanges.count, outputs, inputs, self.cycles.span() if timed else None,
             self.answers.span() if timed else None,
             self.wanting.asked, self.wanting.fetched,
             self.parameters_frame, self.configuration_frame,
@@ -269,4 +272,5 @@ def _exchanged(station: Station, exchange: Exchange, answer: Seen) -> None:
         station.cycles.add(seen.time_ns - station.last_exchange.time_ns)
     station.last_exchange = seen
     station.exchanges.add(seen.frame)
+    station.lengths = len(seen.item.du), len(answer.item.du)
     station.wanting.answered(row.wants, answer.frame)

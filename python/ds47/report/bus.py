@@ -1,13 +1,13 @@
-"""The stations of a line of PROFIBUS in words: a table, and what each said to Slave_Diag (docs/profibus.md 8).
+"""The stations of a line of PROFIBUS in words: a table, and what each said to Slave_Diag (docs/profibus.md 7).
 
 Used by the text report and by the HTML page; what is wrong there are findings like all others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
-from ds47.model import Bus, BusStation, Span, StationDiagnosis
+from ds47.model import Bus, BusStation, Relation, Span, StationDiagnosis
 from ds47.report.bilingual import LANGUAGES, Both, joined, say
 from ds47.report.formatting import duration
 from ds47.spec import profibus
@@ -69,6 +69,22 @@ def diagnoses(bus: Bus) -> Iterator[Both]:
     for each in bus.stations:
         if each.diagnosis is not None:
             yield _diagnosis(each.address, each.diagnosis)
+
+
+def hints(bus: Bus, relations: Sequence[Relation]) -> Iterator[Both]:
+    """How to name the PPO of stations whose Chk_Cfg is missing, and whose data has the lengths of one.
+
+    Args:
+        bus: the stations.
+        relations: channels that are known already, those of a PPO that was named among them.
+    """
+    known = {each.device for each in relations}
+    for each in bus.stations:
+        lengths = {each.outputs, each.inputs}
+        fits = [row.number for row in profibus.ppos() if lengths == {sum(row.modules)}]
+        if fits and each.configuration is None and f"dp{each.address}" not in known:
+            options = " | ".join(f"--ppo {each.address}=ppo{number}" for number in fits)
+            yield say("bus_hint", station=f"dp{each.address}", options=options)
 
 
 def _diagnosis(address: int, item: StationDiagnosis) -> Both:

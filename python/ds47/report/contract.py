@@ -435,6 +435,8 @@ BUS_STATION = Shape("bus_station", (
     Key("damaged", COUNT, "Answers in whose place there is a damaged frame."),
     Key("retries", COUNT),
     Key("exchanges", COUNT, "Data exchanges."),
+    Key("outputs", BYTE, "Bytes to it in the last of them."),
+    Key("inputs", BYTE, "Bytes from it."),
     Key("cycle", _SPANS, "From one data exchange to the next; null without times.", shape=_SPAN),
     Key("answer", _SPANS, "From a request to its answer; null without times.", shape=_SPAN),
     Key("diagnoses_wanted", COUNT, "How often it began to ask for Slave_Diag."),

@@ -79,7 +79,8 @@ class Writer(_Writer):
         self._header(result, counts)
         for line in self._opening.lines(result):
             self._line(line)
-        self._bus(result.bus)
+        if result.bus is not None:
+            self._bus(result.bus, result.relations)
         self._relations(result.relations)
         self._senders(result.senders)
         self._timelines(result)
@@ -139,10 +140,8 @@ class Writer(_Writer):
             )
             self._line("  " + self._say("no_transaction") + f" ({there})")
 
-    def _bus(self, bus: Bus | None) -> None:
+    def _bus(self, bus: Bus, relations: Sequence[Relation]) -> None:
         """The stations of PROFIBUS."""
-        if bus is None:
-            return
         lang = self.options.lang
         self._line()
         self._title(self._say("bus_head"))
@@ -150,7 +149,7 @@ class Writer(_Writer):
         table = [stations.head(), *stations.rows(bus)]
         for line in aligned([[cell.text(lang) for cell in row] for row in table]):
             self._line("  " + line)
-        for each in stations.diagnoses(bus):
+        for each in (*stations.diagnoses(bus), *stations.hints(bus, relations)):
             self._line("  " + each.text(lang))
 
     def _relations(self, relations: Sequence[Relation]) -> None:

@@ -232,11 +232,13 @@ def preferences(options: AnalysisOptions) -> list[str]:
     cyclic = " ".join(
         f"{each.mac}@{each.frame_id:04x}:{each.offset}:{each.kind}" for each in options.cyclic
     )
+    ppos = " ".join(f"{station}=ppo{number}" for station, number in options.ppos)
     return [
         *([f"ds47.indices:{indices}"] if indices else []),
         f"ds47.pkw_layout:{plain}",
         *([f"ds47.pkw_layouts:{others}"] if others else []),
         *([f"ds47.cyclic:{cyclic}"] if cyclic else []),
+        *([f"ds47.ppos:{ppos}"] if ppos else []),
         "ds47.every_cyclic:TRUE",  # those that the analyzer looked at are given, and no others
         "ds47.index_47:auto",
         "ds47.language:en",

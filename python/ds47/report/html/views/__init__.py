@@ -99,7 +99,12 @@ class BusView(NamedTuple):
         told = result.bus
         if told is None:
             return None
-        return cls(bus.counts(told), bus.head(), list(bus.rows(told)), list(bus.diagnoses(told)))
+        return cls(
+            bus.counts(told),
+            bus.head(),
+            list(bus.rows(told)),
+            [*bus.diagnoses(told), *bus.hints(told, result.relations)],
+        )
 
 
 @dataclass(slots=True)
