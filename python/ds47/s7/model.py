@@ -1,0 +1,285 @@
+"""What is known of S7 communication: connections, PDUs, items, jobs (docs/s7.md).
+
+Plain values only, which every other module of this room fills or reads; nothing is decoded, paired or judged here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+GET, PUT, BSEND, USEND = OPERATIONS = ("get", "put", "bsend", "usend")
+OK, ERROR, PARTIAL, REFUSED, UNANSWERED, ORPHAN = (
+    "ok", "error", "partial", "refused", "unanswered", "orphan",
+)  # fmt: skip
+"""States of a job: all items went well, none, some; the whole job was refused; no answer; no request."""
+DB = 0x84
+"""The area of data blocks; all others have no number."""
+ELEMENTS = frozenset((0x1C, 0x1D))
+"""Areas whose addresses are numbers of elements: counters and timers."""
+DONE = 0xFF
+"""The return code of an item that went well."""
+
+
+class End(NamedTuple):
+    """One end of a TCP connection."""
+
+    ip: str
+    port: int
+
+
+class At(NamedTuple):
+    """Where something stands in the capture: the frame that completes it, nanoseconds since 1970."""
+
+    frame: int
+    time_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Flaw:
+    """What is wrong, where, and with which numbers; the words are in `spec.s7`."""
+
+    kind: str
+    """One of `spec.s7.flaw_ids()`."""
+    offset: int
+    """Bytes from the beginning of what was decoded."""
+    args: Mapping[str, int] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """What an item names: `start` counts bits, in timers and counters elements; `count` elements of `size`."""
+
+    area: int
+    """Its code (spec/s7.toml)."""
+    db: int
+    """Number of the data block; 0 in all other areas."""
+    start: int
+    size: int
+    """Bits of one element; 0 where that is not known."""
+    count: int
+    transport: int = 2
+    """Transport size of the item (spec/s7.toml)."""
+
+    @property
+    def memory(self) -> tuple[int, int]:
+        """What two addresses have in common that can overlap."""
+        return self.area, self.db
+
+    @property
+    def end(self) -> int:
+        """The first bit behind it, in timers and counters the first element."""
+        each = 1 if self.area in ELEMENTS else self.size
+        return self.start + self.count * each
+
+    @property
+    def length(self) -> int:
+        """Bytes of its data."""
+        return (self.count * self.size + 7) // 8
+
+
+@dataclass(slots=True, eq=False)
+class Item:
+    """One variable of a job, or one area of a USEND; the data of a BSEND is one item."""
+
+    address: Address | None
+    """None where nothing of the request is known, where its syntax is an unknown one, and in what is sent."""
+    value: bytes | None = None
+    """What was read, where it was read, or what was to be written; None where it is not there."""
+    code: int | None = None
+    """What the partner answered (spec/s7.toml); None without an answer, and in what is sent."""
+    syntax: int | None = None
+    """Syntax of the address, where it is an unknown one."""
+
+
+@dataclass(slots=True, eq=False)
+class Segment:
+    """A part of a BSEND."""
+
+    at: At
+    size: int
+    """Bytes of data."""
+    number: int
+    """Its place in the stream of segments, as the sender counts it."""
+    sequence: int
+    last: bool
+    pdu: int = 0
+    """Bytes of its PDU."""
+    reference: int = 0
+    acknowledged: At | None = None
+    assigned: int | None = None
+    """The sequence that its acknowledge names,"""
+    error: int | None = None
+    """and its error word, 0 for none."""
+
+
+@dataclass(slots=True, eq=False)
+class Connection:
+    """A TCP connection of S7; what the capture does not have of it is None.
+
+    The client is the end that opened it; where that was not seen, the end that sent the first job.
+    """
+
+    number: int
+    """From 1, by the first frame."""
+    client: End
+    server: End
+    opened: At
+    """The first frame of it."""
+    last: At
+    begun: bool = False
+    """Whether its beginning is in the capture (SYN, or CR)."""
+    client_tsap: bytes | None = None
+    server_tsap: bytes | None = None
+    tpdu_size: int | None = None
+    """Bytes of a TPDU, as it was agreed."""
+    confirmed: At | None = None
+    """CC."""
+    asked_pdu: int | None = None
+    """PDU length and parallel jobs of the setup, as the client wants them,"""
+    asked_parallel: int | None = None
+    pdu_length: int | None = None
+    """and as they were agreed."""
+    parallel: int | None = None
+    setup: At | None = None
+    """The answer to the setup."""
+    plus: int = 0
+    """PDUs of S7CommPlus."""
+    cyclic: int = 0
+    """PDUs of cyclic services, which bring data without a job."""
+    other: int = 0
+    """All other PDUs that are no job and belong to none: SZL, blocks, programming device."""
+    lost_bytes: int = 0
+    """Bytes that the capture does not have."""
+    open_jobs: int = 0
+    """Jobs without an answer, now,"""
+    most_open: int = 0
+    """and at the most."""
+
+    def end(self, from_client: bool) -> End:
+        """Who sends in one direction."""
+        return self.client if from_client else self.server
+
+
+@dataclass(slots=True, eq=False)
+class Job:
+    """A GET or PUT with its answer, a BSEND with its segments, or a USEND."""
+
+    operation: str
+    """One of OPERATIONS."""
+    connection: Connection
+    from_client: bool
+    """Whether the end that opened the connection asks, or sends."""
+    reference: int
+    """PDU reference: of a BSEND that of its first segment."""
+    asked: At | None
+    """The request; None for an answer without one."""
+    items: list[Item]
+    answered: At | None = None
+    """The answer, of a BSEND the acknowledge of the last segment."""
+    request: bytes = b""
+    """The S7 PDU, from its header on; empty for a BSEND,"""
+    response: bytes = b""
+    """and that of the answer."""
+    error: int | None = None
+    """Error class and code of the answer as one word, of a BSEND that of an acknowledge; 0 for none."""
+    r_id: int | None = None
+    """Of BSEND and USEND."""
+    total: int | None = None
+    """Bytes that a BSEND announces."""
+    segments: list[Segment] = field(default_factory=list)
+    state: str = UNANSWERED
+    flaws: list[Flaw] = field(default_factory=list)
+    answer_flaws: list[Flaw] = field(default_factory=list)
+    lost: bool = False
+    """Whether the capture lacks bytes of the connection while it was open: its answer may be among them."""
+    order: int = 0
+    """Its number among all transactions, by their ends."""
+    phase: str = "open"
+    """"closed" when it is over."""
+
+    @property
+    def asker(self) -> End:
+        """Who asks, or sends."""
+        return self.connection.end(self.from_client)
+
+    @property
+    def partner(self) -> End:
+        """Who answers, or receives."""
+        return self.connection.end(not self.from_client)
+
+    @property
+    def device(self) -> str:
+        """IP address of the partner: whoever wants findings by device asks for it so."""
+        return self.partner.ip
+
+    @property
+    def duration_ns(self) -> int | None:
+        """From the request to its answer."""
+        both = self.asked is not None and self.answered is not None
+        return self.answered.time_ns - self.asked.time_ns if both else None  # type: ignore[union-attr]
+
+
+class Told(NamedTuple):
+    """A whole S7 PDU as it was seen."""
+
+    connection: Connection
+    from_client: bool
+    at: At
+    kind: int
+    """ROSCTR: 1 job, 2 acknowledge, 3 answer with data, 7 user data."""
+    size: int
+    """Bytes of the PDU, as it says."""
+    reference: int
+
+
+class Evidence(NamedTuple):
+    """What the server said of itself in an SZL."""
+
+    connection: Connection
+    at: At
+    szl_id: int
+    szl_index: int
+    name: str
+    """"consistent" for the bytes that can be read consistently, "order" for the order number."""
+    value: int | str
+
+
+class Listener(Protocol):
+    """Hears of what happens on the connections, in the order of the frames.
+
+    A job that `asked` tells of is told to be `over` later, in the order in which answers come; then it stays as
+    it is. An answer without a request is only told to be over.
+    """
+
+    def opened(self, connection: Connection) -> None:
+        """A connection has its first S7 PDU, CR or CC."""
+
+    def agreed(self, connection: Connection) -> None:
+        """The setup was answered: `pdu_length` and `parallel` are there."""
+
+    def refused(self, connection: Connection, why: str, at: At, code: int) -> None:
+        """Nothing comes of a connection.
+
+        Args:
+            connection: it.
+            why: "no_confirm" (CR without CC), "disconnect" (DR), "reset" (RST), "setup" (setup refused).
+            at: the frame that shows it.
+            code: reason of DR, error class and code of the setup; else 0.
+        """
+
+    def pdu(self, told: Told) -> None:
+        """Each whole S7 PDU, before anything is made of it."""
+
+    def asked(self, job: Job) -> None:
+        """A request, or the first segment, was seen."""
+
+    def over(self, job: Job) -> None:
+        """Nothing more comes of a job: it is answered, acknowledged, sent, or given up."""
+
+    def evidence(self, found: Evidence) -> None:
+        """The server said what it is."""
+
+    def closed(self, connection: Connection) -> None:
+        """A connection is over, or the capture is; its open jobs were told of before."""
