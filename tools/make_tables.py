@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ds47 import __version__, spec
-from ds47.spec import cyclic, profibus, semantics
+from ds47.spec import cyclic, profibus, s7, semantics
 from ds47.spec.reporting import COVERS, covers, report_words
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -310,6 +310,28 @@ def _profibus() -> Iterator[str]:
     yield from block("M.profibus.words", profibus.words())
 
 
+def _s7() -> Iterator[str]:
+    yield "M.s7 = {}"
+    for name in s7.CODES:
+        own = "functions" if name == "function" else name  # a keyword of Lua
+        yield from rows(f"M.s7.{own}", s7.codes(name), ("id", "en", "zh", "last"))
+    area = ("letter", "en", "zh", "elements", "numbered")
+    yield from rows("M.s7.areas", s7.areas(), area)
+    yield from rows("M.s7.sizes", s7.sizes(), ("id", "bits", "letter"))
+    yield from rows("M.s7.data_sizes", s7.data_sizes(), ("id", "bits"))
+    cpus = s7.cpus().values()
+    blocks = {f'["{row.id}"]': fields(row, ("block", "en", "zh")) for row in cpus}
+    yield from block("M.s7.cpus", blocks)
+    yield from block(
+        "M.s7.rooms", {name: fields(row, ("fixed", "each")) for name, row in s7.rooms().items()}
+    )
+    flaws = {
+        name: {lang: s7.flaw_template(name, lang) for lang in LANGUAGES} for name in s7.flaw_ids()
+    }
+    yield from block("M.s7.flaws", flaws)
+    yield from block("M.s7.words", s7.words())
+
+
 def _by_slave(ids: Mapping[tuple[int, int], str]) -> dict[int, dict[int, str]]:
     """SAP of the slave -> SAP of the master -> the service."""
     found: dict[int, dict[int, str]] = {}
@@ -401,6 +423,7 @@ def generate() -> str:
         later("pkw", _pkw()),
         later("pzd", _pzd()),
         later("profibus", _profibus()),
+        later("s7", _s7()),
         ["return M"],
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"

@@ -1814,4 +1814,175 @@ M.profibus.words = {
 }
 ]=]
 
+later.s7 = [=[
+M.s7 = {}
+M.s7.kind = {
+  [0x01] = {id = "job", en = "job", zh = "作业"},
+  [0x02] = {id = "acknowledge", en = "acknowledgement", zh = "确认"},
+  [0x03] = {id = "answer", en = "acknowledgement with data", zh = "带数据的确认"},
+  [0x07] = {id = "user_data", en = "user data", zh = "用户数据"},
+}
+M.s7.functions = {
+  [0x00] = {id = "cpu", en = "CPU services", zh = "CPU 服务"},
+  [0x04] = {id = "read", en = "read variables", zh = "读变量"},
+  [0x05] = {id = "write", en = "write variables", zh = "写变量"},
+  [0x1A] = {id = "request_download", en = "request download", zh = "请求下载"},
+  [0x1B] = {id = "download_block", en = "download block", zh = "下载块"},
+  [0x1C] = {id = "download_ended", en = "end of download", zh = "下载结束"},
+  [0x1D] = {id = "start_upload", en = "start upload", zh = "开始上传"},
+  [0x1E] = {id = "upload", en = "upload", zh = "上传"},
+  [0x1F] = {id = "end_upload", en = "end of upload", zh = "上传结束"},
+  [0x28] = {id = "pi_service", en = "program invocation (PI service)", zh = "程序调用（PI 服务）"},
+  [0x29] = {id = "stop", en = "stop of the CPU", zh = "停止 CPU"},
+  [0xF0] = {id = "setup", en = "setup communication", zh = "建立通信"},
+}
+M.s7.return_code = {
+  [0x00] = {en = "reserved", zh = "保留"},
+  [0x01] = {en = "hardware error", zh = "硬件错误"},
+  [0x03] = {en = "access to the object is not allowed", zh = "不允许访问该对象"},
+  [0x05] = {en = "address out of range", zh = "地址超出范围"},
+  [0x06] = {en = "data type is not supported", zh = "不支持该数据类型"},
+  [0x07] = {en = "data type and length do not fit each other", zh = "数据类型与长度不一致"},
+  [0x0A] = {en = "object does not exist", zh = "对象不存在"},
+  [0xFF] = {en = "ok", zh = "成功"},
+}
+M.s7.error_class = {
+  [0x00] = {en = "no error", zh = "无错误"},
+  [0x81] = {en = "application relation", zh = "应用关系错误"},
+  [0x82] = {en = "object definition", zh = "对象定义错误"},
+  [0x83] = {en = "no resources", zh = "资源不足"},
+  [0x84] = {en = "processing of the service", zh = "服务处理错误"},
+  [0x85] = {en = "content of the PDU", zh = "PDU 内容错误"},
+  [0x87] = {en = "access", zh = "访问错误"},
+  [0xD2] = {en = "block or file", zh = "块或文件错误"},
+}
+M.s7.error = {
+  [0x110] = {en = "invalid block number", zh = "无效的块号"},
+  [0x112] = {en = "invalid parameter", zh = "无效的参数"},
+  [0x11A] = {en = "no resources in the programming device", zh = "编程设备资源不足"},
+  [0x11B] = {en = "no resources in the PLC", zh = "PLC 资源不足"},
+  [0x11C] = {en = "protocol error", zh = "协议错误"},
+  [0x11F] = {en = "user buffer is too short", zh = "用户缓冲区过短"},
+  [0x141] = {en = "request error", zh = "请求错误"},
+  [0x1C0] = {en = "versions do not fit", zh = "版本不匹配"},
+  [0x1F0] = {en = "not implemented", zh = "未实现"},
+  [0x8001] = {en = "the state of the CPU does not allow it", zh = "CPU 当前状态不允许"},
+  [0x8104] = {en = "function is not supported, or not now", zh = "不支持该功能，或当前不可用"},
+  [0x8402] = {en = "service is not possible now", zh = "当前无法执行该服务"},
+  [0x8404] = {en = "the function was stopped, or the length is wrong", zh = "功能已中止，或长度错误"},
+  [0x8500] = {en = "PDU has a wrong length", zh = "PDU 长度错误"},
+  [0x8702] = {en = "address is invalid", zh = "地址无效"},
+  [0xD401] = {en = "no such SZL", zh = "SZL-ID 无效"},
+  [0xD402] = {en = "no such index of the SZL", zh = "SZL 索引无效"},
+  [0xD801] = {en = "address of a variable is invalid", zh = "变量地址无效"},
+  [0xD802] = {en = "unknown request", zh = "未知请求"},
+}
+M.s7.group = {
+  [0x00] = {id = "mode", en = "mode transition", zh = "工作方式转换"},
+  [0x01] = {id = "programmer", en = "programming device", zh = "编程设备功能"},
+  [0x02] = {id = "cyclic", en = "cyclic services", zh = "循环服务"},
+  [0x03] = {id = "block", en = "blocks", zh = "块功能"},
+  [0x04] = {id = "cpu", en = "CPU (SZL, messages)", zh = "CPU 功能（SZL、报文）"},
+  [0x05] = {id = "security", en = "security", zh = "安全功能"},
+  [0x06] = {id = "program", en = "program to program (BSEND)", zh = "程序间通信（BSEND）"},
+  [0x07] = {id = "time", en = "time of day", zh = "时钟功能"},
+  [0x0F] = {id = "nc", en = "NC programming", zh = "NC 编程"},
+}
+M.s7.tsap = {
+  [0x01] = {id = "pg", en = "programming device", zh = "编程设备"},
+  [0x02] = {id = "op", en = "operator panel", zh = "操作面板"},
+  [0x03] = {id = "other", en = "other, without configuration", zh = "其他（未组态）"},
+  [0x10] = {id = "configured", en = "configured connection", zh = "组态连接", last = 223},
+}
+M.s7.areas = {
+  [0x03] = {letter = "SYSINFO", en = "system information of S7-200", zh = "S7-200 系统信息", elements = false, numbered = false},
+  [0x05] = {letter = "SM", en = "special memory of S7-200", zh = "S7-200 特殊存储器", elements = false, numbered = false},
+  [0x06] = {letter = "AI", en = "analog inputs of S7-200", zh = "S7-200 模拟量输入", elements = false, numbered = false},
+  [0x07] = {letter = "AQ", en = "analog outputs of S7-200", zh = "S7-200 模拟量输出", elements = false, numbered = false},
+  [0x1C] = {letter = "C", en = "counters", zh = "计数器", elements = true, numbered = false},
+  [0x1D] = {letter = "T", en = "timers", zh = "定时器", elements = true, numbered = false},
+  [0x1E] = {letter = "C", en = "counters of S7-200", zh = "S7-200 计数器", elements = true, numbered = false},
+  [0x1F] = {letter = "T", en = "timers of S7-200", zh = "S7-200 定时器", elements = true, numbered = false},
+  [0x80] = {letter = "P", en = "peripheral inputs and outputs", zh = "外设输入/输出", elements = false, numbered = false},
+  [0x81] = {letter = "I", en = "inputs", zh = "输入", elements = false, numbered = false},
+  [0x82] = {letter = "Q", en = "outputs", zh = "输出", elements = false, numbered = false},
+  [0x83] = {letter = "M", en = "bit memory", zh = "位存储器", elements = false, numbered = false},
+  [0x84] = {letter = "DB", en = "data block", zh = "数据块", elements = false, numbered = true},
+  [0x85] = {letter = "DI", en = "instance data block", zh = "背景数据块", elements = false, numbered = true},
+  [0x86] = {letter = "L", en = "local data", zh = "局部数据", elements = false, numbered = false},
+  [0x87] = {letter = "LV", en = "local data of the calling block", zh = "调用块的局部数据", elements = false, numbered = false},
+}
+M.s7.sizes = {
+  [0x01] = {id = "BIT", bits = 1, letter = "X"},
+  [0x02] = {id = "BYTE", bits = 8, letter = "B"},
+  [0x03] = {id = "CHAR", bits = 8, letter = "B"},
+  [0x04] = {id = "WORD", bits = 16, letter = "W"},
+  [0x05] = {id = "INT", bits = 16, letter = "W"},
+  [0x06] = {id = "DWORD", bits = 32, letter = "D"},
+  [0x07] = {id = "DINT", bits = 32, letter = "D"},
+  [0x08] = {id = "REAL", bits = 32, letter = "D"},
+  [0x09] = {id = "DATE", bits = 16, letter = "W"},
+  [0x0A] = {id = "TOD", bits = 32, letter = "D"},
+  [0x0B] = {id = "TIME", bits = 32, letter = "D"},
+  [0x0C] = {id = "S5TIME", bits = 16, letter = "W"},
+  [0x0F] = {id = "DATE_AND_TIME", bits = 64},
+  [0x1C] = {id = "COUNTER", bits = 16},
+  [0x1D] = {id = "TIMER", bits = 16},
+  [0x1E] = {id = "IEC_COUNTER", bits = 0},
+  [0x1F] = {id = "IEC_TIMER", bits = 0},
+  [0x20] = {id = "HS_COUNTER", bits = 0},
+}
+M.s7.data_sizes = {
+  [0x00] = {id = "NULL", bits = 8},
+  [0x03] = {id = "BIT", bits = 1},
+  [0x04] = {id = "BYTE/WORD/DWORD", bits = 1},
+  [0x05] = {id = "INTEGER", bits = 1},
+  [0x06] = {id = "DINTEGER", bits = 8},
+  [0x07] = {id = "REAL", bits = 8},
+  [0x09] = {id = "OCTET STRING", bits = 8},
+}
+M.s7.cpus = {
+  ["s7-300-old"] = {block = 8, en = "S7-300, CPU 312 IFM to 316, old firmware", zh = "S7-300，CPU 312 IFM 至 316，旧固件"},
+  ["s7-300"] = {block = 32, en = "S7-300, CPU 312 IFM to 316", zh = "S7-300，CPU 312 IFM 至 316"},
+  ["s7-318"] = {block = 4, en = "CPU 318-2: a double word at the most", zh = "CPU 318-2：最多一个双字"},
+  ["s7-31xc"] = {block = 64, en = "CPU 31xC, and CPU 31x of 2004", zh = "CPU 31xC，以及 2004 年的 CPU 31x"},
+  ["s7-317"] = {block = 160, en = "CPU 317", zh = "CPU 317"},
+  ["s7-319"] = {block = 240, en = "CPU 319, and later CPU 31x", zh = "CPU 319 及更新的 CPU 31x"},
+  ["im151-7"] = {block = 64, en = "IM 151-7 CPU", zh = "IM 151-7 CPU"},
+  ["s7-400"] = {block = 32, en = "S7-400", zh = "S7-400"},
+  ["s7-400-2006"] = {block = 462, en = "S7-400, from 2006", zh = "S7-400（2006 年起）"},
+  ["s7-400h"] = {block = 472, en = "S7-400H, from 2012", zh = "S7-400H（2012 年起）"},
+  ["s7-1500-2014"] = {block = 462, en = "S7-1500, ET 200SP CPU of 2014", zh = "S7-1500、ET 200SP CPU（2014 年）"},
+  ["s7-1500"] = {block = 512, en = "S7-1500, ET 200SP CPU", zh = "S7-1500、ET 200SP CPU"},
+}
+M.s7.rooms = {
+  get = {fixed = 14, each = 4},
+  put = {fixed = 12, each = 16},
+  usend = {fixed = 24, each = 4},
+  bsend_first = {fixed = 36, each = 0},
+  bsend = {fixed = 34, each = 0},
+}
+M.s7.flaws = {
+  tpkt = {en = "no TPKT begins with {byte:02X}", zh = "没有以 {byte:02X} 开头的 TPKT"},
+  cut = {en = "cut off: {have} of {want} bytes", zh = "不完整：{want} 个字节中只有 {have} 个"},
+  cotp = {en = "COTP header of {length} bytes in {have}", zh = "COTP 头声明 {length} 个字节，而仅有 {have} 个"},
+  cotp_kind = {en = "no COTP TPDU has the code {code:02X}", zh = "没有代码为 {code:02X} 的 COTP TPDU"},
+  protocol = {en = "no S7 PDU begins with {byte:02X}", zh = "没有以 {byte:02X} 开头的 S7 PDU"},
+  plus = {en = "S7CommPlus, which is not decoded", zh = "S7CommPlus，不作解码"},
+  kind = {en = "no S7 PDU has ROSCTR {code}", zh = "没有 ROSCTR 为 {code} 的 S7 PDU"},
+  rest = {en = "{n} bytes behind the end of the PDU", zh = "PDU 结束后还有 {n} 个字节"},
+  parameter = {en = "parameter ends too early: {have} of {want} bytes", zh = "参数过短：{want} 个字节中只有 {have} 个"},
+  items = {en = "{says} items are announced, and {there} are there", zh = "声明 {says} 个条目，而仅有 {there} 个"},
+  syntax = {en = "address of an unknown syntax {code:02X}", zh = "地址语法 {code:02X} 未知"},
+  size = {en = "unknown transport size {code:02X}", zh = "未知的传输大小 {code:02X}"},
+  data = {en = "data ends too early: {have} of {want} bytes", zh = "数据过短：{want} 个字节中只有 {have} 个"},
+  more = {en = "{n} bytes behind what belongs here", zh = "其后多出 {n} 个字节"},
+}
+M.s7.words = {
+  unknown = {en = "unknown ({code:02X})", zh = "未知（{code:02X}）"},
+  error = {en = "{text} ({code:04X})", zh = "{text}（{code:04X}）"},
+  plus = {en = "S7CommPlus", zh = "S7CommPlus"},
+}
+]=]
+
 return M

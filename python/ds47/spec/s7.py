@@ -1,0 +1,172 @@
+"""The tables of S7 communication as Python objects (spec/s7.toml).
+
+Loading, lookup and words only; PDUs are decoded in `ds47.s7`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from types import MappingProxyType
+from typing import Any
+
+from ds47.spec import _load
+from ds47.spec.rows import Row
+
+
+class Code(Row):
+    """A code with its words: a kind of PDU, a function, a return code, an error, a group, an owner of a TSAP."""
+
+    code: int
+    en: str
+    zh: str
+    id: str = ""
+    last: int | None = None
+    """Up to which code the row goes, where it is more than one."""
+
+
+class Area(Row):
+    """An area of memory."""
+
+    code: int
+    letter: str
+    """What stands in front of its addresses."""
+    en: str
+    zh: str
+    elements: bool = False
+    """An address is the number of an element, not of a bit."""
+    numbered: bool = False
+    """The area has a number, as a data block has."""
+
+
+class Size(Row):
+    """A transport size of an item, or of data."""
+
+    code: int
+    id: str
+    bits: int
+    """Of one element; of data, of what its length counts."""
+    letter: str = ""
+    """With it one element is written: DB1.DBW0."""
+
+
+class Cpu(Row):
+    """A kind of CPU and the bytes that it copies without interruption."""
+
+    id: str
+    block: int
+    en: str
+    zh: str
+
+
+class Room(Row):
+    """What a PDU has no room for: `fixed` bytes, and `each` for every item."""
+
+    fixed: int
+    each: int
+
+
+CODES = ("kind", "function", "return_code", "error_class", "error", "group", "tsap")
+
+
+@cache
+def codes(table: str) -> Mapping[int, Code]:
+    """One of CODES, by code."""
+    return MappingProxyType({row["code"]: Code(**row) for row in _load("s7.toml")[table]})
+
+
+@cache
+def areas() -> Mapping[int, Area]:
+    """The areas by code."""
+    return MappingProxyType({row["code"]: Area(**row) for row in _load("s7.toml")["area"]})
+
+
+@cache
+def sizes() -> Mapping[int, Size]:
+    """Transport sizes of items, by code."""
+    return MappingProxyType({row["code"]: Size(**row) for row in _load("s7.toml")["size"]})
+
+
+@cache
+def data_sizes() -> Mapping[int, Size]:
+    """Transport sizes of data, by code."""
+    return MappingProxyType({row["code"]: Size(**row) for row in _load("s7.toml")["data_size"]})
+
+
+@cache
+def cpus() -> Mapping[str, Cpu]:
+    """Kinds of CPU by their id."""
+    return MappingProxyType({row["id"]: Cpu(**row) for row in _load("s7.toml")["cpu"]})
+
+
+@cache
+def rooms() -> Mapping[str, Room]:
+    """What has no room in a PDU, by "get", "put", "usend", "bsend_first", "bsend"."""
+    return MappingProxyType({name: Room(**row) for name, row in _load("s7.toml")["room"].items()})
+
+
+def room(use: str, pdu_length: int, items: int = 1) -> int:
+    """Bytes of user data that a PDU of this length holds."""
+    row = rooms()[use]
+    return pdu_length - row.fixed - items * row.each
+
+
+@cache
+def words() -> Mapping[str, Mapping[str, str]]:
+    """Words around those of the tables: key -> "en" and "zh"."""
+    return MappingProxyType(dict(_load("s7.toml")["words"]))
+
+
+@cache
+def _flaws() -> Mapping[str, Mapping[str, str]]:
+    return MappingProxyType({row["id"]: row for row in _load("s7.toml")["flaw"]})
+
+
+def flaw_ids() -> tuple[str, ...]:
+    """All that can be wrong with bytes."""
+    return tuple(_flaws())
+
+
+def flaw_text(flaw_id: str, args: Mapping[str, Any], lang: str = "en") -> str:
+    """What is wrong, in "en" or "zh"."""
+    return flaw_template(flaw_id, lang).format(**args)
+
+
+def flaw_template(flaw_id: str, lang: str = "en") -> str:
+    """The same with its numbers not filled in."""
+    return _flaws()[flaw_id][lang]
+
+
+def text(row: Code | Area | Cpu, lang: str = "en") -> str:
+    """The words of a row, in "en" or "zh"."""
+    return row.zh if lang == "zh" else row.en
+
+
+def code_text(table: str, code: int, lang: str = "en") -> str:
+    """What a code of one of CODES means, an unknown one too."""
+    row = codes(table).get(code)
+    return words()["unknown"][lang].format(code=code) if row is None else text(row, lang)
+
+
+def error_text(error: int, lang: str = "en") -> str:
+    """What an error word means: the whole of it, else its class."""
+    whole = codes("error").get(error)
+    found = text(whole, lang) if whole else code_text("error_class", error >> 8, lang)
+    return words()["error"][lang].format(text=found, code=error)
+
+
+def owner(tsap: bytes | None) -> str:
+    """Who owns a connection by a TSAP of two bytes: an id of [[tsap]]; empty where it does not tell."""
+    if tsap is None or len(tsap) != 2 or not tsap[0]:
+        return ""
+    for row in codes("tsap").values():
+        if row.code <= tsap[0] <= (row.last or row.code):
+            return row.id
+    return ""
+
+
+def place(tsap: bytes | None) -> tuple[int, int] | None:
+    """Rack and slot in the TSAP of a server; None where it does not have them."""
+    if tsap is None or len(tsap) != 2 or not tsap[0]:
+        return None
+    return tsap[1] >> 5, tsap[1] & 0x1F
