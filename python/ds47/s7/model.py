@@ -114,6 +114,39 @@ class Segment:
     """and its error word, 0 for none."""
 
 
+class Evidence(NamedTuple):
+    """What the server said of itself in an SZL."""
+
+    at: At
+    szl_id: int
+    szl_index: int
+    name: str
+    """"consistent" for the bytes that can be read consistently, "order" for the order number."""
+    value: int | str
+
+
+@dataclass(slots=True, eq=False)
+class Counts:
+    """What came of the jobs of a connection."""
+
+    jobs: int = 0
+    """All that are over."""
+    refused: int = 0
+    """Those that were refused, or of which an item was;"""
+    unanswered: int = 0
+    orphans: int = 0
+    """answers without a job."""
+    read: int = 0
+    """Bytes that GET brought, PUT took, and BSEND and USEND sent."""
+    written: int = 0
+    sent: int = 0
+    timed: int = 0
+    """Jobs with a request and an answer, and their times in nanoseconds."""
+    total_ns: int = 0
+    least_ns: int = 0
+    most_ns: int = 0
+
+
 @dataclass(slots=True, eq=False)
 class Connection:
     """A TCP connection of S7; what the capture does not have of it is None.
@@ -152,10 +185,13 @@ class Connection:
     """All other PDUs that are no job and belong to none: SZL, blocks, programming device."""
     lost_bytes: int = 0
     """Bytes that the capture does not have."""
-    open_jobs: int = 0
-    """Jobs without an answer, now,"""
+    foreign: int = 0
+    """PDUs of other protocols."""
+    closed: bool = False
     most_open: int = 0
-    """and at the most."""
+    """Jobs of one end without an answer, at the most."""
+    counts: Counts = field(default_factory=Counts)
+    evidence: list[Evidence] = field(default_factory=list)
 
     def end(self, from_client: bool) -> End:
         """Who sends in one direction."""
@@ -188,6 +224,8 @@ class Job:
     """Of BSEND and USEND."""
     total: int | None = None
     """Bytes that a BSEND announces."""
+    groups: list[int] = field(default_factory=list)
+    """Of each item the number of the address in the request: one address may name several."""
     segments: list[Segment] = field(default_factory=list)
     state: str = UNANSWERED
     flaws: list[Flaw] = field(default_factory=list)
@@ -234,18 +272,6 @@ class Told(NamedTuple):
     reference: int
 
 
-class Evidence(NamedTuple):
-    """What the server said of itself in an SZL."""
-
-    connection: Connection
-    at: At
-    szl_id: int
-    szl_index: int
-    name: str
-    """"consistent" for the bytes that can be read consistently, "order" for the order number."""
-    value: int | str
-
-
 class Listener(Protocol):
     """Hears of what happens on the connections, in the order of the frames.
 
@@ -278,7 +304,7 @@ class Listener(Protocol):
     def over(self, job: Job) -> None:
         """Nothing more comes of a job: it is answered, acknowledged, sent, or given up."""
 
-    def evidence(self, found: Evidence) -> None:
+    def evidence(self, connection: Connection, found: Evidence) -> None:
         """The server said what it is."""
 
     def closed(self, connection: Connection) -> None:

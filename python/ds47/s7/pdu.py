@@ -1,0 +1,367 @@
+"""One PDU of S7: its header, and what its parameter and its data say (docs/s7.md 3).
+
+Here is one PDU whose bytes are in hand. What is wrong with it is a flaw with its offset, never an exception; which
+answer belongs to which job is `jobs`.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from ds47.s7.model import DB, DONE, Address, Flaw, Item
+from ds47.spec import s7
+
+PROTOCOL, PLUS = 0x32, 0x72
+"""What a PDU of S7 begins with, and one of S7CommPlus."""
+JOB, ACKNOWLEDGE, ANSWER, USER_DATA = 1, 2, 3, 7
+READ, WRITE, SETUP = 0x04, 0x05, 0xF0
+CYCLIC, CPU, PROGRAM = 2, 4, 6
+"""Groups of user data."""
+PUSH, REQUEST, RESPONSE = 0, 4, 8
+"""Types of user data."""
+
+_HEAD = struct.Struct(">BBHHHH")
+_ERRORS = 2
+"""Bytes of error class and code, which only answers have."""
+_SPEC, _S7ANY, _R_ID, _DB_READ = 0x12, 0x10, 0x13, 0xB0
+_ANY = struct.Struct(">BHHBBH")
+_BYTE = 2
+"""Transport size of bytes."""
+_ITEM = 4
+"""Bytes in front of the data of an item."""
+_METHODS = (0x11, 0x12)
+"""Request and response, which all user data has but USEND."""
+_USER_HEAD = b"\x00\x01\x12"
+
+
+@dataclass(slots=True)
+class Pdu:
+    """A PDU; what it does not have, or what cannot be known of it, is None or empty."""
+
+    data: bytes
+    """All of it, without what is behind it."""
+    kind: int | None = None
+    """ROSCTR: JOB, ACKNOWLEDGE, ANSWER, USER_DATA."""
+    reference: int = 0
+    parameter: bytes = b""
+    content: bytes = b""
+    """Its data."""
+    error: int | None = None
+    """Error class and code of an answer as one word."""
+    size: int = 0
+    """Bytes that it says to have."""
+    head: int = _HEAD.size
+    """Bytes of the header: where the parameter begins."""
+    flaws: list[Flaw] = field(default_factory=list)
+
+    @property
+    def function(self) -> int | None:
+        """The function of a job, or of what answers one."""
+        return self.parameter[0] if self.parameter and self.kind != USER_DATA else None
+
+    @property
+    def content_at(self) -> int:
+        """Where its data begins."""
+        return self.head + len(self.parameter)
+
+
+def decode(data: bytes) -> Pdu:
+    """The PDU at the beginning of some bytes."""
+    if not data or data[0] != PROTOCOL:
+        kind = "plus" if data and data[0] == PLUS else "protocol"
+        return Pdu(data, flaws=[Flaw(kind, 0, {"byte": data[0]} if data else {"byte": 0})])
+    if len(data) < _HEAD.size:
+        return Pdu(data, flaws=[Flaw("cut", 0, {"have": len(data), "want": _HEAD.size})])
+    _, kind, _, reference, parameters, contents = _HEAD.unpack_from(data)
+    head = _HEAD.size + (_ERRORS if kind in (ACKNOWLEDGE, ANSWER) else 0)
+    size = head + parameters + contents
+    pdu = Pdu(data[:size], kind, reference, size=size, head=head)
+    if kind not in s7.codes("kind"):
+        pdu.flaws.append(Flaw("kind", 1, {"code": kind}))
+        return pdu
+    if len(data) < size:
+        pdu.flaws.append(Flaw("cut", len(data), {"have": len(data), "want": size}))
+    elif len(data) > size:
+        pdu.flaws.append(Flaw("rest", size, {"n": len(data) - size}))
+    if head > _HEAD.size and len(data) >= head:
+        pdu.error = data[10] << 8 | data[11]
+    pdu.parameter = data[head : head + parameters]
+    pdu.content = data[head + parameters : size]
+    return pdu
+
+
+class Setup(NamedTuple):
+    """Setup of communication: parallel jobs of both ends, and the length of a PDU."""
+
+    calling: int
+    called: int
+    pdu_length: int
+
+
+def setup(pdu: Pdu) -> Setup | None:
+    """What a setup, or its answer, says; None where it is too short."""
+    if len(pdu.parameter) < 8:
+        want = {"have": len(pdu.parameter), "want": 8}
+        pdu.flaws.append(Flaw("parameter", pdu.head, want))
+        return None
+    return Setup(*struct.unpack_from(">3H", pdu.parameter, 2))
+
+
+# Jobs: the items of a request
+
+
+@dataclass(slots=True)
+class Variables:
+    """The variables of a job. `groups` has the number of the address for each of them."""
+
+    items: list[Item] = field(default_factory=list)
+    groups: list[int] = field(default_factory=list)
+
+    def add(self, item: Item, group: int) -> None:
+        """One more."""
+        self.items.append(item)
+        self.groups.append(group)
+
+
+def variables(pdu: Pdu) -> Variables:
+    """The variables that a job reads or writes, with what it writes."""
+    found, parameter = Variables(), pdu.parameter
+    says = parameter[1] if len(parameter) > 1 else 0
+    at = 2
+    for group in range(says):
+        length = parameter[at + 1] if at + 1 < len(parameter) else 0
+        end = at + 2 + length
+        if length < 1 or end > len(parameter):
+            pdu.flaws.append(Flaw("items", pdu.head + at, {"says": says, "there": group}))
+            break
+        _address(pdu, at, end, group, found)
+        at = end
+    else:
+        if at < len(parameter):
+            pdu.flaws.append(Flaw("more", pdu.head + at, {"n": len(parameter) - at}))
+    if pdu.function == WRITE:
+        _written(pdu, found)
+    return found
+
+
+def _address(pdu: Pdu, at: int, end: int, group: int, found: Variables) -> None:
+    """The address at parameter[at:end]; one of syntax B0 is that of several variables."""
+    part = pdu.parameter[at:end]
+    syntax = part[2] if part[0] == _SPEC else None
+    if syntax == _S7ANY and len(part) == 12:
+        found.add(Item(any_address(part[3:])), group)
+        return
+    if syntax == _DB_READ and len(part) > 3 and len(part) == 4 + 5 * part[3]:
+        for first in range(4, len(part), 5):
+            count, db, start = struct.unpack_from(">BHH", part, first)
+            found.add(Item(Address(DB, db, 8 * start, 8, count)), group)
+        return
+    known = syntax if syntax is not None else part[0]
+    pdu.flaws.append(Flaw("syntax", pdu.head + at, {"code": known}))
+    found.add(Item(None, syntax=known), group)
+
+
+def any_address(data: bytes) -> Address:
+    """The address in the nine bytes behind the syntax S7ANY."""
+    transport, count, db, area, high, low = _ANY.unpack_from(data)
+    row = s7.sizes().get(transport)
+    start = high << 16 | low
+    return Address(area, db, start, 0 if row is None else row.bits, count, transport)
+
+
+def _written(pdu: Pdu, found: Variables) -> None:
+    """The data of a write, an entry for each address."""
+    values, _ = _data_items(pdu, len(found.items), answer=False)
+    for item, value in zip(found.items, values, strict=False):
+        item.value = value.data
+
+
+# Answers
+
+
+class Result(NamedTuple):
+    """What an answer says of one address."""
+
+    code: int
+    data: bytes | None = None
+
+
+def results(pdu: Pdu) -> list[Result]:
+    """What the answer to a read or a write says, address by address."""
+    says = pdu.parameter[1] if len(pdu.parameter) > 1 else 0
+    if pdu.function == READ:
+        values, at = _data_items(pdu, says, answer=True)
+    else:
+        values, at = [Result(code) for code in pdu.content[:says]], says
+    if len(values) < says:
+        args = {"says": says, "there": len(values)}
+        pdu.flaws.append(Flaw("items", pdu.content_at + min(at, len(pdu.content)), args))
+    elif len(pdu.content) > at:
+        pdu.flaws.append(Flaw("more", pdu.content_at + at, {"n": len(pdu.content) - at}))
+    return values
+
+
+def _data_items(pdu: Pdu, count: int, answer: bool) -> tuple[list[Result], int]:
+    """Entries of data: code, transport size, length, bytes, and a fill byte behind all but the last.
+
+    The length of one that failed says nothing (docs/s7.md 3): nothing follows its four bytes. Gives the entries,
+    and where they end.
+    """
+    data, at = pdu.content, 0
+    found: list[Result] = []
+    while len(found) < count and at + _ITEM <= len(data):
+        code, transport, length = data[at], data[at + 1], data[at + 2] << 8 | data[at + 3]
+        if answer and code != DONE:
+            found.append(Result(code))
+            at += _ITEM
+            continue
+        row = s7.data_sizes().get(transport)
+        if row is None:
+            pdu.flaws.append(Flaw("size", pdu.content_at + at + 1, {"code": transport}))
+            break
+        size = (length * row.bits + 7) // 8
+        have = len(data) - at - _ITEM
+        if have < size:
+            found.append(Result(code))
+            args = {"have": have, "want": size}
+            pdu.flaws.append(Flaw("data", pdu.content_at + len(data), args))
+            return found, len(data)
+        found.append(Result(code, data[at + _ITEM : at + _ITEM + size]))
+        at += _ITEM + size
+        if size & 1 and len(found) < count:
+            at += 1
+    return found, at
+
+
+def settle(found: Variables, told: list[Result]) -> list[Flaw]:
+    """Puts results to the variables of their addresses; what does not fit is said."""
+    items, groups = found.items, found.groups
+    if len(told) == len(items):
+        for item, result in zip(items, told, strict=True):
+            item.code = result.code
+            if result.data is not None:
+                item.value = result.data
+        return []
+    number = groups[-1] + 1 if groups else 0
+    if len(told) != number:
+        for item, result in zip(items, told, strict=False):
+            item.code, item.value = result.code, result.data or item.value
+        return [Flaw("items", 0, {"says": len(items), "there": len(told)})]
+    for group, result in enumerate(told):
+        _share([each for each, of in zip(items, groups, strict=True) if of == group], result)
+    return []
+
+
+def _share(items: list[Item], result: Result) -> None:
+    """One result for several variables: their bytes one behind the other, if that fits."""
+    lengths = [item.address.length if item.address else 0 for item in items]
+    at = 0
+    for item, length in zip(items, lengths, strict=True):
+        item.code = result.code
+        if result.data is not None and len(result.data) == sum(lengths):
+            item.value = result.data[at : at + length]
+        at += length
+
+
+# User data
+
+
+@dataclass(slots=True)
+class UserData:
+    """User data; `content` is what stands behind the four bytes in front of its data."""
+
+    type: int
+    group: int
+    subfunction: int
+    sequence: int
+    unit: int = 0
+    """Number of a part,"""
+    last: bool = True
+    """and whether it is the last one; of a BSEND its place among the segments."""
+    error: int = 0
+    code: int = 0
+    content: bytes = b""
+
+
+def user_data(pdu: Pdu) -> UserData | None:
+    """What user data says; None where it is none of the known form. A USEND is not of that form."""
+    parameter = pdu.parameter
+    if len(parameter) < 8 or not parameter.startswith(_USER_HEAD):
+        return None
+    if parameter[4] not in _METHODS:
+        return None
+    found = UserData(parameter[5] >> 4, parameter[5] & 0x0F, parameter[6], parameter[7])
+    if len(parameter) >= 12:
+        found.unit, found.last = parameter[8], parameter[9] == 0
+        found.error = parameter[10] << 8 | parameter[11]
+    if len(pdu.content) >= _ITEM:
+        found.code = pdu.content[0]
+        length = pdu.content[2] << 8 | pdu.content[3]
+        found.content = pdu.content[_ITEM : _ITEM + length]
+        if len(found.content) < length:
+            args = {"have": len(found.content), "want": length}
+            pdu.flaws.append(Flaw("data", pdu.content_at + len(pdu.content), args))
+    return found
+
+
+class SegmentData(NamedTuple):
+    """A segment of a BSEND. `total` only stands in the first one."""
+
+    r_id: int
+    total: int | None
+    data: bytes
+    sequence: int
+    number: int
+    last: bool
+
+
+def segment(pdu: Pdu, told: UserData) -> SegmentData | None:
+    """The segment of a BSEND in user data of that group; None where too little is there.
+
+    Sequence 0 is that of a first segment: the acknowledgement gives those that follow their number.
+    """
+    content, first = told.content, told.sequence == 0
+    r_id = _r_id(content, 0, (_SPEC, 6))
+    at = 10 if first else 8
+    if r_id is None or len(content) < at:
+        args = {"have": len(content), "want": at}
+        pdu.flaws.append(Flaw("data", pdu.content_at + _ITEM, args))
+        return None
+    total = content[8] << 8 | content[9] if first else None
+    return SegmentData(r_id, total, content[at:], told.sequence, told.unit, told.last)
+
+
+class Usend(NamedTuple):
+    """A USEND: its R_ID, and its areas."""
+
+    r_id: int
+    areas: list[bytes]
+
+
+def usend(pdu: Pdu) -> Usend | None:
+    """A USEND; None where user data is none."""
+    parameter = pdu.parameter
+    if len(parameter) < 10 or not parameter.startswith(_USER_HEAD) or parameter[3] != 6:
+        return None
+    r_id = _r_id(parameter, 4, ())
+    if r_id is None or len(pdu.content) < _ITEM:
+        return None
+    says = pdu.content[2] << 8 | pdu.content[3]
+    # each area has four bytes in front of it as an entry of data has: the first of them means nothing here
+    inner = Pdu(pdu.data, pdu.kind, content=pdu.content[_ITEM:], head=pdu.content_at + _ITEM)
+    found, at = _data_items(inner, says, answer=False)
+    pdu.flaws += inner.flaws
+    if len(found) < says:
+        args = {"says": says, "there": len(found)}
+        pdu.flaws.append(Flaw("items", inner.content_at + at, args))
+    return Usend(r_id, [each.data for each in found if each.data is not None])
+
+
+def _r_id(data: bytes, at: int, front: tuple[int, ...]) -> int | None:
+    """The R_ID behind the bytes that announce one; None where these are others."""
+    head = bytes((*front, _R_ID, 0))
+    if data[at : at + len(head)] != head or len(data) < at + len(head) + 4:
+        return None
+    return int.from_bytes(data[at + len(head) : at + len(head) + 4], "big")
