@@ -36,7 +36,7 @@ from ds47.cyclic.transactions import build as build_pkw
 from ds47.diagnosis import Diagnoses
 from ds47.findings.collection import Findings
 from ds47.findings.remark import Exchange, Remark
-from ds47.model import CHANNELS, DS47, PKW, PZD, CaptureResult, Finding, Transaction
+from ds47.model import CHANNELS, DS47, PKW, PZD, S7, CaptureResult, Finding, Transaction
 from ds47.model import Relation as ToldRelation
 from ds47.profibus.bus import LINK_TYPES, Bus
 from ds47.profibus.judge import Judge as BusJudge
@@ -46,6 +46,9 @@ from ds47.profinet.calls import CallTracker
 from ds47.profinet.records import Half, Record
 from ds47.profinet.stations import Stations as Names
 from ds47.profinet.transport import Transport
+from ds47.s7.communication import PORT, Communication
+from ds47.s7.model import Job as S7Job
+from ds47.s7.transactions import build as build_s7
 from ds47.spec.semantics import limits
 from ds47.spec.statuses import status_hex
 
@@ -81,6 +84,7 @@ class AnalysisOptions:
         channels: of `model.CHANNELS` those that are reported.
         cyclic: channels in cyclic frames that are named by hand, two for each; `cyclic.named.pairs` likes them.
         ppos: numbers of PPO by the address of the station, for captures of PROFIBUS without Chk_Cfg.
+        s7_ports: TCP ports of servers of S7 beside 102.
     """
 
     indices: frozenset[int] = frozenset()
@@ -93,12 +97,13 @@ class AnalysisOptions:
     channels: tuple[str, ...] = CHANNELS
     cyclic: tuple[Name, ...] = ()
     ppos: tuple[tuple[int, int], ...] = ()
+    s7_ports: tuple[int, ...] = ()
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         """To another process, compiled too: pickle itself cannot fill in what is frozen."""
         return type(self), (
             self.indices, self.slow_ms, self.select, self.ignore, self.codec, self.digest,
-            self.pkw_layouts, self.channels, self.cyclic, self.ppos,
+            self.pkw_layouts, self.channels, self.cyclic, self.ppos, self.s7_ports,
         )  # fmt: skip
 
 
@@ -151,7 +156,7 @@ class _Over:
     phase: str = "closed"
 
 
-_RULES = {PKW: ("DS50", "DS51"), PZD: ("DS52", "DS53")}
+_RULES = {PKW: ("DS50", "DS51"), PZD: ("DS52", "DS53"), S7: ("DS9",)}
 """How the ids of the rules of a channel begin; all others are about record calls."""
 
 
@@ -210,6 +215,8 @@ class Analysis:
         )  # fmt: skip
         self._calls = CallTracker(bounds, self._records.handlers())
         self._stations = Names(bounds.stations)
+        ports = (PORT, *options.s7_ports) if S7 in options.channels else ()
+        self._s7 = Communication(ports, bounds, self._communicated)
         self._transport = Transport(
             bounds,
             self._calls,
@@ -217,6 +224,7 @@ class Analysis:
             self._records,
             self._diagnoses.cut,
             self._cyclic.frame,
+            self._s7.packet,
         )
         self._bus_judge = BusJudge(bounds)
         self._bus_stations = Stations(self._bus_judge.heard)
@@ -243,9 +251,11 @@ class Analysis:
         """Reads the capture to its end and sums up."""
         self._capture = capture
         self._cyclic.name(self._options.cyclic)
+        capture.tcp(self._s7.ports)
         self._frames(capture)
         self._findings.frames_dropped = capture.gaps
         self._transport.finish()
+        self._s7.finish()
         self._calls.finish()
         self._bus.finish()
         self._services.finish()
@@ -273,6 +283,8 @@ class Analysis:
             relations=self._relations(),
             timelines=self._cyclic.timelines(),
             bus=self._bus_stations.told(self._bus.line.stray, capture.timed),
+            connections=self._s7.told(),
+            connections_left_out=self._s7.left_out,
         )
 
     @property
@@ -377,15 +389,22 @@ class Analysis:
         transaction = build_pkw(relation, job, self._layout(relation.device))
         order, remarks = self._pairing.number(), self._conclusions.exchanged(relation, job)
         remarks += self._conclusions.transaction(transaction)
-        if PKW not in self._options.channels:
-            return
+        if PKW in self._options.channels:
+            self._finished(order, transaction, remarks)
+
+    def _communicated(self, job: S7Job, remarks: list[Remark]) -> None:
+        """A job of S7 is over."""
+        self._finished(self._pairing.number(), build_s7(job), remarks)
+
+    def _finished(self, order: int, transaction: Transaction, remarks: list[Remark]) -> None:
+        """A transaction that is none of records is over."""
         summarise(self._summary, transaction.state, transaction.operation)
         if self._on_transaction is not None:
             self._hand_out(order, transaction, remarks, self._on_transaction)
             return
         self._transactions[order] = transaction
         for remark in remarks:
-            remark.job = _Over(order, relation.device)
+            remark.job = _Over(order, transaction.device)
             self._findings.add(remark)
 
     def _operation(self) -> None:

@@ -17,12 +17,13 @@ from ds47.spec.units import milliseconds, status, timestamp
 Value = int | float | str
 """One value as JSON shows it: docs/report.md, values."""
 
-OPERATIONS = ("read", "change", "vendor", "unknown")
+OPERATIONS = ("read", "change", "vendor", "unknown", "get", "put", "bsend", "usend")
+"""The last four are those of S7."""
 STATES = ("ok", "partial", "error", "mismatch", "refused", "unanswered", "superseded", "orphan")
 SEVERITIES = ("note", "warning", "error")
 """From harmless to serious, so that an index compares two of them."""
-DS47, PKW, PZD = CHANNELS = ("ds47", "pkw", "pzd")
-"""Channels of transactions: records, and the parameter channel inside cyclic frames."""
+DS47, PKW, PZD, S7 = CHANNELS = ("ds47", "pkw", "pzd", "s7")
+"""Channels: records, parameters and process data inside cyclic frames, S7 communication."""
 DIAGNOSIS = "DS7"
 """What the id of every diagnosis begins with."""
 
@@ -208,8 +209,49 @@ class Messages(NamedTuple):
 
 
 @dataclass(slots=True, init=False, repr=False, eq=False)
+class Item(_Plain):
+    """One variable of a job of S7, or data that a program sends; what the capture does not have is None."""
+
+    address: str | None
+    """As programs write it: DB1.DBB0..443."""
+    area: str | None
+    """What its addresses begin with: DB, M, I, Q."""
+    db: int | None
+    start: int | None
+    """Its first byte; of timers and counters the number of the first one."""
+    bit: int | None
+    """The bit in that byte, where it is not about whole bytes."""
+    length: int | None
+    """Bytes."""
+    value: bytes | None
+    """What was read, written or sent."""
+    code: int | None
+    """What the partner answered; 255 is success (docs/s7.md 3)."""
+
+    def __init__(
+        self,
+        address: str | None,
+        area: str | None,
+        db: int | None,
+        start: int | None,
+        bit: int | None,
+        length: int | None,
+        value: bytes | None,
+        code: int | None,
+    ) -> None:
+        self.address = address
+        self.area = area
+        self.db = db
+        self.start = start
+        self.bit = bit
+        self.length = length
+        self.value = value
+        self.code = code
+
+
+@dataclass(slots=True, init=False, repr=False, eq=False)
 class Transaction(_Plain):
-    """One parameter request with all that came of it (docs/pairing.md)."""
+    """One parameter request with all that came of it (docs/pairing.md), or a job of S7 (docs/s7.md)."""
 
     operation: str
     state: str
@@ -243,6 +285,15 @@ class Transaction(_Plain):
     """From a request in cyclic frames to its response, in cycles; None where they were not seen to begin."""
     station: int | None
     """The address of the device on PROFIBUS; None on PROFINET."""
+    connection: int | None
+    """Of S7: the id of the connection, and items in the order of the request."""
+    items: list[Item]
+    r_id: int | None
+    """Of BSEND and USEND."""
+    error: int | None
+    """Of S7: error class and code of the answer as one word, of a BSEND that of an acknowledgement; 0 for none."""
+    segments: list[Read]
+    """Of a BSEND: the frames of its segments and of their acknowledgements."""
 
     def __init__(
         self,
@@ -271,6 +322,11 @@ class Transaction(_Plain):
         channel: str = "ds47",  # a name as default takes the signature away where this is compiled
         cycles: int | None = None,
         station: int | None = None,
+        connection: int | None = None,
+        items: list[Item] | None = None,
+        r_id: int | None = None,
+        error: int | None = None,
+        segments: list[Read] | None = None,
     ) -> None:
         self.operation = operation
         self.state = state
@@ -297,6 +353,11 @@ class Transaction(_Plain):
         self.channel = channel
         self.cycles = cycles
         self.station = station
+        self.connection = connection
+        self.items = [] if items is None else items
+        self.r_id = r_id
+        self.error = error
+        self.segments = [] if segments is None else segments
 
     @property
     def start(self) -> str:
@@ -587,6 +648,63 @@ class Bus(_Plain):
     stations: list[BusStation] = field(default_factory=list)
 
 
+class Evidence(NamedTuple):
+    """What a server of S7 says of itself, and where; `name` is "order_number", "module" or "consistent".
+
+    "consistent" is how many bytes it reads consistently for a panel.
+    """
+
+    name: str
+    value: int | str
+    frame: int
+
+
+@dataclass(slots=True, repr=False, eq=False)
+class Connection(_Plain):
+    """A connection of S7 (docs/s7.md 4); what the capture does not have of it is None."""
+
+    id: int
+    """From 1, by the first frame; ids of connections that turned out to be of another protocol are left out."""
+    client: str
+    client_port: int
+    server: str
+    server_port: int
+    client_tsap: bytes | None
+    server_tsap: bytes | None
+    rack: int | None
+    """With slot, as the TSAP of the server has them."""
+    slot: int | None
+    pdu_length: int | None
+    """Bytes of a PDU, and parallel jobs, as they were agreed."""
+    parallel: int | None
+    most_open: int
+    """Jobs of one end without an answer, at the most."""
+    jobs: int
+    refused: int
+    """Jobs that were refused, or of which an item was."""
+    unanswered: int
+    orphans: int
+    """Answers without a job."""
+    read_bytes: int
+    written_bytes: int
+    sent_bytes: int
+    answer: Span | None
+    """From a job to its answer."""
+    cyclic: int
+    """PDUs of cyclic services."""
+    other: int
+    """PDUs of other services of S7."""
+    plus: int
+    """PDUs of S7CommPlus."""
+    lost_bytes: int
+    """Bytes that the capture does not have."""
+    first_frame: int
+    last_frame: int
+    setup: int | None
+    """Frame of the answer to the setup."""
+    evidence: list[Evidence] = field(default_factory=list)
+
+
 @dataclass(slots=True, repr=False, eq=False)
 class CaptureFile(_Plain):
     """A file of a series that was read as one capture; frames are numbered through all of them.
@@ -633,6 +751,10 @@ class CaptureResult(_Plain):
     senders: list[Sender] = field(default_factory=list)
     bus: Bus | None = None
     """None on PROFINET."""
+    connections: list[Connection] = field(default_factory=list)
+    """Those of S7."""
+    connections_left_out: int = 0
+    """Connections of S7 for which there was no room."""
 
     @property
     def start(self) -> str | None:

@@ -106,6 +106,9 @@ class BusLogReader:
     def watch(self, watches: Sequence[Watch]) -> None:
         """There are no cyclic frames of PROFINET."""
 
+    def tcp(self, ports: Iterable[int]) -> None:
+        """Nor is there TCP."""
+
     def close(self) -> None:
         """Nothing is held here."""
 

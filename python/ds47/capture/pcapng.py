@@ -283,7 +283,7 @@ class PcapngReader(Walk):
             if not self._wanted(self.frames):
                 return None
             return WholeFrame(self.frames, time_ns, about, data, original)
-        wanted = relevant(data, 0, len(data), about.link_type, original)
+        wanted = relevant(data, 0, len(data), about.link_type, original, self._scan.ports)
         if not wanted and not self._scan.is_due(data, about.link_type):
             return None
         return Frame(self.frames, time_ns, about.link_type, data, original)

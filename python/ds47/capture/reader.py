@@ -5,7 +5,7 @@ Lives here: `open_capture` and `Capture`, which choose the format by content. No
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO
 
@@ -61,6 +61,10 @@ class Capture(Closing):
     def watch(self, watches: Sequence[Watch]) -> None:
         """From the next frame on these cyclic frames matter too, and no others."""
         self._reader.watch(watches)
+
+    def tcp(self, ports: Iterable[int]) -> None:
+        """From the next frame on those of these ports of TCP matter too, and of no others."""
+        self._reader.tcp(ports)
 
     def everything(self, wanted: Callable[[int], bool] = lambda _: True) -> Iterator[WholeFrame]:
         """Every frame as it stands in the file, or those whose number is `wanted`; instead of iterating."""

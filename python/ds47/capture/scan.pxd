@@ -3,7 +3,7 @@ cimport cython
 
 cdef const unsigned char* _UUIDS
 cdef unsigned int _BIG_1, _BIG_2, _LITTLE_1, _LITTLE_2, _TAIL_1, _TAIL_2
-cdef unsigned int _IPV4, _PROFINET, _LLDP, _UDP, _PNIO_PORT, _ENHANCED
+cdef unsigned int _IPV4, _PROFINET, _LLDP, _TCP, _UDP, _PNIO_PORT, _ENHANCED
 cdef long _ETHERNET, _RAW, _RAW_IPV4, _SLL, _SLL2, _PROFIBUS_DL, _USER0
 cdef Py_ssize_t _MAX_FRAME, _BATCH, _ENTRY, _FIRST_AHEAD, _AHEAD, _KEPT, _FAR, _ROW, _SAMPLE, _RAREST, _OFTEN
 cdef unsigned int _CONNECT, _RESPONSE
@@ -34,7 +34,14 @@ cdef unsigned int _kind(
 
 @cython.locals(at=Py_ssize_t, udp=Py_ssize_t, kind="unsigned int", on_port=bint)
 cdef bint _relevant(
-    const unsigned char* data, Py_ssize_t start, Py_ssize_t end, long link_type, Py_ssize_t original
+    const unsigned char* data, Py_ssize_t start, Py_ssize_t end, long link_type, Py_ssize_t original,
+    const unsigned char* ports
+) noexcept nogil
+
+@cython.locals(tcp=Py_ssize_t, source="unsigned int", destination="unsigned int", port="unsigned int",
+               number=Py_ssize_t)
+cdef bint _is_tcp(
+    const unsigned char* data, Py_ssize_t at, Py_ssize_t end, const unsigned char* ports
 ) noexcept nogil
 
 ctypedef unsigned long long number_t
@@ -102,7 +109,7 @@ cdef class Scan:
     cdef public bint stopped, more, paused
     cdef public list links
     cdef Py_ssize_t _known, _most, _senders
-    cdef object _entries, _kept, _rows, _watches, _watched, _ids, _runs, _swapped
+    cdef object _entries, _kept, _rows, _watches, _watched, _ids, _runs, _swapped, _ports
     cdef bint _big
 
     cdef bytes _links(self)
@@ -112,22 +119,24 @@ cdef class Scan:
 
     cdef Py_ssize_t _walk(
         self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
-        unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows
+        unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows,
+        const unsigned char* ports
     ) noexcept nogil
 
     @cython.locals(used=Py_ssize_t, passed=Py_ssize_t, more=bint, before=Py_ssize_t, advanced=Py_ssize_t,
                    got=Py_ssize_t)
     cdef Py_ssize_t _ahead(
         self, int descriptor, unsigned char* data, Py_ssize_t end, Py_ssize_t size, const unsigned char* links,
-        unsigned char* entries, unsigned char* kept, Py_ssize_t room, unsigned char* rows
+        unsigned char* entries, unsigned char* kept, Py_ssize_t room, unsigned char* rows,
+        const unsigned char* ports
     ) noexcept nogil
 
 cdef inline Py_ssize_t _unlocked(
     Scan scan, int descriptor, unsigned char* data, Py_ssize_t end, Py_ssize_t size, const unsigned char* links,
-    unsigned char* entries, unsigned char* kept, Py_ssize_t room, unsigned char* rows
+    unsigned char* entries, unsigned char* kept, Py_ssize_t room, unsigned char* rows, const unsigned char* ports
 ):
     with nogil:
-        return scan._ahead(descriptor, data, end, size, links, entries, kept, room, rows)
+        return scan._ahead(descriptor, data, end, size, links, entries, kept, room, rows, ports)
 
 cdef class PcapScan(Scan):
     cdef Py_ssize_t _header
@@ -138,7 +147,8 @@ cdef class PcapScan(Scan):
                    seconds="unsigned int", fraction="unsigned int", senders=Py_ssize_t)
     cdef Py_ssize_t _walk(
         self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
-        unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows
+        unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows,
+        const unsigned char* ports
     ) noexcept nogil
 
 cdef class PcapngScan(Scan):
@@ -149,5 +159,6 @@ cdef class PcapngScan(Scan):
                    link_type=long, high="unsigned int", low="unsigned int", senders=Py_ssize_t)
     cdef Py_ssize_t _walk(
         self, const unsigned char* data, Py_ssize_t end, const unsigned char* links,
-        unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows
+        unsigned char* entries, Py_ssize_t count, Py_ssize_t most, unsigned char* rows,
+        const unsigned char* ports
     ) noexcept nogil

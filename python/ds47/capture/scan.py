@@ -14,6 +14,7 @@ the file itself, without the interpreter (`Scan.ahead`), for a thread (ahead.py)
 A frame matters when, after VLAN tags or a cooked header, it is
 * IPv4 UDP with RPC version 4 and the PNIO interface UUID (docs/protocol.md E.2), on any port;
 * any fragment of an IPv4 UDP datagram: only reassembly can tell;
+* IPv4 TCP from or to a port that is wanted (`Scan.tcp`), no fragment;
 * PROFINET DCP (0x8892, frame ids 0xFEFC..0xFEFF) or LLDP (0x88CC), which name the stations;
 * a cyclic frame of a watched sender (`Watch`) in which a watched byte is not what it was, and now and then one in
   which all are (`sampled`): values move in all of them.
@@ -38,7 +39,7 @@ IPV4, PROFINET, LLDP = 0x0800, 0x8892, 0x88CC
 VLAN_TAGS = frozenset((0x8100, 0x88A8, 0x9100, 0x9200))
 DCP_FRAME_IDS = range(0xFEFC, 0xFF00)
 PNIO_PORT = 34964
-UDP = 17
+TCP, UDP = 6, 17
 
 MAX_FRAME = 1 << 18  # the limit of libpcap and Wireshark for these link types, in bytes
 PADDING = 64  # how far the loops may look beyond the last byte: there must be room, not zeros
@@ -53,7 +54,7 @@ UUIDS = b"".join(
 )
 
 # The same constants, as C integers where this file is compiled
-_IPV4, _PROFINET, _LLDP, _UDP = IPV4, PROFINET, LLDP, UDP
+_IPV4, _PROFINET, _LLDP, _TCP, _UDP = IPV4, PROFINET, LLDP, TCP, UDP
 _ETHERNET, _RAW, _RAW_IPV4, _SLL, _SLL2 = ETHERNET, RAW, RAW_IPV4, SLL, SLL2
 _PROFIBUS_DL, _USER0 = PROFIBUS_DL, USER0  # all of their frames matter
 _PNIO_PORT, _MAX_FRAME, _BATCH, _ENHANCED = PNIO_PORT, MAX_FRAME, BATCH, ENHANCED_PACKET
@@ -75,6 +76,10 @@ _FIRST_AHEAD = 256
 _AHEAD = 4 * BATCH
 _KEPT = 1 << 20  # bytes of frames
 _FAR = 1 << 25  # bytes of the file: who reads a slow disk wants to see something
+
+
+MOST_PORTS = 16  # of TCP that can be wanted
+NO_PORTS = b"\0"
 
 
 def _u16(data: Bytes, at: int) -> int:
@@ -163,19 +168,26 @@ def _network(data: Bytes, start: int, end: int, link_type: int) -> int:
     return -1
 
 
-def relevant(data: Bytes, start: int, end: int, link_type: int, original: int) -> bool:
-    """The exact predicate for the frame data[start:end] that was `original` bytes long."""
-    return _relevant(data, start, end, link_type, original)
+def relevant(
+    data: Bytes, start: int, end: int, link_type: int, original: int, ports: bytes = NO_PORTS
+) -> bool:
+    """The exact predicate for the frame data[start:end] that was `original` bytes long.
+
+    `ports` are those of TCP that are wanted, as `tcp_ports` gives them.
+    """
+    return _relevant(data, start, end, link_type, original, ports)
 
 
-def _relevant(data: Bytes, start: int, end: int, link_type: int, original: int) -> bool:
+def _relevant(
+    data: Bytes, start: int, end: int, link_type: int, original: int, ports: bytes
+) -> bool:
     at = _network(data, start, end, link_type)
     if at < 0:
         return link_type in (_PROFIBUS_DL, _USER0)
     kind = _kind(data, start, at, link_type)
     if kind == _IPV4:
         if end < at + 20 or data[at + 9] != _UDP:
-            return False
+            return ports[0] != 0 and end >= at + 20 and _is_tcp(data, at, end, ports)
         if data[at + 7] or data[at + 6] & 0x3F:
             return True
         udp = at + (data[at] & 15) * 4
@@ -186,6 +198,25 @@ def _relevant(data: Bytes, start: int, end: int, link_type: int, original: int) 
     if kind == _PROFINET:
         return end >= at + 2 and 0xFEFC <= _u16(data, at) <= 0xFEFF
     return kind == _LLDP
+
+
+def tcp_ports(ports: Iterable[int]) -> bytes:
+    """Ports as the loops want them: how many, then two bytes for each, at most MOST_PORTS."""
+    wanted = sorted(set(ports))[:MOST_PORTS]
+    return struct.pack(f">B{len(wanted)}H", len(wanted), *wanted)
+
+
+def _is_tcp(data: Bytes, at: int, end: int, ports: bytes) -> bool:
+    """Whether the IPv4 packet at data[at:end], which is none of UDP, is one of a wanted port of TCP."""
+    tcp = at + (data[at] & 15) * 4
+    if data[at + 9] != _TCP or data[at + 7] or data[at + 6] & 0x3F or tcp + 4 > end:
+        return False
+    source, destination = _u16(data, tcp), _u16(data, tcp + 2)
+    for number in range(ports[0]):
+        port = _u16(ports, 1 + 2 * number)
+        if source == port or destination == port:
+            return True
+    return False
 
 
 def _sets_up(data: Bytes, start: int, end: int, link_type: int) -> bool:
@@ -550,6 +581,16 @@ class Scan:
         self._runs = Runs(b"")
         self._swapped = _Swapped(order)
         self._big = order == "big"
+        self._ports = NO_PORTS
+
+    def tcp(self, ports: Iterable[int]) -> None:
+        """From now on frames of these ports of TCP matter, and of no others."""
+        self._ports = tcp_ports(ports)
+
+    @property
+    def ports(self) -> bytes:
+        """Ports of TCP that are wanted, as `relevant` likes them."""
+        return self._ports
 
     def scan(self, data: bytearray, end: int) -> list[Found]:
         """The next frames that matter in data[:end], at most BATCH; PADDING bytes must be behind `end`.
@@ -608,8 +649,10 @@ class Scan:
             self._entries, self._kept = bytearray(_AHEAD * _ENTRY), bytearray(max(_KEPT, size))
         self._most = min(2 * self._most, _AHEAD)
         entries, kept, room = self._entries, self._kept, len(self._kept)
-        rows = self._rows
-        count = _unlocked(self, descriptor, data, end, size, links, entries, kept, room, rows)  # noqa: F821
+        rows, ports = self._rows, self._ports
+        count = _unlocked(  # noqa: F821
+            self, descriptor, data, end, size, links, entries, kept, room, rows, ports
+        )
         return _told(entries, count, kept)
 
     def _links(self) -> bytes:
@@ -619,8 +662,8 @@ class Scan:
 
     def _compiled(self, data: bytearray, end: int) -> list[Found]:
         """The loop over bytes. Runs uncompiled too, slowly."""
-        links, entries, rows = self._links(), self._entries, self._rows
-        count = self._walk(data, end, links, entries, 0, _BATCH, rows)
+        links, entries, rows, ports = self._links(), self._entries, self._rows, self._ports
+        count = self._walk(data, end, links, entries, 0, _BATCH, rows, ports)
         return _told(entries, count, data)
 
     def _plain(self, data: bytearray, end: int) -> list[Found]:
@@ -629,20 +672,20 @@ class Scan:
 
     def _walk(
         self, data: Bytes, end: int, links: Bytes, entries: bytearray, count: int, most: int,
-        rows: bytearray,
+        rows: bytearray, ports: bytes,
     ) -> int:  # fmt: skip
         """Pass what can be passed of data[:end], until there are `most` entries; how many there are now."""
         raise NotImplementedError
 
     def _ahead(
         self, descriptor: int, data: bytearray, end: int, size: int, links: Bytes,
-        entries: bytearray, kept: bytearray, room: int, rows: bytearray,
+        entries: bytearray, kept: bytearray, room: int, rows: bytearray, ports: bytes,
     ) -> int:  # fmt: skip
         """`ahead` without an object: how many entries there are now, their bytes in `kept`."""
         count, used, passed, more = 0, 0, 0, False
         while not self.stopped:
             before = count
-            count = self._walk(data, end, links, entries, count, self._most, rows)
+            count = self._walk(data, end, links, entries, count, self._most, rows, ports)
             used = _keep(data, kept, used, entries, before, count)
             more = count == self._most or used + size > room or passed >= _FAR or self.paused
             if more:
@@ -694,7 +737,7 @@ class PcapScan(Scan):
 
     def _walk(
         self, data: Bytes, end: int, links: Bytes, entries: bytearray, count: int, most: int,
-        rows: bytearray,
+        rows: bytearray, ports: bytes,
     ) -> int:  # fmt: skip
         big, header, link_type = self._big, self._header, _u32(links, 0, True)
         position, number, last = self.position, self.frames, end - header
@@ -707,7 +750,7 @@ class PcapScan(Scan):
             number += 1
             if link_type != _ETHERNET or not _is_rt(data, start, captured):
                 original = _u32(data, position + 12, big)
-                if _relevant(data, start, start + captured, link_type, original):
+                if _relevant(data, start, start + captured, link_type, original, ports):
                     seconds, fraction = _u32(data, position, big), _u32(data, position + 4, big)
                     count = _note(
                         entries, count, number, 0, seconds, fraction, original, captured, start
@@ -731,7 +774,7 @@ class PcapScan(Scan):
         profinet, ipv4, kept = swapped.profinet, swapped.ipv4, swapped.kept
         dcp, tags, ethernet = swapped.dcp, swapped.tags, link_type == ETHERNET
         position, number, last = self.position, self.frames, end - header
-        ids, news, senders = self._ids, self._news, self._senders
+        ids, news, senders, ports = self._ids, self._news, self._senders, self._ports
         quiet = 0  # rejected in a row by this loop
         due = False
         while position <= last and not self.paused:
@@ -767,7 +810,7 @@ class PcapScan(Scan):
             quiet = Runs.STRIDE if due else 0
             seconds, fraction, _captured, original = record(data, start - header)
             if due or (kind == ipv4 and ethernet and _usual(data, start, captured)) or _relevant(
-                data, start, after, link_type, original
+                data, start, after, link_type, original, ports
             ):  # fmt: skip
                 frame = view[start:after].tobytes()
                 found.append((number, 0, seconds, fraction, original, frame))
@@ -799,7 +842,7 @@ class PcapngScan(Scan):
 
     def _walk(
         self, data: Bytes, end: int, links: Bytes, entries: bytearray, count: int, most: int,
-        rows: bytearray,
+        rows: bytearray, ports: bytes,
     ) -> int:  # fmt: skip
         big = self._big
         position, number, last = self.position, self.frames, end - 32
@@ -819,7 +862,7 @@ class PcapngScan(Scan):
             link_type = _u32(links, 4 * interface, True)
             if link_type != _ETHERNET or not _is_rt(data, start, captured):
                 original = _u32(data, position + 24, big)
-                if _relevant(data, start, start + captured, link_type, original):
+                if _relevant(data, start, start + captured, link_type, original, ports):
                     high, low = _u32(data, position + 12, big), _u32(data, position + 16, big)
                     count = _note(
                         entries, count, number, interface, high, low, original, captured, start
@@ -843,7 +886,7 @@ class PcapngScan(Scan):
         profinet, ipv4, kept = swapped.profinet, swapped.ipv4, swapped.kept
         dcp, tags = swapped.dcp, swapped.tags
         position, number, last = self.position, self.frames, end - 32
-        ids, news, senders = self._ids, self._news, self._senders
+        ids, news, senders, ports = self._ids, self._news, self._senders, self._ports
         quiet = 0  # rejected in a row by this loop
         due = False
         while position <= last and not self.paused:
@@ -880,7 +923,7 @@ class PcapngScan(Scan):
                     continue
             quiet = Runs.STRIDE if due else 0
             if due or (kind == ipv4 and ethernet and _usual(data, start, captured)) or _relevant(
-                data, start, start + captured, links[interface], original
+                data, start, start + captured, links[interface], original, ports
             ):  # fmt: skip
                 frame = view[start : start + captured].tobytes()
                 found.append((number, interface, high, low, original, frame))

@@ -45,6 +45,7 @@ class Series(Closing):
         self._capture: Capture | None = None
         self._before = 0
         self._watches: Sequence[Watch] = ()
+        self._ports: tuple[int, ...] = ()
         self._frames = self._read(iter)
 
     def __iter__(self) -> Iterator[Frame]:
@@ -55,6 +56,12 @@ class Series(Closing):
         self._watches = watches
         if self._capture is not None:
             self._capture.watch(watches)
+
+    def tcp(self, ports: Iterable[int]) -> None:
+        """As `Capture.tcp`, in all files that follow too."""
+        self._ports = tuple(ports)
+        if self._capture is not None:
+            self._capture.tcp(self._ports)
 
     def everything(self, wanted: Callable[[int], bool] = lambda _: True) -> Iterator[WholeFrame]:
         """As `Capture.everything`. Interfaces that the files describe in the same words are one."""
@@ -75,6 +82,7 @@ class Series(Closing):
                 file.problem, file.readable = problem.message, False
                 continue
             self._capture.watch(self._watches)
+            self._capture.tcp(self._ports)
             with self._capture:
                 yield from self._numbered(way(self._capture))
                 self._end(self._capture, file)

@@ -5,7 +5,7 @@ Not here: the formats (pcap.py, pcapng.py), the loops that pass what does not ma
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from .ahead import Batches
 from .scan import Scan, Watch
@@ -26,6 +26,10 @@ class Walk:
     def watch(self, watches: Sequence[Watch]) -> None:
         """From the next frame on these cyclic frames matter too, and no others."""
         self._scan.watch(watches)
+
+    def tcp(self, ports: Iterable[int]) -> None:
+        """From the next frame on those of these ports of TCP matter too."""
+        self._scan.tcp(ports)
 
     def close(self) -> None:
         """Let go of the file."""

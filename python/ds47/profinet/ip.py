@@ -13,7 +13,7 @@ from heapq import heappop, heappush
 
 from ds47.profinet.traces import Piece, Trace, Traces
 
-UDP = 17
+TCP, UDP = 6, 17
 
 Cut = tuple[int, int, int]
 """Of a frame that the capture cut: number, captured bytes, bytes on the wire."""

@@ -1,4 +1,4 @@
-"""From frames to packets: Ethernet, VLAN tags, cooked headers, IPv4, UDP.
+"""From frames to packets: Ethernet, VLAN tags, cooked headers, IPv4, UDP; of TCP the segments as they are.
 
 Lives here: `Packet`, `dissect`, and `Packets`, which puts fragments together. Not
 here: which frames are worth it (ds47.capture.scan), fragments (ip.py), what is in a payload
@@ -29,7 +29,7 @@ from ds47.capture.scan import (
 from . import ip
 from .traces import Piece
 
-Kind = Literal["udp", "dcp", "lldp", "rt"]
+Kind = Literal["udp", "tcp", "dcp", "lldp", "rt"]
 
 
 @dataclass(slots=True)
@@ -37,6 +37,7 @@ class Packet:
     """What one frame, or the last of several fragments, brings.
 
     * "udp": `payload` is that of the UDP datagram, a PROFINET RPC PDU (docs/protocol.md E.2);
+    * "tcp": `payload` is a TCP segment from its header on; fragments of one bring nothing;
     * "dcp": `payload` begins with the frame id;
     * "lldp": `payload` is the LLDPDU;
     * "rt": `payload` begins with the frame id, a cyclic frame follows.
@@ -74,8 +75,10 @@ def dissect(
     kind, at = network_layer(data, 0, len(data), frame.link_type)
     if kind == IPV4:
         datagram = ip.parse(data, at)
-        if datagram is None or datagram.protocol != ip.UDP:
+        if datagram is None:
             return None
+        if datagram.protocol != ip.UDP:
+            return _tcp(datagram, frame)
         if frame.original_length > len(data):
             datagram.cut = (frame.number, len(data), frame.original_length)
         if not datagram.whole:
@@ -133,6 +136,16 @@ def _udp(datagram: ip.Datagram, frame: int, time_ns: int) -> Packet | None:
         src_ip=datagram.source, dst_ip=datagram.destination,
         src_port=source, dst_port=destination,
         ip_id=datagram.identification, missing=missing, cut=datagram.cut,
+    )  # fmt: skip
+
+
+def _tcp(datagram: ip.Datagram, frame: Frame) -> Packet | None:
+    """A TCP segment; None for anything else, and for a fragment."""
+    if datagram.protocol != ip.TCP or not datagram.whole:
+        return None
+    return Packet(
+        "tcp", frame.number, frame.time_ns, datagram.payload,
+        src_ip=datagram.source, dst_ip=datagram.destination, missing=datagram.missing,
     )  # fmt: skip
 
 

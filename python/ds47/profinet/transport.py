@@ -53,7 +53,8 @@ class Transport:
         stations: takes what names a device.
         listener: hears of messages that do not become whole.
         cut: is told of each frame that the capture cut inside a record call.
-        cyclic: takes cyclic frames.
+        cyclic: takes cyclic frames,
+        tcp: and segments of TCP.
     """
 
     def __init__(
@@ -64,12 +65,14 @@ class Transport:
         listener: Listener,
         cut: Callable[[int], None],
         cyclic: Callable[[Packet], None],
+        tcp: Callable[[Packet], None],
     ) -> None:
         self._calls = calls
         self._stations = stations
         self._listener = listener
         self._cut = cut
         self._cyclic = cyclic
+        self._tcp = tcp
         self._fragments = rpc.Fragments(
             limits.fragment_expiry_ns, limits.rpc_messages, limits.rpc_fragments,
             limits.fragment_bytes,
@@ -105,6 +108,9 @@ class Transport:
         """Takes what one frame or several brought: a whole datagram, or what names a station."""
         if packet.kind == "rt":
             self._cyclic(packet)
+            return
+        if packet.kind == "tcp":
+            self._tcp(packet)
             return
         if packet.kind != "udp":
             self._stations.station(packet)

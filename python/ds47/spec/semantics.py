@@ -56,6 +56,11 @@ class Limits(Row):
     written_values: int
     longest_messages: int
     bus_remarks: int
+    s7_connections: int
+    s7_told: int
+    s7_bytes: int
+    s7_jobs: int
+    s7_transfers: int
     stations: int
 
 

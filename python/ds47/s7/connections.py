@@ -1,0 +1,300 @@
+"""Connections of S7: TPDUs and PDUs to what was agreed, to jobs, and to what the ends say of themselves.
+
+Takes the segments of TCP (`tcp`, `tpkt`), gives each PDU to `jobs`, `transfers` or `szl`, and counts the
+rest. What is wrong with it is said elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+from ds47.s7 import pdu as pdus
+from ds47.s7 import szl
+from ds47.s7.jobs import OPERATIONS, Jobs
+from ds47.s7.model import (
+    BSEND,
+    DONE,
+    ERROR,
+    GET,
+    ORPHAN,
+    PARTIAL,
+    PUT,
+    REFUSED,
+    UNANSWERED,
+    USEND,
+    At,
+    Connection,
+    Counts,
+    Job,
+    Listener,
+    Told,
+)
+from ds47.s7.pdu import ACKNOWLEDGE, ANSWER, JOB, SETUP, USER_DATA, Pdu, UserData
+from ds47.s7.tcp import Piece, Segment, Streams, Talk
+from ds47.s7.tpkt import CC, CR, DR, DT, Reader, Whole
+from ds47.s7.transfers import Transfers
+from ds47.spec.semantics import Limits
+
+_ONE_BSEND = 1
+"""Subfunction of a BSEND in its group."""
+_READ_SZL = 1
+"""Subfunction of reading an SZL in the group of the CPU."""
+_EVIDENCE = 8
+"""What is kept of what a server says of itself."""
+
+
+@dataclass(slots=True, eq=False)
+class _Line:
+    """What is kept of a TCP connection."""
+
+    forward: Reader = field(default_factory=Reader)
+    backward: Reader = field(default_factory=Reader)
+    connection: Connection | None = None
+    refused: bool = False
+    asked: At | None = None
+    """CR."""
+    asked_setup: int | None = None
+    """Reference of the setup that was not answered yet."""
+
+
+class Connections:
+    """All connections of a capture.
+
+    Args:
+        ports: of servers.
+        bounds: how much is kept.
+        listeners: hear of what happens.
+    """
+
+    def __init__(
+        self, ports: frozenset[int], bounds: Limits, listeners: Sequence[Listener]
+    ) -> None:
+        self._bounds = bounds
+        self._listeners = listeners
+        self._streams = Streams(
+            ports, self._take, self._over, bounds.s7_connections, bounds.s7_bytes
+        )
+        self._jobs = Jobs(bounds, self._asked, self._settled)
+        self._transfers = Transfers(bounds, self._asked, self._settled)
+        self._number = 0
+        self._all: list[Connection] = []
+        self._orders = 0
+        self.left_out = 0
+        """Connections for which there was no room."""
+
+    def feed(self, segment: Segment, at: At) -> None:
+        """The next segment of TCP."""
+        self._streams.feed(segment, at)
+
+    def finish(self) -> None:
+        """Nothing more comes."""
+        self._streams.finish()
+
+    def all(self) -> Iterator[Connection]:
+        """Those of S7, in the order of their first frames; connections of other protocols on its port are none."""
+        return (each for each in self._all if not each.foreign or _is_s7(each))
+
+    # From bytes to PDUs
+
+    def _take(self, talk: Talk, from_client: bool, piece: Piece) -> None:
+        line = talk.owner
+        if line is None:
+            line = talk.owner = _Line()
+        reader = line.forward if from_client else line.backward
+        before = reader.lost
+        for whole in reader.take(piece):
+            self._tpdu(talk, line, from_client, whole)
+        connection = line.connection
+        if reader.lost > before and connection is not None:
+            connection.lost_bytes += reader.lost - before
+            self._jobs.lose(connection)
+            self._transfers.lose(connection)
+        talk.kept = line.forward.held + line.backward.held
+
+    def _over(self, talk: Talk, reset: bool, at: At) -> None:
+        line = talk.owner
+        if line is None:
+            if reset and talk.begun:
+                line = talk.owner = _Line()
+                self._refuse(line, self._connection(talk, line, at), "reset", at)
+            return
+        connection = line.connection
+        if connection is None:
+            return
+        if line.asked is not None and connection.confirmed is None and not _is_s7(connection):
+            self._refuse(line, connection, "reset" if reset else "no_confirm", line.asked)
+        self._jobs.close(connection)
+        self._transfers.close(connection)
+        connection.closed = True
+        for each in self._listeners:
+            each.closed(connection)
+        talk.owner = None
+
+    def _tpdu(self, talk: Talk, line: _Line, from_client: bool, whole: Whole) -> None:
+        tpdu, at = whole.tpdu, whole.at
+        if tpdu.kind not in (CR, CC, DR, DT) or (tpdu.kind == DT and not whole.data):
+            return
+        connection = line.connection or self._connection(talk, line, at)
+        connection.last = max(connection.last, at)
+        if tpdu.kind == DT:
+            self._data(line, connection, from_client, whole)
+        elif tpdu.kind == DR:
+            if line.asked is not None and connection.confirmed is None:
+                self._refuse(line, connection, "disconnect", at, tpdu.reason or 0)
+        else:
+            connection.client_tsap = tpdu.calling or connection.client_tsap
+            connection.server_tsap = tpdu.called or connection.server_tsap
+            connection.tpdu_size = tpdu.size or connection.tpdu_size
+            if tpdu.kind == CR:
+                connection.begun, line.asked = True, at
+            else:
+                connection.confirmed = at
+
+    def _connection(self, talk: Talk, line: _Line, at: At) -> Connection:
+        self._number += 1
+        line.connection = Connection(self._number, talk.client, talk.server, at, at, talk.begun)
+        if len(self._all) < self._bounds.s7_told:
+            self._all.append(line.connection)
+        else:
+            self.left_out += 1
+        for each in self._listeners:
+            each.opened(line.connection)
+        return line.connection
+
+    def _refuse(self, line: _Line, connection: Connection, why: str, at: At, code: int = 0) -> None:
+        if not line.refused:
+            line.refused = True
+            for each in self._listeners:
+                each.refused(connection, why, at, code)
+
+    # What a PDU is
+
+    def _data(self, line: _Line, connection: Connection, from_client: bool, whole: Whole) -> None:
+        first, at = whole.data[0], whole.at
+        if first != pdus.PROTOCOL:
+            if first == pdus.PLUS:
+                connection.plus += 1
+            else:
+                connection.foreign += 1
+            return
+        pdu = pdus.decode(whole.data)
+        if pdu.kind is None:
+            connection.other += 1
+            return
+        told = Told(connection, from_client, at, pdu.kind, pdu.size, pdu.reference)
+        for each in self._listeners:
+            each.pdu(told)
+        if pdu.kind == JOB:
+            known = self._job(line, connection, from_client, pdu, at)
+        elif pdu.kind in (ACKNOWLEDGE, ANSWER):
+            known = self._answer(line, connection, from_client, pdu, at)
+        else:
+            known = pdu.kind == USER_DATA and self._user_data(connection, from_client, pdu, at)
+        connection.other += not known
+
+    def _job(
+        self, line: _Line, connection: Connection, from_client: bool, pdu: Pdu, at: At
+    ) -> bool:
+        if pdu.function in OPERATIONS:
+            self._jobs.asked(connection, from_client, pdu, at)
+            return True
+        found = pdus.setup(pdu) if pdu.function == SETUP else None
+        if found is None:
+            return False
+        connection.asked_pdu, connection.asked_parallel = found.pdu_length, found.calling
+        line.asked_setup = pdu.reference
+        return True
+
+    def _answer(
+        self, line: _Line, connection: Connection, from_client: bool, pdu: Pdu, at: At
+    ) -> bool:
+        if self._jobs.answered(connection, from_client, pdu, at):
+            return True
+        if pdu.error and pdu.reference == line.asked_setup:
+            line.asked_setup = None
+            self._refuse(line, connection, "setup", at, pdu.error)
+            return True
+        found = pdus.setup(pdu) if pdu.function == SETUP else None
+        if found is None:
+            return False
+        line.asked_setup = None
+        connection.pdu_length, connection.parallel = found.pdu_length, found.calling
+        connection.setup = at
+        for each in self._listeners:
+            each.agreed(connection)
+        return True
+
+    def _user_data(self, connection: Connection, from_client: bool, pdu: Pdu, at: At) -> bool:
+        sent = pdus.usend(pdu)
+        if sent is not None:
+            self._transfers.usend(connection, from_client, pdu, sent, at)
+            return True
+        told = pdus.user_data(pdu)
+        if told is None:
+            return False
+        if told.group == pdus.PROGRAM and told.subfunction == _ONE_BSEND:
+            if told.type == pdus.REQUEST:
+                part = pdus.segment(pdu, told)
+                if part is not None:
+                    self._transfers.sent(connection, from_client, pdu, part, at)
+                return part is not None
+            return self._transfers.acknowledged(connection, from_client, pdu, told, at)
+        if told.group == pdus.CYCLIC:
+            connection.cyclic += 1
+            return True
+        if told.group == pdus.CPU and told.subfunction == _READ_SZL and told.type == pdus.RESPONSE:
+            self._szl(connection, told, at)
+        return False
+
+    def _szl(self, connection: Connection, told: UserData, at: At) -> None:
+        for found in szl.evidence(told, at):
+            known = [each.name for each in connection.evidence]
+            if found.name not in known and len(known) < _EVIDENCE:
+                connection.evidence.append(found)
+                for each in self._listeners:
+                    each.evidence(connection, found)
+
+    # What becomes of jobs
+
+    def _asked(self, job: Job) -> None:
+        for each in self._listeners:
+            each.asked(job)
+
+    def _settled(self, job: Job) -> None:
+        job.order = self._orders
+        self._orders += 1
+        count(job.connection.counts, job)
+        for each in self._listeners:
+            each.over(job)
+
+
+def count(counts: Counts, job: Job) -> None:
+    """One more job is over."""
+    counts.jobs += job.state != ORPHAN
+    counts.refused += job.state in (ERROR, PARTIAL, REFUSED)
+    counts.unanswered += job.state == UNANSWERED
+    counts.orphans += job.state == ORPHAN
+    done = [item for item in job.items if item.value is not None and item.code in (DONE, None)]
+    size = sum(len(item.value or b"") for item in done)
+    if job.operation == GET:
+        counts.read += size
+    elif job.operation == PUT:
+        counts.written += sum(len(item.value or b"") for item in done if item.code == DONE)
+    elif job.operation in (BSEND, USEND):
+        counts.sent += size
+    took = job.duration_ns
+    if took is not None:
+        counts.least_ns = took if not counts.timed else min(counts.least_ns, took)
+        counts.most_ns = took if not counts.timed else max(counts.most_ns, took)
+        counts.timed += 1
+        counts.total_ns += took
+
+
+def _is_s7(connection: Connection) -> bool:
+    """Whether a PDU of S7 or S7CommPlus was seen."""
+    counts = connection.counts
+    return bool(
+        connection.plus or connection.cyclic or connection.other or connection.asked_pdu
+        or connection.setup or counts.jobs or counts.orphans
+    )  # fmt: skip

@@ -1,0 +1,152 @@
+"""Reads and writes of variables with their answers (docs/s7.md 4).
+
+An answer belongs to the open job of its connection that the other end asked with the same PDU reference.
+References have no order to rely on, and some clients use one for all: a new job ends the open one of the same.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+
+from ds47.s7 import pdu as pdus
+from ds47.s7.model import (
+    DONE,
+    ERROR,
+    GET,
+    OK,
+    ORPHAN,
+    PARTIAL,
+    PUT,
+    REFUSED,
+    UNANSWERED,
+    At,
+    Connection,
+    Item,
+    Job,
+)
+from ds47.s7.pdu import READ, WRITE, Pdu
+from ds47.spec.semantics import Limits
+
+OPERATIONS = {READ: GET, WRITE: PUT}
+_Key = tuple[int, bool, int]
+"""Number of the connection, whether its client asks, reference."""
+Hear = Callable[[Job], None]
+
+
+class Jobs:
+    """The open jobs of all connections.
+
+    Args:
+        bounds: how many may be open, how long, and how many bytes they may take.
+        asked: is told of each job when it is asked,
+        over: and when nothing more comes of it.
+    """
+
+    def __init__(self, bounds: Limits, asked: Hear, over: Hear) -> None:
+        self._bounds = bounds
+        self._asked = asked
+        self._over = over
+        self._open: OrderedDict[_Key, Job] = OrderedDict()
+        """In the order in which they were asked."""
+        self._count: dict[tuple[int, bool], int] = {}
+        self._bytes = 0
+
+    def asked(self, connection: Connection, from_client: bool, pdu: Pdu, at: At) -> None:
+        """A read or a write."""
+        found = pdus.variables(pdu)
+        job = Job(
+            OPERATIONS[pdu.parameter[0]], connection, from_client, pdu.reference, at, found.items,
+            request=pdu.data, groups=found.groups, flaws=pdu.flaws,
+        )  # fmt: skip
+        key = connection.number, from_client, pdu.reference
+        self._give_up(key)
+        self._expire(at)
+        self._open[key] = job
+        self._bytes += len(job.request)
+        open_now = self._count[key[:2]] = self._count.get(key[:2], 0) + 1
+        connection.most_open = max(connection.most_open, open_now)
+        self._asked(job)
+        if open_now > self._bounds.s7_jobs:
+            self._give_up(next(each for each in self._open if each[:2] == key[:2]))
+        while self._bytes > self._bounds.s7_bytes:
+            self._give_up(next(iter(self._open)))
+
+    def answered(self, connection: Connection, from_client: bool, pdu: Pdu, at: At) -> bool:
+        """An answer; False where it is none to a read or a write."""
+        key = connection.number, not from_client, pdu.reference
+        job, function = self._open.get(key), pdu.function
+        if function in OPERATIONS and (job is None or OPERATIONS[function] != job.operation):
+            self._orphan(connection, from_client, pdu, at)
+            return True
+        if job is None or (function is not None and function not in OPERATIONS):
+            return False
+        self._take(key)
+        job.answered, job.response, job.error = at, pdu.data, pdu.error
+        told = pdus.results(pdu) if function is not None else []
+        job.answer_flaws = pdu.flaws
+        if pdu.error:
+            job.state = REFUSED
+        else:
+            found = pdus.Variables(job.items, job.groups)
+            job.answer_flaws += pdus.settle(found, told)
+            job.state = _state(job.items)
+        self._close(job)
+        return True
+
+    def lose(self, connection: Connection) -> None:
+        """Bytes of a connection are lost: the answers to its open jobs may be among them."""
+        for key, job in self._open.items():
+            if key[0] == connection.number:
+                job.lost = True
+
+    def close(self, connection: Connection) -> None:
+        """A connection is over."""
+        for key in [each for each in self._open if each[0] == connection.number]:
+            self._give_up(key)
+        for from_client in (True, False):
+            self._count.pop((connection.number, from_client), None)
+
+    def _orphan(self, connection: Connection, from_client: bool, pdu: Pdu, at: At) -> None:
+        """An answer to which there is no job."""
+        items = [Item(None, each.data, each.code) for each in pdus.results(pdu)]
+        job = Job(
+            OPERATIONS[pdu.parameter[0]], connection, not from_client, pdu.reference, None, items,
+            answered=at, response=pdu.data, error=pdu.error, state=ORPHAN, answer_flaws=pdu.flaws,
+        )  # fmt: skip
+        self._close(job)
+
+    def _expire(self, now: At) -> None:
+        while self._open:
+            key, job = next(iter(self._open.items()))
+            if (
+                job.asked is None
+                or abs(now.time_ns - job.asked.time_ns) <= self._bounds.call_expiry_ns
+            ):
+                return
+            self._give_up(key)
+
+    def _take(self, key: _Key) -> Job | None:
+        job = self._open.pop(key, None)
+        if job is not None:
+            self._bytes -= len(job.request)
+            self._count[key[:2]] -= 1
+        return job
+
+    def _give_up(self, key: _Key) -> None:
+        job = self._take(key)
+        if job is not None:
+            job.state = UNANSWERED
+            self._close(job)
+
+    def _close(self, job: Job) -> None:
+        job.phase = "closed"
+        self._over(job)
+
+
+def _state(items: list[Item]) -> str:
+    """What came of a job whose answer says something of its items."""
+    done = sum(item.code == DONE for item in items)
+    if done == len(items):
+        return OK
+    return PARTIAL if done else ERROR

@@ -1,0 +1,111 @@
+"""Jobs that are over as transactions of the report, and connections as it tells of them.
+
+What was wrong with them is not said here.
+"""
+
+from __future__ import annotations
+
+from ds47 import model
+from ds47.model import S7, Frames, Read, Transaction
+from ds47.s7 import addresses
+from ds47.s7.model import Connection, Item, Job
+from ds47.spec import s7
+
+_BYTE = 8
+
+
+def build(job: Job) -> Transaction:
+    """The transaction of a job that is over."""
+    asked, answered = job.asked, job.answered
+    first = asked or answered
+    assert first is not None
+    segments = [
+        Read(each.at.frame, each.acknowledged and each.acknowledged.frame) for each in job.segments
+    ]
+    return Transaction(
+        operation=job.operation,
+        state=job.state,
+        controller=job.asker.ip,
+        device=job.partner.ip,
+        ar=None,
+        api=None,
+        slot=None,
+        subslot=None,
+        index=None,
+        request_reference=job.reference,
+        axis=None,
+        frames=Frames(asked and asked.frame, read_response=answered and answered.frame),
+        start_ns=first.time_ns,
+        duration_ns=job.duration_ns,
+        request=job.request or None,
+        response=job.response or None,
+        write_status=None,
+        read_status=None,
+        parameters=[],
+        channel=S7,
+        connection=job.connection.number,
+        items=[_item(each, sent=job.r_id is not None) for each in job.items],
+        r_id=job.r_id,
+        error=job.error,
+        segments=segments,
+    )
+
+
+def _item(item: Item, sent: bool) -> model.Item:
+    """An item of the report; of what is `sent` the bytes are all that is known."""
+    address = item.address
+    if address is None:
+        length = len(item.value) if sent and item.value is not None else None
+        return model.Item(None, None, None, None, None, length, item.value, item.code)
+    row = s7.areas().get(address.area)
+    elements = row is not None and row.elements
+    start, bit = (address.start, None) if elements else divmod(address.start, _BYTE)
+    return model.Item(
+        addresses.text(address),
+        None if row is None else row.letter,
+        address.db if row is not None and row.numbered else None,
+        start,
+        bit if address.size == 1 or bit else None,
+        address.length if address.size else None,
+        item.value,
+        item.code,
+    )
+
+
+def told(item: Connection) -> model.Connection:
+    """A connection as the report has it."""
+    place, counts = s7.place(item.server_tsap), item.counts
+    span = None
+    if counts.timed:
+        mean = counts.total_ns // counts.timed
+        span = model.Span(counts.least_ns, mean, counts.most_ns)
+    return model.Connection(
+        id=item.number,
+        client=item.client.ip,
+        client_port=item.client.port,
+        server=item.server.ip,
+        server_port=item.server.port,
+        client_tsap=item.client_tsap,
+        server_tsap=item.server_tsap,
+        rack=place and place[0],
+        slot=place and place[1],
+        pdu_length=item.pdu_length,
+        parallel=item.parallel,
+        most_open=item.most_open,
+        jobs=counts.jobs,
+        refused=counts.refused,
+        unanswered=counts.unanswered,
+        orphans=counts.orphans,
+        read_bytes=counts.read,
+        written_bytes=counts.written,
+        sent_bytes=counts.sent,
+        answer=span,
+        cyclic=item.cyclic,
+        other=item.other,
+        plus=item.plus,
+        lost_bytes=item.lost_bytes,
+        first_frame=item.opened.frame,
+        last_frame=item.last.frame,
+        setup=item.setup and item.setup.frame,
+        evidence=[model.Evidence(each.name, each.value, each.at.frame) for each in item.evidence],
+    )

@@ -1,0 +1,158 @@
+"""What programs send each other: BSEND with its segments and their acknowledgements, and USEND (docs/s7.md 5).
+
+A BSEND is known by its R_ID until its last segment is acknowledged; each acknowledgement has the PDU reference of
+its segment. Whether a BRCV of this R_ID takes it, no frame says.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from ds47.s7.model import (
+    BSEND,
+    OK,
+    ORPHAN,
+    PARTIAL,
+    REFUSED,
+    UNANSWERED,
+    USEND,
+    At,
+    Connection,
+    Item,
+    Job,
+    Segment,
+)
+from ds47.s7.pdu import Pdu, SegmentData, Usend, UserData
+from ds47.spec.semantics import Limits
+
+_Key = tuple[int, bool, int]
+"""Number of the connection, whether its client sends, and the R_ID or the reference."""
+MOST_SEGMENTS = 4096
+"""Segments of a BSEND; one of 65534 bytes has 290 where a PDU has 260 bytes."""
+_MOST_BYTES = 1 << 16
+Hear = Callable[[Job], None]
+
+
+@dataclass(slots=True, eq=False)
+class _Open:
+    """A BSEND that is not over."""
+
+    job: Job
+    key: _Key
+    whole: bool
+    """Whether its first segment was seen."""
+    data: bytearray = field(default_factory=bytearray)
+
+
+class Transfers:
+    """The open BSEND of all connections.
+
+    Args:
+        bounds: how many may be open.
+        asked: is told of each when it begins,
+        over: and when nothing more comes of it.
+    """
+
+    def __init__(self, bounds: Limits, asked: Hear, over: Hear) -> None:
+        self._bounds = bounds
+        self._asked = asked
+        self._over = over
+        self._open: OrderedDict[_Key, _Open] = OrderedDict()
+        self._waiting: dict[_Key, tuple[_Open, Segment]] = {}
+        """Segments without acknowledgement, by their references."""
+
+    def sent(
+        self, connection: Connection, from_client: bool, pdu: Pdu, told: SegmentData, at: At
+    ) -> None:
+        """A segment of a BSEND."""
+        key = connection.number, from_client, told.r_id
+        found = self._open.get(key)
+        if found is None or told.total is not None:
+            found = self._begin(key, connection, pdu, told, at)
+        part = Segment(
+            at, len(told.data), told.number, told.sequence, told.last, len(pdu.data), pdu.reference
+        )
+        found.job.segments.append(part)
+        found.job.flaws += pdu.flaws
+        found.data += told.data
+        if len(found.data) > _MOST_BYTES or len(found.job.segments) > MOST_SEGMENTS:
+            self._give_up(found)
+            return
+        self._waiting[connection.number, from_client, pdu.reference] = found, part
+
+    def acknowledged(
+        self, connection: Connection, from_client: bool, pdu: Pdu, told: UserData, at: At
+    ) -> bool:
+        """An acknowledgement; False where nothing waits for it."""
+        key = connection.number, not from_client, pdu.reference
+        found, part = self._waiting.pop(key, (None, None))
+        if found is None or part is None:
+            return False
+        part.acknowledged, part.assigned, part.error = at, told.sequence, told.error
+        job = found.job
+        job.answer_flaws += pdu.flaws
+        if told.error:
+            job.state, job.error, job.answered = REFUSED, told.error, at
+            self._close(found)
+        elif part.last:
+            job.error, job.answered = 0, at
+            whole = found.whole and len(found.data) == job.total
+            job.state = OK if whole else PARTIAL if found.whole else ORPHAN
+            self._close(found)
+        return True
+
+    def usend(
+        self, connection: Connection, from_client: bool, pdu: Pdu, told: Usend, at: At
+    ) -> None:
+        """A USEND: nothing answers it."""
+        job = Job(
+            USEND, connection, from_client, pdu.reference, at, [Item(None, area) for area in told.areas],
+            request=pdu.data, r_id=told.r_id, state=OK, flaws=pdu.flaws,
+        )  # fmt: skip
+        self._asked(job)
+        job.phase = "closed"
+        self._over(job)
+
+    def lose(self, connection: Connection) -> None:
+        """Bytes of a connection are lost: segments or acknowledgements may be among them."""
+        for found in self._open.values():
+            if found.job.connection is connection:
+                found.job.lost = True
+
+    def close(self, connection: Connection) -> None:
+        """A connection is over."""
+        for found in [each for each in self._open.values() if each.job.connection is connection]:
+            self._give_up(found)
+
+    def _begin(
+        self, key: _Key, connection: Connection, pdu: Pdu, told: SegmentData, at: At
+    ) -> _Open:
+        """A new one; the open one of its R_ID, which comes to nothing, is told of behind it."""
+        job = Job(
+            BSEND, connection, key[1], pdu.reference, at, [], r_id=told.r_id, total=told.total
+        )
+        before, found = self._open.get(key), _Open(job, key, told.total is not None)
+        self._asked(job)
+        if before is not None:
+            self._give_up(before)
+        self._open[key] = found
+        if len(self._open) > self._bounds.s7_transfers:
+            self._give_up(next(iter(self._open.values())))
+        return found
+
+    def _give_up(self, found: _Open) -> None:
+        found.job.state = UNANSWERED if found.whole else ORPHAN
+        self._close(found)
+
+    def _close(self, found: _Open) -> None:
+        job = found.job
+        self._open.pop(found.key, None)
+        for part in job.segments:
+            key = job.connection.number, job.from_client, part.reference
+            if self._waiting.get(key, (None,))[0] is found:
+                del self._waiting[key]
+        job.items = [Item(None, bytes(found.data))]
+        job.phase = "closed"
+        self._over(job)
