@@ -47,7 +47,7 @@ def entity(
     return found | {
         "type": own,
         "additionalProperties": False,
-        "required": [key.name for key in keys if key.required],
+        "required": [key.name for key in keys if key.required and not key.channel],
         "properties": {key.name: value(key) for key in keys},
     }
 
@@ -70,7 +70,7 @@ def enum(words: Sequence[str]) -> Schema:
 COUNTS: Schema = {"type": "object", "additionalProperties": COUNT}
 SIMPLE: dict[str, Schema] = {
     "counts": COUNTS,
-    "channel": enum((model.DS47, model.PKW)),
+    "channel": enum((model.DS47, model.PKW, model.S7)),
     "operation": enum(model.OPERATIONS),
     "state": enum(model.STATES),
     "severity": enum(model.SEVERITIES),
@@ -82,7 +82,8 @@ SIMPLE: dict[str, Schema] = {
 }
 SHAPES = (
     contract.CAPTURE, contract.FILE, contract.RELATION, contract.BUS, contract.BUS_STATION, contract.DEVICE,
-    contract.TRANSACTION, contract.PARAMETER, contract.FINDING, contract.DIAGNOSIS,
+    contract.CONNECTION, contract.TRANSACTION, contract.ITEM, contract.PARAMETER, contract.FINDING,
+    contract.DIAGNOSIS,
 )  # fmt: skip
 
 _PATH = Key("path", TEXT)
@@ -281,9 +282,10 @@ def table() -> Schema:
     values = {name: _cell(key, True) for name, key in _OF_CSV.items()}
     more = {"parameter": _cell(_POSITION, True)}
     single = {key.name: _cell(key, True) for key in _OF_PARQUET}
-    first = left | head | values | error
+    last = _cells(contract.S7_COLUMNS, True)
+    first = left | head | values | error | last
     assert tuple(first) == csv.COLUMNS
-    second = left | more | head | single | error
+    second = left | more | head | single | error | last
     time = {"start": _nullable(left["start"]) | _START}
     about = (
         "The columns of -f csv and -f parquet, in order. A row is valid against #/$defs/csv or #/$defs/parquet. "

@@ -16,7 +16,7 @@ from ds47 import model
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, name, sentence
-from ds47.spec import cyclic, profibus
+from ds47.spec import cyclic, profibus, s7
 from ds47.spec.units import duration, nanoseconds, timestamp
 
 Tell = Callable[[Any, str], Any]
@@ -39,6 +39,7 @@ class Key(NamedTuple):
         take: makes that argument of the value.
         required: whether every object has it.
         later: whether objects of `ds47.report/1` do without it.
+        channel: the only one whose transactions have it; empty for all.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Key(NamedTuple):
     take: Take | None = None
     required: bool = True
     later: bool = False
+    channel: str = ""
 
 
 class Shape:
@@ -81,6 +83,10 @@ class Shape:
     def _others(self) -> list[Key]:
         return [key for key in self.keys if key.tell or key.shape]
 
+    @cached_property
+    def _of_a_channel(self) -> list[Key]:
+        return [key for key in self.keys if key.channel]
+
     def plain(self, item: Any, lang: str = "en") -> dict[str, Any]:
         """An object of the model as one of the contract, its texts in "en" or "zh"."""
         found = dict(zip(self._names, self._get(item), strict=False))
@@ -89,6 +95,9 @@ class Shape:
             if key.shape is not None and value is not None:
                 value = _plain(key.shape, value, lang)
             found[key.name] = value
+        for key in self._of_a_channel:
+            if item.channel != key.channel:
+                del found[key.name]
         return found
 
     def load(self, item: dict[str, Any], vendor_id: int | None = None) -> Any:
@@ -102,7 +111,8 @@ class Shape:
 
     def _arguments(self, item: dict[str, Any], vendor_id: int | None) -> Iterator[tuple[str, Any]]:
         for key in self.keys:
-            if key.into == "" or (key.name not in item and (key.later or not key.required)):
+            absent = key.later or not key.required or key.channel
+            if key.into == "" or (key.name not in item and absent):
                 continue
             value = item[key.name]
             if key.shape is not None and value is None:
@@ -252,11 +262,34 @@ _STATUSES = Shape("", (
         column="PNIO status of the Read, eight hex digits."),
 ))  # fmt: skip
 
+_R_ID = "Of BSEND and USEND."
+
+
+def _code_text(item: model.Item, lang: str) -> str | None:
+    return None if item.code is None else s7.code_text("return_code", item.code, lang)
+
+
+ITEM = Shape("item", (
+    Key("address", MAYBE_TEXT, "As programs of a PLC write it; null where nothing of the request is known.",
+        column="Address of the variable, as programs of a PLC write it; null of what a program sends."),
+    Key("area", MAYBE_TEXT, "What its addresses begin with."),
+    Key("db", WORD, "Number of the data block."),
+    Key("start", whole(maybe=True), "Its first byte; of timers and counters the number of the first one."),
+    Key("bit", whole(0, 7, maybe=True), "The bit in that byte, where it is not about whole bytes."),
+    Key("length", whole(maybe=True), "Bytes.", column="Bytes of the variable, or of what was sent."),
+    Key("value", ref("hex"), "What was read, written or sent.", take=_hex,
+        tell=lambda item, _: None if item.value is None else item.value.hex(),
+        column="What was read, written or sent, in hex."),
+    Key("code", BYTE, "What the partner answered; 255 is success.",
+        column="What the partner answered; 255 is success."),
+    Key("text", MAYBE_TEXT, "What that means.", tell=_code_text, into=""),
+), model.Item, "A variable of a job of S7, or data that a program sends; docs/s7.md.")  # fmt: skip
+
 TRANSACTION = Shape("transaction", (
     Key("id", NUMBER, column="Number of the transaction in its capture, by first frame."),
     Key("channel", ref("channel"),
-        "Record calls, or the parameter channel inside cyclic frames.", later=True,
-        column="ds47 for record calls, pkw for the parameter channel inside cyclic frames."),
+        "Record calls, the parameter channel inside cyclic frames, or S7 communication.", later=True,
+        column="ds47 for record calls, pkw for the parameter channel inside cyclic frames, s7 for S7."),
     Key("operation", ref("operation"), column="What was asked for."),
     Key("state", ref("state"), column="What came of it."),
     Key("controller", TEXT, column="Who asked: its IP address, on PROFIBUS dp and its address."),
@@ -270,7 +303,7 @@ TRANSACTION = Shape("transaction", (
     Key("subslot", WORD, column="Subslot of the record; null on PROFIBUS."),
     Key("index", WORD, "Null where the channel has none.",
         column="Index of the record: 47, 45102 (0xB02E), 45103 (0xB02F); null for pkw."),
-    Key("request_reference", BYTE, column="The number that the response has to mirror."),
+    Key("request_reference", WORD, column="The number that the response has to mirror."),
     Key("axis", BYTE, column="Drive object (DO)."),
     Key("frames", {}, shape=FRAMES),
     Key("start", TEXT | {"pattern": _TIME}, into="start_ns", take=_time,
@@ -286,6 +319,14 @@ TRANSACTION = Shape("transaction", (
     Key("status", {}, shape=_STATUSES),
     Key("parameters", many(ref("parameter")), shape=PARAMETER),
     Key("findings", many(ref("rule")), take=lambda value, _: list(value)),
+    Key("connection", whole(1, maybe=True), "Only of s7: the id of the connection.", channel=model.S7,
+        column="Of s7: the id of the connection."),
+    Key("items", many(ref("item")), "Only of s7.", shape=ITEM, channel=model.S7),
+    Key("r_id", whole(0, 0xFFFF_FFFF, maybe=True), f"Only of s7. {_R_ID}", channel=model.S7, column=_R_ID),
+    Key("error", WORD, "Only of s7: error class and code of the answer, 0 for none.", channel=model.S7,
+        column="Of s7: error class and code of the answer as one number, 0 for none."),
+    Key("segments", many({}), "Only of s7: the frames of a BSEND and of its acknowledgements.", shape=_READ,
+        channel=model.S7),
 ), model.Transaction)  # fmt: skip
 
 FINDING = Shape("finding", (
@@ -455,6 +496,52 @@ BUS = Shape("bus", (
 ), model.Bus, "The line of PROFIBUS; docs/profibus.md.")  # fmt: skip
 
 
+_TSAP = MAYBE_TEXT | {"pattern": "^([0-9a-f]{2})*$"}
+
+
+def _tsap_text(name: str) -> Tell:
+    return lambda item, _: (found := getattr(item, name)) and found.hex()
+
+
+EVIDENCE = Shape("", (
+    Key("name", {"enum": ["order_number", "module", "consistent"]},
+        "consistent: the bytes that it reads consistently for a panel."),
+    Key("value", {"type": ["string", "integer"]}),
+    Key("frame", NUMBER),
+), model.Evidence)  # fmt: skip
+CONNECTION = Shape("connection", (
+    Key("id", NUMBER, "By the first frame; ids need not follow each other."),
+    Key("client", TEXT),
+    Key("client_port", COUNT),
+    Key("server", TEXT),
+    Key("server_port", COUNT),
+    Key("client_tsap", _TSAP, "In hex; null where the beginning of the connection is not in the capture.",
+        tell=_tsap_text("client_tsap"), take=_hex),
+    Key("server_tsap", _TSAP, tell=_tsap_text("server_tsap"), take=_hex),
+    Key("rack", whole(0, 7, maybe=True), "With slot, as the TSAP of the server has them."),
+    Key("slot", whole(0, 31, maybe=True)),
+    Key("pdu_length", WORD, "Bytes of a PDU, as agreed; null where the setup is not in the capture."),
+    Key("parallel", WORD, "Parallel jobs, as agreed."),
+    Key("most_open", COUNT, "Jobs of one end without an answer, at the most."),
+    Key("jobs", COUNT),
+    Key("refused", COUNT, "Jobs that were refused, or of which an item was."),
+    Key("unanswered", COUNT),
+    Key("orphans", COUNT, "Answers without a job."),
+    Key("read_bytes", COUNT),
+    Key("written_bytes", COUNT),
+    Key("sent_bytes", COUNT, "By BSEND and USEND."),
+    Key("answer", _SPANS, "From a job to its answer; null without one.", shape=_SPAN),
+    Key("cyclic", COUNT, "PDUs of cyclic services."),
+    Key("other", COUNT, "PDUs of other services of S7."),
+    Key("plus", COUNT, "PDUs of S7CommPlus."),
+    Key("lost_bytes", COUNT, "Bytes that the capture does not have."),
+    Key("first_frame", NUMBER),
+    Key("last_frame", NUMBER),
+    Key("setup", FRAME, "The answer to the setup."),
+    Key("evidence", many({}), "What the server says of itself.", shape=EVIDENCE),
+), model.Connection, "A connection of S7; docs/s7.md.")  # fmt: skip
+
+
 def _by_index(item: tuple[str, object]) -> tuple[int, str]:
     """Record indices are numbers written as text; what is none comes last."""
     key = item[0]
@@ -482,6 +569,9 @@ HEAD = (
     Key("senders", many(ref("sender"), 1), "Only where cyclic frames are there without their Connect.",
         shape=SENDER, required=False),
     Key("bus", ref("bus"), "Only on PROFIBUS.", shape=BUS, required=False),
+    Key("connections", many(ref("connection"), 1), "Only where there is S7 communication.", shape=CONNECTION,
+        required=False),
+    Key("connections_left_out", NUMBER, "Further connections, for which there was no room.", required=False),
 )  # fmt: skip
 LISTS = (
     Key("devices", many(ref("device")), shape=DEVICE),
@@ -528,6 +618,8 @@ RULES = Column("findings", Key(
 
 def _of_transaction() -> Iterator[Column]:
     for column in columns(TRANSACTION):
+        if column.key.channel:
+            continue
         yield Column("transaction", column.key) if column.name == "id" else column
         if column.name == "frames.read_response":
             yield POLLS
@@ -540,9 +632,15 @@ HEAD_COLUMNS = tuple(columns(PARAMETER))
 """What comes before the values of a parameter,"""
 ERROR_COLUMNS = tuple(columns(ERROR, "error."))
 """and what comes behind them."""
+S7_COLUMNS = (
+    *(each for each in columns(TRANSACTION) if each.key.channel),
+    *columns(ITEM, "item."),
+)
+"""What is the last of all, for transactions of S7: a row for each of their items."""
 _PATHS = {"transaction": "id", "polls": "frames.polls"}
 _get_cells = attrgetter(*[_PATHS.get(each.name, each.name) for each in TRANSACTION_COLUMNS])
 _POLLS = [each.name for each in TRANSACTION_COLUMNS].index("polls")
+_NOTHING: list[Any] = [None] * len(S7_COLUMNS)
 _get_head = attrgetter(*[each.name for each in HEAD_COLUMNS])
 _NAME = [each.name for each in HEAD_COLUMNS].index("name")
 
@@ -553,6 +651,25 @@ def transaction_cells(item: model.Transaction) -> list[Any]:
     cells[_POLLS] = len(cells[_POLLS])
     cells[-1] = " ".join(cells[-1])
     return cells
+
+
+def s7_cells(item: model.Transaction) -> list[list[Any]]:
+    """The cells of S7_COLUMNS: one row of nothing for transactions of other channels."""
+    if item.channel != model.S7:
+        return [_NOTHING]
+    left = [item.connection, item.r_id, item.error]
+    if not item.items:
+        return [left + [None] * 4]
+    return [
+        [
+            *left,
+            each.address,
+            each.length,
+            None if each.value is None else each.value.hex(),
+            each.code,
+        ]
+        for each in item.items
+    ]
 
 
 def head_cells(item: model.Parameter, lang: str) -> list[Any]:

@@ -1,4 +1,4 @@
-r"""Report as CSV: one row per parameter, for spreadsheets and data frames.
+r"""Report as CSV: one row per parameter, of S7 per item, for spreadsheets and data frames.
 
 The columns are COLUMNS, named as the keys of the JSON contract, a dot between a key and the one
 inside it. A transaction whose parameters nobody knows has one row with these columns empty. One
@@ -29,7 +29,8 @@ PARAMETER_COLUMNS = (
     "scaled",
     *(each.name for each in contract.ERROR_COLUMNS),
 )
-COLUMNS = ("path", *TRANSACTION_COLUMNS, *PARAMETER_COLUMNS)
+S7_COLUMNS = tuple(each.name for each in contract.S7_COLUMNS)
+COLUMNS = ("path", *TRANSACTION_COLUMNS, *PARAMETER_COLUMNS, *S7_COLUMNS)
 """The header."""
 _OF_DEVICES = [
     number
@@ -73,12 +74,14 @@ class Writer(_Writer):
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         left = _transaction_cells(path, transaction)
+        right = contract.s7_cells(transaction)
         for parameter in transaction.parameters:
-            self._csv.writerow(left + _parameter_cells(parameter, self.options.lang))
+            self._csv.writerow(left + _parameter_cells(parameter, self.options.lang) + right[0])
         if not transaction.parameters:
-            self._csv.writerow(left + [None] * len(PARAMETER_COLUMNS))
+            self._csv.writerows(left + _EMPTY + cells for cells in right)
 
 
+_EMPTY: list[Cell] = [None] * len(PARAMETER_COLUMNS)
 _FORMULA = "=+-@＝＋－＠"
 """What a formula begins with, also in full width."""
 

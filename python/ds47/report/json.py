@@ -17,6 +17,7 @@ from typing import Any, Final, TextIO
 
 from ds47 import __version__
 from ds47.model import (
+    S7,
     CaptureResult,
     Device,
     Diagnosis,
@@ -53,6 +54,8 @@ def transaction(item: Transaction, lang: str = "en") -> dict[str, Any]:
 
 def transaction_line(item: Transaction, lang: str = "en") -> str:
     """What `text(transaction(item, lang))` gives, without the dictionaries: there are many transactions."""
+    if item.channel == S7:
+        return text(transaction(item, lang))
     frames_ = item.frames
     polls = reads = "[]"
     if frames_.polls or frames_.rereads:
@@ -164,10 +167,15 @@ def capture(result: CaptureResult, lang: str = "en") -> dict[str, Any]:
 
 def _without_empty(plain: dict[str, Any]) -> dict[str, Any]:
     """Only a series has files, few captures have relations and timelines, and PROFINET has no bus."""
-    for key in ("files", "relations", "timelines", "senders", "bus"):
+    for key in _RARE:
         if not plain[key]:
             del plain[key]
     return plain
+
+
+_RARE: Final = (
+    "files", "relations", "timelines", "senders", "bus", "connections", "connections_left_out",
+)  # fmt: skip
 
 
 def document(report: Report) -> dict[str, Any]:

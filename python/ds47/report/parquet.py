@@ -1,4 +1,4 @@
-"""Report as Parquet: one row per value, for questions over many captures.
+"""Report as Parquet: one row per value, of S7 per item, for questions over many captures.
 
 The columns, their types and what they mean stand in schema/table-1.schema.json (docs/data.md).
 They are those of csv; a value has a row of its own and comes as text, as a number and, where it is
@@ -74,12 +74,14 @@ class Writer(_Writer):
 
     def transaction(self, path: str, transaction: Transaction, findings: Sequence[Finding]) -> None:
         left = _transaction_cells(path, transaction)
+        right = contract.s7_cells(transaction)
         for position, parameter in enumerate(transaction.parameters):
             self._rows += [
-                left + cells for cells in _parameter_cells(position, parameter, self.options.lang)
+                left + cells + right[0]
+                for cells in _parameter_cells(position, parameter, self.options.lang)
             ]
         if not transaction.parameters:
-            self._rows.append(left + _NO_PARAMETER)
+            self._rows += [left + _NO_PARAMETER + cells for cells in right]
         if len(self._rows) >= _ROWS_AT_ONCE:
             self._pack()
 
