@@ -169,7 +169,7 @@ EACH = pytest.mark.parametrize("rule", RULES, ids=[rule["id"] for rule in RULES]
 def test_ids_are_unique_and_sorted() -> None:
     ids = [rule["id"] for rule in RULES]
     assert ids == sorted(set(ids))
-    assert all(re.fullmatch(r"DS[1-8]\d\d", id_) for id_ in ids)
+    assert all(re.fullmatch(r"DS[1-9]\d\d", id_) for id_ in ids)
 
 
 def test_names_are_unique() -> None:

@@ -14,7 +14,7 @@ from typing import Any, Final
 from ds47 import model
 from ds47.model import Diagnosis, Finding, Parameter, ParameterError
 from ds47.report.bilingual import say
-from ds47.spec import Rule, error_hex, error_text, rules
+from ds47.spec import Rule, error_hex, error_text, rules, s7
 from ds47.spec.cyclic import error_text as pkw_error_text
 from ds47.spec.semantics import diagnosis_words, reasons
 from ds47.spec.statuses import status_text
@@ -146,11 +146,15 @@ class _Shown(dict[str, str]):
 
     def _error(self) -> str:
         """The error number that the rule is about, and what it means."""
-        code = self._args.get("code")
+        code, kind = self._args.get("code"), self._row.args["code"]
         if code is None:
             return say("no_error_number").text(self._lang)
-        if self._row.args["code"] == "pkw":
+        if kind == "pkw":
             return f"{code} {pkw_error_text(code, self._lang)}"
+        if kind == "s7_item":
+            return f"{error_hex(code)} {s7.code_text('return_code', code, self._lang)}"
+        if kind == "s7_error":
+            return s7.error_text(code, self._lang)
         return f"{error_hex(code)} {error_text(code, self._lang, self._args.get('vendor_id'))}"
 
     def _text(self) -> str:

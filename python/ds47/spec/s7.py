@@ -59,6 +59,14 @@ class Cpu(Row):
     zh: str
 
 
+class Order(Row):
+    """How the order numbers of a kind of CPU begin; "?" is any character."""
+
+    number: str
+    cpu: str
+    """Its id in [[cpu]]."""
+
+
 class Room(Row):
     """What a PDU has no room for: `fixed` bytes, and `each` for every item."""
 
@@ -97,6 +105,22 @@ def data_sizes() -> Mapping[int, Size]:
 def cpus() -> Mapping[str, Cpu]:
     """Kinds of CPU by their id."""
     return MappingProxyType({row["id"]: Cpu(**row) for row in _load("s7.toml")["cpu"]})
+
+
+@cache
+def orders() -> tuple[Order, ...]:
+    """Order numbers of CPUs; the first that fits counts."""
+    return tuple(Order(**row) for row in _load("s7.toml")["order"])
+
+
+def cpu_of_order(number: str) -> Cpu | None:
+    """The kind of CPU with an order number; None where it is none, or not known."""
+    number = " ".join(number.upper().split())
+    for row in orders():
+        pairs = zip(row.number, number, strict=False)
+        if len(number) >= len(row.number) and all(want in ("?", has) for want, has in pairs):
+            return cpus()[row.cpu]
+    return None
 
 
 @cache

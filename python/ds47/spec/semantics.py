@@ -27,6 +27,8 @@ class Limits(Row):
     acknowledge_ns: int
     locked_ns: int
     deviation_ns: int
+    s7_split_ns: int
+    s7_writers_ns: int
     pkw_saved: int
     pkw_reads: int
     deviation_percent: int
@@ -61,6 +63,10 @@ class Limits(Row):
     s7_bytes: int
     s7_jobs: int
     s7_transfers: int
+    s7_parts: int
+    s7_accesses: int
+    s7_memories: int
+    s7_notes: int
     stations: int
 
 

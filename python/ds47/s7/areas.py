@@ -1,0 +1,207 @@
+"""Addresses: their notation, the bytes that a job reads or writes, and areas split over jobs (docs/s7.md 6).
+
+What happened to these bytes is known by `memory`; whether a split area is whole is decided in `consistency`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from ds47.s7.consistency import Access
+from ds47.s7.model import DB, DONE, ELEMENTS, GET, OK, PUT, UNANSWERED, Address, Item, Job
+from ds47.spec import s7
+
+BITS = 0x83
+INSTANCE = 0x85
+MEMORIES = (BITS, DB, INSTANCE)
+"""Areas that keep what is written; the process image and the peripherals do not."""
+FULL = 90
+"""Percent of the room of its PDU from which a job is a part of a larger area."""
+
+
+def notation(address: Address) -> str:
+    """How an address is written: DB1.DBB0..443, DB1.DBX2.1, MB100..109, M10.3, C5, T0..3."""
+    known = s7.areas().get(address.area)
+    letter = known.letter if known else f"[{address.area:02X}]"
+    if address.area in ELEMENTS:
+        return letter + _range(address.start, address.start + address.count)
+    block = ""
+    if known and known.numbered:
+        block, letter = f"{letter}{address.db}.", letter if letter != "DB" else "DB"
+    if address.size == 1:
+        name = f"{letter}X" if block else letter
+        bit = f"{block}{name}{address.start >> 3}.{address.start & 7}"
+        return bit if address.count == 1 else f"{bit} x {address.count}"
+    first = address.start >> 3
+    return f"{block}{letter}B{_range(first, first + address.length)}"
+
+
+def _range(first: int, end: int) -> str:
+    return f"{first}..{end - 1}" if end - first > 1 else f"{first}"
+
+
+def byte_notation(area: int, db: int, at: int) -> str:
+    """How one byte is written: DB1.DBB7."""
+    return notation(Address(area, db, 8 * at, 8, 1))
+
+
+def joined(addresses: Sequence[Address]) -> Address:
+    """One address for areas of which each begins where the one before ends."""
+    first = addresses[0]
+    if first.area in ELEMENTS:
+        return Address(
+            first.area, first.db, first.start, first.size, sum(a.count for a in addresses)
+        )
+    return Address(first.area, first.db, first.start, 8, sum(each.length for each in addresses))
+
+
+# Accesses
+
+
+def numbered(area: int) -> int:
+    """Instance data blocks are data blocks."""
+    return DB if area == INSTANCE else area
+
+
+def is_clear(job: Job) -> bool:
+    """Whether it is known which bytes a PUT writes."""
+    return all(
+        each.address is not None and each.address.size > 0
+        and (each.value is not None or each.address.area not in MEMORIES)
+        for each in job.items
+    )  # fmt: skip
+
+
+def accesses(job: Job, first: int) -> Iterator[Access]:
+    """What a GET or PUT with a request does to memories that keep what is written.
+
+    Args:
+        job: with its answer, or still without one.
+        first: the number of the first access.
+    """
+    for number, item in enumerate(job.items, first):
+        address = item.address
+        if address is not None and address.area in MEMORIES and address.size:
+            access = _access(job, item, address, number)
+            if access is not None:
+                yield access
+
+
+def _access(job: Job, item: Item, address: Address, number: int) -> Access | None:
+    write, done = job.operation == PUT, item.code == DONE and job.answered is not None
+    whole = address.size >= 8 and address.start % 8 == 0
+    if job.asked is None or item.value is None or not (write or (done and whole)):
+        return None
+    start, end = address.start // 8, (address.end + 7) // 8
+    data = item.value
+    if not whole or len(data) != end - start:
+        if not write:
+            return None
+        data, whole = bytes(end - start), False
+    answer = job.answered
+    return Access(
+        number, job.connection.number, write, numbered(address.area), address.db, start, data,
+        job.asked.time_ns, answer.time_ns if answer else None, job.asked.frame,
+        answer.frame if answer else None, done, whole,
+    )  # fmt: skip
+
+
+# Areas that are split
+
+
+class Part(NamedTuple):
+    """A job that is a part of a larger area."""
+
+    job: Job
+    first: int
+    """The number of its first access."""
+
+
+@dataclass(slots=True, eq=False)
+class Whole:
+    """An area that was read or written by several jobs, one after the other."""
+
+    parts: list[Part]
+
+    @property
+    def address(self) -> Address:
+        """All of it."""
+        return joined([each for part in self.parts if (each := self._item(part).address)])
+
+    def accesses(self) -> list[Access]:
+        """What its parts do to a memory; not of each there is one."""
+        found = []
+        for part in self.parts:
+            item = self._item(part)
+            number = part.first + part.job.items.index(item)
+            found += [each for each in accesses(part.job, part.first) if each.order == number]
+        return found
+
+    def _item(self, part: Part) -> Item:
+        """The item of a part that belongs to the area: the one at its border."""
+        return part.job.items[-1 if part is self.parts[0] else 0]
+
+
+class Splits:
+    """Finds areas that one side of a connection splits over jobs.
+
+    Args:
+        most_ns: from the answer of a part to the request of the next at the most.
+        most: parts of an area at the most.
+    """
+
+    def __init__(self, most_ns: int, most: int) -> None:
+        self._most_ns, self._most = most_ns, most
+        self._parts: list[Part] = []
+
+    def asked(self, part: Part) -> Whole | None:
+        """A GET or PUT was asked for; gives the area that is complete by that."""
+        before = self._parts
+        if before and len(before) < self._most and self._continues(part.job):
+            before.append(part)
+            return None
+        self._parts = [part]
+        return _whole(before)
+
+    def over(self, job: Job) -> Whole | None:
+        """A job is over; gives the area of which it is the last part, as it does not fill its PDU."""
+        if not self._parts or self._parts[-1].job is not job or (job.state == OK and fills(job)):
+            return None
+        return self.finish()
+
+    def finish(self) -> Whole | None:
+        """Nothing more comes."""
+        parts, self._parts = self._parts, []
+        return _whole(parts)
+
+    def _continues(self, job: Job) -> bool:
+        """Whether a job begins where the one before ends, and that one filled its PDU."""
+        last = self._parts[-1].job
+        if job.operation != last.operation or not fills(last) or not job.items:
+            return False
+        if last.state != OK and (last.state != UNANSWERED or last.phase != "open"):
+            return False
+        if len(self._parts) > 1 and len(last.items) > 1:
+            return False
+        since = last.answered or last.asked
+        if since is None or job.asked is None or job.asked.time_ns - since.time_ns > self._most_ns:
+            return False
+        before, behind = last.items[-1].address, job.items[0].address
+        if before is None or behind is None or not before.size:
+            return False
+        return before.memory == behind.memory and before.end == behind.start
+
+
+def fills(job: Job) -> bool:
+    """Whether a job has so much data that its PDU has no room for more; never without the setup."""
+    length, addresses = job.connection.pdu_length, [each.address for each in job.items]
+    if length is None or job.operation not in (GET, PUT) or not addresses:
+        return False
+    room = s7.room(job.operation, length, len(addresses))
+    return room > 0 and 100 * sum(each.length for each in addresses if each) >= FULL * room
+
+
+def _whole(parts: list[Part]) -> Whole | None:
+    return Whole(parts) if len(parts) > 1 and all(each.job.state == OK for each in parts) else None

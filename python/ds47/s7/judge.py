@@ -1,0 +1,308 @@
+"""What is wrong with S7 communication: connections, PDUs, jobs and transfers to findings DS9xx (docs/s7.md 7).
+
+Whether data is of one moment is decided in `moments`. A thing that happens again is one remark with a count, told
+when nothing more comes; what is wrong with a job is told with the job.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from ds47.findings.remark import Remark
+from ds47.s7.areas import notation
+from ds47.s7.blocks import Blocks
+from ds47.s7.model import (
+    BSEND,
+    DONE,
+    ELEMENTS,
+    GET,
+    OK,
+    ORPHAN,
+    PUT,
+    REFUSED,
+    UNANSWERED,
+    USEND,
+    At,
+    Connection,
+    Evidence,
+    Item,
+    Job,
+    Segment,
+    Told,
+)
+from ds47.s7.moments import Moments
+from ds47.s7.notes import Notes
+from ds47.spec import s7
+from ds47.spec.semantics import Limits
+
+_NAMED = 4
+"""Addresses of a job that a finding names."""
+
+
+def areas(items: list[Item]) -> str:
+    """What items name: DB1.DBB0..9, MB4; cut after four."""
+    named = [notation(each.address) if each.address else "?" for each in items]
+    return ", ".join([*named[:_NAMED], "..."] if len(named) > _NAMED else named) or "?"
+
+
+@dataclass(slots=True, eq=False)
+class _Crowd:
+    """Jobs that were open at once, more than agreed: it counts when all are answered."""
+
+    jobs: set[Job]
+    open_now: int
+    frame: int
+
+
+class Judge:
+    """A listener of `connections`.
+
+    Args:
+        bounds: times, and how much is kept.
+        remark: is told of what is wrong with a job when that is over.
+        blocks: what partners copy at once, as the user says.
+        readback: whether what is read has to be what was written (DS916).
+    """
+
+    def __init__(
+        self,
+        bounds: Limits,
+        remark: Callable[[Remark], None],
+        blocks: Blocks,
+        readback: bool = False,
+    ) -> None:
+        self._bounds, self._remark, self._blocks = bounds, remark, blocks
+        self._notes = Notes(bounds.s7_notes)
+        self._moments = Moments(bounds, self._notes, readback)
+        self._without_setup: dict[int, int] = {}
+        """The first job of connections whose setup was not seen."""
+        self._open: dict[int, list[Job]] = {}
+        """Jobs of the client of a connection."""
+        self._crowds: dict[int, _Crowd] = {}
+        self._sending: dict[tuple[int, bool, int | None], Job] = {}
+        """Open BSEND by connection, direction and R_ID."""
+        self._shapes: dict[tuple[int, bool, int | None], tuple[int, list[int]]] = {}
+        """Frame and lengths of the last USEND likewise."""
+
+    def finish(self) -> Iterator[Remark]:
+        """What happened again and again, and what only the whole capture shows."""
+        yield from self._moments.finish()
+        yield from self._notes.finish()
+
+    # Connections
+
+    def opened(self, connection: Connection) -> None:
+        """Nothing is wrong yet."""
+
+    def agreed(self, connection: Connection) -> None:
+        """The setup was seen."""
+        self._without_setup.pop(connection.number, None)
+
+    def refused(self, connection: Connection, why: str, at: At, code: int) -> None:
+        """Nothing comes of a connection."""
+        tsap = connection.server_tsap
+        rack, slot = s7.place(tsap) or (None, None)
+        case = f"refused_{why}" if tsap is not None or why == "setup" else f"refused_{why}_tcp"
+        args = {
+            "device": connection.server.ip, "controller": connection.client.ip, "case": case,
+            "tsap": None if tsap is None else tsap.hex(".").upper(), "rack": rack, "slot": slot,
+            "code": code,
+        }  # fmt: skip
+        key = (connection.server, connection.client.ip, case, tsap, code)
+        self._notes.add("DS917", key, at.frame, args)
+
+    def pdu(self, told: Told) -> None:
+        """A PDU may be larger than was agreed."""
+        connection, agreed = told.connection, told.connection.pdu_length
+        if agreed is None or told.size <= agreed or connection.setup is None:
+            return
+        args = {
+            "device": connection.server.ip, "sender": connection.end(told.from_client).ip,
+            "size": told.size, "agreed": agreed, "frame": connection.setup.frame,
+        }  # fmt: skip
+        key = (connection.number, told.from_client)
+        note = self._notes.add("DS902", key, told.at.frame, args)
+        if note is not None:
+            note.more("size", told.size, told.at.frame)
+
+    def evidence(self, connection: Connection, found: Evidence) -> None:
+        """The server said what it is."""
+        self._blocks.evidence(connection.server.ip, found)
+
+    def closed(self, connection: Connection) -> None:
+        """A connection is over."""
+        self._moments.closed(connection)
+        frame = self._without_setup.pop(connection.number, None)
+        if frame is not None:
+            args = {"device": connection.server.ip, "controller": connection.client.ip}
+            self._notes.add("DS915", (connection.server, connection.client.ip), frame, args)
+        self._open.pop(connection.number, None)
+        self._crowds.pop(connection.number, None)
+        for table in (self._sending, self._shapes):
+            for key in [each for each in table if each[0] == connection.number]:
+                del table[key]
+
+    # Jobs
+
+    def asked(self, job: Job) -> None:
+        """A request, or the first segment, was seen."""
+        self._moments.asked(job)
+        at = job.asked
+        if at is None:
+            return
+        if job.connection.pdu_length is None:
+            self._without_setup.setdefault(job.connection.number, at.frame)
+        if job.operation == BSEND:
+            self._begun(job, at)
+        elif job.operation in (GET, PUT) and job.from_client:
+            self._crowded(job, at)
+
+    def over(self, job: Job) -> None:
+        """Nothing more comes of a job."""
+        self._moments.over(job)
+        if job.operation == BSEND:
+            key = job.connection.number, job.from_client, job.r_id
+            if self._sending.get(key) is job:
+                del self._sending[key]
+            if job.state != ORPHAN:
+                self._sent(job)
+        elif job.operation == USEND:
+            self._shape(job)
+        elif job.state != ORPHAN:
+            self._settled(job)
+            self._variables(job)
+
+    def _say(self, rule: str, job: Job, at: At, **args: Any) -> None:
+        ends = {"device": job.partner.ip, "controller": job.asker.ip}
+        self._remark(Remark(rule, at.frame, ends | args, job=job))
+
+    # GET and PUT
+
+    def _crowded(self, job: Job, at: At) -> None:
+        number, parallel = job.connection.number, job.connection.parallel
+        there = self._open.setdefault(number, [])
+        there.append(job)
+        if parallel is None or len(there) <= parallel or job.connection.lost_bytes:
+            return
+        crowd = self._crowds.get(number)
+        if crowd is None or crowd.open_now < len(there):
+            self._crowds[number] = _Crowd(set(there), len(there), at.frame)
+
+    def _settled(self, job: Job) -> None:
+        number = job.connection.number
+        there, crowd = self._open.get(number), self._crowds.get(number)
+        if there is not None and job in there:
+            there.remove(job)
+        if crowd is None or job not in crowd.jobs:
+            return
+        crowd.jobs.discard(job)
+        if job.answered is None or not crowd.jobs:
+            del self._crowds[number]
+        if job.answered is None or crowd.jobs:
+            return
+        args = {
+            "device": job.partner.ip, "controller": job.asker.ip, "most": crowd.open_now,
+            "agreed": job.connection.parallel,
+        }  # fmt: skip
+        note = self._notes.add("DS914", (number,), crowd.frame, args)
+        if note is not None:
+            note.more("most", crowd.open_now, crowd.frame)
+
+    def _variables(self, job: Job) -> None:
+        operation, at = job.operation.upper(), job.answered or job.asked
+        if at is None or job.asked is None:
+            return
+        if job.state == UNANSWERED:
+            if not job.lost:
+                self._say("DS901", job, job.asked, operation=operation, area=areas(job.items))
+            return
+        if job.error:
+            self._say("DS909", job, at, operation=operation, area=areas(job.items), code=job.error)
+            return
+        codes = {each.code: None for each in job.items if each.code not in (DONE, None)}
+        for code in codes:
+            failed = [each for each in job.items if each.code == code]
+            self._say("DS908", job, at, operation=operation, area=areas(failed), code=code)
+        self._blocked(job, job.asked, operation)
+        if len(job.items) > 1 and job.state == OK:
+            args = {"device": job.partner.ip, "controller": job.asker.ip}
+            key = (job.connection.number, job.from_client)
+            self._notes.add("DS906", key, job.asked.frame, args)
+
+    def _blocked(self, job: Job, at: At, operation: str) -> None:
+        """Items that are larger than what the partner copies at once."""
+        block = self._blocks.of(job.partner.ip)
+        for item in job.items if block else ():
+            address = item.address
+            if block is None or address is None or item.code != DONE or address.area in ELEMENTS:
+                continue
+            if address.length <= block.size:
+                continue
+            args = {
+                "device": job.partner.ip, "controller": job.asker.ip, "operation": operation,
+                "area": notation(address), "bytes": address.length, "block": block.size,
+                "case": block.source, "frame": block.frame, "name": block.name,
+            }  # fmt: skip
+            key = (job.connection.number, job.from_client, operation, args["area"], block)
+            also = () if job.answered is None else (job.answered.frame,)
+            self._notes.add("DS903", key, at.frame, args, also)
+
+    # BSEND and USEND
+
+    def _begun(self, job: Job, at: At) -> None:
+        key = job.connection.number, job.from_client, job.r_id
+        before = self._sending.get(key)
+        if before is not None and before.asked is not None and not before.lost:
+            self._say("DS912", job, at, r_id=job.r_id, case="r_id_open", frame=before.asked.frame)
+        if before is not None or len(self._sending) < self._bounds.s7_notes:
+            self._sending[key] = job
+
+    def _sent(self, job: Job) -> None:
+        at, parts = job.asked, job.segments
+        if at is None or not parts:
+            return
+        if job.state == REFUSED:
+            refused = job.answered or at
+            self._say("DS912", job, refused, r_id=job.r_id, case="r_id_refused", code=job.error)
+            return
+        if job.lost:
+            return
+        size = sum(each.size for each in parts)
+        case = _incomplete(job, parts, size)
+        if case is not None:
+            self._say(
+                "DS910", job, parts[-1].at, r_id=job.r_id, case=case, total=job.total, size=size,
+                segments=len(parts), first=at.frame,
+            )  # fmt: skip
+        silent = [each for each in parts if each.acknowledged is None]
+        if silent:
+            self._say(
+                "DS911", job, silent[0].at, r_id=job.r_id, count=len(silent), segments=len(parts),
+                frames=[each.at.frame for each in silent],
+            )  # fmt: skip
+
+    def _shape(self, job: Job) -> None:
+        at, shape = job.asked, [len(each.value or b"") for each in job.items]
+        if at is None or job.flaws:
+            return
+        key = job.connection.number, job.from_client, job.r_id
+        before = self._shapes.get(key)
+        if before is None and len(self._shapes) >= self._bounds.s7_notes:
+            return
+        self._shapes[key] = at.frame, shape
+        if before is not None and before[1] != shape:
+            self._say("DS913", job, at, r_id=job.r_id, before=before[1], now=shape, first=before[0])
+
+
+def _incomplete(job: Job, parts: list[Segment], size: int) -> str | None:
+    """What a BSEND lacks that was sent, None for nothing."""
+    if not parts[-1].last:
+        return "bsend_open"
+    if job.total is not None and size != job.total:
+        return "bsend_sum"
+    assigned = parts[0].assigned
+    if assigned is not None and any(each.sequence != assigned for each in parts[1:]):
+        return "bsend_sequence"
+    return None

@@ -1,0 +1,242 @@
+"""What is known of one memory of a partner: who wrote what, and which bytes somebody writes who was not captured.
+
+Bounded: of what is long over only the last values are kept. What is of one moment is decided in `consistency`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from ds47.s7.consistency import Access, Question, span
+
+MOST_LOST = 16
+"""Writes without an answer that are remembered by themselves."""
+
+
+class Mixed(NamedTuple):
+    """Two bytes of what was read that never were in the memory together, and a write that says so."""
+
+    first: int
+    second: int
+    write: Access
+
+
+class Image:
+    """Values of bytes, as far as they are known."""
+
+    def __init__(self) -> None:
+        self.known = 0
+        """Bit n: whether the value of byte n is known."""
+        self._values = bytearray()
+
+    def put(self, access: Access) -> None:
+        """From now on the bytes have these values."""
+        if len(self._values) < access.end:
+            self._values.extend(bytes(access.end - len(self._values)))
+        self._values[access.start : access.end] = access.data
+        self.known |= span(access.start, access.end)
+
+    def forget(self, mask: int) -> None:
+        """The values of these bytes are not known."""
+        self.known &= ~mask
+
+    def same(self, access: Access) -> bool:
+        """Whether what was read is what was known."""
+        mask = span(access.start, access.end)
+        return self.known & mask == mask and self._values[access.start : access.end] == access.data
+
+    def others(self, access: Access) -> Iterator[int]:
+        """Bytes that are known, and were read with another value."""
+        there = self._values[access.start : access.end]
+        for at, (old, new) in enumerate(zip(there, access.data, strict=False), access.start):
+            if old != new and self.known >> at & 1:
+                yield at
+
+    def within(self, start: int, end: int) -> dict[int, int]:
+        """The bytes from one up to another that are known."""
+        known = (self.known & span(start, end)) >> start
+        there = self._values[start:end]
+        return {start + n: byte for n, byte in enumerate(there) if known >> n & 1}
+
+
+class Memory:
+    """One area, or one data block, of a partner.
+
+    Args:
+        most: accesses that are kept by themselves.
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._before, self._latest = Image(), Image()
+        self._history: list[Access] = []
+        self._open: dict[int, Access] = {}
+        self._lost: list[Access] = []
+        self._since = -1
+        """All accesses that may have been in force after this time are known."""
+        self.foreign = 0
+        """Bit n: byte n had a value that no captured write explains, so somebody else writes it."""
+
+    def sent(self, write: Access) -> None:
+        """A write was asked for: it may come into force at any time."""
+        self._open[write.order] = write
+
+    def gave_up(self, write: Access) -> None:
+        """A write has no answer: it may still come into force."""
+        if self._open.pop(write.order, None) is None:
+            return
+        self._lost.append(write)
+        if len(self._lost) > MOST_LOST:
+            oldest = self._lost.pop(0)
+            self.foreign |= span(oldest.start, oldest.end)
+
+    def written(self, write: Access) -> None:
+        """A write was answered."""
+        self._open.pop(write.order, None)
+        if write.asked_ns <= self._since:
+            self.forget(int(write.until))
+            return
+        self._keep(write)
+        if write.sure and write.known:
+            self._latest.put(write)
+        else:
+            self._latest.forget(span(write.start, write.end))
+
+    def read(self, read: Access) -> None:
+        """Bytes were read."""
+        if not self._latest.same(read):
+            self._unexplained(read)
+            self._latest.put(read)
+        if read.asked_ns > self._since:
+            self._keep(read)
+
+    def forget(self, time_ns: int) -> None:
+        """Until now the memory may have been written by somebody who was not heard."""
+        self._since = max(self._since, time_ns)
+        self._before, self._latest = Image(), Image()
+        self._history.clear()
+
+    def writes(self) -> Iterator[Access]:
+        """The latest writes that were answered."""
+        return (each for each in self._history if each.write)
+
+    def reads(self, whole: Access) -> list[Access]:
+        """The latest reads that met a write."""
+        return [each for each in self._history if not each.write and each.meets(whole)]
+
+    def unread(self, read: Access) -> Iterator[Access]:
+        """Writes whose values a read should have, as nobody wrote after them, and which no read has met before."""
+        there = [
+            each
+            for each in (*self._history, *self._open.values(), *self._lost)
+            if _share(each, read)
+        ]
+        for write in self.writes():
+            later = [each for each in there if each.until >= write.asked_ns and each is not write]
+            if (
+                write.sure and write.known and write.until < read.asked_ns and _share(write, read)
+                and not any(_share(each, write) for each in later)
+            ):  # fmt: skip
+                yield write
+
+    def mixed(
+        self, parts: Sequence[Access], instead: Sequence[Access] = (), whole: Access | None = None
+    ) -> Mixed | None:
+        """What was read, if it never was in the memory at one moment; None where it may have been.
+
+        Args:
+            parts: of one read.
+            instead: the parts of a write that wants to be one,
+            whole: and the write as one.
+        """
+        begin = min(each.asked_ns for each in parts)
+        if begin <= self._since or (whole is not None and whole.asked_ns <= self._since):
+            return None
+        left_out = {each.order for each in (*parts, *instead)}
+        there = (*self._history, *self._open.values(), *self._lost)
+        others = [each for each in there if each.order not in left_out]
+        if whole is not None:
+            others.append(whole)
+        if not any(each.write and _between(each, parts) for each in others):
+            return None
+        start, end = min(each.start for each in parts), max(each.end for each in parts)
+        question = Question(parts, others, self._before.within(start, end), self.foreign)
+        two = question.mixed()
+        if two is None:
+            return None
+        meant = [
+            each for each in others
+            if each.write and each.sure and each.asked_ns <= question.end and each.until >= question.begin
+            and any(each.start <= at < each.end for at in two)
+        ]  # fmt: skip
+        return Mixed(*two, min(meant, key=lambda each: each.asked_ns)) if meant else None
+
+    def _unexplained(self, read: Access) -> None:
+        """Marks the bytes of a read whose values come from nobody who was captured."""
+        differ = [at for at in self._latest.others(read) if not self.foreign >> at & 1]
+        others = [
+            each for each in (*self._history, *self._open.values(), *self._lost)
+            if _share(each, read)
+        ]  # fmt: skip
+        if not any(each.write for each in others):
+            self.foreign |= sum(1 << at for at in differ)
+            return
+        question = Question([read], others, self._before.within(read.start, read.end))
+        self.foreign |= sum(1 << at for at in differ if not question.byte(at))
+
+    def _keep(self, access: Access) -> None:
+        self._history.append(access)
+        if len(self._history) > self._most:
+            self._fold()
+
+    def _fold(self) -> None:
+        """Keeps only the values of what was over before everything else began."""
+        self._history.sort(key=lambda each: each.asked_ns)
+        cut = self._cut()
+        if cut:
+            over, self._history = self._history[:cut], self._history[cut:]
+            self._over(over)
+        elif len(self._history) > 4 * self._most:
+            self.forget(max(each.answered_ns or 0 for each in self._history))
+
+    def _cut(self) -> int:
+        """How many of the oldest accesses were over before all others, and those without an answer, began."""
+        begins = min((each.asked_ns for each in self._open.values()), default=None)
+        latest, found = -1.0, 0
+        for n, each in enumerate(self._history[: len(self._history) - self._most // 2], 1):
+            latest = max(latest, each.until)
+            if begins is not None and latest >= begins:
+                break
+            if latest < self._history[n].asked_ns:
+                found = n
+        return found
+
+    def _over(self, accesses: Sequence[Access]) -> None:
+        unknown = 0
+        for n, each in enumerate(accesses):
+            if each.write and not (each.sure and each.known):
+                unknown |= span(each.start, each.end)
+            for other in accesses[n + 1 :]:
+                if other.asked_ns > each.until:
+                    break
+                if (each.write or other.write) and each.meets(other):
+                    unknown |= span(max(each.start, other.start), min(each.end, other.end))
+        for each in sorted(accesses, key=lambda each: each.until):
+            self._before.put(each)
+        self._before.forget(unknown)
+        self._since = max(self._since, *(int(each.until) for each in accesses))
+
+
+def _share(one: Access, other: Access) -> bool:
+    """Whether both have bytes in common."""
+    return one.start < other.end and other.start < one.end
+
+
+def _between(write: Access, parts: Sequence[Access]) -> bool:
+    """Whether a write of any of the bytes was under way while they were read."""
+    begin = min(each.asked_ns for each in parts)
+    end = max(each.until for each in parts)
+    if write.asked_ns > end or write.until < begin:
+        return False
+    return any(_share(write, each) for each in parts)

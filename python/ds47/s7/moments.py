@@ -1,0 +1,351 @@
+"""Whether data is of one moment: areas that were split, data that mixes two moments, two writers (docs/s7.md 6).
+
+Hears of all jobs, keeps what they make of the memories of each partner (`memory`), and tells remarks DS904, DS905,
+DS907 and DS916 of it.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict, deque
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from ds47.findings.remark import Remark
+from ds47.s7.areas import Part, Splits, Whole, accesses, byte_notation, is_clear, notation
+from ds47.s7.consistency import Access
+from ds47.s7.memory import Memory, Mixed
+from ds47.s7.model import GET, ORPHAN, PUT, Connection, Job
+from ds47.s7.notes import Notes
+from ds47.spec import s7
+from ds47.spec.semantics import Limits
+
+SPLIT, ONE_JOB, SPLIT_PUT = "mixed_split", "mixed_job", "mixed_put"
+"""What mixes two moments: an area read in parts, one job, what was read while an area was written in parts."""
+_RECENT = 8
+"""Areas read, and written, in parts that may still meet others."""
+_KNOWN = 256
+
+
+class _Put(NamedTuple):
+    """An area that was written in parts, and wants to be one."""
+
+    parts: Sequence[Access]
+    whole: Access
+
+
+@dataclass(slots=True, eq=False)
+class _Place:
+    """A memory of a partner, what met there lately, and what is to be told of it."""
+
+    memory: Memory
+    gets: deque[Sequence[Access]] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    puts: deque[_Put] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    mixed: list[tuple[Mixed, Remark]] = field(default_factory=list)
+    known: deque[int] = field(default_factory=lambda: deque(maxlen=_KNOWN))
+    """Numbers of accesses of which it is told already."""
+
+    def told(self) -> Iterator[Remark]:
+        """What mixes two moments, unless somebody else was seen to write these bytes."""
+        for mixed, remark in self.mixed:
+            if not self.memory.foreign & (1 << mixed.first | 1 << mixed.second):
+                yield remark
+
+
+@dataclass(slots=True, eq=False)
+class _Partner:
+    """Who answers, with what makes its memories doubtful."""
+
+    connections: dict[int, Connection] = field(default_factory=dict)
+    doubt: int = 0
+    left: int = 0
+    """The doubt of connections that are over."""
+    latest: int = -1
+    """The time of the last frame."""
+    slots: set[tuple[int, int]] = field(default_factory=set)
+
+    def doubts(self) -> int:
+        """Counts what was not heard, or not understood, on all its connections."""
+        return self.left + sum(_doubt(each) for each in self.connections.values())
+
+
+def _doubt(connection: Connection) -> int:
+    return connection.lost_bytes + connection.plus + connection.other
+
+
+_Key = tuple[str, int]
+
+
+class Moments:
+    """Hears of jobs in the order of their frames.
+
+    Args:
+        bounds: times, and how much is kept.
+        notes: what happens again and again.
+        readback: whether what is read has to be what was written (DS916).
+    """
+
+    def __init__(self, bounds: Limits, notes: Notes, readback: bool = False) -> None:
+        self._bounds, self._notes, self._readback = bounds, notes, readback
+        self._places: OrderedDict[tuple[_Key, int, int], _Place] = OrderedDict()
+        self._partners: dict[_Key, _Partner] = {}
+        self._splits: dict[tuple[int, bool], Splits] = {}
+        self._numbers: dict[Job, int] = {}
+        self._number = 0
+        self._told: list[Remark] = []
+
+    # What is heard
+
+    def asked(self, job: Job) -> None:
+        """A request was seen."""
+        if job.operation not in (GET, PUT) or job.asked is None:
+            return
+        number = self._numbers[job] = self._number
+        self._number += len(job.items) + 1
+        self._heard(job, job.asked.time_ns)
+        self._complete(self._side(job).asked(Part(job, number)))
+        if job.operation == PUT:
+            for access in self._of(job, number):
+                self._place(job, access).memory.sent(access)
+
+    def over(self, job: Job) -> None:
+        """Nothing more comes of a job."""
+        number = self._numbers.pop(job, None)
+        at = job.answered or job.asked
+        if at is None:
+            return
+        self._heard(job, at.time_ns)
+        if job.operation not in (GET, PUT) or (job.operation == PUT and not self._is_known(job)):
+            self._forget(job.partner.ip, at.time_ns)
+        if number is None or job.operation not in (GET, PUT):
+            return
+        if job.operation == PUT:
+            self._written(job, number)
+        else:
+            self._read(job, number)
+        self._complete(self._side(job).over(job))
+
+    def closed(self, connection: Connection) -> None:
+        """A connection is over."""
+        for from_client in (True, False):
+            splits = self._splits.pop((connection.number, from_client), None)
+            self._complete(splits.finish() if splits else None)
+        partner = self._partners.get(_key(connection))
+        if partner is not None and partner.connections.pop(connection.number, None) is not None:
+            partner.left += _doubt(connection)
+
+    def finish(self) -> Iterator[Remark]:
+        """What was found, when nothing more comes."""
+        for splits in self._splits.values():
+            self._complete(splits.finish())
+        yield from self._told
+        for place in self._places.values():
+            yield from place.told()
+
+    # Partners and their memories
+
+    def _heard(self, job: Job, time_ns: int) -> None:
+        """Forgets a partner's memories where something was not heard, or time steps back."""
+        connection, key = job.connection, _key(job.connection)
+        partner = self._partners.get(key)
+        if partner is None:
+            partner = self._partners[key] = _Partner()
+            if len(self._partners) > self._bounds.s7_memories:
+                self._give_up(next(iter(self._partners)))
+        partner.connections[connection.number] = connection
+        slot = s7.place(connection.server_tsap)
+        if slot is not None and len(partner.slots) < 2:
+            partner.slots.add(slot)
+        doubt = partner.doubts()
+        if doubt != partner.doubt or time_ns < partner.latest:
+            partner.doubt = doubt
+            self._forget(connection.server.ip, max(time_ns, partner.latest))
+        partner.latest = max(time_ns, partner.latest)
+
+    def _give_up(self, partner: _Key) -> None:
+        """The partner that was heard first is forgotten."""
+        del self._partners[partner]
+        for key in [each for each in self._places if each[0] == partner]:
+            self._told += self._places.pop(key).told()
+
+    def _forget(self, ip: str, time_ns: int) -> None:
+        for (key, _, _), place in self._places.items():
+            if key[0] == ip:
+                place.memory.forget(time_ns)
+                place.puts.clear()
+
+    def _is_known(self, job: Job) -> bool:
+        """Whether it is known what a PUT wrote, and where."""
+        return job.from_client and job.state != ORPHAN and is_clear(job)
+
+    def _of(self, job: Job, number: int) -> list[Access]:
+        """What a job of a client does to memories; nothing where it is open whose they are."""
+        if not job.from_client or len(self._partners[_key(job.connection)].slots) > 1:
+            return []
+        return list(accesses(job, number))
+
+    def _place(self, job: Job, access: Access) -> _Place:
+        key = _key(job.connection), access.area, access.db
+        place = self._places.get(key)
+        if place is None:
+            place = self._places[key] = _Place(Memory(self._bounds.s7_accesses))
+            if len(self._places) > self._bounds.s7_memories:
+                self._told += self._places.popitem(last=False)[1].told()
+        self._places.move_to_end(key)
+        return place
+
+    def _side(self, job: Job) -> Splits:
+        key = job.connection.number, job.from_client
+        splits = self._splits.get(key)
+        if splits is None:
+            bounds = self._bounds
+            splits = self._splits[key] = Splits(bounds.s7_split_ns, bounds.s7_parts)
+        return splits
+
+    # Jobs
+
+    def _written(self, job: Job, number: int) -> None:
+        for access in self._of(job, number):
+            memory = self._place(job, access).memory
+            if access.answered_ns is None:
+                memory.gave_up(access)
+                continue
+            if access.sure and access.known:
+                self._two_writers(job, access, memory)
+            memory.written(access)
+
+    def _read(self, job: Job, number: int) -> None:
+        """What was read by one job, of each memory."""
+        parts: dict[tuple[int, int], list[Access]] = {}
+        for access in self._of(job, number):
+            parts.setdefault((access.area, access.db), []).append(access)
+        for each in parts.values():
+            place = self._place(job, each[0])
+            for access in each:
+                if self._readback:
+                    self._compared(job, access, place.memory)
+                place.memory.read(access)
+            self._mixed(place, job, each, ONE_JOB)
+
+    def _mixed(self, place: _Place, job: Job, parts: Sequence[Access], case: str) -> None:
+        """Whether what was read mixes two moments, by the writes as they are, or by one in parts taken as one."""
+        found = place.memory.mixed(parts)
+        for put in place.puts if found is None else ():
+            found, case = place.memory.mixed(parts, put.parts, put.whole), SPLIT_PUT
+            if found is not None:
+                break
+        if found is not None:
+            self._tell(place, job.connection, job, found, parts, case)
+
+    def _tell(
+        self, place: _Place, reader: Connection, job: Job | None, found: Mixed,
+        parts: Sequence[Access], case: str,
+    ) -> None:  # fmt: skip
+        if any(each.order in place.known for each in parts):
+            return
+        place.known.extend(each.order for each in parts)
+        last = max(parts, key=lambda each: each.until)
+        values = {at: byte for each in parts for at, byte in enumerate(each.data, each.start)}
+        area, db, write = last.area, last.db, found.write
+        frames = {frame for each in (*parts, write) for frame in (each.request, each.response)}
+        args = {
+            "device": reader.server.ip, "controller": reader.client.ip, "case": case,
+            "jobs": len({each.request for each in parts}), "first": byte_notation(area, db, found.first),
+            "first_value": values[found.first], "second": byte_notation(area, db, found.second),
+            "second_value": values[found.second], "write": write.request,
+            "frames": sorted(each for each in frames if each is not None),
+        }  # fmt: skip
+        frame = last.request if last.response is None else last.response
+        place.mixed.append((found, Remark("DS905", frame, args, job=job)))
+
+    def _two_writers(self, job: Job, access: Access, memory: Memory) -> None:
+        """Another station wrote other values to the same bytes, not long before."""
+        partner = self._partners[_key(job.connection)]
+        for other in memory.writes():
+            connection = partner.connections.get(other.connection)
+            if connection is None or connection.client.ip == job.connection.client.ip:
+                continue
+            if (
+                not (other.sure and other.known)
+                or other.until < access.asked_ns - self._bounds.s7_writers_ns
+            ):
+                continue
+            first, end = max(access.start, other.start), min(access.end, other.end)
+            common = [each.data[first - each.start : end - each.start] for each in (access, other)]
+            if first >= end or common[0] == common[1]:
+                continue
+            at = next(n for n in range(end - first) if common[0][n] != common[1][n])
+            stations = sorted((job.connection.client.ip, connection.client.ip))
+            args = {
+                "device": job.partner.ip, "controller": stations[0], "other": stations[1],
+                "byte": byte_notation(access.area, access.db, first + at),
+            }  # fmt: skip
+            key = (_key(job.connection), access.area, access.db, *stations)
+            self._notes.add("DS907", key, access.request, args, (other.request,))
+            return
+
+    def _compared(self, job: Job, access: Access, memory: Memory) -> None:
+        """The first read after a write has other values."""
+        for write in memory.unread(access):
+            first, end = max(access.start, write.start), min(access.end, write.end)
+            for at in range(first, end):
+                written, read = write.data[at - write.start], access.data[at - access.start]
+                if written != read:
+                    args = {
+                        "device": job.partner.ip, "byte": byte_notation(access.area, access.db, at),
+                        "written": written, "read": read, "by": write.request,
+                    }  # fmt: skip
+                    frame = access.response or access.request
+                    self._told.append(Remark("DS916", frame, args, job=job))
+                    break
+
+    # Areas in parts
+
+    def _complete(self, whole: Whole | None) -> None:
+        """An area was read or written in parts."""
+        if whole is None:
+            return
+        job, address = whole.parts[-1].job, whole.address
+        self._split(whole, job, notation(address))
+        parts = whole.accesses() if job.from_client else []
+        if len(parts) != len(whole.parts):
+            return
+        place = self._place(job, parts[0])
+        if job.operation == GET:
+            place.gets.append(parts)
+            self._mixed(place, job, parts, SPLIT)
+        else:
+            self._put(self._partners[_key(job.connection)], place, parts)
+
+    def _split(self, whole: Whole, job: Job, area: str) -> None:
+        jobs = [each.job for each in whole.parts]
+        args = {
+            "device": job.partner.ip, "controller": job.asker.ip, "operation": job.operation.upper(),
+            "area": area, "jobs": len(jobs),
+        }  # fmt: skip
+        frames = [at.frame for each in jobs for at in (each.asked, each.answered) if at]
+        key = (job.connection.number, job.from_client, job.operation, area)
+        self._notes.add("DS904", key, frames[0], args, tuple(frames[1:]))
+
+    def _put(self, partner: _Partner, place: _Place, parts: Sequence[Access]) -> None:
+        """An area was written in parts: was it read meanwhile?"""
+        first, last = parts[0], parts[-1]
+        if any(not (each.sure and each.known) for each in parts):
+            return
+        self._number += 1
+        whole = Access(
+            self._number, first.connection, True, first.area, first.db, first.start,
+            b"".join(each.data for each in parts), min(each.asked_ns for each in parts),
+            max(each.answered_ns or 0 for each in parts), last.request, last.response,
+        )  # fmt: skip
+        put = _Put(parts, whole)
+        place.puts.append(put)
+        for read in [*place.gets, *([each] for each in place.memory.reads(whole))]:
+            found = place.memory.mixed(read, put.parts, put.whole)
+            reader = partner.connections.get(read[0].connection)
+            if found is not None and reader is not None:
+                self._tell(place, reader, None, found, read, SPLIT_PUT)
+
+
+def _key(connection: Connection) -> _Key:
+    return connection.server.ip, connection.server.port
