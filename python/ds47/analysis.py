@@ -46,7 +46,8 @@ from ds47.profinet.calls import CallTracker
 from ds47.profinet.records import Half, Record
 from ds47.profinet.stations import Stations as Names
 from ds47.profinet.transport import Transport
-from ds47.s7.communication import PORT, Communication
+from ds47.s7.choices import Choices
+from ds47.s7.communication import Communication
 from ds47.s7.model import Job as S7Job
 from ds47.s7.transactions import build as build_s7
 from ds47.spec.semantics import limits
@@ -84,7 +85,7 @@ class AnalysisOptions:
         channels: of `model.CHANNELS` those that are reported.
         cyclic: channels in cyclic frames that are named by hand, two for each; `cyclic.named.pairs` likes them.
         ppos: numbers of PPO by the address of the station, for captures of PROFIBUS without Chk_Cfg.
-        s7_ports: TCP ports of servers of S7 beside 102.
+        s7: choices for S7 communication.
     """
 
     indices: frozenset[int] = frozenset()
@@ -97,13 +98,13 @@ class AnalysisOptions:
     channels: tuple[str, ...] = CHANNELS
     cyclic: tuple[Name, ...] = ()
     ppos: tuple[tuple[int, int], ...] = ()
-    s7_ports: tuple[int, ...] = ()
+    s7: Choices = field(default_factory=Choices)
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         """To another process, compiled too: pickle itself cannot fill in what is frozen."""
         return type(self), (
             self.indices, self.slow_ms, self.select, self.ignore, self.codec, self.digest,
-            self.pkw_layouts, self.channels, self.cyclic, self.ppos, self.s7_ports,
+            self.pkw_layouts, self.channels, self.cyclic, self.ppos, self.s7,
         )  # fmt: skip
 
 
@@ -215,8 +216,8 @@ class Analysis:
         )  # fmt: skip
         self._calls = CallTracker(bounds, self._records.handlers())
         self._stations = Names(bounds.stations)
-        ports = (PORT, *options.s7_ports) if S7 in options.channels else ()
-        self._s7 = Communication(ports, bounds, self._communicated)
+        choices = options.s7 if S7 in options.channels else None
+        self._s7 = Communication(choices, bounds, self._communicated, self._remark)
         self._transport = Transport(
             bounds,
             self._calls,
@@ -394,7 +395,8 @@ class Analysis:
 
     def _communicated(self, job: S7Job, remarks: list[Remark]) -> None:
         """A job of S7 is over."""
-        self._finished(self._pairing.number(), build_s7(job), remarks)
+        job.order = self._pairing.number()
+        self._finished(job.order, build_s7(job), remarks)
 
     def _finished(self, order: int, transaction: Transaction, remarks: list[Remark]) -> None:
         """A transaction that is none of records is over."""

@@ -1,14 +1,15 @@
-"""What the `ds47.toml` beside captures says of cyclic channels: `[cyclic]` with `channels`, `ppo`, `pkw_layout`.
+"""What the `ds47.toml` beside captures says of their channels: the tables `[cyclic]` and `[s7]`.
 
-Where a folder of captures has no Connects, its channels are named once and not at each command. What is typed at a
-command counts more. Everything else in the file is about comparing results (`ds47.regression.config`).
+`[cyclic]` has `channels`, `ppo` and `pkw_layout`, `[s7]` has `ports`, `cpu`, `block` and `readback`. What a folder
+of captures does not show is named once there, and not at each command. What is typed at a command counts more.
+Everything else in the file is about comparing results (`ds47.regression.config`).
 """
 
 from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -17,20 +18,23 @@ from ds47.analysis import AnalysisOptions
 from ds47.capture import CaptureError
 from ds47.cyclic import CYCLIC, USS, named, ppo
 from ds47.cyclic.named import Name
+from ds47.s7 import choices
+from ds47.s7.choices import Choices
 
 FILE: Final = "ds47.toml"
 
 
 @dataclass(frozen=True, slots=True)
-class CyclicSettings:
-    """The table `[cyclic]`: channels that are named, and layouts of IND by the address of a device."""
+class Settings:
+    """The table `[cyclic]`: channels that are named, and layouts of IND by the address of a device; and `[s7]`."""
 
     channels: tuple[Name, ...] = ()
     pkw_layouts: tuple[tuple[str, str], ...] = ()
     ppos: tuple[tuple[int, int], ...] = ()
+    s7: Choices = field(default_factory=Choices)
 
 
-def parse(table: Any) -> CyclicSettings:
+def parse(table: Any) -> Settings:
     """The settings of a table `[cyclic]`.
 
     Raises:
@@ -51,13 +55,38 @@ def parse(table: Any) -> CyclicSettings:
         ppos = tuple(map(ppo.parse, _texts(table, "ppo")))
     except ValueError as problem:
         raise ValueError(f"[cyclic] ppo: {problem}") from None
-    return CyclicSettings(names, tuple(map(layout, _texts(table, "pkw_layout"))), ppos)
+    return Settings(names, tuple(map(layout, _texts(table, "pkw_layout"))), ppos)
 
 
-def _texts(table: dict[str, Any], key: str) -> Sequence[str]:
+def parse_s7(table: Any) -> Choices:
+    """The choices of a table `[s7]`.
+
+    Raises:
+        ValueError: the key and what is allowed.
+    """
+    if not isinstance(table, dict):
+        raise ValueError("s7: write it as a table, [s7]")
+    unknown = set(table) - {"ports", "cpu", "block", "readback"}
+    if unknown:
+        raise ValueError(
+            f"[s7]: unknown key {min(unknown)!r}; known are ports, cpu, block, readback"
+        )
+    ports, readback = table.get("ports", []), table.get("readback", False)
+    if not isinstance(ports, list) or not all(type(each) is int for each in ports):
+        raise ValueError("[s7] ports: write a list of numbers")
+    if not isinstance(readback, bool):
+        raise ValueError("[s7] readback: write true or false")
+    cpus, blocks = _texts(table, "cpu", "s7"), _texts(table, "block", "s7")
+    try:
+        return choices.parse(ports, cpus, blocks, readback)
+    except ValueError as problem:
+        raise ValueError(f"[s7] {problem}") from None
+
+
+def _texts(table: dict[str, Any], key: str, name: str = "cyclic") -> Sequence[str]:
     found = table.get(key, [])
     if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
-        raise ValueError(f"[cyclic] {key}: write a list of texts")
+        raise ValueError(f"[{name}] {key}: write a list of texts")
     return found
 
 
@@ -83,27 +112,28 @@ def options_for(place: str, options: AnalysisOptions) -> AnalysisOptions:
     if "://" in place or not path.is_file():
         return options
     settings = _nearest(path.resolve().parent)
-    if settings == CyclicSettings():
+    if settings == Settings():
         return options
     return replace(
         options,
         cyclic=options.cyclic or settings.channels,
         pkw_layouts=(*settings.pkw_layouts, *options.pkw_layouts),
         ppos=(*settings.ppos, *options.ppos),
+        s7=settings.s7.and_then(options.s7),
     )
 
 
 @cache
-def _nearest(folder: Path) -> CyclicSettings:
+def _nearest(folder: Path) -> Settings:
     for place in (folder, *folder.parents):
         if (place / FILE).is_file():
             return _read(place / FILE)
-    return CyclicSettings()
+    return Settings()
 
 
-def _read(path: Path) -> CyclicSettings:
+def _read(path: Path) -> Settings:
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-        return parse(table.get("cyclic", {}))
+        return replace(parse(table.get("cyclic", {})), s7=parse_s7(table.get("s7", {})))
     except (OSError, ValueError) as problem:  # a mistake in TOML is a ValueError, too
         raise CaptureError(f"{path}: {problem}") from None

@@ -17,6 +17,7 @@ from ds47.model import CHANNELS, SEVERITIES
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
     from ds47.cyclic.named import Name
+    from ds47.s7.choices import Choices
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -31,9 +32,10 @@ fail_on_option = click.option(
 
 
 def analysis_options(function: Function) -> Function:
-    """Adds --select, --ignore, --index, --lang, --slow, --channels, --cyclic, --ppo, --pkw-layout, dialects."""
+    """Adds --select, --ignore, --index, --lang, --slow, --channels, and what the channels have."""
     for option in (
         dialect_options,
+        s7_options,
         click.option(
             "--pkw-layout",
             "pkw_layouts",
@@ -60,7 +62,7 @@ def analysis_options(function: Function) -> Function:
             metavar="NAMES",
             default=",".join(CHANNELS),
             show_default=True,
-            help="Which channels to report, with commas: record calls, PKW, PZD.",
+            help="Which channels to report, with commas: record calls, PKW, PZD, S7.",
         ),
         click.option(
             "--slow", type=float, metavar="MS", help="Limit for a slow transaction, in ms."
@@ -86,6 +88,41 @@ def analysis_options(function: Function) -> Function:
     return function
 
 
+def s7_options(function: Function) -> Function:
+    """Adds --s7-port, --s7-cpu, --s7-block, --s7-readback."""
+    for option in (
+        click.option(
+            "--s7-readback",
+            is_flag=True,
+            help="Say where what is read is not what was written (DS916): not for memory that a PLC changes.",
+        ),
+        click.option(
+            "--s7-block",
+            "s7_blocks",
+            multiple=True,
+            metavar="[IP=]BYTES",
+            help="How many bytes a CPU copies at once when others read and write its memory.",
+        ),
+        click.option(
+            "--s7-cpu",
+            "s7_cpus",
+            multiple=True,
+            metavar="[IP=]CPU",
+            help="The same by the kind of CPU: s7-300, s7-400, s7-1500 and others (docs/s7.md).",
+        ),
+        click.option(
+            "--s7-port",
+            "s7_ports",
+            multiple=True,
+            type=click.IntRange(1, 0xFFFF),
+            metavar="N",
+            help="Another TCP port of S7 servers, beside 102.",
+        ),
+    ):
+        function = option(function)
+    return function
+
+
 def options_from(
     select: Sequence[str],
     ignore: Sequence[str],
@@ -95,6 +132,10 @@ def options_from(
     channels: str,
     cyclic: Sequence[str],
     ppos: Sequence[str],
+    s7_ports: Sequence[int],
+    s7_cpus: Sequence[str],
+    s7_blocks: Sequence[str],
+    s7_readback: bool,
     legacy_g120_formats: bool,
     profile_v3_types: bool,
     **others: Any,
@@ -119,6 +160,7 @@ def options_from(
         channels=_channels(channels),
         cyclic=_named(cyclic),
         ppos=_ppos(ppos),
+        s7=_s7(s7_ports, s7_cpus, s7_blocks, s7_readback),
         **others,
     )
 
@@ -154,6 +196,18 @@ def _ppos(texts: Sequence[str]) -> tuple[tuple[int, int], ...]:
         return tuple(map(ppo.parse, texts))
     except ValueError as problem:
         raise click.UsageError(f"--ppo: {problem}") from None
+
+
+def _s7(
+    ports: Sequence[int], cpus: Sequence[str], blocks: Sequence[str], readback: bool
+) -> Choices:
+    """The choices for S7."""
+    from ds47.s7 import choices
+
+    try:
+        return choices.parse(ports, cpus, blocks, readback)
+    except ValueError as problem:
+        raise click.UsageError(f"--s7-{problem}") from None
 
 
 def known_rules(names: Sequence[str]) -> tuple[str, ...]:

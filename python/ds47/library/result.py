@@ -32,6 +32,7 @@ from ds47.report import contract, csv, json
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, sentence
 from ds47.report.targets import Targets
+from ds47.s7.choices import parse as parse_s7
 from ds47.spec import extras, rule_prefix
 
 if TYPE_CHECKING:
@@ -250,9 +251,13 @@ def analyze(
     indices: Iterable[int] = (),
     slow_ms: float | None = None,
     pkw_layouts: Mapping[str, str] | None = None,
-    channels: Iterable[str] = ("ds47", "pkw", "pzd"),
+    channels: Iterable[str] = ("ds47", "pkw", "pzd", "s7"),
     cyclic: Iterable[str] = (),
     ppos: Mapping[int, int] | None = None,
+    s7_ports: Iterable[int] = (),
+    s7_cpus: Mapping[str, str] | None = None,
+    s7_blocks: Mapping[str, int] | None = None,
+    s7_readback: bool = False,
     select: Iterable[str] = (),
     ignore: Iterable[str] = (),
     options: Options | None = None,
@@ -270,10 +275,14 @@ def analyze(
         slow_ms: from which share of the drive a transaction is slow (DS416); None for the shipped limit.
         pkw_layouts: the layout of IND in PKW, "cyclic" or "uss", by the IP address of the device; "" for all
             others.
-        channels: what to report: "ds47" record calls, "pkw", "pzd".
+        channels: what to report: "ds47" record calls, "pkw", "pzd", "s7".
         cyclic: channels in cyclic frames whose Connect is missing, two names for each, as in
             "00:1b:1b:11:22:33@8000:0:pkw"; docs/cyclic.md 5.
         ppos: numbers of PPO by the address of the station on PROFIBUS, where Chk_Cfg is missing; docs/profibus.md.
+        s7_ports: TCP ports of S7 servers, beside 102.
+        s7_cpus: the kind of CPU ("s7-400", docs/s7.md) by the IP address of a server; "" for all others.
+        s7_blocks: likewise how many bytes it copies at once when others read and write its memory.
+        s7_readback: whether to say where what is read is not what was written (DS916).
         select: rules to report, by id, beginning of an id, or name; empty for all.
         ignore: rules to leave out.
         options: dialects of the parameter channel.
@@ -281,8 +290,8 @@ def analyze(
 
     Raises:
         CaptureError: nothing of the capture can be read.
-        ValueError: there is no such rule, engine or channel, a name in `cyclic` is none, or the files are not
-            those of one ring buffer.
+        ValueError: there is no such rule, engine, channel, port or CPU, a name in `cyclic` is none, or the files
+            are not those of one ring buffer.
         NotReadyError: the engine needs tshark or pyshark, and it is missing; the text says what to do.
     """
     wanted = tuple(channels)
@@ -292,6 +301,10 @@ def analyze(
         indices=frozenset(indices), slow_ms=slow_ms, select=_rules(select), ignore=_rules(ignore),
         codec=options or Options(), digest=digest, pkw_layouts=tuple((pkw_layouts or {}).items()),
         channels=wanted, cyclic=tuple(map(parse_name, cyclic)), ppos=_ppos(ppos or {}),
+        s7=parse_s7(
+            tuple(s7_ports), [f"{ip}={kind}" for ip, kind in (s7_cpus or {}).items()],
+            [f"{ip}={size}" for ip, size in (s7_blocks or {}).items()], s7_readback,
+        ),
     )  # fmt: skip
     name_pairs(chosen.cyclic)
     if engine not in get_args(Engine):

@@ -11,29 +11,41 @@ from ds47 import model
 from ds47.findings.remark import Remark
 from ds47.profinet.link import Packet
 from ds47.s7 import tcp
+from ds47.s7.blocks import Blocks
+from ds47.s7.choices import PORT, Choices
 from ds47.s7.connections import Connections
-from ds47.s7.model import At, Connection, Evidence, Job, Told
+from ds47.s7.judge import Judge
+from ds47.s7.model import At, Job, Quiet
 from ds47.s7.transactions import told
 from ds47.spec.semantics import Limits
 
-PORT = 102
-"""ISO on TCP."""
-Over = Callable[[Job, list[Remark]], None]
 
-
-class Communication:
+class Communication(Quiet):
     """All connections of S7 of a capture.
 
     Args:
-        ports: TCP ports of servers; without any, there are none.
+        choices: of the user; None where nobody wants to hear of S7.
         bounds: how much is kept.
-        over: is told of each job that is over, with what is wrong with it.
+        over: is told of each job that is over, with what is wrong with it,
+        remark: and of what is wrong otherwise, or with a job that was over before.
     """
 
-    def __init__(self, ports: Sequence[int], bounds: Limits, over: Over) -> None:
-        self.ports = frozenset(ports)
+    def __init__(
+        self,
+        choices: Choices | None,
+        bounds: Limits,
+        over: Callable[[Job, list[Remark]], None],
+        remark: Callable[[Remark], None],
+    ) -> None:
+        self.ports: Sequence[int] = () if choices is None else (PORT, *choices.ports)
+        choices = choices or Choices()
         self._over = over
-        self._connections = Connections(self.ports, bounds, (_Ends(over),))
+        self._remark = remark
+        self._said: dict[Job, list[Remark]] = {}
+        """What is wrong with jobs that are not over."""
+        blocks = Blocks(dict(choices.blocks), dict(choices.cpus), bounds.s7_memories)
+        self._judge = Judge(bounds, self._heard, blocks, choices.readback)
+        self._connections = Connections(frozenset(self.ports), bounds, (self._judge, self))
 
     def packet(self, packet: Packet) -> None:
         """The next segment of TCP."""
@@ -44,6 +56,8 @@ class Communication:
     def finish(self) -> None:
         """The capture is over."""
         self._connections.finish()
+        for remark in self._judge.finish():
+            self._heard(remark)
 
     def told(self) -> list[model.Connection]:
         """The connections, as the report has them."""
@@ -54,34 +68,13 @@ class Communication:
         """Connections for which there was no room."""
         return self._connections.left_out
 
-
-class _Ends:
-    """Hands out jobs that are over, and hears nothing else."""
-
-    def __init__(self, over: Over) -> None:
-        self._over = over
-
     def over(self, job: Job) -> None:
-        """As `model.Listener`, and all that follows."""
-        self._over(job, [])
+        """A job is over; the judge has heard of it before."""
+        self._over(job, self._said.pop(job, []))
 
-    def opened(self, connection: Connection) -> None:
-        """Nothing."""
-
-    def agreed(self, connection: Connection) -> None:
-        """Nothing."""
-
-    def refused(self, connection: Connection, why: str, at: At, code: int) -> None:
-        """Nothing."""
-
-    def pdu(self, told: Told) -> None:
-        """Nothing."""
-
-    def asked(self, job: Job) -> None:
-        """Nothing."""
-
-    def evidence(self, connection: Connection, found: Evidence) -> None:
-        """Nothing."""
-
-    def closed(self, connection: Connection) -> None:
-        """Nothing."""
+    def _heard(self, remark: Remark) -> None:
+        job = remark.job
+        if isinstance(job, Job) and job.phase != "closed":
+            self._said.setdefault(job, []).append(remark)
+        else:
+            self._remark(remark)

@@ -79,7 +79,6 @@ class Connections:
         self._transfers = Transfers(bounds, self._asked, self._settled)
         self._number = 0
         self._all: list[Connection] = []
-        self._orders = 0
         self.left_out = 0
         """Connections for which there was no room."""
 
@@ -262,8 +261,6 @@ class Connections:
             each.asked(job)
 
     def _settled(self, job: Job) -> None:
-        job.order = self._orders
-        self._orders += 1
         count(job.connection.counts, job)
         for each in self._listeners:
             each.over(job)

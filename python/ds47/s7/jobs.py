@@ -140,8 +140,8 @@ class Jobs:
             self._close(job)
 
     def _close(self, job: Job) -> None:
-        job.phase = "closed"
         self._over(job)
+        job.phase = "closed"
 
 
 def _state(items: list[Item]) -> str:

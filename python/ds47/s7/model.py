@@ -233,9 +233,9 @@ class Job:
     lost: bool = False
     """Whether the capture lacks bytes of the connection while it was open: its answer may be among them."""
     order: int = 0
-    """Its number among all transactions, by their ends."""
+    """Its number among all transactions of the capture; the analysis gives it."""
     phase: str = "open"
-    """"closed" when it is over."""
+    """"closed" when everybody knows that it is over."""
 
     @property
     def asker(self) -> End:
@@ -309,3 +309,31 @@ class Listener(Protocol):
 
     def closed(self, connection: Connection) -> None:
         """A connection is over, or the capture is; its open jobs were told of before."""
+
+
+class Quiet:
+    """A listener that hears of everything and does nothing; who wants one thing only overrides that."""
+
+    def opened(self, connection: Connection) -> None:
+        """As `Listener`, like all that follow."""
+
+    def agreed(self, connection: Connection) -> None:
+        """Nothing is done."""
+
+    def refused(self, connection: Connection, why: str, at: At, code: int) -> None:
+        """Nothing is done."""
+
+    def pdu(self, told: Told) -> None:
+        """Nothing is done."""
+
+    def asked(self, job: Job) -> None:
+        """Nothing is done."""
+
+    def over(self, job: Job) -> None:
+        """Nothing is done."""
+
+    def evidence(self, connection: Connection, found: Evidence) -> None:
+        """Nothing is done."""
+
+    def closed(self, connection: Connection) -> None:
+        """Nothing is done."""

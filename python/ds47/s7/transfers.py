@@ -112,8 +112,8 @@ class Transfers:
             request=pdu.data, r_id=told.r_id, state=OK, flaws=pdu.flaws,
         )  # fmt: skip
         self._asked(job)
-        job.phase = "closed"
         self._over(job)
+        job.phase = "closed"
 
     def lose(self, connection: Connection) -> None:
         """Bytes of a connection are lost: segments or acknowledgements may be among them."""
@@ -154,5 +154,5 @@ class Transfers:
             if self._waiting.get(key, (None,))[0] is found:
                 del self._waiting[key]
         job.items = [Item(None, bytes(found.data))]
-        job.phase = "closed"
         self._over(job)
+        job.phase = "closed"

@@ -100,6 +100,13 @@ class Engine:
             if not self._both:
                 raise CaptureError(f"{native.path}: {text}: use --engine native")
             found, errors = None, [f"not compared, {text}"]
+        if native.connections:
+            text = "the plugin does not know S7 communication"
+            if not self._both:
+                raise CaptureError(
+                    f"{native.path}: {text}: use --engine native, or --channels without s7"
+                )
+            found, errors = None, [f"not compared, {text}"]
         if capture.misfit is not None:
             text = f"the time of frame {capture.misfit} is too far from the others for tshark"
             if self._both:
