@@ -116,6 +116,8 @@ M.limits = {
   acknowledge_ns = 2000000000,
   locked_ns = 2000000000,
   deviation_ns = 5000000000,
+  s7_split_ns = 1000000000,
+  s7_writers_ns = 1000000000,
   pkw_saved = 10,
   pkw_reads = 100,
   deviation_percent = 10,
@@ -145,6 +147,15 @@ M.limits = {
   written_values = 262144,
   longest_messages = 8192,
   bus_remarks = 1024,
+  s7_connections = 1024,
+  s7_told = 4096,
+  s7_bytes = 16777216,
+  s7_jobs = 64,
+  s7_transfers = 64,
+  s7_parts = 1024,
+  s7_accesses = 64,
+  s7_memories = 256,
+  s7_notes = 1024,
   stations = 65536,
 }
 
@@ -793,6 +804,23 @@ M.experts = {
   {id = "DS813", name = "bus-pkw-inconsistent", severity = "warning"},
   {id = "DS814", name = "bus-slave-diagnosis", severity = "error"},
   {id = "DS815", name = "bus-no-watchdog", severity = "note"},
+  {id = "DS901", name = "job-without-answer", severity = "warning"},
+  {id = "DS902", name = "pdu-above-agreement", severity = "error"},
+  {id = "DS903", name = "area-above-block", severity = "warning"},
+  {id = "DS904", name = "area-in-parts", severity = "note"},
+  {id = "DS905", name = "moments-mixed", severity = "error"},
+  {id = "DS906", name = "items-apart", severity = "note"},
+  {id = "DS907", name = "two-writers", severity = "warning"},
+  {id = "DS908", name = "item-refused", severity = "error"},
+  {id = "DS909", name = "job-refused", severity = "error"},
+  {id = "DS910", name = "transfer-incomplete", severity = "error"},
+  {id = "DS911", name = "segment-unacknowledged", severity = "warning"},
+  {id = "DS912", name = "transfer-id-in-use", severity = "error"},
+  {id = "DS913", name = "areas-of-usend-differ", severity = "warning"},
+  {id = "DS914", name = "jobs-above-agreement", severity = "warning"},
+  {id = "DS915", name = "setup-not-seen", severity = "note"},
+  {id = "DS916", name = "written-not-read", severity = "warning"},
+  {id = "DS917", name = "connection-refused", severity = "error"},
 }
 
 later.rules = [=[
@@ -917,6 +945,23 @@ M.rules = {
   DS813 = {id = "DS813", name = "bus-pkw-inconsistent", severity = "warning", scope = "capture", anchor = "frame", message = "Chk_Cfg of {device} configures PKW as {identifier}, without consistency over its whole length", cause = "Bit 7 of the identifier is 0: each word is transferred by itself, so PKE and PWE of one frame may come from different cycles of the program or of the drive.", advice = "Choose a module with PKW that is consistent over its whole length (F3), and write all 8 bytes with one SFC15 (DPWR_DAT).", message_zh = "{device} 的 Chk_Cfg 将 PKW 组态为 {identifier}，未在整个长度上保持一致性", cause_zh = "标识符的位 7 为 0：每个字单独传输，因此同一帧的 PKE 和 PWE 可能来自程序或驱动器的不同周期。", advice_zh = "选择在整个长度上保持一致性的 PKW 模块（F3），并用一次 SFC15（DPWR_DAT）写入全部 8 个字节。"},
   DS814 = {id = "DS814", name = "bus-slave-diagnosis", severity = "error", scope = "capture", anchor = "frame", message = "{count} x Slave_Diag of {device}: {case}", cause = "The station does not accept what the master sent, or belongs to another one. It does not take part in data exchange as long as that lasts.", advice = "Prm_Fault: check the GSD and the parameters of the device. Cfg_Fault: choose the modules (PPO) that the drive is set to. Another ident number: the GSD in the project is that of another device. Another master: two masters have this address in their project.", message_zh = "{count} 次：{device} 的 Slave_Diag：{case}", cause_zh = "该站不接受主站发送的内容，或属于另一主站。在此期间它不参与数据交换。", advice_zh = "Prm_Fault：检查 GSD 和设备参数。Cfg_Fault：选择与驱动器设置一致的模块（PPO）。标识号不同：项目中的 GSD 属于另一设备。另一主站：两个主站的项目中都有该地址。"},
   DS815 = {id = "DS815", name = "bus-no-watchdog", severity = "note", scope = "capture", anchor = "frame", message = "Set_Prm switches off the watchdog of {device}", cause = "The project of the master does not want it. The drive then goes on with the last control word when the master fails or the line breaks.", advice = "Switch on the watchdog (response monitoring) of the DP slave in the hardware configuration, unless the drive monitors the control word itself.", message_zh = "Set_Prm 关闭了 {device} 的看门狗", cause_zh = "主站的项目不需要它。当主站故障或线路中断时，驱动器会继续执行最后的控制字。", advice_zh = "在硬件组态中启用 DP 从站的看门狗（响应监视），除非驱动器自身监视控制字。"},
+  DS901 = {id = "DS901", name = "job-without-answer", severity = "warning", scope = "transaction", anchor = "frame", message = "{operation} {area} to {device} has no answer in the capture", cause = "The capture ends before the answer, the partner did not answer (stopped, overloaded, not reachable any more), or the connection was closed in between.", advice = "Let the capture run some seconds longer. If the answer is really missing, check the partner and the network, and look in the program for a connection that is closed while a job is running.", message_zh = "发往 {device} 的 {operation} {area} 在抓包中没有应答", cause_zh = "抓包在应答之前结束、伙伴没有应答（停止、过载或不再可达），或连接在其间被关闭。", advice_zh = "将抓包延长几秒。如果确实没有应答，检查伙伴和网络，并检查程序是否在作业执行期间关闭了连接。"},
+  DS902 = {id = "DS902", name = "pdu-above-agreement", severity = "error", scope = "capture", anchor = "frame", message = "{count} x PDU of {sender} above the agreed length: {size} bytes, {agreed} were agreed in frame {frame}", cause = "The sender does not split its data by the PDU length that the setup agreed on. Some partners take such a PDU, others close the connection or answer with error 85 00.", advice = "Read or write less in one job, or use a library that splits by the agreed length. Check whether the partner takes longer PDUs, and let the setup ask for them.", message_zh = "{count} 次：{sender} 的 PDU 超过协商长度：{size} 字节，第 {frame} 帧协商为 {agreed} 字节", cause_zh = "发送方没有按建立通信时协商的 PDU 长度拆分数据。有的伙伴接受这样的 PDU，有的会关闭连接或以错误 85 00 应答。", advice_zh = "减少一个作业的数据量，或使用按协商长度拆分的库。检查伙伴是否支持更长的 PDU，并在建立通信时请求该长度。"},
+  DS903 = {id = "DS903", name = "area-above-block", severity = "warning", scope = "capture", anchor = "frame", message = "{count} x {operation} {area}: {bytes} bytes, and {device} copies {block} at once ({case})", cause = "The operating system of the passive CPU copies the data of GET and PUT to and from the work memory block by block. An interrupt OB may run between two blocks, so the data of one job may be of two moments.", advice = "Use BSEND and BRCV, and access the data only after DONE and NDR. Or keep the area within one block of the passive CPU, and let the passive CPU write or read it in an interrupt OB. Or put a counter first and last in the area, and copy it with UBLKMOV (SFC 81) when both are equal.", message_zh = "{count} 次 {operation} {area}：{bytes} 字节，而 {device} 一次只复制 {block} 字节（{case}）", cause_zh = "被动 CPU 的操作系统按块在工作存储器与通信之间复制 GET 和 PUT 的数据。两块之间可能执行中断 OB，因此一个作业的数据可能属于两个时刻。", advice_zh = "使用 BSEND 和 BRCV，并只在 DONE 和 NDR 之后访问数据。或使数据区不超过被动 CPU 的一个块，并由被动 CPU 在中断 OB 中写入或读取该区。或在数据区的开头和结尾各放一个计数器，两者相等时用 UBLKMOV（SFC 81）复制。"},
+  DS904 = {id = "DS904", name = "area-in-parts", severity = "note", scope = "capture", anchor = "frame", message = "{count} x {operation} {area} of {device} in {jobs} jobs, whose data may be of different moments", cause = "The area is larger than one PDU, so the library or the HMI splits it. Between two jobs the program of the partner runs, and other stations may write.", advice = "Use BSEND and BRCV, and access the data only after DONE and NDR. Or keep what belongs together within one job and one block of the partner. Or put a counter first and last in the area, and use the data only when both are equal; the partner copies it with UBLKMOV (SFC 81).", message_zh = "{count} 次 {operation} {device} 的 {area}，分 {jobs} 个作业，其数据可能属于不同时刻", cause_zh = "数据区大于一个 PDU，因此库或 HMI 将其拆分。在两个作业之间伙伴的程序会运行，其他站也可能写入。", advice_zh = "使用 BSEND 和 BRCV，并只在 DONE 和 NDR 之后访问数据。或将相关数据放在一个作业以及伙伴的一个块之内。或在数据区的开头和结尾各放一个计数器，仅当两者相等时使用数据；由伙伴用 UBLKMOV（SFC 81）复制。"},
+  DS905 = {id = "DS905", name = "moments-mixed", severity = "error", scope = "transaction", anchor = "frame", message = "{case}: {first} = {first_value} and {second} = {second_value} never were there together (written in frame {write})", cause = "Another station wrote while the area was read, or read while it was written. What was read is partly older and partly newer, and no order of the captured writes leaves it in the memory at one moment.", advice = "Use BSEND and BRCV, and access the data only after DONE and NDR. Or keep what belongs together within one job and one block of the partner. Or put a counter first and last in the area, use the data only when both are equal, and copy it with UBLKMOV (SFC 81).", message_zh = "{case}：{first} = {first_value} 与 {second} = {second_value} 从未同时存在（第 {write} 帧写入）", cause_zh = "读取数据区时另一站正在写入，或写入数据区时另一站正在读取。读到的数据一部分较旧、一部分较新，所抓取的写操作无论按何种顺序都不会使其同时存在于存储器中。", advice_zh = "使用 BSEND 和 BRCV，并只在 DONE 和 NDR 之后访问数据。或将相关数据放在一个作业以及伙伴的一个块之内。或在数据区的开头和结尾各放一个计数器，仅当两者相等时使用数据，并用 UBLKMOV（SFC 81）复制。", many = "{case}, and what was read never was there together", many_zh = "{case}，读到的数据从未同时存在"},
+  DS906 = {id = "DS906", name = "items-apart", severity = "note", scope = "capture", anchor = "frame", message = "{count} jobs of {controller} have several items, which {device} does not read or write at one moment", cause = "The partner handles one item after the other; only the bytes of one item, up to the block of the CPU, belong to one moment. HMIs and libraries collect items in one job for speed.", advice = "Put values that belong together next to each other, so that they are one item within one block of the partner.", message_zh = "{controller} 的 {count} 个作业含有多个条目，{device} 并不在同一时刻读写它们", cause_zh = "伙伴逐个处理条目；只有一个条目的字节（不超过 CPU 的块）属于同一时刻。HMI 和库为提高速度将多个条目放入一个作业。", advice_zh = "将相关的值相邻存放，使其成为一个条目，并位于伙伴的一个块之内。"},
+  DS907 = {id = "DS907", name = "two-writers", severity = "warning", scope = "capture", anchor = "frame", message = "{count} x {controller} and {other} write different values to the same bytes of {device} ({byte}) within a second", cause = "Two stations control the same variable, for example two HMIs, or an HMI and another PLC. The last one wins, and neither learns of it.", advice = "Let one station only write the variable. Give each of the others a variable of its own, and let the program of the partner decide.", message_zh = "{count} 次：{controller} 和 {other} 在一秒内向 {device} 的相同字节（{byte}）写入不同的值", cause_zh = "两个站控制同一变量，例如两个 HMI，或一个 HMI 和另一个 PLC。后写入者生效，而双方都不知道。", advice_zh = "只让一个站写该变量。为其他站各提供一个变量，由伙伴的程序决定。"},
+  DS908 = {id = "DS908", name = "item-refused", severity = "error", scope = "transaction", anchor = "frame", message = "{operation} {area} refused by {device}: {error}", cause = "The data block does not exist or is not loaded, it is shorter than the address, its access is optimised (S7-1200/1500), or the CPU does not permit access with PUT/GET.", advice = "0x0A: load the data block, and check its number. 0x05: compare the length of the block with the address. On S7-1200/1500 switch off the optimised block access of this data block, and permit access with PUT/GET communication in the protection settings of the CPU (0x03).", message_zh = "{device} 拒绝 {operation} {area}：{error}", cause_zh = "数据块不存在或未下载、长度小于地址、启用了优化的块访问（S7-1200/1500），或 CPU 不允许 PUT/GET 访问。", advice_zh = "0x0A：下载数据块并检查其编号。0x05：将块的长度与地址比较。对于 S7-1200/1500，关闭该数据块的优化块访问，并在 CPU 的保护设置中允许 PUT/GET 通信访问（0x03）。"},
+  DS909 = {id = "DS909", name = "job-refused", severity = "error", scope = "transaction", anchor = "frame", message = "{operation} {area} refused by {device} as a whole: {error}", cause = "The partner does not accept the job: its PDU is too long (85 00), the function is not permitted or not supported (81 04), or the CPU is not in the mode for it.", advice = "81 04: permit access with PUT/GET communication in the protection settings of the CPU, and check its protection level. 85 00: keep to the PDU length that was agreed in the setup.", message_zh = "{device} 拒绝整个 {operation} {area}：{error}", cause_zh = "伙伴不接受该作业：PDU 过长（85 00）、功能不被允许或不支持（81 04），或 CPU 的工作方式不允许。", advice_zh = "81 04：在 CPU 的保护设置中允许 PUT/GET 通信访问，并检查其保护等级。85 00：遵守建立通信时协商的 PDU 长度。"},
+  DS910 = {id = "DS910", name = "transfer-incomplete", severity = "error", scope = "transaction", anchor = "frame", message = "BSEND with R_ID {r_id} to {device} is not whole: {case}", cause = "The sender gave up (R was set, the connection was lost, the CPU stopped), or the partner did not take the segments: no BRCV with this R_ID, EN_R not set, or a receive area that is too small.", advice = "At the sender start a new BSEND only after DONE or ERROR, and evaluate STATUS. At the receiver call BRCV with the same R_ID and EN_R = 1, and use the data only after NDR.", message_zh = "发往 {device} 的 BSEND（R_ID {r_id}）不完整：{case}", cause_zh = "发送方中止（置位了 R、连接中断、CPU 停止），或伙伴没有接收分段：没有相同 R_ID 的 BRCV、未置位 EN_R，或接收区过小。", advice_zh = "发送方只在 DONE 或 ERROR 之后启动新的 BSEND，并评估 STATUS。接收方用相同的 R_ID 和 EN_R = 1 调用 BRCV，并只在 NDR 之后使用数据。"},
+  DS911 = {id = "DS911", name = "segment-unacknowledged", severity = "warning", scope = "transaction", anchor = "frame", message = "{count} of {segments} segments of BSEND with R_ID {r_id} to {device} have no acknowledgement in the capture", cause = "The partner acknowledges each segment. It did not do so here, the connection was lost, or the capture ends before.", advice = "Check the partner: CPU in RUN, BRCV with the same R_ID, EN_R = 1. Let the capture run some seconds longer.", message_zh = "发往 {device} 的 BSEND（R_ID {r_id}）的 {segments} 个分段中，{count} 个在抓包中没有确认", cause_zh = "伙伴对每个分段进行确认。此处没有确认、连接中断，或抓包提前结束。", advice_zh = "检查伙伴：CPU 处于 RUN、BRCV 使用相同的 R_ID、EN_R = 1。将抓包延长几秒。"},
+  DS912 = {id = "DS912", name = "transfer-id-in-use", severity = "error", scope = "transaction", anchor = "frame", message = "BSEND with R_ID {r_id} to {device}: {case}", cause = "Two blocks on one connection have the same R_ID, or one was started again before it was done (STATUS 18). A partner that refuses has no BRCV with this R_ID, or one that is not ready.", advice = "Give each pair of BSEND and BRCV on a connection an R_ID of its own, the same at both ends. Start BSEND again only after DONE or ERROR.", message_zh = "发往 {device} 的 BSEND（R_ID {r_id}）：{case}", cause_zh = "同一连接上的两个块使用相同的 R_ID，或块在完成之前被再次启动（STATUS 18）。拒绝的伙伴没有该 R_ID 的 BRCV，或其尚未准备好。", advice_zh = "为一个连接上的每对 BSEND 和 BRCV 分配各自的 R_ID，两端相同。只在 DONE 或 ERROR 之后再次启动 BSEND。"},
+  DS913 = {id = "DS913", name = "areas-of-usend-differ", severity = "warning", scope = "transaction", anchor = "frame", message = "USEND with R_ID {r_id} to {device} sends areas of {now} bytes, and of {before} in frame {first}", cause = "SD_1 to SD_4 were changed, or two USEND have the same R_ID. Number, length and data type of the areas have to be those of RD_1 to RD_4 at the partner's URCV, which can fit one of them only (STATUS 4).", advice = "Keep the areas of one R_ID as they are, and give another USEND another R_ID.", message_zh = "发往 {device} 的 USEND（R_ID {r_id}）发送 {now} 字节的数据区，而第 {first} 帧为 {before} 字节", cause_zh = "SD_1 至 SD_4 被更改，或两个 USEND 使用相同的 R_ID。数据区的数量、长度和数据类型必须与伙伴 URCV 的 RD_1 至 RD_4 一致，而它只能与其中一个一致（STATUS 4）。", advice_zh = "保持同一 R_ID 的数据区不变，为另一个 USEND 分配另一个 R_ID。"},
+  DS914 = {id = "DS914", name = "jobs-above-agreement", severity = "warning", scope = "capture", anchor = "frame", message = "{count} x {controller} has more jobs open at {device} than agreed: {most}, {agreed} were agreed", cause = "The client does not wait for answers as the setup demands (parallel jobs, AmQ). The partner may refuse jobs, or answer none.", advice = "Limit the client to the number of parallel jobs that the answer to the setup names.", message_zh = "{count} 次：{controller} 在 {device} 上同时打开的作业多于协商值：{most}，协商为 {agreed}", cause_zh = "客户端没有按建立通信的要求等待应答（并行作业数 AmQ）。伙伴可能拒绝作业，或不作应答。", advice_zh = "将客户端的并行作业数限制为建立通信的应答中给出的数值。"},
+  DS915 = {id = "DS915", name = "setup-not-seen", severity = "note", scope = "capture", anchor = "frame", message = "{count} connections of {controller} to {device} without their setup: the agreed PDU length is not known", cause = "The capture begins after the connection was established. Whether areas are split over jobs, and whether PDUs are too long, then cannot be told.", advice = "Start the capture before the connection is established: restart the HMI or the client, or open the connection again.", message_zh = "{controller} 到 {device} 的 {count} 个连接缺少建立过程：协商的 PDU 长度未知", cause_zh = "抓包在连接建立之后开始。因此无法判断数据区是否被拆分到多个作业，以及 PDU 是否过长。", advice_zh = "在连接建立之前开始抓包：重新启动 HMI 或客户端，或重新打开连接。"},
+  DS916 = {id = "DS916", name = "written-not-read", severity = "warning", scope = "transaction", anchor = "frame", message = "{byte} of {device} is read as {read}, and was written as {written} in frame {by}", cause = "Somebody else wrote in between: the program of the partner, which may be intended, or a station that was not captured.", advice = "Look at the program of the partner for other assignments to this variable (cross-reference list), and for a second station that writes it.", message_zh = "{device} 的 {byte} 读为 {read}，而第 {by} 帧写入的是 {written}", cause_zh = "其间有其他来源写入：伙伴的程序（可能是有意的），或未被抓取的站。", advice_zh = "在伙伴的程序中查找对该变量的其他赋值（交叉引用表），以及写该变量的第二个站。"},
+  DS917 = {id = "DS917", name = "connection-refused", severity = "error", scope = "capture", anchor = "frame", message = "{count} x {controller} gets no S7 connection to {device}: {case}", cause = "Rack or slot in the TSAP is not that of the CPU, all connection resources of the CPU are in use, the connection is not configured there, or a firewall is in between.", advice = "Check rack and slot: S7-300 has rack 0, slot 2, S7-1200/1500 rack 0, slot 1 (or 0), S7-400 and S7-1500R/H as configured. Then look at the connection resources in the diagnostics of the CPU, and at its protection settings.", message_zh = "{count} 次：{controller} 无法与 {device} 建立 S7 连接：{case}", cause_zh = "TSAP 中的机架或插槽与 CPU 不符、CPU 的连接资源已用完、该连接未在其中组态，或中间有防火墙。", advice_zh = "检查机架和插槽：S7-300 为机架 0、插槽 2，S7-1200/1500 为机架 0、插槽 1（或 0），S7-400 和 S7-1500R/H 按组态。然后在 CPU 诊断中查看连接资源，并检查其保护设置。"},
 }
 M.rules.DS101.args = {operation = "text"}
 M.rules.DS102.args = {operation = "text"}
@@ -1074,6 +1119,40 @@ M.rules.DS814.group = {"device", "case"}
 M.rules.DS814.args = {device = "text", count = "number", frames = "frames", case = "key", ident = "hex", sent = "hex", master = "number"}
 M.rules.DS815.group = {"device"}
 M.rules.DS815.args = {device = "text", count = "number", frames = "frames"}
+M.rules.DS901.group = {"device", "controller", "operation"}
+M.rules.DS901.args = {device = "text", controller = "text", operation = "text", area = "text"}
+M.rules.DS902.group = {"device", "sender"}
+M.rules.DS902.args = {device = "text", sender = "text", count = "number", frames = "frames", size = "number", agreed = "number", frame = "frame"}
+M.rules.DS903.group = {"device", "controller", "operation", "area"}
+M.rules.DS903.args = {device = "text", controller = "text", operation = "text", count = "number", frames = "frames", area = "text", bytes = "number", block = "number", case = "key", frame = "frame", name = "text"}
+M.rules.DS904.group = {"device", "controller", "operation", "area"}
+M.rules.DS904.args = {device = "text", controller = "text", operation = "text", count = "number", frames = "frames", area = "text", jobs = "number"}
+M.rules.DS905.group = {"device", "controller", "case"}
+M.rules.DS905.args = {device = "text", controller = "text", case = "key", jobs = "number", frames = "frames", first = "text", first_value = "hex", second = "text", second_value = "hex", write = "frame"}
+M.rules.DS906.group = {"device"}
+M.rules.DS906.args = {device = "text", controller = "text", count = "number", frames = "frames"}
+M.rules.DS907.group = {"device"}
+M.rules.DS907.args = {device = "text", controller = "text", other = "text", count = "number", frames = "frames", byte = "text"}
+M.rules.DS908.group = {"device", "operation", "area", "code"}
+M.rules.DS908.args = {device = "text", controller = "text", operation = "text", area = "text", code = "s7_item"}
+M.rules.DS909.group = {"device", "operation", "code"}
+M.rules.DS909.args = {device = "text", controller = "text", operation = "text", area = "text", code = "s7_error"}
+M.rules.DS910.group = {"device", "controller", "case"}
+M.rules.DS910.args = {device = "text", controller = "text", r_id = "hex32", case = "key", total = "number", size = "number", segments = "number", first = "frame"}
+M.rules.DS911.group = {"device", "controller"}
+M.rules.DS911.args = {device = "text", controller = "text", r_id = "hex32", count = "number", segments = "number", frames = "frames"}
+M.rules.DS912.group = {"device", "controller", "r_id", "case"}
+M.rules.DS912.args = {device = "text", controller = "text", r_id = "hex32", case = "key", frame = "frame", code = "s7_error"}
+M.rules.DS913.group = {"device", "controller", "r_id"}
+M.rules.DS913.args = {device = "text", controller = "text", r_id = "hex32", before = "numbers", now = "numbers", first = "frame"}
+M.rules.DS914.group = {"device", "controller"}
+M.rules.DS914.args = {device = "text", controller = "text", count = "number", frames = "frames", most = "number", agreed = "number"}
+M.rules.DS915.group = {"device"}
+M.rules.DS915.args = {device = "text", controller = "text", count = "number", frames = "frames"}
+M.rules.DS916.group = {"device", "byte"}
+M.rules.DS916.args = {device = "text", controller = "text", byte = "text", written = "hex", read = "hex", by = "frame"}
+M.rules.DS917.group = {"device", "controller", "case"}
+M.rules.DS917.args = {device = "text", controller = "text", count = "number", frames = "frames", case = "key", tsap = "text", rack = "number", slot = "number", code = "s7_error"}
 ]=]
 
 M.known = {
@@ -1118,6 +1197,26 @@ M.diagnosis_words = {
   diag_cfg_fault = {en = "Cfg_Fault, it refuses the configuration", zh = "Cfg_Fault，它拒绝组态"},
   diag_ident = {en = "its ident number is {ident}, Set_Prm says {sent}", zh = "其标识号为 {ident}，Set_Prm 为 {sent}"},
   diag_master = {en = "it belongs to master {master}", zh = "它属于主站 {master}"},
+  block_chosen = {en = "chosen with --s7-block", zh = "由 --s7-block 指定"},
+  block_kind = {en = "--s7-cpu {name}", zh = "--s7-cpu {name}"},
+  block_said = {en = "SZL 0131 in frame {frame}", zh = "第 {frame} 帧 SZL 0131"},
+  block_order = {en = "{name} in frame {frame}", zh = "第 {frame} 帧 {name}"},
+  mixed_split = {en = "What {controller} reads from {device} in {jobs} jobs is of two moments", zh = "{controller} 分 {jobs} 个作业从 {device} 读取的数据属于两个时刻"},
+  mixed_split_many = {en = "What {controller} reads from {device} in several jobs is of two moments", zh = "{controller} 分多个作业从 {device} 读取的数据属于两个时刻"},
+  mixed_job = {en = "What {controller} reads from {device} in one job is of two moments", zh = "{controller} 用一个作业从 {device} 读取的数据属于两个时刻"},
+  mixed_put = {en = "What {controller} reads from {device}, which is written in parts meanwhile, is of two moments", zh = "{controller} 从 {device} 读取的数据其间正被分段写入，属于两个时刻"},
+  bsend_open = {en = "its last segment is missing after {size} of {total} bytes", zh = "在 {total} 字节中的 {size} 字节之后缺少最后一个分段"},
+  bsend_sum = {en = "{size} bytes in {segments} segments, {total} were announced", zh = "{segments} 个分段共 {size} 字节，而声明为 {total} 字节"},
+  bsend_sequence = {en = "its segments do not have the sequence number that the partner assigned", zh = "其分段没有使用伙伴分配的序列号"},
+  r_id_open = {en = "one that began in frame {frame} is still open", zh = "第 {frame} 帧开始的同一 R_ID 的 BSEND 尚未结束"},
+  r_id_refused = {en = "refused in the acknowledgement, {error}", zh = "在确认中被拒绝，{error}"},
+  refused_no_confirm = {en = "CR to TSAP {tsap} (rack {rack}, slot {slot}) has no CC", zh = "发往 TSAP {tsap}（机架 {rack}，插槽 {slot}）的 CR 没有 CC"},
+  refused_no_confirm_tcp = {en = "CR has no CC", zh = "CR 没有 CC"},
+  refused_disconnect = {en = "CR to TSAP {tsap} (rack {rack}, slot {slot}) is answered with DR", zh = "发往 TSAP {tsap}（机架 {rack}，插槽 {slot}）的 CR 以 DR 应答"},
+  refused_disconnect_tcp = {en = "CR is answered with DR", zh = "CR 以 DR 应答"},
+  refused_reset = {en = "TCP is reset after CR to TSAP {tsap} (rack {rack}, slot {slot})", zh = "在发往 TSAP {tsap}（机架 {rack}，插槽 {slot}）的 CR 之后 TCP 被复位"},
+  refused_reset_tcp = {en = "TCP is reset", zh = "TCP 被复位"},
+  refused_setup = {en = "the setup is refused, {error}", zh = "建立通信被拒绝，{error}"},
   drive = {en = "{device} slot {slot}", zh = "{device} 插槽 {slot}"},
   place = {en = "slot {slot}, index {index}", zh = "插槽 {slot}，索引 {index}"},
   all_bytes = {en = "every word", zh = "每个字"},
@@ -1204,11 +1303,16 @@ M.report_words = {
   operation_change = {en = "change", zh = "修改"},
   operation_vendor = {en = "vendor", zh = "厂商"},
   operation_unknown = {en = "unknown", zh = "未知"},
+  operation_get = {en = "GET", zh = "GET"},
+  operation_put = {en = "PUT", zh = "PUT"},
+  operation_bsend = {en = "BSEND", zh = "BSEND"},
+  operation_usend = {en = "USEND", zh = "USEND"},
   verdict_bad = {en = "NOT OK", zh = "不正常"},
   verdict_warn = {en = "LOOK AT IT", zh = "需要检查"},
   verdict_good = {en = "OK", zh = "正常"},
   verdict_none = {en = "NOTHING TO JUDGE", zh = "无可分析内容"},
   verdict_watched = {en = "{n} drive followed in its cyclic frames|{n} drives followed in their cyclic frames", zh = "循环帧中有 {n} 台驱动器"},
+  verdict_s7 = {en = "{n} S7 connection|{n} S7 connections", zh = "{n} 个 S7 连接"},
   verdict_no_jobs = {en = "no drive parameter transaction in this capture", zh = "抓包中没有驱动参数任务"},
   drives = {en = "{n} drive|{n} drives", zh = "{n} 台驱动器"},
   told_state = {en = "{n} {state}", zh = "{n} 个{state}"},
@@ -1252,6 +1356,7 @@ M.report_words = {
   severity_note = {en = "note", zh = "提示"},
   blind = {en = "What this capture cannot show", zh = "本抓包无法说明的内容"},
   blind_effect = {en = "Whether an accepted value is still in force later: a later read shows that. Whether it was stored: a read after power off shows that.", zh = "已接受的值之后是否仍然有效：之后的读取才能说明。是否已保存：断电再上电后的读取才能说明。"},
+  blind_s7 = {en = "Of S7: in which OB a program accesses its data, what a CPU copies without interruption, what the blocks return in STATUS. What GET, PUT and BSEND found is shown, not what the programs made of it.", zh = "S7 方面：程序在哪个 OB 中访问数据、CPU 不被中断地复制多少字节、功能块的 STATUS。这里只显示 GET、PUT 和 BSEND 传输了什么，而非程序如何使用。"},
   blind_drops = {en = "Whether the capturing computer lost frames: a missing response may have been there.", zh = "抓包计算机是否丢帧：缺少的应答可能实际存在。"},
   blind_names = {en = "The station name of {n} device: it was not announced during the capture (DCP, LLDP).|The station names of {n} devices: they were not announced during the capture (DCP, LLDP).", zh = "{n} 台设备的设备名称：抓包期间没有出现（DCP、LLDP）。"},
   blind_open = {en = "What the drive made of {n} request: its response was not fetched, or is not in the capture.|What the drive made of {n} requests: their responses were not fetched, or are not in the capture.", zh = "{n} 个任务的应答没有被读取，或不在抓包中：驱动器如何处理，无从得知。"},
@@ -1321,6 +1426,36 @@ M.report_words = {
   bus_blocks = {en = "extended {blocks}", zh = "扩展诊断 {blocks}"},
   bus_hint = {en = "{station} has no Chk_Cfg in the capture; its data has the lengths of a PPO: {options}", zh = "抓包中没有 {station} 的 Chk_Cfg；其数据长度与某个 PPO 相符：{options}"},
   no_bus_records = {en = "no record on PROFIBUS either", zh = "PROFIBUS 上也没有记录"},
+  s7_head = {en = "S7 communication", zh = "S7 通信"},
+  s7_connection = {en = "connection", zh = "连接"},
+  s7_tsaps = {en = "TSAPs", zh = "TSAP"},
+  s7_pdu = {en = "PDU", zh = "PDU"},
+  s7_jobs = {en = "jobs", zh = "作业"},
+  s7_refused = {en = "refused", zh = "被拒绝"},
+  s7_unanswered = {en = "no answer", zh = "无应答"},
+  s7_read = {en = "bytes read", zh = "读字节"},
+  s7_written = {en = "bytes written", zh = "写字节"},
+  s7_sent = {en = "bytes sent", zh = "发送字节"},
+  s7_answer = {en = "answer (most)", zh = "应答（最大）"},
+  s7_also = {en = "also", zh = "其他"},
+  s7_place = {en = "rack {rack} slot {slot}", zh = "机架 {rack} 插槽 {slot}"},
+  s7_owner_pg = {en = "PG", zh = "PG"},
+  s7_owner_op = {en = "OP", zh = "OP"},
+  s7_owner_other = {en = "other", zh = "其他"},
+  s7_owner_configured = {en = "configured", zh = "组态"},
+  s7_cyclic = {en = "cyclic {n}", zh = "循环服务 {n}"},
+  s7_other = {en = "other PDUs {n}", zh = "其他 PDU {n}"},
+  s7_plus = {en = "S7CommPlus {n}, not read", zh = "S7CommPlus {n}，未读取"},
+  s7_orphans = {en = "answers without a job {n}", zh = "无作业的应答 {n}"},
+  s7_lost = {en = "{n} byte not in the capture|{n} bytes not in the capture", zh = "抓包缺少 {n} 字节"},
+  s7_left_out = {en = "and {n} more connection|and {n} more connections", zh = "另有 {n} 个连接"},
+  s7_order_number = {en = "{server} says in frame {frame}: order number {value}", zh = "{server} 在第 {frame} 帧中给出：订货号 {value}"},
+  s7_module = {en = "{server} says in frame {frame}: {value}", zh = "{server} 在第 {frame} 帧中给出：{value}"},
+  s7_consistent = {en = "{server} says in frame {frame}: reads {value} bytes consistently for a panel", zh = "{server} 在第 {frame} 帧中给出：为操作面板一致读取 {value} 字节"},
+  s7_length = {en = "{n} byte|{n} bytes", zh = "{n} 字节"},
+  s7_items = {en = "{n} variable|{n} variables", zh = "{n} 个变量"},
+  s7_segments = {en = "{n} segment|{n} segments", zh = "{n} 段"},
+  s7_unlisted = {en = "{n} transaction without a finding is not listed below: --channels s7 lists it|{n} transactions without findings are not listed below: --channels s7 lists them", zh = "{n} 个没有发现问题的任务未在下面列出：用 --channels s7 列出"},
   relations_head = {en = "Channels in cyclic frames", zh = "循环帧中的通道"},
   relation = {en = "{where} {channel}{telegram}  output 0x{output} from byte {output_at}, input 0x{input} from byte {input_at}{cycle}  {certainty}", zh = "{where} {channel}{telegram}  输出 0x{output} 自字节 {output_at}，输入 0x{input} 自字节 {input_at}{cycle}  {certainty}"},
   relation_ppo = {en = "{where} {channel}{telegram}  data exchange: output from byte {output_at}, input from byte {input_at}{cycle}  {certainty}", zh = "{where} {channel}{telegram}  数据交换：输出自字节 {output_at}，输入自字节 {input_at}{cycle}  {certainty}"},

@@ -21,7 +21,7 @@ from ds47.cli.options import analysis_options, fail_on_option, options_from
 from ds47.cli.progress import Progress
 from ds47.cli.run import Run
 from ds47.cli.series import series_option, tasks
-from ds47.model import SEVERITIES
+from ds47.model import S7, SEVERITIES
 from ds47.report import FORMATS, CannotWriteError, Options, RuleText, Writer, open_writer
 from ds47.report.reference import Reference
 
@@ -131,7 +131,8 @@ def command(
     found = tasks(paths, series, lacking.append)
     name = format_name or ("overview" if results_name else "text")
     with output(output_name) as stream:
-        writer = _writer(name, stream, fail_on, lang, plc, known)
+        only_s7 = execution.analysis.channels == (S7,)
+        writer = _writer(name, stream, fail_on, lang, plc, known, only_s7)
         results, todo = execution.results(found, paths)
         quiet = name == "overview" or not stream.isatty()
         shown = quiet and not no_progress and len(todo) > 1 and sys.stderr.isatty()
@@ -170,6 +171,7 @@ def _writer(
     lang: str,
     plc: bool,
     reference: Reference | None,
+    only_s7: bool,
 ) -> Writer:
     """The serializer; of a junit report that fails on nothing, the errors still fail."""
     options = Options(
@@ -179,6 +181,7 @@ def _writer(
         lang=lang,
         plc=plc,
         reference=reference,
+        s7=only_s7,
     )
     try:
         return open_writer(format_name, stream, options)

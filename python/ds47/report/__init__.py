@@ -59,6 +59,7 @@ class Options(NamedTuple):
     the words of a report (text), or in which a page starts (html). `plc`: what the PLC saw
     of every job, not only of those that are not ok (text only). `corrected`: requests as they should have
     been (text only; the Lua reports have none). `reference`: what 100 % of a setpoint is (text, html).
+    `s7`: every transaction of S7, not only those with findings (text only).
     """
 
     color: bool = False
@@ -68,6 +69,7 @@ class Options(NamedTuple):
     plc: bool = False
     corrected: bool = True
     reference: Reference | None = None
+    s7: bool = False
 
 
 class Writer:
@@ -147,6 +149,8 @@ def _replay(writer: Writer, result: CaptureResult) -> None:
             diagnoses=result.diagnoses,
             summary=result.summary,
             files=result.files,
+            connections=result.connections,
+            connections_left_out=result.connections_left_out,
         )
     )
 

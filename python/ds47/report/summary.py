@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 
 from ds47.findings.grouping import headlines
-from ds47.model import CaptureResult, Device, Diagnosis, Finding
+from ds47.model import S7, CaptureResult, Device, Diagnosis, Finding
 from ds47.report import Options
 from ds47.report.bilingual import say
 from ds47.report.filters import display_filter
@@ -70,7 +70,8 @@ class Opening:
     def _drives(self, result: CaptureResult) -> Iterator[str]:
         states: dict[str, Counter[str]] = {}
         for each in result.transactions:
-            states.setdefault(each.device, Counter())[each.state] += 1
+            if each.channel != S7:
+                states.setdefault(each.device, Counter())[each.state] += 1
         known = {each.ip: each for each in result.devices}
         drives = [known.get(ip) or Device(ip) for ip in states]
         others = [each for each in result.devices if each.ip not in states]

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
+from itertools import islice
 from typing import Any, TextIO
 
 from ds47.model import (
     DS47,
     PZD,
+    S7,
     SEEN,
     SEVERITIES,
     Bus,
@@ -30,6 +32,7 @@ from ds47.report import Options, causes, plc, timelines, write_all
 from ds47.report import Writer as _Writer
 from ds47.report import bus as stations
 from ds47.report import json as contract
+from ds47.report import s7 as communication
 from ds47.report.bilingual import Both, counted, joined, operation, say, state
 from ds47.report.filters import display_filter
 from ds47.report.formatting import duration, escape, parameter
@@ -47,6 +50,7 @@ LINE_LENGTH = 120
 """Parameters that make a line longer than this stand below it, one a line."""
 FINDINGS_PER_RULE = 12
 RELATIONS_LISTED = 20
+CONNECTIONS_LISTED = 50
 EVENTS_LISTED = 60
 FILES_LISTED = 20
 """Files of a series that are listed; JSON has all, and every finding names its file."""
@@ -84,6 +88,7 @@ class Writer(_Writer):
         self._relations(result.relations)
         self._senders(result.senders)
         self._timelines(result)
+        self._connections(result)
         self._table(result)
         self._findings(result.findings, Places(result.files))
         row = Row.of(result)
@@ -134,7 +139,7 @@ class Writer(_Writer):
         if result.dropped:
             lost = self._say("machine_dropped", n=result.dropped)
             self._line("  " + self._paint("warning", lost))
-        if not result.transactions:
+        if not result.transactions and not result.connections:
             there = _traffic(result).text(self.options.lang) or self._say(
                 "no_rpc" if result.bus is None else "no_bus_records"
             )
@@ -236,6 +241,25 @@ class Writer(_Writer):
             f"[{standing}]" if standing else "",
         ]
 
+    def _connections(self, result: CaptureResult) -> None:
+        """The connections of S7."""
+        if not result.connections:
+            return
+        lang = self.options.lang
+        self._line()
+        self._title(self._say("s7_head"))
+        table = [communication.head(), *islice(communication.rows(result), CONNECTIONS_LISTED)]
+        for line in aligned([[cell.text(lang) for cell in row] for row in table]):
+            self._line("  " + line)
+        left_out = len(result.connections) - len(table) + 1 + result.connections_left_out
+        if left_out:
+            self._line("  " + self._say("s7_left_out", n=left_out))
+        for each in islice(communication.evidence(result), CONNECTIONS_LISTED):
+            self._line("  " + each.text(lang))
+        unlisted = sum(not self._is_listed(each) for each in result.transactions)
+        if unlisted:
+            self._line("  " + self._say("s7_unlisted", n=unlisted))
+
     def _files(self, files: Sequence[CaptureFile]) -> None:
         """Of a series: which file has which frames, and which are missing."""
         if not files:
@@ -265,7 +289,7 @@ class Writer(_Writer):
             self._line("    " + self._paint("warning", text))
 
     def _table(self, result: CaptureResult) -> None:
-        transactions = result.transactions
+        transactions = [each for each in result.transactions if self._is_listed(each)]
         if not transactions:
             return
         witness = plc.Witness(result)
@@ -279,14 +303,19 @@ class Writer(_Writer):
                 saw = witness.line(each).text(self.options.lang)
                 self._line("      " + self._paint("dim", saw))
 
+    def _is_listed(self, item: Transaction) -> bool:
+        return item.channel != S7 or communication.listed(item, self.options.s7)
+
     def _transaction_lines(self, item: Transaction, table: _Columns) -> list[str]:
         left = table.left(item)
         marks = [self._state(item)] if item.state != "ok" else []
         lang, written = self.options.lang, item.operation == "change"
         parts = [parameter(each, written, lang) for each in item.parameters]
+        if item.channel == S7:
+            parts = communication.parts(item, lang)
         below = len(parts) > 1 and sum(map(len, parts)) + len(left) > LINE_LENGTH
         if below:
-            middle = [self._say("parameters", n=len(parts))]
+            middle = [self._say("s7_items" if item.channel == S7 else "parameters", n=len(parts))]
             lines = [f"      {part}" for part in parts]
         else:
             middle, lines = (["; ".join(parts)] if parts else []), []
@@ -298,7 +327,9 @@ class Writer(_Writer):
             for word in (item.write_status, item.read_status)
             if word and item.state == "refused"
         ]
-        words = " ".join(f"{word:08X}" for word in refusals)
+        words = " ".join(f"{word:08X}" for word in refusals) or communication.error(
+            item, self.options.lang
+        )
         color = "error" if item.state in _SERIOUS_STATES else "warning"
         name = state(item.state).text(self.options.lang)
         return self._paint(color, f"[{name} {words}]" if words else f"[{name}]")

@@ -9,7 +9,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 from ds47.acyclic.index47 import ALWAYS
-from ds47.model import DS47, STATES, CaptureResult, Transaction
+from ds47.model import DS47, S7, STATES, CaptureResult, Transaction
 from ds47.report.bilingual import Both, joined, say, state
 from ds47.spec.layouts import RECORD_WRITE_MULTIPLE
 
@@ -40,6 +40,8 @@ class Counts:
     drives: set[str] = field(default_factory=set)
     watched: set[str] = field(default_factory=set)
     """Devices whose control and status word are known."""
+    connections: int = 0
+    """Of S7."""
     jobs: int = 0
     states: Counter[str] = field(default_factory=Counter)
     operations: Counter[str] = field(default_factory=Counter)
@@ -54,8 +56,9 @@ class Counts:
             captures=1,
             frames=result.frames,
             unreadable=0 if result.complete else 1,
-            drives={each.device for each in result.transactions},
+            drives={each.device for each in result.transactions if each.channel != S7},
             watched={result.relations[each.relation - 1].device for each in result.timelines},
+            connections=len(result.connections) + result.connections_left_out,
             jobs=len(result.transactions),
             states=Counter(each.state for each in result.transactions),
             operations=Counter(each.operation for each in result.transactions),
@@ -70,6 +73,7 @@ class Counts:
         self.unreadable += other.unreadable
         self.drives |= other.drives
         self.watched |= other.watched
+        self.connections += other.connections
         self.jobs += other.jobs
         self.states += other.states
         self.operations += other.operations
@@ -106,11 +110,19 @@ def verdict(counts: Counts) -> Both:
     elif not counts.jobs:
         tail = say("verdict_no_jobs")
     else:
-        parts = [say("drives", n=len(counts.drives)), say("transactions", n=counts.jobs)]
-        tail = joined([*parts, *told(counts.states, smooth=counts.smooth)])
+        parts = [say("transactions", n=counts.jobs)]
+        tail = joined([*_who(counts), *parts, *told(counts.states, smooth=counts.smooth)])
     if counts.unreadable:
         tail = joined([tail, say("told_unreadable", n=counts.unreadable)])
     return head.joined(tail, ": ", "：")
+
+
+def _who(counts: Counts) -> list[Both]:
+    """Whom transactions are of: drives, connections of S7, or both."""
+    drives = (
+        [say("drives", n=len(counts.drives))] if counts.drives or not counts.connections else []
+    )
+    return drives + ([say("verdict_s7", n=counts.connections)] if counts.connections else [])
 
 
 def told(states: Counter[str], *, smooth: bool) -> list[Both]:
@@ -142,7 +154,11 @@ def blind(result: CaptureResult) -> list[Both]:
     unseen = sum(1 for each in result.transactions if each.state in OPEN and each.channel == DS47)
     if unseen:
         lines.append(say("blind_open", n=unseen))
-    orphans = [each for each in result.transactions if each.state == "orphan"]
+    if any(each.channel == S7 for each in result.transactions):
+        lines.append(say("blind_s7"))
+    orphans = [
+        each for each in result.transactions if each.state == "orphan" and each.channel != S7
+    ]
     without_ar = sum(1 for each in orphans if each.ar is None)
     if len(orphans) > without_ar:
         lines.append(say("blind_before", n=len(orphans) - without_ar))
