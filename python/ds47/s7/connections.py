@@ -78,6 +78,8 @@ class Connections:
         self._jobs = Jobs(bounds, self._asked, self._settled)
         self._transfers = Transfers(bounds, self._asked, self._settled)
         self._number = 0
+        self._frame, self._place = 0, 0
+        """The frame of the last PDU, and its place in it."""
         self._all: list[Connection] = []
         self.left_out = 0
         """Connections for which there was no room."""
@@ -177,6 +179,8 @@ class Connections:
             else:
                 connection.foreign += 1
             return
+        self._place = self._place + 1 if at.frame == self._frame else 0
+        self._frame = at.frame
         pdu = pdus.decode(whole.data)
         if pdu.kind is None:
             connection.other += 1
@@ -257,10 +261,13 @@ class Connections:
     # What becomes of jobs
 
     def _asked(self, job: Job) -> None:
+        job.place = self._place
         for each in self._listeners:
             each.asked(job)
 
     def _settled(self, job: Job) -> None:
+        if job.state == ORPHAN and not job.segments:
+            job.place = self._place
         count(job.connection.counts, job)
         for each in self._listeners:
             each.over(job)

@@ -232,6 +232,8 @@ class Job:
     answer_flaws: list[Flaw] = field(default_factory=list)
     lost: bool = False
     """Whether the capture lacks bytes of the connection while it was open: its answer may be among them."""
+    place: int = 0
+    """Among the PDU that begin in the frame of the first one."""
     order: int = 0
     """Its number among all transactions of the capture; the analysis gives it."""
     phase: str = "open"

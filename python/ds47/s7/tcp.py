@@ -175,6 +175,7 @@ class Talk:
     forward: Direction = field(default_factory=Direction)
     backward: Direction = field(default_factory=Direction)
     over: bool = False
+    reset: bool = False
     owner: Any = None
     kept: int = 0
     """Bytes that the listener keeps of it, as he says."""
@@ -287,7 +288,7 @@ class Streams:
         if segment.flags & RST:
             return False
         if segment.flags & SYN:
-            if talk.over and not segment.flags & ACK:
+            if talk.reset and not segment.flags & ACK:  # tried again, with the same number
                 return True
             return own.first not in (None, (segment.sequence + 1) & 0xFFFF_FFFF)
         far = abs(distance(segment.sequence, own.next)) > _JUMP
@@ -301,7 +302,7 @@ class Streams:
             while own.waiting:
                 for piece in own.give_up():
                     self._take(talk, from_client, piece)
-        talk.over = True
+        talk.over, talk.reset = True, reset
         self._over(talk, reset, self._now)
 
     def _bound(self) -> None:

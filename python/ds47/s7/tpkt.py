@@ -96,7 +96,9 @@ def begins(data: bytes | bytearray, at: int = 0) -> bool:
         code = data[at + HEADER + 1]
         if (code if code == DT else code & 0xF0) not in _KINDS:
             return False
-        if code == DT and data[at + HEADER] != 2:
+        if code == DT and (
+            data[at + HEADER] != 2 or (have > HEADER + 2 and data[at + HEADER + 2] & ~_EOT)
+        ):
             return False
     return True
 

@@ -42,6 +42,7 @@ def build(job: Job) -> Transaction:
         write_status=None,
         read_status=None,
         parameters=[],
+        position=job.place,
         channel=S7,
         connection=job.connection.number,
         items=[_item(each, sent=job.r_id is not None) for each in job.items],
