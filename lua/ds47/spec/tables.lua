@@ -2105,13 +2105,13 @@ M.s7.flaws = {
   protocol = {en = "no S7 PDU begins with {byte:02X}", zh = "没有以 {byte:02X} 开头的 S7 PDU"},
   plus = {en = "S7CommPlus, which is not decoded", zh = "S7CommPlus，不作解码"},
   kind = {en = "no S7 PDU has ROSCTR {code}", zh = "没有 ROSCTR 为 {code} 的 S7 PDU"},
-  rest = {en = "{n} bytes behind the end of the PDU", zh = "PDU 结束后还有 {n} 个字节"},
+  rest = {en = "bytes behind the end of the PDU: {n}", zh = "PDU 结束后还有 {n} 个字节"},
   parameter = {en = "parameter ends too early: {have} of {want} bytes", zh = "参数过短：{want} 个字节中只有 {have} 个"},
   items = {en = "{says} items are announced, and {there} are there", zh = "声明 {says} 个条目，而仅有 {there} 个"},
   syntax = {en = "address of an unknown syntax {code:02X}", zh = "地址语法 {code:02X} 未知"},
   size = {en = "unknown transport size {code:02X}", zh = "未知的传输大小 {code:02X}"},
   data = {en = "data ends too early: {have} of {want} bytes", zh = "数据过短：{want} 个字节中只有 {have} 个"},
-  more = {en = "{n} bytes behind what belongs here", zh = "其后多出 {n} 个字节"},
+  more = {en = "bytes behind what belongs here: {n}", zh = "其后多出 {n} 个字节"},
 }
 M.s7.words = {
   unknown = {en = "unknown ({code:02X})", zh = "未知（{code:02X}）"},

@@ -1,7 +1,7 @@
 """`ds47 decode`: one parameter-channel message from hex, in words or as JSON.
 
-Here: what the input is. The layout is in `decode_message`, `decode_cyclic` and `decode_profibus`, decoding
-`ds47.library`. Nothing here depends on a capture.
+Here: what the input is. The layout is in `decode_message`, `decode_cyclic`, `decode_profibus` and `decode_s7`,
+decoding `ds47.library`. Nothing here depends on a capture.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from ds47.cli.common import (
 from ds47.cli.decode_cyclic import CYCLIC, cyclic_words
 from ds47.cli.decode_message import text
 from ds47.cli.decode_profibus import PROFIBUS, profibus_words
+from ds47.cli.decode_s7 import S7, s7_words
 from ds47.report.bilingual import say
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 @click.option(
     "--as",
     "kind",
-    type=click.Choice(["request", "response", *CYCLIC, PROFIBUS]),
+    type=click.Choice(["request", "response", *CYCLIC, PROFIBUS, S7]),
     help="Default: request or response of DS47, a guess, and says so.",
 )
 @click.option("--request", "request_hex", metavar="HEX", help="The request that it answers.")
@@ -62,8 +63,10 @@ def command(
     its setpoint or actual value, ppo1-out and ppo1-in 12 bytes.
 
     --as profibus takes frames of PROFIBUS DP, from start byte to end byte, one or several.
+
+    --as s7 takes a PDU of S7, from its TPKT (03 00) or from its first byte (32) on.
     """
-    if request_hex is not None and kind in (*CYCLIC, PROFIBUS):
+    if request_hex is not None and kind in (*CYCLIC, PROFIBUS, S7):
         raise click.UsageError(
             f"--request is for a response of DS47; it does not go with --as {kind}"
         )
@@ -78,6 +81,9 @@ def command(
         return
     if kind == PROFIBUS:
         stdout().write(profibus_words(data, format_name, options, lang))
+        return
+    if kind == S7:
+        stdout().write(s7_words(data, format_name, lang))
         return
     question = None if request_hex is None else _bytes(request_hex, "--request")
     found = _decoded(data, "response" if question else kind, question, options)
