@@ -17,6 +17,7 @@ from ds47.batch.products import Spool
 from ds47.cli import main
 from ds47.cyclic.named import parse
 from ds47.profidrive import Options
+from ds47.s7.choices import Choices
 
 
 @pytest.fixture
@@ -78,8 +79,11 @@ def test_every_option_goes_to_another_process() -> None:
     given = AnalysisOptions(
         frozenset({48}), 2.5, ("DS3",), ("DS301",), Options(True, True, 42), True, (("", "uss"),),
         ("pzd",), (parse("00:1b:1b:11:22:33@8000:0:pkw"),), ((3, 1),),
+        Choices((1102,), (("", 32),), (("10.0.0.2", "s7-400"),), True),
     )  # fmt: skip
     assert pickle.loads(pickle.dumps(given)) == given
-    for options, default in ((given, AnalysisOptions()), (given.codec, Options())):
+    for options, default in (
+        (given, AnalysisOptions()), (given.codec, Options()), (given.s7, Choices()),
+    ):  # fmt: skip
         for name in options.__dataclass_fields__:
             assert getattr(options, name) != getattr(default, name), f"{name} is not tested"

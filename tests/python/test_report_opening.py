@@ -537,6 +537,7 @@ def test_every_word_is_there_in_both_languages_and_used():
         "operation_",
         "certainty_",
         "bus_",
+        "s7_",
     )
     for key, texts in report_words().items():
         assert set(texts) == {"en", "zh"}, key
@@ -559,6 +560,7 @@ def test_every_word_of_the_commands_too():
         "decode_",
         "summary_",
         "ms1_",
+        "s7_user_",
     )
     for key, texts in command_words().items():
         assert key not in report_words()

@@ -28,7 +28,9 @@ def access(
 access.count = 0  # type: ignore[attr-defined]
 
 
-def put(start: int, data: bytes | list[int], asked: int, answered: int | None, **more: Any) -> Access:
+def put(
+    start: int, data: bytes | list[int], asked: int, answered: int | None, **more: Any
+) -> Access:
     return access(True, start, data, asked, answered, **more)
 
 
@@ -69,7 +71,11 @@ def accesses(draw: st.DrawFn, write: bool, length: int = 3) -> Access:
     start = draw(st.integers(0, length - 1))
     data = draw(st.lists(BYTES, min_size=1, max_size=length - start))
     asked = draw(TIMES)
-    answered = draw(st.one_of(st.none(), st.integers(asked, 10))) if write else draw(st.integers(asked, 10))
+    answered = (
+        draw(st.one_of(st.none(), st.integers(asked, 10)))
+        if write
+        else draw(st.integers(asked, 10))
+    )
     sure = answered is not None and (not write or draw(st.integers(0, 4)) > 0)
     known = not write or draw(st.integers(0, 5)) > 0
     return access(write, start, data, asked, answered, sure=sure, known=known)

@@ -44,6 +44,7 @@ NOT_OF_THE_WIRE = frozenset(
         "channels",
         "cyclic",
         "ppos",
+        "s7",
     }
 )
 """Options that choose texts or what is shown, or are about cyclic frames, and no meaning of records.
@@ -63,6 +64,11 @@ ELSEWHERE = {
         rule: "it is about a line of PROFIBUS, and these are RPC: test_profibus_bus.py"
         for rule in spec.rules()
         if rule.startswith("DS8")
+    },
+    **{
+        rule: "it is about S7 communication, and these are RPC: test_s7.py"
+        for rule in spec.rules()
+        if rule.startswith("DS9")
     },
     **{
         rule: "only the whole capture shows it, and only to the analyzer: test_diagnoses.py"

@@ -352,8 +352,11 @@ def _subindices(item: Parameter) -> range:
 def _rows(capture: CaptureResult) -> Iterator[list[Any]]:
     for each in capture.transactions:
         left = [capture.path, *contract.transaction_cells(each)]
+        right = contract.s7_cells(each)
         for item in each.parameters:
             values = [item.values, item.scaled]
-            yield left + contract.head_cells(item, "en") + values + contract.error_cells(item, "en")
+            error = contract.error_cells(item, "en")
+            yield left + contract.head_cells(item, "en") + values + error + right[0]
         if not each.parameters:
-            yield left + [None] * len(csv.PARAMETER_COLUMNS)
+            nothing = [None] * len(csv.PARAMETER_COLUMNS)
+            yield from (left + nothing + cells for cells in right)

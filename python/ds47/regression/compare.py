@@ -13,12 +13,13 @@ from __future__ import annotations
 from collections import Counter, defaultdict, deque
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import zip_longest
 from math import isclose
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ds47 import spec
-from ds47.model import SEVERITIES, CaptureFile
+from ds47.model import S7, SEVERITIES, CaptureFile
 from ds47.regression.config import Config, ParameterTolerance
 from ds47.report import contract, load
 from ds47.report.bilingual import LANGUAGES, Both, operation, say, state
@@ -47,7 +48,10 @@ _SAID = (
 )
 _RECORDED = ("ar", "frames", "start", "bytes", "status")
 """Fields that only the same file repeats; the status of a refusal stands in its findings."""
-_COUNTS = ("frames", "complete", "rpc", "records")
+_COUNTED = ("request_reference", "connection", "r_id", "error", "segments")
+"""Likewise of S7, whose references count on from connection to connection."""
+_COUNTS = ("frames", "complete", "rpc", "records", "connections")
+_RULES_OF_S7 = "DS9"
 _ADDRESS = ("attribute", "pnu", "subindex", "element_count")
 
 Json = dict[str, Any]
@@ -118,6 +122,8 @@ class Comparison:
             for result in (stored, now)
             for each in result.get("devices", [])
         }
+        self._knows_s7 = "connections" in stored or "connections" not in now
+        """A stored result that does not know S7 communication says nothing of it."""
         self._olds: list[Json] = stored["transactions"]
         self._news: list[Json] = now["transactions"]
         self.pairs = self._align()
@@ -126,11 +132,13 @@ class Comparison:
         """Devices and counts first, then transaction by transaction, then findings."""
         yield from self._devices()
         if self._same_file:
-            for key in _COUNTS:
+            for key in _COUNTS if self._knows_s7 else _COUNTS[:-1]:
                 if self._old.get(key) != self._new.get(key):
                     yield self._field("count", _Where("capture"), (key,), self._old, self._new)
         for old, new in self.pairs:
             if old is None and new is not None:
+                if self._news[new].get("channel") == S7 and not self._knows_s7:
+                    continue
                 yield self._alone("transaction_new", None, new, self._news[new])
             elif new is None and old is not None:
                 yield self._alone("transaction_gone", old, None, self._olds[old])
@@ -178,12 +186,17 @@ class Comparison:
     def _fields(self, stored: int, now: int, old: Json, new: Json) -> Iterator[Change]:
         where = _Where("transaction", {"number": str(new["id"])})
         about = {"stored": stored, "now": now, "device": new["device"]}
-        for key in _STATE + _SAID + (_RECORDED if self._same_file else ()):
+        s7 = new.get("channel") == S7
+        said = tuple(key for key in _SAID if key not in _COUNTED) if s7 else _SAID
+        recorded = _RECORDED + (_COUNTED if s7 else ())
+        for key in _STATE + said + (recorded if self._same_file else ()):
             if old.get(key) != new.get(key):
                 kind = "state" if key in _STATE else "field"
                 yield self._field(kind, where, (key,), old, new, **about)
         if not self._duration_fits(old.get("duration_ms"), new.get("duration_ms")):
             yield self._field("timing", where, ("duration_ms",), old, new, **about)
+        if s7:
+            yield from self._items(where, old.get("items", []), new.get("items", []), about)
         olds, news = old["parameters"], new["parameters"]
         if len(olds) != len(news):
             text = self._say("change_parameters", where, was=str(len(olds)), now=str(len(news)))
@@ -194,6 +207,30 @@ class Comparison:
             return
         for number, (before, after) in enumerate(zip(olds, news, strict=True)):
             yield from self._parameter(where, number, before, after, about)
+
+    def _items(
+        self, where: _Where, olds: list[Json], news: list[Json], about: Json
+    ) -> Iterator[Change]:
+        """The items of a job of S7; what programs read and write differs from recording to recording."""
+        keys = ("address", "code", *(("length", "value") if self._same_file else ()))
+        nothing: Json = {}
+        for number, (before, after) in enumerate(zip_longest(olds, news, fillvalue=nothing)):
+            for key in keys:
+                was, now = before.get(key), after.get(key)
+                if was != now:
+                    name = after.get("address") or before.get("address") or str(number + 1)
+                    text = self._say(
+                        "change_field_of",
+                        where,
+                        field=key,
+                        name=name,
+                        was=_show(was),
+                        now=_show(now),
+                    )
+                    yield Change(
+                        "value" if key == "value" else "error" if key == "code" else "field", text,
+                        path=("items", number, key), was=was, is_now=now, **about,
+                    )  # fmt: skip
 
     def _duration_fits(self, old: float | None, new: float | None) -> bool:
         tolerance = self._config.tolerance
@@ -281,7 +318,12 @@ class Comparison:
     # What stands beside the transactions
 
     def _alone(self, kind: str, old: int | None, new: int | None, item: Json) -> Change:
-        asked = ", ".join(map(_address, item["parameters"][:3]))
+        asked = ", ".join(
+            [
+                *map(_address, item["parameters"][:3]),
+                *(each["address"] or "?" for each in item.get("items", ())[:3]),
+            ]
+        )
         text = self._say(f"change_{kind}", number=str(item["id"]), operation=operation(item["operation"]),
                          asked=asked or "-", state=state(item["state"]))  # fmt: skip
         pnu = next((each["pnu"] for each in item["parameters"]), None)
@@ -329,6 +371,8 @@ class Comparison:
         for key, finding in self._keyed(self._new, place):
             if olds[key] > 0:
                 olds[key] -= 1
+                continue
+            if finding["rule"].startswith(_RULES_OF_S7) and not self._knows_s7:
                 continue
             yield self._finding("finding_new", finding, self._news, self._new_places)
         for key, finding in reversed(list(self._keyed(self._old, None))):
@@ -445,7 +489,8 @@ def _kind(item: Json) -> tuple[Any, ...]:
     """What two transactions have in common that are the same request, whatever came of it."""
     asked = tuple(tuple(each.get(key) for key in _ADDRESS) for each in item["parameters"])
     place = tuple(item.get(key) for key in ("device", "slot", "subslot", "index", "axis"))
-    return item["operation"], place, asked
+    items = tuple(each.get("address") for each in item.get("items", ()))
+    return item["operation"], place, asked, items
 
 
 def _order(pair: tuple[int | None, int | None]) -> tuple[int, int]:

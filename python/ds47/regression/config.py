@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ds47 import spec
-from ds47.batch.settings import FILE
+from ds47.batch.settings import FILE, parse_s7
 from ds47.batch.settings import parse as parse_cyclic
 from ds47.model import SEVERITIES
 
@@ -155,13 +155,14 @@ def load(path: Path) -> Config:
         raise ConfigError(f"{path}: {problem}") from None
 
 
-_TOP = ("tolerance", "mask", "ignore", "labels", "check", "cyclic")
+_TOP = ("tolerance", "mask", "ignore", "labels", "check", "cyclic", "s7")
 
 
 def _config(folder: Path, table: dict[str, Any]) -> Config:
     _known_keys("the file", table, _TOP)
     try:
-        parse_cyclic(table.get("cyclic", {}))  # who reads the captures takes it from there
+        parse_cyclic(table.get("cyclic", {}))  # who reads the captures takes both from there
+        parse_s7(table.get("s7", {}))
     except ValueError as problem:
         raise ConfigError(str(problem)) from None
     tolerance = _section(table, "tolerance")

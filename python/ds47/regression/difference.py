@@ -16,6 +16,7 @@ from math import erf, sqrt
 from statistics import median
 from typing import Final, NamedTuple
 
+from ds47.model import S7
 from ds47.regression.elements import OPERATIONS, Element, History, Outcomes, Shown, equal, shown
 from ds47.regression.places import Json, Place, Places
 
@@ -114,9 +115,10 @@ def difference(a: Json, b: Json, names: tuple[str, str]) -> Difference:
     Devices are the same by station name, else by IP address; where each capture has one device,
     these two are the same whatever they are called.
     """
-    called = _devices(a, b)
-    places = Places((a, b), called)
-    sides = [shown(capture, name, places) for capture, name in zip((a, b), called, strict=True)]
+    drives = _without_s7(a), _without_s7(b)
+    called = _devices(*drives)
+    places = Places(drives, called)
+    sides = [shown(capture, name, places) for capture, name in zip(drives, called, strict=True)]
     result = Difference(names)
     result.rows = list(_rows(sides[0], sides[1], places))
     result.unknown = sides[0].unknown, sides[1].unknown
@@ -129,6 +131,12 @@ def difference(a: Json, b: Json, names: tuple[str, str]) -> Difference:
     )
     result.latencies = _latencies(a, b, called)
     return result
+
+
+def _without_s7(capture: Json) -> Json:
+    """A capture without the jobs of S7: they have no parameters, and their partners are no drives."""
+    drives = [each for each in capture["transactions"] if each.get("channel") != S7]
+    return capture | {"transactions": drives}
 
 
 def _devices(a: Json, b: Json) -> tuple[dict[str, str], dict[str, str]]:
@@ -226,7 +234,7 @@ def _latencies(a: Json, b: Json, called: tuple[dict[str, str], dict[str, str]]) 
     for side, (capture, names) in enumerate(zip((a, b), called, strict=True)):
         for item in capture["transactions"]:
             if item["duration_ms"] is not None and item["duration_ms"] >= 0:  # no clock set back
-                key = names[item["device"]], item["operation"]
+                key = names.get(item["device"], item["device"]), item["operation"]
                 groups.setdefault(key, ([], []))[side].append(item["duration_ms"])
     return [_latency(*key, *sides) for key, sides in sorted(groups.items()) if all(sides)]
 

@@ -21,6 +21,8 @@ Line = tuple[int, Both]
 """Where something stands, and what it means."""
 _COTP = {tpkt.CR: "s7_cotp_cr", tpkt.CC: "s7_cotp_cc", tpkt.DR: "s7_cotp_dr"}
 
+_TYPES = {pdu.PUSH: "push", pdu.REQUEST: "request", pdu.RESPONSE: "answer"}
+
 
 @dataclass(slots=True)
 class Decoded:
@@ -220,8 +222,7 @@ def _parameter(found: Decoded, item: Pdu, at: int) -> Iterator[Line]:
 
 
 def _user_words(user: UserData) -> Both:
-    known = user.type in (pdu.PUSH, pdu.REQUEST, pdu.RESPONSE)
-    kind = say(f"s7_user_{user.type}") if known else say("s7_user_other", type=str(user.type))
+    kind = say(f"s7_user_{_TYPES.get(user.type, 'other')}", type=str(user.type))
     return say(
         "s7_pdu_user", group=_both("group", user.group), type=kind, subfunction=str(user.subfunction),
         sequence=str(user.sequence),
