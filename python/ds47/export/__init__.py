@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -21,13 +21,14 @@ from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Interface, PcapngWriter, WholeFrame
 from ds47.capture.scan import ETHERNET, IPV4, network_layer
 from ds47.capture.writer import nearest
-from ds47.model import PKW, CaptureResult
+from ds47.model import PKW, S7, CaptureResult
 from ds47.profibus.bus import LINK_TYPES
 from ds47.profinet import dcp, lldp, rpc
 from ds47.profinet.link import mac
 from ds47.profinet.records import NIL_UUID, parse_request, parse_response
 from ds47.report.filters import display_filter
 from ds47.report.places import Places
+from ds47.s7.choices import PORT
 from ds47.spec.layouts import (
     RPC_CONNECT,
     RPC_CONTROL,
@@ -43,6 +44,7 @@ from .drafts import Draft, Drafts
 from .earlier import APPLICATION, OF_THE_ORIGINAL, is_earlier_export
 from .mapping import Key, KeyFileError
 from .original import Original, first_time, opened, whole_frames
+from .s7 import S7Frames
 from .selection import Chosen, Selection, SelectionError, choose
 from .tracking import Copy, Message, Tracker
 
@@ -127,7 +129,8 @@ def export(
     names = None if key is None else {rule.id: rule.name for rule in spec.rules().values()}
     chosen = choose(result, selection, names)
     outcome = Outcome(result)
-    wanted = _Survey(selection, chosen).run(source)
+    s7_ports = _ports(options) if key is None else ()  # nobody replaces what is in these, either
+    wanted = _Survey(selection, chosen, s7_ports).run(source)
     if key is None:
         wanted |= _cyclic(chosen)  # nobody replaces what is in these
         frames: Iterable[WholeFrame] = _plain(source, wanted, selection, chosen)
@@ -156,21 +159,30 @@ def _cyclic(chosen: Chosen) -> set[int]:
     return {frame for each in cyclic for frame in each.frames.all()}
 
 
+def _ports(options: AnalysisOptions) -> tuple[int, ...]:
+    """Ports of S7 that are looked at."""
+    return (PORT, *options.s7.ports) if S7 in options.channels else ()
+
+
 class _Survey:
     """Finds all frames of the wanted messages, and a word for those that have none yet."""
 
-    def __init__(self, selection: Selection, chosen: Chosen) -> None:
+    def __init__(self, selection: Selection, chosen: Chosen, s7_ports: Sequence[int]) -> None:
         self._selection = selection
         self._chosen = chosen
+        self._ports = s7_ports
         self._wanted: set[int] = set()
 
     def run(self, original: Original) -> set[int]:
         """Numbers of the wanted frames."""
         tracker, bus = Tracker(), BusFrames(self._selection, self._chosen)
+        s7 = S7Frames(self._ports, self._selection, self._chosen)
         with opened(original) as capture:
+            capture.tcp(self._ports)
             for frame in capture:
                 if bus.wants(frame):
                     self._wanted.add(frame.number)
+                s7.feed(frame)
                 found = tracker.feed(frame)
                 if isinstance(found, Message):
                     self._message(found)
@@ -179,7 +191,8 @@ class _Survey:
                 self._lost(tracker)
         tracker.finish()
         self._lost(tracker)
-        return self._wanted
+        s7.finish()
+        return self._wanted | s7.wanted
 
     def _message(self, message: Message) -> None:
         if not self._is_wanted(message):

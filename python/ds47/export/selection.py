@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-from ds47.model import PKW, CaptureResult, Finding, Parameter, Transaction
+from ds47.model import PKW, S7, CaptureResult, Finding, Parameter, Transaction
 from ds47.report.formatting import address, escape
 from ds47.report.sentences import message
 from ds47.report.targets import Targets
@@ -102,6 +102,7 @@ def choose(
         _note_findings(chosen, own, names)
         if not selection.by_frame:
             chosen.frames.update(transaction.frames.all())
+            chosen.frames.update(frame for pair in transaction.segments for frame in pair if frame)
             chosen.frames.update(each.frame for each in own)
     _lonely(chosen, findings.get(None, []), selection, names)
     return chosen
@@ -114,9 +115,7 @@ def _find_devices(result: CaptureResult, selection: Selection, chosen: Chosen) -
             for each in result.devices
             if wanted.lower() in (each.ip, each.mac, (each.station or "").lower())
         ]
-        if wanted.lower() in {
-            each.device for each in result.transactions if each.station is not None
-        }:
+        if wanted.lower() in _partners(result):
             chosen.ips.add(wanted.lower())
             continue
         if not found:
@@ -125,12 +124,18 @@ def _find_devices(result: CaptureResult, selection: Selection, chosen: Chosen) -
         chosen.macs.update(each.mac for each in found if each.mac)
 
 
+def _partners(result: CaptureResult) -> set[str]:
+    """What no frame names: stations of PROFIBUS, and servers of S7."""
+    found = {each.device for each in result.transactions if each.station is not None}
+    return found | {each.server for each in result.connections}
+
+
 def _devices(result: CaptureResult) -> str:
     shown = [
         f"{each.ip} ({escape(each.station)})" if each.station else each.ip
         for each in result.devices
     ]
-    shown += sorted({each.device for each in result.transactions if each.station is not None})
+    shown += sorted(_partners(result) - {each.ip for each in result.devices})
     more = f" and {len(shown) - 12} more" if len(shown) > 12 else ""
     shown = shown[:12]
     return f"there are {', '.join(shown)}{more}" if shown else "the capture shows no device"
@@ -172,7 +177,8 @@ def _lonely(
 def _note_transaction(chosen: Chosen, item: Transaction, where: str) -> None:
     head = f"{item.channel.upper()} #{item.id}"
     state = "" if item.state == "ok" else f" [{item.state}]"
-    what = f"{item.operation} {_parameters(item.parameters)}".strip()
+    about = _parameters(item.parameters) if item.channel != S7 else _items(item)
+    what = f"{item.operation} {about}".strip()
     axis = f", {where}" if where else ""
     for role, number in _roles(item):
         if number is not None:
@@ -182,9 +188,14 @@ def _note_transaction(chosen: Chosen, item: Transaction, where: str) -> None:
 
 def _roles(item: Transaction) -> Iterator[tuple[str, int | None]]:
     frames = item.frames
-    if item.channel == PKW:
+    if item.channel in (PKW, S7) and not item.segments:
         yield "request", frames.write_request
         yield "response", frames.read_response
+        return
+    if item.channel == S7:
+        for number, (request, response) in enumerate(item.segments, 1):
+            yield f"segment {number}", request
+            yield f"segment {number}, acknowledged", response
         return
     yield "Write request", frames.write_request
     yield "Write response", frames.write_response
@@ -196,6 +207,14 @@ def _roles(item: Transaction) -> Iterator[tuple[str, int | None]]:
     for number, (request, response) in enumerate(frames.rereads, 1):
         yield f"read again {number}, Read request", request
         yield f"read again {number}, Read response", response
+
+
+def _items(item: Transaction) -> str:
+    shown = ", ".join(each.address or "?" for each in item.items[:_PARAMETERS_SHOWN])
+    if item.r_id is not None:
+        shown = f"R_ID {item.r_id:08X}"
+    more = len(item.items) - _PARAMETERS_SHOWN
+    return f"{shown} and {more} more" if more > 0 and item.r_id is None else shown
 
 
 def _parameters(items: list[Parameter]) -> str:

@@ -182,6 +182,7 @@ class Connections:
         self._place = self._place + 1 if at.frame == self._frame else 0
         self._frame = at.frame
         pdu = pdus.decode(whole.data)
+        pdu.frames = whole.frames
         if pdu.kind is None:
             connection.other += 1
             return

@@ -58,6 +58,7 @@ class Jobs:
         job = Job(
             OPERATIONS[pdu.parameter[0]], connection, from_client, pdu.reference, at, found.items,
             request=pdu.data, groups=found.groups, flaws=pdu.flaws,
+            frames=pdu.frames,
         )  # fmt: skip
         key = connection.number, from_client, pdu.reference
         self._give_up(key)
@@ -83,6 +84,7 @@ class Jobs:
             return False
         self._take(key)
         job.answered, job.response, job.error = at, pdu.data, pdu.error
+        job.frames = [*job.frames, *pdu.frames]
         told = pdus.results(pdu) if function is not None else []
         job.answer_flaws = pdu.flaws
         if pdu.error:
@@ -113,6 +115,7 @@ class Jobs:
         job = Job(
             OPERATIONS[pdu.parameter[0]], connection, not from_client, pdu.reference, None, items,
             answered=at, response=pdu.data, error=pdu.error, state=ORPHAN, answer_flaws=pdu.flaws,
+            frames=pdu.frames,
         )  # fmt: skip
         self._close(job)
 

@@ -230,6 +230,8 @@ class Job:
     state: str = UNANSWERED
     flaws: list[Flaw] = field(default_factory=list)
     answer_flaws: list[Flaw] = field(default_factory=list)
+    frames: list[int] = field(default_factory=list)
+    """All frames that it stands in: a PDU may be in several segments of TCP."""
     lost: bool = False
     """Whether the capture lacks bytes of the connection while it was open: its answer may be among them."""
     place: int = 0

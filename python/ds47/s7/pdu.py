@@ -55,6 +55,8 @@ class Pdu:
     head: int = _HEAD.size
     """Bytes of the header: where the parameter begins."""
     flaws: list[Flaw] = field(default_factory=list)
+    frames: list[int] = field(default_factory=list)
+    """Frames that it stands in, where it is one of a capture."""
 
     @property
     def function(self) -> int | None:

@@ -76,6 +76,7 @@ class Transfers:
         )
         found.job.segments.append(part)
         found.job.flaws += pdu.flaws
+        found.job.frames += pdu.frames
         found.data += told.data
         if len(found.data) > _MOST_BYTES or len(found.job.segments) > MOST_SEGMENTS:
             self._give_up(found)
@@ -93,6 +94,7 @@ class Transfers:
         part.acknowledged, part.assigned, part.error = at, told.sequence, told.error
         job = found.job
         job.answer_flaws += pdu.flaws
+        job.frames += pdu.frames
         if told.error:
             job.state, job.error, job.answered = REFUSED, told.error, at
             self._close(found)
@@ -109,7 +111,7 @@ class Transfers:
         """A USEND: nothing answers it."""
         job = Job(
             USEND, connection, from_client, pdu.reference, at, [Item(None, area) for area in told.areas],
-            request=pdu.data, r_id=told.r_id, state=OK, flaws=pdu.flaws,
+            request=pdu.data, r_id=told.r_id, state=OK, flaws=pdu.flaws, frames=pdu.frames,
         )  # fmt: skip
         self._asked(job)
         self._over(job)
