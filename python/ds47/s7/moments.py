@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from ds47.findings.remark import Remark
-from ds47.s7.areas import Part, Splits, Whole, accesses, byte_notation, is_clear, notation
+from ds47.s7.addresses import text
+from ds47.s7.areas import Part, Splits, Whole, accesses, byte_text, is_clear
 from ds47.s7.consistency import Access
 from ds47.s7.memory import Memory, Mixed
 from ds47.s7.model import GET, ORPHAN, PUT, Connection, Job
@@ -250,8 +251,8 @@ class Moments:
         frames = {frame for each in (*parts, write) for frame in (each.request, each.response)}
         args = {
             "device": reader.server.ip, "controller": reader.client.ip, "case": case,
-            "jobs": len({each.request for each in parts}), "first": byte_notation(area, db, found.first),
-            "first_value": values[found.first], "second": byte_notation(area, db, found.second),
+            "jobs": len({each.request for each in parts}), "first": byte_text(area, db, found.first),
+            "first_value": values[found.first], "second": byte_text(area, db, found.second),
             "second_value": values[found.second], "write": write.request,
             "frames": sorted(each for each in frames if each is not None),
         }  # fmt: skip
@@ -278,7 +279,7 @@ class Moments:
             stations = sorted((job.connection.client.ip, connection.client.ip))
             args = {
                 "device": job.partner.ip, "controller": stations[0], "other": stations[1],
-                "byte": byte_notation(access.area, access.db, first + at),
+                "byte": byte_text(access.area, access.db, first + at),
             }  # fmt: skip
             key = (_key(job.connection), access.area, access.db, *stations)
             self._notes.add("DS907", key, access.request, args, (other.request,))
@@ -292,7 +293,7 @@ class Moments:
                 written, read = write.data[at - write.start], access.data[at - access.start]
                 if written != read:
                     args = {
-                        "device": job.partner.ip, "byte": byte_notation(access.area, access.db, at),
+                        "device": job.partner.ip, "byte": byte_text(access.area, access.db, at),
                         "written": written, "read": read, "by": write.request,
                     }  # fmt: skip
                     frame = access.response or access.request
@@ -306,7 +307,7 @@ class Moments:
         if whole is None:
             return
         job, address = whole.parts[-1].job, whole.address
-        self._split(whole, job, notation(address))
+        self._split(whole, job, text(address))
         parts = whole.accesses() if job.from_client else []
         if len(parts) != len(whole.parts):
             return
