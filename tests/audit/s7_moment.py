@@ -27,7 +27,11 @@ class Happened:
 
 
 def was_there(
-    read: Mapping[int, int], begin: int, end: int, happened: Sequence[Happened], before: Mapping[int, int]
+    read: Mapping[int, int],
+    begin: int,
+    end: int,
+    happened: Sequence[Happened],
+    before: Mapping[int, int],
 ) -> bool:
     """Whether the memory may have held all that was read, at a moment between two times."""
     parts = [part for each in happened for part in _parts(each, happened)]

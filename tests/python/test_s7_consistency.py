@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
-import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.audit.s7_moment import Happened, was_there
 
@@ -28,7 +28,9 @@ def access(
 access.count = 0  # type: ignore[attr-defined]
 
 
-def put(start: int, data: bytes | list[int], asked: int, answered: int | None, **more: Any) -> Access:
+def put(
+    start: int, data: bytes | list[int], asked: int, answered: int | None, **more: Any
+) -> Access:
     return access(True, start, data, asked, answered, **more)
 
 
@@ -69,7 +71,11 @@ def accesses(draw: st.DrawFn, write: bool, length: int = 3) -> Access:
     start = draw(st.integers(0, length - 1))
     data = draw(st.lists(BYTES, min_size=1, max_size=length - start))
     asked = draw(TIMES)
-    answered = draw(st.one_of(st.none(), st.integers(asked, 10))) if write else draw(st.integers(asked, 10))
+    answered = (
+        draw(st.one_of(st.none(), st.integers(asked, 10)))
+        if write
+        else draw(st.integers(asked, 10))
+    )
     sure = answered is not None and (not write or draw(st.integers(0, 4)) > 0)
     known = not write or draw(st.integers(0, 5)) > 0
     return access(write, start, data, asked, answered, sure=sure, known=known)
@@ -81,7 +87,7 @@ def parts(draw: st.DrawFn) -> list[Access]:
     data = draw(st.lists(BYTES, min_size=3, max_size=3))
     cuts = draw(st.sampled_from([[0, 3], [0, 1, 3], [0, 2, 3], [0, 1, 2, 3]]))
     found = []
-    for first, end in zip(cuts, cuts[1:], strict=False):
+    for first, end in itertools.pairwise(cuts):
         asked = draw(TIMES)
         found.append(get(first, data[first:end], asked, draw(st.integers(asked, 10))))
     return found
