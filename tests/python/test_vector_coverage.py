@@ -65,6 +65,11 @@ ELSEWHERE = {
         if rule.startswith("DS8")
     },
     **{
+        rule: "it is about S7 communication, and these are RPC: test_s7_judge.py, test_s7_moments.py"
+        for rule in spec.rules()
+        if rule.startswith("DS9")
+    },
+    **{
         rule: "only the whole capture shows it, and only to the analyzer: test_diagnoses.py"
         for rule, row in spec.rules().items()
         if rule.startswith("DS7") and row.scope == "capture"
