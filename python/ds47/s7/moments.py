@@ -286,8 +286,8 @@ class Moments:
                 written, read = write.data[at - write.start], access.data[at - access.start]
                 if written != read:
                     args = {
-                        "device": job.partner.ip, "byte": byte_text(access.area, access.db, at),
-                        "written": written, "read": read, "by": write.request,
+                        "device": job.partner.ip, "controller": job.asker.ip,
+                        "byte": byte_text(access.area, access.db, at), "written": written, "read": read, "by": write.request,
                     }  # fmt: skip
                     frame = access.response or access.request
                     self._told.append(Remark("DS916", frame, args, job=job))
