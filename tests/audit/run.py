@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from tests.audit import causes, claims, corrected, deals, html, page, pkw, pzd, reading, words
+from tests.audit import causes, claims, corrected, deals, html, page, pkw, pzd, reading, s7, words
 from tests.audit.drive import Drive
 from tests.audit.memory import Memory
 from tests.audit.reading import Complaint, Finding, Reading
@@ -18,6 +18,7 @@ AUDITORS = {
     **dict.fromkeys(pzd.AUDITORS, lambda case: pzd.of(case.finding, case.reading)),
     **dict.fromkeys(pzd.OF_CHANGES, lambda case: pzd.of_change(case.finding, case.reading)),
     **dict.fromkeys(pzd.HABITS, lambda case: pzd.of_habit(case.finding, case.reading)),
+    **dict.fromkeys(s7.AUDITORS, lambda case: s7.of(case.finding, case.reading)),
     "DS507": lambda case: pzd.of_word(case.finding, case.reading),
 }  # fmt: skip
 NO_CLAIM = claims.NO_CLAIM

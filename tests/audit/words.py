@@ -18,6 +18,10 @@ CODE = r"(?P<code>0x[0-9A-F]{2,4}|no error number)"
 STATUS = r"status (?P<status>[0-9A-F]{8}|-)"
 DRIVE = r"(?P<device>[\d.]+) slot (?P<slot>\d+)"
 STOOD = r"(?P<seconds>[\d.]+) s \(limit (?P<limit>[\d.]+) s\)"
+PARTNER, STATION = r"(?P<device>[\d.]+)", r"(?P<controller>[\d.]+)"
+JOB = r"(?P<operation>GET|PUT) (?P<area>.+)"
+SENT = rf"BSEND with R_ID (?P<r_id>0x[0-9A-F]{{8}}) to {PARTNER}"
+TSAP = r"TSAP (?P<tsap>[0-9A-F.]+) \(rack (?P<rack>\d+|\?), slot (?P<slot>\d+|\?)\)"
 SAYS: dict[str, str] = {
     "DS101": r"RPC (?P<operation>\w+) request",
     "DS102": r"RPC (?P<operation>\w+) response",
@@ -110,6 +114,23 @@ SAYS: dict[str, str] = {
     "DS723": r"(?P<count>\d+) times to (?P<device>[\d.]+), every (?P<period>[\d.]+) ms",
     "DS724": r"(?P<count>\d+) Reads on (?P<device>[\d.]+) .*every (?P<period>[\d.]+) ms.* (?P<time>[\d.]+) ms",
     "DS725": r"\((?P<count>\d+) in all\)$",
+    "DS901": rf"^{JOB} to {PARTNER} has no answer",
+    "DS902": r"^(?P<count>\d+) x PDU of (?P<sender>\S+) above .*: (?P<size>\d+) bytes, (?P<agreed>\d+) .* frame (?P<frame>\d+)$",
+    "DS903": rf"^(?P<count>\d+) x {JOB}: (?P<bytes>\d+) bytes, and {PARTNER} copies (?P<block>\d+) at once \(",
+    "DS904": rf"^(?P<count>\d+) x {JOB} of {PARTNER} in (?P<jobs>\d+) jobs, ",
+    "DS905": r": (?P<first>\S+) = (?P<first_value>0x\w\w) and (?P<second>\S+) = (?P<second_value>0x\w\w) .* frame (?P<write>\d+)\)$",
+    "DS906": rf"^(?P<count>\d+) x several items in one job of {STATION}, which {PARTNER} does",
+    "DS907": rf"^(?P<count>\d+) x {STATION} and (?P<other>\S+) write .* of {PARTNER} \((?P<byte>\S+)\) within a second$",
+    "DS908": rf"^{JOB} refused by {PARTNER}: (?P<code>0x[0-9A-F]{{2}}) ",
+    "DS909": rf"^{JOB} refused by {PARTNER} as a whole: .*\((?P<code>[0-9A-F]{{4}})\)$",
+    "DS910": rf"^{SENT} is not whole: ",
+    "DS911": rf"^{SENT}: of (?P<segments>\d+) segments (?P<count>\d+) without",
+    "DS912": rf"^{SENT}: ",
+    "DS913": rf"^U{SENT[1:]} sends areas of (?P<now>[\d, ]+) bytes, and of (?P<before>[\d, ]+) in frame (?P<first>\d+)$",
+    "DS914": rf"^(?P<count>\d+) x {STATION} has .* at {PARTNER} than agreed: (?P<most>\d+), (?P<agreed>\d+) were",
+    "DS915": rf"^(?P<count>\d+) x connection of {STATION} to {PARTNER} without",
+    "DS916": rf"^(?P<byte>\S+) of {PARTNER} is read as (?P<read>\S+), .* as (?P<written>\S+) in frame (?P<by>\d+)$",
+    "DS917": rf"^(?P<count>\d+) x {STATION} gets no S7 connection to {PARTNER}: ",
 }  # fmt: skip
 """Rule -> where in its English sentence which argument stands."""
 _BETTER = r"(?P<better>\w+) \((?P<better_code>0x[0-9A-F]{2})\)"
@@ -160,6 +181,21 @@ CLAUSES: dict[str, dict[str, str]] = {
               "some_unknown": r"; of (?P<unknown>\d+) more it is not known"},
     "DS725": {"one_direction": "requests without any response: ", "other_direction": "responses without any request: ",
               "no_write": "responses are read, but no request ", "cut": "frames were cut ", "dropped": "frames were dropped "},
+    "DS903": {"block_chosen": r"\(chosen with --s7-block\)$", "block_kind": r"\(--s7-cpu (?P<name>\S+)\)$",
+              "block_said": r"\(SZL 0131 in frame (?P<frame>\d+)\)$",
+              "block_order": r"\((?P<name>.+) in frame (?P<frame>\d+)\)$"},
+    "DS905": {"mixed_split": rf"^What {STATION} reads from {PARTNER} in (?P<jobs>\d+) jobs is of two",
+              "mixed_job": rf"^What {STATION} reads from {PARTNER} in one job is of two",
+              "mixed_put": rf"^What {STATION} reads from {PARTNER}, which is written in parts meanwhile, is of two"},
+    "DS910": {"bsend_open": r"after (?P<size>\d+) of (?P<total>\d+) bytes$",
+              "bsend_sum": r": (?P<size>\d+) bytes in (?P<segments>\d+) segments, (?P<total>\d+) were announced$",
+              "bsend_sequence": "do not have the sequence number"},
+    "DS912": {"r_id_open": r": one that began in frame (?P<frame>\d+) is still open$",
+              "r_id_refused": r": refused in the ack.*\((?P<code>[0-9A-F]{4})\)$"},
+    "DS917": {"refused_no_confirm": f"CR to {TSAP} has no CC$", "refused_no_confirm_tcp": ": CR has no CC$",
+              "refused_disconnect": f"CR to {TSAP} is answered with DR$", "refused_disconnect_tcp": ": CR is answered",
+              "refused_reset": f"TCP is reset after CR to {TSAP}$", "refused_reset_tcp": ": TCP is reset$",
+              "refused_setup": r": the setup is refused, .*\((?P<code>[0-9A-F]{4})\)$"},
 }  # fmt: skip
 """Rule -> word of an argument -> the clause that stands for it, with the arguments that this clause shows."""
 CLAUSES["DS402"] = CLAUSES["DS401"]
@@ -209,9 +245,16 @@ QUIET = {
     "DS714": {"code"},
     "DS705": {"ar", "other_ar"},
     "DS713": {"what"},
-}
+    "DS903": {"controller", "frames"},
+    "DS904": {"controller", "frames"},
+    "DS910": {"controller", "first"},
+    "DS911": {"controller", "frames"},
+} | {
+    **{rule: {"controller"} for rule in ("DS901", "DS908", "DS909", "DS912", "DS913", "DS916")},
+    **{rule: {"frames"} for rule in ("DS902", "DS905", "DS906", "DS907", "DS914", "DS915", "DS917")},
+}  # fmt: skip
 """Arguments of a rule that its sentence leaves out."""
-OWN = {"DS522": {"10", "0"}, "DS525": {"0"}, "DS527": {"9", "0", "10", "1"}, "DS523": {"1"}, "DS528": {"0"},
+OWN = {"DS903": {"0131"}, "DS522": {"10", "0"}, "DS525": {"0"}, "DS527": {"9", "0", "10", "1"}, "DS523": {"1"}, "DS528": {"0"},
        "DS701": {"0", "0xDE80B500"}, "DS207": {"00000000"}, "DS713": {"0x15", "974", "0"}, "DS109": {"47"},
        "DS703": {"0xDE80B500"}, "DS204": {"0xDE80B500"}, "DS301": {"0"}, "DS303": {"0"},
        "DS306": {"0"}, "DS308": {"65535"}, "DS312": {"0"}, "DS318": {"1", "2"}, "DS317": {"2"},
@@ -220,6 +263,10 @@ OWN = {"DS522": {"10", "0"}, "DS525": {"0"}, "DS527": {"9", "0", "10", "1"}, "DS
 KEYS = {"case", "more", "what", "room", "bits", "reason"}
 """Arguments whose value stands for a clause."""
 _WORDS = {
+    "DS908",
+    "DS909",
+    "DS912",
+    "DS917",
     "DS501",
     "DS521",
     "DS531",
@@ -323,7 +370,7 @@ def _as_told(told: dict[str, str], args: dict[str, Any]) -> Iterator[str]:
     for name, word in told.items():
         if name not in args:
             yield f"says {name} {word}, which is no argument"
-        elif word not in renderings(args[name]):
+        elif not {word, f"0x{word}"} & renderings(args[name]):
             yield f"says {name} {word}, which is {args[name]!r}"
 
 

@@ -1,227 +1,172 @@
-"""S7 communication byte by byte, for the tests of ds47.s7: PDUs, TPKT, segments of TCP, captures."""
+"""Captures of S7 communication made by hand, byte by byte: stations, a server, and whatever one says to the other.
+
+Knows nothing of what ds47 makes of it.
+"""
 
 from __future__ import annotations
 
-import io
 import struct
-from dataclasses import dataclass, field, replace
+from pathlib import Path
 
-from frames import MACS, pcap
+from ds47.capture.writer import PcapngWriter
 
-from ds47.analysis import Analysis, AnalysisOptions, analyze
-from ds47.capture import open_capture
-from ds47.model import CaptureResult
-
-CLIENT, SERVER = ("10.0.0.1", 49152), ("10.0.0.2", 102)
-FIN, SYN, RST, PSH, ACK = 1, 2, 4, 8, 16
-_MASK = 0xFFFF_FFFF
+JOB, ACK, ANSWER, USER = 1, 2, 3, 7
+READ, WRITE = b"\x04", b"\x05"
+DONE = 0xFF
+SERVER = "10.0.0.100"
 
 
-def item(db: int, start: int, count: int, area: int = 0x84, size: int = 2) -> bytes:
-    """An address S7ANY; `start` counts bits."""
-    return bytes((0x12, 0x0A, 0x10, size)) + struct.pack(">HHI", count, db, area << 24 | start)
+class Tape:
+    """What was captured."""
+
+    def __init__(self) -> None:
+        self.shots: list[tuple[int, bytes]] = []
+        self.now_ns = 1_767_254_400_000_000_000
+
+    def put(self, data: bytes) -> int:
+        """A frame; its number."""
+        self.shots.append((self.now_ns, data))
+        self.now_ns += 1_000_000
+        return len(self.shots)
+
+    def write(self, path: Path) -> Path:
+        with PcapngWriter(path, link_type=1) as writer:
+            for time_ns, data in self.shots:
+                writer.write(time_ns, data)
+        return path
 
 
-def header(kind: int, reference: int, parameter: bytes, data: bytes, error: int = 0) -> bytes:
-    head = struct.pack(">BBHHHH", 0x32, kind, 0, reference, len(parameter), len(data))
-    return head + (struct.pack(">H", error) if kind in (2, 3) else b"") + parameter + data
-
-
-def job(reference: int, parameter: bytes, data: bytes = b"") -> bytes:
-    return header(1, reference, parameter, data)
-
-
-def answer(reference: int, parameter: bytes, data: bytes = b"", error: int = 0) -> bytes:
-    return header(3, reference, parameter, data, error)
-
-
-def get(reference: int, *items: bytes) -> bytes:
-    return job(reference, bytes((4, len(items))) + b"".join(items))
-
-
-def entry(value: bytes, code: int = 0xFF, size: int = 4) -> bytes:
-    """An entry of data, without fill byte."""
-    length = len(value) * (8 if size in (4, 5) else 1)
-    return struct.pack(">BBH", code, size, length) + value
-
-
-def filled(*entries: bytes) -> bytes:
-    """Entries one behind the other: all but the last one have even lengths."""
-    *first, last = entries
-    return b"".join(each + bytes(len(each) % 2) for each in first) + last
-
-
-def got(reference: int, *entries: bytes) -> bytes:
-    return answer(reference, bytes((4, len(entries))), filled(*entries))
-
-
-def put(reference: int, where: bytes, value: bytes) -> bytes:
-    return job(reference, b"\5\1" + where, entry(value, 0))
-
-
-def taken(reference: int, *codes: int) -> bytes:
-    return answer(reference, bytes((5, len(codes))), bytes(codes))
-
-
-def setup(reference: int = 0, pdu: int = 240, parallel: int = 1) -> bytes:
-    return job(reference, struct.pack(">BBHHH", 0xF0, 0, parallel, parallel, pdu))
-
-
-def agreed(reference: int = 0, pdu: int = 240, parallel: int = 1) -> bytes:
-    return answer(reference, struct.pack(">BBHHH", 0xF0, 0, parallel, parallel, pdu))
-
-
-def bsend(
-    reference: int, r_id: int, data: bytes, *, sequence: int = 0, number: int = 0, last: bool = True,
-    total: int | None = None,
-) -> bytes:  # fmt: skip
-    parameter = struct.pack(
-        ">BBBBBBBBBBH", 0, 1, 0x12, 8, 0x12, 0x46, 1, sequence, number, not last, 0
-    )
-    front = struct.pack(">BBBBI", 0x12, 6, 0x13, 0, r_id)
-    if sequence == 0:
-        front += struct.pack(">H", len(data) if total is None else total)
-    return header(
-        7, reference, parameter, b"\xff\x09" + struct.pack(">H", len(front + data)) + front + data
-    )
-
-
-def received(reference: int, sequence: int, error: int = 0) -> bytes:
-    parameter = struct.pack(">BBBBBBBBBBH", 0, 1, 0x12, 8, 0x12, 0x86, 1, sequence, 0, 0, error)
-    return header(7, reference, parameter, b"\x0a\0\0\0")
-
-
-def tpkt(cotp: bytes) -> bytes:
-    return struct.pack(">BBH", 3, 0, 4 + len(cotp)) + cotp
-
-
-def dt(pdu: bytes, parts: int = 1) -> bytes:
-    """A PDU in so many TPDUs."""
-    size = -(-len(pdu) // parts)
-    cut = [pdu[at : at + size] for at in range(0, len(pdu), size)]
-    return b"".join(
-        tpkt(b"\x02\xf0" + (b"\x80" if each is cut[-1] else b"\0") + each) for each in cut
-    )
-
-
-def connect(code: int = 0xE0, client: str = "0100", server: str = "0102") -> bytes:
-    calling, called = bytes.fromhex(client), bytes.fromhex(server)
-    tail = (
-        b"\xc0\x01\x0a\xc1"
-        + bytes((len(calling),))
-        + calling
-        + b"\xc2"
-        + bytes((len(called),))
-        + called
-    )
-    body = bytes((code, 0, 0, 0, 1, 0)) + tail
-    return tpkt(bytes((len(body),)) + body)
-
-
-@dataclass
-class Shot:
-    """A segment."""
-
-    up: bool
-    sequence: int
-    acknowledge: int
-    flags: int
-    data: bytes = b""
-    time_ns: int = 0
-
-
-@dataclass
 class Talk:
-    """A TCP connection: what is said becomes segments, in their order."""
+    """A connection of station n to the server."""
 
-    client: tuple[str, int] = CLIENT
-    server: tuple[str, int] = SERVER
-    shots: list[Shot] = field(default_factory=list)
-    up: int = 1000
-    down: int = 0xFFFF_FF00
-    """Sequence numbers: those of the server run over soon."""
+    def __init__(self, tape: Tape, station: int = 1, port: int = 50_000) -> None:
+        self.tape = tape
+        self.client, self.port = f"10.0.0.{station}", port + station
+        self.numbers = {True: 1_000, False: 9_000}
+        self.reference = 0
 
-    def opened(self, *, cotp: bool = True, pdu: int | None = 240) -> Talk:
-        """SYN, CR and CC, setup."""
-        self.add(True, b"", SYN)
-        self.add(False, b"", SYN | ACK)
-        self.add(True, b"", ACK)
-        if cotp:
-            self.say(True, connect()).say(False, connect(0xD0))
-        if pdu is not None:
-            self.say(True, dt(setup(pdu=pdu))).say(False, dt(agreed(pdu=pdu)))
-        return self
-
-    def add(self, up: bool, data: bytes, flags: int = PSH | ACK) -> Talk:
-        """One segment."""
-        own, other = (self.up, self.down) if up else (self.down, self.up)
-        step = len(data) + bool(flags & (SYN | FIN))
-        self.shots.append(Shot(up, own, other, flags, data, len(self.shots) * 1_000_000))
-        if up:
-            self.up = (self.up + step) & _MASK
-        else:
-            self.down = (self.down + step) & _MASK
-        return self
-
-    def say(self, up: bool, data: bytes) -> Talk:
-        """Data in one segment."""
-        return self.add(up, data)
-
-    def ask(self, pdu: bytes, told: bytes | None = None) -> Talk:
-        """A PDU of the client, and what the server says to it."""
-        self.say(True, dt(pdu))
-        return self if told is None else self.say(False, dt(told))
-
-    def closed(self) -> Talk:
-        self.add(True, b"", FIN | ACK)
-        self.add(False, b"", FIN | ACK)
-        return self.add(True, b"", ACK)
-
-    def frame(self, shot: Shot) -> bytes:
-        """A segment as a frame."""
-        source, destination = (self.client, self.server) if shot.up else (self.server, self.client)
+    def segment(self, by_client: bool, payload: bytes = b"", flags: int = 0x18) -> int:
+        ends = [(self.client, self.port), (SERVER, 102)]
+        (source, source_port), (target, target_port) = ends if by_client else ends[::-1]
         tcp = struct.pack(
-            ">HHIIBBHHH", source[1], destination[1], shot.sequence, shot.acknowledge, 0x50, shot.flags,
-            8192, 0, 0,
-        ) + shot.data  # fmt: skip
-        addresses = b"".join(bytes(map(int, each[0].split("."))) for each in (source, destination))
-        head = struct.pack(">BBHHHBBH", 0x45, 0, 20 + len(tcp), 7, 0, 64, 6, 0) + addresses
-        return (MACS + b"\x08\0" + head + tcp).ljust(60, b"\0")
+            ">HHIIBBHHH", source_port, target_port, self.numbers[by_client],
+            self.numbers[not by_client], 5 << 4, flags, 8192, 0, 0,
+        )  # fmt: skip
+        self.numbers[by_client] += len(payload) + (flags & 3 > 0)
+        addresses = b"".join(bytes(map(int, each.split("."))) for each in (source, target))
+        size = 20 + len(tcp) + len(payload)
+        head = struct.pack(">BBHHHBBH", 0x45, 0, size, 1, 0, 64, 6, 0) + addresses
+        macs = (b"\2\0\0\0\0\1", b"\2\0\0\0\0\2")
+        return self.tape.put(b"".join(macs) + b"\x08\x00" + head + tcp + payload)
 
-    def frames(self) -> list[bytes]:
-        return [self.frame(each) for each in self.shots]
+    def tpkt(self, by_client: bool, payload: bytes) -> int:
+        return self.segment(by_client, struct.pack(">BBH", 3, 0, len(payload) + 4) + payload)
 
-    def cut(self, sizes: list[int]) -> Talk:
-        """The same with the data in pieces of these sizes, again and again."""
-        cut = replace(self, shots=[])
-        number = 0
-        for shot in self.shots:
-            at = 0
-            while at < len(shot.data) or at == 0:
-                size = sizes[number % len(sizes)]
-                number += 1
-                part = shot.data[at : at + size]
-                place = (shot.sequence + at) & _MASK
-                cut.shots.append(replace(shot, sequence=place, data=part))
-                at += size
-        return cut
+    def say(
+        self,
+        by_client: bool,
+        kind: int,
+        parameter: bytes,
+        content: bytes = b"",
+        *,
+        reference: int | None = None,
+        error: int = 0,
+    ) -> int:
+        """A PDU; its reference is a new one where the client asks."""
+        if reference is None:
+            self.reference += 1
+            reference = self.reference
+        head = struct.pack(">BBHHHH", 0x32, kind, 0, reference, len(parameter), len(content))
+        if kind in (ACK, ANSWER):
+            head += struct.pack(">H", error)
+        return self.tpkt(by_client, b"\2\xf0\x80" + head + parameter + content)
 
+    # Connections
 
-def capture(*talks: Talk) -> bytes:
-    """A capture file with the frames of connections, one connection behind the other."""
-    return pcap([frame for talk in talks for frame in talk.frames()])
+    def dial(self, slot: int = 2) -> Talk:
+        self.segment(True, flags=2)
+        self.segment(False, flags=18)
+        ends = b"\xc0\1\x0a\xc1\2\1\0\xc2\2\3" + bytes((slot,))
+        self.tpkt(True, bytes((6 + len(ends), 0xE0, 0, 0, 0, 1, 0)) + ends)
+        return self
 
+    def confirm(self) -> Talk:
+        self.tpkt(False, b"\x06\xd0\0\1\0\2\0")
+        return self
 
-def result(data: bytes, options: AnalysisOptions | None = None) -> CaptureResult:
-    """The analysis of a capture, which handed out one by one says the same."""
-    options = options or AnalysisOptions()
-    whole = analyze(io.BytesIO(data), options)
-    handed: list[tuple[str, str, tuple[int, ...]]] = []
-    with open_capture(io.BytesIO(data)) as opened:
-        Analysis(
-            options,
-            lambda item, _: handed.append((item.operation, item.state, tuple(item.frames.all()))),
-        ).run(opened)
-    alike = [(each.operation, each.state, tuple(each.frames.all())) for each in whole.transactions]
-    assert sorted(handed) == sorted(alike)
-    return whole
+    def open(self, pdu: int = 480, parallel: int = 1) -> Talk:
+        self.dial().confirm()
+        setup = struct.pack(">BBHHH", 0xF0, 0, parallel, parallel, pdu)
+        self.say(True, JOB, setup)
+        self.say(False, ANSWER, setup, reference=self.reference)
+        return self
+
+    def close(self) -> None:
+        self.segment(True, flags=17)
+        self.segment(False, flags=17)
+
+    # Jobs: (number of the data block, first byte, bytes)
+
+    def ask(self, *items: tuple[int, int, int], data: bytes | None = None) -> int:
+        """The request of a read, or of a write of one item; the reference."""
+        parameter = (READ if data is None else WRITE) + bytes((len(items),))
+        for number, start, size in items:
+            place = 0x84 << 24 | start * 8
+            parameter += b"\x12\x0a\x10\2" + struct.pack(">HHI", size, number, place)
+        content = b"" if data is None else struct.pack(">BBH", 0, 4, 8 * len(data)) + data
+        self.say(True, JOB, parameter, content)
+        return self.reference
+
+    def bring(self, *values: bytes | int, reference: int | None = None) -> int:
+        """The answer to a read: bytes, or the code of what failed."""
+        content = b""
+        for n, each in enumerate(values, 1):
+            if isinstance(each, int):
+                content += bytes((each, 0, 0, 0))
+                continue
+            fill = bytes(len(each) % 2 if n < len(values) else 0)
+            content += struct.pack(">BBH", DONE, 4, 8 * len(each)) + each + fill
+        parameter = READ + bytes((len(values),))
+        return self.say(
+            False, ANSWER, parameter, content, reference=reference or self.reference
+        )  # fmt: skip
+
+    def take(self, *codes: int, reference: int | None = None) -> int:
+        """The answer to a write."""
+        parameter = WRITE + bytes((len(codes),))
+        return self.say(
+            False, ANSWER, parameter, bytes(codes), reference=reference or self.reference
+        )
+
+    def get(self, number: int, start: int, value: bytes) -> Talk:
+        self.ask((number, start, len(value)))
+        self.bring(value)
+        return self
+
+    def put(self, number: int, start: int, value: bytes) -> Talk:
+        self.ask((number, start, len(value)), data=value)
+        self.take(DONE)
+        return self
+
+    # Programs
+
+    def segment_of(
+        self, r_id: int, data: bytes, sequence: int, last: bool, total: int | None
+    ) -> int:
+        """A part of a BSEND; the reference."""
+        parameter = bytes((0, 1, 0x12, 8, 0x12, 0x46, 1, sequence, 0, not last, 0, 0))
+        body = struct.pack(">BBBBI", 0x12, 6, 0x13, 0, r_id)
+        body += (b"" if total is None else struct.pack(">H", total)) + data
+        self.say(True, USER, parameter, struct.pack(">BBH", DONE, 9, len(body)) + body)
+        return self.reference
+
+    def acknowledge(self, reference: int, sequence: int = 5, error: int = 0) -> int:
+        parameter = bytes((0, 1, 0x12, 8, 0x12, 0x86, 1, sequence, 0, 0)) + struct.pack(">H", error)
+        return self.say(False, USER, parameter, b"\x0a\0\0\0", reference=reference)
+
+    def usend(self, r_id: int, *areas: bytes) -> int:
+        parameter = struct.pack(">BBBBBBI", 0, 1, 0x12, 6, 0x13, 0, r_id)
+        body = b"".join(
+            struct.pack(">BBH", 0, 4, 8 * len(each)) + each + bytes(len(each) % 2) for each in areas
+        )
+        return self.say(True, USER, parameter, struct.pack(">BBH", DONE, 9, len(areas)) + body)

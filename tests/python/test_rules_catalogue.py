@@ -138,6 +138,23 @@ DS722 error connection-lost frame
 DS723 warning request-held count device period place
 DS724 warning polling-storm count device period time
 DS725 warning half-captured count what
+DS901 warning job-without-answer area controller device operation
+DS902 error pdu-above-agreement agreed count device frame frames sender size
+DS903 warning area-above-block area block bytes case controller count device frame frames name operation
+DS904 note area-in-parts area controller count device frames jobs operation
+DS905 error moments-mixed case controller device first first_value frames jobs second second_value write
+DS906 note items-apart controller count device frames
+DS907 warning two-writers byte controller count device frames other
+DS908 error item-refused area code controller device operation
+DS909 error job-refused area code controller device operation
+DS910 error transfer-incomplete case controller device first r_id segments size total
+DS911 warning segment-unacknowledged controller count device frames r_id segments
+DS912 error transfer-id-in-use case code controller device frame r_id
+DS913 warning areas-of-usend-differ before controller device first now r_id
+DS914 warning jobs-above-agreement agreed controller count device frames most
+DS915 note setup-not-seen controller count device frames
+DS916 warning written-not-read by byte controller device read written
+DS917 error connection-refused case code controller count device frames rack slot tsap
 """
 
 

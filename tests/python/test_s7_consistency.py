@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
-import pytest
-from hypothesis import example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.audit.s7_moment import Happened, was_there
 
@@ -87,7 +87,7 @@ def parts(draw: st.DrawFn) -> list[Access]:
     data = draw(st.lists(BYTES, min_size=3, max_size=3))
     cuts = draw(st.sampled_from([[0, 3], [0, 1, 3], [0, 2, 3], [0, 1, 2, 3]]))
     found = []
-    for first, end in zip(cuts, cuts[1:], strict=False):
+    for first, end in itertools.pairwise(cuts):
         asked = draw(TIMES)
         found.append(get(first, data[first:end], asked, draw(st.integers(asked, 10))))
     return found

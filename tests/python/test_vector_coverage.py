@@ -66,7 +66,7 @@ ELSEWHERE = {
         if rule.startswith("DS8")
     },
     **{
-        rule: "it is about S7 communication, and these are RPC: test_s7.py"
+        rule: "it is about S7 communication, and these are RPC: test_s7_judge.py, test_s7_moments.py"
         for rule in spec.rules()
         if rule.startswith("DS9")
     },

@@ -1,4 +1,4 @@
-"""Addresses: their notation, the bytes that a job reads or writes, and areas split over jobs (docs/s7.md 6).
+"""What jobs read and write: bytes of memories, and areas that are split over jobs (docs/s7.md 6).
 
 What happened to these bytes is known by `memory`; whether a split area is whole is decided in `consistency`.
 """
@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from ds47.s7.addresses import text
 from ds47.s7.consistency import Access
 from ds47.s7.model import DB, DONE, ELEMENTS, GET, OK, PUT, UNANSWERED, Address, Item, Job
 from ds47.spec import s7
@@ -21,30 +22,9 @@ FULL = 90
 """Percent of the room of its PDU from which a job is a part of a larger area."""
 
 
-def notation(address: Address) -> str:
-    """How an address is written: DB1.DBB0..443, DB1.DBX2.1, MB100..109, M10.3, C5, T0..3."""
-    known = s7.areas().get(address.area)
-    letter = known.letter if known else f"[{address.area:02X}]"
-    if address.area in ELEMENTS:
-        return letter + _range(address.start, address.start + address.count)
-    block = ""
-    if known and known.numbered:
-        block, letter = f"{letter}{address.db}.", letter if letter != "DB" else "DB"
-    if address.size == 1:
-        name = f"{letter}X" if block else letter
-        bit = f"{block}{name}{address.start >> 3}.{address.start & 7}"
-        return bit if address.count == 1 else f"{bit} x {address.count}"
-    first = address.start >> 3
-    return f"{block}{letter}B{_range(first, first + address.length)}"
-
-
-def _range(first: int, end: int) -> str:
-    return f"{first}..{end - 1}" if end - first > 1 else f"{first}"
-
-
-def byte_notation(area: int, db: int, at: int) -> str:
-    """How one byte is written: DB1.DBB7."""
-    return notation(Address(area, db, 8 * at, 8, 1))
+def byte_text(area: int, db: int, at: int) -> str:
+    """One byte as text: DB1.DBB7."""
+    return text(Address(area, db, 8 * at, 8, 1))
 
 
 def joined(addresses: Sequence[Address]) -> Address:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ds47.findings.remark import Remark
-from ds47.s7.areas import notation
+from ds47.s7.addresses import text
 from ds47.s7.blocks import Blocks
 from ds47.s7.model import (
     BSEND,
@@ -43,7 +43,7 @@ _NAMED = 4
 
 def areas(items: list[Item]) -> str:
     """What items name: DB1.DBB0..9, MB4; cut after four."""
-    named = [notation(each.address) if each.address else "?" for each in items]
+    named = [text(each.address) if each.address else "?" for each in items]
     return ", ".join([*named[:_NAMED], "..."] if len(named) > _NAMED else named) or "?"
 
 
@@ -61,7 +61,7 @@ class Judge:
 
     Args:
         bounds: times, and how much is kept.
-        remark: is told of what is wrong with a job when that is over.
+        remark: is told of what is wrong with a job as soon as that is seen.
         blocks: what partners copy at once, as the user says.
         readback: whether what is read has to be what was written (DS916).
     """
@@ -83,6 +83,8 @@ class Judge:
         self._crowds: dict[int, _Crowd] = {}
         self._sending: dict[tuple[int, bool, int | None], Job] = {}
         """Open BSEND by connection, direction and R_ID."""
+        self._tangled: set[Job] = set()
+        """Those among them of which nobody can tell whose segments are whose."""
         self._shapes: dict[tuple[int, bool, int | None], tuple[int, list[int]]] = {}
         """Frame and lengths of the last USEND likewise."""
 
@@ -166,8 +168,9 @@ class Judge:
             key = job.connection.number, job.from_client, job.r_id
             if self._sending.get(key) is job:
                 del self._sending[key]
-            if job.state != ORPHAN:
+            if job.state != ORPHAN and job not in self._tangled:
                 self._sent(job)
+            self._tangled.discard(job)
         elif job.operation == USEND:
             self._shape(job)
         elif job.state != ORPHAN:
@@ -242,7 +245,7 @@ class Judge:
                 continue
             args = {
                 "device": job.partner.ip, "controller": job.asker.ip, "operation": operation,
-                "area": notation(address), "bytes": address.length, "block": block.size,
+                "area": text(address), "bytes": address.length, "block": block.size,
                 "case": block.source, "frame": block.frame, "name": block.name,
             }  # fmt: skip
             key = (job.connection.number, job.from_client, operation, args["area"], block)
@@ -256,6 +259,7 @@ class Judge:
         before = self._sending.get(key)
         if before is not None and before.asked is not None and not before.lost:
             self._say("DS912", job, at, r_id=job.r_id, case="r_id_open", frame=before.asked.frame)
+            self._tangled |= {job, before}
         if before is not None or len(self._sending) < self._bounds.s7_notes:
             self._sending[key] = job
 

@@ -127,11 +127,7 @@ class Memory:
 
     def unread(self, read: Access) -> Iterator[Access]:
         """Writes whose values a read should have, as nobody wrote after them, and which no read has met before."""
-        there = [
-            each
-            for each in (*self._history, *self._open.values(), *self._lost)
-            if _share(each, read)
-        ]
+        there = [each for each in self._all() if _share(each, read)]
         for write in self.writes():
             later = [each for each in there if each.until >= write.asked_ns and each is not write]
             if (
@@ -154,8 +150,7 @@ class Memory:
         if begin <= self._since or (whole is not None and whole.asked_ns <= self._since):
             return None
         left_out = {each.order for each in (*parts, *instead)}
-        there = (*self._history, *self._open.values(), *self._lost)
-        others = [each for each in there if each.order not in left_out]
+        others = [each for each in self._all() if each.order not in left_out]
         if whole is not None:
             others.append(whole)
         if not any(each.write and _between(each, parts) for each in others):
@@ -175,15 +170,27 @@ class Memory:
     def _unexplained(self, read: Access) -> None:
         """Marks the bytes of a read whose values come from nobody who was captured."""
         differ = [at for at in self._latest.others(read) if not self.foreign >> at & 1]
-        others = [
-            each for each in (*self._history, *self._open.values(), *self._lost)
-            if _share(each, read)
-        ]  # fmt: skip
-        if not any(each.write for each in others):
-            self.foreign |= sum(1 << at for at in differ)
+        if not differ:
             return
+        others = [each for each in self._all() if _share(each, read)]
         question = Question([read], others, self._before.within(read.start, read.end))
-        self.foreign |= sum(1 << at for at in differ if not question.byte(at))
+        for at in differ:
+            if not (self._explains(at, read.data[at - read.start], others) and question.byte(at)):
+                self.foreign |= 1 << at
+
+    def _explains(self, at: int, value: int, others: Sequence[Access]) -> bool:
+        """Whether a byte was written, and somebody but this read knows of the value."""
+        there = [each for each in others if each.start <= at < each.end]
+        if not any(each.write for each in there):
+            return False
+        known = self._before.within(at, at + 1).get(at) == value
+        return known or any(not each.known or each.data[at - each.start] == value for each in there)
+
+    def _all(self) -> Iterator[Access]:
+        """Everything that is kept by itself."""
+        yield from self._history
+        yield from self._open.values()
+        yield from self._lost
 
     def _keep(self, access: Access) -> None:
         self._history.append(access)

@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections import OrderedDict, deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ds47.findings.remark import Remark
-from ds47.s7.areas import Part, Splits, Whole, accesses, byte_notation, is_clear, notation
+from ds47.s7.addresses import text
+from ds47.s7.areas import Part, Splits, Whole, accesses, byte_text, is_clear
 from ds47.s7.consistency import Access
 from ds47.s7.memory import Memory, Mixed
 from ds47.s7.model import GET, ORPHAN, PUT, Connection, Job
@@ -225,38 +226,31 @@ class Moments:
                 if self._readback:
                     self._compared(job, access, place.memory)
                 place.memory.read(access)
-            self._mixed(place, job, each, ONE_JOB)
+            self._mixed(place, job, each)
 
-    def _mixed(self, place: _Place, job: Job, parts: Sequence[Access], case: str) -> None:
+    def _mixed(self, place: _Place, job: Job, parts: Sequence[Access]) -> None:
         """Whether what was read mixes two moments, by the writes as they are, or by one in parts taken as one."""
-        found = place.memory.mixed(parts)
-        for put in place.puts if found is None else ():
-            found, case = place.memory.mixed(parts, put.parts, put.whole), SPLIT_PUT
-            if found is not None:
-                break
-        if found is not None:
-            self._tell(place, job.connection, job, found, parts, case)
+        for put in (None, *place.puts):
+            if self._mixes(place, parts, put, job.connection, job):
+                return
 
-    def _tell(
-        self, place: _Place, reader: Connection, job: Job | None, found: Mixed,
-        parts: Sequence[Access], case: str,
-    ) -> None:  # fmt: skip
+    def _mixes(
+        self, place: _Place, parts: Sequence[Access], put: _Put | None, reader: Connection,
+        job: Job | None = None,
+    ) -> bool:  # fmt: skip
+        """The same by one of them; of each access it is told once."""
         if any(each.order in place.known for each in parts):
-            return
+            return False
+        found = place.memory.mixed(parts, put.parts if put else (), put.whole if put else None)
+        if found is None:
+            return False
         place.known.extend(each.order for each in parts)
         last = max(parts, key=lambda each: each.until)
-        values = {at: byte for each in parts for at, byte in enumerate(each.data, each.start)}
-        area, db, write = last.area, last.db, found.write
-        frames = {frame for each in (*parts, write) for frame in (each.request, each.response)}
-        args = {
-            "device": reader.server.ip, "controller": reader.client.ip, "case": case,
-            "jobs": len({each.request for each in parts}), "first": byte_notation(area, db, found.first),
-            "first_value": values[found.first], "second": byte_notation(area, db, found.second),
-            "second_value": values[found.second], "write": write.request,
-            "frames": sorted(each for each in frames if each is not None),
-        }  # fmt: skip
         frame = last.request if last.response is None else last.response
+        ends = {"device": reader.server.ip, "controller": reader.client.ip}
+        args = ends | _arguments(found, parts, put.parts if put else ())
         place.mixed.append((found, Remark("DS905", frame, args, job=job)))
+        return True
 
     def _two_writers(self, job: Job, access: Access, memory: Memory) -> None:
         """Another station wrote other values to the same bytes, not long before."""
@@ -278,7 +272,7 @@ class Moments:
             stations = sorted((job.connection.client.ip, connection.client.ip))
             args = {
                 "device": job.partner.ip, "controller": stations[0], "other": stations[1],
-                "byte": byte_notation(access.area, access.db, first + at),
+                "byte": byte_text(access.area, access.db, first + at),
             }  # fmt: skip
             key = (_key(job.connection), access.area, access.db, *stations)
             self._notes.add("DS907", key, access.request, args, (other.request,))
@@ -292,8 +286,8 @@ class Moments:
                 written, read = write.data[at - write.start], access.data[at - access.start]
                 if written != read:
                     args = {
-                        "device": job.partner.ip, "byte": byte_notation(access.area, access.db, at),
-                        "written": written, "read": read, "by": write.request,
+                        "device": job.partner.ip, "controller": job.asker.ip,
+                        "byte": byte_text(access.area, access.db, at), "written": written, "read": read, "by": write.request,
                     }  # fmt: skip
                     frame = access.response or access.request
                     self._told.append(Remark("DS916", frame, args, job=job))
@@ -306,14 +300,14 @@ class Moments:
         if whole is None:
             return
         job, address = whole.parts[-1].job, whole.address
-        self._split(whole, job, notation(address))
+        self._split(whole, job, text(address))
         parts = whole.accesses() if job.from_client else []
         if len(parts) != len(whole.parts):
             return
         place = self._place(job, parts[0])
         if job.operation == GET:
             place.gets.append(parts)
-            self._mixed(place, job, parts, SPLIT)
+            self._mixed(place, job, parts)
         else:
             self._put(self._partners[_key(job.connection)], place, parts)
 
@@ -336,15 +330,28 @@ class Moments:
         whole = Access(
             self._number, first.connection, True, first.area, first.db, first.start,
             b"".join(each.data for each in parts), min(each.asked_ns for each in parts),
-            max(each.answered_ns or 0 for each in parts), last.request, last.response,
+            max(each.answered_ns or 0 for each in parts), first.request, last.response,
         )  # fmt: skip
         put = _Put(parts, whole)
         place.puts.append(put)
         for read in [*place.gets, *([each] for each in place.memory.reads(whole))]:
-            found = place.memory.mixed(read, put.parts, put.whole)
             reader = partner.connections.get(read[0].connection)
-            if found is not None and reader is not None:
-                self._tell(place, reader, None, found, read, SPLIT_PUT)
+            if reader is not None:
+                self._mixes(place, read, put, reader)
+
+
+def _arguments(found: Mixed, parts: Sequence[Access], put: Sequence[Access]) -> dict[str, Any]:
+    """What DS905 says: the two bytes, the write, and all frames."""
+    values = {at: byte for each in parts for at, byte in enumerate(each.data, each.start)}
+    area, db, write = parts[0].area, parts[0].db, found.write
+    jobs = len({each.request for each in parts})
+    frames = {frame for each in (*parts, *put, write) for frame in (each.request, each.response)}
+    return {
+        "case": SPLIT_PUT if put else SPLIT if jobs > 1 else ONE_JOB, "jobs": jobs,
+        "first": byte_text(area, db, found.first), "first_value": values[found.first],
+        "second": byte_text(area, db, found.second), "second_value": values[found.second],
+        "write": write.request, "frames": sorted(each for each in frames if each is not None),
+    }  # fmt: skip
 
 
 def _key(connection: Connection) -> _Key:

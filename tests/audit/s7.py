@@ -1,0 +1,562 @@
+"""What findings DS9xx claim, decided anew from the frames of S7 (`s7_wire`).
+
+Whether data is of two moments is decided by trying all orders (`s7_moment`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import groupby
+from typing import Any
+
+from tests.audit import s7_wire
+from tests.audit.reading import Finding, Reading
+from tests.audit.s7_moment import Happened, was_there
+from tests.audit.s7_wire import Item, Job, Line, Part
+
+MOST = 60
+"""Frames that a finding of many names."""
+SECOND = 10**9
+Auditor = Callable[["Case"], Iterator[str]]
+AUDITORS: dict[str, Auditor] = {}
+
+
+class Case:
+    """A finding and the connections of its capture."""
+
+    def __init__(self, finding: Finding, lines: list[Line], block: int | None) -> None:
+        self.finding, self.lines, self.block = finding, lines, block
+        self.args: dict[str, Any] = finding.args
+        self.frame = finding.frame
+
+    def wrong(self, **truth: Any) -> Iterator[str]:
+        """A complaint for each argument that is not the truth."""
+        for name, value in truth.items():
+            if self.args.get(name, "missing") != value:
+                yield f"{name} {self.args.get(name)!r} is {value!r}"
+
+    def ends(self, line: Line, by_client: bool) -> Iterator[str]:
+        """Who asks, and who should answer."""
+        both = line.client[0], line.server[0]
+        yield from self.wrong(controller=both[not by_client], device=both[by_client])
+
+    def jobs(self) -> Iterator[Job]:
+        for line in self.lines:
+            yield from line.jobs
+
+    def asked(self) -> list[Job]:
+        return [each for each in self.jobs() if each.asked.number == self.frame]
+
+    def answered(self) -> list[Job]:
+        return [
+            each for each in self.jobs() if each.answered and each.answered.number == self.frame
+        ]
+
+
+def auditor(rule: str) -> Callable[[Auditor], Auditor]:
+    def enter(function: Auditor) -> Auditor:
+        AUDITORS[rule] = function
+        return function
+
+    return enter
+
+
+def of(finding: Finding, reading: Reading, block: int | None = None) -> Iterator[str]:
+    """What is not so of a finding; `block` is what the user chose."""
+    lines = reading.__dict__.get("s7")
+    if lines is None:
+        lines = reading.__dict__["s7"] = s7_wire.read(reading.capture.frames)
+    yield from AUDITORS[finding.rule](Case(finding, lines, block))
+
+
+def _best(case: Case, found: list[Iterator[str]]) -> Iterator[str]:
+    """The complaints about the thing that the finding means: the one with the fewest."""
+    told = [list(each) for each in found]
+    yield from min(told, key=len) if told else ["nothing of the kind is in the capture"]
+
+
+def _many(case: Case, frames: list[list[int]], count: int | None = None) -> Iterator[str]:
+    """How often, and in which frames first: those of each time stand together."""
+    kept: list[int] = []
+    for some in frames:
+        kept += [each for each in some if each not in kept][: MOST - len(kept)]
+    yield from case.wrong(count=len(frames) if count is None else count, frames=sorted(kept))
+
+
+# Jobs
+
+
+@auditor("DS901")
+def _unanswered(case: Case) -> Iterator[str]:
+    def each(job: Job) -> Iterator[str]:
+        yield from case.ends(job.line, job.by_client)
+        yield from case.wrong(operation=job.name, area=job.area)
+        if job.answered:
+            yield f"it is answered in frame {job.answered.number}"
+
+    yield from _best(case, [each(job) for job in case.asked()])
+
+
+@auditor("DS908")
+def _item(case: Case) -> Iterator[str]:
+    def each(job: Job) -> Iterator[str]:
+        failed = [i for i in job.items if i.code == case.args.get("code") and i.code != 0xFF]
+        yield from case.ends(job.line, job.by_client)
+        yield from case.wrong(operation=job.name, area=s7_wire.listed(failed))
+
+    yield from _best(case, [each(job) for job in case.answered()])
+
+
+@auditor("DS909")
+def _refused(case: Case) -> Iterator[str]:
+    def each(job: Job) -> Iterator[str]:
+        yield from case.ends(job.line, job.by_client)
+        yield from case.wrong(operation=job.name, area=job.area, code=job.error)
+
+    yield from _best(case, [each(job) for job in case.answered() if job.error])
+
+
+@auditor("DS906")
+def _several(case: Case) -> Iterator[str]:
+    def each(line: Line, by_client: bool) -> Iterator[str]:
+        jobs = [j for j in line.jobs if j.by_client is by_client and j.good and len(j.items) > 1]
+        yield from case.ends(line, by_client)
+        yield from _many(case, [[job.asked.number] for job in jobs])
+        if case.frame not in {job.asked.number for job in jobs}:
+            yield "no such job is in this frame"
+
+    yield from _best(case, [each(line, way) for line in case.lines for way in (True, False)])
+
+
+@auditor("DS903")
+def _block(case: Case) -> Iterator[str]:
+    """The block itself is known only where the user chose it."""
+
+    def each(line: Line, by_client: bool, text: str) -> Iterator[str]:
+        jobs = [
+            (job, item)
+            for job in line.jobs
+            for item in job.items
+            if job.by_client is by_client and item.text() == text and item.code == 0xFF
+            and job.name == case.args.get("operation")
+        ]  # fmt: skip
+        yield from case.ends(line, by_client)
+        yield from case.wrong(block=case.block, case="block_chosen", frame=None, name=None)
+        yield from _many(case, [_frames(job) for job, _ in jobs])
+        for job, item in jobs[:1]:
+            yield from case.wrong(bytes=item.size)
+            if job.asked.number != case.frame:
+                yield f"the first one is in frame {job.asked.number}"
+            if case.block is None or item.size <= case.block:
+                yield "it is not larger than the block"
+        if not jobs:
+            yield "there is no such area"
+
+    text = str(case.args.get("area"))
+    yield from _best(case, [each(line, way, text) for line in case.lines for way in (True, False)])
+
+
+def _frames(job: Job) -> list[int]:
+    return [each.number for each in (job.asked, job.answered) if each]
+
+
+# Areas in parts
+
+
+def _room(job: Job) -> int:
+    length = job.line.length
+    if length is None:
+        return 1 << 30
+    return length - (12 + 16 * len(job.items) if job.write else 14 + 4 * len(job.items))
+
+
+def _follows(before: Job, job: Job, more: bool) -> bool:
+    last, first = before.items[-1], job.items[0]
+    since = before.answered or before.asked
+    return (
+        before.write is job.write and (last.area, last.db, last.end) == (first.area, first.db, first.start)
+        and 10 * sum(each.size for each in before.items) >= 9 * _room(before)
+        and job.asked.time_ns - since.time_ns <= SECOND and not (more and len(before.items) > 1)
+    )  # fmt: skip
+
+
+def areas(line: Line, by_client: bool) -> Iterator[list[Job]]:
+    """Areas that were split: their jobs."""
+    parts: list[Job] = []
+    for job in [each for each in line.jobs if each.by_client is by_client and each.items]:
+        if parts and _follows(parts[-1], job, len(parts) > 1):
+            parts.append(job)
+            continue
+        if len(parts) > 1 and all(each.good for each in parts):
+            yield parts
+        parts = [job]
+    if len(parts) > 1 and all(each.good for each in parts):
+        yield parts
+
+
+def _area(parts: list[Job]) -> str:
+    items = [parts[0].items[-1], *(each.items[0] for each in parts[1:])]
+    return Item(
+        items[0].area, items[0].db, items[0].start, 2, sum(each.size for each in items)
+    ).text()
+
+
+@auditor("DS904")
+def _split(case: Case) -> Iterator[str]:
+    def each(line: Line, by_client: bool) -> Iterator[str]:
+        found = [
+            parts for parts in areas(line, by_client)
+            if _area(parts) == case.args.get("area") and parts[0].name == case.args.get("operation")
+        ]  # fmt: skip
+        if not found:
+            yield "no area in parts is like that"
+            return
+        yield from case.ends(line, by_client)
+        yield from case.wrong(jobs=len(found[0]))
+        yield from _many(case, [[f for job in parts for f in _frames(job)] for parts in found])
+        if case.frame != found[0][0].asked.number:
+            yield f"the first one begins in frame {found[0][0].asked.number}"
+
+    yield from _best(case, [each(line, way) for line in case.lines for way in (True, False)])
+
+
+# Moments
+
+
+def _values(job: Job, place: str) -> dict[int, int]:
+    """The bytes of one memory that a job reads or writes; `place` is what stands in front of the address."""
+    found: dict[int, int] = {}
+    for item in job.items:
+        front = Item(item.area, item.db, 0, 2, 2).text().partition("B0..")[0]
+        if front == place and item.data is not None and (job.write or item.code == 0xFF):
+            start = item.start // 8
+            if item.kind == 1:
+                return {}
+            found |= dict(enumerate(item.data, start))
+    return found
+
+
+@auditor("DS905")
+def _moments(case: Case) -> Iterator[str]:
+    place, names = _bytes(case)
+    jobs = sorted(case.jobs(), key=lambda each: each.asked.number)
+    frames = set(case.args.get("frames") or ())
+    named = [each for each in jobs if set(_frames(each)) <= frames]
+    reads = [each for each in named if not each.write and _values(each, place)]
+    puts = [each for each in named if each.write]
+    if not reads or len(names) != 2:
+        yield "no reads are in these frames"
+        return
+    read: dict[int, int] = {}
+    for job in reads:
+        read |= {at: value for at, value in _values(job, place).items() if at in names}
+        yield from case.ends(job.line, job.by_client)
+    yield from case.wrong(jobs=len(reads))
+    if [read.get(at) for at in names] != [case.args.get(f"{n}_value") for n in ("first", "second")]:
+        yield f"the two bytes were read as {read}"
+        return
+    writes = [each for each in puts if each.asked.number == case.args.get("write")]
+    written = puts if case.args.get("case") == "mixed_put" else writes
+    if not writes or not {at for each in written for at in _values(each, place)} & set(names):
+        yield "the write does not write one of the two bytes"
+    whole = puts if case.args.get("case") == "mixed_put" else []
+    if case.args.get("case") != (
+        "mixed_put" if whole else "mixed_split" if len(reads) > 1 else "mixed_job"
+    ):
+        yield "the case is another one"
+    if {f for job in (*reads, *puts) for f in _frames(job)} != frames or case.frame not in frames:
+        yield "the frames are others"
+    if not whole and len(puts) != 1:
+        yield "there are several writes"
+    last = max(job.answered.number for job in reads if job.answered)
+    if case.frame != last:
+        yield f"the last part was read in frame {last}"
+    yield from _together(case, jobs, reads, whole, place, read)
+
+
+def _bytes(case: Case) -> tuple[str, list[int]]:
+    found = [str(case.args.get(name)).rpartition("B") for name in ("first", "second")]
+    if found[0][0] != found[1][0] or not all(each[2].isdigit() for each in found):
+        return "", []
+    return found[0][0], [int(each[2]) for each in found]
+
+
+def _together(
+    case: Case,
+    jobs: list[Job],
+    reads: list[Job],
+    whole: list[Job],
+    place: str,
+    read: dict[int, int],
+) -> Iterator[str]:
+    begin = min(each.asked.time_ns for each in reads)
+    end = max(each.answered.time_ns for each in reads if each.answered)
+    server = reads[0].line.server
+    happened: list[Happened] = []
+    before: dict[int, int] = {}
+    merged: dict[int, int | None] = {}
+    for job in sorted(jobs, key=lambda each: each.answered.number if each.answered else 1 << 40):
+        values = {at: v for at, v in _values(job, place).items() if at in read}
+        if job.line.server != server or not values or job in reads:
+            continue
+        last = None if job.answered is None else job.answered.time_ns
+        if job in whole:
+            merged |= values
+        elif last is not None and last < begin:
+            before |= values
+        elif job.asked.time_ns <= end:
+            happened.append(
+                Happened(job.asked.time_ns, last, values, job.write, job.write and not job.good)
+            )
+    if merged:
+        first, last = whole[0].asked.time_ns, max(j.answered.time_ns for j in whole if j.answered)
+        happened.append(Happened(first, last, merged))
+    if len(happened) > 6:
+        yield f"{len(happened)} accesses are too many to try all orders"
+    elif was_there(read, begin, end, happened, before):
+        yield "there is a moment at which both were there"
+
+
+@auditor("DS907")
+def _writers(case: Case) -> Iterator[str]:
+    names = {case.args.get("controller"), case.args.get("other")}
+    place, _, at = str(case.args.get("byte")).rpartition("B")
+    writes = [
+        job for job in sorted(case.jobs(), key=lambda each: each.answered.number if each.answered else 0)
+        if job.write and job.good and job.line.server[0] == case.args.get("device")
+        and job.line.client[0] in names
+    ]  # fmt: skip
+    found = []
+    for n, job in enumerate(writes):
+        for other in writes[:n]:
+            mine, theirs = _values(job, place), _values(other, place)
+            differ = [b for b in mine.keys() & theirs.keys() if mine[b] != theirs[b]]
+            near = other.answered and job.asked.time_ns - other.answered.time_ns <= SECOND
+            if differ and near and job.line.client[0] != other.line.client[0]:
+                found.append((job, other, min(differ)))
+                break
+    if not found:
+        yield "no two stations write other values to the same bytes"
+        return
+    job, _, byte = found[0]
+    yield from case.wrong(controller=min(map(str, names)), other=max(map(str, names)))
+    yield from _many(case, [[one.asked.number, two.asked.number] for one, two, _ in found])
+    if not at.isdigit() or int(at) != byte or job.asked.number != case.frame:
+        yield f"it is byte {byte} in frame {job.asked.number}"
+
+
+@auditor("DS916")
+def _readback(case: Case) -> Iterator[str]:
+    place, _, at = str(case.args.get("byte")).rpartition("B")
+    if not at.isdigit():
+        yield "is no byte"
+        return
+    reads = [j for j in case.answered() if int(at) in _values(j, place) and not j.write]
+    writes = [j for j in case.jobs() if j.write and j.good and int(at) in _values(j, place)]
+    earlier = [w for w in writes if w.answered and w.answered.number < case.frame]
+    if not reads or not earlier:
+        yield "nothing was read, or nothing written"
+        return
+    last = max(earlier, key=lambda each: each.asked.number)
+    yield from case.ends(reads[0].line, reads[0].by_client)
+    yield from case.wrong(
+        by=last.asked.number,
+        written=_values(last, place)[int(at)],
+        read=_values(reads[0], place)[int(at)],
+    )
+    if case.args.get("written") == case.args.get("read"):
+        yield "both are equal"
+
+
+# PDUs and connections
+
+
+@auditor("DS902")
+def _long(case: Case) -> Iterator[str]:
+    def each(line: Line, by_client: bool) -> Iterator[str]:
+        if line.length is None or line.setup is None:
+            yield "there is no setup"
+            return
+        pdus = [
+            (frame.number, size) for frame, client, size in line.pdus
+            if client is by_client and size > line.length and frame.number > line.setup.number
+        ]  # fmt: skip
+        most = max((size for _, size in pdus), default=0)
+        yield from case.wrong(
+            device=line.server[0], sender=(line.client if by_client else line.server)[0],
+            agreed=line.length, frame=line.setup.number, size=most,
+        )  # fmt: skip
+        yield from _many(case, [[frame] for frame, _ in pdus])
+        if case.frame != next((frame for frame, size in pdus if size == most), None):
+            yield "the longest one is in another frame"
+
+    yield from _best(case, [each(line, way) for line in case.lines for way in (True, False)])
+
+
+@auditor("DS914")
+def _crowd(case: Case) -> Iterator[str]:
+    def each(line: Line) -> Iterator[str]:
+        most, frame = 0, 0
+        for job in line.jobs:
+            there = [
+                j for j in line.jobs
+                if j.by_client and j.asked.number <= job.asked.number
+                and (j.answered is None or j.answered.number > job.asked.number)
+            ]  # fmt: skip
+            if len(there) > most and all(j.answered for j in there):
+                most, frame = len(there), job.asked.number
+        yield from case.ends(line, True)
+        yield from case.wrong(most=most, agreed=line.parallel)
+        if case.frame != frame:
+            yield f"the most are open in frame {frame}"
+        frames = case.args.get("frames") or []
+        if case.args.get("count") != len(frames) or frame not in frames:
+            yield "count is not that of the frames"
+        if not set(frames) <= {job.asked.number for job in line.jobs}:
+            yield "the frames are others"
+        if line.parallel is None or most <= line.parallel:
+            yield "so many were agreed"
+
+    yield from _best(case, [each(line) for line in case.lines])
+
+
+@auditor("DS915")
+def _setup(case: Case) -> Iterator[str]:
+    ends = case.args.get("controller"), case.args.get("device")
+    found = [
+        line for line in case.lines
+        if line.length is None and line.jobs and (line.client[0], line.server[0]) == ends
+    ]  # fmt: skip
+    firsts = [[min(job.asked.number for job in line.jobs)] for line in found]
+    if [case.frame] not in firsts:
+        yield "no connection without a setup begins so"
+    yield from _many(case, firsts)
+
+
+@auditor("DS917")
+def _connection(case: Case) -> Iterator[str]:
+    def told(line: Line) -> tuple[str, int, int]:
+        if line.refused:
+            return "refused_setup", line.refused.number, line.refusal
+        behind = "" if line.tsap is not None else "_tcp"
+        if line.dr and not line.cc:
+            return f"refused_disconnect{behind}", line.dr.number, line.reason
+        if line.cr and not line.cc:
+            why = "reset" if line.reset else "no_confirm"
+            return f"refused_{why}{behind}", line.cr.number, 0
+        return (f"refused_reset{behind}", line.reset.number, 0) if line.reset else ("", 0, 0)
+
+    key = [case.args.get(name) for name in ("controller", "device", "case")]
+    found = [
+        line for line in case.lines
+        if not line.jobs and [line.client[0], line.server[0], told(line)[0]] == key
+        and (None if line.tsap is None else line.tsap.hex(".").upper()) == case.args.get("tsap")
+    ]  # fmt: skip
+    yield from _many(case, [[told(line)[1]] for line in found])
+    if not found or case.frame != told(found[0])[1]:
+        yield "no connection is refused in this frame"
+        return
+    tsap, code = found[0].tsap, told(found[0])[2]
+    rack, slot = divmod(tsap[1], 32) if tsap and len(tsap) == 2 and tsap[0] else (None, None)
+    yield from case.wrong(rack=rack, slot=slot, code=code)
+
+
+# BSEND and USEND
+
+
+def transfers(line: Line) -> Iterator[list[Part]]:
+    """The BSEND of a connection, each by its segments: the first one has a sum."""
+    by_id = sorted(line.parts, key=lambda each: (each.by_client, each.r_id, each.frame.number))
+    for _, parts in groupby(by_id, key=lambda each: (each.by_client, each.r_id)):
+        open_parts: list[Part] = []
+        for part in parts:
+            if part.total is not None and open_parts:
+                yield open_parts
+                open_parts = []
+            open_parts.append(part)
+        yield open_parts
+
+
+def _transfers(case: Case, each: Callable[[Line, list[Part]], Iterator[str]]) -> Iterator[str]:
+    def one(line: Line, parts: list[Part]) -> Iterator[str]:
+        yield from case.ends(line, parts[0].by_client)
+        yield from case.wrong(r_id=parts[0].r_id)
+        yield from each(line, parts)
+
+    yield from _best(case, [one(line, parts) for line in case.lines for parts in transfers(line)])
+
+
+@auditor("DS910")
+def _whole(case: Case) -> Iterator[str]:
+    def each(_: Line, parts: list[Part]) -> Iterator[str]:
+        size, total = sum(part.size for part in parts), parts[0].total
+        first = parts[0].assigned
+        truth = None
+        if not parts[-1].last:
+            truth = "bsend_open"
+        elif size != total:
+            truth = "bsend_sum"
+        elif any(part.sequence != first for part in parts[1:]):
+            truth = "bsend_sequence"
+        yield from case.wrong(
+            case=truth, size=size, total=total, segments=len(parts), first=parts[0].frame.number
+        )
+        if case.frame != parts[-1].frame.number:
+            yield "its last segment is in another frame"
+
+    yield from _transfers(case, each)
+
+
+@auditor("DS911")
+def _silent(case: Case) -> Iterator[str]:
+    def each(_: Line, parts: list[Part]) -> Iterator[str]:
+        silent = [part.frame.number for part in parts if part.answered is None]
+        yield from case.wrong(count=len(silent), segments=len(parts), frames=silent)
+        if not silent or case.frame != silent[0]:
+            yield "the first one without is in another frame"
+
+    yield from _transfers(case, each)
+
+
+@auditor("DS912")
+def _in_use(case: Case) -> Iterator[str]:
+    def each(line: Line, parts: list[Part]) -> Iterator[str]:
+        if case.args.get("case") == "r_id_refused":
+            refused = [part for part in parts if part.error]
+            if not refused or refused[0].answered is None:
+                yield "it is not refused"
+                return
+            yield from case.wrong(code=refused[0].error, frame=None)
+            if case.frame != refused[0].answered.number:
+                yield "it is refused in another frame"
+            return
+        yield from case.wrong(case="r_id_open", code=None)
+        if case.frame != parts[0].frame.number:
+            yield "it begins in another frame"
+        before = [
+            other for other in transfers(line)
+            if other[0].frame.number == case.args.get("frame") and other is not parts
+            and (other[0].r_id, other[0].by_client) == (parts[0].r_id, parts[0].by_client)
+        ]  # fmt: skip
+        if not before or parts[0].frame.number <= before[0][0].frame.number:
+            yield "no earlier one begins there"
+        elif before[0][-1].last and before[0][-1].answered:
+            yield "the earlier one was over"
+
+    yield from _transfers(case, each)
+
+
+@auditor("DS913")
+def _shape(case: Case) -> Iterator[str]:
+    for line in case.lines:
+        for n, sent in enumerate(line.sent):
+            if sent.frame.number != case.frame or sent.r_id != case.args.get("r_id"):
+                continue
+            same = [
+                s for s in line.sent[:n] if (s.r_id, s.by_client) == (sent.r_id, sent.by_client)
+            ]
+            yield from case.ends(line, sent.by_client)
+            before = same[-1] if same else sent
+            yield from case.wrong(now=sent.sizes, before=before.sizes, first=before.frame.number)
+            return
+    yield "no such USEND is in this frame"

@@ -1,0 +1,356 @@
+"""S7 communication of a capture, read anew: TCP in the order of its numbers, TPKT, COTP, PDUs, jobs, BSEND, USEND.
+
+For captures without loss; where bytes are missing, a connection says so and nothing more of it is read.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from tests.audit.wire import Frame
+
+PORT = 102
+CR, CC, DR, DT = 0xE0, 0xD0, 0x80, 0xF0
+JOB, ACK, ANSWER, USER = 1, 2, 3, 7
+READ, WRITE, SETUP = 4, 5, 0xF0
+BITS = {1: 1, 2: 8, 3: 8, 4: 16, 5: 16, 6: 32, 7: 32, 8: 32, 0x1C: 16, 0x1D: 16}
+LETTERS = {1: "X", 2: "B", 3: "B", 4: "W", 5: "W", 6: "D", 7: "D", 8: "D"}
+AREAS = {0x80: "P", 0x81: "I", 0x82: "Q", 0x83: "M", 0x84: "DB", 0x85: "DI", 0x1C: "C", 0x1D: "T"}
+
+
+@dataclass
+class Item:
+    """A variable of a job; `start` counts bits, of timers and counters elements."""
+
+    area: int
+    db: int
+    start: int
+    kind: int
+    count: int
+    code: int | None = None
+    data: bytes | None = None
+
+    @property
+    def elements(self) -> bool:
+        return self.area in (0x1C, 0x1D)
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return (self.count * BITS.get(self.kind, 8) + 7) // 8
+
+    @property
+    def end(self) -> int:
+        return self.start + self.count * (1 if self.elements else BITS.get(self.kind, 8))
+
+    def text(self) -> str:
+        """As a program of a PLC writes it."""
+        letter = AREAS[self.area]
+        if self.elements:
+            return f"{letter}{self.start}" + (
+                f"..{self.start + self.count - 1}" if self.count > 1 else ""
+            )
+        front = f"{letter}{self.db}.{letter}" if letter in ("DB", "DI") else letter
+        byte, bit = divmod(self.start, 8)
+        if self.count == 1 and self.kind == 1:
+            return f"{front}{'X' if '.' in front else ''}{byte}.{bit}"
+        if self.count == 1:
+            return f"{front}{LETTERS[self.kind]}{byte}"
+        return f"{front}B{byte}..{byte + self.size - 1}"
+
+
+@dataclass
+class Job:
+    """A read or write."""
+
+    line: Line
+    by_client: bool
+    write: bool
+    reference: int
+    asked: Frame
+    items: list[Item]
+    answered: Frame | None = None
+    error: int = 0
+    refused: bool = False
+
+    @property
+    def good(self) -> bool:
+        return (
+            self.answered is not None and not self.error and all(i.code == 0xFF for i in self.items)
+        )
+
+    @property
+    def name(self) -> str:
+        return "PUT" if self.write else "GET"
+
+    @property
+    def area(self) -> str:
+        """What it names, four variables at the most."""
+        return listed(self.items)
+
+
+def listed(items: list[Item]) -> str:
+    texts = [each.text() for each in items]
+    return ", ".join([*texts[:4], "..."] if len(texts) > 4 else texts) or "?"
+
+
+@dataclass
+class Part:
+    """A segment of a BSEND."""
+
+    frame: Frame
+    by_client: bool
+    reference: int
+    sequence: int
+    last: bool
+    r_id: int
+    total: int | None
+    size: int
+    answered: Frame | None = None
+    assigned: int | None = None
+    error: int = 0
+
+
+@dataclass
+class Sent:
+    """A USEND."""
+
+    frame: Frame
+    by_client: bool
+    r_id: int
+    sizes: list[int]
+
+
+@dataclass
+class Line:
+    """A TCP connection."""
+
+    client: tuple[str, int]
+    server: tuple[str, int]
+    cr: Frame | None = None
+    cc: Frame | None = None
+    dr: Frame | None = None
+    reason: int = 0
+    """Of DR."""
+    reset: Frame | None = None
+    refused: Frame | None = None
+    """The answer that refuses the setup,"""
+    refusal: int = 0
+    """and its class and code."""
+    tsap: bytes | None = None
+    length: int | None = None
+    parallel: int | None = None
+    setup: Frame | None = None
+    lacks: bool = False
+    jobs: list[Job] = field(default_factory=list)
+    pdus: list[tuple[Frame, bool, int]] = field(default_factory=list)
+    """Frame, who sends, bytes."""
+    parts: list[Part] = field(default_factory=list)
+    sent: list[Sent] = field(default_factory=list)
+    others: int = 0
+
+
+class _Way:
+    """One direction of a connection."""
+
+    def __init__(self) -> None:
+        self.next: int | None = None
+        self.early: dict[int, bytes] = {}
+        self.bytes = b""
+        self.part = b""
+
+    def take(self, number: int, data: bytes, opens: bool) -> None:
+        if opens:
+            self.next = (number + 1) & 0xFFFFFFFF
+            return
+        if self.next is None:
+            self.next = number
+        self.early[number] = data
+        while True:
+            for begin in list(self.early):
+                behind = (self.next - begin) & 0xFFFFFFFF
+                if behind < 1 << 31:
+                    piece = self.early.pop(begin)[behind:]
+                    self.bytes += piece
+                    self.next = (self.next + len(piece)) & 0xFFFFFFFF
+                    break
+            else:
+                return
+
+
+def read(frames: list[Frame], ports: tuple[int, ...] = (PORT,)) -> list[Line]:
+    """All connections, in the order of their first frames."""
+    open_lines: dict[frozenset[tuple[str, int]], tuple[Line, dict[bool, _Way]]] = {}
+    found: list[Line] = []
+    for frame in frames:
+        packet = _ip(frame)
+        if len(packet) < 40 or packet[0] >> 4 != 4 or packet[9] != 6:
+            continue
+        head = (packet[0] & 15) * 4
+        whole = packet[head : struct.unpack_from(">H", packet, 2)[0]]
+        source_port, target_port, number = struct.unpack_from(">HHI", whole)
+        if not {source_port, target_port} & set(ports):
+            continue
+        flags, data = whole[13], whole[(whole[12] >> 4) * 4 :]
+        ends = [".".join(map(str, packet[at : at + 4])) for at in (12, 16)]
+        source, target = (ends[0], source_port), (ends[1], target_port)
+        key = frozenset((source, target))
+        opens = bool(flags & 2)
+        if key not in open_lines or (opens and not flags & 16):
+            client, server = (target, source) if source_port in ports else (source, target)
+            made = Line(client, server)
+            found.append(made)
+            open_lines[key] = made, {True: _Way(), False: _Way()}
+        line, ways = open_lines[key]
+        by_client = source == line.client
+        if flags & 4:
+            line.reset = line.reset or frame
+        if data or opens:
+            ways[by_client].take(number, data, opens)
+            for payload in _tpkts(ways[by_client]):
+                _cotp(line, ways[by_client], by_client, frame, payload)
+    for line, ways in open_lines.values():
+        line.lacks = any(way.early or way.bytes for way in ways.values())
+    return [each for each in found if each.cr or each.reset or each.pdus]
+
+
+def _ip(frame: Frame) -> bytes:
+    data = frame.data
+    if frame.link == 1:
+        return data[14:] if data[12:14] == b"\x08\x00" else b""
+    if frame.link == 0:
+        return data[4:]
+    return data if frame.link in (101, 228) else b""
+
+
+def _tpkts(way: _Way) -> Iterator[bytes]:
+    while len(way.bytes) >= 4:
+        size = int.from_bytes(way.bytes[2:4])
+        if way.bytes[0] != 3 or size < 5 or len(way.bytes) < size:
+            return
+        payload, way.bytes = way.bytes[4:size], way.bytes[size:]
+        yield payload
+
+
+def _cotp(line: Line, way: _Way, by_client: bool, frame: Frame, payload: bytes) -> None:
+    head, kind = payload[0], payload[1] & 0xF0
+    if payload[1] == DR:
+        line.dr, line.reason = frame, payload[6]
+    elif kind == CR:
+        line.cr = frame
+        at = 7
+        while at + 2 <= head + 1:
+            if payload[at] == 0xC2:
+                line.tsap = payload[at + 2 : at + 2 + payload[at + 1]]
+            at += 2 + payload[at + 1]
+    elif kind == CC:
+        line.cc = frame
+    elif kind == DT:
+        way.part += payload[head + 1 :]
+        if payload[2] & 0x80:
+            data, way.part = way.part, b""
+            if data[:1] == b"\x32":
+                _pdu(line, by_client, frame, data)
+            elif data:
+                line.others += 1
+
+
+def _pdu(line: Line, by_client: bool, frame: Frame, data: bytes) -> None:
+    kind, reference, first, second = struct.unpack_from(">xBxxHHH", data)
+    line.pdus.append((frame, by_client, (12 if kind in (ACK, ANSWER) else 10) + first + second))
+    error = int.from_bytes(data[10:12]) if kind in (ACK, ANSWER) else 0
+    head = 12 if kind in (ACK, ANSWER) else 10
+    parameter, content = data[head : head + first], data[head + first : head + first + second]
+    if kind == JOB and parameter[:1] in (bytes((READ,)), bytes((WRITE,))):
+        _ask(line, by_client, frame, reference, parameter, content)
+    elif kind in (ACK, ANSWER):
+        _answer(line, by_client, frame, reference, error, parameter, content)
+    elif kind == USER:
+        _user(line, by_client, frame, reference, parameter, content)
+
+
+def _ask(
+    line: Line, by_client: bool, frame: Frame, reference: int, parameter: bytes, content: bytes
+) -> None:
+    items, at = [], 2
+    for _ in range(parameter[1]):
+        size = parameter[at + 1]
+        if parameter[at + 2] == 0x10:
+            kind, count, db, place = struct.unpack_from(">BHHI", parameter, at + 3)
+            items.append(Item(place >> 24, db, place & 0xFFFFFF, kind, count))
+        at += 2 + size
+    write = parameter[0] == WRITE
+    if write:
+        for item, (_, data) in zip(items, _values(content), strict=False):
+            item.data = data
+    line.jobs.append(Job(line, by_client, write, reference, frame, items))
+
+
+def _answer(
+    line: Line, by_client: bool, frame: Frame, reference: int, error: int, parameter: bytes, content: bytes
+) -> None:  # fmt: skip
+    for job in reversed(line.jobs):
+        if job.reference != reference or job.by_client is by_client:
+            continue
+        if job.answered is None:
+            job.answered, job.error = frame, error
+            if error:
+                return
+            if job.write:
+                for item, code in zip(job.items, content, strict=False):
+                    item.code = code
+            else:
+                for item, (code, data) in zip(job.items, _values(content), strict=False):
+                    item.code, item.data = code, data if code == 0xFF else None
+        return
+    if parameter[:1] == bytes((SETUP,)):
+        line.parallel, _, line.length = struct.unpack_from(">HHH", parameter, 2)
+        line.setup = frame
+    elif error and line.setup is None:
+        line.refused, line.refusal = frame, error
+
+
+def _values(content: bytes) -> Iterator[tuple[int, bytes]]:
+    at = 0
+    while at + 4 <= len(content):
+        code, kind, length = struct.unpack_from(">BBH", content, at)
+        size = (length + 7) // 8 if kind in (3, 4, 5) else length
+        if code not in (0, 0xFF):
+            size = 0
+        if kind == 3:
+            size = length
+        yield code, content[at + 4 : at + 4 + size]
+        at += 4 + size + size % 2
+
+
+def _user(
+    line: Line, by_client: bool, frame: Frame, reference: int, parameter: bytes, content: bytes
+) -> None:
+    if parameter[:6] == b"\0\1\x12\6\x13\0":
+        sizes, at = [], 4
+        for _ in range(int.from_bytes(content[2:4])):
+            size = int.from_bytes(content[at + 2 : at + 4])
+            size = size if content[at + 1] > 5 else size // 8
+            sizes.append(size)
+            at += 4 + size + size % 2
+        line.sent.append(Sent(frame, by_client, int.from_bytes(parameter[6:10]), sizes))
+    elif parameter[5:7] == b"\x46\1":
+        first = not parameter[7]
+        total = int.from_bytes(content[12:14]) if first else None
+        size = len(content) - (14 if first else 12)
+        line.parts.append(
+            Part(
+                frame, by_client, reference, parameter[7], not parameter[9],
+                int.from_bytes(content[8:12]), total, size,
+            )
+        )  # fmt: skip
+    elif parameter[5:7] == b"\x86\1":
+        for part in reversed(line.parts):
+            if part.reference == reference and part.by_client is not by_client:
+                part.answered, part.assigned = frame, parameter[7]
+                part.error = int.from_bytes(parameter[10:12])
+                return
+    else:
+        line.others += 1
