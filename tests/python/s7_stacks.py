@@ -22,7 +22,9 @@ AREAS = {"I": 0x81, "Q": 0x82, "M": 0x83, "DB": 0x84, "C": 0x1C, "T": 0x1D}
 BITS = {1: 1, 2: 8, 3: 8, 4: 16, 5: 16, 6: 32, 7: 32, 8: 32, 0x1C: 16, 0x1D: 16}
 """Bits of an element by transport size."""
 JOB, ACK, ANSWER, USERDATA = "1", "2", "3", "7"
-GET, PUT = "0x04", "0x05"
+GET, PUT = 4, 5
+RESPONSE = ("8", "2")
+"""The type of user data: tshark 4.0 shows the four bits above the group, 4.4 and later the first two of them."""
 FIELDS = (
     "frame.number", "tcp.stream", "tcp.srcport", "s7comm.header.rosctr", "s7comm.header.pduref",
     "s7comm.header.errcls", "s7comm.header.errcod", "s7comm.param.func", "s7comm.param.itemcount",
@@ -167,12 +169,12 @@ def read_jobs(tshark: Callable[..., str], path: Path) -> list[Job]:
     """The reads and writes of a capture by tshark: an answer belongs to the open request of its number."""
     found: list[Job] = []
     still: dict[tuple[int, int], Job] = {}
-    for row in rows(tshark, path, FIELDS, "s7comm.header.rosctr in {1, 2, 3}"):
+    for row in rows(tshark, path, FIELDS, "s7comm.header.rosctr < 7"):
         key = int(row["tcp.stream"]), int(row["s7comm.header.pduref"])
-        kind, function = row["s7comm.header.rosctr"], row["s7comm.param.func"]
+        kind, function = row["s7comm.header.rosctr"], numbers(row["s7comm.param.func"])
         frame = int(row["frame.number"])
-        if kind == JOB and function in (GET, PUT):
-            job = Job(function == PUT, read_items(row), key[0], frame, reference=key[1])
+        if kind == JOB and function in ([GET], [PUT]):
+            job = Job(function == [PUT], read_items(row), key[0], frame, reference=key[1])
             job.values = split(row["s7comm.resp.data"]) if job.put else []
             found.append(job)
             still[key] = job
@@ -215,7 +217,7 @@ def read_transfers(tshark: Callable[..., str], path: Path) -> list[Transfer]:
     owner: dict[str, Transfer] = {}
     for row in rows(tshark, path, SEGMENT_FIELDS, only):
         reference, port = row["s7comm.header.pduref"], row["tcp.srcport"]
-        if row["s7comm.param.userdata.type"] == "8":
+        if row["s7comm.param.userdata.type"] in RESPONSE:
             owner[reference].acknowledged += 1
             owner[reference].errors += [
                 each for each in numbers(row["s7comm.param.errcod"]) if each
