@@ -114,7 +114,7 @@ build/oracles/%/.installed: tools/oracles/%.txt
 
 oracles: $(STAMP) build/oracles/snap7-pure/.installed build/oracles/snap7-cpp/.installed
 	$(BIN)/python tools/oracles/record.py $(ORACLES) build/oracles/snap7-pure/bin/python build/oracles/snap7-cpp/bin/python
-	DS47_S7_STACKS=$(ORACLES) $(BIN)/python -m pytest -q tests/python/test_wireshark_s7.py
+	DS47_S7_STACKS=$(ORACLES) $(BIN)/python -m pytest -q tests/python/test_s7_oracles.py tests/python/test_wireshark_s7.py
 
 system:
 	@tools/system-packages.sh "$(PYTHON)" "$(BIN)/python"

@@ -1,6 +1,6 @@
-"""The captures of two S7 stacks: what their log says was asked, and what tshark reads, in the same shape.
+"""The captures of two S7 stacks: what their log says was asked, what tshark reads and what ds47 says, alike.
 
-The log has no decoder in it (tools/oracles/record.py), tshark is another's. What ds47 says is not here.
+The log has no decoder in it (tools/oracles/record.py), tshark is another's, and nothing here decodes for ds47.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
+
+from ds47.model import CaptureResult, Item
 
 STORED = Path(__file__).resolve().parents[2] / "captures" / "s7-stacks"
 FOLDER = Path(os.environ.get("DS47_S7_STACKS", STORED))
@@ -49,7 +51,7 @@ class Job:
     put: bool
     items: list[tuple[int, int, int, int]]
     stream: int = 0
-    """Number of the TCP connection, from 0."""
+    """Number of the TCP connection, from 0, among those that have a job."""
     asked: int = 0
     """Frame of the request; 0 in the log, which knows none,"""
     answered: int = 0
@@ -169,12 +171,14 @@ def read_jobs(tshark: Callable[..., str], path: Path) -> list[Job]:
     """The reads and writes of a capture by tshark: an answer belongs to the open request of its number."""
     found: list[Job] = []
     still: dict[tuple[int, int], Job] = {}
+    streams: dict[int, int] = {}
     for row in rows(tshark, path, FIELDS, "s7comm.header.rosctr < 7"):
         key = int(row["tcp.stream"]), int(row["s7comm.header.pduref"])
         kind, function = row["s7comm.header.rosctr"], numbers(row["s7comm.param.func"])
         frame = int(row["frame.number"])
         if kind == JOB and function in ([GET], [PUT]):
-            job = Job(function == [PUT], read_items(row), key[0], frame, reference=key[1])
+            stream = streams.setdefault(key[0], len(streams))
+            job = Job(function == [PUT], read_items(row), stream, frame, reference=key[1])
             job.values = split(row["s7comm.resp.data"]) if job.put else []
             found.append(job)
             still[key] = job
@@ -234,3 +238,35 @@ def read_transfers(tshark: Callable[..., str], path: Path) -> list[Transfer]:
         if int(row["s7comm.param.userdata.lastdataunit"], 0) == 0:
             still.pop(port).total = numbers(row["s7comm.pbc.req.bsend.len"])[0]
     return found
+
+
+def our_jobs(result: CaptureResult) -> list[Job]:
+    """The reads and writes of a capture by ds47, in the order of their requests."""
+    asked = [
+        each
+        for each in result.transactions
+        if each.operation in ("get", "put") and each.frames.write_request
+    ]
+    asked.sort(key=lambda each: each.frames.write_request or 0)
+    streams: dict[int | None, int] = {}
+    return [
+        Job(
+            each.operation == "put",
+            [our_item(item) for item in each.items],
+            streams.setdefault(each.connection, len(streams)),
+            each.frames.write_request or 0,
+            each.frames.read_response or 0,
+            each.request_reference or 0,
+            each.error or 0,
+            [item.code for item in each.items if item.code is not None],
+            [item.value.hex() for item in each.items if item.value],
+        )
+        for each in asked
+    ]
+
+
+def our_item(item: Item) -> tuple[int, int, int, int]:
+    """An item of ds47 as (area, block, first bit or element, bytes)."""
+    area, start = AREAS[item.area or ""], item.start or 0
+    first = start if item.area in ("C", "T") else start * 8 + (item.bit or 0)
+    return area, item.db or 0, first, item.length or 0
