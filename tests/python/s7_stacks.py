@@ -89,8 +89,8 @@ def logged(name: str) -> list[tuple[dict[str, Any], list[Job]]]:
     streams: dict[int, int] = {}
     found = []
     for line in lines(name):
-        stream = streams.setdefault(line["end"], len(streams))
-        if line["call"] in ("read", "write", "read_many", "write_many", "cpu"):
+        if line["jobs"] and line["call"] != "bsend":
+            stream = streams.setdefault(line["end"], len(streams))
             jobs = [
                 Job(
                     "write" in line["call"],

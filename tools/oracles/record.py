@@ -309,12 +309,16 @@ def merged(talk: Talk, client: str, server: str) -> None:
 
 @scene("parallel_pure_cpp")
 def parallel(talk: Talk, client: str, server: str) -> None:
-    """It sends jobs at once where many items need many, whatever number of jobs was agreed."""
+    """It sends jobs at once where many items need many, whatever number of jobs was agreed.
+
+    Whether an answer comes in between is up to the server: eight times, so that once it does not.
+    """
     talk.server(server)
     end = talk.client(client, 240)
     items = [("DB", 1, 100 * n, 80) for n in range(6)]
     jobs = [[["DB", 1, 100 * n, 80], ["DB", 1, 100 * n + 100, 80]] for n in (0, 2, 4)]
-    talk.read_many(end, items, jobs)
+    for _ in range(8):
+        talk.read_many(end, items, jobs)
 
 
 @scene("short_cpp_pure")
@@ -363,10 +367,14 @@ def polled(talk: Talk, client: str, server: str) -> None:
     )
 )
 def between(talk: Talk, reader: str, writer: str, server: str) -> None:
-    """A read by two jobs, and a write of another client between them: into both parts, or into one."""
+    """A read by two jobs, and a write of another client between them: into both parts, or into one.
+
+    It is read before, too: so the capture has what the write changes.
+    """
     talk.server(server)
     one, two = talk.client(reader, 480), talk.client(writer, 480)
     start, size = {"torn": (454, 16), "newer": (462, 8), "older": (454, 8)}[talk.name.split("_")[0]]
+    talk.read(one, "DB", 1, 0, 600)
     talk.read(one, "DB", 1, 0, 462)
     talk.write(
         two, "DB", 1, start, bytes(255 - each for each in content(1000)[start : start + size])
@@ -381,6 +389,7 @@ def between_writes(talk: Talk, writer: str, reader: str, server: str) -> None:
     one, two = talk.client(writer, 480), talk.client(reader, 480)
     most = WRITES[writer][480]
     data = bytes(255 - each for each in content(600))
+    talk.read(two, "DB", 1, most - 20, 40)
     talk.write(one, "DB", 1, 0, data[:most])
     talk.read(two, "DB", 1, most - 20, 40)
     talk.write(one, "DB", 1, most, data[most:])
