@@ -14,11 +14,13 @@
 #   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, and the JSON Schemas
 #   make screenshot take the README's picture of Wireshark again
 #   make readme     put the present report into README.md
+#   make oracles    record the two S7 stacks anew and compare what they did with what is said of it (Linux)
 #   make constraints  resolve constraints.txt anew
 #   make clean      remove what the targets above made
 #
 # PYTHON=... chooses the interpreter, ARGS=... goes to pytest, which runs in one process with PARALLEL= (empty);
 # MATRIX=trixie chooses of the matrix, PYTHONS=forky of the Pythons.
+# ORACLES=... is where `make oracles` puts captures: captures/s7-stacks takes them over.
 # LUACHECK=must, MATRIX=--must and PYTHONS=--must fail where what they need is missing; otherwise they say so and go on.
 
 PYTHON ?= $(shell tools/find-python.sh)
@@ -30,6 +32,7 @@ SEED ?= 1
 MATRIX ?=
 PYTHONS ?=
 LUACHECK ?=
+ORACLES ?= build/oracles/captures
 UV_VERSION := 0.13.9
 
 VENV := .venv
@@ -43,7 +46,7 @@ export PYTHONUTF8 := 1
 .DEFAULT_GOAL := report
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: report test test-all audit lint format matrix pythons bench dist captures tables screenshot readme constraints clean \
+.PHONY: report test test-all audit lint format matrix pythons bench dist captures tables screenshot readme oracles constraints clean \
   system venv FORCE
 
 report: $(RUN)
@@ -102,6 +105,16 @@ screenshot: $(STAMP)
 
 readme: $(STAMP)
 	$(BIN)/python tools/readme_report.py
+
+# Two environments that share nothing with .venv; the package never imports what is in them.
+build/oracles/%/.installed: tools/oracles/%.txt
+	@"$(PYTHON)" -m venv --clear build/oracles/$*
+	@build/oracles/$*/bin/python -m pip install --quiet --require-hashes --no-deps --only-binary :all: -r $<
+	@touch $@
+
+oracles: $(STAMP) build/oracles/snap7-pure/.installed build/oracles/snap7-cpp/.installed
+	$(BIN)/python tools/oracles/record.py $(ORACLES) build/oracles/snap7-pure/bin/python build/oracles/snap7-cpp/bin/python
+	DS47_S7_STACKS=$(ORACLES) $(BIN)/python -m pytest -q tests/python/test_s7_oracles.py tests/python/test_wireshark_s7.py
 
 system:
 	@tools/system-packages.sh "$(PYTHON)" "$(BIN)/python"

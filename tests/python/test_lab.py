@@ -57,7 +57,7 @@ def test_every_rule_of_the_catalogue_has_a_scenario() -> None:
     shown = {rule for each in expected for rule in each.rules | each.diagnoses}
     # two engines that differ: test_engine.py; thousands of calls at once: test_limits.py;
     # cyclic frames, of which few captures are stored: test_parameter_channels.py, test_cyclic_scenes.py;
-    # those of the stations of PROFIBUS are in test_profibus_bus.py, those of S7 in test_s7_judge.py
+    # those of the stations of PROFIBUS are in test_profibus_bus.py, those of S7 in test_s7_scenes.py
     no_capture_can_show = {"DS601", "DS109"}
     no_capture_can_show |= {
         rule for rule in rules() if rule.startswith(("DS5", "DS8", "DS9"))

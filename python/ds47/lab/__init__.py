@@ -23,7 +23,7 @@ __all__ = ["Expect", "Scenario", "scenarios", "write"]
 
 BOOKS = (
     "conversation", "cyclic_stories", "diagnoses", "diagnoses_bytes", "diagnoses_places", "diagnoses_refused",
-    "diagnoses_whole", "formats", "messages", "naming", "records", "seeds", "tour", "transport",
+    "diagnoses_whole", "formats", "messages", "naming", "records", "s7_stories", "seeds", "tour", "transport",
 )  # fmt: skip
 """The modules with scenarios."""
 _INTERFACE_STATISTICS, _ISB_IFDROP = 5, 5

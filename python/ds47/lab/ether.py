@@ -1,4 +1,4 @@
-"""Everything below RPC, as scapy layers: Ethernet, VLAN tags, Linux cooked headers, IPv4, UDP.
+"""Everything below RPC and TPKT, as scapy layers: Ethernet, VLAN tags, Linux cooked headers, IPv4, UDP, TCP.
 
 The only file of the lab that knows scapy, which is imported when a frame is made and not before.
 """
@@ -35,6 +35,27 @@ def udp(source: Host, target: Host, ports: tuple[int, int], payload: bytes) -> A
 
     head = IP(src=source.ip, dst=target.ip, id=next(source.identification) & 0xFFFF, ttl=64)
     return head / UDP(sport=ports[0], dport=ports[1]) / payload
+
+
+def tcp(
+    source: Host,
+    target: Host,
+    ports: tuple[int, int],
+    flags: str,
+    numbers: tuple[int, int],
+    payload: bytes,
+) -> Any:
+    """The IPv4 packet; ports are (source, target), numbers (sequence, acknowledged), flags letters of scapy."""
+    from scapy.layers.inet import IP, TCP
+
+    head = IP(
+        src=source.ip, dst=target.ip, id=next(source.identification) & 0xFFFF, ttl=64, flags="DF"
+    )
+    sequence, acknowledged = numbers
+    segment = TCP(
+        sport=ports[0], dport=ports[1], flags=flags, seq=sequence, ack=acknowledged, window=8192
+    )
+    return head / segment / payload
 
 
 def fragments(packet: Any, size: int | None) -> list[Any]:
