@@ -15,7 +15,7 @@ import pytest
 from frames import pcap
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from s7_talk import (
+from s7_segments import (
     ACK,
     PSH,
     RST,

@@ -340,8 +340,8 @@ def bsend_unacknowledged(client: Client) -> None:
 
 
 @BOOK.scene(
-    "DS912: it begins again before it has ended; DS910 for the first one",
-    ("bsend", "unanswered"), BSEND, rules="DS910 DS912",
+    "DS912: it begins again before it has ended, which is told of the second one",
+    ("bsend", "unanswered"), BSEND, rules="DS912",
 )  # fmt: skip
 def r_id_twice(client: Client) -> None:
     """BSEND is started again before it is done."""

@@ -287,7 +287,8 @@ class Moments:
                 if written != read:
                     args = {
                         "device": job.partner.ip, "controller": job.asker.ip,
-                        "byte": byte_text(access.area, access.db, at), "written": written, "read": read, "by": write.request,
+                        "byte": byte_text(access.area, access.db, at), "written": written, "read": read,
+                        "by": write.request,
                     }  # fmt: skip
                     frame = access.response or access.request
                     self._told.append(Remark("DS916", frame, args, job=job))
