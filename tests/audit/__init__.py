@@ -9,6 +9,7 @@ itself, as `python -m ds47` prints it, and the catalogue's names of arguments. I
     memory          which parameter is meant, and what was written to it last
     claims          what findings DS1xx to DS4xx claim
     pkw             transactions in cyclic frames, and what findings DS5xx claim
+    s7              what findings DS9xx claim; s7_wire reads their frames, s7_moment tries all orders
     causes          what diagnoses DS7xx claim
     corrected       whether a drive would take a corrected request
     words           whether a sentence says just its arguments

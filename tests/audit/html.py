@@ -56,7 +56,7 @@ def _count(label: str, told: str, deals: list[Deal]) -> Iterator[str]:
     known = [each.duration_ms for each in deals if each.duration_ms is not None]
     times = sorted(each for each in known if each >= 0)
     tests: list[tuple[str, Callable[[], object]]] = [
-        (r"drives?", lambda: len({each.device for each in deals})),
+        (r"drives?", lambda: len({each.device for each in deals if not each.s7})),
         (r"read( jobs?| transactions?)?", lambda: sum(each.operation == "read" for each in deals)),
         (r"changed?( jobs?| transactions?)?", lambda: sum(each.operation == "change" for each in deals)),
         *((form, lambda states=states: sum(each.state in states for each in deals))  # type: ignore[misc]

@@ -24,7 +24,7 @@ COUNTED = {
     r"(without an answer|unanswered|without a response|no response)": "unanswered",
     r"(overtaken|superseded)": "superseded",
     r"((answers?|responses?) without (its|their|a) request|orphans?)": "orphan",
-    r"captures? not read to (its|their) end": "unread",
+    r"captures? not read to (its|their) end": "unread", r"S7 connections?": "connections",
 }  # fmt: skip
 """Words of a count -> the state that is counted."""
 TOLD = ("refused", "error", "partial", "mismatch", "unanswered", "superseded", "orphan")
@@ -95,9 +95,11 @@ def _counts(text: str) -> Iterator[tuple[str, int]]:
         yield name, number
 
 
-def _tally(text: str, deals: list[Deal], drives: int | None) -> Iterator[str]:
+def _tally(
+    text: str, deals: list[Deal], drives: int | None, connections: int | None = None
+) -> Iterator[str]:
     states = Counter(each.state for each in deals)
-    true = {**states, "all": len(deals), "drives": drives}
+    true = {**states, "all": len(deals), "drives": drives, "connections": connections}
     told = dict(_counts(text))
     for name, number in told.items():
         if name in ("all done", "all answered", "all ok"):
@@ -107,9 +109,9 @@ def _tally(text: str, deals: list[Deal], drives: int | None) -> Iterator[str]:
         elif name == "all with a response":
             if {state for state, count in states.items() if count} - {"ok"}:
                 yield f"{name!r}, but {dict(states)}"
-            if any(each.plain["bytes"]["response"] is None for each in deals):
+            if any(each.plain["bytes"]["response"] is None for each in deals if not each.s7):
                 yield f"{name!r}, but one has none"
-        elif name in TOLD or name in ("all", "drives"):
+        elif name in TOLD or name in ("all", "drives", "connections"):
             if number != true.get(name, 0):
                 yield f"{number} {name} are {true.get(name, 0)}"
         elif name != "unread":
@@ -139,7 +141,8 @@ def _verdict(lines: list[str], reading: Reading) -> Iterator[str]:
     if word != true:
         yield f"{word!r} is {true!r}"
     if reading.deals:
-        yield from _tally(text, reading.deals, len({each.device for each in reading.deals}))
+        drives = len({each.device for each in reading.deals if not each.s7})
+        yield from _tally(text, reading.deals, drives, len(reading.plain["connections"]))
 
 
 def _drives(lines: list[str], reading: Reading) -> Iterator[str]:
@@ -174,7 +177,7 @@ def _summary(lines: list[str], reading: Reading) -> Iterator[str]:
             length = len(reading.findings)
         if int(number[1].replace(",", "")) != length:
             yield f"{number[0]}: there are {length}"
-        told = {name: int(n) for n, name in re.findall(r"(\d+) ([a-z]+)", counts)}
+        told = {name.lower(): int(n) for n, name in re.findall(r"(\d+) ([A-Za-z]+)", counts)}
         if told != dict(Counter(items)):
             yield f"{counts}: {dict(Counter(items))}"
 
@@ -435,7 +438,9 @@ def _lines(lines: list[str], reading: Reading) -> Iterator[Complaint]:
         if start:
             number = int(start[1])
         blocks.setdefault(number, []).append(line)
-    if set(blocks) - {0} != set(reading.by_id):
+    unlisted = {each.id for each in reading.deals if each.s7 and each.state == "ok"}
+    unlisted -= {each.transaction for each in reading.findings}
+    if set(blocks) - {0} | unlisted != set(reading.by_id) | unlisted:
         yield Complaint("lines", "", "not every transaction has a line")
     for number, block in blocks.items():
         deal = reading.by_id.get(number)
@@ -459,7 +464,7 @@ def _line(block: list[str], deal: Deal, reading: Reading) -> Iterator[str]:
         told = re.search(rf"{word} (\d+)", tail[3])
         if int(told[1] if told else 0) != len(pairs):
             yield f"{told[0] if told else 'nothing'}: {word} {len(pairs)} times"
-    if first.split()[1] != deal.operation:
+    if first.split()[1].lower() != deal.operation:
         yield f"does not say that it is a {deal.operation}"
     if (deal.state == "ok") is bool(re.search(rf"\[{deal.state}\b.*?\]  \d+ frame", first)):
         yield f"does not say its state {deal.state}"

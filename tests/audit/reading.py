@@ -52,7 +52,8 @@ class Deal:
         self.write_status = _status(plain["status"]["write"])
         self.read_status = _status(plain["status"]["read"])
         self.duration_ms: float | None = plain["duration_ms"]
-        self.cyclic = plain["channel"] in ("pkw", "s7")
+        self.s7 = plain["channel"] == "s7"
+        self.cyclic = self.s7 or plain["channel"] == "pkw"
         """Its messages are none of DS47: `pkw` and `s7` read them."""
         raw = {"request": None, "response": None} if self.cyclic else plain["bytes"]
         self.asked = (

@@ -1,6 +1,6 @@
 """S7 communication of a capture, read anew: TCP in the order of its numbers, TPKT, COTP, PDUs, jobs, BSEND, USEND.
 
-For captures without loss; where bytes are missing, a connection says so and nothing more of it is read.
+Bytes that no frame of the capture has are left out where a TPKT begins behind them.
 """
 
 from __future__ import annotations
@@ -73,7 +73,21 @@ class Job:
     items: list[Item]
     answered: Frame | None = None
     error: int = 0
-    refused: bool = False
+    groups: list[int] = field(default_factory=list)
+    """Of each address of the request, how many variables it names."""
+
+    def bring(self, values: list[tuple[int, bytes]]) -> None:
+        """Codes and bytes of the answer: of each variable, or of each address."""
+        if len(values) != len(self.items) and len(values) == len(self.groups):
+            rest, single = list(self.items), []
+            for number, (code, data) in zip(self.groups, values, strict=True):
+                some, rest = rest[:number], rest[number:]
+                for item in some:
+                    single.append((code, data[: item.size]))
+                    data = data[item.size :]
+            values = single
+        for item, (code, data) in zip(self.items, values, strict=False):
+            item.code, item.data = code, data if code == 0xFF else None
 
     @property
     def good(self) -> bool:
@@ -155,7 +169,9 @@ class Line:
 class _Way:
     """One direction of a connection."""
 
-    def __init__(self) -> None:
+    def __init__(self, there: list[tuple[int, int]]) -> None:
+        self.there = there
+        """Where all segments of the capture begin, and how long they are."""
         self.next: int | None = None
         self.early: dict[int, bytes] = {}
         self.bytes = b""
@@ -177,32 +193,31 @@ class _Way:
                     self.next = (self.next + len(piece)) & 0xFFFFFFFF
                     break
             else:
-                return
+                if not self.early or self.bytes or self._comes(self.next):
+                    return
+                self.next = min(self.early, key=lambda n: (n - (self.next or 0)) & 0xFFFFFFFF)
+
+    def _comes(self, number: int) -> bool:
+        return any((number - begin) & 0xFFFFFFFF < size for begin, size in self.there)
 
 
 def read(frames: list[Frame], ports: tuple[int, ...] = (PORT,)) -> list[Line]:
     """All connections, in the order of their first frames."""
     open_lines: dict[frozenset[tuple[str, int]], tuple[Line, dict[bool, _Way]]] = {}
     found: list[Line] = []
-    for frame in frames:
-        packet = _ip(frame)
-        if len(packet) < 40 or packet[0] >> 4 != 4 or packet[9] != 6:
-            continue
-        head = (packet[0] & 15) * 4
-        whole = packet[head : struct.unpack_from(">H", packet, 2)[0]]
-        source_port, target_port, number = struct.unpack_from(">HHI", whole)
-        if not {source_port, target_port} & set(ports):
-            continue
-        flags, data = whole[13], whole[(whole[12] >> 4) * 4 :]
-        ends = [".".join(map(str, packet[at : at + 4])) for at in (12, 16)]
-        source, target = (ends[0], source_port), (ends[1], target_port)
+    segments = [each for frame in frames for each in _segments(frame, ports)]
+    there: dict[tuple[str, int], list[tuple[int, int]]] = {}
+    for _, source, _, number, _, data in segments:
+        there.setdefault(source, []).append((number, len(data)))
+    for frame, source, target, number, flags, data in segments:
         key = frozenset((source, target))
         opens = bool(flags & 2)
         if key not in open_lines or (opens and not flags & 16):
-            client, server = (target, source) if source_port in ports else (source, target)
+            client, server = (target, source) if source[1] in ports else (source, target)
             made = Line(client, server)
             found.append(made)
-            open_lines[key] = made, {True: _Way(), False: _Way()}
+            both = _Way(there.get(client, [])), _Way(there.get(server, []))
+            open_lines[key] = made, dict(zip((True, False), both, strict=True))
         line, ways = open_lines[key]
         by_client = source == line.client
         if flags & 4:
@@ -214,6 +229,25 @@ def read(frames: list[Frame], ports: tuple[int, ...] = (PORT,)) -> list[Line]:
     for line, ways in open_lines.values():
         line.lacks = any(way.early or way.bytes for way in ways.values())
     return [each for each in found if each.cr or each.reset or each.pdus]
+
+
+_End = tuple[str, int]
+
+
+def _segments(
+    frame: Frame, ports: tuple[int, ...]
+) -> Iterator[tuple[Frame, _End, _End, int, int, bytes]]:
+    """The segment of TCP in a frame: from where, where to, number, flags, bytes."""
+    packet = _ip(frame)
+    if len(packet) < 40 or packet[0] >> 4 != 4 or packet[9] != 6:
+        return
+    head = (packet[0] & 15) * 4
+    whole = packet[head : struct.unpack_from(">H", packet, 2)[0]]
+    source_port, target_port, number = struct.unpack_from(">HHI", whole)
+    if {source_port, target_port} & set(ports):
+        ends = [".".join(map(str, packet[at : at + 4])) for at in (12, 16)]
+        source, target = (ends[0], source_port), (ends[1], target_port)
+        yield frame, source, target, number, whole[13], whole[(whole[12] >> 4) * 4 :]
 
 
 def _ip(frame: Frame) -> bytes:
@@ -274,18 +308,24 @@ def _pdu(line: Line, by_client: bool, frame: Frame, data: bytes) -> None:
 def _ask(
     line: Line, by_client: bool, frame: Frame, reference: int, parameter: bytes, content: bytes
 ) -> None:
-    items, at = [], 2
+    items: list[Item] = []
+    groups, at = [], 2
     for _ in range(parameter[1]):
-        size = parameter[at + 1]
+        size, before = parameter[at + 1], len(items)
         if parameter[at + 2] == 0x10:
             kind, count, db, place = struct.unpack_from(">BHHI", parameter, at + 3)
             items.append(Item(place >> 24, db, place & 0xFFFFFF, kind, count))
+        elif parameter[at + 2] == 0xB0:
+            for n in range(parameter[at + 3]):
+                count, db, start = struct.unpack_from(">BHH", parameter, at + 4 + 5 * n)
+                items.append(Item(0x84, db, 8 * start, 2, count))
+        groups.append(len(items) - before)
         at += 2 + size
     write = parameter[0] == WRITE
     if write:
         for item, (_, data) in zip(items, _values(content), strict=False):
             item.data = data
-    line.jobs.append(Job(line, by_client, write, reference, frame, items))
+    line.jobs.append(Job(line, by_client, write, reference, frame, items, groups=groups))
 
 
 def _answer(
@@ -302,8 +342,7 @@ def _answer(
                 for item, code in zip(job.items, content, strict=False):
                     item.code = code
             else:
-                for item, (code, data) in zip(job.items, _values(content), strict=False):
-                    item.code, item.data = code, data if code == 0xFF else None
+                job.bring(list(_values(content)))
         return
     if parameter[:1] == bytes((SETUP,)):
         line.parallel, _, line.length = struct.unpack_from(">HHH", parameter, 2)

@@ -23,7 +23,9 @@ from ds47.spec import rules
 ROOT = Path(__file__).parents[2]
 SHARED = ROOT.parent / "shared" / "captures"
 STORED = sorted(
-    path for path in [*ROOT.glob("captures/*.pcap*"), *ROOT.glob("captures/real-stacks/*.pcapng")]
+    path
+    for folder in (".", "real-stacks", "s7-stacks")
+    for path in (ROOT / "captures" / folder).glob("*.pcap*")
 )
 OTHERS = sorted(SHARED.rglob("*.pcap*")) if SHARED.is_dir() else []
 HEAVY = ("reverse-3000.pcap.gz", "ipfrag-silent.pcap")
