@@ -20,12 +20,20 @@ BIG = make.ethernet(0x0800, make.ipv4(make.udp(make.rpc(make.UUID_LITTLE))), (0x
 FRAGMENT = make.ethernet(0x0800, make.ipv4(bytes(48), offset=1480, more=True))
 OTHER_PORT = make.ethernet(0x0800, make.ipv4(make.udp(make.rpc(), (1, 2))), (0x9100,))
 TCP = make.ethernet(0x0800, make.ipv4(bytes(60), proto=6))
+SEGMENT = make.ethernet(0x0800, make.ipv4(struct.pack(">2H", 49152, 102) + bytes(36), proto=6))
+BACK = make.ethernet(
+    0x0800, make.ipv4(struct.pack(">2H", 1102, 2000) + bytes(36), proto=6), (0x8100,)
+)
+PART = make.ethernet(
+    0x0800, make.ipv4(struct.pack(">2H", 102, 102) + bytes(36), proto=6, more=True)
+)
 ALARM = make.ethernet(0x8892, b"\xfe\x01" + bytes(44))
 TAGGED_DCP = make.ethernet(0x8892, b"\xfe\xfc" + bytes(44), (0x8100,))
 SLL_CALL = bytes(14) + b"\x08\x00" + make.ipv4(make.udp(make.rpc()))
 SHAPES = (
     make.RT, make.RT_TAGGED, make.DNS, make.DCP, make.LLDP, CALL, BIG, FRAGMENT, OTHER_PORT, TCP,
-    ALARM, TAGGED_DCP, SLL_CALL, make.RT[:15], make.RT_TAGGED[:19], make.RT[:14], b"", CALL[:70],
+    SEGMENT, BACK, PART, SEGMENT[:36], ALARM, TAGGED_DCP, SLL_CALL, make.RT[:15], make.RT_TAGGED[:19],
+    make.RT[:14], b"", CALL[:70],
 )  # fmt: skip
 
 
@@ -42,6 +50,7 @@ frame = st.builds(
 )
 traffic = st.lists(st.one_of(frame, st.sampled_from(SHAPES)), max_size=30)
 orders = st.sampled_from("<>")
+wanted_ports = st.sampled_from(((), (102,), (1102, 102), (0,), tuple(range(96, 103))))
 kinds = st.sampled_from((0xA1B2C3D4, 0xA1B23C4D, 0xA1B2CD34))
 links = st.sampled_from((1, 113, 276, 101, 147))
 cuts = st.sampled_from((0, 0, 14, 18, 40, 60, 70, 82))
@@ -83,6 +92,17 @@ def pcap_scanner(order: str, magic: int, link: int) -> Callable[[ModuleType], An
     return made
 
 
+def for_ports(
+    make_scanner: Callable[[ModuleType], Any], ports: tuple[int, ...]
+) -> Callable[[ModuleType], Any]:
+    def made(module: ModuleType) -> Any:
+        scanner = make_scanner(module)
+        scanner.tcp(ports)
+        return scanner
+
+    return made
+
+
 def pcapng_scanner(order: str, interfaces: list[int]) -> Callable[[ModuleType], Any]:
     def made(module: ModuleType) -> Any:
         scanner = module.PcapngScan()
@@ -113,7 +133,8 @@ def test_pcap_loops_agree(
     for _ in range(more.draw(st.integers(0, 2))):  # also lengths that lie
         if len(data) > 24:
             data[more.draw(st.integers(24, len(data) - 1))] = more.draw(st.integers(0, 255))
-    both(pcap_scanner(order, magic, link), bytes(data), pieces, plain_scan, compiled_scan)
+    made = for_ports(pcap_scanner(order, magic, link), more.draw(wanted_ports))
+    both(made, bytes(data), pieces, plain_scan, compiled_scan)
 
 
 @settings(max_examples=300, deadline=None)
@@ -127,7 +148,8 @@ def test_pcapng_loops_agree(
     for _ in range(more.draw(st.integers(0, 2))):
         if data:
             data[more.draw(st.integers(0, len(data) - 1))] = more.draw(st.integers(0, 255))
-    both(pcapng_scanner(order, interfaces), bytes(data), pieces, plain_scan, compiled_scan)
+    made = for_ports(pcapng_scanner(order, interfaces), more.draw(wanted_ports))
+    both(made, bytes(data), pieces, plain_scan, compiled_scan)
 
 
 @pytest.mark.parametrize("order", "<>")
@@ -249,6 +271,38 @@ def test_it_stops_behind_the_response_to_a_connect(
         assert scanner.paused
         assert scanner.scan(padded, len(data)) == []
         assert not scanner.paused
+
+
+@pytest.mark.parametrize("ng", [False, True])
+def test_segments_of_tcp_are_given_for_wanted_ports_alone(
+    plain_scan: ModuleType, compiled_scan: ModuleType, ng: bool
+) -> None:
+    """Either end may have the port; fragments, and what is cut before it, are never given."""
+    frames = [SEGMENT, BACK, PART, TCP, SEGMENT[:37], SEGMENT[:38], CALL]
+    for ports, wanted in (
+        ((), [7]),
+        ((102,), [1, 6, 7]),
+        ((102, 1102), [1, 2, 6, 7]),
+        ((2000,), [2, 7]),
+    ):
+        for module in (plain_scan, compiled_scan):
+            if ng:
+                data, scanner = enhanced(frames, "<", 0, 1), pcapng_scanner("<", [1])(module)
+            else:
+                data, scanner = make.pcap(frames), pcap_scanner("<", 0xA1B2C3D4, 1)(module)
+            scanner.tcp(ports)
+            found = scanner.scan(data + bytes(scan.PADDING), len(data))
+            assert [each[0] for each in found] == wanted
+            tcp = [
+                scan.relevant(each, 0, len(each), 1, len(each), scanner.ports) for each in frames
+            ]
+            assert [number for number, each in enumerate(tcp, 1) if each] == wanted
+
+
+def test_more_ports_than_there_is_room_for_are_left_out() -> None:
+    scanner = scan.PcapScan("little", 16, 1)
+    scanner.tcp(range(1, 40))
+    assert scanner.ports == scan.tcp_ports(range(1, 17))
 
 
 def test_a_buffer_without_room_is_refused() -> None:

@@ -17,7 +17,7 @@ import click
 from ds47.capture.names import STDIN
 from ds47.cli.common import color, format_option, stdout, warn
 from ds47.cli.options import analysis_options, fail_on_option, options_from
-from ds47.model import SEVERITIES
+from ds47.model import S7, SEVERITIES
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
@@ -81,7 +81,7 @@ def command(
 
     analysis = options_from(**options)
     name = source or "+".join(interfaces)
-    show = _show(format_name, name, lang)
+    show = _show(format_name, name, lang, analysis.channels == (S7,))
     watch = _Watch(name, analysis, show, lang)
     try:
         if source:
@@ -97,7 +97,7 @@ def command(
     return int(fail_on != "never" and show.tally.worst() >= SEVERITIES.index(fail_on))
 
 
-def _show(format_name: str, name: str, lang: str) -> Show:
+def _show(format_name: str, name: str, lang: str, only_s7: bool) -> Show:
     from ds47 import spec
     from ds47.report import Options
     from ds47.watch.show import NdjsonShow, TextShow
@@ -105,7 +105,8 @@ def _show(format_name: str, name: str, lang: str) -> Show:
     stream = stdout()
     if format_name == "ndjson":
         return NdjsonShow(stream, name, sys.stderr, lang)
-    return TextShow(stream, Options(color=color(stream), rules=spec.rules(), lang=lang))
+    options = Options(color=color(stream), rules=spec.rules(), lang=lang, s7=only_s7)
+    return TextShow(stream, options)
 
 
 @contextmanager
@@ -147,9 +148,12 @@ class _Watch:
         duration: float | None,
     ) -> int:
         """Captures with dumpcap. Raises DumpcapError."""
+        from ds47.s7.choices import PORT
         from ds47.watch import dumpcap
 
-        words = dumpcap.arguments(interfaces, capture_filter, duration)
+        wanted = S7 in self._options.channels
+        ports = (PORT, *self._options.s7.ports) if wanted else ()
+        words = dumpcap.arguments(interfaces, capture_filter, duration, ports)
         with dumpcap.Dumpcap(dumpcap.find(program), words) as running:
             return self.run(running.output.fileno(), running)
 

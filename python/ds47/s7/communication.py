@@ -27,7 +27,7 @@ class Communication(Quiet):
         choices: of the user; None where nobody wants to hear of S7.
         bounds: how much is kept.
         over: is told of each job that is over, with what is wrong with it,
-        remark: and of what is wrong otherwise, or with a job that was over before.
+        remark: and of what is wrong otherwise. What shows when a job is over already belongs to no transaction.
     """
 
     def __init__(
@@ -77,4 +77,7 @@ class Communication(Quiet):
         if isinstance(job, Job) and job.phase != "closed":
             self._said.setdefault(job, []).append(remark)
         else:
+            remark.job = (
+                None  # handed out already, where transactions are: everywhere else, too, then
+            )
             self._remark(remark)

@@ -20,16 +20,17 @@ _TAGGED_DCP = (
     "ether proto 0x8892 and ((ether[14:2] >= 0xfefc and ether[14:2] <= 0xfeff) or "
     "(ether[18:2] >= 0xfefc and ether[18:2] <= 0xfeff))"
 )
-CAPTURE_FILTER = (
-    f"udp or ether proto 0x88cc or ({_DCP.format(14)}) or "
-    f"(vlan and (udp or ether proto 0x88cc or ({_TAGGED_DCP})))"
+_FILTER = (
+    f"udp{{0}} or ether proto 0x88cc or ({_DCP.format(14)}) or "
+    f"(vlan and (udp{{0}} or ether proto 0x88cc or ({_TAGGED_DCP})))"
 )
+CAPTURE_FILTER = _FILTER.format("")
 """UDP (all fragments of it), LLDP and DCP, with and without a VLAN tag; not the cyclic data, which is most.
 
 `vlan` comes last because everything behind it is looked for behind a tag. A frame id may stand at 14
 in a tagged frame too, where the card has taken the tag away.
 """
-_COOKED_FILTER = "udp"
+_COOKED_FILTER = "udp{0}"
 """For devices without Ethernet headers: `vlan` and `ether[]` are errors there."""
 _COOKED = ("any",)
 _SECONDS_TO_END = 5
@@ -71,12 +72,19 @@ def find(program: str | None = None) -> str:
 
 
 def arguments(
-    interfaces: Sequence[str], capture_filter: str | None, duration: float | None = None
+    interfaces: Sequence[str],
+    capture_filter: str | None,
+    duration: float | None = None,
+    tcp_ports: Sequence[int] = (),
 ) -> list[str]:
-    """What to tell dumpcap, after its name. An empty filter captures everything."""
+    """What to tell dumpcap, after its name. An empty filter captures everything.
+
+    `tcp_ports` are captured where no filter is given.
+    """
     if capture_filter is None:
         cooked = any(name in _COOKED for name in interfaces)
-        capture_filter = _COOKED_FILTER if cooked else CAPTURE_FILTER
+        tcp = "".join(f" or tcp port {port}" for port in tcp_ports)
+        capture_filter = (_COOKED_FILTER if cooked else _FILTER).format(tcp)
     words = ["-q", "-w", "-"]
     if capture_filter:
         words += ["-f", capture_filter]  # before -i: for all interfaces

@@ -76,7 +76,7 @@ class Tally:
 
 
 class TextShow(text.Writer):
-    """A line per transaction, findings below; summaries on the same stream."""
+    """A line per transaction, of S7 where it has findings, findings below; summaries on the same stream."""
 
     def __init__(self, stream: TextIO, options: Options | None = None) -> None:
         super().__init__(stream, options)
@@ -86,7 +86,8 @@ class TextShow(text.Writer):
     def finished(self, transaction: Transaction, findings: list[Finding]) -> None:
         """A transaction is finished."""
         self.tally.transaction(transaction)
-        self._transaction(transaction)
+        if self._is_listed(transaction):
+            self._transaction(transaction)
         for each in findings:
             self.found(each)
 
@@ -130,6 +131,7 @@ class TextShow(text.Writer):
         width = max((len(escape(each.ip)) for each in result.devices), default=0)
         for each in result.devices:
             self._line(f"  {escape(each.ip):<{width}}{about(each, self.options.lang)}".rstrip())
+        self._connections(result)
         self._line()
         if result.dropped:
             lost = self._say("machine_dropped", n=result.dropped)
