@@ -6,7 +6,7 @@ What is decided is conservative: where it is open what a write did, and when, th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 
@@ -103,11 +103,11 @@ class Question:
             at for at, byte in before.items()
             if self._has(at) and self._values[at - self._start] != byte
         )  # fmt: skip
-        writes = [each for each in others if each.write]
+        apart = _apart([each for each in others if each.write])
         self._events = [
             event
             for each in others
-            if each.asked_ns <= self.end and (event := self._event(each, writes)).cover
+            if each.asked_ns <= self.end and (event := self._event(each, apart)).cover
         ]
         times = {time for each in self._events for time in (each.asked, each.answered)}
         self._moments = sorted({self.begin, *(t for t in times if self.begin <= t <= self.end)})
@@ -139,10 +139,8 @@ class Question:
                 mask |= 1 << at - self._start
         return mask
 
-    def _event(self, access: Access, writes: Sequence[Access]) -> _Event:
-        whole = access.write and not any(
-            access.meets(each) for each in writes if each.order != access.order
-        )
+    def _event(self, access: Access, apart: Collection[int]) -> _Event:
+        whole = access.write and access.order not in apart
         first = max(access.start, self._start)
         end = min(access.end, self._start + len(self._values))
         cover = span(first - self._start, end - self._start) & self.all if first < end else 0
@@ -198,6 +196,19 @@ class Question:
             if best is None or event.answered > self._events[best[0]].answered:
                 best = n, taken
         return best
+
+
+def _apart(writes: Sequence[Access]) -> set[int]:
+    """The numbers of writes that meet another one: their bytes may take effect one by one."""
+    ordered = sorted(writes, key=lambda each: each.asked_ns)
+    found: set[int] = set()
+    for n, each in enumerate(ordered):
+        for other in ordered[n + 1 :]:
+            if other.asked_ns > each.until:
+                break
+            if each.meets(other):
+                found |= {each.order, other.order}
+    return found
 
 
 def span(first: int, end: int) -> int:

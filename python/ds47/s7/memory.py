@@ -5,7 +5,9 @@ Bounded: of what is long over only the last values are kept. What is of one mome
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from math import inf
 from typing import NamedTuple
 
 from ds47.s7.consistency import Access, Question, span
@@ -29,6 +31,12 @@ class Image:
         self.known = 0
         """Bit n: whether the value of byte n is known."""
         self._values = bytearray()
+
+    def copy(self) -> Image:
+        """The same, to change."""
+        other = Image()
+        other.known, other._values = self.known, self._values[:]
+        return other
 
     def put(self, access: Access) -> None:
         """From now on the bytes have these values."""
@@ -73,6 +81,7 @@ class Memory:
         self._history: list[Access] = []
         self._open: dict[int, Access] = {}
         self._lost: list[Access] = []
+        self._reads: deque[Access] = deque(maxlen=most)
         self._since = -1
         """All accesses that may have been in force after this time are known."""
         self.foreign = 0
@@ -104,10 +113,12 @@ class Memory:
             self._latest.forget(span(write.start, write.end))
 
     def read(self, read: Access) -> None:
-        """Bytes were read."""
-        if not self._latest.same(read):
-            self._unexplained(read)
-            self._latest.put(read)
+        """Bytes were read; what says nothing new does not count as evidence."""
+        self._reads.append(read)
+        if self._latest.same(read):
+            return
+        self._unexplained(read)
+        self._latest.put(read)
         if read.asked_ns > self._since:
             self._keep(read)
 
@@ -116,6 +127,7 @@ class Memory:
         self._since = max(self._since, time_ns)
         self._before, self._latest = Image(), Image()
         self._history.clear()
+        self._reads.clear()
 
     def writes(self) -> Iterator[Access]:
         """The latest writes that were answered."""
@@ -123,11 +135,11 @@ class Memory:
 
     def reads(self, whole: Access) -> list[Access]:
         """The latest reads that met a write."""
-        return [each for each in self._history if not each.write and each.meets(whole)]
+        return [each for each in self._reads if each.meets(whole)]
 
     def unread(self, read: Access) -> Iterator[Access]:
         """Writes whose values a read should have, as nobody wrote after them, and which no read has met before."""
-        there = [each for each in self._all() if _share(each, read)]
+        there = [each for each in (*self._all(), *self._reads) if _share(each, read)]
         for write in self.writes():
             later = [each for each in there if each.until >= write.asked_ns and each is not write]
             if (
@@ -146,45 +158,49 @@ class Memory:
             instead: the parts of a write that wants to be one,
             whole: and the write as one.
         """
-        begin = min(each.asked_ns for each in parts)
-        if begin <= self._since or (whole is not None and whole.asked_ns <= self._since):
-            return None
+        one = [] if whole is None else [whole]
+        begin = min(each.asked_ns for each in (*parts, *one))
         left_out = {each.order for each in (*parts, *instead)}
-        others = [each for each in self._all() if each.order not in left_out]
-        if whole is not None:
-            others.append(whole)
-        if not any(each.write and _between(each, parts) for each in others):
+        writes = [each for each in self._all() if each.write and each.order not in left_out]
+        if begin <= self._since or not any(_between(each, parts) for each in (*writes, *one)):
             return None
+        before, later = self._settled(begin)
+        others = [*(each for each in later if each.order not in left_out), *one]
         start, end = min(each.start for each in parts), max(each.end for each in parts)
-        question = Question(parts, others, self._before.within(start, end), self.foreign)
+        question = Question(parts, others, before.within(start, end), self.foreign)
         two = question.mixed()
         if two is None:
             return None
         meant = [
             each for each in others
-            if each.write and each.sure and each.asked_ns <= question.end and each.until >= question.begin
+            if each.write and each.asked_ns <= question.end and each.until >= question.begin
             and any(each.start <= at < each.end for at in two)
         ]  # fmt: skip
-        return Mixed(*two, min(meant, key=lambda each: each.asked_ns)) if meant else None
+        if not meant:
+            return None
+        return Mixed(*two, min(meant, key=lambda each: (not each.sure, each.asked_ns)))
 
     def _unexplained(self, read: Access) -> None:
         """Marks the bytes of a read whose values come from nobody who was captured."""
         differ = [at for at in self._latest.others(read) if not self.foreign >> at & 1]
         if not differ:
             return
-        others = [each for each in self._all() if _share(each, read)]
-        question = Question([read], others, self._before.within(read.start, read.end))
+        before, later = self._settled(read.asked_ns)
+        others = [each for each in later if _share(each, read)]
+        known = before.within(read.start, read.end)
+        question = Question([read], others, known)
         for at in differ:
-            if not (self._explains(at, read.data[at - read.start], others) and question.byte(at)):
+            value = read.data[at - read.start]
+            if not (_explains(at, value, others, known) and question.byte(at)):
                 self.foreign |= 1 << at
 
-    def _explains(self, at: int, value: int, others: Sequence[Access]) -> bool:
-        """Whether a byte was written, and somebody but this read knows of the value."""
-        there = [each for each in others if each.start <= at < each.end]
-        if not any(each.write for each in there):
-            return False
-        known = self._before.within(at, at + 1).get(at) == value
-        return known or any(not each.known or each.data[at - each.start] == value for each in there)
+    def _settled(self, time_ns: int) -> tuple[Image, list[Access]]:
+        """What is known from before a time, and everything that may have been in force later."""
+        self._history.sort(key=lambda each: each.asked_ns)
+        cut = self._cut(len(self._history), time_ns)
+        before = self._before.copy()
+        _come_over(before, self._history[:cut])
+        return before, [*self._history[cut:], *self._open.values(), *self._lost]
 
     def _all(self) -> Iterator[Access]:
         """Everything that is kept by itself."""
@@ -200,39 +216,59 @@ class Memory:
     def _fold(self) -> None:
         """Keeps only the values of what was over before everything else began."""
         self._history.sort(key=lambda each: each.asked_ns)
-        cut = self._cut()
+        cut = self._cut(len(self._history) - self._most // 2)
         if cut:
             over, self._history = self._history[:cut], self._history[cut:]
             self._over(over)
         elif len(self._history) > 4 * self._most:
             self.forget(max(each.answered_ns or 0 for each in self._history))
 
-    def _cut(self) -> int:
-        """How many of the oldest accesses were over before all others, and those without an answer, began."""
-        begins = min((each.asked_ns for each in self._open.values()), default=None)
-        latest, found = -1.0, 0
-        for n, each in enumerate(self._history[: len(self._history) - self._most // 2], 1):
+    def _cut(self, most: int, time_ns: float = inf) -> int:
+        """How many of the oldest accesses, which are sorted, were over before a time and all others began.
+
+        Args:
+            most: at the most.
+            time_ns: that time.
+        """
+        begins = min((each.asked_ns for each in self._open.values()), default=inf)
+        latest, found = -inf, 0
+        for n, each in enumerate(self._history[:most], 1):
             latest = max(latest, each.until)
-            if begins is not None and latest >= begins:
+            if latest >= min(begins, time_ns):
                 break
-            if latest < self._history[n].asked_ns:
+            if n == len(self._history) or latest < self._history[n].asked_ns:
                 found = n
         return found
 
     def _over(self, accesses: Sequence[Access]) -> None:
-        unknown = 0
-        for n, each in enumerate(accesses):
-            if each.write and not (each.sure and each.known):
-                unknown |= span(each.start, each.end)
-            for other in accesses[n + 1 :]:
-                if other.asked_ns > each.until:
-                    break
-                if (each.write or other.write) and each.meets(other):
-                    unknown |= span(max(each.start, other.start), min(each.end, other.end))
-        for each in sorted(accesses, key=lambda each: each.until):
-            self._before.put(each)
-        self._before.forget(unknown)
+        _come_over(self._before, accesses)
         self._since = max(self._since, *(int(each.until) for each in accesses))
+
+
+def _come_over(image: Image, accesses: Sequence[Access]) -> None:
+    """Accesses, in the order of their requests, that are over: what they leave, as far as that is certain."""
+    unknown = 0
+    for n, each in enumerate(accesses):
+        if each.write and not (each.sure and each.known):
+            unknown |= span(each.start, each.end)
+        for other in accesses[n + 1 :]:
+            if other.asked_ns > each.until:
+                break
+            if (each.write or other.write) and each.meets(other):
+                unknown |= span(max(each.start, other.start), min(each.end, other.end))
+    for each in sorted(accesses, key=lambda each: each.until):
+        image.put(each)
+    image.forget(unknown)
+
+
+def _explains(at: int, value: int, others: Sequence[Access], before: Mapping[int, int]) -> bool:
+    """Whether a byte was written, and somebody but the read itself knows of the value."""
+    there = [each for each in others if each.start <= at < each.end]
+    if not any(each.write for each in there):
+        return False
+    return before.get(at) == value or any(
+        not each.known or each.data[at - each.start] == value for each in there
+    )
 
 
 def _share(one: Access, other: Access) -> bool:
