@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import itertools
+from time import monotonic
 from typing import Any
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.audit.s7_moment import Happened, was_there
@@ -116,7 +118,9 @@ def test_two_bytes_are_enough_to_tell(
     read: list[Access], writes: list[Access], before: dict[int, int]
 ) -> None:
     """What is named is true by itself, and nothing is named where all may have been there."""
-    two = Question(read, writes, before).mixed()
+    alone = Question(read, writes, before)
+    ignore = sum(1 << at for at in range(3) if not alone.byte(at))
+    two = Question(read, writes, before, ignore).mixed()
     if two is None:
         return
     assert not held(read, writes, before)
@@ -133,3 +137,23 @@ def test_two_bytes_are_enough_to_tell(
     assert not was_there(only, begin, end, happened, before)
     for at in two:
         assert was_there({at: values[at]}, begin, end, happened, before)
+
+
+@pytest.mark.parametrize("ignored", [0, 1 << 5])
+def test_bytes_that_are_ignored_prove_nothing(ignored: int) -> None:
+    read = [get(0, [1] * 5, 0, 1), get(5, [2] * 5, 10, 11)]
+    writes = [put(0, [2] * 6, 4, 5)]
+    two = Question(read, writes, {5: 1}, ignored).mixed()
+    assert (two is None) is bool(ignored)
+    assert two in (None, (4, 5))
+
+
+def test_what_would_take_too_long_counts_as_whole() -> None:
+    """Two hundred writes at once, each of all bytes, and none of them as read."""
+    length = 2_000
+    read = [get(0, [1] * length, 0, 1_000), get(length, [2] * length, 2_000, 3_000)]
+    writes = [put(0, [n % 50 + 3] * 2 * length, n, 2_500 + n) for n in range(200)]
+    began = monotonic()
+    question = Question(read, writes, {})
+    assert question.mixed() is None
+    assert monotonic() - began < 5

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Any
 
 import pytest
@@ -11,6 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ds47.findings.remark import Remark
+from ds47.s7.consistency import Access
+from ds47.s7.memory import MOST_BYTES, Memory
 from ds47.s7.model import DONE, GET, OK, PUT, UNANSWERED, Address, At, Connection, End, Item, Job
 from ds47.s7.moments import Moments
 from ds47.s7.notes import Notes
@@ -435,6 +438,69 @@ def test_not_two_writers(station: int, start: int, data: bytes, later: int) -> N
     plant.do(2, 0, b"\1\1\1")
     plant.now += later
     plant.do(station, start, data)
+    assert plant.rules() == []
+
+
+# Bounds
+
+
+def test_what_is_kept_is_bounded() -> None:
+    """Large writes that overlap, have no answer, or come to ever other blocks."""
+    memory = Memory(64)
+    data, order = bytes(60_000), count(1)
+
+    def write(asked: int, answered: int | None) -> Access:
+        number = next(order)
+        sure = answered is not None
+        return Access(number, 1, True, DB, 1, 0, data, asked, answered, number, None, sure)
+
+    for n in range(400):
+        one, lost = write(10 * n, 10 * n + 15), write(10 * n, None)
+        memory.sent(one)
+        memory.sent(lost)
+        memory.written(one)
+        memory.gave_up(lost)
+        memory.read(
+            Access(next(order), 2, False, DB, 1, 0, bytes([n & 1]) * 60_000, 10 * n, 10 * n, n, n)
+        )
+    assert sum(len(each.data) for each in memory._history) <= 5 * MOST_BYTES
+    assert sum(len(each.data) for each in memory._reads) <= MOST_BYTES
+    assert sum(len(each.data) for each in memory._lost) <= MOST_BYTES
+    assert not memory._open
+    assert memory.foreign, "writes that are remembered no more may be in force at any time"
+
+
+def test_memories_and_partners_are_bounded() -> None:
+    plant = known()
+    parts = plant.read(2, 0, SIZE)
+    next(parts)
+    plant.do(3, READ - 2, NEW[:4])
+    list(parts)
+    item = Item(Address(DB, 1, 0, 8, 1))
+    for n in range(2 * limits().s7_memories):
+        for db, server in ((2 + n, "10.0.0.100"), (1, f"10.1.{n >> 8}.{n & 255}")):
+            item = Item(Address(DB, db, 0, 8, 1), b"\0", DONE)
+            line = Connection(
+                1000 + n, End("10.0.0.9", n), End(server, 102), plant.at(), plant.at()
+            )
+            job = Job(GET, line, True, 1, plant.at(), [item])
+            plant.moments.asked(job)
+            job.answered, job.state = plant.at(), OK
+            plant.moments.over(job)
+            plant.moments.closed(line)
+    assert len(plant.moments._places) <= limits().s7_memories
+    assert len(plant.moments._partners) <= limits().s7_memories
+    assert plant.rules().count("DS905") == 1, "what was found is not lost with the memory"
+
+
+@pytest.mark.parametrize("start", [65_500, 65_536, 2_000_000])
+def test_addresses_behind_64_kilobytes_are_left_alone(start: int) -> None:
+    plant = Plant()
+    item = Item(Address(DB, 1, 8 * start, 8, 40), bytes(40))
+    job = Job(PUT, plant.station(1), True, 1, plant.at(), [item])
+    plant.moments.asked(job)
+    job.answered, job.state, item.code = plant.at(), OK, DONE
+    plant.moments.over(job)
     assert plant.rules() == []
 
 

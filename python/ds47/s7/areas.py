@@ -18,6 +18,8 @@ BITS = 0x83
 INSTANCE = 0x85
 MEMORIES = (BITS, DB, INSTANCE)
 """Areas that keep what is written; the process image and the peripherals do not."""
+MOST = 1 << 16
+"""Bytes of a memory: addresses behind it are looked at no more."""
 FULL = 90
 """Percent of the room of its PDU from which a job is a part of a larger area."""
 
@@ -76,6 +78,8 @@ def _access(job: Job, item: Item, address: Address, number: int) -> Access | Non
         return None
     start, end = address.start // 8, (address.end + 7) // 8
     data = item.value
+    if end > MOST:
+        return None
     if not whole or len(data) != end - start:
         if not write:
             return None
@@ -170,6 +174,8 @@ class Splits:
             return False
         before, behind = last.items[-1].address, job.items[0].address
         if before is None or behind is None or not before.size:
+            return False
+        if behind.area not in ELEMENTS and behind.end > 8 * MOST:
             return False
         return before.memory == behind.memory and before.end == behind.start
 

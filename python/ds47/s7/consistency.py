@@ -10,6 +10,11 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 
+MOST_STEPS = 20_000
+"""Events that are looked at to answer one question; where more would have to be, the data counts as whole."""
+_MASK = 4_096
+"""Bits of a mask that count as one step."""
+
 
 @dataclass(frozen=True, slots=True)
 class Access:
@@ -109,6 +114,8 @@ class Question:
             for each in others
             if each.asked_ns <= self.end and (event := self._event(each, apart)).cover
         ]
+        self._steps = MOST_STEPS
+        self._each = 1 + len(self._values) // _MASK
         times = {time for each in self._events for time in (each.asked, each.answered)}
         self._moments = sorted({self.begin, *(t for t in times if self.begin <= t <= self.end)})
 
@@ -169,6 +176,9 @@ class Question:
         while must or wanted & self._before:
             latest = max((self._events[n].asked for n in must), default=-inf)
             last = self._last(left, wanted, latest, earliest)
+            self._steps -= self._each * (1 + len(left))
+            if self._steps < 0:
+                return True
             if last is None:
                 return False
             n, taken = last

@@ -14,6 +14,8 @@ from ds47.s7.consistency import Access, Question, span
 
 MOST_LOST = 16
 """Writes without an answer that are remembered by themselves."""
+MOST_BYTES = 1 << 17
+"""Bytes that are remembered so: of accesses, and of reads."""
 
 
 class Mixed(NamedTuple):
@@ -81,7 +83,10 @@ class Memory:
         self._history: list[Access] = []
         self._open: dict[int, Access] = {}
         self._lost: list[Access] = []
-        self._reads: deque[Access] = deque(maxlen=most)
+        self._reads: deque[Access] = deque()
+        self._read_bytes = 0
+        self._bytes = 0
+        """Of the history."""
         self._since = -1
         """All accesses that may have been in force after this time are known."""
         self.foreign = 0
@@ -96,7 +101,7 @@ class Memory:
         if self._open.pop(write.order, None) is None:
             return
         self._lost.append(write)
-        if len(self._lost) > MOST_LOST:
+        if len(self._lost) > MOST_LOST or sum(len(each.data) for each in self._lost) > MOST_BYTES:
             oldest = self._lost.pop(0)
             self.foreign |= span(oldest.start, oldest.end)
 
@@ -115,6 +120,9 @@ class Memory:
     def read(self, read: Access) -> None:
         """Bytes were read; what says nothing new does not count as evidence."""
         self._reads.append(read)
+        self._read_bytes += len(read.data)
+        while len(self._reads) > self._most or self._read_bytes > MOST_BYTES:
+            self._read_bytes -= len(self._reads.popleft().data)
         if self._latest.same(read):
             return
         self._unexplained(read)
@@ -128,6 +136,7 @@ class Memory:
         self._before, self._latest = Image(), Image()
         self._history.clear()
         self._reads.clear()
+        self._bytes = self._read_bytes = 0
 
     def writes(self) -> Iterator[Access]:
         """The latest writes that were answered."""
@@ -210,17 +219,20 @@ class Memory:
 
     def _keep(self, access: Access) -> None:
         self._history.append(access)
-        if len(self._history) > self._most:
+        self._bytes += len(access.data)
+        if len(self._history) > self._most or self._bytes > MOST_BYTES:
             self._fold()
 
     def _fold(self) -> None:
         """Keeps only the values of what was over before everything else began."""
         self._history.sort(key=lambda each: each.asked_ns)
-        cut = self._cut(len(self._history) - self._most // 2)
+        cut = self._cut(len(self._history) - min(self._most, len(self._history)) // 2)
         if cut:
             over, self._history = self._history[:cut], self._history[cut:]
-            self._over(over)
-        elif len(self._history) > 4 * self._most:
+            self._bytes -= sum(len(each.data) for each in over)
+            _come_over(self._before, over)
+            self._since = max(self._since, *(int(each.until) for each in over))
+        elif len(self._history) > 4 * self._most or self._bytes > 4 * MOST_BYTES:
             self.forget(max(each.answered_ns or 0 for each in self._history))
 
     def _cut(self, most: int, time_ns: float = inf) -> int:
@@ -239,10 +251,6 @@ class Memory:
             if n == len(self._history) or latest < self._history[n].asked_ns:
                 found = n
         return found
-
-    def _over(self, accesses: Sequence[Access]) -> None:
-        _come_over(self._before, accesses)
-        self._since = max(self._since, *(int(each.until) for each in accesses))
 
 
 def _come_over(image: Image, accesses: Sequence[Access]) -> None:

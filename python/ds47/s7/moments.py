@@ -89,7 +89,7 @@ class Moments:
     def __init__(self, bounds: Limits, notes: Notes, readback: bool = False) -> None:
         self._bounds, self._notes, self._readback = bounds, notes, readback
         self._places: OrderedDict[tuple[_Key, int, int], _Place] = OrderedDict()
-        self._partners: dict[_Key, _Partner] = {}
+        self._partners: OrderedDict[_Key, _Partner] = OrderedDict()
         self._splits: dict[tuple[int, bool], Splits] = {}
         self._numbers: dict[Job, int] = {}
         self._number = 0
@@ -147,12 +147,8 @@ class Moments:
 
     def _heard(self, job: Job, time_ns: int) -> None:
         """Forgets a partner's memories where something was not heard, or time steps back."""
-        connection, key = job.connection, _key(job.connection)
-        partner = self._partners.get(key)
-        if partner is None:
-            partner = self._partners[key] = _Partner()
-            if len(self._partners) > self._bounds.s7_memories:
-                self._give_up(next(iter(self._partners)))
+        connection = job.connection
+        partner = self._partner(connection)
         partner.connections[connection.number] = connection
         slot = s7.place(connection.server_tsap)
         if slot is not None and len(partner.slots) < 2:
@@ -163,8 +159,18 @@ class Moments:
             self._forget(connection.server.ip, max(time_ns, partner.latest))
         partner.latest = max(time_ns, partner.latest)
 
+    def _partner(self, connection: Connection) -> _Partner:
+        """Who answers on a connection; where there are too many, the one that was heard first is forgotten."""
+        key = _key(connection)
+        partner = self._partners.get(key)
+        if partner is None:
+            if len(self._partners) >= self._bounds.s7_memories:
+                self._give_up(next(iter(self._partners)))
+            partner = self._partners[key] = _Partner()
+        self._partners.move_to_end(key)
+        return partner
+
     def _give_up(self, partner: _Key) -> None:
-        """The partner that was heard first is forgotten."""
         del self._partners[partner]
         for key in [each for each in self._places if each[0] == partner]:
             self._told += self._places.pop(key).told()
@@ -181,7 +187,7 @@ class Moments:
 
     def _of(self, job: Job, number: int) -> list[Access]:
         """What a job of a client does to memories; nothing where it is open whose they are."""
-        if not job.from_client or len(self._partners[_key(job.connection)].slots) > 1:
+        if not job.from_client or len(self._partner(job.connection).slots) > 1:
             return []
         return list(accesses(job, number))
 
@@ -254,7 +260,7 @@ class Moments:
 
     def _two_writers(self, job: Job, access: Access, memory: Memory) -> None:
         """Another station wrote other values to the same bytes, not long before."""
-        partner = self._partners[_key(job.connection)]
+        partner = self._partner(job.connection)
         for other in memory.writes():
             connection = partner.connections.get(other.connection)
             if connection is None or connection.client.ip == job.connection.client.ip:
@@ -310,7 +316,7 @@ class Moments:
             place.gets.append(parts)
             self._mixed(place, job, parts)
         else:
-            self._put(self._partners[_key(job.connection)], place, parts)
+            self._put(self._partner(job.connection), place, parts)
 
     def _split(self, whole: Whole, job: Job, area: str) -> None:
         jobs = [each.job for each in whole.parts]
