@@ -702,6 +702,8 @@ class Connection(_Plain):
     last_frame: int
     setup: int | None
     """Frame of the answer to the setup."""
+    block: int | None = None
+    """Bytes that the server copies at once, as the user says or the server itself; None where nobody does."""
     evidence: list[Evidence] = field(default_factory=list)
 
 

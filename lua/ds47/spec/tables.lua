@@ -1451,6 +1451,7 @@ M.report_words = {
   s7_order_number = {en = "{server} says in frame {frame}: order number {value}", zh = "{server} 在第 {frame} 帧中给出：订货号 {value}"},
   s7_module = {en = "{server} says in frame {frame}: {value}", zh = "{server} 在第 {frame} 帧中给出：{value}"},
   s7_consistent = {en = "{server} says in frame {frame}: reads {value} bytes consistently for a panel", zh = "{server} 在第 {frame} 帧中给出：为操作面板一致读取 {value} 字节"},
+  s7_no_block = {en = "areas larger than the block of a CPU are not told where its block is not known: --s7-cpu, --s7-block", zh = "CPU 的块大小未知时，不报告大于块的数据区：--s7-cpu、--s7-block"},
   s7_length = {en = "{n} byte|{n} bytes", zh = "{n} 字节"},
   s7_items = {en = "{n} variable|{n} variables", zh = "{n} 个变量"},
   s7_segments = {en = "{n} segment|{n} segments", zh = "{n} 段"},

@@ -538,6 +538,8 @@ CONNECTION = Shape("connection", (
     Key("first_frame", NUMBER),
     Key("last_frame", NUMBER),
     Key("setup", FRAME, "The answer to the setup."),
+    Key("block", whole(1, 0xFFFF, maybe=True),
+        "Bytes that the server copies at once, as the user says or it does itself; null where nobody does."),
     Key("evidence", many({}), "What the server says of itself.", shape=EVIDENCE),
 ), model.Connection, "A connection of S7; docs/s7.md.")  # fmt: skip
 

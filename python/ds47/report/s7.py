@@ -95,6 +95,14 @@ def evidence(result: CaptureResult) -> Iterator[Both]:
                 )  # fmt: skip
 
 
+def blocks_missing(result: CaptureResult) -> bool:
+    """Whether variables are read or written of a server of which nobody says how many bytes it copies at once."""
+    return any(
+        each.block is None and (each.read_bytes or each.written_bytes)
+        for each in result.connections
+    )
+
+
 def listed(item: Transaction, every: bool) -> bool:
     """Whether a transaction of S7 stands in a list: one with findings, or that did not go well; or `every` one."""
     return every or bool(item.findings) or item.state != "ok"

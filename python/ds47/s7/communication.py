@@ -43,8 +43,8 @@ class Communication(Quiet):
         self._remark = remark
         self._said: dict[Job, list[Remark]] = {}
         """What is wrong with jobs that are not over."""
-        blocks = Blocks(dict(choices.blocks), dict(choices.cpus), bounds.s7_memories)
-        self._judge = Judge(bounds, self._heard, blocks, choices.readback)
+        self._blocks = Blocks(dict(choices.blocks), dict(choices.cpus), bounds.s7_memories)
+        self._judge = Judge(bounds, self._heard, self._blocks, choices.readback)
         self._connections = Connections(frozenset(self.ports), bounds, (self._judge, self))
 
     def packet(self, packet: Packet) -> None:
@@ -61,7 +61,8 @@ class Communication(Quiet):
 
     def told(self) -> list[model.Connection]:
         """The connections, as the report has them."""
-        return [told(each) for each in self._connections.all()]
+        blocks = ((each, self._blocks.of(each.server.ip)) for each in self._connections.all())
+        return [told(each, None if block is None else block.size) for each, block in blocks]
 
     @property
     def left_out(self) -> int:

@@ -73,8 +73,8 @@ def _item(item: Item, sent: bool) -> model.Item:
     )
 
 
-def told(item: Connection) -> model.Connection:
-    """A connection as the report has it."""
+def told(item: Connection, block: int | None) -> model.Connection:
+    """A connection as the report has it, and how many bytes its server copies at once."""
     place, counts = s7.place(item.server_tsap), item.counts
     span = None
     if counts.timed:
@@ -108,5 +108,6 @@ def told(item: Connection) -> model.Connection:
         first_frame=item.opened.frame,
         last_frame=item.last.frame,
         setup=item.setup and item.setup.frame,
+        block=block,
         evidence=[model.Evidence(each.name, each.value, each.at.frame) for each in item.evidence],
     )
