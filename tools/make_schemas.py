@@ -56,8 +56,9 @@ def value(key: Key) -> Schema:
     """What is said of the value of a key."""
     schema = key.schema
     if key.shape is not None and not key.shape.title:
-        inner = entity(key.shape.keys)
-        schema = inner if "items" not in schema else many(inner)
+        listed = "items" in schema
+        inner = entity(key.shape.keys, own="object" if listed else schema.get("type", "object"))
+        schema = many(inner) if listed else inner
     elif key.name == "corrected":
         schema = entity(contract.CORRECTED.keys, own=["object", "null"])
     return ({"description": key.about} if key.about else {}) | schema
