@@ -56,8 +56,13 @@ def value(key: Key) -> Schema:
     """What is said of the value of a key."""
     schema = key.schema
     if key.shape is not None and not key.shape.title:
-        inner = entity(key.shape.keys)
-        schema = inner if "items" not in schema else many(inner)
+        keys = key.shape.keys
+        # a value that may be null stays one
+        schema = (
+            many(entity(keys))
+            if "items" in schema
+            else entity(keys, own=schema.get("type", "object"))
+        )
     elif key.name == "corrected":
         schema = entity(contract.CORRECTED.keys, own=["object", "null"])
     return ({"description": key.about} if key.about else {}) | schema
