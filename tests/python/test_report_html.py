@@ -41,7 +41,7 @@ from ds47.report.html.views.problems import first_screen, problems
 from ds47.report.html.views.rows import ROW, packed_rows
 from ds47.report.overview import Row, total
 from ds47.report.verdict import Counts, blind, verdict
-from ds47.spec import cyclic
+from ds47.spec import cyclic, s7
 from ds47.spec.reporting import report_words
 from ds47.spec.semantics import diagnosis_words
 from ds47.spec.statuses import status_text
@@ -515,7 +515,7 @@ SAMPLES = {
     "hex": (0x6B, "0x6B"), "hex32": (0x1C010006, "0x1C010006"), "code": (0x11, "0x11"), "vendor": (0x2A, ""),
     "info": (3, "3"), "status": ("DF80B700", "DF80B700"), "index": (0xB02E, "0xB02E"), "ms": (2.04, "2.0"),
     "ms3": (2.0404, "2.040"), "text": ("10.0.0.9", "10.0.0.9"), "line": ("x" * 101, "x" * 97 + "..."),
-    "pkw": (17, "17"), "value": (1.0, "1.0"),
+    "pkw": (17, "17"), "value": (1.0, "1.0"), "s7_item": (5, "5"), "s7_error": (0x8104, "0x8104"),
     "values": ([1, 2, 3, 4, 5], "1, 2, 3, 4, ..."), "dropped": (None, ""),
 }  # fmt: skip
 """A value of each type of argument that needs no words, and how a sentence shows it."""
@@ -533,6 +533,10 @@ def test_a_finding_with_arguments_is_worded_in_both_languages(rule):
         error = f"0x11 {spec.error_text(0x11, lang, args.get('vendor_id'))}"
         if known.args.get("code") == "pkw":
             error = f"17 {cyclic.error_text(17, lang)}"
+        if known.args.get("code") == "s7_item":
+            error = f"0x05 {s7.code_text('return_code', 5, lang)}"
+        if known.args.get("code") == "s7_error":
+            error = s7.error_text(0x8104, lang)
         drive = sentences.drive(told.get("device", ""), args.get("slot"), lang)
         assert getattr(both, lang) == template.format(**told, text=text, error=error, drive=drive)
         assert getattr(both, lang) == sentences.words(rule, args, lang)

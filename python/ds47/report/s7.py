@@ -18,7 +18,8 @@ COLUMNS = (
 """Of the table; their words are `s7_` and the name."""
 BYTES_SHOWN = 16
 """A longer value is cut, and its length stated."""
-_OK = 0xFF
+OK = 0xFF
+"""The return code of an item that went well."""
 
 
 def head() -> list[Both]:
@@ -118,7 +119,7 @@ def parts(item: Transaction, lang: str = "en") -> list[str]:
 
 def _part(item: Item, job: Transaction, lang: str) -> str:
     name = item.address or ("?" if job.r_id is None else f"R_ID {job.r_id:08X}")
-    failed = "" if item.code in (_OK, None) else " " + failure(item.code, lang)
+    failed = "" if item.code in (OK, None) else " " + failure(item.code, lang)
     if item.value is None:
         return escape(name) + failed
     return f"{escape(name)} {'=' if job.operation == 'get' else ':='} {value(item.value, lang)}{failed}"

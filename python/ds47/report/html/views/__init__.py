@@ -25,6 +25,7 @@ from ds47.report.html.views.elements import elements
 from ds47.report.html.views.findings import Group, groups
 from ds47.report.html.views.problems import Problem, first_screen, problems
 from ds47.report.html.views.rows import packed_rows
+from ds47.report.html.views.s7 import S7View
 from ds47.report.html.views.timelines import TimelineView
 from ds47.report.latency import percentile
 from ds47.report.overview import Row
@@ -125,6 +126,7 @@ class CaptureView:
     elements: int
     elements_left_out: int
     bus: BusView | None
+    s7: S7View | None
     timelines: list[TimelineView]
     plots: bool
     median: int | None
@@ -172,6 +174,7 @@ def capture_view(
         elements=len(table["rows"]),
         elements_left_out=left_out,
         bus=BusView.of(result),
+        s7=S7View.of(result),
         timelines=timelines.views(result, reference),
         plots=bool(result.transactions),
         median=percentile(durations, 50) if durations else None,

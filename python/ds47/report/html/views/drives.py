@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 
-from ds47.model import CaptureResult, Device, Transaction
+from ds47.model import S7, CaptureResult, Device, Transaction
 from ds47.report.html.texts import Both, joined, say
 from ds47.report.json import timestamp
 from ds47.report.latency import percentile
@@ -47,6 +47,8 @@ def drives(result: CaptureResult, targets: Targets | None = None) -> list[Drive]
     targets = targets or Targets(result.transactions)
     found: dict[str, Drive] = {}
     for item in result.transactions:
+        if item.channel == S7:
+            continue  # its partners are no drives
         drive = found.get(item.device)
         if drive is None:
             drive = found[item.device] = Drive(known.get(item.device) or Device(item.device))

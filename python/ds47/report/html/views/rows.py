@@ -9,12 +9,23 @@ from collections.abc import Hashable, Mapping
 from typing import Any
 
 from ds47 import spec
-from ds47.model import OPERATIONS, STATES, CaptureResult, Parameter, ParameterError, Transaction
+from ds47.model import (
+    OPERATIONS,
+    S7,
+    STATES,
+    CaptureResult,
+    Item,
+    Parameter,
+    ParameterError,
+    Transaction,
+)
 from ds47.profidrive.drive_objects import Identity
-from ds47.report import plc
+from ds47.report import plc, s7
+from ds47.report.bilingual import LANGUAGES
 from ds47.report.formatting import address, escape, value
 from ds47.report.html import messages
 from ds47.report.targets import Targets
+from ds47.spec import s7 as s7_tables
 from ds47.spec.semantics import known
 
 ROW = (
@@ -38,7 +49,8 @@ def packed_rows(result: CaptureResult, most: int, targets: Targets | None = None
         base = min((each.start_ns for each in items), default=0)
     stations = {each.ip: each.station for each in result.devices}
     targets = targets or Targets(result.transactions)
-    tables = _Tables(stations, targets, targets.labels(result.transactions))
+    connections = {each.id: s7.ends(each) for each in result.connections}
+    tables = _Tables(stations, targets, targets.labels(result.transactions), connections)
     witness = plc.Witness(result)
     rows = [_row(each, base, tables, witness) for each in items]
     return {
@@ -76,7 +88,9 @@ class _Tables:
         stations: Mapping[str, str | None],
         targets: Targets,
         labels: Mapping[Identity, str],
+        connections: Mapping[int, str],
     ) -> None:
+        self.connections = connections
         self.targets = targets
         self._labels = labels
         self._stations = stations
@@ -98,9 +112,43 @@ class _Tables:
             [f"{word:08X}", *messages.status(word)] for word in found.get("statuses", [])
         ]
         found["rules"] = [[rule, messages.rule_name(rule)] for rule in found.get("rules", [])]
-        found["addresses"] = [_address(*each) for each in found.get("addresses", [])]
-        found["errors"] = [_failed(ParameterError(*each)) for each in found.get("errors", [])]
+        found["addresses"] = [
+            _of_item(each) if isinstance(each, str) else _address(*each)
+            for each in found.get("addresses", [])
+        ]
+        found["errors"] = [
+            _code(each) if isinstance(each, int) else _failed(ParameterError(*each))
+            for each in found.get("errors", [])
+        ]
         return {"controllers": [], "channels": [], "plc": [], **found}
+
+
+def _of_item(name: str) -> list[Any]:
+    """An item of S7 in the place of a parameter: it has an address and no number."""
+    return [escape(name), None, None, None, None, "", "", None, None]
+
+
+def _code(code: int) -> list[Any]:
+    """The return code of an item, in the place of an error number."""
+    words = [s7_tables.code_text("return_code", code, lang) for lang in LANGUAGES]
+    return [f"0x{code:02X}", *words, None]
+
+
+def _item(name: str, item: Item, tables: _Tables) -> list[Any]:
+    """An item as `_parameter`: its bytes are its value."""
+    shown = [] if item.value is None else [s7.value(item.value, "en")]
+    row: list[Any] = [tables.place("addresses", name), shown, len(shown)]
+    if item.code in (None, s7.OK):
+        return row
+    return [*row, 0, tables.place("errors", item.code)]
+
+
+def _channel(item: Transaction, connections: Mapping[int, str]) -> Hashable:
+    """What a transaction went by; of S7 the ends of its connection."""
+    if item.channel == S7:
+        ends = connections.get(item.connection or 0, "")
+        return (ends, None, None, None, S7)
+    return (item.ar, item.api, item.slot, item.subslot, item.index)
 
 
 def _failed(error: ParameterError) -> list[Any]:
@@ -124,7 +172,7 @@ def _row(item: Transaction, base: int, tables: _Tables, witness: plc.Witness) ->
         STATES.index(item.state),
         place("controllers", item.controller),
         place("devices", item.device),
-        place("channels", (item.ar, item.api, item.slot, item.subslot, item.index)),
+        place("channels", _channel(item, tables.connections)),
         item.axis,
         item.request_reference,
         (item.start_ns - base) // 1000,
@@ -133,17 +181,25 @@ def _row(item: Transaction, base: int, tables: _Tables, witness: plc.Witness) ->
         frames.write_response,
         frames.read_request,
         frames.read_response,
-        frames.polls or 0,
+        item.segments or frames.polls or 0,
         frames.rereads or 0,
         None if item.write_status is None else place("statuses", item.write_status),
         None if item.read_status is None else place("statuses", item.read_status),
         _hex(item.request),
         _hex(item.response),
-        [_parameter(each, tables) for each in item.parameters],
+        _asked(item, tables),
         [place("rules", rule) for rule in item.findings],
         place("plc", witness.line(item)),
         place("objects", tables.targets.identity(item)),
     ]
+
+
+def _asked(item: Transaction, tables: _Tables) -> list[list[Any]]:
+    """The parameters of a transaction, of S7 its items."""
+    if item.channel != S7:
+        return [_parameter(each, tables) for each in item.parameters]
+    name = "?" if item.r_id is None else f"R_ID {item.r_id:08X}"
+    return [_item(each.address or name, each, tables) for each in item.items]
 
 
 def _hex(data: bytes | None) -> str | None:

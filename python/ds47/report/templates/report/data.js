@@ -54,6 +54,11 @@ class Capture {
     return this.channels[this.get(row, "channel")][4] === null;
   }
 
+  /** Whether it is a job of S7: its channel is a connection. */
+  isS7(row) {
+    return this.channels[this.get(row, "channel")][4] === "s7";
+  }
+
   /** Station name where there is one, else the IP address. */
   drive(row) {
     const [ip, station] = this.devices[this.get(row, "device")];

@@ -13,9 +13,11 @@ function steps(capture, row) {
   const verdict = (status) => (status === null ? "" : status[0] === "00000000" ? say("accepted") : `${status[0]} ${either(status, 1)}`);
   const bad = (status) => status !== null && status[0] !== "00000000";
 
-  if (capture.isPkw(row)) {
-    add(true, "pkw_request", get("write_request"));
-    add(false, "pkw_response", get("read_response"), outcome(state), ["error", "mismatch"].includes(state));
+  if (capture.isPkw(row) || capture.isS7(row)) {
+    const [asked, told] = capture.isS7(row) ? ["s7_request", "s7_response"] : ["pkw_request", "pkw_response"];
+    const silent = capture.operation(row) === "usend";
+    add(true, asked, get("write_request"));
+    if (!silent) add(false, told, get("read_response"), outcome(state), ["error", "mismatch", "partial", "refused"].includes(state));
     return list;
   }
   if (get("write_request") !== null || state === "orphan") add(true, "write_request", get("write_request"));

@@ -73,7 +73,7 @@ function what(capture, row) {
 function parameterNodes(capture, row, item) {
   const nodes = [item.text];
   const name = either(item.names);
-  if (item.values.length) nodes.push(` ${capture.operation(row) === "change" ? ":=" : "="} ${capture.valuesText(item, 4)}`);
+  if (item.values.length) nodes.push(` ${["read", "get", "vendor", "unknown"].includes(capture.operation(row)) ? "=" : ":="} ${capture.valuesText(item, 4)}`);
   if (item.error) nodes.push(" ", el("span", { class: "failed" }, capture.errorText(item.error)));
   if (name) nodes.push(" ", el("span", { class: "label" }, name));
   return nodes;
@@ -93,9 +93,9 @@ function haystack(capture, row) {
 /** An opened transaction: facts and diagram on one side, its frames on the other. */
 function detail(capture, row) {
   const id = capture.get(row, "id");
-  const [, api, slot, subslot, index] = capture.channels[capture.get(row, "channel")];
-  const channel = index === null ? "channel_pkw" : subslot === null ? "channel_dp" : "channel_text";
-  const place = say(channel, { slot, subslot, api, index: index > 255 ? `0x${index.toString(16).toUpperCase()}` : index });
+  const [ar, api, slot, subslot, index] = capture.channels[capture.get(row, "channel")];
+  const channel = index === "s7" ? "channel_s7" : index === null ? "channel_pkw" : subslot === null ? "channel_dp" : "channel_text";
+  const place = say(channel, { connection: ar, slot, subslot, api, index: index > 255 ? `0x${index.toString(16).toUpperCase()}` : index });
   const filter = displayFilter(capture.frames(row));
   const when = new Date(capture.start_ms + capture.get(row, "start") / 1000);
   const facts = [
@@ -122,9 +122,9 @@ function frameLink(capture, [frame, job]) {
   return job === null ? String(frame) : el("a", { href: `#job-${capture.number}-${job}` }, String(frame));
 }
 
-/** Request and response of PKW: four words each, as long as they stand in the cyclic frames. */
-function pkwCards(capture, row) {
-  return [["pkw_request", "write_request", "request"], ["pkw_response", "read_response", "response"]].map(([words, name, bytes]) => {
+/** Request and response of PKW, or of S7: the bytes as they stand in the frames. */
+function plainCards(capture, row, asked, told) {
+  return [[asked, "write_request", "request"], [told, "read_response", "response"]].map(([words, name, bytes]) => {
     const frame = capture.get(row, name);
     const hex = capture.get(row, bytes);
     return el("div", { class: "frame-card" },
@@ -134,7 +134,8 @@ function pkwCards(capture, row) {
 }
 
 function frameCards(capture, row) {
-  if (capture.isPkw(row)) return pkwCards(capture, row);
+  if (capture.isPkw(row)) return plainCards(capture, row, "pkw_request", "pkw_response");
+  if (capture.isS7(row)) return plainCards(capture, row, "s7_request", "s7_response");
   const parameters = capture.parameters(row);
   const status = (name) => {
     const found = capture.status(row, name);
