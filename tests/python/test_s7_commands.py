@@ -256,3 +256,52 @@ def test_a_watch_shows_what_went_wrong(said: Said, file: Path) -> None:
         )
         == 4
     )
+
+
+# Beside a drive
+
+
+def test_jobs_of_the_controller_stand_on_the_axis_of_its_drive(
+    captures: Path, tmp_path: Path
+) -> None:
+    """A read in two parts, with a write between them, while a drive runs."""
+    from ds47.capture import open_capture
+    from ds47.capture.writer import PcapngWriter
+    from ds47.report.html.views.timelines import views
+
+    source = next(
+        path for path in sorted(captures.glob("*.pcapng")) if ds47.analyze(path).timelines
+    )
+    drive = ds47.analyze(source)
+    relation = drive.relations[drive.timelines[0].relation - 1]
+    begin = drive.timelines[0].events[0].time_ns
+    plc = (relation.controller, 49152)
+    reading, writing = Talk(client=plc).opened(), Talk(client=("10.9.9.9", 2000)).opened()
+    old = bytes(222)
+    first, second = item(1, 0, 222), item(1, 222 * 8, 222)
+    reading.ask(get(1, first), got(1, entry(old))).ask(get(2, second), got(2, entry(old)))
+    reading.ask(get(3, first), got(3, entry(old)))
+    before = len(reading.shots)
+    writing.ask(put(1, item(1, 0, 4), b"\1\1\1\1"), taken(1, 255))
+    writing.ask(put(2, item(1, 222 * 8, 4), b"\1\1\1\1"), taken(2, 255))
+    reading.ask(get(4, second), got(4, entry(b"\1\1\1\1" + bytes(218))))
+    shots = [reading.frame(each) for each in reading.shots[:before]]
+    shots += [writing.frame(each) for each in writing.shots]
+    shots += [reading.frame(each) for each in reading.shots[before:]]
+    target = tmp_path / "both.pcapng"
+    with open_capture(source) as opened:
+        frames = [(each.time_ns, each.data) for each in opened.everything()]
+    frames += [(begin + 1000 * number, data) for number, data in enumerate(shots, 1)]
+    with PcapngWriter(target, link_type=1) as writer:
+        for time_ns, data in sorted(frames, key=lambda each: each[0]):
+            writer.write(time_ns, data)
+    result = ds47.analyze(target)
+    assert [each.rule for each in result.findings if each.rule in ("DS904", "DS905")] == [
+        "DS904",
+        "DS905",
+    ]
+    view = next(each for each in views(result._capture) if each.device == relation.device)
+    (lane,) = [each for each in view.drawings[0].lanes if each.name.startswith("S7 ")]
+    assert lane.name == f"S7 {relation.controller}"
+    assert [each.kind for each in lane.boxes] == ["split", "split", "mixed", "mixed"]
+    assert lane.boxes[0].title.en.startswith("#")

@@ -20,7 +20,7 @@ MEMORIES = 24
 BARS = 40
 """Of a memory; the areas that most jobs are about."""
 _MARKS = {"DS904": "split", "DS905": "mixed"}
-_WORDS = {"": "s7_mark_none", "split": "s7_mark_split", "mixed": "s7_mark_mixed"}
+WORDS = {"": "s7_mark_none", "split": "s7_mark_split", "mixed": "s7_mark_mixed"}
 _ELEMENTS = ("T", "C")
 
 
@@ -70,21 +70,34 @@ _Area = tuple[str, int, int, str]
 """Address, first byte, bytes, operation."""
 
 
-def _memories(result: CaptureResult) -> list[Memory]:
-    marked = {
+def marked(result: CaptureResult) -> dict[int, str]:
+    """The jobs, by id, of which a finding says that they are parts of an area, or that what they read is mixed."""
+    frames = {
         mark: {frame for each in result.findings if each.rule == rule for frame in each.frames}
         for rule, mark in _MARKS.items()
     }
+    found = {}
+    for each in result.transactions:
+        if each.channel == S7 and any(frames.values()):
+            told = (
+                ("mixed", "split") if each.operation == "get" else ("split",)
+            )  # what is read is mixed
+            mark = next(
+                (name for name in told if not frames[name].isdisjoint(each.frames.all())), ""
+            )
+            if mark:
+                found[each.id] = mark
+    return found
+
+
+def _memories(result: CaptureResult) -> list[Memory]:
+    jobs = marked(result)
     found: dict[tuple[str, str], Counter[_Area]] = {}
     marks: dict[tuple[str, str, _Area], str] = {}
     for each in result.transactions:
         if each.channel != S7:
             continue
-        frames = each.frames.all()
-        told = (
-            ("mixed", "split") if each.operation == "get" else ("split",)
-        )  # what is read is mixed
-        mark = next((name for name in told if not marked[name].isdisjoint(frames)), "")
+        mark = jobs.get(each.id, "")
         for item in each.items:
             area = _area(item, each)
             if area is None or item.start is None:
@@ -116,7 +129,7 @@ def _memory(
         Bar(
             escape(area[0]), area[3], jobs, 100 * (area[1] - first) / (end - first),
             100 * area[2] / (end - first), marks.get((device, name, area), ""),
-            say(_WORDS[marks.get((device, name, area), "")]),
+            say(WORDS[marks.get((device, name, area), "")]),
         )
         for area, jobs in chosen
     ]  # fmt: skip

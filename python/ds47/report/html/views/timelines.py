@@ -13,14 +13,26 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from ds47.cyclic.closeup import Seen, closeup
-from ds47.model import CaptureResult, Event, Finding, Point, Relation, Timeline, Transaction, Value
+from ds47.model import (
+    S7,
+    CaptureResult,
+    Event,
+    Finding,
+    Point,
+    Relation,
+    Timeline,
+    Transaction,
+    Value,
+)
 from ds47.report import timelines as told
 from ds47.report.bilingual import operation, state
 from ds47.report.formatting import parameter
 from ds47.report.html.texts import Both, say
+from ds47.report.html.views import s7
 from ds47.report.html.views.cursor import Reach, readings
 from ds47.report.json import timestamp
 from ds47.report.reference import Reference
+from ds47.report.s7 import parts as parts_of_s7
 from ds47.spec import cyclic
 
 LEFT, WIDTH, RIGHT = 124, 880, 12
@@ -187,7 +199,14 @@ class _Canvas:
         self.events = timeline.events
         self.first_ns = self.events[0].time_ns
         self.last_ns = max(timeline.end_ns or 0, self.events[-1].time_ns, self.first_ns + 1_000_000)
-        self.jobs = [each for each in result.transactions if each.device == relation.device]
+        self.jobs = [
+            each
+            for each in result.transactions
+            if each.device == relation.device and each.channel != S7
+        ]
+        self.s7 = [each for each in result.transactions if _is_beside(each, relation)]
+        """Jobs of S7 that the drive's controller asks for, or that others ask of it."""
+        self.marked = s7.marked(result) if self.s7 else {}
         self.before = _values_before(self.jobs)
         numbers = {each.id for each in self.jobs}
         self.findings = [each for each in result.findings if self._is_mine(each, numbers)]
@@ -260,6 +279,11 @@ class _Canvas:
         first = max(self.first_ns, (cause[-1] if cause else self.first_ns) - _BEFORE_NS)
         last = min(self.last_ns, (effect[0] if effect else at) + _AFTER_NS)
         return first, max(last, first + 100_000_000)
+
+
+def _is_beside(job: Transaction, relation: Relation) -> bool:
+    """Whether a job of S7 is one of the controller of a drive."""
+    return job.channel == S7 and relation.controller in (job.controller, job.device)
 
 
 def _points(seen: Sequence[Seen], known: Sequence[Point], *, by_controller: bool) -> list[Point]:
@@ -433,7 +457,7 @@ class _Drawing:
 
     def _seen_jobs(self) -> Iterator[tuple[str, Transaction]]:
         """Lane and transaction of each job of these times."""
-        for job in self.canvas.jobs:
+        for job in (*self.canvas.jobs, *self.canvas.s7):
             end = job.start_ns + (job.duration_ns or 0)
             if end >= self.first_ns and job.start_ns <= self.last_ns:
                 yield f"{job.channel.upper()} {job.controller}", job
@@ -459,7 +483,11 @@ class _Drawing:
         words = Both.same(_short(job, self.canvas.before.get(job.id)))
         end = job.start_ns + max(job.duration_ns or 0, 1)
         title = Both(f"#{job.id} {_long(job, 'en')}", f"#{job.id} {_long(job, 'zh')}")
-        box = self._box(job.start_ns, end, "ok" if job.state == "ok" else "bad", words, title)
+        mark = self.canvas.marked.get(job.id)
+        kind = mark or ("ok" if job.state == "ok" else "bad")
+        if mark:
+            title = title.joined(say(s7.WORDS[mark]), ": ", "：")
+        box = self._box(job.start_ns, end, kind, words, title)
         return replace(box, width=max(box.width, 3))
 
     def _times(self) -> Iterator[tuple[int, str]]:
@@ -511,6 +539,8 @@ def _plain(value: Value) -> str:
 
 def _short(job: Transaction, before: Value | None = None) -> str:
     """`p304 = 50`, `p304 10 -> 50`, or the number of the error."""
+    if job.channel == S7 and job.items:
+        return job.items[0].address or f"R_ID {job.r_id or 0:08X}"
     if not job.parameters:
         return ""
     first = job.parameters[0]
@@ -526,6 +556,8 @@ def _short(job: Transaction, before: Value | None = None) -> str:
 
 
 def _long(job: Transaction, lang: str) -> str:
+    if job.channel == S7:
+        return f"{'; '.join(parts_of_s7(job, lang)[:4])} [{state(job.state).text(lang)}]"
     written = job.operation == "change"
     parts = "; ".join(parameter(each, written, lang) for each in job.parameters[:4])
     return f"{parts} [{state(job.state).text(lang)}]"
