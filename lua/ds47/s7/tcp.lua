@@ -154,7 +154,7 @@ end
 --   client, server     ends
 --   begun              whether its SYN was seen
 --   forward, backward  what each sends
---   over               nothing of it counts any more
+--   over, reset        nothing of it counts any more; whether by RST
 --   owner, kept        whatever the listener keeps of it, and how many bytes that is, as he says
 local Talk = {}
 Talk.__index = Talk
@@ -162,7 +162,7 @@ Talk.__index = Talk
 local function new_talk(client, server, begun)
   return setmetatable({
     client = client, server = server, begun = begun, forward = Direction.new(), backward = Direction.new(),
-    over = false, kept = 0,
+    over = false, reset = false, kept = 0,
   }, Talk)
 end
 
@@ -216,7 +216,7 @@ local function close(self, talk, reset)
       hand_on(self, talk, from_client, pieces)
     end
   end
-  talk.over = true
+  talk.over, talk.reset = true, reset
   self.listener:talk_over(talk, reset, self.now)
 end
 
@@ -234,7 +234,7 @@ local function is_new(talk, segment)
   local own = talk:of(is(segment.source, talk.client))
   if has(segment, M.RST) then return false end
   if has(segment, M.SYN) then
-    if talk.over and not has(segment, M.ACK) then return true end
+    if talk.reset and not has(segment, M.ACK) then return true end -- tried again, with the same number
     return own.first ~= nil and own.first ~= (segment.sequence + 1) % WHOLE
   end
   local off = distance(segment.sequence, own.next)

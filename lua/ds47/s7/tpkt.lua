@@ -68,12 +68,13 @@ end
 --- Whether a TPKT can begin here, as far as bytes are there: TPKT header, then a TPDU that fits into it.
 -- @param at  number of the byte, from 0
 function M.begins(data, at)
-  local version, reserved, high, low, length, code = byte(data, at + 1, at + 6)
+  local version, reserved, high, low, length, code, third = byte(data, at + 1, at + 7)
   if version ~= M.VERSION or (reserved or 0) ~= 0 then return false end
   if not low then return true end
   local whole = high * 0x100 + low
   if whole < LEAST or length and (length < 1 or length > whole - HEADER - 1) then return false end
-  return not code or KINDS[code - code % 0x10] and (code ~= DT or length == 2) or false
+  if not code or code ~= DT then return not code or KINDS[code - code % 0x10] or false end
+  return length == 2 and (third or 0) % EOT == 0
 end
 
 local begins = M.begins

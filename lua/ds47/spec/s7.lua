@@ -39,6 +39,20 @@ function M.room(use, pdu_length, items)
   return pdu_length - row.fixed - (items or 1) * row.each
 end
 
+--- The kind of CPU with an order number, a row of tables.s7.cpus; nil where it is none, or not known.
+function M.cpu_of_order(number)
+  number = number:upper():gsub("%s+", " "):match("^ ?(.-) ?$")
+  for _, row in ipairs(tables.s7.orders) do
+    local fits = #number >= #row.number
+    for at = 1, fits and #row.number or 0 do
+      local want = row.number:sub(at, at)
+      fits = fits and (want == "?" or want == number:sub(at, at))
+    end
+    if fits then return tables.s7.cpus[row.cpu] end
+  end
+  return nil
+end
+
 local function first_of(tsap)
   return tsap and #tsap == 2 and tsap:byte() > 0 and tsap:byte() or nil
 end
