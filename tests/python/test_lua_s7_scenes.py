@@ -15,7 +15,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-import s7_wire as s7
+import s7_segments as s7
 from test_lua_analysis import VERSIONS, Source, compare, expected
 
 from ds47.analysis import AnalysisOptions
