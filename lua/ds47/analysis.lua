@@ -51,6 +51,7 @@ Analysis.__index = Analysis
 local UNCHANGING = {
   message = true, peer = true, request = true, response = true,
   read_request = true, read_response = true, write_response = true,
+  split = true, -- of S7: what is newest counts in older results, too
   superseding = true, rival = true, -- jobs that are looked at, with what is certain of them
 }
 
@@ -300,6 +301,24 @@ function Analysis:cyclic_touched()
     end
     local item = pkw.build(each.relation, job, layout)
     found[number] = {item = item, role = each.role, findings = certain}
+  end
+  return found
+end
+
+--- The jobs of S7 that the last segment of TCP began, answered, or had a part of: array of {item =
+-- transaction as far as it has got, role ("write_request", "read_response", "segment" or "acknowledge"),
+-- findings that are certain on that frame}.
+function Analysis:s7_touched()
+  local found = {}
+  for _, each in ipairs(self.s7.seen) do
+    local job, certain = each.job, {}
+    job.order = job.order or self.pairing:number()
+    for _, remark in ipairs(self.s7:certain(job)) do
+      if remark.frame == self.last_frame and self.findings:wanted(remark.rule) then
+        certain[#certain + 1] = self.findings:finding(remark)
+      end
+    end
+    found[#found + 1] = {item = s7_transactions.build(job), role = each.role, findings = certain}
   end
   return found
 end

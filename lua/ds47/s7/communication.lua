@@ -30,6 +30,7 @@ function M.new(choices, limits, listener)
   local self = setmetatable({
     listener = listener,
     said = {}, -- what is wrong with jobs that are not over
+    seen = {}, -- what the last packet had to do with: array of {job, role}
   }, Communication)
   local ports = {[M.PORT] = true}
   for _, port in ipairs(choices.ports or NONE) do ports[port] = true end
@@ -44,6 +45,7 @@ end
 -- @param packet  {src_ip, dst_ip, payload (of the IP packet), missing (bytes of it that the capture does not
 --   have), frame, time_ns}
 function Communication:packet(packet)
+  if self.seen[1] then self.seen = {} end
   local segment = tcp.parse(packet.src_ip, packet.dst_ip, packet.payload, packet.missing or 0)
   if segment then self.connections:feed(segment, {frame = packet.frame, time_ns = packet.time_ns}) end
 end
@@ -66,8 +68,32 @@ function Communication:left_out()
   return self.connections.left_out
 end
 
+-- A job, once: what says more of it comes first.
+local function see(self, job, role)
+  for _, each in ipairs(self.seen) do
+    if each.job == job then return end
+  end
+  table.insert(self.seen, {job = job, role = role})
+end
+
+--- A request, as connections.lua tells.
+function Communication:asked(job)
+  see(self, job, "write_request")
+end
+
+--- A segment or an acknowledgement, as connections.lua tells.
+function Communication:touched(job, role)
+  see(self, job, role)
+end
+
+--- What is wrong with a job that is not over, as far as that is known: array of remarks.
+function Communication:certain(job)
+  return self.said[job] or NONE
+end
+
 --- A job is over, as connections.lua tells; the judge has heard of it before.
 function Communication:over(job)
+  if job.answered then see(self, job, "read_response") end
   local remarks = self.said[job] or {}
   self.said[job] = nil
   self.listener:communicated(job, remarks)

@@ -38,6 +38,7 @@ Connections.__index = Connections
 --   asked(job)           a request, or the first segment, was seen
 --   over(job)            nothing more comes of a job. One that `asked` told of is told to be over later, in
 --                        the order in which answers come; an answer without a request is only told to be over
+--   touched(job, role)   a "segment" of a BSEND, or an "acknowledge" of one, whose job may be over by that
 --   evidence(connection, found)  the server said what it is
 --   closed(connection)   a connection is over, or the capture is; its open jobs were told of before
 function M.new(ports, limits, listeners)
@@ -301,6 +302,11 @@ local function count(counts, job)
     counts.most_ns = (counts.timed == 0 or took > counts.most_ns) and took or counts.most_ns
     counts.timed, counts.total_ns = counts.timed + 1, counts.total_ns + took
   end
+end
+
+--- Something of a job that is open, as transfers.lua tells.
+function Connections:job_touched(job, role)
+  tell(self, "touched", job, role)
 end
 
 --- A job is over, as jobs.lua and transfers.lua tell.

@@ -103,6 +103,8 @@ end
 --                          `error` the sequence and the error word of its acknowledgement
 --   state                  "ok", "error", "partial", "refused", "unanswered", "orphan"
 --   flaws, answer_flaws    of its PDUs
+--   split                  {area, parts, number}, filled when an area was read or written in parts: all of
+--                          it, how many parts it has, and which of them this job is
 --   lost                   whether the capture lacks bytes of the connection while it was open
 --   place                  among the PDUs that begin in the frame of the first one
 --   order                  its number among all transactions of the capture; the analysis gives it
@@ -115,7 +117,7 @@ function M.job(fields)
   fields.groups, fields.segments = fields.groups or {}, fields.segments or {}
   fields.flaws, fields.answer_flaws = fields.flaws or {}, fields.answer_flaws or {}
   fields.state, fields.phase, fields.lost = fields.state or "unanswered", "open", false
-  fields.place = 0
+  fields.place, fields.split = 0, {}
   return setmetatable(fields, Job)
 end
 

@@ -221,9 +221,11 @@ local function tell_split(self, whole, job, area)
     jobs = #whole.parts,
   }
   local frames = {}
-  for _, part in ipairs(whole.parts) do
+  for number, part in ipairs(whole.parts) do
     insert(frames, part.job.asked and part.job.asked.frame)
     insert(frames, part.job.answered and part.job.answered.frame)
+    local split = part.job.split
+    split.area, split.parts, split.number = area, #whole.parts, number
   end
   local key = concat({job.connection.number, tostring(job.from_client), job.operation, area}, " ")
   self.notes:add("DS904", key, remove(frames, 1), args, frames)

@@ -58,7 +58,7 @@ function M.build(job)
     start_ns = (asked or answered).time_ns, duration_ns = job:duration_ns(),
     request = job.request, response = job.response, parameters = NONE,
     connection = job.connection.number, items = items, r_id = job.r_id, error = job.error,
-    segments = segments_of(job),
+    segments = segments_of(job), total = job.total, split = job.split,
   }
 end
 

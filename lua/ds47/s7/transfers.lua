@@ -20,8 +20,8 @@ Transfers.__index = Transfers
 --- The open BSEND of all connections. One is {job, key, whole (whether its first segment was seen), data
 -- (array of bytes), size}.
 -- @param limits  how many may be open
--- @param listener  is told of each when it begins, and when nothing more comes of it:
---   listener:job_asked(job), listener:job_settled(job)
+-- @param listener  is told of each when it begins, and when nothing more comes of it, and of what comes
+--   between: listener:job_asked(job), listener:job_settled(job), listener:job_touched(job, role)
 function M.new(limits, listener)
   return setmetatable({
     limits = limits, listener = listener, open = ordered.new(),
@@ -89,6 +89,7 @@ function Transfers:sent(connection, from_client, pdu, told, at)
     return
   end
   self.waiting[key_of(connection, from_client, pdu.reference)] = {found = found, part = part}
+  self.listener:job_touched(job, "segment")
 end
 
 --- An acknowledgement; false where nothing waits for it.
@@ -112,6 +113,7 @@ function Transfers:acknowledged(connection, from_client, pdu, told, at)
     job.state = whole and "ok" or found.whole and "partial" or "orphan"
     close(self, found)
   end
+  self.listener:job_touched(job, "acknowledge")
   return true
 end
 
