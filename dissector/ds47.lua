@@ -39,9 +39,10 @@ set_plugin_info({
 local ds47 = Proto("ds47", "DS47 (PROFIdrive parameter channel)")
 preferences.define(ds47)
 local ds47_words = Proto("ds47_pzd", "DS47 PZD (control and status word of a drive)")
+local ds47_s7 = Proto("ds47_s7", "DS47 S7 (jobs of S7 communication)")
 local fields, experts = ds47_fields.define(ds47, ds47_words)
 local tree_of = later("ds47_ws.tree", function(module)
-  module.configure(ds47, ds47_words, fields, experts)
+  module.configure(ds47, ds47_words, fields, experts, ds47_s7)
 end)
 local experts_of = later("ds47_ws.experts")
 local words_of = later("ds47_ws.pkw_tree")
@@ -186,13 +187,17 @@ function ds47.dissector(tvb, pinfo, tree)
   local whole = tree:referenced(this_dissector) -- a tree that is visible counts as well
   if not track.is_new(number, pinfo) then
     local views, findings = track.complete_views(number)
-    if views then
-      show(views, findings, NONE, tvb, columns_of(pinfo), tree, offset, whole)
+    if views then -- columns of S7 are those of the dissector that is there
+      local columns = not track.is_s7(views) and columns_of(pinfo) or nil
+      show(views, findings, NONE, tvb, columns, tree, offset, whole)
     end
   elseif track.feed(number, frame, offset, clock.now, pinfo.len) then
     local columns = columns_of(pinfo)
     local views, findings = track.live_views(columns ~= nil or whole)
     show(views, findings, NONE, tvb, columns, tree, offset, whole)
+  elseif track.feed_segment(number, frame, offset, clock.now) then
+    local views, findings = track.live_s7_views(whole)
+    show(views, findings, NONE, tvb, nil, tree, offset, whole)
   end
 end
 

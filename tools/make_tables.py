@@ -322,6 +322,7 @@ def _s7() -> Iterator[str]:
     cpus = s7.cpus().values()
     blocks = {f'["{row.id}"]': fields(row, ("block", "en", "zh")) for row in cpus}
     yield from block("M.s7.cpus", blocks)
+    yield from block("M.s7.orders", [fields(row, ("number", "cpu")) for row in s7.orders()])
     yield from block(
         "M.s7.rooms", {name: fields(row, ("fixed", "each")) for name, row in s7.rooms().items()}
     )

@@ -7,6 +7,7 @@
 -- own: so one question tells whether anybody wants it. What happened to a drive stands below that protocol,
 -- too: a frame of `ds47` is one of the parameter channel.
 
+local s7_rows = require("ds47_ws.s7_fields")
 local tables = require("ds47.spec.tables")
 
 local M = {}
@@ -273,7 +274,11 @@ end
 -- @return fields of both by key ("value.float"), expert infos by rule id, and by "pzd.event" and "pzd.fault"
 function M.define(proto, words)
   local fields = {}
-  proto.fields = add_fields(fields, FIELDS)
+  local list = add_fields(fields, FIELDS)
+  for _, field in ipairs(add_fields(fields, s7_rows)) do
+    list[#list + 1] = field
+  end
+  proto.fields = list
   define_words(words, fields)
   return fields, define_experts(proto)
 end

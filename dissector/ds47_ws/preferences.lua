@@ -4,6 +4,7 @@
 
 local named = require("ds47.cyclic.named")
 local ppo = require("ds47.cyclic.ppo")
+local s7 = require("ds47.s7.choices")
 local tables = require("ds47.spec.tables")
 
 local M = {}
@@ -38,6 +39,15 @@ function M.define(proto)
     .. "the drive's. For example: 00:1b:1b:11:22:33@8000:0:pkw 00:1f:f8:11:22:33@8001:0:pkw")
   prefs.ppos = Pref.string("PPO of stations", "",
     "What stations of PROFIBUS have whose Chk_Cfg is missing, for example: 3=ppo1 4=ppo3")
+  prefs.s7_ports = Pref.string("TCP ports of S7", "",
+    "Ports of servers of S7 communication beside 102, for example: 1102. Wireshark itself is told by "
+    .. "Decode As: TPKT")
+  prefs.s7_cpus = Pref.string("CPUs of S7 servers", "",
+    "Kinds of CPU, for what they copy without interruption: s7-400, of one server 10.0.0.2=s7-400")
+  prefs.s7_blocks = Pref.string("Blocks of S7 servers", "",
+    "How many bytes a CPU copies without interruption: 462, of one server 10.0.0.2=462")
+  prefs.s7_readback = Pref.bool("Compare what S7 reads with what was written", false,
+    "A read has to bring what was written last (DS916); programs write, too")
   prefs.every_cyclic = Pref.bool("Look at every frame of a cyclic channel", false,
     "Slow; for captures from which frames without news were left out")
   prefs.language = Pref.enum("Language of the texts", ENGLISH,
@@ -97,6 +107,7 @@ function M.options(proto)
     pkw_layouts = layouts(prefs.pkw_layouts),
     cyclic = named.list(prefs.cyclic or ""),
     ppos = ppo.list(prefs.ppos or ""),
+    s7 = s7.parse(prefs.s7_ports, prefs.s7_cpus, prefs.s7_blocks, prefs.s7_readback),
     every_cyclic = prefs.every_cyclic,
     codec = {
       legacy_g120_formats = prefs.legacy_g120_formats,

@@ -19,7 +19,7 @@ local byte, find, format, sub = string.byte, string.find, string.format, string.
 
 local M = {}
 
-local UDP = 17
+local TCP, UDP = 6, 17
 local RPC_HEADER = rpc.HEADER_LENGTH
 -- The end of the interface UUIDs of PROFINET (docs/protocol.md E.2), bytes 32 to 39 of the RPC header.
 local RPC_NODE, INTERFACE_END = rpc.NODE, rpc.INTERFACE_END
@@ -255,6 +255,44 @@ function M.feed(number, frame, offset, clock, length)
   return true
 end
 
+local segment = {} -- that of the newest frame; whoever takes it does not keep it
+
+-- The segment of TCP that a frame has, of a port of S7; nil of all others, and of a fragment.
+local function segment_of(frame, offset)
+  local first, _, t1, t2, _, _, f1, f2, _, protocol = byte(frame, offset + 1, offset + 10)
+  if protocol ~= TCP or first < 0x45 or first > 0x4F or f1 % 0x40 > 0 or f2 > 0 then
+    return nil
+  end
+  local at, present, total = offset + first % 16 * 4, #frame, t1 * 256 + t2
+  local wanted = total > 0 and offset + total or present
+  local stop = wanted < present and wanted or present
+  if at + 4 > stop then
+    return nil
+  end
+  local ports = the_analysis().s7.ports
+  if not ports[u16(frame, at)] and not ports[u16(frame, at + 2)] then
+    return nil
+  end
+  segment.payload, segment.missing = sub(frame, at + 1, stop), wanted > present and wanted - present or 0
+  local texts = address_pairs[sub(frame, offset + 13, offset + 20)]
+  segment.src_ip, segment.dst_ip = texts[1], texts[2]
+  return segment
+end
+
+--- Feeds a frame that is none of PROFINET. True when it has a segment of S7.
+-- @param number, frame, offset, clock  as `feed` takes them
+function M.feed_segment(number, frame, offset, clock)
+
+  local made = segment_of(frame, offset)
+  if made == nil then
+    return false
+  end
+  complete, last = nil, number
+  made.frame, made.time_ns = number, clock(current)
+  current:segment(made)
+  return true
+end
+
 local news, news_row, news_at -- the cyclic frame that is news, and where its channels are
 
 --- Whether a cyclic frame is looked at, because words in it are not those of the frame before it or it is the
@@ -392,6 +430,42 @@ function M.live_cyclic_views(seen)
   return views, findings, events
 end
 
+-- Whether a role stands in the newest frame: what waited for earlier bytes belongs to an older one.
+local function is_newest(item, role)
+  local frames, key = item.frames, role == "segment" and "request" or "response"
+  if role == "write_request" or role == "read_response" then
+    return frames[role] == last
+  end
+  for number = #item.segments, 1, -1 do
+    if item.segments[number][key] == last then
+      return true
+    end
+  end
+  return false
+end
+
+--- The same of the segment of TCP that was fed last.
+function M.live_s7_views(seen)
+  local views, findings = {}, {}
+  for _, each in ipairs(current:s7_touched()) do
+    if seen and is_newest(each.item, each.role) then
+      views[#views + 1] = { role = each.role, item = each.item, complete = false }
+    end
+    for _, finding in ipairs(each.findings) do
+      findings[#findings + 1] = finding
+    end
+  end
+  for _, finding in ipairs(current:findings_at(last)) do
+    findings[#findings + 1] = finding
+  end
+  return views, findings
+end
+
+--- Whether views are those of a frame of S7.
+function M.is_s7(views)
+  return views[1] ~= nil and views[1].item.channel == "s7"
+end
+
 local function put(places, frame, item, role)
   if frame == nil then
     return
@@ -414,6 +488,10 @@ local function by_frames(result)
     put(places, frames.write_response, item, "write_response")
     put(places, frames.read_request, item, "read_request")
     put(places, frames.read_response, item, "read_response")
+    for _, each in ipairs(item.segments or NONE) do
+      put(places, each.request ~= frames.write_request and each.request or nil, item, "segment")
+      put(places, each.response ~= frames.read_response and each.response or nil, item, "acknowledge")
+    end
     for _, poll in ipairs(frames.polls) do
       put(places, poll.request, item, "read_request")
       put(places, poll.response, item, "poll")
@@ -472,6 +550,8 @@ end
 local function complete_view(item, role)
   if item.channel == "pkw" then
     return pkw_view(item, role, true)
+  elseif item.channel == "s7" then
+    return { role = role, item = item, complete = true }
   end
   return setmetatable({ role = role, item = item, witness = complete.witness }, COMPLETE)
 end

@@ -21,6 +21,7 @@ local tables = require("ds47.spec.tables")
 local words = require("ds47.report.formatting")
 local csv = require("ds47.report.csv")
 local json = require("ds47.support.json")
+local s7_tree = later("ds47_ws.s7_tree")
 local sentences = require("ds47.report.sentences")
 
 local byte, find, format, gsub, sub = string.byte, string.find, string.format, string.gsub, string.sub
@@ -30,10 +31,11 @@ local M = {}
 
 local fields, experts, protocol
 local of_drives -- the protocol of what drives say
+local of_s7 -- that of jobs of S7
 
 --- Tells the protocols, their fields and expert infos, as fields.lua makes them.
-function M.configure(the_protocol, the_words, the_fields, the_experts)
-  protocol, of_drives, fields, experts = the_protocol, the_words, the_fields, the_experts
+function M.configure(the_protocol, the_words, the_fields, the_experts, s7)
+  protocol, of_drives, fields, experts, of_s7 = the_protocol, the_words, the_fields, the_experts, s7
 end
 
 -- Small things
@@ -410,7 +412,7 @@ end
 -- Whether earlier frames prove the state: one pass does not know how an open transaction ends.
 local function state_is_certain(view)
   local item = view.item
-  return view.complete or item.frames.read_response ~= nil
+  return view.complete or item.frames.read_response ~= nil or item.operation == "usend"
     or (item.write_status ~= nil and item.write_status ~= 0)
 end
 
@@ -487,7 +489,7 @@ local function add_transaction(parent, view, context)
   for number = 1, #CHANNEL do
     derive_key(shown, item, CHANNEL[number])
   end
-  if not HEADERS[view.role] then
+  if not HEADERS[view.role] and item.channel ~= "s7" then -- whose references have 16 bits
     derive_key(shown, item, "request_reference")
     derive_key(shown, item, "axis")
   end
@@ -527,6 +529,9 @@ local function add_finding(parent, finding, lang)
   end
   derive(shown, "finding.offset", finding.offset)
   derive(shown, "finding.transaction", finding.transaction or finding.order)
+  if finding.rule == "DS905" then
+    derive(shown, "s7.inconsistent", s7_tree.inconsistent(finding))
+  end
 end
 
 -- Drives
@@ -560,15 +565,27 @@ local function of_view(finding, view)
   return finding.order == view.item.order
 end
 
-local function add_view(tree, view, findings, taken, record, context)
-  local label = marked and "DS47 " .. info.sentence(view, language) or "DS47"
-  local root = record and tree:add(protocol, record, label) or tree:add(protocol, label)
-  if view.item.channel == "pkw" then
+-- The tree of a view, and in it what is in the frame.
+local function add_root(tree, view, record)
+  local s7 = view.item.channel == "s7"
+  local label = marked and "DS47 " .. (s7 and "S7 " .. s7_tree.label(view, language)
+    or info.sentence(view, language)) or "DS47"
+  local owner = s7 and of_s7 or protocol
+  local root = record and tree:add(owner, record, label) or tree:add(owner, label)
+  if s7 then
+    s7_tree.add(adding, root, view, duration, language)
+    return root
+  elseif view.item.channel == "pkw" then
     pkw_tree.add(adding, root, view, record, language)
   else
     add_message(root, view, record)
   end
   add_links(root, view)
+  return root
+end
+
+local function add_view(tree, view, findings, taken, record, context)
+  local root = add_root(tree, view, record)
   add_transaction(root, view, context)
   for number, finding in ipairs(findings) do
     if not taken[number] and of_view(finding, view) then
@@ -602,7 +619,7 @@ function M.add(tree, views, findings, events, finders, context)
   local rest
   for number, finding in ipairs(findings) do
     if not taken[number] then
-      rest = rest or tree:add(protocol, "DS47")
+      rest = rest or tree:add(of_s7 and sub(finding.rule, 1, 3) == "DS9" and of_s7 or protocol, "DS47")
       add_finding(rest, finding, context.lang)
     end
   end

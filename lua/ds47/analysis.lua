@@ -32,6 +32,8 @@ local recordevents = require("ds47.acyclic.record_events")
 local records = require("ds47.profinet.records")
 local rpc = require("ds47.profinet.rpc")
 local rules = require("ds47.acyclic.judge")
+local s7 = require("ds47.s7.communication")
+local s7_transactions = require("ds47.s7.transactions")
 local services = require("ds47.acyclic.services")
 local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
@@ -49,6 +51,7 @@ Analysis.__index = Analysis
 local UNCHANGING = {
   message = true, peer = true, request = true, response = true,
   read_request = true, read_response = true, write_response = true,
+  split = true, -- of S7: what is newest counts in older results, too
   superseding = true, rival = true, -- jobs that are looked at, with what is certain of them
 }
 
@@ -64,6 +67,7 @@ local UNCHANGING = {
 --   pkw_layouts   the same by the IP address of the device, where it is not that
 --   cyclic        channels in cyclic frames that are named by hand, as named.lua takes them
 --   ppos          numbers of PPO by the address of the station on PROFIBUS, where Chk_Cfg is missing
+--   s7            choices for S7 communication, as communication.lua takes them
 --   every_cyclic  true: every frame of a watched channel is looked at, as somebody chose them already
 --   frames_dropped  whether the capture says that frames are missing (docs/pairing.md P47)
 function M.new(options)
@@ -102,6 +106,7 @@ function M.new(options)
   local listeners = {self.bus_stations, self.start_ups, self.services, named_ppo}
   self.bus = bus.new(listeners, self.bus_stations)
   self.conclusions = conclusions.new(limits, self.cyclic)
+  self.s7 = s7.new(options.s7, limits, self)
   return self
 end
 
@@ -221,6 +226,16 @@ function Analysis:bus_frame(link_type, data, number, time_ns, cut)
   self.bus:take(link_type, data, number, time_ns, cut)
 end
 
+--- Takes a segment of TCP: {payload (from its header on), missing (bytes of it that the capture does not
+-- have; may be nil), frame, time_ns, src_ip, dst_ip}. Those of other ports than the ones of S7 are not looked
+-- at.
+function Analysis:segment(packet)
+  self.result, self.last_call = nil, nil
+  self.last_frame = packet.frame
+  self.pairing.touched_count = 0
+  self.s7:packet(packet)
+end
+
 --- Takes what names a station: the payload of a DCP ("dcp", from the frame id on) or LLDP ("lldp") frame.
 -- @param src_mac, dst_mac  text; nil where the link type has none
 function Analysis:station(kind, payload, src_mac, dst_mac)
@@ -290,6 +305,24 @@ function Analysis:cyclic_touched()
   return found
 end
 
+--- The jobs of S7 that the last segment of TCP began, answered, or had a part of: array of {item =
+-- transaction as far as it has got, role ("write_request", "read_response", "segment" or "acknowledge"),
+-- findings that are certain on that frame}.
+function Analysis:s7_touched()
+  local found = {}
+  for _, each in ipairs(self.s7.seen) do
+    local job, certain = each.job, {}
+    job.order = job.order or self.pairing:number()
+    for _, remark in ipairs(self.s7:certain(job)) do
+      if remark.frame == self.last_frame and self.findings:wanted(remark.rule) then
+        certain[#certain + 1] = self.findings:finding(remark)
+      end
+    end
+    found[#found + 1] = {item = s7_transactions.build(job), role = each.role, findings = certain}
+  end
+  return found
+end
+
 --- What happened to drives in the last cyclic frame: array of {relation, event (timeline.lua)}.
 function Analysis:cyclic_events()
   return self.cyclic:happened(self.last_frame)
@@ -330,7 +363,7 @@ end
 
 --- The complete result, as if the capture ended here; the analysis goes on as if nothing was asked.
 -- The same table until the next packet. {transactions, findings, diagnoses, devices, rpc, records, summary,
--- relations, timelines, bus}:
+-- relations, timelines, bus, connections, connections_left_out}:
 -- transactions by `id`, findings by frame and rule, rpc and records (by index) as counts. Nobody may change
 -- it, and of an older result only numbers may differ from a newer one: transactions that were finished
 -- before are the same tables, with their newest `id` and `findings`.
@@ -364,6 +397,7 @@ function Analysis:_finish()
   self.findings.frames_dropped = self.options.frames_dropped or false
   tell_given_up(self, self.fragments:unfinished(), "RPC")
   tell_given_up(self, self.reassembly:unfinished(), "IP")
+  self.s7:finish()
   self.calls:finish()
   self.bus:finish()
   self.services:finish()
@@ -389,6 +423,8 @@ function Analysis:_finish()
     relations = self.cyclic:relations(),
     timelines = self.cyclic:timelines(),
     bus = self.bus_stations:told(self.bus.line.stray),
+    connections = self.s7:told(),
+    connections_left_out = self.s7:left_out(),
   }
 end
 
@@ -523,6 +559,21 @@ function Analysis:exchanged(relation, job)
     self.findings:add(remark)
   end
   self:_explain(job.order)
+end
+
+--- A job of S7 is over.
+function Analysis:communicated(job, remarks)
+  job.order = job.order or self.pairing:number()
+  self.finished_jobs:add_made(s7_transactions.build(job))
+  for _, remark in ipairs(remarks) do
+    remark.order, remark.job = job.order, nil
+    self.findings:add(remark)
+  end
+end
+
+--- What is wrong with S7, or with a job of it that is over.
+function Analysis:s7_remark(remark)
+  self.findings:add(remark)
 end
 
 --- A Read without record on a channel that has no request (docs/pairing.md P33).

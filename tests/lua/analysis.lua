@@ -5,6 +5,7 @@
 --   udp, fragment  a packet, as Analysis:packet and Analysis:fragment take it, bytes in hex, the time as
 --                  seconds and nanoseconds; of a frame that is cut its lengths as `captured` and `original`
 --   dcp, lldp      {payload, src_mac, dst_mac}
+--   tcp            a segment, as Analysis:segment takes it
 --   rt             {frame, seconds, nanoseconds, data}: an Ethernet frame, in hex
 --   end            {dropped}: prints the result as one line of JSON, keys as in schema ds47.report/2, but
 --                  `start` as [second, nanosecond] and `duration_ns` instead of `duration_ms`
@@ -18,6 +19,7 @@ local json = require("ds47.support.json")
 local unhex = require("ds47.support.bytes").unhex
 local named = require("ds47.cyclic.named")
 local ppo = require("ds47.cyclic.ppo")
+local s7_words = require("ds47.spec.s7")
 local sentences = require("ds47.report.sentences")
 local status = require("ds47.spec.statuses")
 local times = require("ds47.support.times")
@@ -80,6 +82,21 @@ local function word(code)
   return null(code and status.status_hex(code))
 end
 
+local function s7_item(item)
+  local result = object(item, "address area db start bit length code")
+  result.value = null(hex(item.value))
+  result.text = null(item.code and s7_words.code_text("return_code", item.code, language))
+  return result
+end
+
+-- What only transactions of S7 have.
+local function of_s7(item)
+  if item.channel ~= "s7" then return {} end
+  local result = object(item, "connection r_id error")
+  result.items, result.segments = list(item.items, s7_item), reads(item.segments)
+  return result
+end
+
 local function transaction(item, base_seconds)
   local result = object(item, "id channel operation state controller device station ar api slot subslot "
     .. "index request_reference axis duration_ns cycles")
@@ -91,6 +108,7 @@ local function transaction(item, base_seconds)
   result.status = {write = word(item.write_status), read = word(item.read_status)}
   result.parameters = list(item.parameters, parameter)
   result.findings = json.array(item.findings)
+  for key, value in pairs(of_s7(item)) do result[key] = value end
   return result
 end
 
@@ -168,6 +186,16 @@ local function bus(item)
   return result
 end
 
+local function connection(item)
+  local result = object(item, "id client client_port server server_port rack slot pdu_length parallel "
+    .. "most_open jobs refused unanswered orphans read_bytes written_bytes sent_bytes cyclic other plus "
+    .. "lost_bytes first_frame last_frame setup")
+  result.client_tsap, result.server_tsap = null(hex(item.client_tsap)), null(hex(item.server_tsap))
+  result.answer = span(item.answer)
+  result.evidence = list(item.evidence, function(each) return object(each, "name value frame") end)
+  return result
+end
+
 local function capture()
   local result, records = run:ended(), {}
   for index, counts in pairs(result.records) do
@@ -188,6 +216,8 @@ local function capture()
       return timeline(item, run.base_seconds)
     end) or nil,
     bus = result.bus and bus(result.bus) or nil,
+    connections = #result.connections > 0 and list(result.connections, connection) or nil,
+    connections_left_out = result.connections_left_out > 0 and result.connections_left_out or nil,
   }
 end
 
@@ -212,7 +242,7 @@ function take.begin(line)
   local names = named.list(line.cyclic)
   run = analysis.new({
     pkw_layout = line.layouts[""], pkw_layouts = line.layouts, cyclic = names,
-    ppos = ppo.list(line.ppos),
+    ppos = ppo.list(line.ppos), s7 = line.s7 ~= json.null and line.s7 or nil,
   })
   language, look = line.lang, line.look
 end
@@ -225,6 +255,11 @@ end
 function take.fragment(line)
   line.data = unhex(line.data)
   run:fragment(fed(line))
+end
+
+function take.tcp(line)
+  line.payload = unhex(line.payload)
+  run:segment(fed(line))
 end
 
 function take.dcp(line)

@@ -8,6 +8,7 @@ package.path = folder .. "/lua/?.lua;" .. package.path
 
 local grouping = require("ds47.findings.grouping")
 local json = require("ds47.support.json")
+local unhex = require("ds47.support.bytes").unhex
 
 -- Findings to diagnoses: the result has `told`, an array of {finding, device}.
 local function group(result)
@@ -62,11 +63,12 @@ end
 -- Messages are bytes in a result, and hexadecimal digits in JSON; arguments keep the point of a float.
 local function as_result(result)
   for _, each in ipairs(result.transactions) do
-    for _, key in ipairs({"request", "response"}) do
-      each[key] = each[key] and each[key]:gsub("%x%x", function(digits)
-        return string.char(tonumber(digits, 16))
-      end)
-    end
+    each.request, each.response = each.request and unhex(each.request), each.response and unhex(each.response)
+    for _, item in ipairs(each.items or {}) do item.value = item.value and unhex(item.value) end
+  end
+  for _, each in ipairs(result.connections or {}) do
+    each.client_tsap = each.client_tsap and unhex(each.client_tsap)
+    each.server_tsap = each.server_tsap and unhex(each.server_tsap)
   end
   for _, each in ipairs(result.relations or {}) do
     with_source(each.output, each.input)

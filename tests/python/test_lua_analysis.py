@@ -51,7 +51,9 @@ DRIVER = ROOT / "tests/lua/analysis.lua"
 BESIDE = ROOT.parent / "shared/captures"
 CAPTURES = sorted(
     path
-    for folder in (ROOT / "captures", BESIDE, BESIDE / "real-stacks")
+    for folder in (
+        ROOT / "captures", ROOT / "captures" / "s7-stacks", BESIDE, BESIDE / "real-stacks", BESIDE / "s7",
+    )  # fmt: skip
     for path in folder.glob("*.pcap*")
 )
 SMALL = 200_000
@@ -110,15 +112,23 @@ def cyclic(frame: Frame) -> bool:
     )
 
 
+def segment(frame: Frame) -> bool:
+    """Whether it is a segment of TCP: Lua gets all of them."""
+    kind, at = network_layer(frame.data, 0, len(frame.data), frame.link_type)
+    part = ip.parse(frame.data, at) if kind == IPV4 else None
+    return part is not None and part.protocol == ip.TCP
+
+
 def everything(content: BinaryIO) -> Iterator[Frame]:
-    """The frames that may matter, and all cyclic ones."""
+    """The frames that may matter, all cyclic ones, and all segments."""
     with open_capture(content) as capture:
         for frame in capture.everything():
             told = Frame(
                 frame.number, frame.time_ns, frame.link_type, frame.data, frame.original_length
             )
             data = frame.data
-            if cyclic(told) or relevant(data, 0, len(data), frame.link_type, frame.original_length):
+            known = relevant(data, 0, len(data), frame.link_type, frame.original_length)
+            if known or cyclic(told) or segment(told):
                 yield told
 
 
@@ -138,7 +148,7 @@ def lines(frames: Iterable[Frame]) -> Iterator[dict[str, Any]]:
             continue
         packet = dissect(frame)
         if packet is not None:
-            names = ("kind", "src_ip", "dst_ip", "ip_id", "src_mac", "dst_mac")
+            names = ("kind", "src_ip", "dst_ip", "ip_id", "src_mac", "dst_mac", "missing")
             yield (
                 instant(frame)
                 | {name: getattr(packet, name) for name in names}
@@ -202,6 +212,17 @@ def text(item: Any) -> str:
     return json.dumps(item, sort_keys=True, ensure_ascii=False, indent=0)
 
 
+def of_s7(options: AnalysisOptions) -> dict[str, Any]:
+    """The choices for S7."""
+    chosen = options.s7
+    return {
+        "ports": chosen.ports,
+        "blocks": dict(chosen.blocks),
+        "cpus": dict(chosen.cpus),
+        "readback": chosen.readback,
+    }
+
+
 def compare(
     version: str,
     lang: str,
@@ -218,6 +239,7 @@ def compare(
             begin["cyclic"] = " ".join(
                 f"{each.mac}@{each.frame_id:x}:{each.offset}:{each.kind}" for each in options.cyclic
             )
+            begin["s7"] = of_s7(options)
             begin["ppos"] = " ".join(f"{station}=ppo{number}" for station, number in options.ppos)
             print(json.dumps(begin), file=stream)
             for line in lines(everything(source.open())):

@@ -69,7 +69,7 @@ def lua(request: pytest.FixtureRequest, repository: Path, tmp_path_factory: Any)
 def results(captures: Path) -> list[CaptureResult]:
     """Every stored capture, analyzed."""
     found = []
-    for path in sorted(captures.glob("*.pcapng")):
+    for path in (*sorted(captures.glob("*.pcapng")), *sorted(captures.glob("s7-stacks/*.pcapng"))):
         result = analyze(path)
         result.path = path.name
         found.append(result)
@@ -91,6 +91,7 @@ def as_lua(result: CaptureResult) -> dict[str, Any]:
     for each, told in zip(item["relations"], result.relations, strict=True):
         each["output"] = told.output._asdict()
         each["input"] = told.input._asdict() | {"cycle_ns": round((told.cycle_ms or 0) * 1e6)}
+    as_s7(item, result)
     item["start_time"] = (result.start_ns or 0) - base * 10**9
     for each, shown in zip(item["timelines"], result.timelines, strict=True):
         each["left_out"] = each["events_left_out"]
@@ -103,6 +104,24 @@ def as_lua(result: CaptureResult) -> dict[str, Any]:
         each["args"] = with_points(each["args"])
         assert each.pop("said") is None  # the plugin reads no stored results
     return item
+
+
+def as_s7(item: dict[str, Any], result: CaptureResult) -> None:
+    """What only S7 has: bytes as hexadecimal digits, and what Python has as tuples by its names."""
+    for each in item["transactions"]:
+        each["segments"] = [{"request": one, "response": two} for one, two in each["segments"]]
+        for part in each["items"]:
+            part["value"] = None if part["value"] is None else part["value"].hex()
+    for each, told in zip(item["connections"], result.connections, strict=True):
+        for key in ("client_tsap", "server_tsap"):
+            each[key] = None if each[key] is None else each[key].hex()
+        span = told.answer
+        each["answer"] = span and {
+            "least": span.least_ns,
+            "mean": span.mean_ns,
+            "most": span.most_ns,
+        }
+        each["evidence"] = [found._asdict() for found in told.evidence]
 
 
 def with_points(value: Any) -> Any:
@@ -307,7 +326,9 @@ def test_text_is_that_of_python(lua: Run, results: list[CaptureResult]) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("options", [{"lang": "zh"}, {"plc": True}, {"lang": "zh", "plc": True}])
+@pytest.mark.parametrize(
+    "options", [{"lang": "zh"}, {"plc": True, "s7": True}, {"lang": "zh", "plc": True, "s7": True}]
+)
 def test_text_is_that_of_python_with_every_option(
     lua: Run, results: list[CaptureResult], options: dict[str, Any]
 ) -> None:

@@ -35,7 +35,7 @@ local function put(memory, key, value)
 end
 
 local function submodule(access)
-  return format("%s %d %d", access.device, access.slot, access.subslot)
+  return format("%s %d %d", access.device, access.slot or -1, access.subslot or -1) -- S7 has neither
 end
 
 local function axis_of(device, number)

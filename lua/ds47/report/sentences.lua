@@ -6,6 +6,7 @@
 -- number, and so is a time: the text of a float keeps its point.
 
 local cyclic = require("ds47.spec.cyclic")
+local s7 = require("ds47.spec.s7")
 local spec = require("ds47.spec.lookup")
 local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
@@ -113,9 +114,12 @@ end
 
 -- The error number that the rule is about, and what it means.
 local function error_of(rule, args, lang)
-  if args.code == nil then return word(tables.report_words.no_error_number, lang) end
-  if rule.args.code == "pkw" then return integer(args.code) .. " " .. cyclic.error_text(args.code, lang) end
-  return spec.error_hex(args.code) .. " " .. spec.error_text(args.code, lang, args.vendor_id)
+  local code, kind = args.code, rule.args.code
+  if code == nil then return word(tables.report_words.no_error_number, lang) end
+  if kind == "pkw" then return integer(code) .. " " .. cyclic.error_text(code, lang) end
+  if kind == "s7_item" then return spec.error_hex(code) .. " " .. s7.code_text("return_code", code, lang) end
+  if kind == "s7_error" then return s7.error_text(code, lang) end
+  return spec.error_hex(code) .. " " .. spec.error_text(code, lang, args.vendor_id)
 end
 
 -- The words of the status that the rule is about.

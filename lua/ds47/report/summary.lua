@@ -78,12 +78,15 @@ local function drives(add, result, smooth, lang)
     known[each.ip] = each
   end
   for _, each in ipairs(result.transactions) do
-    if not states[each.device] then
-      states[each.device] = {}
+    local mine = states[each.device]
+    if not mine and each.channel ~= "s7" then
+      mine = {}
+      states[each.device] = mine
       found[#found + 1] = known[each.device] or { ip = each.device }
     end
-    local mine = states[each.device]
-    mine[each.state] = (mine[each.state] or 0) + 1
+    if each.channel ~= "s7" then
+      mine[each.state] = (mine[each.state] or 0) + 1
+    end
   end
   for number, each in ipairs(found) do
     counts[number] = counts_of(states[each.ip], smooth, lang)
@@ -226,8 +229,8 @@ end
 
 -- What the capture cannot show
 
-local function blind(add, result, counts, lang)
-  local lines = verdict.blind(result, counts, lang)
+local function blind(add, result, lang)
+  local lines = verdict.blind(result, lang)
   if #lines == 0 then
     return
   end
@@ -265,7 +268,7 @@ function M.lines(add, result, counts, context)
   end
   local level = verdict.level(counts)
   if #rest > 0 or is_serious(diagnoses) or level == "bad" or level == "warn" then
-    blind(add, result, counts, context.lang)
+    blind(add, result, context.lang)
   end
 end
 

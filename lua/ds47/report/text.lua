@@ -6,6 +6,7 @@
 
 local all_frames = require("ds47.acyclic.transactions").all_frames
 local bus = require("ds47.report.bus")
+local communication = require("ds47.report.s7")
 local filters = require("ds47.report.filters")
 local opening = require("ds47.report.summary")
 local plc = require("ds47.report.plc")
@@ -26,8 +27,9 @@ local concat, format, sort = table.concat, string.format, table.sort
 M.LINE_LENGTH = 120 -- parameters that make a line longer than this stand below it, one a line
 M.FINDINGS_PER_RULE = 12
 M.RELATIONS_LISTED = 20
+M.CONNECTIONS_LISTED = 50
 M.EVENTS_LISTED = 60
-M.OPERATIONS = { "read", "change", "vendor", "unknown" }
+M.OPERATIONS = { "read", "change", "vendor", "unknown", "get", "put", "bsend", "usend" }
 M.SEVERITIES = { "error", "warning", "note" } -- from serious to harmless
 
 local RPC_COUNTS = {
@@ -130,7 +132,7 @@ local function header(add, result, counts, options)
   if result.dropped and result.dropped > 0 then
     add("  " .. say(lang, "machine_dropped", { n = result.dropped }))
   end
-  if #result.transactions == 0 then
+  if #result.transactions == 0 and #(result.connections or {}) == 0 then
     local there = traffic(result, lang) or say(lang, result.bus and "no_bus_records" or "no_rpc")
     add("  " .. say(lang, "no_transaction") .. " (" .. there .. ")")
   end
@@ -300,6 +302,9 @@ local function state_mark(item, lang)
       end
     end
   end
+  if #parts == 1 then
+    parts[2] = communication.error(item, lang)
+  end
   return "[" .. concat(parts, " ") .. "]"
 end
 
@@ -321,20 +326,29 @@ local function timing(item, lang)
   return joined(lang, parts)
 end
 
+-- What a transaction is about: its parameters, or the items of a job of S7.
+local function parts_of(item, lang)
+  if item.channel == "s7" then return communication.parts(item, lang) end
+  local parts = {}
+  for i, each in ipairs(item.parameters) do
+    parts[i] = words.parameter(each, item.operation == "change", lang)
+  end
+  return parts
+end
+
 local function transaction_lines(add, item, columns, lang)
   local operation = words.operation(lang, item.operation)
   local blanks = (" "):rep(columns.operation - words.width(operation))
   local left = pad("#" .. integer(item.id), columns.number) .. " " .. operation .. blanks
     .. "  " .. pad(M.route(item, columns), columns.route)
-  local parts, length = {}, words.length(left)
-  for i, each in ipairs(item.parameters) do
-    parts[i] = words.parameter(each, item.operation == "change", lang)
-    length = length + words.length(parts[i])
+  local parts, length = parts_of(item, lang), words.length(left)
+  for _, part in ipairs(parts) do
+    length = length + words.length(part)
   end
   local below = #parts > 1 and length > M.LINE_LENGTH
   local line = { left }
   if below then
-    line[2] = say(lang, "parameters", { n = #parts })
+    line[2] = say(lang, item.channel == "s7" and "s7_items" or "parameters", { n = #parts })
   elseif #parts > 0 then
     line[2] = concat(parts, "; ")
   end
@@ -348,8 +362,36 @@ local function transaction_lines(add, item, columns, lang)
   end
 end
 
+local function is_listed(item, options)
+  return item.channel ~= "s7" or communication.is_listed(item, options.s7)
+end
+
+--- The connections of S7.
+local function connections(add, result, options)
+  local list, lang, unlisted = result.connections or {}, options.lang, 0
+  if #list == 0 then
+    return
+  end
+  add("")
+  add(say(lang, "s7_head"))
+  for _, line in ipairs(aligned(communication.rows(list, M.CONNECTIONS_LISTED, lang))) do
+    add("  " .. line)
+  end
+  local left_out = math.max(0, #list - M.CONNECTIONS_LISTED) + (result.connections_left_out or 0)
+  if left_out > 0 then add("  " .. say(lang, "s7_left_out", { n = left_out })) end
+  local evidence = communication.evidence(list, lang)
+  for number = 1, math.min(#evidence, M.CONNECTIONS_LISTED) do add("  " .. evidence[number]) end
+  for _, each in ipairs(result.transactions) do
+    unlisted = unlisted + (is_listed(each, options) and 0 or 1)
+  end
+  if unlisted > 0 then add("  " .. say(lang, "s7_unlisted", { n = unlisted })) end
+end
+
 local function transaction_table(add, result, options)
-  local transactions = result.transactions
+  local transactions = {}
+  for _, each in ipairs(result.transactions) do
+    if is_listed(each, options) then transactions[#transactions + 1] = each end
+  end
   if #transactions == 0 then
     return
   end
@@ -440,7 +482,8 @@ end
 --- The report of one capture.
 -- @param result what Analysis:ended() gives
 -- @param options nil or {path = name of the capture, frames = frames in the file, rules = catalogue,
---   lang = "en" or "zh", plc = true for what the PLC saw of every job}
+--   lang = "en" or "zh", plc = true for what the PLC saw of every job, s7 = true for every job of S7, not
+--   only those with findings}
 -- @return text, every line ended with LF
 function M.report(result, options)
   options = options or {}
@@ -454,6 +497,7 @@ function M.report(result, options)
   stations(add, result, options.lang)
   relations(add, result.relations or {}, options.lang)
   events(add, result, options.lang)
+  connections(add, result, options)
   transaction_table(add, result, options)
   findings(add, result.findings, rules, options.lang)
   add("")

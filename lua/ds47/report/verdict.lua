@@ -43,18 +43,20 @@ local function watched(result)
   return number
 end
 
---- What a verdict rests on: {unreadable, drives, watched, jobs, states, operations, severities, calls};
--- `calls` is true where a record call brought nothing.
+--- What a verdict rests on: {unreadable, drives, watched, connections (of S7), jobs, states, operations,
+-- severities, calls}; `calls` is true where a record call brought nothing.
 function M.counts(result)
   local seen = {}
   local counts = {
     unreadable = result.complete == false and 1 or 0, drives = 0, jobs = #result.transactions,
-    watched = watched(result), states = {}, operations = {}, severities = {},
+    watched = watched(result),
+    connections = #(result.connections or {}) + (result.connections_left_out or 0),
+    states = {}, operations = {}, severities = {},
   }
   for _, each in ipairs(result.transactions) do
     bump(counts.states, each.state)
     bump(counts.operations, each.operation)
-    if not seen[each.device] then
+    if not seen[each.device] and each.channel ~= "s7" then
       seen[each.device] = true
       counts.drives = counts.drives + 1
     end
@@ -114,7 +116,12 @@ function M.verdict(counts, lang)
   else
     parts = M.told(counts.states, M.smooth(counts), lang)
     table.insert(parts, 1, say(lang, "transactions", { n = counts.jobs }))
-    table.insert(parts, 1, say(lang, "drives", { n = counts.drives }))
+    if counts.connections > 0 then
+      table.insert(parts, 1, say(lang, "verdict_s7", { n = counts.connections }))
+    end
+    if counts.drives > 0 or counts.connections == 0 then
+      table.insert(parts, 1, say(lang, "drives", { n = counts.drives }))
+    end
   end
   if counts.unreadable > 0 then
     parts[#parts + 1] = say(lang, "told_unreadable", { n = counts.unreadable })
@@ -164,13 +171,22 @@ local function accepted(item)
   return item.operation == "change" and (item.state == "ok" or item.state == "partial")
 end
 
--- Whether the request was sent before the capture or lost by it. A Read without an AR has none of its own.
+local function of_s7(item)
+  return item.channel == "s7"
+end
+
+-- Whether there is a response alone.
 local function orphaned(item)
-  return item.state == "orphan" and item.ar ~= nil
+  return item.state == "orphan" and item.channel ~= "s7"
+end
+
+-- Whether the request was sent before the capture or lost by it. A Read without an AR has none of its own.
+local function orphaned_with_ar(item)
+  return orphaned(item) and item.ar ~= nil
 end
 
 --- What this capture, other than another one, cannot show: array of texts.
-function M.blind(result, counts, lang)
+function M.blind(result, lang)
   local lines = {}
   local function add(condition, key, number)
     if condition then
@@ -182,12 +198,13 @@ function M.blind(result, counts, lang)
     nameless = nameless + ((each.station == nil or each.station == "") and 1 or 0)
   end
   local unseen = count(result.transactions, unseen_record)
-  local orphans = counts.states.orphan or 0
-  local without_ar = orphans - count(result.transactions, orphaned)
+  local orphans = count(result.transactions, orphaned)
+  local without_ar = orphans - count(result.transactions, orphaned_with_ar)
   add(count(result.transactions, accepted) > 0, "blind_effect")
   add(result.dropped == nil, "blind_drops")
   add(nameless > 0, "blind_names", nameless)
   add(unseen > 0, "blind_open", unseen)
+  add(count(result.transactions, of_s7) > 0, "blind_s7")
   add(orphans > without_ar, "blind_before", orphans - without_ar)
   add(without_ar > 0, "blind_without_ar", without_ar)
   add(other > 0, "blind_records", other)

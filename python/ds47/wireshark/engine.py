@@ -101,7 +101,7 @@ class Engine:
                 raise CaptureError(f"{native.path}: {text}: use --engine native")
             found, errors = None, [f"not compared, {text}"]
         if native.connections:
-            text = "the plugin does not know S7 communication"
+            text = "the engine tshark does not read S7 communication"
             if not self._both:
                 raise CaptureError(
                     f"{native.path}: {text}: use --engine native, or --channels without s7"

@@ -1,0 +1,527 @@
+"""Bytes of S7 in both implementations: the same segments, TPDUs and PDUs, the same flaws (docs/s7.md 2 and 3).
+
+Printed and recorded frames, PDUs that are built here and broken by chance (seeded), and connections whose segments
+are cut anywhere, doubled, lost, late, out of order and cut short by the capture.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+import struct
+import subprocess
+from collections import Counter
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lua_program import LUAS, lua_program
+
+from ds47.s7 import pdu as pdus
+from ds47.s7 import tcp, tpkt
+from ds47.s7.model import Address, At, End, Flaw, Item
+from ds47.s7.tpkt import Reader, Tpdu
+from ds47.spec import s7
+
+ROOT = Path(__file__).resolve().parents[2]
+DRIVER = ROOT / "tests/lua/s7.lua"
+PDUS, TALKS = 3000, 120
+PORTS = (102, 1102)
+MOST, MOST_BYTES = 3, 150_000
+
+
+# What Python says
+
+
+def flaws(found: list[Flaw] | tuple[Flaw, ...]) -> list[dict[str, Any]]:
+    return [
+        {
+            "kind": each.kind,
+            "offset": each.offset,
+            "text": s7.flaw_text(each.kind, each.args),
+            "zh": s7.flaw_text(each.kind, each.args, "zh"),
+        }
+        for each in found
+    ]
+
+
+def text(data: bytes | None) -> str | None:
+    return None if data is None else data.hex()
+
+
+def address(found: Address | None) -> dict[str, Any] | None:
+    if found is None:
+        return None
+    names = ("area", "db", "start", "size", "count", "transport", "length")
+    return {name: getattr(found, name) for name in names} | {"last": found.end}
+
+
+def items(found: list[Item]) -> list[dict[str, Any]]:
+    return [
+        {
+            "address": address(each.address),
+            "value": text(each.value),
+            "code": each.code,
+            "syntax": each.syntax,
+        }
+        for each in found
+    ]
+
+
+def user_data(pdu: pdus.Pdu) -> dict[str, Any] | None:
+    told = pdus.user_data(pdu)
+    if told is None:
+        return None
+    part = pdus.segment(pdu, told)
+    names = ("type", "group", "subfunction", "sequence", "unit", "last", "error", "code")
+    return {name: getattr(told, name) for name in names} | {
+        "content": told.content.hex(),
+        "segment": part and part._asdict() | {"data": part.data.hex()},
+    }
+
+
+def document(data: bytes) -> dict[str, Any]:
+    pdu = pdus.decode(data)
+    names = ("kind", "reference", "error", "size", "head", "content_at")
+    found: dict[str, Any] = {name: getattr(pdu, name) for name in names}
+    setup = pdus.setup(pdu)
+    found |= {name: getattr(pdu, name).hex() for name in ("data", "parameter", "content")}
+    found |= {"service": pdu.function, "setup": setup and setup._asdict()}
+    found["user_data"] = user_data(pdu)
+    sent = pdus.usend(pdu)
+    found["usend"] = sent and {"r_id": sent.r_id, "areas": [each.hex() for each in sent.areas]}
+    found["flaws"] = flaws(pdu.flaws)
+    if pdu.error is not None:
+        found["error_text"] = [s7.error_text(pdu.error, lang) for lang in ("en", "zh")]
+    return found
+
+
+def job(request: bytes, answer: bytes) -> dict[str, Any]:
+    asked, told = pdus.decode(request), pdus.decode(answer)
+    found = pdus.variables(asked)
+    each: dict[str, Any] = {"request": items(found.items), "groups": found.groups}
+    values = pdus.results(told)
+    each["results"] = [{"code": one.code, "data": text(one.data)} for one in values]
+    each["answer_flaws"] = flaws(told.flaws)
+    each["settled"], each["request_flaws"] = flaws(pdus.settle(found, values)), flaws(asked.flaws)
+    each["items"] = items(found.items)
+    return each
+
+
+def told_tpdu(tpdu: Tpdu) -> dict[str, Any]:
+    return {
+        "kind": tpdu.kind, "data": tpdu.data.hex(), "last": tpdu.last, "calling": text(tpdu.calling),
+        "called": text(tpdu.called), "size": tpdu.size, "reason": tpdu.reason, "flaws": flaws(tpdu.flaws),
+    }  # fmt: skip
+
+
+class Ear:
+    """Hears of the bytes of connections, as the Lua script does."""
+
+    def __init__(self, most: int, most_bytes: int) -> None:
+        self.told: list[dict[str, Any]] = []
+        self.streams = tcp.Streams(frozenset(PORTS), self._take, self._over, most, most_bytes)
+
+    def _tell(self, talk: tcp.Talk, **content: Any) -> None:
+        ends = {"client": talk.client._asdict(), "server": talk.server._asdict()}
+        self.told.append(ends | content)
+
+    def _take(self, talk: tcp.Talk, from_client: bool, piece: tcp.Piece) -> None:
+        talk.owner = talk.owner or {True: Reader(), False: Reader()}
+        own = talk.owner[from_client]
+        wholes = [
+            {
+                "tpdu": told_tpdu(each.tpdu), "data": each.data.hex(), "frame": each.at.frame,
+                "late": each.late,
+            }
+            for each in own.take(piece)
+        ]  # fmt: skip
+        talk.kept = talk.owner[True].held + talk.owner[False].held
+        self._tell(
+            talk, from_client=from_client, data=piece.data.hex(), frame=piece.at.frame, lost=piece.lost,
+            late=piece.late, whole=wholes, lost_of_reader=own.lost, synced=own.synced, kept=talk.kept,
+        )  # fmt: skip
+
+    def _over(self, talk: tcp.Talk, reset: bool, at: At) -> None:
+        self._tell(talk, over=at.frame, reset=reset)
+
+
+def python_says(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = []
+    ear = Ear(MOST, MOST_BYTES)
+    for line in lines:
+        if line["kind"] == "pdu":
+            data, answer = bytes.fromhex(line["data"]), bytes.fromhex(line["answer"])
+            found.append({"pdu": document(data), "job": job(data, answer)})
+        elif line["kind"] == "tpdu":
+            found.append(told_tpdu(tpkt.decode(bytes.fromhex(line["data"]), 4)))
+        elif line["kind"] == "begin":
+            ear = Ear(line["most"], line["most_bytes"])
+        elif line["kind"] == "segment":
+            payload = bytes.fromhex(line["payload"])
+            segment = tcp.parse(line["source"], line["destination"], payload, line["missing"])
+            if segment is not None:
+                ear.streams.feed(segment, At(line["frame"], line["frame"]))
+        else:
+            ear.streams.finish()
+            found += [*ear.told, {"held": ear.streams._held}]
+    return found
+
+
+# PDUs by chance
+
+
+def pdu(kind: int, reference: int, parameter: bytes, data: bytes = b"", error: int = 0) -> bytes:
+    """A PDU with its header."""
+    head = struct.pack(">BBHHHH", 0x32, kind, 0, reference, len(parameter), len(data))
+    return head + (struct.pack(">H", error) if kind in (2, 3) else b"") + parameter + data
+
+
+def any_item(chance: random.Random) -> tuple[bytes, int]:
+    """An address, and the bytes that it names."""
+    if chance.random() < 0.2:
+        areas = [
+            (chance.randrange(1, 40), chance.randrange(9), chance.randrange(99)) for _ in range(3)
+        ]
+        areas = areas[: chance.randrange(4)]
+        entries = b"".join(struct.pack(">BHH", *each) for each in areas)
+        part = bytes((0xB0, len(areas))) + entries
+        return bytes((0x12, len(part))) + part, sum(each[0] for each in areas)
+    size = chance.choice((*s7.sizes(), *(2,) * 20, 0x21))
+    area = chance.choice((*s7.areas(), *(0x84,) * 20, 0x40))
+    count, start = chance.randrange(1, 30), chance.choice((chance.randrange(0x800), 0xFFFFF8))
+    row = s7.sizes().get(size)
+    part = struct.pack(">BBBBHHBBH", 0x12, 10, 0x10, size, count, chance.randrange(3), area, start >> 16,
+                       start & 0xFFFF)  # fmt: skip
+    return part, (count * (row.bits if row else 8) + 7) // 8
+
+
+def entry(chance: random.Random, length: int, last: bool, code: int) -> bytes:
+    """An entry of data with its fill byte; one that failed has a length that says nothing."""
+    if code != 0xFF and chance.random() < 0.7:
+        return bytes((code, 0, 0, chance.choice((0, 4))))
+    transport = chance.choice((4, 4, 4, 3, 5, 6, 7, 9, 0, 0x22))
+    counts = length * 8 if transport in (3, 4, 5) else length
+    fill = b"\0" if length % 2 and not last else b""
+    return bytes((code, transport)) + struct.pack(">H", counts) + chance.randbytes(length) + fill
+
+
+def one_job(chance: random.Random) -> tuple[bytes, bytes]:
+    """A read or a write with its answer."""
+    reference = chance.choice((0, 1, 0x0100, 0xFFFF))
+    found = [any_item(chance) for _ in range(chance.choice((0, 1, 1, 1, 2, 3, 20)))]
+    lengths, write = [each[1] for each in found], chance.random() < 0.5
+    parameter = bytes((5 if write else 4, len(found)))
+    codes = [chance.choice((0xFF,) * 9 + (0x0A, 5)) for _ in found]
+    data = b"".join(
+        entry(chance, length, at == len(found) - 1, 0 if write else code)
+        for at, (length, code) in enumerate(zip(lengths, codes, strict=True))
+    )
+    request = pdu(
+        1, reference, parameter + b"".join(each[0] for each in found), data if write else b""
+    )
+    error = chance.choice((0,) * 9 + (0x8104, 0xD401, 0x8500, 0x1234))
+    says = parameter if chance.random() < 0.9 else bytes((parameter[0], chance.randrange(5)))
+    answer = pdu(
+        chance.choice((3, 3, 3, 2)), reference, says, bytes(codes) if write else data, error
+    )
+    return request, answer
+
+
+def other(chance: random.Random) -> tuple[bytes, bytes]:
+    """A setup, a BSEND with its acknowledgement, a USEND, other user data."""
+    reference = chance.randrange(5)
+    setup = struct.pack(">BBHHH", 0xF0, 0, chance.randrange(9), 1, chance.choice((240, 480, 960)))
+    first, last = chance.random() < 0.5, chance.random() < 0.5
+    r_id = struct.pack(">I", chance.choice((0, 1, 0x12345678, 0xFFFFFFFF)))
+    total = struct.pack(">H", chance.randrange(600)) if first else b""
+    content = b"\x12\x06\x13\0" + r_id + total + chance.randbytes(chance.randrange(40))
+    head = bytes((0, 1, 0x12, 8, 0x12, 0x46, 1, 0 if first else 3, 2, 0 if last else 1, 0, 0))
+    bsend = pdu(7, reference, head, b"\xff\x09" + struct.pack(">H", len(content)) + content)
+    taken = pdu(7, reference, b"\0\1\x12\x08\x12\x86\1\3\0\0" + chance.choice((b"\0\0", b"\x85\0")),
+                b"\x0a\0\0\0")  # fmt: skip
+    areas = [entry(chance, chance.randrange(12), False, 0) for _ in range(chance.randrange(1, 4))]
+    usend = pdu(7, reference, b"\0\1\x12\6\x13\0" + r_id,
+                b"\xff\x09" + struct.pack(">H", len(areas)) + b"".join(areas))  # fmt: skip
+    szl = pdu(7, reference, b"\0\1\x12\4\x11\x44\1\0", b"\xff\x09\0\4\0\x11\0\0")
+    plus = b"\x72\1\0\x05hello" if chance.random() < 0.5 else b"\x99hello"
+    return chance.choice(
+        (
+            (pdu(1, reference, setup), pdu(3, reference, setup)),
+            (bsend, taken),
+            (usend, szl),
+            (plus, szl),
+        )
+    )
+
+
+def broken(data: bytes, chance: random.Random) -> bytes:
+    """The same with bytes changed, cut off or added, or as it is."""
+    found = bytearray(data)
+    for _ in range(chance.choice((0, 0, 0, 1, 1, 2, 4))):
+        kind, at = chance.randrange(5), chance.randrange(len(found) + 1)
+        if kind < 3 and at < len(found):
+            found[at] = chance.choice((0, 1, 2, 0xFF, 0x12, chance.randrange(256)))
+        elif kind == 3:
+            del found[at:]
+        else:
+            found[at:at] = chance.randbytes(chance.randrange(1, 4))
+    return bytes(found)
+
+
+@cache
+def pdus_by_chance() -> list[dict[str, Any]]:
+    chance = random.Random(19)
+    lines: list[dict[str, Any]] = [{"kind": "pdu", "data": "", "answer": ""}]
+    for _ in range(PDUS):
+        request, answer = chance.choice((one_job, one_job, other))(chance)
+        if chance.random() < 0.1:
+            request, answer = answer, request
+        request, answer = broken(request, chance), broken(answer, chance)
+        lines.append({"kind": "pdu", "data": request.hex(), "answer": answer.hex()})
+        lines.append({"kind": "tpdu", "data": broken(chance.choice(TPDUS), chance).hex()})
+    return lines
+
+
+# Connections by chance
+
+TPDUS = (
+    b"\x11\xe0\0\0\0\1\0\xc0\1\x0a\xc1\2\1\0\xc2\2\1\2",
+    b"\x11\xd0\0\1\0\2\0\xc0\1\x20\xc1\2\1\0\xc2\2\1\2", b"\x04\xd0\0\0\0", b"\x02\x80\0",
+    b"\x06\x80\0\1\0\2\3", b"\x02\xf0\0", b"\x03\x70\0\1", b"\x06\xe0\0\0\0\1\0",
+)  # fmt: skip
+
+
+def packets(data: bytes, chance: random.Random) -> Iterator[bytes]:
+    """A PDU in one TPKT or in several, with TPDUs of other kinds between."""
+    while data:
+        many = len(data) if chance.random() < 0.7 else chance.randrange(1, len(data) + 1)
+        many = min(many, 0xFFF8)
+        part, data = data[:many], data[many:]
+        yield (
+            struct.pack(">BBH", 3, 0, len(part) + 7)
+            + b"\x02\xf0"
+            + (b"\0" if data else b"\x80")
+            + part
+        )
+    if chance.random() < 0.1:
+        tpdu = broken(chance.choice(TPDUS), chance)
+        yield struct.pack(">BBH", 3, 0, len(tpdu) + 4) + tpdu
+    if chance.random() < 0.03:
+        yield chance.choice(
+            (b"\3", b"\3\0\0", b"\x03" * 9, chance.randbytes(30), b"\3\0\0\7\2\xf0\x80")
+        )
+
+
+def stream(chance: random.Random) -> list[bytes]:
+    """What one end sends, by its TPKT."""
+    found: list[bytes] = []
+    for _ in range(chance.randrange(1, 12)):
+        data = chance.choice(chance.choice((one_job, other))(chance))
+        if chance.random() < 0.03:
+            data = pdu(1, 1, b"\5\1", bytes(40_000)) + bytes(chance.choice((0, 26_000)))
+        found += packets(data, chance)
+    return found
+
+
+def cut(sent: list[bytes], chance: random.Random) -> Iterator[bytes]:
+    """The same as segments: each has one TPKT, or they are cut anywhere."""
+    data, most = b"".join(sent), chance.choice((3, 40, 1460, 1460))
+    if chance.random() < 0.4 and len(data) < 40_000:
+        yield from sent
+        return
+    if most == 3 and len(data) > 3000:
+        most = 1460
+    at = 0
+    while at < len(data):
+        many = chance.randrange(1, most + 1)
+        yield data[at : at + many]
+        at += many
+
+
+def segments(
+    source: End, destination: End, chance: random.Random
+) -> Iterator[tuple[int, int, bytes, int]]:
+    """One direction: sequence number, flags, bytes, and how many of them the capture lacks."""
+    at = chance.choice((1, 0x7FFFFFF0, 0xFFFFFF80, chance.randrange(1 << 32)))
+    if chance.random() < 0.7:
+        yield at - 1, tcp.SYN | (tcp.ACK if source.port in PORTS else 0), b"", 0
+    for part in cut(stream(chance), chance):
+        lacks = chance.randrange(len(part)) if chance.random() < 0.01 else 0
+        yield at, tcp.ACK, part[: len(part) - lacks], lacks
+        at += len(part)
+    if chance.random() < 0.6:
+        yield at, tcp.ACK | chance.choice((tcp.FIN, tcp.FIN, tcp.RST)), b"", 0
+
+
+def disturbed(found: list[Any], chance: random.Random) -> list[Any]:
+    """The same with some lost, doubled, late and out of order."""
+    much = chance.choice((0, 0.02, 0.1, 0.1))
+    result: list[Any] = []
+    held: list[Any] = []
+    for each in found:
+        kind = chance.randrange(4) if chance.random() < much else None
+        if kind == 0:
+            continue
+        if kind == 1:
+            held.append(each)
+        elif kind == 2:
+            result += [each, each]
+        else:
+            result.append(each)
+        if held and chance.random() < 0.1:
+            result.append(held.pop())
+    return result + held
+
+
+def talk(chance: random.Random, number: int) -> Iterator[dict[str, Any]]:
+    """A connection, or two of the same ends, as IP packets without frame numbers."""
+    client = End("10.0.0.1", 1000 + number)
+    server = End("10.0.0.2", chance.choice((*PORTS, 103) if number % 9 == 0 else PORTS))
+    if number % 7 == 0:
+        client = End("10.0.0.1", PORTS[0])
+    both = [
+        disturbed(list(segments(a, b, chance)), chance)
+        for a, b in ((client, server), (server, client))
+    ]
+    ways = [(client, server), (server, client)]
+    reached = [0, 0]
+    while any(both):
+        side = chance.choice([each for each in (0, 1) if both[each]])
+        sequence, flags, data, missing = both[side].pop(0)
+        source, destination = ways[side]
+        acknowledge = reached[1 - side] if chance.random() < 0.8 else 0
+        reached[side] = (sequence + len(data) + missing) & 0xFFFFFFFF
+        head = struct.pack(
+            ">HHIIBBHHH", source.port, destination.port, sequence & 0xFFFFFFFF, acknowledge,
+            chance.choice((0x50, 0x50, 0x60)), flags, 8192, 0, 0,
+        )  # fmt: skip
+        options = b"\2\4\5\xb4" if head[12] == 0x60 else b""
+        yield {
+            "kind": "segment", "source": source.ip, "destination": destination.ip,
+            "payload": (head + options + data).hex(), "missing": missing,
+        }  # fmt: skip
+
+
+@cache
+def talks_by_chance() -> list[dict[str, Any]]:
+    lines: list[dict[str, Any]] = []
+    for seed in range(TALKS):
+        chance = random.Random(seed)
+        lines.append({"kind": "begin", "ports": PORTS, "most": MOST, "most_bytes": MOST_BYTES})
+        open_now = [list(talk(chance, number)) for number in range(1, chance.randrange(2, 6))]
+        if chance.random() < 0.5:
+            open_now.append(list(talk(chance, 1)))
+        frame = 0
+        while any(open_now):
+            own = chance.choice([each for each in open_now if each])
+            for line in own[:3]:
+                frame += 1
+                lines.append(line | {"frame": frame})
+            del own[:3]
+        lines.append({"kind": "end"})
+    return lines
+
+
+def single_bytes() -> list[dict[str, Any]]:
+    """Segments that make it hard: each has one byte, or all begin a TPKT, or leave a hole."""
+    lines: list[dict[str, Any]] = []
+    whole = b"".join(packets(pdu(1, 1, b"\5\1", bytes(500)), random.Random(1)))
+    for data, step in (
+        (whole, 1),
+        (b"\3" * 60_000, 1460),
+        (b"\3\0\xff\xff\2\xf0\x80" + bytes(70_000), 1460),
+    ):
+        lines.append({"kind": "begin", "ports": PORTS, "most": MOST, "most_bytes": MOST_BYTES})
+        for at in range(0, len(data), step):
+            for skip in (0, 2 * step):
+                head = struct.pack(">HHIIBBHHH", 9, 102, at + skip, 0, 0x50, 0, 0, 0, 0)
+                part = head + data[at + skip : at + skip + step]
+                lines.append({
+                    "kind": "segment", "source": "1.1.1.1", "destination": "2.2.2.2", "payload": part.hex(),
+                    "missing": 0, "frame": at + 1,
+                })  # fmt: skip
+        lines.append({"kind": "end"})
+    return lines
+
+
+# Comparing
+
+
+def lua_says(lua: str, lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    given = "".join(json.dumps(line) + "\n" for line in lines)
+    result = subprocess.run(
+        [lua_program(lua), str(DRIVER)], input=given.encode(), capture_output=True, check=False
+    )
+    assert result.returncode == 0, result.stderr.decode()
+    return [json.loads(line) for line in result.stdout.decode().splitlines()]
+
+
+def compare(lua: str, lines: list[dict[str, Any]]) -> None:
+    expected, told = python_says(lines), lua_says(lua, lines)
+    for number, (one, other) in enumerate(zip(told, expected, strict=False)):
+        assert one == other, f"line {number}"
+    assert len(told) == len(expected)
+
+
+def vectors() -> list[dict[str, Any]]:
+    file = ROOT.parent / "shared" / "reference" / "channel_vectors.json"
+    if not file.exists():
+        pytest.skip("the reference is not here")
+    found = json.loads(file.read_text("utf-8"))["vectors"]
+    return [each for each in found if each["row"] == 19]
+
+
+@pytest.mark.parametrize("lua", LUAS)
+def test_printed_and_recorded_frames(lua: str) -> None:
+    found = [bytes.fromhex(each["hex"])[7:].hex() for each in vectors()]
+    assert found
+    compare(
+        lua, [{"kind": "pdu", "data": one, "answer": other} for one in found for other in found]
+    )
+
+
+@pytest.mark.parametrize("lua", LUAS)
+def test_pdus_by_chance(lua: str) -> None:
+    compare(lua, pdus_by_chance())
+
+
+@pytest.mark.parametrize("lua", LUAS)
+def test_connections_by_chance(lua: str) -> None:
+    compare(lua, talks_by_chance())
+
+
+@pytest.mark.parametrize("lua", LUAS)
+def test_segments_that_make_it_hard(lua: str) -> None:
+    compare(lua, single_bytes())
+
+
+def test_chance_leaves_nothing_out() -> None:
+    every = python_says(pdus_by_chance())
+    told = [each for each in every if "pdu" in each]
+    kinds = Counter(flaw["kind"] for each in every for flaw in each.get("flaws", ()))
+    kinds += Counter(
+        flaw["kind"]
+        for each in told
+        for flaw in (*each["pdu"]["flaws"], *each["job"]["answer_flaws"], *each["job"]["settled"])
+    )
+    kinds += Counter(flaw["kind"] for each in told for flaw in each["job"]["request_flaws"])
+    heard = python_says(talks_by_chance())
+    kinds += Counter(
+        flaw["kind"]
+        for each in heard
+        for whole in each.get("whole", ())
+        for flaw in whole["tpdu"]["flaws"]
+    )
+    assert {name: count for name, count in kinds.items() if count < 5} == {}
+    assert set(s7.flaw_ids()) - set(kinds) <= {"tpkt"}
+    for name in ("lost", "late", "reset", "over", "lost_of_reader"):
+        assert sum(bool(each.get(name)) for each in heard) > 20, name
+    for name in ("calling", "called", "size", "reason"):
+        wholes = [whole["tpdu"][name] for each in heard for whole in each.get("whole", ())]
+        assert sum(each is not None for each in wholes) > 20, name
+    assert sum(whole["late"] for each in heard for whole in each.get("whole", ())) > 5
+    for name in ("setup", "user_data", "usend"):
+        assert sum(each["pdu"][name] is not None for each in told) > 50, name
