@@ -52,8 +52,12 @@ BESIDE = ROOT.parent / "shared/captures"
 CAPTURES = sorted(
     path
     for folder in (
-        ROOT / "captures", ROOT / "captures" / "s7-stacks", BESIDE, BESIDE / "real-stacks", BESIDE / "s7",
-    )  # fmt: skip
+        ROOT / "captures",
+        ROOT / "captures" / "s7-stacks",
+        BESIDE,
+        BESIDE / "real-stacks",
+        BESIDE / "s7",
+    )
     for path in folder.glob("*.pcap*")
 )
 SMALL = 200_000
