@@ -551,6 +551,12 @@ def test_connections_that_come_to_nothing() -> None:
     assert cases(result(capture(refused))) == ["refused_disconnect"]
     reset = Talk().opened(cotp=False, pdu=None).say(True, connect()).add(False, b"", RST)
     assert cases(result(capture(reset))) == ["refused_reset"]
+    for flags in (RST, RST | ACK):  # the client itself: nobody refused anything
+        tried = Talk().opened(cotp=False, pdu=None).add(True, b"", flags)
+        assert cases(result(capture(tried))) == []
+        assert result(capture(tried)).connections == []
+    gone = Talk().opened(cotp=False, pdu=None).say(True, connect()).add(True, b"", RST)
+    assert cases(result(capture(gone))) == ["refused_no_confirm"]
     closed = Talk().add(True, b"", SYN).add(False, b"", RST | ACK)
     assert cases(result(capture(closed))) == ["refused_reset_tcp"]
     setup_ = Talk().opened(pdu=None).ask(setup(5), answer(5, b"", error=0x8104))

@@ -30,7 +30,7 @@ Connections.__index = Connections
 --   opened(connection)   a connection has its first S7 PDU, CR or CC
 --   agreed(connection)   the setup was answered: `pdu_length` and `parallel` are there
 --   refused(connection, why, at, code)  nothing comes of a connection: "no_confirm" (CR without CC),
---                        "disconnect" (DR), "reset" (RST), "setup" (setup refused); the frame that shows it;
+--                        "disconnect" (DR), "reset" (RST of the server), "setup"; the frame;
 --                          reason of DR, error
 --                        class and code of the setup, else 0
 --   pdu(told)            each whole S7 PDU before anything is made of it: {connection, from_client, at, kind,

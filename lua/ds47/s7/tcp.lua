@@ -182,8 +182,8 @@ M.Streams = Streams
 
 --- All connections of the ports that are wanted.
 -- @param ports  of servers, a set
--- @param listener  is given each piece, and told of a connection that is over, and whether by RST:
---   listener:take(talk, from_client, piece), listener:talk_over(talk, reset, at)
+-- @param listener  is given each piece, and told of a connection that is over, and whether by a RST of the
+--   server: listener:take(talk, from_client, piece), listener:talk_over(talk, reset, at)
 -- @param most  how many connections are followed at once; of more, the one that was silent for longest is
 --   over
 -- @param most_bytes  how many bytes of all of them may wait
@@ -206,7 +206,7 @@ local function hand_on(self, talk, from_client, pieces)
   for _, piece in ipairs(pieces) do self.listener:take(talk, from_client, piece) end
 end
 
-local function close(self, talk, reset)
+local function close(self, talk, reset, by_server)
   if talk.over then return end
   for _, from_client in ipairs({true, false}) do
     local own = talk:of(from_client)
@@ -217,7 +217,7 @@ local function close(self, talk, reset)
     end
   end
   talk.over, talk.reset = true, reset
-  self.listener:talk_over(talk, reset, self.now)
+  self.listener:talk_over(talk, by_server or false, self.now)
 end
 
 local function begin(self, segment)
@@ -319,7 +319,7 @@ function Streams:feed(segment, at)
   local talk = talk_of(self, segment)
   local before = talk:held()
   if has(segment, M.RST) then
-    close(self, talk, true)
+    close(self, talk, true, not is(segment.source, talk.client))
   elseif not talk.over then
     take_segment(self, talk, is(segment.source, talk.client), segment, at)
   end

@@ -294,7 +294,7 @@ class Listener(Protocol):
 
         Args:
             connection: it.
-            why: "no_confirm" (CR without CC), "disconnect" (DR), "reset" (RST), "setup" (setup refused).
+            why: "no_confirm" (CR without CC), "disconnect" (DR), "reset" (RST of the server), "setup" (refused).
             at: the frame that shows it.
             code: reason of DR, error class and code of the setup; else 0.
         """

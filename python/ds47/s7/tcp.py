@@ -200,7 +200,7 @@ class Streams:
     Args:
         ports: of servers.
         take: is given each piece, and whether the client sent it.
-        over: is told of a connection that is over, and whether by RST.
+        over: is told of a connection that is over, and whether by a RST of the server.
         most: how many connections are followed at once; of more, the one that was silent for longest is over.
         most_bytes: how many bytes of all of them may wait.
     """
@@ -226,7 +226,7 @@ class Streams:
         before = talk.held
         from_client = segment.source == talk.client
         if segment.flags & RST:
-            self._close(talk, reset=True)
+            self._close(talk, reset=True, by_server=not from_client)
         elif not talk.over:
             self._segment(talk, from_client, segment, at)
         self._held += talk.held - before
@@ -294,7 +294,7 @@ class Streams:
         far = abs(distance(segment.sequence, own.next)) > _JUMP
         return far and bool(segment.data) and own.first is not None
 
-    def _close(self, talk: Talk, reset: bool) -> None:
+    def _close(self, talk: Talk, reset: bool, by_server: bool = False) -> None:
         if talk.over:
             return
         for from_client in (True, False):
@@ -303,7 +303,7 @@ class Streams:
                 for piece in own.give_up():
                     self._take(talk, from_client, piece)
         talk.over, talk.reset = True, reset
-        self._over(talk, reset, self._now)
+        self._over(talk, by_server, self._now)
 
     def _bound(self) -> None:
         while len(self._talks) > self._most or self._held > self._most_bytes:
