@@ -61,7 +61,7 @@ test-all: system
 	$(BIN)/python -m pytest $(PARALLEL) $(ARGS)
 
 audit: $(STAMP)
-	$(BIN)/python -m tests.audit --count $(N) --seed $(SEED) captures/*.pcapng captures/real-stacks/*.pcapng
+	$(BIN)/python -m tests.audit --count $(N) --seed $(SEED) captures/*.pcapng captures/*-stacks/*.pcapng
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -17,7 +17,7 @@ from typing import Any
 from ds47.model import CaptureResult, Item
 
 STORED = Path(__file__).resolve().parents[2] / "captures" / "s7-stacks"
-FOLDER = Path(os.environ.get("DS47_S7_STACKS", STORED))
+FOLDER = Path(os.environ.get("DS47_S7_STACKS", STORED)).resolve()
 """`make oracles` names the folder with what it recorded just now."""
 NAMES = sorted(path.stem for path in FOLDER.glob("*.pcapng"))
 AREAS = {"I": 0x81, "Q": 0x82, "M": 0x83, "DB": 0x84, "C": 0x1C, "T": 0x1D}
