@@ -130,7 +130,14 @@ def _several(case: Case) -> Iterator[str]:
 
 @auditor("DS903")
 def _block(case: Case) -> Iterator[str]:
-    """The block itself is known only where the user chose it."""
+    """The block is known where the user chose it, and where the partner said it in SZL 0131: the largest counts."""
+
+    def known(line: Line, by_client: bool) -> tuple[int | None, str, int | None]:
+        said = [each for other in case.lines if other.server == line.server for each in other.said]
+        if case.block is not None or not said or not by_client:
+            return case.block, "block_chosen", None
+        frame, size = max(said, key=lambda each: (each[1], -each[0].number))
+        return size, "block_said", frame.number
 
     def each(line: Line, by_client: bool, text: str) -> Iterator[str]:
         jobs = [
@@ -141,13 +148,14 @@ def _block(case: Case) -> Iterator[str]:
             and job.name == case.args.get("operation")
         ]  # fmt: skip
         yield from case.ends(line, by_client)
-        yield from case.wrong(block=case.block, case="block_chosen", frame=None, name=None)
+        block, source, frame = known(line, by_client)
+        yield from case.wrong(block=block, case=source, frame=frame, name=None)
         yield from _many(case, [_frames(job) for job, _ in jobs])
         for job, item in jobs[:1]:
             yield from case.wrong(bytes=item.size)
             if job.asked.number != case.frame:
                 yield f"the first one is in frame {job.asked.number}"
-            if case.block is None or item.size <= case.block:
+            if block is None or item.size <= block:
                 yield "it is not larger than the block"
         if not jobs:
             yield "there is no such area"

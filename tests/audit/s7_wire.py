@@ -163,6 +163,8 @@ class Line:
     """Frame, who sends, bytes."""
     parts: list[Part] = field(default_factory=list)
     sent: list[Sent] = field(default_factory=list)
+    said: list[tuple[Frame, int]] = field(default_factory=list)
+    """Frames in which the server says how many bytes it handles consistently: index 3 of SZL 0131."""
     others: int = 0
 
 
@@ -393,3 +395,5 @@ def _user(
                 return
     else:
         line.others += 1
+        if parameter[5:7] == b"\x84\1" and content[4:8] == b"\1\x31\0\3" and not by_client:
+            line.said.append((frame, int.from_bytes(content[18:20])))
