@@ -33,8 +33,8 @@ function M.new(ports, choices, limits, listener)
     said = {}, -- what is wrong with jobs that are not over
     seen = {}, -- what the last packet had to do with: array of {job, role}
   }, Communication)
-  local own = blocks.new(choices.blocks or NONE, choices.cpus or NONE, limits.s7_memories)
-  self.judge = judge.new(limits, self, own, choices.readback or false)
+  self.blocks = blocks.new(choices.blocks or NONE, choices.cpus or NONE, limits.s7_memories)
+  self.judge = judge.new(limits, self, self.blocks, choices.readback or false)
   self.connections = connections.new(ports, limits, {self.judge, self})
   return self
 end
@@ -57,7 +57,10 @@ end
 --- The connections, as the report has them.
 function Communication:told()
   local found = {}
-  for number, each in ipairs(self.connections:all()) do found[number] = told(each) end
+  for number, each in ipairs(self.connections:all()) do
+    local block = self.blocks:of(each.server.ip)
+    found[number] = told(each, block and block.size)
+  end
   return found
 end
 
@@ -104,6 +107,7 @@ function Communication:heard(remark)
     self.said[job] = self.said[job] or {}
     table.insert(self.said[job], remark)
   else
+    remark.job = nil -- as where transactions are handed out at once
     self.listener:s7_remark(remark)
   end
 end
