@@ -126,6 +126,8 @@ def _problem(text: str) -> Headline | None:
         item.wide = int((times[2] or times[1]).replace(",", ""))
     item.filters = [_plain(code[1])]
     item.job = int(job[1]) if job else None
+    state = re.search(r'<p class="state">(.*?)</p>', text, re.DOTALL)
+    item.state = _plain(state[1]) if state else ""
     return item
 
 

@@ -214,6 +214,16 @@ def test_a_false_word_of_the_text_is_noticed(was: str, becomes: str) -> None:
     assert Counter(map(str, run.complaints(lie))) - before
 
 
+@pytest.mark.parametrize("kind", ["text", "page"])
+def test_a_false_word_of_the_status_word_is_noticed(kind: str) -> None:
+    item = read(ROOT / "captures/cyclic-changed-after-off1.pcapng")
+    lie, told = copy.copy(item), getattr(item, kind)
+    start = told.index("the status word of the drive (#1)")
+    setattr(lie, kind, told[:start] + told[start:].replace("since frame 40", "since frame 41", 1))
+    assert not list(run.complaints(item))
+    assert list(run.complaints(lie))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("was", "becomes"),
