@@ -22,7 +22,7 @@ from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
 from ds47.lab.client import Client
-from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT
+from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic
 from ds47.lab.cyclic_scenes import ALONE, BOOK, SPEED, parameters
 from ds47.lab.drive import Drive
 from ds47.lab.machine import Machine
@@ -242,7 +242,8 @@ def test_the_axis_has_round_times() -> None:
 
 def test_what_a_hundred_percent_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stage = Stage()
-    machine = Machine(Client(stage), Drive(cells=parameters())).connect().start().read(2000)
+    line = Cyclic(Client(stage), reduction=16)
+    machine = Machine(line, Drive(cells=parameters())).connect().start().read(2000)
     machine.run(0.1)
     path = tmp_path / "p2000.pcapng"
     path.write_bytes(written(stage))
@@ -361,10 +362,9 @@ def is_so(steps: list[tuple[str, Any]], begin: int, telegram: int) -> None:
 def operated(steps: list[tuple[str, Any]], begin: int, telegram: int) -> Stage:
     """A drive with one of these telegrams, and what happens to it."""
     stage = Stage()
-    machine = Machine(Client(stage), Drive(cells=parameters()), reduction=16)
-    if telegram != 353:
-        pzd = {352: ALONE, 1: SPEED}[telegram]
-        machine = Machine(Client(stage), Drive(), pkw=None, pzd=pzd, reduction=16)
+    modules = {353: (PKW, PZD), 352: (ALONE,), 1: (SPEED,)}[telegram]
+    line = Cyclic(Client(stage), modules, reduction=16)
+    machine = Machine(line, Drive(cells=parameters() if telegram == 353 else {}))
     machine.control(begin).connect().run(0.1)
     for step, what in steps:
         if telegram == 353 or step not in ("read", "change"):

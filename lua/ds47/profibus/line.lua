@@ -32,6 +32,7 @@ M.Line = Line
 function Line.new()
   return setmetatable({
     open = nil, -- the exchange that waits for its answer
+    before = nil, -- the bytes of the frame before
     last = {}, -- who asks whom -> the bytes of the newest request
     tokens = 0, damaged = 0, stray = 0,
   }, Line)
@@ -44,7 +45,8 @@ end
 --- A frame.
 -- @return the exchanges that are over with it, up to two
 function Line:take(seen)
-  local item = seen.item
+  local item, before = seen.item, self.before
+  self.before = item.data
   if item.flaws[1] then
     self.damaged = self.damaged + 1
     if self.open then
@@ -53,7 +55,7 @@ function Line:take(seen)
   elseif item.kind == "SD4" then
     self.tokens = self.tokens + 1
   elseif item.request then
-    return self:_request(seen)
+    return self:_request(seen, before)
   else
     return self:_answer(seen)
   end
@@ -71,9 +73,9 @@ function Line:finish()
   return over
 end
 
-function Line:_request(seen)
+function Line:_request(seen, before)
   local item, open = seen.item, self.open
-  if open and item.fcv == 1 and open.request.item.data == item.data then
+  if open and open.request.item.data == item.data and (item.fcv == 1 or before == item.data) then
     open.retried = open.retried + 1
     if open.retried <= M.MOST_RETRIES then
       open.retries[open.retried] = seen

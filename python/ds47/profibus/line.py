@@ -57,6 +57,7 @@ class Line:
 
     def __init__(self) -> None:
         self._open: Exchange | None = None
+        self._before: Telegram | None = None
         self._last: dict[_Way, Telegram] = {}
         self.tokens = 0
         """How many tokens went round,"""
@@ -78,6 +79,7 @@ class Line:
             yield from self._request(seen)
         else:
             yield from self._answer(seen)
+        self._before = item
 
     def finish(self) -> Iterator[Exchange]:
         """No frame comes any more."""
@@ -93,7 +95,11 @@ class Line:
 
     def _request(self, seen: Seen) -> Iterator[Exchange]:
         item, way = seen.item, (seen.item.sa, seen.item.da)
-        if self._open is not None and item.fcv == 1 and self._open.request.item == item:
+        if (
+            self._open is not None
+            and self._open.request.item == item
+            and (item.fcv == 1 or self._before == item)
+        ):
             self._open.retried += 1
             if self._open.retried <= MOST_RETRIES:
                 self._open.retries.append(seen)
