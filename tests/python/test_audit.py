@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, seed, settings
+from of_profibus import of_ethernet
 from tests.audit import conversations, drive, message, reading, run, wire, words
 from tests.audit import seeds as many
 from tests.audit.conversations import Plan
@@ -22,9 +23,10 @@ from ds47.spec import rules
 
 ROOT = Path(__file__).parents[2]
 SHARED = ROOT.parent / "shared" / "captures"
-STORED = sorted(
-    path for path in [*ROOT.glob("captures/*.pcap*"), *ROOT.glob("captures/real-stacks/*.pcapng")]
+STORED = of_ethernet(
+    sorted([*ROOT.glob("captures/*.pcap*"), *ROOT.glob("captures/real-stacks/*.pcapng")])
 )
+"""Those of Ethernet: the auditor does not read frames of PROFIBUS."""
 OTHERS = sorted(SHARED.rglob("*.pcap*")) if SHARED.is_dir() else []
 HEAVY = ("reverse-3000.pcap.gz", "ipfrag-silent.pcap")
 """Captures made to hurt: what is forgotten because memory is bounded is not what they are about here."""

@@ -19,8 +19,8 @@ from tests.audit import run
 import ds47
 from ds47.analysis import analyze
 from ds47.capture import open_capture
-from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
+from ds47.lab import captured
 from ds47.lab.client import Client
 from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic
 from ds47.lab.cyclic_scenes import ALONE, BOOK, SPEED, parameters
@@ -40,15 +40,7 @@ SCENES = {each.name.removeprefix("cyclic-"): each for each in BOOK.scenarios}
 
 
 def capture(scene: Scenario) -> bytes:
-    return written(scene.play())
-
-
-def written(stage: Stage) -> bytes:
-    target = io.BytesIO()
-    with PcapngWriter(target) as writer:
-        for shot in stage.shots:
-            writer.write(shot.time_ns, shot.data, shot.original_length)
-    return target.getvalue()
+    return captured(scene.play())
 
 
 def result(name: str) -> CaptureResult:
@@ -246,7 +238,7 @@ def test_what_a_hundred_percent_is(tmp_path: Path, capsys: pytest.CaptureFixture
     machine = Machine(line, Drive(cells=parameters())).connect().start().read(2000)
     machine.run(0.1)
     path = tmp_path / "p2000.pcapng"
-    path.write_bytes(written(stage))
+    path.write_bytes(captured(stage))
     (read,) = analyze(path).transactions
     where = f"100 % is 50 (p2000, read in frame {read.frames.read_response})"
     assert where in told(capsys, path)
@@ -355,7 +347,7 @@ def is_so(steps: list[tuple[str, Any]], begin: int, telegram: int) -> None:
     """The auditor reads every frame; the analysis sees those in which something changes, and samples."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "talk.pcapng")
-        path.write_bytes(written(operated(steps, begin, telegram)))
+        path.write_bytes(captured(operated(steps, begin, telegram)))
         assert [str(each) for each in run.audit(path)] == []
 
 

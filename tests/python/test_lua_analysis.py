@@ -39,6 +39,7 @@ from ds47.capture.scan import (
     relevant,
 )
 from ds47.capture.writer import PcapngWriter
+from ds47 import lab
 from ds47.profibus.bus import LINK_TYPES, PROFIBUS_DL, USER0
 from ds47.profinet import ip
 from ds47.profinet.link import dissect, mac
@@ -356,8 +357,13 @@ def test_lines_of_profibus_give_the_same_result(version: str, tmp_path: Path) ->
     lines = [test_profibus_bus.everything_wrong()]
     lines += [test_profibus_bus.by_chance(seed)[0] for seed in range(100, 140)]
     sources = [
-        Source(f"line {number}", line.written(), number % 5 == 0)
+        Source(f"line {number}", lab.captured(line.stage), number % 5 == 0)
         for number, line in enumerate(lines)
+    ]
+    sources += [
+        Source(name, lab.captured(scene.play()), False)
+        for name, scene in lab.everything().items()
+        if name.startswith("profibus-")
     ]
     compare(version, "en", sources, tmp_path)
     compare(version, "zh", sources[:1], tmp_path)

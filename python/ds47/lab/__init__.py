@@ -3,8 +3,8 @@
 Here are the list of scenarios and how one becomes a file. What happens in them is in the modules
 `seeds`, `formats`, `transport`, `records`, `messages`, `conversation`, `naming`, `tour`, (causes, DS7xx)
 the `diagnoses`, and the stories and scenes of cyclic frames and of PROFIBUS. Who talks on PROFINET is `client`, on
-PROFIBUS `master`, how it is carried `stage`, and its bytes come from `wire`, `message`, `ether` and `fdl`; a drive in
-cyclic frames is `drive`, `machine` its program, `cyclic` and `ppo` what carries both.
+PROFIBUS `master`, how it is carried `stage`, and its bytes come from `wire`, `message`, `ether` and `fdl`; a drive
+in cyclic frames is `drive`, `machine` its program, `cyclic` and `ppo` what carries both.
 Needs scapy, but only when a capture of Ethernet is made.
 """
 
@@ -15,17 +15,19 @@ from collections.abc import Mapping
 from datetime import UTC, datetime
 from functools import cache
 from importlib import import_module
+from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
 
 from ds47.lab.scenario import Expect, Scenario
 from ds47.lab.stage import Shot, Stage
 
-__all__ = ["Expect", "Scenario", "everything", "scenarios", "write", "write_log"]
+__all__ = ["Expect", "Scenario", "captured", "everything", "scenarios", "write", "write_log"]
 
 BOOKS = (
     "conversation", "cyclic_stories", "diagnoses", "diagnoses_bytes", "diagnoses_places", "diagnoses_refused",
-    "diagnoses_whole", "formats", "messages", "naming", "profibus_stories", "records", "seeds", "tour", "transport",
+    "diagnoses_whole", "formats", "messages", "naming", "profibus_stories", "records", "seeds", "tour",
+    "transport",
 )  # fmt: skip
 """The modules with scenarios that are stored,"""
 RULE_BOOKS = ("cyclic_scenes", "profibus_scenes")
@@ -60,16 +62,21 @@ def write(name: str, path: str | Path) -> Stage:
 
     Raises KeyError for an unknown name, OSError where the file cannot be written.
     """
+    stage = everything()[name].play()
+    Path(path).write_bytes(captured(stage))
+    return stage
+
+
+def captured(stage: Stage) -> bytes:
+    """What went past on a stage, as pcapng."""
     from ds47.capture.writer import PcapngWriter
 
-    stage = everything()[name].play()
-    with PcapngWriter(path, link_type=stage.link) as writer:
+    target = BytesIO()
+    with PcapngWriter(target, link_type=stage.link) as writer:
         for shot in stage.shots:
             writer.write(shot.time_ns, shot.data, original_length=shot.original_length)
-    if stage.dropped is not None:
-        with Path(path).open("ab") as file:
-            file.write(_statistics(stage.dropped))
-    return stage
+    dropped = b"" if stage.dropped is None else _statistics(stage.dropped)
+    return target.getvalue() + dropped
 
 
 def write_log(name: str, path: str | Path) -> Stage:

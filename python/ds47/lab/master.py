@@ -122,8 +122,8 @@ class Master:
     def start(
         self, station: int, set_prm: str = SET_PRM, configured: str = PPO1, told: str = ""
     ) -> None:
-        """Slave_Diag, Set_Prm, Chk_Cfg, Slave_Diag; the ident number is that of Set_Prm where nothing else is told."""
-        ident = set_prm[8:12]
+        """Slave_Diag, Set_Prm, Chk_Cfg, Slave_Diag; the station has the ident number of Set_Prm, or of `told`."""
+        ident = (told or set_prm)[8:12]
         self.diagnose(station, WAITS[:8] + ident)
         self.ask(station, set_prm, fdl.PARAMETERS)
         self.short()

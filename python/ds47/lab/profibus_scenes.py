@@ -1,7 +1,7 @@
 """Scenes of a line of PROFIBUS: each rule DS801 to DS815 once, and its near miss.
 
-A near miss is the closest line of which the rule says nothing. Station 3 is a MICROMASTER 4 with PPO1, if nothing else
-is said.
+A near miss is the closest line of which the rule says nothing. Station 3 is a MICROMASTER 4; it has PPO1
+where nothing else is said.
 """
 
 from __future__ import annotations

@@ -45,8 +45,10 @@ class Exchange:
     """Whether nobody answers such a request."""
     damaged: int = 0
     """The first damaged frame that stands where its answer should; 0 for none."""
+    spoiled: int = 0
+    """How many there are: of each retry one."""
     unfinished: bool = False
-    """Whether nothing came behind it: its answer may be missing for that."""
+    """Whether nothing came behind it, no token either: its answer may be missing for that."""
 
 
 class Line:
@@ -73,6 +75,7 @@ class Line:
             self.damaged += 1
             if self._open is not None:
                 self._open.damaged = self._open.damaged or seen.frame
+                self._open.spoiled += 1
         elif item.kind == SD4:
             self.tokens += 1
         elif item.request:
@@ -84,7 +87,7 @@ class Line:
     def finish(self) -> Iterator[Exchange]:
         """No frame comes any more."""
         if self._open is not None:
-            self._open.unfinished = True
+            self._open.unfinished = self._before is None or self._before.kind != SD4
             yield from self._give_up()
 
     def _give_up(self) -> Iterator[Exchange]:

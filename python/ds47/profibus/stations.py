@@ -97,7 +97,7 @@ class Station:
     silent: Counted = field(default_factory=Counted)
     """those without an answer,"""
     damaged: Counted = field(default_factory=Counted)
-    """those in the place of whose answer there is a damaged frame,"""
+    """damaged frames in the place of answers, of which those are none,"""
     retries: Counted = field(default_factory=Counted)
     """and requests that repeat another one."""
     answers: Times = field(default_factory=Times)
@@ -254,11 +254,13 @@ def _count(station: Station, exchange: Exchange) -> None:
         for each in exchange.retries:
             station.retries.add(each.frame)
         station.retries.count += exchange.retried - len(exchange.retries)
-    if answer is None:
-        (station.damaged if exchange.damaged else station.silent).add(
-            exchange.damaged or seen.frame
-        )
-    elif exchange.retried <= len(exchange.retries):  # else nobody knows when the last one was sent
+    if exchange.damaged:
+        station.damaged.add(exchange.damaged, exchange.spoiled)
+    elif answer is None:
+        station.silent.add(seen.frame)
+    if answer is not None and exchange.retried <= len(
+        exchange.retries
+    ):  # else nobody knows when the last one was sent
         last = exchange.retries[-1] if exchange.retries else seen
         station.answers.add(answer.time_ns - last.time_ns)
 
