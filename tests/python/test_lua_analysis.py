@@ -29,6 +29,7 @@ from test_cyclic_scenes import SCENES
 from tests.audit import conversations, seeds
 from whole_capture import of_transactions
 
+from ds47 import lab
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Frame, open_capture
 from ds47.capture.scan import (
@@ -39,7 +40,6 @@ from ds47.capture.scan import (
     relevant,
 )
 from ds47.capture.writer import PcapngWriter
-from ds47 import lab
 from ds47.profibus.bus import LINK_TYPES, PROFIBUS_DL, USER0
 from ds47.profinet import ip
 from ds47.profinet.link import dissect, mac

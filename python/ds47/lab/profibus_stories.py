@@ -20,8 +20,10 @@ LOGS = ("profibus-seed-records",)
 """Stories that are written as a log, too."""
 FIRST, SECOND, THIRD = 3, 4, 5
 REFUSED_READ, REFUSED_CHANGE = ("read", "refused"), ("change", "refused")
-BYTE, CYCLE = "00", 8
-"""The data of the I/O of station 5; milliseconds of a cycle of the line."""
+IO, BYTE = "b81e0100800101", "00"
+"""Set_Prm of station 5, which has a byte of inputs and one of outputs; its data."""
+CYCLE = 8
+"""Milliseconds of a cycle of the line."""
 _IN_OPERATION = 0x6B
 PZD_ALONE = "00" * 4
 
@@ -158,7 +160,6 @@ def _cells() -> dict[tuple[int, int], Cell]:
 
 def _drive(ppo: Ppo, drive: Drive) -> Machine[Ppo]:
     """A drive with a PPO, connected; its data exchange goes on between the services of records."""
-    ppo.master.look(range(3, 8), (ppo.station,))
     it = Machine(ppo, drive).connect()
     ppo.master.between = it.cycle
     return it
@@ -170,6 +171,7 @@ def _drive(ppo: Ppo, drive: Drive) -> Machine[Ppo]:
 )  # fmt: skip
 def ppo1_start(master: Master) -> None:
     """A drive with PPO1 from its start-up to standstill."""
+    master.look(range(3, 8), (FIRST,))
     it = _drive(Ppo(master, FIRST), Drive(up_s=1.0, down_s=0.5, cells=_cells()))
     it.control(OFF).run(0.1)
     for request, _ in PRINTED:
@@ -178,13 +180,33 @@ def ppo1_start(master: Master) -> None:
     it.control(OFF).until(lambda drive: drive.state == "S2").run(0.2)
 
 
+class _BadPlug:
+    """A station with a byte each way: every twentieth answer is damaged, and asked for again."""
+
+    def __init__(self, master: Master, station: int) -> None:
+        self._master, self._station, self._cycles = master, station, 0
+
+    def cycle(self) -> None:
+        """Its exchange, and the token."""
+        self._cycles += 1
+        self._master.exchange(self._station, BYTE, BYTE)
+        if self._cycles % 20 == 0:
+            self._master.spoil()
+            self._master.repeat()
+            self._master.tell(self._station, BYTE)
+        self._master.token()
+
+
 @BOOK.scene(
-    "p50076 is not changed while the drive runs (0x6B), and is after OFF1; then a fault, read and acknowledged",
-    ("change", "error"), OK_CHANGE, OK_READ, rules="DS410 DS701 DS721",
+    "p50076 is not changed in operation (0x6B), and is after OFF1; a fault is read; station 5 has a bad plug",
+    ("change", "error"), OK_CHANGE, OK_READ, rules="DS410 DS701 DS721 DS801 DS803",
 )  # fmt: skip
 def ppo3_and_records(master: Master) -> None:
     """A drive with PPO3, and its parameters by MS1 meanwhile."""
-    it = _drive(Ppo(master, FIRST, (PZD,)), Drive(up_s=0.6, down_s=0.6))
+    master.look(range(3, 8), (FIRST, THIRD))
+    master.start(THIRD, IO, "1020")
+    ppo = Ppo(master, FIRST, (PZD,), beside=_BadPlug(master, THIRD).cycle)
+    it = _drive(ppo, Drive(up_s=0.6, down_s=0.6))
     way, place = Way(FIRST), message.address(50076)
     it.control(OFF).run(0.1).setpoint(60).control(ON).until(lambda drive: drive.actual >= 59.9).run(
         0.3
@@ -211,7 +233,7 @@ def ppo3_and_records(master: Master) -> None:
 def healthy(master: Master) -> None:
     """A line without a fault."""
     _started(master, FIRST, SECOND)
-    master.start(THIRD, "b81e0100800101", "1020")
+    master.start(THIRD, IO, "1020")
     for _ in range(3):
         _cycle(master, FIRST, SECOND)
         master.exchange(THIRD, BYTE, BYTE)
