@@ -1,11 +1,9 @@
 """A capture of a line of PROFIBUS: one master, one drive with PPO1, in data exchange.
 
-Shares no code with the lab and the package, so that nothing is quick only because our own generator writes it.
-After the start-up (Slave_Diag, Set_Prm, Chk_Cfg) there is nothing but data exchange and, as masters do between two
-cycles, a token. 200 requests by PKW are spread over the capture; the drive is started and stopped eight times.
-Setpoint and actual value move in every cycle. Same arguments, same bytes. A plain pcap of link type 257.
-
-    python bench/make_profibus.py FILE [--frames N]
+Shares no code with the lab and the package, so that nothing is quick only because our own generator
+writes it. Behind the start-up (Slave_Diag, Set_Prm, Chk_Cfg) there is nothing but data exchange. 200
+requests by PKW are spread over the capture; the drive is started and stopped eight times. Setpoint and
+actual value move in every cycle. Same arguments, same bytes. A plain pcap of link type 257.
 """
 
 from __future__ import annotations
@@ -25,7 +23,6 @@ LINK_TYPE = 257
 MASTER, DRIVE = 2, 3
 IDLE = bytes(8)
 SHORT = b"\xe5"
-TOKEN = bytes((0xDC, MASTER, MASTER))
 FIRST_PNU = 700
 """A parameter that the drive has for each request: p0700 and so on."""
 
@@ -71,14 +68,13 @@ def line(frames: int) -> Iterator[tuple[int, bytes]]:
     now = 0
     for now, data in enumerate(start_up()):
         yield now * 100, data
-    cycles = frames // 3
+    cycles = frames // 2
     now *= 100
     for cycle in range(cycles):
         now += CYCLE_US
         out, back = exchange(cycle, cycles)
         yield now, frame(DRIVE, MASTER, 0x7D if cycle & 1 == 0 else 0x5D, out)
         yield now + 40, frame(MASTER, DRIVE, 8, back)
-        yield now + 60, TOKEN
 
 
 def write(path: Path, frames: int = FRAMES) -> None:

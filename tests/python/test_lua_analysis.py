@@ -345,6 +345,7 @@ def test_ppo_gives_the_same_result(version: str, tmp_path: Path) -> None:
         if content is not None:
             sources.append(Source(name, content, number % 9 == 0 and len(content) < SMALL))
     assert len(sources) > 30
+    sources.append(Source("long", test_profibus_ppo.long_line(), look=False))
     compare(version, "en", sources, tmp_path)
     running = [Source("running", test_profibus_ppo.running(), look=True)]
     for ppos in ((), ((3, 1),), ((3, 2),), ((3, 4), (5, 1))):

@@ -14,7 +14,7 @@ from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
-from ds47.cyclic import ppo
+from ds47.cyclic import channels, ppo
 from ds47.lab import captured
 from ds47.lab.master import SET_PRM, Master
 from ds47.model import NAMED, PKW, PZD, CaptureResult, Side
@@ -114,6 +114,44 @@ def test_a_scene_says_the_same_on_profibus(name: str) -> None:
 def test_most_scenes_are_compared() -> None:
     made = [on_profibus(capture(SCENES[name])) for name in scenes()]
     assert sum(each is not None for each in made) > 30
+
+
+def long_line(exchanges: int = 6000) -> bytes:
+    """A drive that is started and stopped, and asked by PKW; setpoint and actual value move in every cycle."""
+    master = Master()
+    stage = master.stage
+    master.start(STATION, SET_PRM, "f3f1")
+    for number in range(exchanges):
+        stage.now_ns, place = 1_000_000_000 + number * 2_000_000, number % 701
+        asked = "12bc000000000000" if place > 500 else "00" * 8
+        told = "12bc000000000002" if place > 503 else "00" * 8
+        stw1, zsw1 = ("047f", "fb37") if 100 < place < 400 else ("047e", "fb31")
+        values = (number * 7 & 0x3FFF).to_bytes(2).hex()
+        master.ask(STATION, asked + stw1 + values)
+        master.tell(STATION, told + zsw1 + values)
+    return captured(stage)
+
+
+def test_of_a_long_line_what_says_the_same_is_looked_at_now_and_then(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    looked: list[int] = []
+    take = channels.CyclicChannels._take
+
+    def counting(self: channels.CyclicChannels, *args: Any) -> None:
+        looked.append(1)
+        take(self, *args)
+
+    monkeypatch.setattr(channels.CyclicChannels, "_take", counting)
+    content = long_line()
+    here, few = analyze(io.BytesIO(content)), len(looked)
+    monkeypatch.setattr(channels, "_DENSE", 1 << 60)
+    there = analyze(io.BytesIO(content))
+    assert few < 0.75 * (len(looked) - few)
+    assert transactions(here) == transactions(there)
+    assert len(transactions(here)) == 8
+    assert events(here) == events(there)
+    assert here.findings == there.findings
 
 
 def test_without_chk_cfg_nothing_is_guessed() -> None:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from typing import ClassVar
 
 from ds47.cyclic.channels import CyclicChannels
 from ds47.cyclic.pkw import LENGTH
@@ -23,6 +25,7 @@ _LAST = 126
 _NAMED = re.compile(r"([0-9]{1,3})=ppo([0-9])", re.IGNORECASE)
 
 
+@lru_cache(maxsize=4096)
 def source(sender: int, receiver: int) -> bytes:
     """What stands for a sender where frames have stations, and neither MAC address nor frame id."""
     return bytes((sender, receiver))
@@ -50,6 +53,8 @@ class Ppo:
         named: the PPO of stations, for captures without their Chk_Cfg, which counts more.
     """
 
+    SERVICES: ClassVar = frozenset({dp.EXCHANGE, dp.PARAMETERS, dp.CONFIGURATION})
+
     def __init__(self, channels: CyclicChannels, named: Mapping[int, int]) -> None:
         self._channels = channels
         self._named = {
@@ -64,10 +69,10 @@ class Ppo:
     def take(self, exchange: Exchange) -> None:
         """An exchange that is over; one without an answer says nothing."""
         item, answer = exchange.request.item, exchange.answer
-        master, station = item.sa, item.da
+        master, station = item.front.sa, item.front.da
         if answer is None or master is None or station is None:
             return
-        name = dp.service(item)
+        name = dp.service_of(item.front)
         if name == dp.EXCHANGE:
             if station in self._named and not self._fits(master, station, item.du, answer.item.du):
                 return

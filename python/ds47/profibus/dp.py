@@ -6,8 +6,9 @@ One frame at a time. Records (MS1, MS2) are `ms1`; which answer belongs to which
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
-from ds47.profibus.telegram import Flaw, Telegram
+from ds47.profibus.telegram import Flaw, Front, Telegram
 from ds47.spec import profibus
 
 DIAGNOSIS, PARAMETERS, CONFIGURATION = "diagnosis", "parameters", "configuration"
@@ -98,16 +99,10 @@ class Configuration:
     roles: tuple[str | None, ...]
     """PKW or PZD for each module; None where that is not known."""
     flaws: tuple[Flaw, ...]
-
-    @property
-    def input_length(self) -> int:
-        """Bytes from the slave."""
-        return sum(each.inputs.length for each in self.modules if each.inputs)
-
-    @property
-    def output_length(self) -> int:
-        """Bytes to the slave."""
-        return sum(each.outputs.length for each in self.modules if each.outputs)
+    input_length: int
+    """Bytes from the slave,"""
+    output_length: int
+    """and to it."""
 
     @property
     def pkw_consistent(self) -> bool | None:
@@ -149,11 +144,17 @@ def service(item: Telegram) -> str | None:
     Returns:
         An id of `spec.profibus.services()`, "ms2", or None where the SAPs stand for none.
     """
-    if item.code is None:
+    return service_of(item.front)
+
+
+@lru_cache(maxsize=1024)
+def service_of(front: Front) -> str | None:
+    """The service of all frames that begin alike."""
+    if front.code is None:
         return None
-    (_, slave), (_, master) = item.slave, item.master
+    slave, master = (front.dsap, front.ssap) if front.request else (front.ssap, front.dsap)
     if slave is None and master is None:
-        row = profibus.codes("request" if item.request else "answer").get(item.code)
+        row = profibus.codes("request" if front.request else "answer").get(front.code)
         return EXCHANGE if row is not None and row.exchange else None
     if slave is None or master is None:
         return None
@@ -169,7 +170,7 @@ def decode(item: Telegram) -> Content | None:
     """
     name = service(item)
     if name == EXCHANGE:
-        return Exchange(bool(item.request), item.du, not item.request and _wants(item))
+        return Exchange(bool(item.request), item.du, not item.request and wants(item.front))
     if name == DIAGNOSIS and not item.request:
         return _diagnosis(item.du)
     if name == PARAMETERS and item.request:
@@ -181,8 +182,17 @@ def decode(item: Telegram) -> Content | None:
     return None
 
 
-def _wants(item: Telegram) -> bool:
-    row = profibus.codes("answer").get(item.code or 0)
+@lru_cache(maxsize=1024)
+def exchanges(answer: Front) -> bool:
+    """Whether answers that begin so to a request for data exchange are such ones: SC is, a refusal is not."""
+    row = profibus.codes("answer").get(answer.code or 0)
+    return row is not None and row.exchange
+
+
+@lru_cache(maxsize=1024)
+def wants(answer: Front) -> bool:
+    """Whether the slave asks for Slave_Diag in answers that begin so."""
+    row = profibus.codes("answer").get(answer.code or 0)
     return row is not None and row.wants
 
 
@@ -242,7 +252,11 @@ def configuration(data: bytes) -> Configuration:
         flaws += _too_short(data, end)
         at = end
     ppo, roles = _ppo(modules)
-    return Configuration(tuple(modules), ppo, roles, flaws)
+    lengths = (
+        sum(area.length for area in areas if area)
+        for areas in ([each.inputs for each in modules], [each.outputs for each in modules])
+    )
+    return Configuration(tuple(modules), ppo, roles, flaws, *lengths)
 
 
 def _general(data: bytes, at: int) -> tuple[Module, int]:
