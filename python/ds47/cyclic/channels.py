@@ -169,8 +169,9 @@ class _Row:
 
     ends: list[tuple[_Line, Side, bool]]
     parts: tuple[tuple[int, int], ...] = ()
+    first: int = 0
     need: int = 0
-    """Bytes that data with all of that has."""
+    """Where that begins, and how many bytes data with all of it has."""
     said: bytes = b""
     count: int = 0
     due: int = 0
@@ -178,14 +179,14 @@ class _Row:
 
     def __post_init__(self) -> None:
         self.parts = _apart(each.parts for _, each, _ in self.ends)
-        self.need = sum(self.parts[-1])
+        self.first, self.need = self.parts[0][0], sum(self.parts[-1])
 
     def is_news(self, data: bytes) -> bool:
         """Whether data says something else than the one before it, or is due."""
         self.count += 1
-        first, length = self.parts[0]
-        said = data[first : first + length]
-        if len(self.parts) > 1:
+        if len(self.parts) == 1:
+            said = data[self.first : self.need]
+        else:
             said = b"".join([data[at : at + length] for at, length in self.parts])
         if said == self.said and self.count < self.due and len(data) >= self.need:
             return False

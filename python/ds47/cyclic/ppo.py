@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
 from typing import ClassVar
 
 from ds47.cyclic.channels import CyclicChannels
@@ -25,7 +24,6 @@ _LAST = 126
 _NAMED = re.compile(r"([0-9]{1,3})=ppo([0-9])", re.IGNORECASE)
 
 
-@lru_cache(maxsize=4096)
 def source(sender: int, receiver: int) -> bytes:
     """What stands for a sender where frames have stations, and neither MAC address nor frame id."""
     return bytes((sender, receiver))
@@ -72,14 +70,13 @@ class Ppo:
         master, station = item.front.sa, item.front.da
         if answer is None or master is None or station is None:
             return
-        name = dp.service_of(item.front)
+        name = item.front.service
         if name == dp.EXCHANGE:
             if station in self._named and not self._fits(master, station, item.du, answer.item.du):
                 return
             seen = exchange.request
-            out, in_ = source(master, station), source(station, master)
-            self._channels.exchanged(out, item.du, seen.frame, seen.time_ns)
-            self._channels.exchanged(in_, answer.item.du, answer.frame, answer.time_ns)
+            self._channels.exchanged(item.front.way, item.du, seen.frame, seen.time_ns)
+            self._channels.exchanged(item.front.back, answer.item.du, answer.frame, answer.time_ns)
         elif name == dp.PARAMETERS:
             told = dp.decode(item)
             if isinstance(told, dp.Parameters) and told.ident is not None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from ds47.profibus import dp
 from ds47.profibus.line import Exchange, Line, Seen
 from ds47.profibus.telegram import SC, SD4, Telegram, decode
 
@@ -66,7 +65,7 @@ class Bus:
             self._tell(exchange)
 
     def _tell(self, exchange: Exchange) -> None:
-        service = dp.service_of(exchange.request.item.front)
+        service = exchange.request.item.front.service
         found = self._of.get(service)
         if found is None:
             found = self._of[service] = [

@@ -6,9 +6,8 @@ One frame at a time. Records (MS1, MS2) are `ms1`; which answer belongs to which
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
-from ds47.profibus.telegram import Flaw, Front, Telegram
+from ds47.profibus.telegram import Flaw, Telegram
 from ds47.spec import profibus
 
 DIAGNOSIS, PARAMETERS, CONFIGURATION = "diagnosis", "parameters", "configuration"
@@ -144,23 +143,7 @@ def service(item: Telegram) -> str | None:
     Returns:
         An id of `spec.profibus.services()`, "ms2", or None where the SAPs stand for none.
     """
-    return service_of(item.front)
-
-
-@lru_cache(maxsize=1024)
-def service_of(front: Front) -> str | None:
-    """The service of all frames that begin alike."""
-    if front.code is None:
-        return None
-    slave, master = (front.dsap, front.ssap) if front.request else (front.ssap, front.dsap)
-    if slave is None and master is None:
-        row = profibus.codes("request" if front.request else "answer").get(front.code)
-        return EXCHANGE if row is not None and row.exchange else None
-    if slave is None or master is None:
-        return None
-    known = profibus.service_ids().get((slave, master))
-    own, most = profibus.ms2()
-    return known or (MS2 if master == own and slave <= most else None)
+    return item.front.service
 
 
 def decode(item: Telegram) -> Content | None:
@@ -170,7 +153,7 @@ def decode(item: Telegram) -> Content | None:
     """
     name = service(item)
     if name == EXCHANGE:
-        return Exchange(bool(item.request), item.du, not item.request and wants(item.front))
+        return Exchange(bool(item.request), item.du, not item.request and item.front.wants)
     if name == DIAGNOSIS and not item.request:
         return _diagnosis(item.du)
     if name == PARAMETERS and item.request:
@@ -180,20 +163,6 @@ def decode(item: Telegram) -> Content | None:
     if name == CONTROL and item.request:
         return _control(item.du)
     return None
-
-
-@lru_cache(maxsize=1024)
-def exchanges(answer: Front) -> bool:
-    """Whether answers that begin so to a request for data exchange are such ones: SC is, a refusal is not."""
-    row = profibus.codes("answer").get(answer.code or 0)
-    return row is not None and row.exchange
-
-
-@lru_cache(maxsize=1024)
-def wants(answer: Front) -> bool:
-    """Whether the slave asks for Slave_Diag in answers that begin so."""
-    row = profibus.codes("answer").get(answer.code or 0)
-    return row is not None and row.wants
 
 
 def _flags(table: str, data: bytes) -> tuple[str, ...]:

@@ -56,7 +56,7 @@ class Judge:
     def heard(self, station: Station, exchange: Exchange, answer: Seen) -> None:
         """An exchange with an answer, before the station is what it makes of it."""
         item, at = exchange.request.item, exchange.request.frame
-        service = dp.service_of(item.front)
+        service = item.front.service
         if answer.item.front.code == _NOT_ENABLED and item.dsap is not None:
             self._not_enabled(station, item.dsap, service, answer.frame)
             return
@@ -140,7 +140,7 @@ class Judge:
     def _lengths(self, station: Station, outputs: bytes, answer: Seen) -> None:
         """Empty outputs are those of a master that holds its slaves safe; SC has no inputs."""
         configured = station.configuration
-        if configured is None or configured.flaws or not dp.exchanges(answer.item.front):
+        if configured is None or configured.flaws or not answer.item.front.exchanges:
             return
         want, there = (configured.output_length, configured.input_length), len(answer.item.du)
         if there != want[1] or (outputs and len(outputs) != want[0]):

@@ -8,16 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
-from ds47.profibus.telegram import ALL_STATIONS, SC, SD4, Front, Telegram
-from ds47.spec import profibus
+from ds47.profibus.telegram import SC, SD4, Front, Telegram
 
 MOST_RETRIES = 16
 """Retries of an exchange that are kept; masters repeat a request up to 15 times."""
-
-_Way = tuple[int | None, int | None]
-"""Who asks whom."""
 
 
 @dataclass(slots=True, init=False, eq=False)
@@ -77,7 +72,8 @@ class Line:
     def __init__(self) -> None:
         self._open: Exchange | None = None
         self._before: Telegram | None = None
-        self._last: dict[_Way, Telegram] = {}
+        self._last: dict[bytes, Telegram] = {}
+        """By who asks whom."""
         self.tokens = 0
         """How many tokens went round,"""
         self.damaged = 0
@@ -112,20 +108,22 @@ class Line:
 
     def _request(self, seen: Seen, before: Telegram | None) -> Sequence[Exchange]:
         item, front, over = seen.item, seen.item.front, self._open
-        if over is not None and over.request.item.data == item.data:
-            if front.fcv == 1 or (before is not None and before.data == item.data):
-                over.retried += 1
-                if over.retried <= MOST_RETRIES:
-                    over.retries.append(seen)
-                return ()
-        way = (front.sa, front.da)
-        last = self._last.get(way)
+        if (
+            over is not None
+            and over.request.item.data == item.data
+            and (front.fcv == 1 or (before is not None and before.data == item.data))
+        ):
+            over.retried += 1
+            if over.retried <= MOST_RETRIES:
+                over.retries.append(seen)
+            return ()
+        last = self._last.get(front.way)
         again = front.fcv == 1 and last is not None and last.data == item.data
-        exchange = Exchange(seen, again, _is_silent(front))
+        exchange = Exchange(seen, again, front.silent)
         if exchange.silent:
             self._open = None
             return (exchange,) if over is None else (over, exchange)
-        self._last[way] = item
+        self._last[front.way] = item
         self._open = exchange
         return () if over is None else (over,)
 
@@ -147,22 +145,14 @@ class Line:
         if answer.kind == SC:
             self._last.clear()
         else:
-            self._last.pop((answer.da, answer.sa), None)
+            self._last.pop(answer.front.back, None)
 
 
-@lru_cache(maxsize=1024)
-def _is_silent(request: Front) -> bool:
-    """Whether nobody answers a request that begins so."""
-    row = profibus.codes("request").get(request.code or 0)
-    return request.da == ALL_STATIONS or (row is not None and row.silent)
-
-
-@lru_cache(maxsize=1024)
 def _fits(request: Front, answer: Front) -> bool:
     """Whether an answer is one to a request: SC names nobody, others have stations and SAPs turned round."""
     if answer.kind == SC:
         return True
-    if (answer.sa, answer.da) != (request.da, request.sa):
+    if answer.way != request.back:
         return False
-    saps = (answer.ssap, answer.dsap)
-    return saps in ((request.dsap, request.ssap), (None, None))
+    bare = answer.ssap is None and answer.dsap is None
+    return bare or (answer.ssap == request.dsap and answer.dsap == request.ssap)

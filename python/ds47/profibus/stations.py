@@ -232,9 +232,9 @@ class Stations:
 
 def _keep(station: Station, exchange: Exchange, answer: Seen) -> None:
     """What an exchange with an answer says of the station."""
-    name, item = dp.service_of(exchange.request.item.front), answer.item
+    name, item = exchange.request.item.front.service, answer.item
     if name == dp.EXCHANGE:
-        if dp.exchanges(item.front):
+        if item.front.exchanges:
             _exchanged(station, exchange, answer)
     elif name == dp.PARAMETERS:
         told = dp.decode(exchange.request.item)
@@ -279,4 +279,4 @@ def _exchanged(station: Station, exchange: Exchange, answer: Seen) -> None:
     station.last_exchange = seen
     station.exchanges += 1
     station.lengths = len(seen.item.du), len(answer.item.du)
-    station.wanting.answered(dp.wants(answer.item.front), answer.frame)
+    station.wanting.answered(answer.item.front.wants, answer.frame)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import Final
 
 from ds47.spec import profibus
 
@@ -71,6 +72,18 @@ class Front:
     """The SAP at the destination,"""
     ssap: int | None
     """and at the source."""
+    way: bytes
+    """The stations as two bytes, source and destination; empty without them,"""
+    back: bytes
+    """and turned round."""
+    service: str | None
+    """What it belongs to (`spec.profibus.service_id`)."""
+    silent: bool
+    """Whether nobody answers such a request."""
+    exchanges: bool
+    """Of an answer: whether it is one to data exchange, and no refusal; SC is one,"""
+    wants: bool
+    """and whether the slave asks for Slave_Diag in it."""
 
     def __init__(
         self, kind: str, da: int | None = None, sa: int | None = None, fc: int | None = None,
@@ -84,6 +97,14 @@ class Front:
             if self.request:
                 self.fcb, self.fcv = int(bool(fc & _FCB)), int(bool(fc & _FCV))
         self.dsap, self.ssap = _sap(dae), _sap(sae)
+        self.way = b"" if sa is None or da is None else bytes((sa, da))
+        self.back = self.way[::-1]
+        saps = (self.dsap, self.ssap) if self.request else (self.ssap, self.dsap)
+        self.service = profibus.service_id(self.request, self.code, *saps)
+        row = profibus.codes("request" if self.request else "answer").get(self.code or 0)
+        self.silent = da == ALL_STATIONS or (row is not None and row.silent)
+        self.exchanges = row is not None and row.exchange
+        self.wants = row is not None and row.wants
 
 
 @dataclass(slots=True, init=False, eq=False)
@@ -219,11 +240,13 @@ def decode(data: bytes) -> Telegram:
     """
     if len(data) < _LEAST:
         return _short(data)
-    usual = _usual(data[:_LEAST])
-    if usual is not None:
-        front, whole = usual
+    begin = data[:_LEAST]
+    front = _usual.get(begin)
+    if front is None and begin not in _usual:
+        front = _learn(begin)
+    if front is not None and len(data) == data[1] + _HEAD + _TRAILER and data[-1] == END:
         fcs = data[-_TRAILER]
-        if len(data) == whole and data[-1] == END and sum(data[_HEAD:-_TRAILER]) & 0xFF == fcs:
+        if sum(data[_HEAD:-_TRAILER]) & 0xFF == fcs:
             return Telegram(front, data, data[_LEAST:-_TRAILER], fcs)
     return _decode(data)
 
@@ -234,17 +257,24 @@ def _short(data: bytes) -> Telegram:
     return _decode(data)
 
 
-@lru_cache(maxsize=_REMEMBERED)
-def _usual(begin: bytes) -> tuple[Front, int] | None:
-    """Front and length of the sound SD2 that begins so, up to its function code; None for anything else.
+_usual: Final[dict[bytes, Front | None]] = {}
+"""By the bytes of SD2 up to the function code: the front of a sound frame that begins so; None for anything else.
 
-    With its length, check byte and end byte right such a frame has no flaw, whatever its data is.
-    """
-    if begin[0] != START:
-        return None
-    content = begin[_HEAD:].ljust(begin[1], b"\0")
-    item = _decode(begin[:_HEAD] + content + bytes((check_byte(content), END)))
-    return None if item.flaws or item.dae or item.sae else (item.front, len(item.data))
+With its length, check byte and end byte right such a frame has no flaw, whatever its data is.
+"""
+
+
+def _learn(begin: bytes) -> Front | None:
+    """What `_usual` says of frames that begin so, from now on."""
+    front: Front | None = None
+    if begin[0] == START:
+        content = begin[_HEAD:].ljust(begin[1], b"\0")
+        item = _decode(begin[:_HEAD] + content + bytes((check_byte(content), END)))
+        front = None if item.flaws or item.dae or item.sae else item.front
+    if len(_usual) >= _REMEMBERED:
+        _usual.clear()
+    _usual[begin] = front
+    return front
 
 
 def _decode(data: bytes) -> Telegram:
