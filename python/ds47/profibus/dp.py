@@ -6,13 +6,22 @@ One frame at a time. Records (MS1, MS2) are `ms1`; which answer belongs to which
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from ds47.profibus.telegram import Flaw, Telegram
 from ds47.spec import profibus
 
-DIAGNOSIS, PARAMETERS, CONFIGURATION = "diagnosis", "parameters", "configuration"
-GET_CONFIGURATION, CONTROL, EXCHANGE = "get_configuration", "control", "exchange"
-RECORD, ALARM, RESOURCE, MS2 = "record", "alarm", "resource", "ms2"
+DIAGNOSIS: Final = "diagnosis"
+PARAMETERS: Final = "parameters"
+CONFIGURATION: Final = "configuration"
+GET_CONFIGURATION: Final = "get_configuration"
+CONTROL: Final = "control"
+EXCHANGE: Final = "exchange"
+RECORD: Final = "record"
+ALARM: Final = "alarm"
+RESOURCE: Final = "resource"
+MS2: Final = "ms2"
+"""The services."""
 PKW, PZD = "PKW", "PZD"
 """What a module of a PPO carries."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from ds47.findings.remark import Remark
 from ds47.profibus import dp
@@ -17,7 +17,7 @@ from ds47.profibus.stations import Counted, Station, Stations
 from ds47.spec.semantics import Limits
 from ds47.spec.statuses import status_hex
 
-_NOT_ENABLED = 3
+_NOT_ENABLED: Final = 3
 """The code of an answer that says that the SAP is not enabled (RS)."""
 _OF_RECORDS = (dp.RECORD, dp.ALARM)
 _FAULTS = {"prm_fault": "diag_prm_fault", "cfg_fault": "diag_cfg_fault"}

@@ -12,10 +12,15 @@ from typing import Final
 
 from ds47.spec import profibus
 
-SD1, SD2, SD3, SD4, SC = "SD1", "SD2", "SD3", "SD4", "SC"
-START, END = 0x68, 0x16
+SD1: Final = "SD1"
+SD2: Final = "SD2"
+SD3: Final = "SD3"
+SD4: Final = "SD4"
+SC: Final = "SC"
+START: Final = 0x68
+END: Final = 0x16
 """What begins SD2, twice, and what ends every frame but SD4 and SC."""
-ALL_STATIONS = 127
+ALL_STATIONS: Final = 127
 """The address that stands for all of them."""
 SIZES: Mapping[str, int] = {SD1: 6, SD3: 14, SD4: 3, SC: 1}
 """Bytes of the frames that have always as many."""
@@ -23,13 +28,13 @@ SIZES: Mapping[str, int] = {SD1: 6, SD3: 14, SD4: 3, SC: 1}
 _REQUEST, _FCB, _FCV, _RESERVED = 0x40, 0x20, 0x10, 0x80
 _EXTENDED, _ADDRESS = 0x80, 0x7F
 _SEGMENT, _SAP = 0x40, 0x3F
-_TRAILER = 2
+_TRAILER: Final = 2
 """Check byte and end byte."""
-_HEAD = 4
+_HEAD: Final = 4
 """Start byte, both length bytes, start byte: what SD2 begins with."""
-_LEAST = _HEAD + 3
+_LEAST: Final = 7
 """Its bytes up to the function code: more than a frame without data has."""
-_REMEMBERED = 1024
+_REMEMBERED: Final = 1024
 """Beginnings of frames, and whole short ones, that are remembered."""
 
 
