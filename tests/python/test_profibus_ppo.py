@@ -109,6 +109,7 @@ def test_a_scene_says_the_same_on_profibus(name: str) -> None:
         each.rule for each in there.findings
     )
     assert {each.device for each in here.relations} == {f"dp{STATION}"}
+    assert {each.station for each in here.transactions} <= {STATION}
 
 
 def test_most_scenes_are_compared() -> None:

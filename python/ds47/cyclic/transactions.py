@@ -50,6 +50,7 @@ def build(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Transaction
         parameters=[_parameter(relation, asked, access, job, layout)],
         channel=PKW,
         cycles=job.cycles if relation.input.cycle_ns else None,
+        station=relation.station,
     )
 
 
