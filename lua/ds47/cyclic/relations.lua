@@ -169,6 +169,11 @@ function M.is_bus(relation)
   return #relation.output.source == STATIONS
 end
 
+--- Address of the device on PROFIBUS; nil on PROFINET.
+function M.station(relation)
+  return M.is_bus(relation) and relation.input.source:byte(1) or nil
+end
+
 --- The stations and the slot as a key: PKW and PZD of one drive have them in common; on PROFIBUS there are
 -- stations alone.
 function M.place(relation)

@@ -79,8 +79,8 @@ function M.build(relation, job, layout)
     layout = layout,
     operation = OPERATIONS[access_of(asked)] or "unknown", state = state_of(job, told),
     controller = relation.controller, device = relation.device, vendor_id = relation.vendor_id,
-    ar = relation.ar and uuid_text(relation.ar), api = relation.api, slot = relation.slot,
-    subslot = relation.subslot,
+    station = relations.station(relation), ar = relation.ar and uuid_text(relation.ar), api = relation.api,
+    slot = relation.slot, subslot = relation.subslot,
     frames = {
       write_request = job.request.at.frame, read_response = answer and answer.at.frame,
       polls = NONE, rereads = NONE,
