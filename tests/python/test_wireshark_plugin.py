@@ -38,7 +38,9 @@ PLUGIN = ROOT / "dissector/ds47.lua"
 FOLDERS = (ROOT / "captures", ROOT.parent / "shared/captures/real-stacks")
 CAPTURES = {path.name: path for folder in FOLDERS for path in sorted(folder.rglob("*.pcap*"))}
 WORKERS = 2
-BROKEN = ("Lua Error", "Error during loading", "Error initializing protocols")
+BROKEN = (
+    "Lua Error", "Lua: Error", "Error during loading", "Error initializing protocols", "lua_tap_draw",
+)  # fmt: skip
 COMPLETE = ("-2", "-R", "frame")
 
 Tshark = Callable[..., str]
