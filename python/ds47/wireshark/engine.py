@@ -95,11 +95,6 @@ class Engine:
                 if not self._both:
                     raise CaptureError(f"{native.path}: {problem}") from problem
                 found, errors = None, [str(problem)]
-        if any(each.station is not None for each in native.transactions):
-            text = "the plugin does not know frames of PROFIBUS"
-            if not self._both:
-                raise CaptureError(f"{native.path}: {text}: use --engine native")
-            found, errors = None, [f"not compared, {text}"]
         if capture.misfit is not None:
             text = f"the time of frame {capture.misfit} is too far from the others for tshark"
             if self._both:
@@ -240,6 +235,7 @@ def preferences(options: AnalysisOptions) -> list[str]:
         *([f"ds47.cyclic:{cyclic}"] if cyclic else []),
         *([f"ds47.ppos:{ppos}"] if ppos else []),
         "ds47.every_cyclic:TRUE",  # those that the analyzer looked at are given, and no others
+        "ds47.profibus_user0:TRUE",  # the analyzer looks at USER0, too
         "ds47.index_47:auto",
         "ds47.language:en",
         f"ds47.slow_ms:{int(slow_ms)}",
