@@ -295,6 +295,20 @@ def test_profibus(link_type: int, ready: Callable[..., Engine], tmp_path: Path) 
     assert as_json(ready("both").analyze(path)) == as_json(native)  # not one DS601
 
 
+def test_damaged_frames_alone(ready: Callable[..., Engine], tmp_path: Path) -> None:
+    """The plugin shows no frame where none proves that it is one: what is said of them is the analyzer's."""
+    path = tmp_path / "bus.pcapng"
+    with PcapngWriter(path, link_type=PROFIBUS_DL) as writer:
+        for number, data in enumerate(
+            (b"\xe5", b"\x10\2\3\x49\0\x16", b"\x10\2", b"\x10\2\3\x49\0\x16")
+        ):
+            writer.write(number, data)
+    native = analyze(path)
+    assert {each.rule for each in native.findings} == {"DS801", "DS802"}
+    assert as_json(ready("tshark").analyze(path)) == as_json(native)
+    assert as_json(ready("both").analyze(path)) == as_json(native)
+
+
 def test_a_log_of_profibus(ready: Callable[..., Engine], tmp_path: Path) -> None:
     """A text: its frames go through tshark as those of a capture do."""
     path = tmp_path / "bus.txt"

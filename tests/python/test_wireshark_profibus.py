@@ -616,7 +616,7 @@ def hostile(chance: random.Random) -> Iterator[bytes]:
             data[chance.randrange(len(data))] = chance.randrange(256)
         cut = bytes(data[: chance.randrange(1, len(data) + 1)])
         yield chance.choice((cut, bytes(data), b"\0" + chance.choice(heads) + chance.randbytes(30)))
-        yield chance.choice(heads) + chance.randbytes(chance.choice((1, 3, 8, 40, 300)))
+        yield chance.choice(heads) + chance.randbytes(chance.choice((0, 1, 3, 8, 40, 300)))
 
 
 @pytest.mark.parametrize("seed", range(3))
