@@ -246,7 +246,8 @@ end
 -- The end, and what is wrong
 
 local function add_flaw(root, flaw, start, of_data)
-  local shown = derive(root, "flaw", flaw.kind)
+  local shown = derive(root, "flaw", flaw.kind, start + flaw.offset, 1)
+  shown:set_generated()
   shown:set_text(words.flaw_line(flaw, start, language))
   shown:add_proto_expert_info(experts[expert_of(flaw, of_data)], spec.flaw_text(flaw, language))
   derive(shown, "flaw.offset", start + flaw.offset)

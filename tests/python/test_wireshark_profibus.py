@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 import os
 import random
+import shutil
 import struct
 import subprocess
 from collections.abc import Iterable, Iterator
@@ -27,6 +28,7 @@ from test_wireshark_cyclic import told
 from test_wireshark_plugin import (
     CAPTURES,
     COMPLETE,
+    ROOT,
     Tshark,
     columns,
     program,
@@ -255,6 +257,10 @@ def test_fields_stand_at_their_bytes(tshark: Tshark, tmp_path: Path) -> None:
         for key, (at, size) in wanted.items():
             field = text.split(f'name="{PREFIX}{key}"', 1)[1]
             assert f'size="{size}" pos="{at}"' in field[: field.index(">")], (number, key)
+    damaged = saved(tmp_path / "damaged.pcapng", [*request().shots[:2], (0, b"\x10\2\3\x49\0\x16")])
+    text = tshark("-r", damaged, "-Y", "ds47.profibus.flaw", "-T", "pdml")
+    flaw = text.split('name="ds47.profibus.flaw"', 1)[1]
+    assert 'size="1" pos="4"' in flaw[: flaw.index(">")]
     text = tshark("-r", path, *COMPLETE, "-Y", "frame.number == 12", "-T", "pdml")
     for key, at, size in (("request_reference", 13, 1), ("pnu", 19, 2), ("subindex", 21, 2)):
         field = text.split(f'name="ds47.{key}"', 1)[1]
@@ -484,6 +490,14 @@ def test_user0_is_taken_by_preference_alone(tshark: Tshark, tmp_path: Path) -> N
     assert tshark("-r", path, "-Y", "ds47 || ds47_profibus") == ""
     assert tshark("-r", path) == without_plugin(tmp_path, "-r", path)
     assert len(tshark("-r", path, *ON, "-Y", "ds47_profibus").splitlines()) == len(request().shots)
+
+
+def test_the_profile_takes_user0(tshark: Tshark, tmp_path: Path) -> None:
+    profile = tmp_path / "wireshark" / "profiles" / "DS47"
+    shutil.copytree(ROOT / "dissector" / "profile", profile)
+    path = saved(tmp_path / "line.pcap", request().shots, USER0)
+    found = tshark("-r", path, "-C", "DS47", "-Y", "ds47_profibus", *columns("frame.number"))
+    assert len(found.split()) == len(request().shots)
 
 
 @pytest.mark.parametrize("options", [(), ON])
