@@ -286,8 +286,8 @@ def test_profibus(link_type: int, ready: Callable[..., Engine], tmp_path: Path) 
     path = tmp_path / "bus.pcapng"
     wire = test_profibus_bus.everything_wrong()
     with PcapngWriter(path, link_type=link_type) as writer:
-        for shot in wire.shots:
-            writer.write(*shot)
+        for shot in wire.stage.shots:
+            writer.write(shot.time_ns, shot.data)
     native = analyze(path)
     assert {each.station for each in native.transactions} == {3}
     assert sum(each.rule.startswith("DS8") for each in native.findings) > 10
@@ -312,7 +312,9 @@ def test_damaged_frames_alone(ready: Callable[..., Engine], tmp_path: Path) -> N
 def test_a_log_of_profibus(ready: Callable[..., Engine], tmp_path: Path) -> None:
     """A text: its frames go through tshark as those of a capture do."""
     path = tmp_path / "bus.txt"
-    path.write_text("".join(f"{data.hex()}\n" for _, data in test_profibus_bus.running().shots))
+    path.write_text(
+        "".join(f"{shot.data.hex()}\n" for shot in test_profibus_bus.running().stage.shots)
+    )
     native = analyze(path)
     assert native.bus is not None
     assert as_json(ready("both").analyze(path)) == as_json(native)

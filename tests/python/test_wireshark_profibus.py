@@ -22,7 +22,6 @@ import test_cyclic_scenes
 import test_profibus_analysis
 import test_profibus_bus
 import test_profibus_ppo
-from dp_wire import Wire
 from test_profibus import asked
 from test_wireshark_cyclic import told
 from test_wireshark_plugin import (
@@ -43,6 +42,7 @@ from whole_capture import of_transactions
 
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture.writer import PcapngWriter
+from ds47.lab.master import Master
 from ds47.model import CaptureResult, Report
 from ds47.profibus import dp, ms1, telegram
 from ds47.profibus.bus import PROFIBUS_DL, USER0
@@ -65,6 +65,7 @@ READ = "5f002f0a030102011001c47f0000"
 """DS_Write of a DS47 request: read p50303[0]."""
 ANSWER = "5e002f0a03010201080141200000"
 PREFIX = "ds47.profibus."
+STORED = sorted((ROOT / "captures").rglob("*profibus*.pcapng"))
 
 
 def saved(path: Path, frames: Iterable[bytes | tuple[int, bytes]], link: int = PROFIBUS_DL) -> Path:
@@ -86,9 +87,14 @@ def saved(path: Path, frames: Iterable[bytes | tuple[int, bytes]], link: int = P
     return path
 
 
-def request() -> Wire:
+def shots(master: Master) -> list[tuple[int, bytes]]:
+    """What went past, with its times."""
+    return [(each.time_ns, each.data) for each in master.stage.shots]
+
+
+def request() -> Master:
     """A station that starts up, exchanges data, and reads a parameter by DS47 with polls, B5 and an answer."""
-    wire = Wire()
+    wire = Master()
     wire.start(3)
     wire.exchange(3)
     wire.token()
@@ -217,7 +223,7 @@ def says(line: list[str]) -> dict[str, str]:
 @cache
 def frames_by_chance() -> tuple[bytes, ...]:
     """The first of them proves what they all are."""
-    return (request().shots[2][1], *(data for data in asked([]) if data))
+    return (shots(request())[2][1], *(data for data in asked([]) if data))
 
 
 def test_fields_of_frames_are_those_of_python(tshark: Tshark, tmp_path: Path) -> None:
@@ -238,7 +244,7 @@ def test_chance_leaves_no_field_out() -> None:
 
 
 def test_fields_stand_at_their_bytes(tshark: Tshark, tmp_path: Path) -> None:
-    path = saved(tmp_path / "line.pcapng", request().shots)
+    path = saved(tmp_path / "line.pcapng", shots(request()))
     places = {
         3: {"sd": (0, 1), "le": (1, 1), "ler": (2, 1), "sd_repeated": (3, 1), "da": (4, 1), "sa": (5, 1),
             "fc": (6, 1), "fc.fcb": (6, 1), "dsap": (7, 1), "ssap": (8, 1), "data": (9, 10),
@@ -246,7 +252,7 @@ def test_fields_stand_at_their_bytes(tshark: Tshark, tmp_path: Path) -> None:
             "parameters.tsdr": (12, 1), "ident": (13, 2), "groups": (15, 1), "parameters.user": (16, 3),
             "parameters.dpv1": (16, 1), "fcs": (19, 1), "ed": (20, 1)},
         5: {"configuration.module": (9, 1)},
-        8: {"diagnosis.watchdog": (10, 1), "diagnosis.master": (12, 1), "ident": (13, 2)},
+        8: {"diagnosis.watchdog": (7, 1), "diagnosis.master": (9, 1), "ident": (10, 2)},
         9: {"outputs": (7, 12)},
         12: {"ms1": (9, 14), "ms1.function": (9, 1), "ms1.slot": (10, 1), "ms1.index": (11, 1),
              "ms1.length": (12, 1), "ms1.record": (13, 10)},
@@ -257,7 +263,9 @@ def test_fields_stand_at_their_bytes(tshark: Tshark, tmp_path: Path) -> None:
         for key, (at, size) in wanted.items():
             field = text.split(f'name="{PREFIX}{key}"', 1)[1]
             assert f'size="{size}" pos="{at}"' in field[: field.index(">")], (number, key)
-    damaged = saved(tmp_path / "damaged.pcapng", [*request().shots[:2], (0, b"\x10\2\3\x49\0\x16")])
+    damaged = saved(
+        tmp_path / "damaged.pcapng", [*shots(request())[:2], (0, b"\x10\2\3\x49\0\x16")]
+    )
     text = tshark("-r", damaged, "-Y", "ds47.profibus.flaw", "-T", "pdml")
     flaw = text.split('name="ds47.profibus.flaw"', 1)[1]
     assert 'size="1" pos="4"' in flaw[: flaw.index(">")]
@@ -273,10 +281,10 @@ def test_the_tree_has_the_words_of_the_command(lang: str, tshark: Tshark, tmp_pa
     wire = request()
     wire.exchange(3, code=0x0A)
     wire.spoil()
-    path = saved(tmp_path / "line.pcapng", wire.shots)
+    path = saved(tmp_path / "line.pcapng", shots(wire))
     trees = tshark("-r", path, "-V", "-o", f"ds47.language:{lang}").split("\nFrame ")
-    assert len(trees) == len(wire.shots)
-    for (_, data), tree in zip(wire.shots, trees, strict=True):
+    assert len(trees) == len(shots(wire))
+    for (_, data), tree in zip(shots(wire), trees, strict=True):
         item = telegram.decode(data)
         texts = [shown.flaw(each).text(lang) for each in item.flaws]
         texts += [] if item.fc is None else [spec.control_text(item.fc, lang)]
@@ -299,7 +307,7 @@ def test_columns(tshark: Tshark, tmp_path: Path, way: tuple[int, tuple[str, ...]
     wire.exchange(3, code=0x0A)
     wire.spoil()
     wire.put(telegram.encode(127, 2, 0x46, b"\x20\0", 58, 62))
-    path = saved(tmp_path / "line.cap", wire.shots, way[0])
+    path = saved(tmp_path / "line.cap", shots(wire), way[0])
     shown = 'gui.column.format:"S","%s","D","%d","P","%p","I","%i"'
     text = tshark("-r", path, *way[1], "-o", shown, "-T", "tabs")
     found = ["|".join(each for each in map(str.strip, line) if each != "→") for line in rows(text)]
@@ -346,7 +354,7 @@ def compare(tshark: Tshark, path: Path, *options: str) -> CaptureResult:
 
 
 def test_a_transaction(tshark: Tshark, tmp_path: Path, way: tuple[int, tuple[str, ...]]) -> None:
-    path = saved(tmp_path / "line.cap", request().shots, way[0])
+    path = saved(tmp_path / "line.cap", shots(request()), way[0])
     (item,) = compare(tshark, path, *way[1]).transactions
     assert (item.station, item.state, len(item.frames.polls)) == (3, "ok", 1)
     names = ("frame.number", "ds47.station", "ds47.request_in", "ds47.response_in", "ds47.state")
@@ -362,7 +370,7 @@ def test_one_pass_shows_what_earlier_frames_prove(
     tshark: Tshark, tmp_path: Path, way: tuple[int, tuple[str, ...]]
 ) -> None:
     """The request is decoded in its own frame, before anybody answered."""
-    path = saved(tmp_path / "line.cap", request().shots, way[0])
+    path = saved(tmp_path / "line.cap", shots(request()), way[0])
     names = ("frame.number", "ds47.pnu", "ds47.request_in", "ds47.value", "ds47.state")
     assert rows(tshark("-r", path, *way[1], "-Y", "ds47", *columns(*names))) == [
         ["12", "50303", "", "", ""], ["17", "", "12", "", ""], ["18", "", "12", "", ""],
@@ -373,7 +381,7 @@ def test_one_pass_shows_what_earlier_frames_prove(
 def test_everything_that_is_wrong(
     tshark: Tshark, tmp_path: Path, way: tuple[int, tuple[str, ...]]
 ) -> None:
-    path = saved(tmp_path / "line.cap", test_profibus_bus.everything_wrong().shots, way[0])
+    path = saved(tmp_path / "line.cap", shots(test_profibus_bus.everything_wrong()), way[0])
     result = compare(tshark, path, *way[1])
     frames: dict[str, set[str]] = {}
     for each in result.findings:
@@ -393,8 +401,13 @@ def test_everything_that_is_wrong(
 
 def test_lines_by_chance(tshark: Tshark, tmp_path: Path) -> None:
     for seed in range(3):
-        path = saved(tmp_path / "line.pcapng", test_profibus_bus.by_chance(seed)[0].shots)
+        path = saved(tmp_path / "line.pcapng", shots(test_profibus_bus.by_chance(seed)[0]))
         assert compare(tshark, path).findings
+
+
+@pytest.mark.parametrize("path", STORED, ids=lambda path: path.stem)
+def test_stored_captures(path: Path, tshark: Tshark) -> None:
+    compare(tshark, path, *ON)
 
 
 RECORDS = [
@@ -486,18 +499,18 @@ def test_frames_that_are_not_profibus_stay_as_they_were(
 
 
 def test_user0_is_taken_by_preference_alone(tshark: Tshark, tmp_path: Path) -> None:
-    path = saved(tmp_path / "line.pcap", request().shots, USER0)
+    path = saved(tmp_path / "line.pcap", shots(request()), USER0)
     assert tshark("-r", path, "-Y", "ds47 || ds47_profibus") == ""
     assert tshark("-r", path) == without_plugin(tmp_path, "-r", path)
-    assert len(tshark("-r", path, *ON, "-Y", "ds47_profibus").splitlines()) == len(request().shots)
+    assert len(tshark("-r", path, *ON, "-Y", "ds47_profibus").splitlines()) == len(shots(request()))
 
 
 def test_the_profile_takes_user0(tshark: Tshark, tmp_path: Path) -> None:
     profile = tmp_path / "wireshark" / "profiles" / "DS47"
     shutil.copytree(ROOT / "dissector" / "profile", profile)
-    path = saved(tmp_path / "line.pcap", request().shots, USER0)
+    path = saved(tmp_path / "line.pcap", shots(request()), USER0)
     found = tshark("-r", path, "-C", "DS47", "-Y", "ds47_profibus", *columns("frame.number"))
-    assert len(found.split()) == len(request().shots)
+    assert len(found.split()) == len(shots(request()))
 
 
 @pytest.mark.parametrize("options", [(), ON])
@@ -529,7 +542,7 @@ def test_user0_is_given_back(tshark: Tshark, tmp_path: Path) -> None:
     """While Wireshark runs: to who had it, and not where somebody else has taken it since."""
     script = tmp_path / "toggle.lua"
     script.write_text(TOGGLE)
-    path = saved(tmp_path / "line.pcap", request().shots[:1], USER0)
+    path = saved(tmp_path / "line.pcap", shots(request())[:1], USER0)
     found = tshark("-r", path, "-X", f"lua_script:{script}")
     names = [line.split()[1] for line in found.splitlines() if line.startswith("USER0 ")]
     assert names[:5] == ["TOGGLED", "TOGGLED", "DLT_USER", "DLT_USER", "TOGGLED"]
@@ -539,21 +552,21 @@ def test_user0_is_given_back(tshark: Tshark, tmp_path: Path) -> None:
 # What comes before the proof
 
 
-def early() -> Wire:
+def early() -> Master:
     """A line that begins with what proves nothing."""
-    wire = Wire()
+    wire = Master()
     wire.short()
     wire.token()
     wire.exchange(3)
     wire.spoil()
-    wire.shots.pop(2)
+    wire.stage.shots.pop(2)
     wire.start(3)
     return wire
 
 
 def test_frames_before_the_proof_count_of_257(tshark: Tshark, tmp_path: Path) -> None:
     """They are shown once it is there: in a second pass, as when somebody looks at them."""
-    path = saved(tmp_path / "line.pcapng", early().shots)
+    path = saved(tmp_path / "line.pcapng", shots(early()))
     (found,) = [each.frame for each in compare(tshark, path).findings]
     shown = columns("frame.number")
     assert found == 3
@@ -563,7 +576,7 @@ def test_frames_before_the_proof_count_of_257(tshark: Tshark, tmp_path: Path) ->
 
 
 def test_of_user0_they_do_not(tshark: Tshark, tmp_path: Path) -> None:
-    path = saved(tmp_path / "line.pcap", early().shots, USER0)
+    path = saved(tmp_path / "line.pcap", shots(early()), USER0)
     assert compare(tshark, path, *ON).findings == []
     for passes in ((), COMPLETE):
         shown = tshark("-r", path, *ON, *passes, "-Y", "ds47_profibus", *columns("frame.number"))
@@ -606,7 +619,7 @@ def test_a_ppo_that_is_named(tshark: Tshark, tmp_path: Path) -> None:
 
 
 def test_the_report_is_that_of_the_command(tshark: Tshark, tmp_path: Path) -> None:
-    path = saved(tmp_path / "line.pcapng", test_profibus_bus.everything_wrong().shots)
+    path = saved(tmp_path / "line.pcapng", shots(test_profibus_bus.everything_wrong()))
     text = tshark("-q", "-X", "lua_script1:report", "-X", f"lua_script1:name={path}", "-r", path)
     result, wanted = analyze(path, AnalysisOptions(ignore=ANALYZER_ONLY)), io.StringIO()
     text_report.write(Report([result]), wanted, Options(rules=rules(), corrected=False))
@@ -621,9 +634,9 @@ def test_the_report_is_that_of_the_command(tshark: Tshark, tmp_path: Path) -> No
 
 def hostile(chance: random.Random) -> Iterator[bytes]:
     """Frames by chance, among them some whose head says that they are long or carry everything."""
-    yield request().shots[0][1]
+    yield shots(request())[0][1]
     heads = (b"", b"\x68\x09\x09\x68\x83\x82\x5d", b"\x10", b"\xa2\x83\x82\x7d", b"\xdc", b"\xe5")
-    known = [data for _, data in request().shots]
+    known = [data for _, data in shots(request())]
     for _ in range(1500):
         data = bytearray(chance.choice(known))
         for _ in range(chance.randrange(4)):
@@ -644,6 +657,6 @@ def test_no_bytes_stop_it(seed: int, tshark: Tshark, tmp_path: Path) -> None:
 def test_a_recording_that_kept_the_begin_of_its_frames(tshark: Tshark, tmp_path: Path) -> None:
     path = tmp_path / "short.pcapng"
     with PcapngWriter(path, link_type=PROFIBUS_DL) as writer:
-        for number, (time_ns, data) in enumerate(request().shots):
+        for number, (time_ns, data) in enumerate(shots(request())):
             writer.write(time_ns, data[: 7 if number % 5 == 4 else 99], len(data))
     assert compare(tshark, path).bus is not None

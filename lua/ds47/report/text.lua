@@ -269,8 +269,7 @@ local function columns_of(transactions, lang)
     return each.controller
   end)
   columns.slots = differ(transactions, function(each)
-    local place = "%.0f.%d.%d" -- PROFIBUS has slots alone
-    return each.slot and format(place, each.api or -1, each.slot, each.subslot or -1) or ""
+    return tostring(each.api) .. " " .. tostring(each.slot) .. " " .. tostring(each.subslot)
   end)
   for _, each in ipairs(transactions) do
     columns.operation = math.max(columns.operation, words.width(words.operation(lang, each.operation)))
