@@ -104,6 +104,8 @@ def test_a_scene_says_the_same_on_profibus(name: str) -> None:
         pytest.skip("no PKW beside PZD")
     there, here = analyze(io.BytesIO(content)), analyze(io.BytesIO(bus))
     assert transactions(here) == transactions(there)
+    assert {each.station for each in here.transactions} <= {3}
+    assert {each.station for each in there.transactions} <= {None}
     assert events(here) == events(there)
     assert sorted(each.rule for each in here.findings) == sorted(
         each.rule for each in there.findings

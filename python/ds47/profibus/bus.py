@@ -52,7 +52,7 @@ class Bus:
         """A frame of one of `LINK_TYPES`, with its number and its time; `cut`: the recording has not all of it."""
         item = decode(data)
         if not self._proven:
-            self._proven = link_type == PROFIBUS_DL or _proves(item)
+            self._proven = link_type == PROFIBUS_DL or proves(item)
             if not self._proven:
                 return
         seen = Seen(number, time_ns, item)
@@ -77,5 +77,6 @@ class Bus:
             take(exchange)
 
 
-def _proves(item: Telegram) -> bool:
+def proves(item: Telegram) -> bool:
+    """Whether a frame proves that PROFIBUS is here: it has the right check byte."""
     return not item.flaws and item.kind not in ("", SC, SD4)
