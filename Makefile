@@ -102,6 +102,8 @@ tables: $(STAMP)
 
 screenshot: $(STAMP)
 	tools/screenshot.sh
+	$(BIN)/ds47 export --link profibus tools/screenshot-profibus.txt -o build/line.pcapng
+	tools/screenshot.sh build/line.pcapng 36 wireshark-profibus
 
 readme: $(STAMP)
 	$(BIN)/python tools/readme_report.py

@@ -60,7 +60,8 @@ local function with_source(side, receiver)
   end
 end
 
--- Messages are bytes in a result, and hexadecimal digits in JSON; arguments keep the point of a float.
+-- Messages and blocks of diagnosis are bytes in a result, and hexadecimal digits in JSON; arguments keep the
+-- point of a float.
 local function as_result(result)
   for _, each in ipairs(result.transactions) do
     each.request, each.response = each.request and unhex(each.request), each.response and unhex(each.response)
@@ -69,6 +70,10 @@ local function as_result(result)
   for _, each in ipairs(result.connections or {}) do
     each.client_tsap = each.client_tsap and unhex(each.client_tsap)
     each.server_tsap = each.server_tsap and unhex(each.server_tsap)
+  end
+  for _, each in ipairs(result.bus and result.bus.stations or {}) do
+    local blocks = each.diagnosis and each.diagnosis.blocks or {}
+    for number, block in ipairs(blocks) do blocks[number] = unhex(block) end
   end
   for _, each in ipairs(result.relations or {}) do
     with_source(each.output, each.input)

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, seed, settings
+from of_profibus import of_ethernet
 from tests.audit import conversations, drive, message, reading, run, wire, words
 from tests.audit import seeds as many
 from tests.audit.conversations import Plan
@@ -22,11 +23,14 @@ from ds47.spec import rules
 
 ROOT = Path(__file__).parents[2]
 SHARED = ROOT.parent / "shared" / "captures"
-STORED = sorted(
-    path
-    for folder in (".", "real-stacks", "s7-stacks")
-    for path in (ROOT / "captures" / folder).glob("*.pcap*")
+STORED = of_ethernet(
+    sorted(
+        path
+        for folder in (".", "real-stacks", "s7-stacks")
+        for path in (ROOT / "captures" / folder).glob("*.pcap*")
+    )
 )
+"""Those of Ethernet: the auditor does not read frames of PROFIBUS."""
 OTHERS = sorted(SHARED.rglob("*.pcap*")) if SHARED.is_dir() else []
 HEAVY = ("reverse-3000.pcap.gz", "ipfrag-silent.pcap")
 """Captures made to hurt: what is forgotten because memory is bounded is not what they are about here."""
@@ -214,6 +218,16 @@ def test_a_false_word_of_the_text_is_noticed(was: str, becomes: str) -> None:
     lie.text = item.text.replace(was, becomes, 1)
     before = Counter(map(str, run.complaints(item)))
     assert Counter(map(str, run.complaints(lie))) - before
+
+
+@pytest.mark.parametrize("kind", ["text", "page"])
+def test_a_false_word_of_the_status_word_is_noticed(kind: str) -> None:
+    item = read(ROOT / "captures/cyclic-changed-after-off1.pcapng")
+    lie, told = copy.copy(item), getattr(item, kind)
+    start = told.index("the status word of the drive (#1)")
+    setattr(lie, kind, told[:start] + told[start:].replace("since frame 40", "since frame 41", 1))
+    assert not list(run.complaints(item))
+    assert list(run.complaints(lie))
 
 
 @pytest.mark.slow

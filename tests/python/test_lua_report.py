@@ -28,6 +28,7 @@ from ds47.analysis import AnalysisOptions, analyze
 from ds47.cyclic.named import parse
 from ds47.findings import grouping
 from ds47.model import (
+    Bus,
     CaptureResult,
     Device,
     Diagnosis,
@@ -92,6 +93,7 @@ def as_lua(result: CaptureResult) -> dict[str, Any]:
         each["output"] = told.output._asdict()
         each["input"] = told.input._asdict() | {"cycle_ns": round((told.cycle_ms or 0) * 1e6)}
     as_s7(item, result)
+    item["bus"] = None if result.bus is None else bus_as_lua(result.bus)
     item["start_time"] = (result.start_ns or 0) - base * 10**9
     for each, shown in zip(item["timelines"], result.timelines, strict=True):
         each["left_out"] = each["events_left_out"]
@@ -122,6 +124,21 @@ def as_s7(item: dict[str, Any], result: CaptureResult) -> None:
             "most": span.most_ns,
         }
         each["evidence"] = [found._asdict() for found in told.evidence]
+
+
+def bus_as_lua(bus: Bus) -> dict[str, Any]:
+    """The stations with tables in place of tuples, and blocks as hexadecimal digits."""
+    stations = []
+    for each in bus.stations:
+        told, diagnosis = each._asdict(), each.diagnosis
+        for key in ("cycle", "answer"):
+            span = told[key]
+            told[key] = span and {"mean": span.mean_ns, "most": span.most_ns}
+        if diagnosis is not None:
+            blocks = [block.hex() for block in diagnosis.blocks]
+            told["diagnosis"] = diagnosis._asdict() | {"blocks": blocks}
+        stations.append(told)
+    return dataclasses.asdict(bus) | {"stations": stations}
 
 
 def with_points(value: Any) -> Any:

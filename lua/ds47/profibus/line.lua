@@ -13,7 +13,8 @@
 --   again    whether it repeats the exchange before between the two: the master has no answer to that
 --   silent   whether nobody answers such a request
 --   damaged  the first damaged frame that stands where its answer should; nil for none
---   unfinished  whether nothing came behind it: its answer may be missing for that
+--   spoiled  how many there are: of each retry one
+--   unfinished  whether nothing came behind it, no token either: its answer may be missing for that
 
 local ALL_STATIONS = require("ds47.profibus.telegram").ALL_STATIONS
 local tables = require("ds47.spec.tables")
@@ -32,6 +33,7 @@ M.Line = Line
 function Line.new()
   return setmetatable({
     open = nil, -- the exchange that waits for its answer
+    before = nil, -- the frame before
     last = {}, -- who asks whom -> the bytes of the newest request
     tokens = 0, damaged = 0, stray = 0,
   }, Line)
@@ -44,16 +46,18 @@ end
 --- A frame.
 -- @return the exchanges that are over with it, up to two
 function Line:take(seen)
-  local item = seen.item
+  local item, before = seen.item, self.before
+  self.before = item
   if item.flaws[1] then
     self.damaged = self.damaged + 1
     if self.open then
       self.open.damaged = self.open.damaged or seen.frame
+      self.open.spoiled = self.open.spoiled + 1
     end
   elseif item.kind == "SD4" then
     self.tokens = self.tokens + 1
   elseif item.request then
-    return self:_request(seen)
+    return self:_request(seen, before)
   else
     return self:_answer(seen)
   end
@@ -66,14 +70,14 @@ function Line:finish()
   local over = self.open
   self.open = nil
   if over then
-    over.unfinished = true
+    over.unfinished = not self.before or self.before.kind ~= "SD4"
   end
   return over
 end
 
-function Line:_request(seen)
+function Line:_request(seen, before)
   local item, open = seen.item, self.open
-  if open and item.fcv == 1 and open.request.item.data == item.data then
+  if open and open.request.item.data == item.data and (item.fcv == 1 or before.data == item.data) then
     open.retried = open.retried + 1
     if open.retried <= M.MOST_RETRIES then
       open.retries[open.retried] = seen
@@ -83,7 +87,7 @@ function Line:_request(seen)
   self.open = nil
   local row, key = tables.profibus.request[item.code], way(item.sa, item.da)
   local exchange = {
-    request = seen, answer = nil, retries = {}, retried = 0,
+    request = seen, answer = nil, retries = {}, retried = 0, spoiled = 0,
     again = item.fcv == 1 and self.last[key] == item.data,
     silent = item.da == ALL_STATIONS or row ~= nil and row.silent or false,
   }

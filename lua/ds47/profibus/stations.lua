@@ -140,9 +140,13 @@ local function count(station, exchange)
     for _, each in ipairs(retries) do add(station.retries, each.frame) end
     station.retries.count = station.retries.count + exchange.retried - #retries
   end
-  if not answer then
-    add(exchange.damaged and station.damaged or station.silent, exchange.damaged or seen.frame)
-  elseif exchange.retried <= #retries then -- else nobody knows when the last one was sent
+  if exchange.damaged then
+    add(station.damaged, exchange.damaged)
+    station.damaged.count = station.damaged.count + exchange.spoiled - 1
+  elseif not answer then
+    add(station.silent, seen.frame)
+  end
+  if answer and exchange.retried <= #retries then -- else nobody knows when the last one was sent
     add_time(station.answers, answer.time_ns - (retries[#retries] or seen).time_ns)
   end
 end

@@ -35,7 +35,7 @@ local function put(memory, key, value)
 end
 
 local function submodule(access)
-  return format("%s %d %d", access.device, access.slot or -1, access.subslot or -1) -- S7 has neither
+  return format("%s %s %s", access.device, tostring(access.slot), tostring(access.subslot))
 end
 
 local function axis_of(device, number)
