@@ -142,7 +142,7 @@ def _verdict(lines: list[str], reading: Reading) -> Iterator[str]:
         yield f"{word!r} is {true!r}"
     if reading.deals:
         drives = len({each.device for each in reading.deals if not each.s7})
-        yield from _tally(text, reading.deals, drives, len(reading.plain["connections"]))
+        yield from _tally(text, reading.deals, drives, len(reading.plain.get("connections", ())))
 
 
 def _drives(lines: list[str], reading: Reading) -> Iterator[str]:
