@@ -135,6 +135,17 @@ def _data(reading: Reading) -> Iterator[str]:
         yield from _rows(json.loads(data), reading)
 
 
+def _channel(deal: Deal, reading: Reading) -> list[Any]:
+    """What a row has of its channel: of S7 the ends of its connection, and that it is one."""
+    place = [deal.ar, deal.api, deal.slot, deal.subslot, deal.index]
+    for line in reading.plain.get("connections", ()):
+        if deal.s7 and line["id"] == deal.plain["connection"]:
+            ends = ("client", "server")
+            place[0] = " -> ".join(f"{line[each]}:{line[each + '_port']}" for each in ends)
+            place[-1] = "s7"
+    return place
+
+
 def _rows(data: dict[str, Any], reading: Reading) -> Iterator[str]:
     place = {name: number for number, name in enumerate(data["row"])}
     if len(data["rows"]) != len(reading.deals):
@@ -149,7 +160,7 @@ def _rows(data: dict[str, Any], reading: Reading) -> Iterator[str]:
             "state": data["states"].index(deal.state),
             "controller": data["controllers"].index(deal.controller),
             "device": [each[0] for each in data["devices"]].index(deal.device),
-            "channel": data["channels"].index([deal.ar, deal.api, deal.slot, deal.subslot, deal.index]),
+            "channel": data["channels"].index(_channel(deal, reading)),
             "axis": deal.plain["axis"],
             "request": deal.plain["bytes"]["request"], "response": deal.plain["bytes"]["response"],
             **{name: deal.frames[name] for name in ("write_request", "read_response")},

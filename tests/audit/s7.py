@@ -5,8 +5,11 @@ Whether data is of two moments is decided by trying all orders (`s7_moment`).
 
 from __future__ import annotations
 
+import re
+import tomllib
 from collections.abc import Callable, Iterator
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 from tests.audit import s7_wire
@@ -17,6 +20,7 @@ from tests.audit.s7_wire import Item, Job, Line, Part
 MOST = 60
 """Frames that a finding of many names."""
 SECOND = 10**9
+TABLE = Path(__file__).parents[2] / "python/ds47/spec/s7.toml"
 Auditor = Callable[["Case"], Iterator[str]]
 AUDITORS: dict[str, Auditor] = {}
 
@@ -130,38 +134,63 @@ def _several(case: Case) -> Iterator[str]:
 
 @auditor("DS903")
 def _block(case: Case) -> Iterator[str]:
-    """The block is known where the user chose it, and where the partner said it in SZL 0131: the largest counts."""
-
-    def known(line: Line, by_client: bool) -> tuple[int | None, str, int | None]:
-        said = [each for other in case.lines if other.server == line.server for each in other.said]
-        if case.block is not None or not said or not by_client:
-            return case.block, "block_chosen", None
-        frame, size = max(said, key=lambda each: (each[1], -each[0].number))
-        return size, "block_said", frame.number
-
     def each(line: Line, by_client: bool, text: str) -> Iterator[str]:
         jobs = [
             (job, item)
             for job in line.jobs
             for item in job.items
             if job.by_client is by_client and item.text() == text and item.code == 0xFF
-            and job.name == case.args.get("operation")
+            and job.name == case.args.get("operation") and _said(case, line, job) == told
         ]  # fmt: skip
         yield from case.ends(line, by_client)
-        block, source, frame = known(line, by_client)
-        yield from case.wrong(block=block, case=source, frame=frame, name=None)
         yield from _many(case, [_frames(job) for job, _ in jobs])
         for job, item in jobs[:1]:
             yield from case.wrong(bytes=item.size)
             if job.asked.number != case.frame:
                 yield f"the first one is in frame {job.asked.number}"
-            if block is None or item.size <= block:
+            if item.size <= told[0]:
                 yield "it is not larger than the block"
         if not jobs:
-            yield "there is no such area"
+            yield "there is no such area, or nobody says that of the block"
 
+    names = ("block", "case", "frame", "name")
+    told: Any = tuple(case.args.get(name) for name in names)
+    if not isinstance(told[0], int):
+        yield "the block is no number"
+        return
     text = str(case.args.get("area"))
     yield from _best(case, [each(line, way, text) for line in case.lines for way in (True, False)])
+
+
+def _said(case: Case, line: Line, job: Job) -> tuple[int | None, str, int | None, str | None]:
+    """How large a block is at the time of a job, who says so, where, and with which name."""
+    if case.block is not None:
+        return case.block, "block_chosen", None, None
+    before = [
+        (frame, value)
+        for other in case.lines if other.server[0] == line.server[0]
+        for frame, value in other.said if job.answered and frame < job.answered.number
+    ]  # fmt: skip
+    found: tuple[int | None, str, int | None, str | None] = (None, "", None, None)
+    for frame, value in sorted(before, key=lambda each: each[0]):
+        size = value if isinstance(value, int) else _size(value)
+        if size > (found[0] or 0):
+            found = (
+                (size, "block_said", frame, None)
+                if isinstance(value, int)
+                else (size, "block_order", frame, value)
+            )
+    return found
+
+
+def _size(order: str) -> int:
+    """The block of the CPU with an order number, 0 where it is not known."""
+    table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
+    blocks = {row["id"]: row["block"] for row in table["cpu"]}
+    for row in table["order"]:
+        if re.match(row["number"].replace("?", "."), order):
+            return int(blocks[row["cpu"]])
+    return 0
 
 
 def _frames(job: Job) -> list[int]:

@@ -163,8 +163,8 @@ class Line:
     """Frame, who sends, bytes."""
     parts: list[Part] = field(default_factory=list)
     sent: list[Sent] = field(default_factory=list)
-    said: list[tuple[Frame, int]] = field(default_factory=list)
-    """Frames in which the server says how many bytes it handles consistently: index 3 of SZL 0131."""
+    said: list[tuple[int, int | str]] = field(default_factory=list)
+    """Frames in which the server says how many bytes it reads consistently, or its order number."""
     others: int = 0
 
 
@@ -395,5 +395,16 @@ def _user(
                 return
     else:
         line.others += 1
-        if parameter[5:7] == b"\x84\1" and content[4:8] == b"\1\x31\0\3" and not by_client:
-            line.said.append((frame, int.from_bytes(content[18:20])))
+        if parameter[5:7] == b"\x84\1" and content[:1] == b"\xff":
+            line.said += [(frame.number, each) for each in _szl(content[4:])]
+
+
+def _szl(content: bytes) -> Iterator[int | str]:
+    """What an answer to the reading of an SZL says of the size of a block."""
+    number, index, size, count = struct.unpack_from(">4H", content)
+    for at in range(8, 8 + size * count, size):
+        entry = content[at : at + size]
+        if (number, index) == (0x0131, 3) and entry[:2] == b"\0\3":
+            yield int.from_bytes(entry[6:8])
+        if number in (0x0011, 0x0111) and entry[:2] == b"\0\1":
+            yield entry[2:22].rstrip(b"\0 ").decode("ascii")

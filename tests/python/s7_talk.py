@@ -164,6 +164,15 @@ class Talk:
         parameter = bytes((0, 1, 0x12, 8, 0x12, 0x86, 1, sequence, 0, 0)) + struct.pack(">H", error)
         return self.say(False, USER, parameter, b"\x0a\0\0\0", reference=reference)
 
+    def szl(self, number: int, index: int, entry: bytes) -> int:
+        """The client reads a part of the system status list: an entry, whose index it begins with."""
+        ask = struct.pack(">BBHHH", DONE, 9, 4, number, index)
+        self.say(True, USER, b"\0\1\x12\4\x11\x44\1\0", ask)
+        told = struct.pack(">4H", number, index, len(entry), 1) + entry
+        content = struct.pack(">BBH", DONE, 9, len(told)) + told
+        parameter = b"\0\1\x12\x08\x12\x84\1\1\0\0\0\0"
+        return self.say(False, USER, parameter, content, reference=self.reference)
+
     def usend(self, r_id: int, *areas: bytes) -> int:
         parameter = struct.pack(">BBBBBBI", 0, 1, 0x12, 6, 0x13, 0, r_id)
         body = b"".join(

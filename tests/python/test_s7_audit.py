@@ -108,6 +108,16 @@ def blocks(tape: Tape) -> None:
 
 
 @scene
+def evidence(tape: Tape) -> None:
+    """A CPU says what it is, then how many bytes it reads consistently: the larger number counts."""
+    talk = Talk(tape, 1).open()
+    talk.szl(0x0111, 1, b"\0\1" + b"6ES7 416-3XL00-0AB0 " + bytes(6))
+    talk.get(1, 0, bytes(200)).get(1, 0, bytes(200))
+    talk.szl(0x0131, 3, b"\0\3" + bytes(4) + (100).to_bytes(2) + bytes(32))
+    talk.get(1, 0, bytes(200)).get(1, 0, bytes(90))
+
+
+@scene
 def bsend(tape: Tape) -> None:
     talk = Talk(tape, 1).open()
     for sizes, total, mark in (((400, 200), 600, "ok"), ((400, 100), 600, "sum"), ((400,), 600, "open"),
@@ -201,7 +211,7 @@ def test_each_word_is_in_a_scene() -> None:
     assert found >= {
         "mixed_split", "mixed_job", "mixed_put", "bsend_open", "bsend_sum", "bsend_sequence", "r_id_open",
         "r_id_refused", "refused_no_confirm", "refused_disconnect", "refused_reset", "refused_setup",
-        "block_chosen",
+        "block_chosen", "block_said", "block_order",
     }  # fmt: skip
 
 
