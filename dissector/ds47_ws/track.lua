@@ -35,6 +35,7 @@ local known_relations -- how many there are in cyclic frames
 local stations -- what names stations and waits
 local newest_station -- number of the newest frame of those
 local told -- MAC address and kind -> what was told last
+local ports -- those of S7, as soon as there was a segment of another one
 
 -- Texts of addresses, by their bytes: a capture has few of them.
 local mac_texts = entries(function(raw)
@@ -55,7 +56,7 @@ end
 
 --- Forgets everything: another file, other preferences.
 function M.reset()
-  current, last, complete, known_relations = nil, 0, nil, 0
+  current, last, complete, known_relations, ports = nil, 0, nil, 0, nil
   M.watching = false -- whether there are cyclic frames that are looked at
   M.has_drives = false -- whether there may be drives in them
   stations, newest_station, told = {}, 0, {}
@@ -264,13 +265,15 @@ local function segment_of(frame, offset)
     return nil
   end
   local at, present, total = offset + first % 16 * 4, #frame, t1 * 256 + t2
+  local s1, s2, d1, d2 = byte(frame, at + 1, at + 4)
+  local known = ports or the_analysis().s7_ports
+  if d2 == nil or not known[s1 * 256 + s2] and not known[d1 * 256 + d2] then
+    ports = known
+    return nil
+  end
   local wanted = total > 0 and offset + total or present
   local stop = wanted < present and wanted or present
   if at + 4 > stop then
-    return nil
-  end
-  local ports = the_analysis().s7.ports
-  if not ports[u16(frame, at)] and not ports[u16(frame, at + 2)] then
     return nil
   end
   segment.payload, segment.missing = sub(frame, at + 1, stop), wanted > present and wanted - present or 0
@@ -287,9 +290,10 @@ function M.feed_segment(number, frame, offset, clock)
   if made == nil then
     return false
   end
+  local live = the_analysis()
   complete, last = nil, number
-  made.frame, made.time_ns = number, clock(current)
-  current:segment(made)
+  made.frame, made.time_ns = number, clock(live)
+  live:segment(made)
   return true
 end
 

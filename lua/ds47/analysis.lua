@@ -8,13 +8,15 @@
 -- A capture that is looked at may go on. So the end of a capture is played on a copy of what is still open
 -- (`ended`), and the analysis itself stays as it was.
 
+local later = require("ds47.support.later").module
+
 local bus = require("ds47.profibus.bus")
 local bus_judge = require("ds47.profibus.judge")
 local bus_stations = require("ds47.profibus.stations")
 local calls = require("ds47.profinet.calls")
 local channels = require("ds47.cyclic.channels")
 local conclusions = require("ds47.cyclic.conclusions")
-local copy = require("ds47.support.later").module("ds47.acyclic.copy")
+local copy = later("ds47.acyclic.copy")
 local diagnosis = require("ds47.diagnosis.transaction")
 local findings = require("ds47.findings.collection")
 local gate = require("ds47.acyclic.index47")
@@ -32,8 +34,8 @@ local recordevents = require("ds47.acyclic.record_events")
 local records = require("ds47.profinet.records")
 local rpc = require("ds47.profinet.rpc")
 local rules = require("ds47.acyclic.judge")
-local s7 = require("ds47.s7.communication")
-local s7_transactions = require("ds47.s7.transactions")
+local s7 = later("ds47.s7.communication")
+local s7_transactions = later("ds47.s7.transactions")
 local services = require("ds47.acyclic.services")
 local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
@@ -43,6 +45,7 @@ local transactions = require("ds47.acyclic.transactions")
 local M = {}
 
 local NONE = {}
+local ISO_ON_TCP = 102 -- port of servers of S7
 
 local Analysis = {}
 Analysis.__index = Analysis
@@ -106,7 +109,9 @@ function M.new(options)
   local listeners = {self.bus_stations, self.start_ups, self.services, named_ppo}
   self.bus = bus.new(listeners, self.bus_stations)
   self.conclusions = conclusions.new(limits, self.cyclic)
-  self.s7 = s7.new(options.s7, limits, self)
+  self.s7_ports = {[ISO_ON_TCP] = true}
+  for _, port in ipairs(options.s7 and options.s7.ports or NONE) do self.s7_ports[port] = true end
+  self.s7 = nil -- made when the first segment of these ports comes: most captures have none
   return self
 end
 
@@ -230,6 +235,7 @@ end
 -- have; may be nil), frame, time_ns, src_ip, dst_ip}. Those of other ports than the ones of S7 are not looked
 -- at.
 function Analysis:segment(packet)
+  self.s7 = self.s7 or s7.new(self.s7_ports, self.options.s7, tables.limits, self)
   self.result, self.last_call = nil, nil
   self.last_frame = packet.frame
   self.pairing.touched_count = 0
@@ -397,7 +403,7 @@ function Analysis:_finish()
   self.findings.frames_dropped = self.options.frames_dropped or false
   tell_given_up(self, self.fragments:unfinished(), "RPC")
   tell_given_up(self, self.reassembly:unfinished(), "IP")
-  self.s7:finish()
+  if self.s7 then self.s7:finish() end
   self.calls:finish()
   self.bus:finish()
   self.services:finish()
@@ -423,8 +429,8 @@ function Analysis:_finish()
     relations = self.cyclic:relations(),
     timelines = self.cyclic:timelines(),
     bus = self.bus_stations:told(self.bus.line.stray),
-    connections = self.s7:told(),
-    connections_left_out = self.s7:left_out(),
+    connections = self.s7 and self.s7:told() or {},
+    connections_left_out = self.s7 and self.s7:left_out() or 0,
   }
 end
 

@@ -189,7 +189,7 @@ end
 local function connection(item)
   local result = object(item, "id client client_port server server_port rack slot pdu_length parallel "
     .. "most_open jobs refused unanswered orphans read_bytes written_bytes sent_bytes cyclic other plus "
-    .. "lost_bytes first_frame last_frame setup")
+    .. "lost_bytes first_frame last_frame setup block")
   result.client_tsap, result.server_tsap = null(hex(item.client_tsap)), null(hex(item.server_tsap))
   result.answer = span(item.answer)
   result.evidence = list(item.evidence, function(each) return object(each, "name value frame") end)

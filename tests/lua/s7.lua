@@ -6,13 +6,18 @@
 --   segment  {source, destination, payload, missing, frame}: the payload of an IP packet; prints the pieces
 --            that are in order with it, what is whole in them, and which connections are over
 --   end      nothing more comes
+--   question  {read, others, before, foreign}: accesses to a memory, what is known from before (at -> value),
+--            bytes that somebody else writes; prints the two bytes that never were there together
 
 local here = arg[0]:match("^(.*)[/\\]") or "."
 package.path = here .. "/../../lua/?.lua;" .. package.path
 
+local consistency = require("ds47.s7.consistency")
 local json = require("ds47.support.json")
+local memory = require("ds47.s7.memory")
 local pdus = require("ds47.s7.pdu")
 local reader = require("ds47.support.bytes")
+local spans = require("ds47.support.spans")
 local tcp = require("ds47.s7.tcp")
 local tpkt = require("ds47.s7.tpkt")
 local words = require("ds47.spec.s7")
@@ -154,6 +159,25 @@ end
 function take.segment(line)
   local segment = tcp.parse(line.source, line.destination, unhex(line.payload), line.missing)
   if segment then streams:feed(segment, {frame = line.frame, time_ns = line.frame}) end
+end
+
+local function accesses(list)
+  for _, each in ipairs(list) do
+    each.data = unhex(each.data)
+    each.last = each.start + #each.data
+    if each.answered_ns == json.null then each.answered_ns = nil end
+  end
+  return list
+end
+
+function take.question(line)
+  local before = memory.new(1).before
+  for _, each in ipairs(line.before) do
+    before:put({start = each[1], last = each[1] + 1, data = string.char(each[2])})
+  end
+  local asked = consistency.new(accesses(line.read), accesses(line.others), before, spans.of(line.foreign))
+  local first, second = asked:mixed()
+  print(json.encode({mixed = first and json.array({first, second}) or json.null, steps = asked.steps}))
 end
 
 take["end"] = function()

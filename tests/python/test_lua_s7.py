@@ -21,13 +21,14 @@ from lua_program import LUAS, lua_program
 
 from ds47.s7 import pdu as pdus
 from ds47.s7 import tcp, tpkt
+from ds47.s7.consistency import Access, Question
 from ds47.s7.model import Address, At, End, Flaw, Item
 from ds47.s7.tpkt import Reader, Tpdu
 from ds47.spec import s7
 
 ROOT = Path(__file__).resolve().parents[2]
 DRIVER = ROOT / "tests/lua/s7.lua"
-PDUS, TALKS = 3000, 120
+PDUS, TALKS, QUESTIONS = 3000, 120, 6000
 PORTS = (102, 1102)
 MOST, MOST_BYTES = 3, 150_000
 
@@ -157,6 +158,8 @@ def python_says(lines: list[dict[str, Any]]) -> list[dict[str, Any]]:
             found.append({"pdu": document(data), "job": job(data, answer)})
         elif line["kind"] == "tpdu":
             found.append(told_tpdu(tpkt.decode(bytes.fromhex(line["data"]), 4)))
+        elif line["kind"] == "question":
+            found.append(answer_to(line))
         elif line["kind"] == "begin":
             ear = Ear(line["most"], line["most_bytes"])
         elif line["kind"] == "segment":
@@ -447,6 +450,62 @@ def single_bytes() -> list[dict[str, Any]]:
     return lines
 
 
+# Questions by chance: whether what was read was there at one moment
+
+
+def access(chance: random.Random, order: int, write: bool, calm: bool) -> dict[str, Any]:
+    """An access to a few bytes; of some values there are many."""
+    start, asked = chance.randrange(8), chance.randrange(12)
+    size = chance.choice((1, 2, 4, 8)) if write else chance.choice((2, 8, 8))
+    lasts = 0 if calm else chance.choice((0, 1, 3, 9))
+    answered = None if write and chance.random() < 0.1 and not calm else asked + lasts
+    return {
+        "order": order, "connection": 1, "write": write, "area": 0x84, "db": 1, "start": start,
+        "data": bytes(chance.choice((1, 2, 3)) for _ in range(size)).hex(), "asked_ns": asked,
+        "answered_ns": answered, "request": order, "response": None,
+        "sure": answered is not None and chance.random() < 0.9, "known": chance.random() < 0.95,
+    }  # fmt: skip
+
+
+def large(chance: random.Random) -> dict[str, Any]:
+    """So many writes at once that the answer is given up."""
+    others = [
+        access(chance, n, True, False) | {"asked_ns": 0, "answered_ns": 90} for n in range(300)
+    ]
+    read = access(chance, 900, False, True) | {"data": "0909090909090909", "start": 0}
+    return {"kind": "question", "read": [read | {"asked_ns": 5, "answered_ns": 80}], "others": others,
+            "before": [[n, 1] for n in range(8)], "foreign": []}  # fmt: skip
+
+
+@cache
+def questions_by_chance() -> list[dict[str, Any]]:
+    chance = random.Random(47)
+    lines = [large(chance)]
+    for number in range(QUESTIONS):
+        calm = number % 2 == 0
+        read = [access(chance, 900 + n, False, calm) for n in range(chance.choice((1, 1, 2, 3)))]
+        others = [
+            access(chance, n, chance.random() < 0.8, calm)
+            for n in range(chance.choice((0, 1, 2, 3, 5, 9)))
+        ]
+        before = [[at, chance.choice((1, 2, 3))] for at in range(16) if chance.random() < 0.8]
+        foreign = [at for at in range(16) if chance.random() < 0.05]
+        lines.append({
+            "kind": "question", "read": read, "others": others, "before": before, "foreign": foreign,
+        })  # fmt: skip
+    return lines
+
+
+def answer_to(line: dict[str, Any]) -> dict[str, Any]:
+    read, others = (
+        [Access(**each | {"data": bytes.fromhex(each["data"])}) for each in line[name]]
+        for name in ("read", "others")
+    )
+    question = Question(read, others, dict(line["before"]), sum(1 << at for at in line["foreign"]))
+    found = question.mixed()
+    return {"mixed": None if found is None else list(found), "steps": question._steps}
+
+
 # Comparing
 
 
@@ -491,6 +550,17 @@ def test_pdus_by_chance(lua: str) -> None:
 @pytest.mark.parametrize("lua", LUAS)
 def test_connections_by_chance(lua: str) -> None:
     compare(lua, talks_by_chance())
+
+
+@pytest.mark.parametrize("lua", LUAS)
+def test_questions_by_chance(lua: str) -> None:
+    compare(lua, questions_by_chance())
+
+
+def test_chance_asks_for_both_answers() -> None:
+    found = [answer_to(line) for line in questions_by_chance()]
+    assert 100 < sum(each["mixed"] is not None for each in found) < len(found) - 100
+    assert found[0]["steps"] < 0
 
 
 @pytest.mark.parametrize("lua", LUAS)

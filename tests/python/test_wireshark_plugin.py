@@ -36,7 +36,13 @@ from ds47.wireshark import fields
 ROOT = Path(__file__).resolve().parents[2]
 PLUGIN = ROOT / "dissector/ds47.lua"
 FOLDERS = (ROOT / "captures", ROOT.parent / "shared/captures/real-stacks")
-CAPTURES = {path.name: path for folder in FOLDERS for path in sorted(folder.rglob("*.pcap*"))}
+CAPTURES = {
+    path.name: path
+    for folder in FOLDERS
+    for path in sorted(folder.rglob("*.pcap*"))
+    if not path.name.startswith("s7-") and path.parent.name != "s7-stacks"
+}
+"""Those of S7 are compared in test_wireshark_s7_plugin.py: its jobs are no trees of `ds47`."""
 WORKERS = 2
 BROKEN = ("Lua Error", "Error during loading", "Error initializing protocols")
 COMPLETE = ("-2", "-R", "frame")

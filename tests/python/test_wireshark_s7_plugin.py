@@ -209,6 +209,17 @@ def test_the_port_and_the_block_of_a_server_can_be_chosen(tshark: Tshark, tmp_pa
     assert [row[2] for row in found if row[2]] == ["DS903"]
 
 
+def test_the_statistics_have_a_row_for_each_connection(tshark: Tshark) -> None:
+    path = ROOT / "captures" / "s7-stacks" / "torn_cpp_pure_cpp.pcapng"
+    text = tshark("-r", path, "-X", "lua_script1:statistics", "-q")
+    table = text.split("\n\nS7 communication\n")[1].splitlines()
+    assert set(table[1].strip()) == {"-"}
+    for row, item in zip(table[2:], analyze(path).connections, strict=True):
+        assert row.split("  ")[1].strip() == words.ends(item)
+        counts = [item.jobs, item.refused, item.unanswered, item.read_bytes, item.written_bytes]
+        assert " ".join(f"{each:,}" for each in counts) in " ".join(row.split())
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["torn_cpp_pure_cpp", "bsend_cpp_cpp", "errors_cpp_cpp"])
 def test_the_report_is_that_of_the_analyzer(name: str, tshark: Tshark, tmp_path: Path) -> None:

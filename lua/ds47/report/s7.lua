@@ -91,6 +91,14 @@ function M.evidence(connections, lang)
   return found
 end
 
+--- Whether variables are read or written of a server of which nobody says how many bytes it copies at once.
+function M.blocks_missing(connections)
+  for _, each in ipairs(connections) do
+    if not each.block and each.read_bytes + each.written_bytes > 0 then return true end
+  end
+  return false
+end
+
 --- Whether a transaction of S7 stands in a list: one with findings, or that did not go well; or `every` one.
 function M.is_listed(item, every)
   return every or #(item.findings or {}) > 0 or item.state ~= "ok"

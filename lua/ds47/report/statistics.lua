@@ -1,7 +1,8 @@
 --- Statistics of a capture as tables of fixed width, in English or Chinese: response times per operation and
--- device, errors per code, slowest transactions, unanswered requests, findings per rule.
+-- device, errors per code, slowest transactions, unanswered requests, findings per rule, connections of S7.
 -- `compute` counts, `text` prints. Takes the result of Analysis:ended(); opens no file.
 
+local communication = require("ds47.report.s7")
 local report_text = require("ds47.report.text")
 local sentences = require("ds47.report.sentences")
 local status = require("ds47.spec.statuses")
@@ -19,6 +20,8 @@ local integer, escape = words.integer, words.escape
 M.SLOWEST = 10 -- transactions in the table of the slowest
 M.ROWS = 50 -- rows of the tables of errors and of unanswered requests; how many more is stated
 M.ASKED_WIDTH = 60 -- columns for what was asked
+
+local S7_NUMBERS = { [4] = true, [5] = true, [6] = true, [7] = true, [8] = true, [9] = true } -- columns
 
 local TEXTS = {
   en = {
@@ -283,6 +286,9 @@ end
 --- What a transaction asked for: `p50303[0]; p50304[0] := 100.0`, cut where it grows long.
 local function asked(item)
   local parts, change = {}, item.operation == "change"
+  for i, each in ipairs(item.items or {}) do
+    parts[i] = each.address or "?"
+  end
   for i, parameter in ipairs(item.parameters) do
     local text = words.address(parameter)
     if change and #parameter.values > 0 then
@@ -375,6 +381,19 @@ local function rule_section(add, texts, rows, rules)
   end)
 end
 
+-- The connections of S7, where there are some.
+local function s7_section(add, texts, connections)
+  if #connections == 0 then
+    return
+  end
+  local rows, columns = communication.rows(connections, #connections, texts.lang), {}
+  for place_of_it, title in ipairs(rows[1]) do
+    columns[place_of_it] = { title, S7_NUMBERS[place_of_it] and ">" or nil }
+  end
+  table.remove(rows, 1)
+  section(add, texts, words.say(texts.lang, "s7_head"), columns, rows, function(row) return row end)
+end
+
 local function heading(add, texts, statistics, options)
   local named = options.path and options.path ~= "-" -- "-": a file whose name nobody knows
   add(texts.title .. (named and ": " .. escape(options.path) or ""))
@@ -408,6 +427,7 @@ function M.text(result, options)
   error_sections(add, texts, statistics)
   transaction_sections(add, texts, statistics, targets.new(result.transactions))
   rule_section(add, texts, statistics.rules, tables.rules)
+  s7_section(add, texts, result.connections or {})
   add("")
   return concat(lines, "\n")
 end

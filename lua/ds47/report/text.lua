@@ -381,6 +381,7 @@ local function connections(add, result, options)
   if left_out > 0 then add("  " .. say(lang, "s7_left_out", { n = left_out })) end
   local evidence = communication.evidence(list, lang)
   for number = 1, math.min(#evidence, M.CONNECTIONS_LISTED) do add("  " .. evidence[number]) end
+  if communication.blocks_missing(list) then add("  " .. say(lang, "s7_no_block")) end
   for _, each in ipairs(result.transactions) do
     unlisted = unlisted + (is_listed(each, options) and 0 or 1)
   end

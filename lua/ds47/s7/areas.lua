@@ -13,6 +13,7 @@ local M = {}
 
 local BITS, INSTANCE = 0x83, 0x85
 local MEMORIES = {[BITS] = true, [model.DB] = true, [INSTANCE] = true} -- areas that keep what is written
+local MOST = 0x10000 -- bytes of a memory: addresses behind it are looked at no more
 local FULL = 90 -- percent of the room of its PDU from which a job is a part of a larger area
 
 --- One byte as text: DB1.DBB7.
@@ -46,6 +47,7 @@ local function access_of(job, item, address, number)
   local whole = address.size >= 8 and address.start % 8 == 0
   if not job.asked or not item.value or not (write or done and whole) then return nil end
   local start, last, data = floor(address.start / 8), floor((address:last() + 7) / 8), item.value
+  if last > MOST then return nil end
   if not whole or #data ~= last - start then
     if not write then return nil end
     data, whole = ("\0"):rep(last - start), false
@@ -144,6 +146,7 @@ local function continues(self, job)
   if not since or not job.asked or job.asked.time_ns - since.time_ns > self.most_ns then return false end
   local before, behind = last.items[#last.items].address, job.items[1].address
   if not before or not behind or before.size == 0 then return false end
+  if not model.ELEMENTS[behind.area] and behind:last() > 8 * MOST then return false end
   return before:memory() == behind:memory() and before:last() == behind.start
 end
 

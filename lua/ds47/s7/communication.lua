@@ -8,7 +8,7 @@ local judge = require("ds47.s7.judge")
 local tcp = require("ds47.s7.tcp")
 local told = require("ds47.s7.transactions").told
 
-local M = {PORT = 102} -- ISO on TCP
+local M = {}
 
 local NONE = {}
 
@@ -16,8 +16,9 @@ local Communication = {}
 Communication.__index = Communication
 
 --- All connections of S7 of a capture.
+-- @param ports  of servers, a set
 -- @param choices  of the user: nil, or any of
---   ports     array of TCP ports, beside 102
+--   ports     array of further TCP ports, which are in `ports` already
 --   blocks    bytes that a server copies at once, by its address; "" stands for all others
 --   cpus      kinds of servers (tables.s7.cpus) likewise
 --   readback  true: what is read has to be what was written (DS916)
@@ -25,19 +26,16 @@ Communication.__index = Communication
 -- @param listener  is told of each job that is over, with what is wrong with it, and of what is wrong
 --   otherwise, or with a job that was over before: listener:communicated(job, remarks),
 --     listener:s7_remark(remark)
-function M.new(choices, limits, listener)
+function M.new(ports, choices, limits, listener)
   choices = choices or NONE
   local self = setmetatable({
     listener = listener,
     said = {}, -- what is wrong with jobs that are not over
     seen = {}, -- what the last packet had to do with: array of {job, role}
   }, Communication)
-  local ports = {[M.PORT] = true}
-  for _, port in ipairs(choices.ports or NONE) do ports[port] = true end
-  local own = blocks.new(choices.blocks or NONE, choices.cpus or NONE, limits.s7_memories)
-  self.judge = judge.new(limits, self, own, choices.readback or false)
+  self.blocks = blocks.new(choices.blocks or NONE, choices.cpus or NONE, limits.s7_memories)
+  self.judge = judge.new(limits, self, self.blocks, choices.readback or false)
   self.connections = connections.new(ports, limits, {self.judge, self})
-  self.ports = ports
   return self
 end
 
@@ -59,7 +57,10 @@ end
 --- The connections, as the report has them.
 function Communication:told()
   local found = {}
-  for number, each in ipairs(self.connections:all()) do found[number] = told(each) end
+  for number, each in ipairs(self.connections:all()) do
+    local block = self.blocks:of(each.server.ip)
+    found[number] = told(each, block and block.size)
+  end
   return found
 end
 
@@ -106,6 +107,7 @@ function Communication:heard(remark)
     self.said[job] = self.said[job] or {}
     table.insert(self.said[job], remark)
   else
+    remark.job = nil -- as where transactions are handed out at once
     self.listener:s7_remark(remark)
   end
 end

@@ -20,7 +20,10 @@ local spans = require("ds47.support.spans")
 local byte, sub = string.byte, string.sub
 local both, minus, span, union = spans.both, spans.minus, spans.span, spans.union
 
-local M = {}
+-- Events that are looked at to answer one question; where more would have to be, the data counts as whole.
+local M = {MOST_STEPS = 20000}
+
+local MASK = 4096 -- bytes that count as one step
 
 --- Whether a last moment is before a time.
 function M.is_over(last_ns, time_ns)
@@ -46,6 +49,32 @@ function M.meets(one, other)
     and not is_over(one.answered_ns, other.asked_ns)
 end
 
+--- Accesses in the order of one of their times, where equals stay in the order that they have.
+function M.sorted(accesses, name)
+  local places, found = {}, {}
+  for place, each in ipairs(accesses) do places[each], found[place] = place, each end
+  table.sort(found, function(a, b)
+    if a[name] < b[name] then return true end
+    return b[name] >= a[name] and places[a] < places[b]
+  end)
+  return found
+end
+
+-- Numbers of writes that meet another one: their bytes may take effect one by one. A set.
+local function apart_of(others)
+  local writes, found = {}, {}
+  for _, each in ipairs(others) do writes[#writes + 1] = each.write and each or nil end
+  writes = M.sorted(writes, "asked_ns")
+  for number, each in ipairs(writes) do
+    for behind = number + 1, #writes do
+      local other = writes[behind]
+      if is_over(each.answered_ns, other.asked_ns) then break end
+      if M.meets(each, other) then found[each.order], found[other.order] = true, true end
+    end
+  end
+  return found
+end
+
 local Question = {}
 Question.__index = Question
 
@@ -66,11 +95,8 @@ M.differences = differences
 -- What the decision has of an access: {asked, answered, sure, whole (whether all its bytes take effect at
 -- once; else each at a moment of its own), cover, wrong (bytes to which it gives another value than was
 -- read)}, spans of bytes.
-local function event(self, access, writes)
-  local whole = access.write
-  for _, each in ipairs(writes) do
-    whole = whole and (each.order == access.order or not M.meets(access, each))
-  end
+local function event(self, access, apart)
+  local whole = access.write and not apart[access.order]
   local first = math.max(access.start, self.start)
   local last = math.min(access.last, self.start + #self.values)
   local cover, wrong = both(span(first, last), self.all), {}
@@ -123,7 +149,7 @@ function M.new(read, others, before, ignore)
   local self = setmetatable({
     begin = first.asked_ns, finish = first.answered_ns, start = first.start, all = {}, events = {},
   }, Question)
-  local last, writes = first.last, {}
+  local last, apart = first.last, apart_of(others)
   for _, each in ipairs(read) do
     if each.asked_ns < self.begin then self.begin = each.asked_ns end
     if is_later(each.answered_ns, self.finish) then self.finish = each.answered_ns end
@@ -132,10 +158,10 @@ function M.new(read, others, before, ignore)
   end
   self.all, self.values = minus(self.all, ignore or {}), values_of(read, self.start, last)
   self.before = before:others(self.start, self.values)
-  for _, each in ipairs(others) do writes[#writes + 1] = each.write and each or nil end
+  self.steps, self.each = M.MOST_STEPS, 1 + math.floor(#self.values / MASK)
   for _, each in ipairs(others) do
     if not is_over(self.finish, each.asked_ns) then
-      local found = event(self, each, writes)
+      local found = event(self, each, apart)
       if found.cover[1] then self.events[#self.events + 1] = found end
     end
   end
@@ -162,17 +188,17 @@ end
 
 -- The events before a moment that have wanted bytes, and those among them that came into force.
 local function before_moment(self, moment, wanted)
-  local left, must, count = {}, {}, 0
+  local left, must, count, all = {}, {}, 0, 0
   for number, each in ipairs(self.events) do
     local cover = moment >= each.asked and both(each.cover, wanted)
     if cover and cover[1] then
-      left[number] = cover
+      left[number], all = cover, all + 1
       if each.sure and is_over(each.answered, moment) then
         must[number], count = true, count + 1
       end
     end
   end
-  return left, must, count
+  return left, must, count, all
 end
 
 local function latest_of(self, must)
@@ -190,16 +216,18 @@ end
 -- still wanted, is the last one, and its bytes are wanted no more. Of several the one whose answer came last
 -- is taken: it excludes the fewest.
 local function is_possible(self, moment, wanted)
-  local left, must, count = before_moment(self, moment, wanted)
+  local left, must, count, all = before_moment(self, moment, wanted)
   local earliest -- nil: later than all
   while count > 0 or spans.meet(wanted, self.before) do
     local number, taken = last_of(self, left, wanted, latest_of(self, must), earliest)
+    self.steps = self.steps - self.each * (1 + all)
+    if self.steps < 0 then return true end
     if not number then return false end
     local answered = self.events[number].answered
     if is_later(earliest, answered) then earliest = answered end
     wanted, left[number] = minus(wanted, taken), minus(left[number], taken)
     if not left[number][1] then
-      left[number] = nil
+      left[number], all = nil, all - 1
       if must[number] then must[number], count = nil, count - 1 end
     end
   end

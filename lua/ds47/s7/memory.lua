@@ -11,12 +11,13 @@ local floor, max, min = math.floor, math.max, math.min
 local insert, remove = table.insert, table.remove
 local byte, sub = string.byte, string.sub
 local is_over, is_later = consistency.is_over, consistency.is_later
-local meets, share = consistency.meets, consistency.share
+local meets, share, sorted = consistency.meets, consistency.share, consistency.sorted
 local span = spans.span
 
 local M = {}
 
 local MOST_LOST = 16 -- writes without an answer that are remembered by themselves
+local MOST_BYTES = 0x20000 -- bytes that are remembered so: of accesses, and of reads
 local PAGE = 256 -- bytes of a text of an image
 local BLANK = ("\0"):rep(PAGE)
 
@@ -26,6 +27,13 @@ Image.__index = Image
 
 local function new_image()
   return setmetatable({pages = {}, known = spans.set()}, Image)
+end
+
+-- The same, to change.
+local function copy_of(image)
+  local pages = {}
+  for page, text in pairs(image.pages) do pages[page] = text end
+  return setmetatable({pages = pages, known = image.known:copy()}, Image)
 end
 
 --- From now on the bytes have these values.
@@ -85,6 +93,8 @@ Memory.__index = Memory
 function M.new(most)
   return setmetatable({
     most = most, before = new_image(), latest = new_image(), history = {}, open = {}, lost = {},
+    read_ones = {}, read_bytes = 0, -- the latest reads
+    bytes = 0, -- of the history
     since = nil, -- all accesses that may have been in force after this time are known; nil for all times
     foreign = spans.set(), -- bytes that had a value which no captured write explains: others write them
   }, Memory)
@@ -110,7 +120,9 @@ end
 function Memory:gave_up(write)
   if not take(self, write) then return end
   insert(self.lost, write)
-  if #self.lost > MOST_LOST then
+  local bytes = 0
+  for _, each in ipairs(self.lost) do bytes = bytes + #each.data end
+  if #self.lost > MOST_LOST or bytes > MOST_BYTES then
     local oldest = remove(self.lost, 1)
     self.foreign:add(oldest.start, oldest.last)
   end
@@ -128,31 +140,22 @@ end
 function Memory:forget(time_ns)
   self.since = later_of(self.since, time_ns)
   self.before, self.latest, self.history = new_image(), new_image(), {}
+  self.read_ones, self.read_bytes, self.bytes = {}, 0, 0
 end
 
--- How many of the oldest accesses were over before all others, and those without an answer, began.
-local function cut_of(self)
-  local begins, latest, found
+-- How many of the oldest accesses, which are sorted, were over before a time (nil for none) and before all
+-- others, and those without an answer, began; `most` at the most.
+local function cut_of(self, most, time_ns)
+  local begins, latest, found = time_ns, nil, 0
   for _, each in ipairs(self.open) do
     if not begins or each.asked_ns < begins then begins = each.asked_ns end
   end
-  for number = 1, #self.history - floor(self.most / 2) do
+  for number = 1, most do
     latest = later_of(latest, self.history[number].answered_ns)
     if begins and latest >= begins then break end
     local following = self.history[number + 1]
-    if latest < following.asked_ns then found = number end
+    if not following or latest < following.asked_ns then found = number end
   end
-  return found
-end
-
--- In a new order, where equals stay in the order that they have.
-local function sorted(accesses, name)
-  local places, found = {}, {}
-  for place, each in ipairs(accesses) do places[each], found[place] = place, each end
-  table.sort(found, function(a, b)
-    if a[name] < b[name] then return true end
-    return b[name] >= a[name] and places[a] < places[b]
-  end)
   return found
 end
 
@@ -174,29 +177,43 @@ local function unknown_of(accesses)
   return unknown
 end
 
+-- Accesses, in the order of their requests, that are over: what they leave, as far as that is certain.
+local function come_over(image, accesses)
+  for _, each in ipairs(sorted(accesses, "answered_ns")) do image:put(each) end
+  image:forget(unknown_of(accesses))
+end
+
+-- The first accesses of a list, and the others.
+local function parted(list, count)
+  local first, others = {}, {}
+  for number, each in ipairs(list) do insert(number <= count and first or others, each) end
+  return first, others
+end
+
 -- Keeps only the values of what was over before everything else began.
 local function fold(self)
+  local count = #self.history
   self.history = sorted(self.history, "asked_ns")
-  local cut, over, left = cut_of(self), {}, {}
-  if not cut then
-    if #self.history <= 4 * self.most then return end
+  local cut = cut_of(self, count - floor(min(self.most, count) / 2))
+  if cut > 0 then
+    local over
+    over, self.history = parted(self.history, cut)
+    come_over(self.before, over)
+    for _, each in ipairs(over) do
+      self.bytes = self.bytes - #each.data
+      self.since = later_of(self.since, each.answered_ns)
+    end
+  elseif count > 4 * self.most or self.bytes > 4 * MOST_BYTES then
     local latest
     for _, each in ipairs(self.history) do latest = later_of(latest, each.answered_ns) end
     self:forget(latest)
-    return
   end
-  for number, each in ipairs(self.history) do insert(number <= cut and over or left, each) end
-  self.history = left
-  for _, each in ipairs(sorted(over, "answered_ns")) do
-    self.before:put(each)
-    self.since = later_of(self.since, each.answered_ns)
-  end
-  self.before:forget(unknown_of(over))
 end
 
 local function keep(self, access)
   insert(self.history, access)
-  if #self.history > self.most then fold(self) end
+  self.bytes = self.bytes + #access.data
+  if #self.history > self.most or self.bytes > MOST_BYTES then fold(self) end
 end
 
 --- A write was answered.
@@ -223,9 +240,21 @@ local function all(self)
   return found
 end
 
--- Whether a byte was written, and somebody but this read knows of the value.
-local function explains(self, at, value, others)
-  local is_written, is_known = false, self.before:has(at, value)
+-- What is known from before a time, and everything that may have been in force later.
+local function settled(self, time_ns)
+  self.history = sorted(self.history, "asked_ns")
+  local before = copy_of(self.before)
+  local over, later = parted(self.history, cut_of(self, #self.history, time_ns))
+  come_over(before, over)
+  for _, list in ipairs({self.open, self.lost}) do
+    for _, each in ipairs(list) do later[#later + 1] = each end
+  end
+  return before, later
+end
+
+-- Whether a byte was written, and somebody but the read itself knows of the value.
+local function explains(at, value, others, before)
+  local is_written, is_known = false, before:has(at, value)
   for _, each in ipairs(others) do
     if each.start <= at and at < each.last then
       is_written = is_written or each.write
@@ -240,21 +269,26 @@ local function unexplained(self, access)
   local differ = self.latest:others(access.start, access.data)
   differ = spans.minus(differ, self.foreign:within(access.start, access.last))
   if not differ[1] then return end
+  local before, later = settled(self, access.asked_ns)
   local others = {}
-  for _, each in ipairs(all(self)) do others[#others + 1] = share(each, access) and each or nil end
-  local question = consistency.new({access}, others, self.before)
+  for _, each in ipairs(later) do others[#others + 1] = share(each, access) and each or nil end
+  local question = consistency.new({access}, others, before)
   for _, at in ipairs(spans.numbers(differ)) do
     local value = byte(access.data, at - access.start + 1)
-    if not (explains(self, at, value, others) and question:byte(at)) then self.foreign:add(at, at + 1) end
+    if not (explains(at, value, others, before) and question:byte(at)) then self.foreign:add(at, at + 1) end
   end
 end
 
---- Bytes were read.
+--- Bytes were read; what says nothing new does not count as evidence.
 function Memory:read(access)
-  if not self.latest:same(access) then
-    unexplained(self, access)
-    self.latest:put(access)
+  insert(self.read_ones, access)
+  self.read_bytes = self.read_bytes + #access.data
+  while #self.read_ones > self.most or self.read_bytes > MOST_BYTES do
+    self.read_bytes = self.read_bytes - #remove(self.read_ones, 1).data
   end
+  if self.latest:same(access) then return end
+  unexplained(self, access)
+  self.latest:put(access)
   if is_known_since(self, access.asked_ns) then keep(self, access) end
 end
 
@@ -268,8 +302,8 @@ end
 --- The latest reads that met a write: array.
 function Memory:reads(whole)
   local found = {}
-  for _, each in ipairs(self.history) do
-    if not each.write and meets(each, whole) then found[#found + 1] = each end
+  for _, each in ipairs(self.read_ones) do
+    if meets(each, whole) then found[#found + 1] = each end
   end
   return found
 end
@@ -287,7 +321,9 @@ end
 -- array.
 function Memory:unread(access)
   local there, found = {}, {}
-  for _, each in ipairs(all(self)) do there[#there + 1] = share(each, access) and each or nil end
+  for _, list in ipairs({all(self), self.read_ones}) do
+    for _, each in ipairs(list) do there[#there + 1] = share(each, access) and each or nil end
+  end
   for _, write in ipairs(self:writes()) do
     if write.sure and write.known and write.answered_ns < access.asked_ns and share(write, access)
       and not is_met(write, there) then
@@ -317,28 +353,35 @@ local function is_between(write, parts, begin, finish)
   return false
 end
 
--- All accesses but those of the parts; the write that wants to be one is added. Nil where no write was under
--- way.
-local function others_of(self, parts, put, begin, finish)
-  local left_out, others, is_written = {}, {}, false
-  for _, each in ipairs(parts) do left_out[each.order] = true end
-  for _, each in ipairs(put and put.parts or {}) do left_out[each.order] = true end
-  for _, each in ipairs(all(self)) do others[#others + 1] = not left_out[each.order] and each or nil end
-  others[#others + 1] = put and put.whole or nil
-  for _, each in ipairs(others) do
-    is_written = is_written or each.write and is_between(each, parts, begin, finish)
+-- Whether a write that is none of those left out, or the one that wants to be one, was under way while its
+-- bytes were read.
+local function is_written(self, parts, put, left_out)
+  local begin, finish = extent(parts)
+  if put and is_between(put.whole, parts, begin, finish) then return true end
+  for _, each in ipairs(all(self)) do
+    if each.write and not left_out[each.order] and is_between(each, parts, begin, finish) then return true end
   end
-  return is_written and others or nil
+  return false
 end
 
--- The first write that says that two bytes never were there together.
+-- The numbers of the parts of a read, and of those of a write that wants to be one: a set.
+local function orders_of(parts, put)
+  local found = {}
+  for _, list in ipairs({parts, put and put.parts or {}}) do
+    for _, each in ipairs(list) do found[each.order] = true end
+  end
+  return found
+end
+
+-- The first write that says that two bytes never were there together; one that came into force before others.
 local function meant(others, begin, finish, first, second)
   local found
   for _, each in ipairs(others) do
     local has = each.start <= first and first < each.last or each.start <= second and second < each.last
-    if each.write and each.sure and has and not is_over(finish, each.asked_ns)
-      and not is_over(each.answered_ns, begin) and (not found or each.asked_ns < found.asked_ns) then
-      found = each
+    if each.write and has and not is_over(finish, each.asked_ns) and not is_over(each.answered_ns, begin) then
+      local better = not found or each.sure and not found.sure
+        or each.sure == found.sure and each.asked_ns < found.asked_ns
+      found = better and each or found
     end
   end
   return found
@@ -350,16 +393,17 @@ end
 -- @return {first, second, write}: two bytes that never were in the memory together, and a write that says so;
 -- nil where they may have been
 function Memory:mixed(parts, put)
-  local begin, finish = extent(parts)
-  local earliest = put and put.whole.asked_ns < begin and put.whole.asked_ns or begin
-  if not is_known_since(self, earliest) then return nil end
-  local others = others_of(self, parts, put, begin, finish)
-  if not others then return nil end
-  local start, last = parts[1].start, parts[1].last
+  local begin, left_out = extent(parts), orders_of(parts, put)
+  if put and put.whole.asked_ns < begin then begin = put.whole.asked_ns end
+  if not is_known_since(self, begin) or not is_written(self, parts, put, left_out) then return nil end
+  local before, later = settled(self, begin)
+  local others, start, last = {}, parts[1].start, parts[1].last
+  for _, each in ipairs(later) do others[#others + 1] = not left_out[each.order] and each or nil end
+  others[#others + 1] = put and put.whole or nil
   for _, each in ipairs(parts) do start, last = min(start, each.start), max(last, each.last) end
-  local question = consistency.new(parts, others, self.before, self.foreign:within(start, last))
+  local question = consistency.new(parts, others, before, self.foreign:within(start, last))
   local first, second = question:mixed()
-  local write = first and meant(others, begin, finish, first, second)
+  local write = first and meant(others, question.begin, question.finish, first, second)
   return write and {first = first, second = second, write = write} or nil
 end
 

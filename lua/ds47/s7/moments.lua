@@ -65,7 +65,6 @@ local function tell_place(self, place)
   end
 end
 
--- The partner that was heard first is forgotten.
 local function give_up(self, key)
   self.partners:pop(key)
   local own = {}
@@ -87,11 +86,12 @@ end
 local function partner_of(self, connection)
   local key = key_of(connection)
   local partner = self.partners:get(key)
-  if not partner then
+  if not partner then -- where there are too many, the one that was heard first is forgotten
+    if self.partners.length >= self.limits.s7_memories then give_up(self, self.partners.oldest) end
     partner = {connections = {}, doubt = 0, left = 0, latest = nil, slots = {}, slot_count = 0}
     self.partners:set(key, partner)
-    if self.partners.length > self.limits.s7_memories then give_up(self, self.partners.oldest) end
   end
+  self.partners:move_to_end(key)
   return partner
 end
 
@@ -121,7 +121,7 @@ end
 
 -- What a job of a client does to memories; nothing where it is open whose they are.
 local function accesses_of(self, job, number)
-  if not job.from_client or self.partners:get(key_of(job.connection)).slot_count > 1 then return {} end
+  if not job.from_client or partner_of(self, job.connection).slot_count > 1 then return {} end
   return areas.accesses(job, number)
 end
 
@@ -270,14 +270,13 @@ local function complete(self, whole)
   local job = whole.parts[#whole.parts].job
   tell_split(self, whole, job, addresses.text(whole:address()))
   local parts = job.from_client and whole:accesses() or {}
-  local partner = self.partners:get(key_of(job.connection))
-  if #parts ~= #whole.parts or not partner then return end
+  if #parts ~= #whole.parts then return end
   local place = place_at(self, job, parts[1])
   if job.operation == "get" then
     keep(place.gets, parts, RECENT)
     look(place, job, parts)
   else
-    take_put(self, partner, place, parts)
+    take_put(self, partner_of(self, job.connection), place, parts)
   end
 end
 
@@ -299,7 +298,7 @@ end
 
 -- Another station wrote other values to the same bytes, not long before.
 local function two_writers(self, job, access, memory)
-  local partner, own = self.partners:get(key_of(job.connection)), job.connection.client.ip
+  local partner, own = partner_of(self, job.connection), job.connection.client.ip
   for _, other in ipairs(memory:writes()) do
     local connection = partner.connections[other.connection]
     local first, last = max(access.start, other.start), min(access.last, other.last)

@@ -71,8 +71,8 @@ local function span_of(counts)
   }
 end
 
---- A connection as the report has it.
-function M.told(item)
+--- A connection as the report has it, and how many bytes its server copies at once; nil where nobody says.
+function M.told(item, block)
   local rack, slot = place_of(item.server_tsap)
   local counts, evidence = item.counts, {}
   for number, each in ipairs(item.evidence) do
@@ -88,7 +88,7 @@ function M.told(item)
     answer = span_of(counts), cyclic = item.cyclic, other = item.other, plus = item.plus,
     lost_bytes = item.lost_bytes, first_frame = item.opened.frame, last_frame = item.last.frame,
     setup = item.setup and item.setup.frame,
-    evidence = evidence,
+    block = block, evidence = evidence,
   }
 end
 

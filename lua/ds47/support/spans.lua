@@ -109,6 +109,13 @@ function M.set()
   return setmetatable({pages = {}}, Set)
 end
 
+--- The same, to change.
+function Set:copy()
+  local other = M.set()
+  for page, list in pairs(self.pages) do other.pages[page] = list end
+  return other
+end
+
 -- Replaces the list of each page that a span touches by what `change` makes of it and of the part of the span
 -- there.
 local function change_pages(self, first, last, change)
