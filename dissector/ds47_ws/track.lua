@@ -285,7 +285,6 @@ end
 --- Feeds a frame that is none of PROFINET. True when it has a segment of S7.
 -- @param number, frame, offset, clock  as `feed` takes them
 function M.feed_segment(number, frame, offset, clock)
-
   local made = segment_of(frame, offset)
   if made == nil then
     return false
