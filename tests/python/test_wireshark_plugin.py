@@ -38,9 +38,13 @@ ROOT = Path(__file__).resolve().parents[2]
 PLUGIN = ROOT / "dissector/ds47.lua"
 FOLDERS = (ROOT / "captures", ROOT.parent / "shared/captures/real-stacks")
 CAPTURES = {
-    path.name: path for folder in FOLDERS for path in of_ethernet(sorted(folder.rglob("*.pcap*")))
+    path.name: path
+    for folder in FOLDERS
+    for path in of_ethernet(sorted(folder.rglob("*.pcap*")))
+    if not path.name.startswith("s7-") and path.parent.name != "s7-stacks"
 }
-"""Those of Ethernet; test_wireshark_profibus.py has those of PROFIBUS."""
+"""Neither those of PROFIBUS (test_wireshark_profibus.py) nor those of S7, whose jobs are no trees of `ds47`
+(test_wireshark_s7_plugin.py)."""
 WORKERS = 2
 BROKEN = (
     "Lua Error", "Lua: Error", "Error during loading", "Error initializing protocols", "lua_tap_draw",
