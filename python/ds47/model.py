@@ -428,6 +428,11 @@ class Finding(_Plain):
         """A Wireshark display filter that shows the frames."""
         return " or ".join(f"frame.number == {frame}" for frame in self.frames)
 
+    @property
+    def counted(self) -> list[int]:
+        """The frames in which what is said happened: those of a rule that counts, else `frame` alone."""
+        return self.args.get("frames") or [self.frame]
+
 
 @dataclass(slots=True, repr=False, eq=False)
 class Diagnosis(_Plain):

@@ -15,6 +15,12 @@ M.FAMILY = "DS7"
 
 local RANK = { error = 1, warning = 2, note = 3 }
 
+--- The frames in which what a finding says happened: those of a rule that counts, else its own alone.
+function M.counted(finding)
+  local frames = finding.args and finding.args.frames
+  return frames and #frames > 0 and frames or { finding.frame }
+end
+
 --- Whether a rule is a diagnosis.
 function M.is_diagnosis(rule)
   return rule:sub(1, #M.FAMILY) == M.FAMILY
@@ -117,9 +123,11 @@ end
 local function count(group, finding)
   group.count = group.count + 1
   agree(group, finding.args or {})
-  if not keep(group.frames, finding.frame) and group.last ~= finding.frame then
-    group.last = finding.frame -- it may come again
-    group.frames_left_out = group.frames_left_out + 1
+  for _, frame in ipairs(M.counted(finding)) do
+    if not keep(group.frames, frame) and group.last ~= frame then
+      group.last = frame -- it may come again
+      group.frames_left_out = group.frames_left_out + 1
+    end
   end
   local jobs, job = group.transactions, finding.transaction
   if job and #jobs < tables.known.frames and not has(jobs, job) then

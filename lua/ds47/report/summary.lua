@@ -109,7 +109,7 @@ end
 -- How often, as many as the filter shows frames; where these are two numbers, both.
 local function times(item, lang)
   local frames = #item.frames + item.frames_left_out
-  if item.count ~= frames then
+  if item.count ~= 1 and item.count ~= frames then
     return say(lang, "cause_times_in", {
       times = say(lang, "times", { n = item.count }), frames = say(lang, "frames", { n = frames }),
     })

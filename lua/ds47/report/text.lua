@@ -8,6 +8,7 @@ local all_frames = require("ds47.acyclic.transactions").all_frames
 local bus = require("ds47.report.bus")
 local communication = require("ds47.report.s7")
 local filters = require("ds47.report.filters")
+local grouping = require("ds47.findings.grouping")
 local opening = require("ds47.report.summary")
 local plc = require("ds47.report.plc")
 local is_bus = require("ds47.cyclic.relations").is_bus
@@ -419,7 +420,7 @@ local function finding_group(add, group, rules, lang)
     findings = say(lang, "findings", { n = #group }),
   }))
   for i, each in ipairs(group) do
-    frames[i] = each.frame
+    for _, frame in ipairs(grouping.counted(each)) do frames[#frames + 1] = frame end
     if i <= M.FINDINGS_PER_RULE then
       add("    " .. say(lang, "finding_line", {
         frame = say(lang, "frame", { frame = integer(each.frame) }),

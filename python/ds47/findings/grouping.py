@@ -42,16 +42,17 @@ class _Cases:
     def __init__(self, first: Finding, device: str | None) -> None:
         self.told = Diagnosis(first.rule, first.severity, dict(first.args), device, said=first.said)
         self.first = first
-        self._last: int | None = None
+        self._last = 0
         """The last frame that had no room: it may come again."""
 
     def add(self, finding: Finding) -> None:
         told = self.told
         told.count += 1
         agree(told, finding.args)
-        if not _keep(told.frames, finding.frame) and self._last != finding.frame:
-            self._last = finding.frame
-            told.frames_left_out += 1
+        for frame in finding.counted:
+            if not _keep(told.frames, frame) and self._last != frame:
+                self._last = frame
+                told.frames_left_out += 1
         jobs, job = told.transactions, finding.transaction
         if job is not None and len(jobs) < known().frames and job not in jobs:
             jobs.append(job)

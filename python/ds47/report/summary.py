@@ -136,7 +136,7 @@ class Opening:
     def _times(self, item: Diagnosis) -> str:
         """How often, as many as the filter shows frames; where these are two numbers, both."""
         frames = len(item.frames) + item.frames_left_out
-        if item.count != frames:
+        if item.count not in (1, frames):
             times, shown = self._say("times", n=item.count), self._say("frames", n=frames)
             return self._say("cause_times_in", times=times, frames=shown)
         return self._say("cause_times", n=item.count) if item.count > 1 else ""

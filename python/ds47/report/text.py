@@ -359,7 +359,7 @@ class Writer(_Writer):
             self._line("    " + self._finding(each, places))
         if len(group) > FINDINGS_PER_RULE:
             self._line("    " + self._say("more", number=str(len(group) - FINDINGS_PER_RULE)))
-        for file, frames in places.by_file(each.frame for each in group):
+        for file, frames in places.by_file(frame for each in group for frame in each.counted):
             text, left_out = display_filter(frames)
             note = "  " + self._say("frames_more", n=left_out) if left_out else ""
             where = f"{escape(file)}: " if file else ""

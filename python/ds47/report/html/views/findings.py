@@ -66,7 +66,7 @@ def groups(result: CaptureResult) -> list[Group]:
 
 
 def _group(rule: str, items: list[Finding], links: Links) -> Group:
-    text, left_out = display_filter(each.frame for each in items)
+    text, left_out = display_filter(frame for each in items for frame in each.counted)
     return Group(
         rule=rule,
         name=messages.rule_name(rule),

@@ -85,7 +85,7 @@ class Problem:
     def times(self) -> Both:
         """How often, as many as the filter shows frames; where these are two numbers, both."""
         times, frames = say("times", n=self.count), len(self.frames) + self.left_out
-        if self.count == frames:
+        if self.count in (1, frames):
             return times
         return say("times_in", times=times, frames=say("frames", n=frames))
 
@@ -163,7 +163,7 @@ def _others(result: CaptureResult, targets: Targets) -> Iterable[Problem]:
         key, what = _kind(finding, owner)
         problem = found.setdefault(key, _problem(finding, what))
         problem.count += 1
-        problem.frames.add(finding.frame)
+        problem.frames.update(finding.counted)
         problem.alike &= what == problem.what
         if owner is not None:
             jobs[key].add(owner.id)
