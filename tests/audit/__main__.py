@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.audit import conversations, run, seeds
+from tests.audit import run, seeds
 from tests.audit.reading import Complaint
 
 
@@ -23,11 +23,11 @@ def main() -> int:
     parser.add_argument("captures", nargs="*", type=Path)
     parser.add_argument("--count", type=int, default=0, help="random conversations")
     parser.add_argument("--seed", type=int, default=1, help="seed of the first hundred")
-    parser.add_argument("--plan", type=conversations.plan, help="one conversation, as JSON")
+    parser.add_argument("--plan", type=seeds.plan, help="one conversation, as JSON")
     parser.add_argument("--keep", type=Path, help="only write the capture of the plan")
     given = parser.parse_args()
     if given.keep is not None:
-        conversations.play(given.plan).tape.write(given.keep)
+        seeds.play(given.plan).tape.write(given.keep)
         return 0
     total = 0
     for name, found in _all(given):

@@ -13,7 +13,7 @@ from tests.audit.words import MANY, of_many, problems
 
 TITLES = (
     "Drives", "Other devices", "What to do", "What this capture cannot show", "Transactions", "Findings",
-    "Summary", "Channels in cyclic frames",
+    "Summary", "Channels in cyclic frames", "PROFIBUS",
 )  # fmt: skip
 WORDS_OF_DRIVES = "Control and status word, "
 COUNTED = {
@@ -34,7 +34,7 @@ _REST = re.compile(
     r"^  (DS\d{3}) [a-z0-9-]+: ([\d,]+) more causes? of this kind, ([\d,]+) times? in all$"
 )
 _LOOK = re.compile(r"^look at frame (\d+)(?:.*?)(?: \(#(\d+)\))?: (frame\.number.*)$")
-_DEVICE = re.compile(r"^(\d+\.\d+\.\d+\.\d+): ")
+_DEVICE = re.compile(r"^(\d+\.\d+\.\d+\.\d+|dp\d+): ")
 _MORE = re.compile(r"^(.*?)\s+\(and (\d+) frames? more\)$")
 _PNU = re.compile(r"\bp(\d+|\?)(?:\[(\d+)(?:\.\.(\d+))?\])?")
 

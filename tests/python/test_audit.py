@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import copy
 import os
+import shutil
+import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
@@ -12,11 +15,23 @@ from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, seed, settings
-from tests.audit import conversations, drive, message, reading, run, wire, words
+from test_profibus_bus import everything_wrong
+from tests.audit import (
+    conversations,
+    dp,
+    drive,
+    lines,
+    message,
+    reading,
+    run,
+    stations,
+    wire,
+    words,
+)
 from tests.audit import seeds as many
-from tests.audit.conversations import Plan
 from tests.audit.memory import MAYBE, NEVER, SURE, Memory, Target
 from tests.audit.reading import Finding, Reading
+from tests.audit.seeds import Plan
 
 from ds47.spec import rules
 
@@ -40,8 +55,21 @@ def read(path: Path) -> Reading:
 
 
 @cache
+def lines_of_profibus() -> list[Path]:
+    """A line with every trouble that has a rule, and some by chance."""
+    folder = Path(tempfile.mkdtemp(prefix="ds47-lines-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    (folder / "wrong.pcapng").write_bytes(everything_wrong().written())
+    planned = [each for each in many.planned(60, 3) if isinstance(each, lines.Plan)]
+    for number, plan in enumerate(planned):
+        lines.play(plan).tape.write(folder / f"line-{number}.pcap")
+    return sorted(folder.iterdir(), reverse=True)
+
+
+@cache
 def memory_of(name: str) -> Memory:
-    return Memory(read(next(path for path in STORED if path.name == name)))
+    paths = [*STORED, *lines_of_profibus()]
+    return Memory(read(next(path for path in paths if path.name == name)))
 
 
 # What reports say
@@ -68,7 +96,7 @@ def test_random_conversations(number: int, tmp_path: Path) -> None:
         max_examples=CONVERSATIONS // SLICES, database=None, deadline=None,
         suppress_health_check=list(HealthCheck), print_blob=False,
     )  # fmt: skip
-    @given(conversations.plans())
+    @given(many.plans())
     def audited(plan: Plan) -> None:
         assert list(map(str, many.of_plan(plan, tmp_path))) == [], plan.text()
 
@@ -118,9 +146,9 @@ def mutated(value: Any) -> Iterator[Any]:
 
 
 def forged() -> Iterator[tuple[Finding, str, Reading]]:
-    """True findings of the stored captures, each argument made false: some of each rule."""
+    """True findings of captures, each argument made false: some of each rule."""
     seen: Counter[tuple[str, str]] = Counter()
-    for path in STORED:
+    for path in [*lines_of_profibus(), *STORED]:
         item, memory = read(path), memory_of(path.name)
         for finding in item.findings:
             if list(run.of_finding(finding, item, memory)):
@@ -144,11 +172,12 @@ def test_a_false_argument_is_noticed() -> None:
             missed.append(f"{lie.rule} {name}={lie.args[name]!r} in {item.name} frame {lie.frame}")
     assert missed == []
     assert len(tried) > 50, sorted(tried)
+    assert {f"DS{number}" for number in range(801, 816)} <= set(tried)
 
 
 def test_a_false_frame_is_noticed() -> None:
     missed, tried = [], Counter[str]()
-    for path in STORED:
+    for path in [*lines_of_profibus(), *STORED]:
         item, memory = read(path), memory_of(path.name)
         for finding in item.findings:
             tried[finding.rule] += 1
@@ -236,6 +265,57 @@ def test_a_false_word_of_the_page_is_noticed(was: str, becomes: str) -> None:
     assert Counter(map(str, run.complaints(lie))) - before
 
 
+@pytest.mark.parametrize("kind", ["text", "page"])
+@pytest.mark.parametrize(
+    ("was", "becomes"),
+    [
+        ("frames 291,", "frames 290,"),
+        ("damaged frames 2", "damaged frames 3"),
+        ("PPO1", "PPO2"),
+        ("300 ms", "301 ms"),
+        ("144", "145"),
+        ("1.8 ms (22.9 ms)", "1.9 ms (22.9 ms)"),
+        ("1.8 ms (22.9 ms)", "1.8 ms (22.8 ms)"),
+        ("2 (1)", "2 (2)"),
+        ("master dp2", "master dp1"),
+        ("06 81 00 00 AB 12", "06 81 00 00 AB 13"),
+        ("watchdog is on; ", ""),
+    ],
+)
+def test_a_false_word_about_stations_is_noticed(was: str, becomes: str, kind: str) -> None:
+    item = read(lines_of_profibus()[0])
+    told = getattr(item, kind)
+    at = told.index("PROFIBUS\n" if kind == "text" else '<section id="bus-')
+    lie = copy.copy(item)
+    assert was in told[at:]
+    setattr(lie, kind, told[:at] + told[at:].replace(was, becomes, 1))
+    assert list(map(str, run.complaints(item))) == []
+    assert [each for each in run.complaints(lie) if each.rule == "bus"]
+
+
+def numbers(plain: Any) -> Iterator[tuple[Any, Any]]:
+    """Every place of a number, a word or nothing in the stations of a result: its container and its key."""
+    keys = range(len(plain)) if isinstance(plain, list) else list(plain)
+    for key in keys:
+        if not isinstance(plain[key], (dict, list)):
+            yield plain, key
+        if isinstance(plain[key], (dict, list)):
+            yield from numbers(plain[key])
+
+
+def test_a_false_number_about_stations_is_noticed() -> None:
+    item = read(lines_of_profibus()[0])
+    missed = []
+    for number in range(len(list(numbers(item.plain["bus"])))):
+        plain = copy.deepcopy(item.plain)
+        inside, key = list(numbers(plain["bus"]))[number]
+        inside[key] = next(mutated(inside[key]))
+        lie = Reading(item.name, plain, item.capture)
+        if not list(stations.check(lie)):
+            missed.append((key, inside[key]))
+    assert missed == []
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("key", "value"),
@@ -313,12 +393,31 @@ def test_messages_are_walked() -> None:
     assert message.request(bytes.fromhex("0501020210010423")).missing == 8
 
 
-def test_a_conversation_is_always_the_same(tmp_path: Path) -> None:
-    (plan,), (again,) = many.planned(1, 7), many.planned(1, 7)
-    conversations.play(plan).tape.write(tmp_path / "one")
-    conversations.play(conversations.plan(again.text())).tape.write(tmp_path / "two")
+@pytest.mark.parametrize("kind", [conversations.Plan, lines.Plan])
+def test_a_conversation_is_always_the_same(kind: type[Plan], tmp_path: Path) -> None:
+    plan, again = (
+        next(each for each in many.planned(20, 7) if isinstance(each, kind)) for _ in range(2)
+    )
+    many.play(plan).tape.write(tmp_path / "one")
+    many.play(many.plan(again.text())).tape.write(tmp_path / "two")
     assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
-    assert len(wire.read(tmp_path / "one").frames) == len(conversations.play(plan).tape.shots)
+    assert len(wire.read(tmp_path / "one").frames) == len(many.play(plan).tape.shots)
+
+
+def test_frames_of_profibus_are_taken_apart() -> None:
+    def heard(text: str, length: int = 0) -> dp.Heard:
+        data = bytes.fromhex(text)
+        return dp.hear(wire.Frame(1, 0, data, length or len(data), 257))
+
+    asked = heard("6813136883827d33335f002f0a030102011001c47f0000db16")
+    assert (asked.da, asked.sa, asked.saps, asked.service) == (3, 2, (51, 51), "record")
+    assert asked.du.hex() == "5f002f0a030102011001c47f0000"
+    assert [heard(each).damage for each in ("e5", "dc0202", "10030249 4e16")] == ["", "", ""]
+    assert heard("100302494f16").damage == "check"
+    assert [heard(each).damage for each in ("", "e5e5", "dc0280", "6805", "100302494e17")] == [
+        "other"
+    ] * 5
+    assert heard("6813136883", 25).damage == "cut"
 
 
 def test_filters_are_evaluated() -> None:

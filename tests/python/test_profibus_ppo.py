@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from dp_wire import Wire
 from test_cyclic_scenes import SCENES, capture
 
 import ds47
@@ -259,3 +260,16 @@ def test_another_maker_gets_no_findings() -> None:
     found = analyze(io.BytesIO(other))
     assert transactions(found)
     assert not [each for each in found.findings if each.severity != "note"]
+
+
+def test_a_configuration_that_is_no_ppo_ends_the_channels() -> None:
+    wire = Wire()
+    wire.start(STATION)
+    wire.exchange(STATION)
+    wire.exchange(STATION, "12bc000000000000047e0000", "00" * 12)
+    wire.exchange(STATION, "12bc000000000000047e0000", "12bc00000000000102310000")
+    wire.start(STATION, configured="1f2f")
+    wire.exchange(STATION, "1001" * 8, "00" * 16)
+    wire.exchange(STATION, "1001" * 8, "100100000000000104370000" + "00" * 4)
+    result = analyze(io.BytesIO(wire.written()))
+    assert [each.request for each in result.transactions] == [bytes.fromhex("12bc000000000000")]

@@ -319,11 +319,11 @@ local function same_side(one, other)
 end
 
 -- Whether these channels are at work already: a station that starts again has the same ones.
-local function is_set_up_so(self, found)
+local function is_set_up_so(self, found, output)
   local there = {}
   for _, line in ipairs(self.lines) do
     local relation = line.relation
-    if found[1] and relation.output.source == found[1].output.source then there[#there + 1] = relation end
+    if relation.output.source == output then there[#there + 1] = relation end
   end
   for number, each in ipairs(found) do
     local other = there[number]
@@ -337,10 +337,12 @@ end
 
 --- A station of PROFIBUS gets its configuration: the channels in its data, in place of those before.
 -- @param found  array of relations
+-- @param output  the sources of both sides: there may be no channel any more
+-- @param input
 -- @param frame  of the configuration
-function Channels:configured(found, frame)
-  if is_set_up_so(self, found) then return end
-  for _, relation in ipairs(found) do replace(self, relation.output.source, relation.input.source, frame) end
+function Channels:configured(found, output, input, frame)
+  if is_set_up_so(self, found, output) then return end
+  replace(self, output, input, frame)
   for _, relation in ipairs(found) do
     if #self.all < self.limits.relations then add(self, relation, false) end
   end

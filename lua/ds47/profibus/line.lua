@@ -13,6 +13,7 @@
 --   again    whether it repeats the exchange before between the two: the master has no answer to that
 --   silent   whether nobody answers such a request
 --   damaged  the first damaged frame that stands where its answer should; nil for none
+--   cut      whether a frame that the recording did not keep whole stands there: it may be its answer
 --   unfinished  whether nothing came behind it: its answer may be missing for that
 
 local ALL_STATIONS = require("ds47.profibus.telegram").ALL_STATIONS
@@ -28,12 +29,18 @@ M.Line = Line
 --- Takes the frames of one line and gives their exchanges, each when it is over.
 --
 -- Damaged frames are none: a request behind whose answer was damaged stays without it. Counted are `tokens`,
--- `damaged` frames, and `stray` answers, for which nobody asked.
+-- `damaged` frames, and `stray` answers, for which nobody asked, `echoes` those of them that stand directly
+-- behind the same answer; `unsure` is the last frame behind which something may have been that was not seen:
+-- a damaged one, or such an answer.
 function Line.new()
   return setmetatable({
     open = nil, -- the exchange that waits for its answer
     last = {}, -- who asks whom -> the bytes of the newest request
-    tokens = 0, damaged = 0, stray = 0,
+    before = nil, -- the bytes of the frame before,
+    same = false, -- whether the frame has them, too,
+    echo = false, -- and whether it is so the second of two, the fourth of four and so on
+    unsure = 0,
+    tokens = 0, damaged = 0, stray = 0, echoes = 0,
   }, Line)
 end
 
@@ -41,15 +48,34 @@ local function way(asks, asked)
   return asks * 0x100 + asked
 end
 
+-- A frame of which nothing is proved: it may be an answer, or a request that nobody knows then.
+local function damage(self, seen, cut)
+  local short = false
+  for _, flaw in ipairs(seen.item.flaws) do short = short or flaw.kind == "cut" end
+  self.damaged, self.unsure = self.damaged + 1, seen.frame
+  if not self.open then
+    self.last = {}
+  elseif cut and short then
+    self.open.cut = true
+  else
+    self.open.damaged = self.open.damaged or seen.frame
+  end
+end
+
 --- A frame.
+-- @param cut  whether the recording did not keep all of it
 -- @return the exchanges that are over with it, up to two
-function Line:take(seen)
+function Line:take(seen, cut)
+  self.same = seen.item.data == self.before
+  self.echo = self.same and not self.echo
+  self.before = seen.item.data
+  return self:_take(seen, cut)
+end
+
+function Line:_take(seen, cut)
   local item = seen.item
   if item.flaws[1] then
-    self.damaged = self.damaged + 1
-    if self.open then
-      self.open.damaged = self.open.damaged or seen.frame
-    end
+    damage(self, seen, cut)
   elseif item.kind == "SD4" then
     self.tokens = self.tokens + 1
   elseif item.request then
@@ -73,7 +99,7 @@ end
 
 function Line:_request(seen)
   local item, open = seen.item, self.open
-  if open and item.fcv == 1 and open.request.item.data == item.data then
+  if open and (item.fcv == 1 or self.same) and open.request.item.data == item.data then
     open.retried = open.retried + 1
     if open.retried <= M.MOST_RETRIES then
       open.retries[open.retried] = seen
@@ -110,6 +136,8 @@ function Line:_answer(seen)
   local over, item = self.open, seen.item
   if not over or not fits(over.request.item, item) then
     self.stray = self.stray + 1
+    self.echoes = self.echoes + (self.echo and 1 or 0)
+    self.unsure = seen.frame
     self:_forget(item)
     return nil
   end

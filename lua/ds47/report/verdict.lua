@@ -166,7 +166,7 @@ end
 
 -- Whether the request was sent before the capture or lost by it. A Read without an AR has none of its own.
 local function orphaned(item)
-  return item.state == "orphan" and item.ar ~= nil
+  return item.state == "orphan" and (item.ar ~= nil or item.station ~= nil)
 end
 
 --- What this capture, other than another one, cannot show: array of texts.

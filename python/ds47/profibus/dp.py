@@ -16,6 +16,8 @@ RECORD, ALARM, RESOURCE, MS2 = "record", "alarm", "resource", "ms2"
 PKW, PZD = "PKW", "PZD"
 """What a module of a PPO carries."""
 
+_REFUSED = (1, 2, 3)
+"""Codes of answers that refuse a service: UE, RR, RS."""
 _NO_MASTER = 255
 _MOST_MAKER = 14
 """Bytes of a maker in a special identifier; 15 stands for none, and for no comparison."""
@@ -160,6 +162,11 @@ def service(item: Telegram) -> str | None:
     known = profibus.service_ids().get((slave, master))
     own, most = profibus.ms2()
     return known or (MS2 if master == own and slave <= most else None)
+
+
+def refuses(answer: Telegram) -> bool:
+    """Whether an answer refuses its service (UE, RR, RS): what the master sent with it does not count then."""
+    return answer.code in _REFUSED
 
 
 def decode(item: Telegram) -> Content | None:

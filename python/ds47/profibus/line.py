@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from ds47.profibus.telegram import ALL_STATIONS, SC, SD4, Telegram
 from ds47.spec import profibus
 
+CUT = "cut"
+"""The flaw of a frame of which the end is missing."""
 MOST_RETRIES = 16
 """Retries of an exchange that are kept; masters repeat a request up to 15 times."""
 
@@ -45,6 +47,8 @@ class Exchange:
     """Whether nobody answers such a request."""
     damaged: int = 0
     """The first damaged frame that stands where its answer should; 0 for none."""
+    cut: bool = False
+    """Whether a frame that the recording did not keep whole stands there: it may be its answer."""
     unfinished: bool = False
     """Whether nothing came behind it: its answer may be missing for that."""
 
@@ -63,15 +67,36 @@ class Line:
         self.damaged = 0
         """how many frames are damaged,"""
         self.stray = 0
-        """and how many answers nobody asked for."""
+        """and how many answers nobody asked for,"""
+        self.echoes = 0
+        """those among them that stand directly behind the same answer."""
+        self.unsure = 0
+        """The last such answer or damaged frame: before it something may have been that was not seen."""
+        self._before = b""
+        """The bytes of the frame before,"""
+        self._same = False
+        """whether the frame has them, too,"""
+        self._echo = False
+        """and whether it is so the second of two, the fourth of four and so on."""
 
-    def take(self, seen: Seen) -> Iterator[Exchange]:
-        """A frame; gives the exchanges that are over with it, up to two."""
+    def take(self, seen: Seen, cut: bool = False) -> Iterator[Exchange]:
+        """A frame; gives the exchanges that are over with it, up to two.
+
+        Args:
+            seen: the frame.
+            cut: whether the recording did not keep all of it.
+        """
+        data = seen.item.data
+        self._same = data == self._before
+        self._echo = self._same and not self._echo
+        self._before = data
+        yield from self._take(seen, cut)
+
+    def _take(self, seen: Seen, cut: bool) -> Iterator[Exchange]:
         item = seen.item
         if item.flaws:
             self.damaged += 1
-            if self._open is not None:
-                self._open.damaged = self._open.damaged or seen.frame
+            self._damaged(seen, cut)
         elif item.kind == SD4:
             self.tokens += 1
         elif item.request:
@@ -85,6 +110,16 @@ class Line:
             self._open.unfinished = True
             yield from self._give_up()
 
+    def _damaged(self, seen: Seen, cut: bool) -> None:
+        """A frame of which nothing is proved: it may be an answer, or a request that nobody knows then."""
+        self.unsure = seen.frame
+        if self._open is None:
+            self._last.clear()
+        elif cut and any(each.kind == CUT for each in seen.item.flaws):
+            self._open.cut = True
+        else:
+            self._open.damaged = self._open.damaged or seen.frame
+
     def _give_up(self) -> Iterator[Exchange]:
         """The exchange that is open stays without an answer."""
         if self._open is not None:
@@ -93,7 +128,8 @@ class Line:
 
     def _request(self, seen: Seen) -> Iterator[Exchange]:
         item, way = seen.item, (seen.item.sa, seen.item.da)
-        if self._open is not None and item.fcv == 1 and self._open.request.item == item:
+        counts = item.fcv == 1 or self._same
+        if self._open is not None and counts and self._open.request.item == item:
             self._open.retried += 1
             if self._open.retried <= MOST_RETRIES:
                 self._open.retries.append(seen)
@@ -113,6 +149,8 @@ class Line:
         over, item = self._open, seen.item
         if over is None or not _fits(over.request.item, item):
             self.stray += 1
+            self.echoes += self._echo
+            self.unsure = seen.frame
             self._forget(item)
             return
         self._open = None

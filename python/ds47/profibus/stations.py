@@ -10,14 +10,13 @@ from dataclasses import dataclass, field
 
 from ds47.model import Bus, BusStation, Span, StationDiagnosis
 from ds47.profibus import dp
-from ds47.profibus.line import Exchange, Seen
-from ds47.profibus.telegram import SD4
+from ds47.profibus.line import CUT, Exchange, Seen
+from ds47.profibus.telegram import SC, SD4
 from ds47.spec import profibus
 
 MOST_FRAMES = 60
 """Frames that are kept of what happens again and again."""
 _CHECK = "check"
-_CUT = "cut"
 
 
 @dataclass(slots=True, eq=False)
@@ -100,6 +99,8 @@ class Station:
     """those in the place of whose answer there is a damaged frame,"""
     retries: Counted = field(default_factory=Counted)
     """and requests that repeat another one."""
+    copies: int = 0
+    """How many repetitions are left where each frame stands there twice."""
     answers: Times = field(default_factory=Times)
     """From request to answer,"""
     cycles: Times = field(default_factory=Times)
@@ -120,6 +121,11 @@ class Station:
     diagnosis: dp.Diagnosis | None = None
     diagnosis_frame: int | None = None
     """and answer to Slave_Diag."""
+
+    def settle(self, copied: bool) -> None:
+        """Whether the recording has each frame twice is known, once nothing more comes."""
+        if copied:
+            self.retries.count = self.copies
 
     def told(self, timed: bool) -> BusStation:
         """As the result has it, `timed` with times."""
@@ -159,8 +165,15 @@ class Stations:
         self.broken = Counted()
         """and those that are damaged otherwise."""
         self.doubled = 0
-        """Answers that stand there twice: a recording of two places has everything twice."""
+        """Answers that stand there twice: a recording of two places has everything twice,"""
+        self.answers = 0
+        """and how many there are."""
         self._answer: bytes | None = None
+
+    @property
+    def copied(self) -> bool:
+        """Whether the line was recorded at two places: so many answers stand there twice."""
+        return 0 < self.answers <= 3 * self.doubled
 
     def station(self, address: int) -> Station:
         """The station with this address."""
@@ -173,17 +186,24 @@ class Stations:
         """All that were seen, by address."""
         return [self._stations[address] for address in sorted(self._stations)]
 
-    def told(self, stray: int, timed: bool) -> Bus | None:
+    def finish(self) -> None:
+        """No frame comes any more."""
+        for station in self.all():
+            station.settle(self.copied)
+
+    def told(self, stray: int, echoes: int, timed: bool) -> Bus | None:
         """As the result has it; None where there was no frame.
 
         Args:
+            stray: answers that nobody asked for,
+            echoes: and those of them that stand directly behind the same answer.
             timed: whether the recording has times.
-            stray: answers that nobody asked for.
         """
         if not self.frames:
             return None
         stations = [each.told(timed) for each in self.all() if each.asks or each.asked.count]
         damaged = self.check.count + self.broken.count
+        stray -= echoes if self.copied else 0
         return Bus(self.frames, self.tokens, damaged, stray, stations)
 
     def frame(self, seen: Seen, cut: bool) -> None:
@@ -196,13 +216,14 @@ class Stations:
         self.frames += 1
         item = seen.item
         kinds = {each.kind for each in item.flaws}
-        if kinds and not (cut and _CUT in kinds):
+        if kinds and not (cut and CUT in kinds):
             (self.check if _CHECK in kinds else self.broken).add(seen.frame)
         elif item.kind == SD4 and item.sa is not None:
             self.tokens += 1
             self.station(item.sa).asks = True
-        if not item.request:
-            self.doubled += item.data == self._answer and item.kind != SD4
+        if not item.request and not kinds and item.kind != SD4:
+            self.answers += 1
+            self.doubled += item.data == self._answer
         self._answer = None if item.request else item.data
 
     def take(self, exchange: Exchange) -> None:
@@ -227,6 +248,8 @@ class Stations:
 def _keep(station: Station, exchange: Exchange, answer: Seen) -> None:
     """What an exchange with an answer says of the station."""
     name, item = dp.service(exchange.request.item), answer.item
+    if dp.refuses(item):
+        return
     if name == dp.EXCHANGE:
         _exchanged(station, exchange, answer)
     elif name == dp.PARAMETERS:
@@ -254,10 +277,12 @@ def _count(station: Station, exchange: Exchange) -> None:
         for each in exchange.retries:
             station.retries.add(each.frame)
         station.retries.count += exchange.retried - len(exchange.retries)
+    station.copies += exchange.retried // 2 + exchange.again
     if answer is None:
-        (station.damaged if exchange.damaged else station.silent).add(
-            exchange.damaged or seen.frame
-        )
+        if exchange.damaged:
+            station.damaged.add(exchange.damaged)
+        elif not exchange.cut:
+            station.silent.add(seen.frame)
     elif exchange.retried <= len(exchange.retries):  # else nobody knows when the last one was sent
         last = exchange.retries[-1] if exchange.retries else seen
         station.answers.add(answer.time_ns - last.time_ns)
@@ -265,7 +290,8 @@ def _count(station: Station, exchange: Exchange) -> None:
 
 def _exchanged(station: Station, exchange: Exchange, answer: Seen) -> None:
     row = profibus.codes("answer").get(answer.item.code or 0)
-    if row is None or not row.exchange:
+    short = answer.item.kind == SC  # of a station without inputs
+    if row is None or not (row.exchange or short):
         return
     seen = exchange.request
     if station.last_exchange is not None and not exchange.again:
@@ -273,4 +299,4 @@ def _exchanged(station: Station, exchange: Exchange, answer: Seen) -> None:
     station.last_exchange = seen
     station.exchanges.add(seen.frame)
     station.lengths = len(seen.item.du), len(answer.item.du)
-    station.wanting.answered(row.wants, answer.frame)
+    station.wanting.answered(row.wants and not short, answer.frame)
