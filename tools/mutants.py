@@ -122,7 +122,7 @@ LESS: dict[str, tuple[str, ...]] = {
     "test_lua_analysis": ("-k", "5.4"),
     "test_audit": ("-k", "stored or false"),
 }
-"""Of what a test file does for each Lua once is enough, of the auditor what is quick; `name:tests` chooses so, too."""
+"""What a test file does for each Lua is enough once, and of the auditor what is quick; `name:tests` chooses."""
 TIMEOUT = 300
 """Seconds; a mutant that never ends is noticed as well."""
 

@@ -88,7 +88,13 @@ class Station:
         return [each for each in self.answered("configuration") if dp.is_taken(each)]
 
     def diagnoses(self) -> list[Turn]:
-        return [each for each in self.answered("diagnosis") if each.answer and each.answer.du]
+        """Answers with data; one without SAPs is that of a data exchange whose request was not seen."""
+        told = self.answered("diagnosis")
+        return [
+            each
+            for each in told
+            if each.answer and each.answer.du and each.answer.saps != (None, None)
+        ]
 
     def before(self, turns: list[Turn], frame: int) -> Turn | None:
         """The last of them that was over before a frame."""

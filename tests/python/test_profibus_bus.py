@@ -14,9 +14,10 @@ from dp_wire import DIAGNOSIS, MASTER, PPO3, SET_PRM, Wire, frame
 
 from ds47.analysis import analyze
 from ds47.model import BusStation, CaptureResult, Finding
-from ds47.profibus.stations import MOST_FRAMES
+from ds47.profibus.judge import Judge
+from ds47.profibus.stations import MOST_FRAMES, Stations
 from ds47.spec import rules
-from ds47.spec.semantics import limits
+from ds47.spec.semantics import Limits, limits
 
 STATION = 3
 
@@ -576,3 +577,14 @@ def test_a_write_that_was_damaged_may_be_there(spoilt: int) -> None:
     asking(wire)
     told = [each.rule for each in result(wire).findings if each.rule in ("DS206", "DS808")]
     assert told == ["DS206"]
+
+
+def test_different_things_are_bounded() -> None:
+    judge = Judge(Limits(**{**limits().columns(), "bus_remarks": 2}))
+    for number, index in enumerate((1, 2, 3, 1)):
+        judge.refused(STATION, True, 0, index, 0xDF80B000, number + 1)
+    told = [
+        (each.args["place"]["index"], each.args["count"])
+        for each in judge.finish(Stations(judge.heard))
+    ]
+    assert told == [(1, 2), (2, 1)]
