@@ -50,6 +50,7 @@ function M.new(listener, limits, every)
     all = {}, -- relations, those that a later Connect replaced and those that are only candidates too
     drives_ = {}, -- lines of PZD
     without_request = {}, -- relations of PKW in which none was seen
+    asked = {}, -- places where one was, in a relation that another one may have replaced
     moved = {}, -- ends in which the last frame changed something
   }, Channels)
 end
@@ -98,9 +99,11 @@ end
 
 function Requests:finish()
   self.channel:finish()
+  local owner = self.owner
   if self.relation.certainty == LENGTHS and #self.waiting == 0 then
-    local unused = self.owner.without_request
-    unused[#unused + 1] = self.relation
+    owner.without_request[#owner.without_request + 1] = self.relation
+  else
+    owner.asked[relations.place(self.relation)] = true
   end
 end
 
@@ -403,7 +406,8 @@ function Channels:unused()
   local places, found = {}, {}
   for _, each in ipairs(self:drives()) do places[relations.place(each.relation)] = true end
   for _, each in ipairs(self.without_request) do
-    if places[relations.place(each)] and not is_pzd(self, each) then found[#found + 1] = each end
+    local place = relations.place(each)
+    if places[place] and not self.asked[place] and not is_pzd(self, each) then found[#found + 1] = each end
   end
   return found
 end

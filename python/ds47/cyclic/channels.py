@@ -187,6 +187,8 @@ class CyclicChannels:
         self._relations: list[Relation] = []
         self._drives: list[Drive] = []
         self._without_request: list[Relation] = []
+        self._asked: set[tuple[object, ...]] = set()
+        """Places to which a request was seen, in a relation that another one may have replaced."""
         self.is_set_up = False
         """Whether a Connect was seen with its response, whatever it sets up."""
 
@@ -199,7 +201,7 @@ class CyclicChannels:
         places = [each.relation.place for each in self.drives()]
         return [
             each for each in self._without_request
-            if each.place in places and not self._is_pzd(each)
+            if each.place in places and each.place not in self._asked and not self._is_pzd(each)
         ]  # fmt: skip
 
     def timelines(self) -> list[Timeline]:
@@ -385,8 +387,11 @@ class CyclicChannels:
 
     def _end(self, line: _Line) -> None:
         line.finish()
-        if isinstance(line, _Requests) and line.unused:
-            self._without_request.append(line.relation)
+        if isinstance(line, _Requests):
+            if line.unused:
+                self._without_request.append(line.relation)
+            else:
+                self._asked.add(line.relation.place)
 
 
 def _shape(relation: Relation) -> tuple[object, ...]:
