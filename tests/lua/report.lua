@@ -60,12 +60,19 @@ local function with_source(side, receiver)
 end
 
 -- Messages are bytes in a result, and hexadecimal digits in JSON; arguments keep the point of a float.
+local function bytes_of(text)
+  return (text:gsub("%x%x", function(digits) return string.char(tonumber(digits, 16)) end))
+end
+
 local function as_result(result)
   for _, each in ipairs(result.transactions) do
     for _, key in ipairs({"request", "response"}) do
-      each[key] = each[key] and each[key]:gsub("%x%x", function(digits)
-        return string.char(tonumber(digits, 16))
-      end)
+      each[key] = each[key] and bytes_of(each[key])
+    end
+  end
+  for _, each in ipairs(result.bus and result.bus.stations or {}) do
+    for number, block in ipairs(each.diagnosis and each.diagnosis.blocks or {}) do
+      each.diagnosis.blocks[number] = bytes_of(block)
     end
   end
   for _, each in ipairs(result.relations or {}) do

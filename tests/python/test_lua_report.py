@@ -22,12 +22,14 @@ from lua_program import LUAS, lua_program
 from test_cyclic_scenes import SCENES, capture
 from test_lua_cyclic import scenes
 from test_lua_pzd import ABSENT, NAMES, without_connect
+from test_profibus_bus import everything_wrong
 
 from ds47 import spec
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.cyclic.named import parse
 from ds47.findings import grouping
 from ds47.model import (
+    BusStation,
     CaptureResult,
     Device,
     Diagnosis,
@@ -67,13 +69,15 @@ def lua(request: pytest.FixtureRequest, repository: Path, tmp_path_factory: Any)
 
 @pytest.fixture(scope="module")
 def results(captures: Path) -> list[CaptureResult]:
-    """Every stored capture, analyzed."""
+    """Every stored capture, analyzed, and a line of PROFIBUS with every trouble."""
     found = []
     for path in sorted(captures.glob("*.pcapng")):
         result = analyze(path)
         result.path = path.name
         found.append(result)
-    return found
+    line = analyze(io.BytesIO(everything_wrong().written()))
+    line.path = "line.pcapng"
+    return [*found, line]
 
 
 def as_lua(result: CaptureResult) -> dict[str, Any]:
@@ -97,11 +101,24 @@ def as_lua(result: CaptureResult) -> dict[str, Any]:
         each["events"] = [
             event._asdict() | {"time": event.time_ns - base * 10**9} for event in shown.events
         ]
+    if result.bus is not None:
+        item["bus"]["stations"] = [station_as_lua(each) for each in result.bus.stations]
     for each in item["diagnoses"]:
         del each["corrected"]  # the analyzer alone has them
     for each in (*item["findings"], *item["diagnoses"]):
         each["args"] = with_points(each["args"])
         assert each.pop("said") is None  # the plugin reads no stored results
+    return item
+
+
+def station_as_lua(station: BusStation) -> dict[str, Any]:
+    """A station of PROFIBUS; its blocks of extended diagnosis as digits."""
+    item, told = station._asdict(), station.diagnosis
+    for name in ("cycle", "answer"):
+        if item[name] is not None:
+            item[name] = dict(zip(("least", "mean", "most"), item[name], strict=True))
+    if told is not None:
+        item["diagnosis"] = told._asdict() | {"blocks": [each.hex() for each in told.blocks]}
     return item
 
 

@@ -269,7 +269,7 @@ local function columns_of(transactions, lang)
     return each.controller
   end)
   columns.slots = differ(transactions, function(each)
-    return each.slot and format("%.0f.%d.%d", each.api, each.slot, each.subslot) or ""
+    return each.slot and format("%.0f.%d.%d", each.api or -1, each.slot, each.subslot or -1) or ""
   end)
   for _, each in ipairs(transactions) do
     columns.operation = math.max(columns.operation, words.width(words.operation(lang, each.operation)))
