@@ -58,7 +58,8 @@ test-all: system
 	$(BIN)/python -m pytest $(PARALLEL) $(ARGS)
 
 audit: $(STAMP)
-	$(BIN)/python -m tests.audit --count $(N) --seed $(SEED) captures/*.pcapng captures/real-stacks/*.pcapng
+	$(BIN)/python -m tests.audit --count $(N) --seed $(SEED) captures/*.pcapng captures/real-stacks/*.pcapng \
+		captures/profibus/*.pcapng
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
@@ -99,6 +100,8 @@ tables: $(STAMP)
 
 screenshot: $(STAMP)
 	tools/screenshot.sh
+	$(BIN)/ds47 export --link profibus tools/screenshot-profibus.txt -o build/line.pcapng
+	tools/screenshot.sh build/line.pcapng 36 wireshark-profibus
 
 readme: $(STAMP)
 	$(BIN)/python tools/readme_report.py

@@ -33,14 +33,18 @@ RECORD_PATH = (
     "profinet/rpc", "profinet/link", "profinet/ip", "profinet/calls", "profinet/records",
     "profinet/stations", "profinet/transport", "profidrive/model", "profidrive/parameter",
     "profidrive/formats", "report/json",
-    "acyclic/index47", "acyclic/record_calls", "acyclic/record_events", "acyclic/pairing",
+    "profibus/telegram", "profibus/dp", "profibus/line", "profibus/bus", "profibus/stations",
+    "profibus/judge", "cyclic/ppo", "cyclic/channels", "cyclic/timeline", "cyclic/operation",
+    "cyclic/handshake", "cyclic/relations", "cyclic/pkw", "cyclic/pzd",
+    "acyclic/services", "acyclic/ms1_calls", "acyclic/index47", "acyclic/record_calls",
+    "acyclic/record_events", "acyclic/pairing",
     "acyclic/transactions", "acyclic/judge", "findings/remark", "findings/collection", "findings/grouping",
     "diagnosis/__init__", "diagnosis/capture", "diagnosis/length", "diagnosis/order",
     "diagnosis/refusal", "diagnosis/repair", "diagnosis/repetition",
 )  # fmt: skip
 READ = (
     "*.py", "capture/*.p*", "profinet/*.p*", "profidrive/*.py", "spec/*.py", "report/__init__.py",
-    "report/json.py", "acyclic/*.py", "findings/*.py", "diagnosis/*.py",
+    "report/json.py", "profibus/*.py", "cyclic/*.py", "acyclic/*.py", "findings/*.py", "diagnosis/*.py",
 )  # fmt: skip
 """What the compilers read."""
 DIRECTIVES = {

@@ -263,6 +263,7 @@ def sections(programs: Programs, small: bool) -> list[Section]:
                     [programs.bare(), *programs.ours(plant, *JSON), *programs.others(plant, plugin=False)],
                     [])
         )  # fmt: skip
+    found.append(profibus(programs, frames, one))
     rows = [
         programs.bare(), *programs.ours(dense, *JSON), *programs.others(dense),
         *programs.slices(part, slice_frames / record_frames),
@@ -280,6 +281,16 @@ def sections(programs: Programs, small: bool) -> list[Section]:
         Section(f"{record_frames:,} record frames, JSON out (pcapng)", dense, rows, targets)
     )
     return found
+
+
+def profibus(programs: Programs, frames: int, noise: Path) -> Section:
+    """Data exchange by PROFIBUS beside as many frames of noise: no other program here reads it."""
+    bus = made(f"profibus-{frames}.pcap", "make_profibus.py", frames)
+    return Section(
+        f"{frames:,} frames of PROFIBUS, PPO1 in data exchange, JSON out (pcap)", bus,
+        [programs.bare(), *programs.ours(bus, *JSON), *programs.ours(noise, *JSON, name="noise")],
+        [Target("ds47, plain", "noise, plain", 1 / 10), Target("ds47, compiled", "noise, plain", 1 / 3)],
+    )  # fmt: skip
 
 
 # Tables

@@ -1,4 +1,5 @@
--- ds47 in Wireshark: the parameter channel of PROFIdrive over PROFINET (record index 47, 0xB02E, 0xB02F).
+-- ds47 in Wireshark: the parameter channel of PROFIdrive over PROFINET (record index 47, 0xB02E, 0xB02F) and
+-- over PROFIBUS DP (MS1), and frames of PROFIBUS DP.
 --
 -- This file is the plugin: Wireshark loads it, and it registers everything. It is the only file that does
 -- something when it is loaded. What is analysed and decoded is in ../lua/ds47 (no Wireshark in there), what
@@ -25,6 +26,7 @@ package.path = table.concat({
 local clock = require("ds47_ws.clock")
 local collector = require("ds47_ws.collector")
 local ds47_fields = require("ds47_ws.fields")
+local encapsulations = require("ds47_ws.encapsulations")
 local info = require("ds47_ws.info")
 local later = require("ds47.support.later").module
 local preferences = require("ds47_ws.preferences")
@@ -39,10 +41,15 @@ set_plugin_info({
 local ds47 = Proto("ds47", "DS47 (PROFIdrive parameter channel)")
 preferences.define(ds47)
 local ds47_words = Proto("ds47_pzd", "DS47 PZD (control and status word of a drive)")
-local fields, experts = ds47_fields.define(ds47, ds47_words)
+local ds47_bus = Proto("ds47_profibus", "PROFIBUS DP")
+local fields, experts = ds47_fields.define(ds47, ds47_words, ds47_bus)
 local tree_of = later("ds47_ws.tree", function(module)
   module.configure(ds47, ds47_words, fields, experts)
 end)
+local bus_tree_of = later("ds47_ws.profibus_tree", function(module)
+  module.configure(ds47_bus, fields, experts)
+end)
+local bus_info = later("ds47.report.profibus")
 local experts_of = later("ds47_ws.experts")
 local words_of = later("ds47_ws.pkw_tree")
 track.configure(function()
@@ -54,9 +61,10 @@ local ip_field = Field.new("ip")
 local index_field = Field.new("pn_io.index")
 clock.configure(Field.new("frame.time_epoch"))
 
-local this_dissector, words_dissector -- to ask whether anybody wants fields of ours
+local this_dissector, words_dissector, bus_dissector -- to ask whether anybody wants fields of ours
 local referenced -- the method of all trees that tells it: looking it up costs as much as asking
 local always_wanted -- whether words of drives are, in new frames; nil before the first
+local on_bus = false -- whether this is a frame of PROFIBUS, which is shown already
 
 local NONE = {}
 local WINDOW = gui_enabled()
@@ -74,13 +82,13 @@ local function find_reassembled(data)
 end
 
 -- A function that finds records in this frame, one behind the other.
-local function finder(tvb, frame, offset)
-  local from = offset
+local function finder(tvb, frame, at)
+  local from = at
   return function(data)
-    local at = track.find_record(frame, data, from)
-    if at then
-      from = at + #data
-      return tvb:range(at, #data)
+    local found = track.find_record(frame, data, from)
+    if found then
+      from = found + #data
+      return tvb:range(found, #data)
     end
     return data ~= "" and find_reassembled(data) or nil
   end
@@ -92,9 +100,13 @@ local function columns_of(pinfo)
   return tostring(columns.info) ~= "(info)" and columns or nil
 end
 
--- Functions that find words of PKW, and those of events, in this frame.
-local function finders_of_words(tvb, frame)
-  local at = track.cyclic_data(frame)
+-- Functions that find in this frame what views and events are about; its records stand from `at` on.
+local function finders_of_records(tvb, frame, at)
+  return { record = finder(tvb, frame, at) }
+end
+
+-- The same of words of PKW, and of those of events; the data of the frame begins at `at`.
+local function finders_of_words(tvb, _, at)
   return {
     record = function(_, view)
       return tvb:range(at + view.item.places[view.role], 8)
@@ -106,32 +118,41 @@ local function finders_of_words(tvb, frame)
   }
 end
 
--- Adds to the tree and sets the columns, where there are some. `offset`: of the IP header, nil of a cyclic
--- frame. `whole`: somebody wants our fields.
-local function show(views, findings, events, tvb, columns, tree, offset, whole)
+-- The same of a frame of PROFIBUS, which has a record or words.
+local function finders_on_bus(tvb, frame, at)
+  local found, record = finders_of_words(tvb, frame, at), finder(tvb, frame, at)
+  local words = found.record
+  function found.record(data, view)
+    return view.item.channel == "pkw" and words(data, view) or record(data)
+  end
+  return found
+end
+
+-- Adds to the tree and sets the columns, where there are some. `finders` of `at` as above. `whole`: somebody
+-- wants our fields.
+local function show(views, findings, events, tvb, columns, tree, finders, at, whole)
   if columns and #views + #events > 0 then
     columns.protocol, columns.info = "DS47", info.text(views, events, track.lang)
   end
   if whole and #views + #findings + #events > 0 then
     local context = { base_seconds = track.base_seconds(), lang = track.lang }
     local frame = tvb:raw()
-    local find = offset and { record = finder(tvb, frame, offset) } or finders_of_words(tvb, frame)
-    tree_of.add(tree, views, findings, events, find, context)
+    tree_of.add(tree, views, findings, events, finders(tvb, frame, at), context)
   elseif #findings + #events > 0 then
     experts_of.add(tree, experts, findings, events, track.lang)
   end
 end
 
 -- Words of PKW in a frame in which none of them changed, where somebody looks at it.
-local function show_standing(tvb, number, tree)
-  for _, each in ipairs(track.standing(number, tvb:raw())) do
+local function show_standing(tvb, number, tree, frame, place)
+  for _, each in ipairs(track.standing(number, frame, place)) do
     words_of.standing(tree, tvb:range(each.offset, 8), each.answer, each.layout, track.lang)
   end
 end
 
 -- Control and status words of drives, which stand in each of their frames, where somebody wants them.
-local function show_words(tvb, number, tree, whole)
-  local places = track.has_drives and track.words(number, tvb:raw(), whole) or NONE
+local function show_words(tvb, number, tree, frame, place, whole)
+  local places = track.has_drives and track.words(number, frame, place, whole) or NONE
   if #places > 0 then
     tree_of.add_words(tree, tvb, places, track.lang)
   end
@@ -149,31 +170,101 @@ local function is_looked_at(tree, is_new)
   return always_wanted
 end
 
+-- The words in a frame, whether something happened in it or not.
+local function show_all_words(tvb, number, tree, frame, place, is_new, views)
+  show_words(tvb, number, tree, frame, place, not is_new)
+  if tree.visible and (views == nil or #views == 0) then
+    show_standing(tvb, number, tree, frame, place)
+  end
+end
+
 -- A frame without IP, once there are channels of drives in cyclic frames: nearly always nothing changed in
 -- it.
 local function dissect_cyclic(tvb, pinfo, tree)
-  local number, views, findings, events = pinfo.number, nil, nil, nil
+  local number, frame, views, findings, events = pinfo.number, nil, nil, nil, nil
   local is_new = track.is_new(number, pinfo)
   if not is_new then
     views, findings, events = track.complete_views(number)
-  elseif track.is_news(tvb:raw(), number) then
-    clock.set(pinfo)
-    track.feed_cyclic(number, clock.now)
-    views, findings, events = track.live_cyclic_views(true)
-  end
-  if views then
-    show(views, findings, events, tvb, columns_of(pinfo), tree, nil, tree:referenced(this_dissector))
-  end
-  if is_looked_at(tree, is_new) then
-    show_words(tvb, number, tree, not is_new)
-    if tree.visible and (views == nil or #views == 0) then
-      show_standing(tvb, number, tree)
+  else
+    frame = tvb:raw()
+    if track.is_news(frame, number) then
+      clock.set(pinfo)
+      track.feed_cyclic(number, clock.now)
+      views, findings, events = track.live_cyclic_views(true)
     end
   end
+  local looked_at = is_looked_at(tree, is_new)
+  if not views and not looked_at then
+    return
+  end
+  frame = frame or tvb:raw()
+  local place = track.cyclic_place(frame)
+  if views then
+    local whole = tree:referenced(this_dissector)
+    show(views, findings, events, tvb, columns_of(pinfo), tree, finders_of_words, place and place.at, whole)
+  end
+  if looked_at and place then
+    show_all_words(tvb, number, tree, frame, place, is_new, views)
+  end
+end
+
+-- A frame of PROFIBUS with what it shows: views, findings and events; nil of one that is none.
+local function look_at_bus(tvb, pinfo, is_new, wanted)
+  local number = pinfo.number
+  if not is_new then
+    return track.bus_frame(number, tvb:raw()), track.complete_views(number)
+  elseif not clock.is_ready() then
+    return nil
+  end
+  clock.set(pinfo)
+  local link_type = encapsulations.link_type(pinfo)
+  local item = track.feed_bus(number, tvb:raw(), link_type, clock.now, pinfo.len)
+  if item then
+    return item, track.live_bus_views(wanted)
+  end
+  return nil
+end
+
+-- What a frame of PROFIBUS says itself.
+local function show_bus(item, tvb, columns, tree)
+  if columns then
+    bus_tree_of.set_columns(columns, item, track.lang)
+  end
+  if tree:referenced(bus_dissector) then
+    bus_tree_of.add(tree, tvb, item, track.lang)
+  elseif item.flaws[1] then
+    bus_tree_of.add_experts(tree, item, track.lang)
+  end
+end
+
+-- Nothing behind a frame of PROFIBUS is dissected by others: all of it is taken, or it is none.
+function ds47_bus.dissector(tvb, pinfo, tree)
+  local columns, whole = columns_of(pinfo), tree:referenced(this_dissector)
+  local number, is_new = pinfo.number, track.is_new(pinfo.number, pinfo)
+  local item, views, findings, events = look_at_bus(tvb, pinfo, is_new, columns ~= nil or whole)
+  if not item then
+    encapsulations.pass_on(tvb, pinfo, tree)
+    return tvb:len()
+  end
+  on_bus = true
+  show_bus(item, tvb, columns, tree)
+  local at, place = bus_info.data_start(item), track.bus_place(item)
+  if views then
+    show(views, findings, events, tvb, columns, tree, finders_on_bus, at, whole)
+  end
+  if place and is_looked_at(tree, is_new) then
+    local data = tvb:raw(0, at + #item.du) -- the check byte is none of it
+    show_all_words(tvb, number, tree, data, place, is_new, views)
+  end
+  return tvb:len()
 end
 
 function ds47.dissector(tvb, pinfo, tree)
   collector.called()
+  if on_bus then
+    on_bus = false
+    return
+  end
   local ip = ip_field()
   if ip == nil then
     if track.watching then
@@ -187,12 +278,12 @@ function ds47.dissector(tvb, pinfo, tree)
   if not track.is_new(number, pinfo) then
     local views, findings = track.complete_views(number)
     if views then
-      show(views, findings, NONE, tvb, columns_of(pinfo), tree, offset, whole)
+      show(views, findings, NONE, tvb, columns_of(pinfo), tree, finders_of_records, offset, whole)
     end
   elseif track.feed(number, frame, offset, clock.now, pinfo.len) then
     local columns = columns_of(pinfo)
     local views, findings = track.live_views(columns ~= nil or whole)
-    show(views, findings, NONE, tvb, columns, tree, offset, whole)
+    show(views, findings, NONE, tvb, columns, tree, finders_of_records, offset, whole)
   end
 end
 
@@ -200,7 +291,8 @@ end
 function ds47_words.dissector() end
 
 local function begin_anew()
-  always_wanted = nil
+  always_wanted, on_bus = nil, false
+  encapsulations.register(ds47_bus, preferences.takes_user0(ds47))
   clock.reset()
   track.reset()
   track.begin()
@@ -210,6 +302,7 @@ end
 function ds47.init()
   this_dissector = this_dissector or Dissector.get("ds47")
   words_dissector = words_dissector or Dissector.get("ds47_pzd")
+  bus_dissector = bus_dissector or Dissector.get("ds47_profibus")
   begin_anew()
 end
 

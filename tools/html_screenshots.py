@@ -16,6 +16,7 @@ from ds47.cli import main as ds47  # noqa: E402
 
 TOUR = "captures/tour-machine.pcapng"
 DRIVE = "captures/cyclic-changed-after-off1.pcapng"
+BUS = "captures/profibus-ppo3-and-records.pcapng"
 LONG = "captures/real-stacks/o3_two_controllers.pcapng"
 
 
@@ -50,6 +51,10 @@ def pictures(browser: Browser, pages: dict[str, Path]) -> dict[str, bytes]:
     browser.open(pages["drive"])
     browser.run("document.querySelector('[data-timeline]').scrollIntoView()")
     made["drive"] = browser.picture()
+    browser.look((DESKTOP[0], 860))
+    browser.open(pages["bus"])
+    browser.run("document.querySelector('#bus-1').scrollIntoView()")
+    made["profibus"] = browser.picture()
     browser.look()
     browser.open(pages["zh"])
     made["report-zh"] = browser.picture()
@@ -72,6 +77,7 @@ def main() -> int:
             "tour": report(Path(work, "tour.html"), TOUR),
             "long": report(Path(work, "long.html"), LONG),
             "drive": report(Path(work, "drive.html"), DRIVE),
+            "bus": report(Path(work, "bus.html"), BUS),
             "zh": report(Path(work, "zh.html"), "--lang", "zh", TOUR),
         }
         for name, data in pictures(browser, pages).items():

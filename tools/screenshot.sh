@@ -2,15 +2,17 @@
 # Takes the pictures of the documentation: real Wireshark with the plugin and the profile of this checkout,
 # on a display that nobody sees. Installs nothing; says which packages are missing.
 #
-#   tools/screenshot.sh [CAPTURE [FRAME]]    default: captures/tour-machine.pcapng, frame 33
+#   tools/screenshot.sh [CAPTURE [FRAME [NAME]]]    default: captures/tour-machine.pcapng, frame 33
 #
-# Writes docs/images/wireshark.png and docs/images/wireshark-statistics.png (DS47_IMAGES=FOLDER: elsewhere).
+# Writes docs/images/wireshark.png and docs/images/wireshark-statistics.png (DS47_IMAGES=FOLDER: elsewhere); with a
+# NAME one picture alone, docs/images/NAME.png.
 # Wireshark runs as an ordinary user: as root 4.4 and later load no plugin. Exit status: 0 taken; 1 not.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 CAPTURE=${1:-captures/tour-machine.pcapng}
 FRAME=${2:-33} # a Read response
+NAME=${3:-}
 IMAGES=${DS47_IMAGES:-docs/images}
 USER_FOR_ROOT=nobody
 WIDTH=1400 HEIGHT=1060 # of the window
@@ -113,11 +115,22 @@ xdotool mousemove 300 300 click --repeat 4 --delay 80 5
 xdotool mousemove 300 $((HEIGHT - 60)) click 1
 sleep 0.5
 keys Home End
-keys shift+Right
-xdotool click --repeat 2 --delay 80 5
+if [ -n "$NAME" ]; then # the one before it is that of the frame: open both, and stand at the top
+    keys Up
+    keys shift+Right
+    keys End Right
+    keys Home Down
+else
+    keys shift+Right
+    xdotool click --repeat 2 --delay 80 5
+fi
 xdotool mousemove $((WIDTH - 5)) $((HEIGHT - 5))
 sleep 0.5
-picture "$main" wireshark.png
+picture "$main" "${NAME:-wireshark}.png"
+if [ -n "$NAME" ]; then
+    if grep -E "Lua Error|Error during loading" "$work/log" >&2; then exit 1; fi
+    exit 0
+fi
 
 # Tools > DS47 > Statistics: the last entry of the second menu from the end.
 keys alt+t

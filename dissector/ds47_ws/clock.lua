@@ -36,6 +36,11 @@ function M.set(pinfo)
   here = pinfo
 end
 
+--- Whether the time of this frame can be told: in the first of two passes there may be no fields.
+function M.is_ready()
+  return origin ~= nil or field() ~= nil
+end
+
 local function exact(analysis, absolute, relative)
   local found = field()
   if found then

@@ -7,7 +7,7 @@ local bits = require("ds47.support.bits")
 local pzd = require("ds47.cyclic.pzd")
 local tables = require("ds47.spec.tables")
 
-local byte, floor, sub = string.byte, math.floor, string.sub
+local byte = string.byte
 
 local M = {}
 
@@ -32,7 +32,7 @@ local function is_heeded(word)
 end
 
 local function key_of(source, frame_id)
-  return source .. frame_id
+  return string.format("%s%d", source, frame_id) -- a source has six bytes, on PROFIBUS two
 end
 
 local function push(lists, key, item)
@@ -59,8 +59,7 @@ end
 local function push_ends(ends, relation, recorder, controls)
   for _, way in ipairs({ "output", "input" }) do
     local side = relation[way]
-    local id = side.frame_id
-    push(ends, key_of(side.source, string.char(floor(id / 256), id % 256)), {
+    push(ends, key_of(side.source, side.frame_id), {
       relation = relation, side = side, sent = way == "output", speed = recorder.speed, controls = controls,
     })
   end
@@ -133,13 +132,14 @@ end
 
 --- The words of drives in a cyclic frame, as far as earlier frames prove them: array of places.
 -- @param channels Analysis.cyclic
--- @param at where the data of the frame begins, behind the frame id
-function M.live_words(channels, number, frame, at)
+-- @param place where its words stand, as track.lua knows it: {at, source, frame_id}
+function M.live_words(channels, number, frame, place)
   local found, lines = {}, channels:drives()
   if #lines == 0 then
     return found
   end
-  for _, each in ipairs(channels:ends_in(number, sub(frame, 7, 12), word_at(frame, at - 2))) do
+  local at = place.at
+  for _, each in ipairs(channels:ends_in(number, place.source, place.frame_id)) do
     for _, line in ipairs(lines) do
       if line.relation == each.relation and is_whole(each.side, frame, at) then
         found[#found + 1] = place_of(each, frame, at, line.recorder.speed, line.recorder.heeded)
@@ -151,12 +151,12 @@ end
 
 --- The same as the complete result knows it.
 -- @param complete as `M.complete` gives it
-function M.words(complete, number, frame, at)
-  local ends = complete.ends[key_of(sub(frame, 7, 12), sub(frame, at - 1, at))]
+function M.words(complete, number, frame, place)
+  local ends = complete.ends[key_of(place.source, place.frame_id)]
   if ends == nil then
     return NONE
   end
-  local found = {}
+  local found, at = {}, place.at
   for _, each in ipairs(ends) do
     if counts(each.relation, number) and is_whole(each.side, frame, at) then
       found[#found + 1] = place_of(each, frame, at, each.speed, control_at(each.controls, number))

@@ -7,6 +7,7 @@
 -- own: so one question tells whether anybody wants it. What happened to a drive stands below that protocol,
 -- too: a frame of `ds47` is one of the parameter channel.
 
+local profibus_fields = require("ds47_ws.profibus_fields")
 local tables = require("ds47.spec.tables")
 
 local M = {}
@@ -71,6 +72,7 @@ local FIELDS = {
   { "state", "State", "string" },
   { "controller", "Controller", "string" },
   { "device", "Device", "string" },
+  { "station", "Station", "uint8", "DEC" },
   { "ar", "AR UUID", "string" },
   { "api", "API", "uint32", "DEC_HEX" },
   { "slot", "Slot", "uint16", "DEC_HEX" },
@@ -269,13 +271,16 @@ local function define_experts(proto)
 end
 
 --- Gives the protocols their fields and expert infos.
--- @param proto, words  the protocol, and that of the words of drives
--- @return fields of both by key ("value.float"), expert infos by rule id, and by "pzd.event" and "pzd.fault"
-function M.define(proto, words)
+-- @param proto, words, bus  the protocol, that of the words of drives, and that of frames of PROFIBUS
+-- @return fields of all by key ("value.float"), expert infos by rule id, and by "pzd.event", "pzd.fault" and
+--   those of profibus_fields.lua
+function M.define(proto, words, bus)
   local fields = {}
   proto.fields = add_fields(fields, FIELDS)
   define_words(words, fields)
-  return fields, define_experts(proto)
+  local experts = define_experts(proto)
+  profibus_fields.define(bus, fields, experts)
+  return fields, experts
 end
 
 return M

@@ -38,6 +38,9 @@ function M.define(proto)
     .. "the drive's. For example: 00:1b:1b:11:22:33@8000:0:pkw 00:1f:f8:11:22:33@8001:0:pkw")
   prefs.ppos = Pref.string("PPO of stations", "",
     "What stations of PROFIBUS have whose Chk_Cfg is missing, for example: 3=ppo1 4=ppo3")
+  prefs.profibus_user0 = Pref.bool("PROFIBUS in USER0", false,
+    "Frames of the link type USER0 (147) are PROFIBUS once one of them proves it; others go to the dissector "
+    .. "that had them before, the one under DLT_USER among them")
   prefs.every_cyclic = Pref.bool("Look at every frame of a cyclic channel", false,
     "Slow; for captures from which frames without news were left out")
   prefs.language = Pref.enum("Language of the texts", ENGLISH,
@@ -79,6 +82,11 @@ local function layouts(text)
     end
   end
   return by_device
+end
+
+--- Whether frames of USER0 may be PROFIBUS.
+function M.takes_user0(proto)
+  return proto.prefs.profibus_user0
 end
 
 --- The preferences as they are now: the options of `ds47.analysis`, and the language of the texts.

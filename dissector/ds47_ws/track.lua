@@ -6,13 +6,18 @@
 -- Not here: fields and trees (tree.lua), and the analysis itself (ds47.analysis).
 
 local analysis = require("ds47.analysis")
+local bus = require("ds47.profibus.bus")
+local dp = require("ds47.profibus.dp")
 local drives = require("ds47_ws.drives")
 local frame_clock = require("ds47_ws.clock")
 local entries = require("ds47.support.later").entries
 local parameter = require("ds47.profidrive.parameter")
 local pkw = require("ds47.cyclic.transactions")
 local plc = require("ds47.report.plc")
+local profibus = require("ds47.report.profibus")
 local rpc = require("ds47.profinet.rpc")
+local source_on_bus = require("ds47.cyclic.ppo").source
+local telegram = require("ds47.profibus.telegram")
 local transactions = require("ds47.acyclic.transactions")
 
 local byte, find, format, sub = string.byte, string.find, string.format, string.sub
@@ -25,6 +30,9 @@ local RPC_HEADER = rpc.HEADER_LENGTH
 local RPC_NODE, INTERFACE_END = rpc.NODE, rpc.INTERFACE_END
 local MOST_WAITING = 4096 -- frames that name stations and are not given to the analysis yet
 local MOST_TEXTS = 4096
+-- Frames that wait for one that proves that they are PROFIBUS, and bytes of each: no frame has more.
+local MOST_UNPROVEN, LONGEST_ON_BUS = 4096, 300
+local NO_FRAME_ID = 0 -- frames of PROFIBUS have stations alone
 local NONE = {}
 
 local options -- a function that gives the options of a new analysis
@@ -35,6 +43,8 @@ local known_relations -- how many there are in cyclic frames
 local stations -- what names stations and waits
 local newest_station -- number of the newest frame of those
 local told -- MAC address and kind -> what was told last
+local bus_from -- number of the first frame of PROFIBUS that counts; nil while nothing proves one
+local unproven -- those before it
 
 -- Texts of addresses, by their bytes: a capture has few of them.
 local mac_texts = entries(function(raw)
@@ -59,6 +69,7 @@ function M.reset()
   M.watching = false -- whether there are cyclic frames that are looked at
   M.has_drives = false -- whether there may be drives in them
   stations, newest_station, told = {}, 0, {}
+  bus_from, unproven = nil, {}
 end
 
 M.reset()
@@ -255,6 +266,52 @@ function M.feed(number, frame, offset, clock, length)
   return true
 end
 
+-- A frame that may be one of PROFIBUS waits until one proves it; of too many the older ones are forgotten.
+local function keep_unproven(number, data, time_ns, cut)
+  if #unproven >= MOST_UNPROVEN then
+    unproven = {}
+  end
+  unproven[#unproven + 1] = { number, sub(data, 1, LONGEST_ON_BUS), time_ns, cut }
+end
+
+-- A frame proves that it is PROFIBUS, and so are those that wait.
+local function begin_bus(live, number, link_type)
+  bus_from = unproven[1] and unproven[1][1] or number
+  for _, each in ipairs(unproven) do
+    live:bus_frame(link_type, each[2], each[1], each[3], each[4])
+  end
+  unproven = {}
+end
+
+--- Feeds a frame of a link type that carries PROFIBUS. Of LINKTYPE_PROFIBUS_DL, which Wireshark does not tell
+-- from others that it does not know, all frames count as soon as one proves that it is; of USER0 those from
+-- that one on (docs/profibus.md).
+-- @param link_type as profibus/bus.lua has it
+-- @param clock, length  as `feed` takes them
+-- @return what telegram.lua decoded; nil of a frame that is none, as far as one knows
+function M.feed_bus(number, data, link_type, clock, length)
+  local live, cut = the_analysis(), length > #data
+  last = number
+  if not bus_from then
+    if not bus.proves(telegram.decode(data)) then
+      if link_type == bus.PROFIBUS_DL then
+        keep_unproven(number, data, clock(live), cut)
+      end
+      return nil
+    end
+    begin_bus(live, number, link_type)
+  end
+  complete = nil
+  local item = live:bus_frame(link_type, data, number, clock(live), cut)
+  note_relations(live.cyclic.all)
+  return item
+end
+
+--- A frame of PROFIBUS that was fed already, decoded; nil of one that is none.
+function M.bus_frame(number, data)
+  return bus_from and number >= bus_from and telegram.decode(data) or nil
+end
+
 local news, news_row, news_at -- the cyclic frame that is news, and where its channels are
 
 --- Whether a cyclic frame is looked at, because words in it are not those of the frame before it or it is the
@@ -374,21 +431,38 @@ local function pkw_view(item, role, is_complete)
   return setmetatable({ role = role, item = item, complete = is_complete }, PKW)
 end
 
---- The same of the cyclic frame that was fed last, and what happened to drives: an array of its own.
-function M.live_cyclic_views(seen)
-  local views, findings = {}, {}
-  local events = M.has_drives and current:cyclic_events() or NONE
+local function append(list, more)
+  for number = 1, #more do
+    list[#list + 1] = more[number]
+  end
+end
+
+-- Adds what the words in the frame that was fed last say; gives what happened to drives.
+local function add_cyclic(views, findings, seen)
   for _, each in ipairs(current:cyclic_touched()) do
     if seen then
       views[#views + 1] = pkw_view(each.item, each.role, false)
     end
-    for _, finding in ipairs(each.findings) do
-      findings[#findings + 1] = finding
-    end
+    append(findings, each.findings)
   end
-  for _, finding in ipairs(current:findings_at(last)) do
-    findings[#findings + 1] = finding
-  end
+  return M.has_drives and current:cyclic_events() or NONE
+end
+
+--- The same of the cyclic frame that was fed last, and what happened to drives: an array of its own.
+function M.live_cyclic_views(seen)
+  local views, findings = {}, {}
+  local events = add_cyclic(views, findings, seen)
+  append(findings, current:findings_at(last))
+  return views, findings, events
+end
+
+--- The same of a frame of PROFIBUS, which may have records or words.
+function M.live_bus_views(seen)
+  local views, findings = {}, {}
+  local records, known = M.live_views(seen)
+  append(views, records)
+  local events = add_cyclic(views, findings, seen)
+  append(findings, known)
   return views, findings, events
 end
 
@@ -500,13 +574,30 @@ function M.complete_views(number)
   return views, findings or NONE, events or NONE
 end
 
+--- Where the words of a cyclic frame stand: {at (where its data begins), source and frame_id (which its
+-- relations have)}, nil where it is too short. There may be a VLAN tag.
+function M.cyclic_place(frame)
+  local at = sub(frame, 13, 14) == "\x81\x00" and 20 or 16
+  local id = u16(frame, at - 2)
+  return id and { at = at, source = sub(frame, 7, 12), frame_id = id } or nil
+end
+
+--- The same of a frame of PROFIBUS: nil where it is none of data exchange.
+-- @param item what telegram.lua decoded
+function M.bus_place(item)
+  if item.flaws[1] or dp.service(item) ~= "exchange" then
+    return nil
+  end
+  return { at = profibus.data_start(item), source = source_on_bus(item.sa, item.da), frame_id = NO_FRAME_ID }
+end
+
 --- Where words of PKW stand in a cyclic frame, changed or not: array of {offset of the eight bytes, answer,
 -- layout}. None of a relation that is not proven yet.
-function M.standing(number, frame)
-  local found, at = {}, M.cyclic_data(frame)
-  local source, id = sub(frame, 7, 12), u16(frame, at - 2)
-  for _, each in ipairs(id and current.cyclic:ends_in(number, source, id) or NONE) do
-    local offset = at + each.side.offset
+-- @param place as `cyclic_place` gives it
+function M.standing(number, frame, place)
+  local found = {}
+  for _, each in ipairs(current.cyclic:ends_in(number, place.source, place.frame_id)) do
+    local offset = place.at + each.side.offset
     local relation = each.relation
     local shown = relation.channel == "pkw" and relation.certainty ~= "lengths"
     if shown and offset + each.side.length <= #frame then
@@ -518,20 +609,13 @@ function M.standing(number, frame)
 end
 
 --- The words of drives in a cyclic frame, changed or not, as drives.lua gives them.
+-- @param place as `cyclic_place` gives it
 -- @param whole whether all frames were fed, and the complete result tells
-function M.words(number, frame, whole)
-  local at = M.cyclic_data(frame)
-  if #frame < at then
-    return NONE
-  elseif whole then
-    return drives.words(the_complete().drives, number, frame, at)
+function M.words(number, frame, place, whole)
+  if whole then
+    return drives.words(the_complete().drives, number, frame, place)
   end
-  return drives.live_words(current.cyclic, number, frame, at)
-end
-
---- Where the data of a cyclic frame begins, behind the frame id: there may be a VLAN tag.
-function M.cyclic_data(frame)
-  return sub(frame, 13, 14) == "\x81\x00" and 20 or 16
+  return drives.live_words(current.cyclic, number, frame, place)
 end
 
 -- The whole file

@@ -414,14 +414,14 @@ local function state_is_certain(view)
     or (item.write_status ~= nil and item.write_status ~= 0)
 end
 
-local CHANNEL = { "controller", "device", "ar", "api", "slot", "subslot", "index" }
+local CHANNEL = { "controller", "device", "station", "ar", "api", "slot", "subslot", "index" }
 local OF_TRANSACTION = {
   "transaction", "channel", "operation", "state", "cycles", "request_reference", "axis", "polls", "start",
   "duration_ms",
   "bytes.request", "bytes.response", "status.write", "status.read", "plc", "frames.write_request",
   "frames.write_response", "frames.read_request", "frames.read_response", "frames.poll.request",
-  "frames.poll.response", "frames.reread.request", "frames.reread.response", "controller", "device", "ar",
-  "api", "slot", "subslot", "index",
+  "frames.poll.response", "frames.reread.request", "frames.reread.response", "controller", "device",
+  "station", "ar", "api", "slot", "subslot", "index",
 }
 local HALVES = {
   "frames.write_request", "frames.write_response", "frames.read_request", "frames.read_response",

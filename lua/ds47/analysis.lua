@@ -151,7 +151,7 @@ end
 --- Takes one whole UDP datagram: {payload, frame, time_ns, src_ip, dst_ip, ip_id, src_mac, cut}, see rpc.lua.
 -- The table is not kept.
 function Analysis:packet(packet)
-  self.result, self.last_call = nil, nil
+  self.result, self.last_call, self.ms1.newest = nil, nil, nil
   self.last_frame = packet.frame
   self.pairing.touched_count = 0
   local pdu = rpc.parse(packet)
@@ -170,7 +170,7 @@ end
 
 --- Takes one IP fragment: {frame, time_ns, src_ip, dst_ip, ip_id, offset, more, data, cut}, see ip.lua.
 function Analysis:fragment(fragment)
-  self.result, self.last_call = nil, nil
+  self.result, self.last_call, self.ms1.newest = nil, nil, nil
   self.last_frame = fragment.frame
   self.pairing.touched_count = 0
   local packet = self.reassembly:feed(fragment)
@@ -204,7 +204,7 @@ end
 -- @param row, at as `cyclic_news` gives them
 -- @param number, time_ns  of the frame
 function Analysis:cyclic_frame(row, frame, at, number, time_ns)
-  self.result, self.last_call = nil, nil
+  self.result, self.last_call, self.ms1.newest = nil, nil, nil
   self.last_frame = number
   self.pairing.touched_count = 0
   self.cyclic:frame(row, frame, at, number, time_ns)
@@ -214,11 +214,12 @@ end
 -- @param link_type  one of those that profibus/bus.lua knows
 -- @param number, time_ns  of the frame
 -- @param cut  true: the recording has not all of it
+-- @return the frame as profibus/telegram.lua decodes it; nil where nothing proves that it is one
 function Analysis:bus_frame(link_type, data, number, time_ns, cut)
-  self.result, self.last_call = nil, nil
+  self.result, self.last_call, self.ms1.newest = nil, nil, nil
   self.last_frame = number
   self.pairing.touched_count = 0
-  self.bus:take(link_type, data, number, time_ns, cut)
+  return self.bus:take(link_type, data, number, time_ns, cut)
 end
 
 --- Takes what names a station: the payload of a DCP ("dcp", from the frame id on) or LLDP ("lldp") frame.
@@ -242,6 +243,20 @@ local function tell_touched(count, job, role)
   entry.job, entry.role = job, role
 end
 
+-- The records that the last packet asks for, and who asks.
+local function asked_last(self)
+  local service = self.ms1.newest
+  if service then
+    return {service.record}, ms1calls.peer(service.master, service.station)
+  end
+  local call = self.last_call
+  local context = call and call.response == nil and call.context
+  if not context then
+    return NONE
+  end
+  return context.records, recordcalls.peer(call.request)
+end
+
 --- The jobs that the last packet touched: array of {job, role}; role is one of "write_request",
 -- "write_response", "read_request", "read_response", "poll", "reread", "empty_read".
 -- @return the array, and how many of it count; both only until this is called again
@@ -253,12 +268,7 @@ function Analysis:touched()
       tell_touched(count, live.touched_jobs[number], live.touched_roles[number])
     end
   end
-  local call = self.last_call
-  local context = call and call.response == nil and call.context
-  if not context then
-    return touched, count
-  end
-  local list, peer = context.records, recordcalls.peer(call.request)
+  local list, peer = asked_last(self)
   for number = 1, #list do
     local record = list[number]
     local job = not record.write and self:_is_ours(peer, record) and live:expected(peer, record)

@@ -38,7 +38,7 @@ from ds47.findings.collection import Findings
 from ds47.findings.remark import Exchange, Remark
 from ds47.model import CHANNELS, DS47, PKW, PZD, CaptureResult, Finding, Transaction
 from ds47.model import Relation as ToldRelation
-from ds47.profibus.bus import LINK_TYPES, Bus
+from ds47.profibus.bus import LINK_TYPES, Bus, Listener
 from ds47.profibus.judge import Judge as BusJudge
 from ds47.profibus.stations import Stations
 from ds47.profidrive import Options, decode_response
@@ -223,9 +223,10 @@ class Analysis:
         self._ms1 = Ms1Calls(self._events, self._diagnoses.foreign, self._bus_judge, self._remark)
         self._services = ServiceTracker(self._ms1.handlers())
         self._start_ups = StartUps(self._pairing.connected)
+        ppo = Ppo(self._cyclic, dict(options.ppos))
         listeners = (
-            self._bus_stations.take, self._start_ups.take, self._services.take,
-            Ppo(self._cyclic, dict(options.ppos)).take,
+            Listener(self._bus_stations.take), Listener(self._start_ups.take, StartUps.SERVICES),
+            Listener(self._services.take, ServiceTracker.SERVICES), Listener(ppo.take, Ppo.SERVICES),
         )  # fmt: skip
         self._bus = Bus(listeners, self._bus_stations.frame)
         self._answers: dict[Job, list[Remark]] = {}
@@ -290,10 +291,9 @@ class Analysis:
     def _frames(self, frames: Iterable[Frame]) -> None:
         for frame in frames:
             if frame.link_type in LINK_TYPES:
-                self._bus.take(
-                    frame.link_type, frame.data, frame.number, frame.time_ns,
-                    cut=len(frame.data) < frame.original_length,
-                )  # fmt: skip
+                data = frame.data
+                cut = len(data) < frame.original_length
+                self._bus.take(frame.link_type, data, frame.number, frame.time_ns, cut)
             else:
                 self._transport.take_frame(frame)
 

@@ -553,7 +553,7 @@ class BusStation(NamedTuple):
     """To it, repetitions and FDL_Status without an answer aside;"""
     unanswered: int
     damaged: int
-    """answers in whose place there is a damaged frame;"""
+    """damaged frames in the place of answers;"""
     retries: int
     exchanges: int
     """data exchanges."""

@@ -94,12 +94,12 @@ class Turn:
     """The same request again, before an answer."""
     again: bool = False
     """It repeats a turn that has its answer."""
-    broken: int = 0
-    """The first damaged frame behind it."""
+    broken: list[int] = field(default_factory=list)
+    """The damaged frames behind it, in the place of its answer."""
     cut: bool = False
     """Behind it stands a frame that the recording has not all of, which may be its answer."""
     last: bool = False
-    """The recording ends before an answer."""
+    """The recording ends before an answer, and before a token, behind which nobody waits for one."""
 
     @property
     def silent(self) -> bool:
@@ -260,24 +260,25 @@ def _turns(found: Line) -> None:
 
 
 def _look_ahead(turn: Turn, later: list[Heard], taken: set[int], waited: set[int]) -> None:
+    passed = False
     for before, each in pairwise([turn.asked, *later]):
         waited.add(each.number)
-        if each.damage == "cut":
-            turn.cut = True
-        elif each.damage:
-            turn.broken = turn.broken or each.number
+        if each.damage:
+            turn.cut |= each.damage == "cut" and not passed
+            turn.broken += [each.number] * (each.damage != "cut" and not passed)
         elif each.token:
-            continue
+            passed = True
         elif each.asks:
             at_once = before.data == each.data  # directly behind itself FCV does not matter
             if each.data != turn.asked.data or not (turn.asked.counts or at_once):
                 return
+            passed = False
             turn.repeats.append(each)
             taken.add(each.number)
         elif each.short or _is_answer(turn.asked, each):
             turn.answer = each
             return
-    turn.last = True
+    turn.last = not passed
 
 
 def _is_answer(asked: Heard, told: Heard) -> bool:

@@ -87,7 +87,7 @@ def _drives(body: str, reading: Reading) -> Iterator[str]:
         [_plain(cell) for cell in _CELL.findall(row)]
         for row in _ROW.findall(body[start : body.find("</table>", start)])
     ]  # fmt: skip
-    if not rows or not rows[0] or rows[0][0] != "IP address":
+    if not rows or not rows[0] or rows[0][0] != "Address":
         return
     for row in rows[1:]:
         missing = answered_wrongly(reading, row[0])
@@ -126,6 +126,8 @@ def _problem(text: str) -> Headline | None:
         item.wide = int((times[2] or times[1]).replace(",", ""))
     item.filters = [_plain(code[1])]
     item.job = int(job[1]) if job else None
+    state = re.search(r'<p class="state">(.*?)</p>', text, re.DOTALL)
+    item.state = _plain(state[1]) if state else ""
     return item
 
 

@@ -34,6 +34,10 @@ _REST = re.compile(
     r"^  (DS\d{3}) [a-z0-9-]+: ([\d,]+) more causes? of this kind, ([\d,]+) times? in all$"
 )
 _LOOK = re.compile(r"^look at frame (\d+)(?:.*?)(?: \(#(\d+)\))?: (frame\.number.*)$")
+_STATE = "the status word of the drive (#"
+_OF_STATE = ("DS530", "DS531")
+_PARTS = re.compile(r"->|instead of|send instead|these respond|look at")
+"""How lines begin that are neither words nor status word."""
 _DEVICE = re.compile(r"^(\d+\.\d+\.\d+\.\d+|dp\d+): ")
 _MORE = re.compile(r"^(.*?)\s+\(and (\d+) frames? more\)$")
 _PNU = re.compile(r"\bp(\d+|\?)(?:\[(\d+)(?:\.\.(\d+))?\])?")
@@ -273,32 +277,33 @@ class Headline:
     more: int = 0
     device: str | None = None
     """The device in front of its words."""
+    state: str = ""
+    """What is said of the status word of the drive."""
 
 
 def headlines(lines: list[str]) -> list[Headline]:
     """The entries of "What to do", lines put together again."""
     found: list[Headline] = []
-    head = False
+    part = ""
     for line in lines:
         text = line.strip()
         start = _HEAD.match(text) if line.startswith("  DS") else None
         if start:
             found.append(Headline(start[1], start[2], start[4]))
-            head = True
+            part = "text"
             continue
         if not line.startswith("    ") or not found:
-            head = False
+            part = ""
             continue
         item = found[-1]
         look = _LOOK.match(text)
-        if (
-            head
-            and not look
-            and not re.match(r"->|instead of|send instead|these respond|look at", text)
-        ):
-            item.text += " " + text
+        if text.startswith(_STATE):
+            item.state, part = text, "state"
             continue
-        head = False
+        if part and not look and not _PARTS.match(text):
+            setattr(item, part, f"{getattr(item, part)} {text}")
+            continue
+        part = ""
         if look:
             item.frame, item.job = int(look[1]), int(look[2]) if look[2] else None
             more = _MORE.match(look[3])
@@ -350,7 +355,17 @@ def headline(item: Headline, reading: Reading) -> Iterator[str]:
         yield f"{item.times} times, and {len(mine)} findings are so: {item.text[:90]}"
     if item.job is not None and item.job not in {each.transaction for each in mine}:
         yield f"#{item.job} has no such finding"
+    yield from _state(item, mine, reading)
     yield from _answering(item, reading)
+
+
+def _state(item: Headline, mine: list[Finding], reading: Reading) -> Iterator[str]:
+    """What the status word says has to be said of the first of its transactions of which anything is."""
+    said = [(each.transaction, each.message) for each in reading.findings if each.rule in _OF_STATE]
+    of = {each.transaction for each in mine}
+    first = next((f"{_STATE}{job}): {message}" for job, message in said if job in of), "")
+    if item.state != first and (item.state or not item.more):
+        yield f"says {item.state!r} of the status word, where the findings say {first!r}"
 
 
 def _device(item: Headline, group: list[Finding], reading: Reading) -> Iterator[str]:

@@ -287,7 +287,7 @@ def _not_requested(finding: Finding, drive: Drive) -> Iterator[str]:
 
 def _stopped(finding: Finding, drive: Drive) -> Iterator[str]:
     before, now = drive.before(finding.frame, by_controller=True)
-    if not (before.stw1 or 0) & 0x400 or not (now.zsw1 or 0) & 4:
+    if not (before.stw1 or 0) & 0x400 or not (now.zsw1 or 0) & 4:  # its word may be newer
         yield "the drive did not run under control"
     if now.stw1 != (0 if finding.args["what"] == "pzd_zero" else None):
         yield f"the word is {now.stw1}"

@@ -53,8 +53,9 @@ class Station:
     def unanswered(self) -> list[Turn]:
         return [each for each in self.turns if not each.answer and not each.broken and not each.cut]
 
-    def damaged(self) -> list[Turn]:
-        return [each for each in self.turns if not each.answer and each.broken]
+    def damaged(self) -> list[int]:
+        """Frames in the place of answers; the request may have one after it was repeated."""
+        return [frame for each in self.turns for frame in each.broken]
 
     def repeats(self) -> list[int]:
         """The frames that repeat a request."""

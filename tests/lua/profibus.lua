@@ -1,6 +1,6 @@
 -- Decodes frames of PROFIBUS, one in hexadecimal digits a line from stdin, and writes each as a line of JSON
--- as the analyzer has it, with the words of its flaws in Chinese; the other side is
--- tests/python/test_profibus.py.
+-- as the analyzer has it, with the words of its flaws in Chinese, and with all its words in both languages;
+-- the other side is tests/python/test_profibus.py.
 
 local here = arg[0]:match("^(.*)[/\\]") or "."
 package.path = here .. "/../../lua/?.lua;" .. package.path
@@ -9,6 +9,7 @@ local dp = require("ds47.profibus.dp")
 local json = require("ds47.support.json")
 local ms1 = require("ds47.profibus.ms1")
 local reader = require("ds47.support.bytes")
+local shown = require("ds47.report.profibus")
 local statuses = require("ds47.spec.statuses")
 local telegram = require("ds47.profibus.telegram")
 local words = require("ds47.spec.profibus")
@@ -105,6 +106,14 @@ local function message(item, service)
   }
 end
 
+-- What stands at which byte, what is told beside that, and all of it in one line.
+local function in_words(item, lang)
+  return {
+    lines = mapped(shown.lines(item, lang), function(line) return json.array(line) end),
+    beside = json.array(shown.beside(item, lang)), summary = shown.summary(item, lang),
+  }
+end
+
 local function document(item)
   local service, found = dp.service(item), dp.decode(item)
   return {
@@ -115,7 +124,7 @@ local function document(item)
     dsap = or_null(item.dsap), ssap = or_null(item.ssap), du = reader.hex(item.du), fcs = or_null(item.fcs),
     service = service and words.service_text(service) or json.null,
     flaws = flaws(item.flaws), dp = found and content[found.kind](found) or json.null,
-    ms1 = message(item, service),
+    ms1 = message(item, service), en = in_words(item, "en"), zh = in_words(item, "zh"),
   }
 end
 

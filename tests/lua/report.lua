@@ -59,21 +59,23 @@ local function with_source(side, receiver)
   end
 end
 
--- Messages are bytes in a result, and hexadecimal digits in JSON; arguments keep the point of a float.
-local function bytes_of(text)
-  return (text:gsub("%x%x", function(digits) return string.char(tonumber(digits, 16)) end))
+local function unhex(digits)
+  return (digits:gsub("%x%x", function(pair)
+    return string.char(tonumber(pair, 16))
+  end))
 end
 
+-- Messages and blocks of diagnosis are bytes in a result, and hexadecimal digits in JSON; arguments keep the
+-- point of a float.
 local function as_result(result)
   for _, each in ipairs(result.transactions) do
     for _, key in ipairs({"request", "response"}) do
-      each[key] = each[key] and bytes_of(each[key])
+      each[key] = each[key] and unhex(each[key])
     end
   end
   for _, each in ipairs(result.bus and result.bus.stations or {}) do
-    for number, block in ipairs(each.diagnosis and each.diagnosis.blocks or {}) do
-      each.diagnosis.blocks[number] = bytes_of(block)
-    end
+    local blocks = each.diagnosis and each.diagnosis.blocks or {}
+    for number, block in ipairs(blocks) do blocks[number] = unhex(block) end
   end
   for _, each in ipairs(result.relations or {}) do
     with_source(each.output, each.input)

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from frames import whole_frames
+from of_profibus import of_ethernet
 
 from ds47.analysis import analyze
 from ds47.capture import Interface, PcapngWriter, WholeFrame, open_capture
@@ -29,7 +30,8 @@ from ds47.model import CaptureResult, Transaction
 from ds47.profinet.traces import Piece, Trace
 
 CAPTURES = Path(__file__).resolve().parents[2] / "captures"
-EVERY = sorted(CAPTURES.rglob("*.pcapng"))
+EVERY = of_ethernet(sorted(CAPTURES.rglob("*.pcapng")))
+"""Of Ethernet: frames of PROFIBUS are not anonymised (test_profibus_export.py)."""
 TSHARK_CHECKSUMS = ("-o", "ip.check_checksum:TRUE", "-o", "udp.check_checksum:TRUE")
 GOOD = "ip.checksum.status == 1 && udp.checksum.status == 1"
 

@@ -31,12 +31,15 @@ from tests.audit.memory import MAYBE, NEVER, SURE, Memory, Target
 from tests.audit.reading import Finding, Reading
 from tests.audit.seeds import Plan
 
+from ds47.lab import captured
 from ds47.spec import rules
 
 ROOT = Path(__file__).parents[2]
 SHARED = ROOT.parent / "shared" / "captures"
 STORED = sorted(
-    path for path in [*ROOT.glob("captures/*.pcap*"), *ROOT.glob("captures/real-stacks/*.pcapng")]
+    path
+    for folder in ("captures", "captures/real-stacks", "captures/profibus")
+    for path in (ROOT / folder).glob("*.pcap*")
 )
 OTHERS = sorted(SHARED.rglob("*.pcap*")) if SHARED.is_dir() else []
 HEAVY = ("reverse-3000.pcap.gz", "ipfrag-silent.pcap")
@@ -57,7 +60,7 @@ def lines_of_profibus() -> list[Path]:
     """A line with every trouble that has a rule, and some by chance."""
     folder = Path(tempfile.mkdtemp(prefix="ds47-lines-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    (folder / "wrong.pcapng").write_bytes(everything_wrong().written())
+    (folder / "wrong.pcapng").write_bytes(captured(everything_wrong().stage))
     planned = [each for each in many.planned(60, 3) if isinstance(each, lines.Plan)]
     for number, plan in enumerate(planned):
         lines.play(plan).tape.write(folder / f"line-{number}.pcap")
@@ -239,6 +242,16 @@ def test_a_false_word_of_the_text_is_noticed(was: str, becomes: str) -> None:
     lie.text = item.text.replace(was, becomes, 1)
     before = Counter(map(str, run.complaints(item)))
     assert Counter(map(str, run.complaints(lie))) - before
+
+
+@pytest.mark.parametrize("kind", ["text", "page"])
+def test_a_false_word_of_the_status_word_is_noticed(kind: str) -> None:
+    item = read(ROOT / "captures/cyclic-changed-after-off1.pcapng")
+    lie, told = copy.copy(item), getattr(item, kind)
+    start = told.index("the status word of the drive (#1)")
+    setattr(lie, kind, told[:start] + told[start:].replace("since frame 40", "since frame 41", 1))
+    assert not list(run.complaints(item))
+    assert list(run.complaints(lie))
 
 
 @pytest.mark.slow

@@ -539,6 +539,18 @@ def test_lab_without_scapy_is_one_clear_line(capsys, monkeypatch):
     assert err == "Error: the lab needs scapy: pip install scapy\n"
 
 
+def test_lab_writes_logs_of_profibus(capsys, tmp_path):
+    pytest.importorskip("scapy")
+    name = "profibus-repeated"
+    assert run(capsys, "lab", "write", "--log", tmp_path, name)[1] == f"{tmp_path / name}.txt\n"
+    status, out, _ = run(capsys, "report", tmp_path / f"{name}.txt")
+    assert status == 0
+    assert "DS803" in out
+    status, _, err = run(capsys, "lab", "write", "--log", tmp_path, "seed-dcm-read")
+    assert status == 2
+    assert "PROFIBUS" in err
+
+
 def test_lab_writes_and_report_reads(capsys, tmp_path):
     pytest.importorskip("scapy")
     _, listed, _ = run(capsys, "lab", "list")

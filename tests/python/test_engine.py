@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import test_profibus_bus
 import troubles
 from fake_tshark import real_tshark
-from test_profibus_calls import WRITE, Talk
 
 from ds47 import spec
 from ds47.analysis import AnalysisOptions, analyze
@@ -26,7 +26,7 @@ from ds47.capture.scan import ETHERNET, SLL, SLL2
 from ds47.capture.writer import PcapngWriter
 from ds47.cyclic.named import parse
 from ds47.model import CaptureResult, Finding, Transaction
-from ds47.profibus.bus import PROFIBUS_DL
+from ds47.profibus.bus import PROFIBUS_DL, USER0
 from ds47.profidrive import Options
 from ds47.report import contract, load
 from ds47.report import json as report
@@ -281,18 +281,44 @@ def test_a_clock_that_is_set_by_decades(ready: Callable[..., Engine], tmp_path: 
     assert as_json(ready().analyze(moved)) == as_json(native)  # not one DS601
 
 
-def test_profibus_is_not_compared(ready: Callable[..., Engine], tmp_path: Path) -> None:
+@pytest.mark.parametrize("link_type", [PROFIBUS_DL, USER0])
+def test_profibus(link_type: int, ready: Callable[..., Engine], tmp_path: Path) -> None:
     path = tmp_path / "bus.pcapng"
-    talk = Talk().ask(WRITE).answer().ask("").answer("5f002f0a")
+    wire = test_profibus_bus.everything_wrong()
+    with PcapngWriter(path, link_type=link_type) as writer:
+        for shot in wire.stage.shots:
+            writer.write(shot.time_ns, shot.data)
+    native = analyze(path)
+    assert {each.station for each in native.transactions} == {3}
+    assert sum(each.rule.startswith("DS8") for each in native.findings) > 10
+    assert as_json(ready("tshark").analyze(path)) == as_json(native)
+    assert as_json(ready("both").analyze(path)) == as_json(native)  # not one DS601
+
+
+def test_damaged_frames_alone(ready: Callable[..., Engine], tmp_path: Path) -> None:
+    """The plugin shows no frame where none proves that it is one: what is said of them is the analyzer's."""
+    path = tmp_path / "bus.pcapng"
     with PcapngWriter(path, link_type=PROFIBUS_DL) as writer:
-        for number, data in enumerate(talk.frames):
+        for number, data in enumerate(
+            (b"\xe5", b"\x10\2\3\x49\0\x16", b"\x10\2", b"\x10\2\3\x49\0\x16")
+        ):
             writer.write(number, data)
-    with pytest.raises(CaptureError, match="does not know frames of PROFIBUS: use --engine native"):
-        ready("tshark").analyze(path)
-    both = ready("both").analyze(path)
-    (said,) = [each for each in both.findings if each.rule == "DS601"]
-    assert "not compared, the plugin does not know frames of PROFIBUS" in sentence(said)
-    assert len(both.transactions) == 1
+    native = analyze(path)
+    assert {each.rule for each in native.findings} == {"DS801", "DS802"}
+    assert as_json(ready("tshark").analyze(path)) == as_json(native)
+    assert as_json(ready("both").analyze(path)) == as_json(native)
+
+
+def test_a_log_of_profibus(ready: Callable[..., Engine], tmp_path: Path) -> None:
+    """A text: its frames go through tshark as those of a capture do."""
+    path = tmp_path / "bus.txt"
+    path.write_text(
+        "".join(f"{shot.data.hex()}\n" for shot in test_profibus_bus.running().stage.shots)
+    )
+    native = analyze(path)
+    assert native.bus is not None
+    assert as_json(ready("both").analyze(path)) == as_json(native)
+    assert as_json(ready("tshark").analyze(path)) == as_json(native)
 
 
 def test_a_single_time_before_1970(ready: Callable[..., Engine], tmp_path: Path) -> None:

@@ -29,6 +29,7 @@ from test_cyclic_scenes import SCENES
 from tests.audit import seeds
 from whole_capture import of_transactions
 
+from ds47 import lab
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import Frame, open_capture
 from ds47.capture.scan import (
@@ -344,6 +345,7 @@ def test_ppo_gives_the_same_result(version: str, tmp_path: Path) -> None:
         if content is not None:
             sources.append(Source(name, content, number % 9 == 0 and len(content) < SMALL))
     assert len(sources) > 30
+    sources.append(Source("long", test_profibus_ppo.long_line(), look=False))
     compare(version, "en", sources, tmp_path)
     running = [Source("running", test_profibus_ppo.running(), look=True)]
     for ppos in ((), ((3, 1),), ((3, 2),), ((3, 4), (5, 1))):
@@ -356,8 +358,13 @@ def test_lines_of_profibus_give_the_same_result(version: str, tmp_path: Path) ->
     lines = [test_profibus_bus.everything_wrong()]
     lines += [test_profibus_bus.by_chance(seed)[0] for seed in range(100, 140)]
     sources = [
-        Source(f"line {number}", line.written(), number % 5 == 0)
+        Source(f"line {number}", lab.captured(line.stage), number % 5 == 0)
         for number, line in enumerate(lines)
+    ]
+    sources += [
+        Source(name, lab.captured(scene.play()), False)
+        for name, scene in lab.everything().items()
+        if name.startswith("profibus-")
     ]
     compare(version, "en", sources, tmp_path)
     compare(version, "zh", sources[:1], tmp_path)

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from test_cyclic_scenes import SCENES, WORDS, capture, operated, written
+from test_cyclic_scenes import SCENES, WORDS, capture, operated
 from test_lua_analysis import VERSIONS, Source, compare
 
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.cyclic import named
+from ds47.lab import captured
 from ds47.lab.cyclic import INPUT, OUTPUT
 from ds47.lab.cyclic_stories import BOOK
 
@@ -61,7 +62,7 @@ def by_chance(seed: int) -> Source:
     steps = [chance.choice(CHANCES) for _ in range(chance.randint(1, 14))]
     told = [(step, chance.choice(what)) for step, what in steps]
     stage = operated(told, chance.choice(WORDS), chance.choice((353, 352, 1)))
-    return Source(f"seed {seed}", written(stage), False)
+    return Source(f"seed {seed}", captured(stage), False)
 
 
 @pytest.mark.slow

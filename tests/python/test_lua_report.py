@@ -28,8 +28,9 @@ from ds47 import spec
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.cyclic.named import parse
 from ds47.findings import grouping
+from ds47.lab import captured
 from ds47.model import (
-    BusStation,
+    Bus,
     CaptureResult,
     Device,
     Diagnosis,
@@ -75,7 +76,7 @@ def results(captures: Path) -> list[CaptureResult]:
         result = analyze(path)
         result.path = path.name
         found.append(result)
-    line = analyze(io.BytesIO(everything_wrong().written()))
+    line = analyze(io.BytesIO(captured(everything_wrong().stage)))
     line.path = "line.pcapng"
     return [*found, line]
 
@@ -95,14 +96,13 @@ def as_lua(result: CaptureResult) -> dict[str, Any]:
     for each, told in zip(item["relations"], result.relations, strict=True):
         each["output"] = told.output._asdict()
         each["input"] = told.input._asdict() | {"cycle_ns": round((told.cycle_ms or 0) * 1e6)}
+    item["bus"] = None if result.bus is None else bus_as_lua(result.bus)
     item["start_time"] = (result.start_ns or 0) - base * 10**9
     for each, shown in zip(item["timelines"], result.timelines, strict=True):
         each["left_out"] = each["events_left_out"]
         each["events"] = [
             event._asdict() | {"time": event.time_ns - base * 10**9} for event in shown.events
         ]
-    if result.bus is not None:
-        item["bus"]["stations"] = [station_as_lua(each) for each in result.bus.stations]
     for each in item["diagnoses"]:
         del each["corrected"]  # the analyzer alone has them
     for each in (*item["findings"], *item["diagnoses"]):
@@ -111,15 +111,19 @@ def as_lua(result: CaptureResult) -> dict[str, Any]:
     return item
 
 
-def station_as_lua(station: BusStation) -> dict[str, Any]:
-    """A station of PROFIBUS; its blocks of extended diagnosis as digits."""
-    item, told = station._asdict(), station.diagnosis
-    for name in ("cycle", "answer"):
-        if item[name] is not None:
-            item[name] = dict(zip(("least", "mean", "most"), item[name], strict=True))
-    if told is not None:
-        item["diagnosis"] = told._asdict() | {"blocks": [each.hex() for each in told.blocks]}
-    return item
+def bus_as_lua(bus: Bus) -> dict[str, Any]:
+    """The stations with tables in place of tuples, and blocks as hexadecimal digits."""
+    stations = []
+    for each in bus.stations:
+        told, diagnosis = each._asdict(), each.diagnosis
+        for key in ("cycle", "answer"):
+            if told[key] is not None:
+                told[key] = dict(zip(("least", "mean", "most"), told[key], strict=True))
+        if diagnosis is not None:
+            blocks = [block.hex() for block in diagnosis.blocks]
+            told["diagnosis"] = diagnosis._asdict() | {"blocks": blocks}
+        stations.append(told)
+    return dataclasses.asdict(bus) | {"stations": stations}
 
 
 def with_points(value: Any) -> Any:

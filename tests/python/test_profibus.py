@@ -21,6 +21,7 @@ from lua_program import LUAS, lua_program
 from ds47.cyclic import pzd
 from ds47.profibus import dp, ms1, telegram
 from ds47.report import profibus as shown
+from ds47.report.bilingual import LANGUAGES
 from ds47.spec import profibus as spec
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -87,7 +88,8 @@ def test_a_frame(
 
 
 def test_a_token_and_a_short_acknowledgement() -> None:
-    assert frame(SHORT) == telegram.Telegram("SC", b"\xe5")
+    item = frame(SHORT)
+    assert (item.kind, item.data, item.da, item.fc, item.flaws) == ("SC", b"\xe5", None, None, ())
     item = frame("dc0502")
     assert (item.kind, item.da, item.sa, item.fc, item.flaws) == ("SD4", 5, 2, None, ())
 
@@ -494,7 +496,15 @@ def python_says(data: bytes) -> dict[str, Any]:
             found.flaws if found else (), place["flaws"] if place else (), strict=True
         ):
             document["zh"] = spec.flaw_text(flaw.kind, flaw.args, "zh")
-    return told
+    return told | {lang: in_words(item, lang) for lang in LANGUAGES}
+
+
+def in_words(item: telegram.Telegram, lang: str) -> dict[str, Any]:
+    """What stands at which byte, and what is told beside that."""
+    return {
+        "lines": [[offset, text.text(lang)] for offset, text in shown.lines(item)],
+        "beside": [text.text(lang) for text in shown.beside(item)],
+    }
 
 
 def asked(shared_vectors: list[str]) -> Iterator[bytes]:
@@ -548,4 +558,6 @@ def test_lua_says_the_same(lua: str) -> None:
     )  # fmt: skip
     assert result.returncode == 0, result.stderr.decode()
     for data, line in zip(frames, result.stdout.decode().splitlines(), strict=True):
-        assert json.loads(line) == python_says(data), data.hex()
+        told = json.loads(line)
+        assert all(told[lang].pop("summary") for lang in LANGUAGES)
+        assert told == python_says(data), data.hex()

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
-from dp_wire import Wire
 from test_profibus_calls import Talk
 
 from ds47.analysis import analyze
 from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
+from ds47.lab import captured
+from ds47.lab.fdl import RECORDS
+from ds47.lab.master import Master
 from ds47.model import Transaction
 from ds47.profibus import telegram
 from ds47.profibus.bus import PROFIBUS_DL, USER0
@@ -33,48 +34,35 @@ OTHER_RULES = {"DS103", "DS701", "DS712", "DS713", "DS718", "DS719", "DS720"}
 """About RPC; about lengths that MS1 cannot ask for; about the vendor, whom no frame of MS1 names."""
 
 
-@dataclass
-class Shot:
-    """A frame of PROFIBUS, and which one of PROFINET it stands for."""
-
-    time_ns: int
-    data: bytes
-    frame: int | None = None
-
-
-class Master:
-    """Asks a slave what a controller asked a device."""
+class Records:
+    """What a controller asked a device, asked by a master."""
 
     def __init__(self) -> None:
-        self.shots: list[Shot] = []
+        self.master = Master()
+        self.master.stage.gap_ns = 0
+        self.frames: dict[int, int] = {}
+        """Frames of PROFINET to those of PROFIBUS."""
         self.places: set[tuple[str, str, bytes, int]] = set()
         """Who asked whom, by which AR and subslot: PROFIBUS has but one of them."""
-        self._fcb = True
 
     def service(self, record: Record, ask: bytes, answer: bytes, polls: int = 1) -> None:
         """A request, short acknowledgement, empty polls, and the answer."""
-        asked, answered = record.request, record.response
+        asked, answered, stage = record.request, record.response, self.master.stage
         assert asked is not None
         assert answered is not None
-        self._ask(asked.time_ns, ask, asked.frame)
+        stage.now_ns = asked.time_ns
+        self.frames[asked.frame] = self.master.ask(STATION, ask.hex(), RECORDS, RECORDS)
         for _ in range(polls):
-            self.shots.append(Shot(asked.time_ns, SHORT))
-            self._ask(asked.time_ns, b"")
-        data = telegram.encode(MASTER, STATION, 0x08, answer, 51, 51)
-        self.shots.append(Shot(answered.time_ns, data, answered.frame))
-
-    def _ask(self, time_ns: int, du: bytes, frame: int | None = None) -> None:
-        self._fcb = not self._fcb
-        fc = 0x7D if self._fcb else 0x5D
-        data = telegram.encode(STATION, MASTER, fc, du, 51, 51)
-        self.shots.append(Shot(time_ns, data, frame))
+            self.master.short()
+            self.master.ask(STATION, "", RECORDS, RECORDS)
+        stage.now_ns = answered.time_ns
+        self.frames[answered.frame] = self.master.tell(STATION, answer.hex(), RECORDS, RECORDS)
 
     def write(self, path: Path, link_type: int = PROFIBUS_DL) -> dict[int, int]:
         """Frames of PROFINET to those of PROFIBUS."""
-        with PcapngWriter(path, link_type=link_type) as writer:
-            for shot in self.shots:
-                writer.write(shot.time_ns, shot.data)
-        return {each.frame: at for at, each in enumerate(self.shots, 1) if each.frame is not None}
+        self.master.stage.link = link_type
+        path.write_bytes(captured(self.master.stage))
+        return self.frames
 
 
 def calls(path: Path) -> list[Call]:
@@ -95,9 +83,9 @@ def calls(path: Path) -> list[Call]:
     return found
 
 
-def reframed(path: Path) -> Master | None:
+def reframed(path: Path) -> Records | None:
     """The same records by MS1; None where MS1 cannot carry them so."""
-    master, busy = Master(), 0
+    master, busy = Records(), 0
     for call in calls(path):
         if call.request.opnum in (rpc_ for rpc_ in range(10) if rpc_ not in (2, 3)):
             return None
@@ -114,7 +102,7 @@ def reframed(path: Path) -> Master | None:
             return None
         master.places.add((call.request.client, call.request.server, record.ar, record.subslot))
         master.service(record, *both)
-    return master if master.shots else None
+    return master if master.frames else None
 
 
 def framed(record: Record) -> tuple[bytes, bytes] | None:
@@ -235,9 +223,9 @@ ASKED, OTHERS = "5f002f0a01010101100103840000", "5f002f0a02010101100103850000"
 ANSWER = "5e002f080101010142010005"
 
 
-def on_a_line(*steps: tuple[str, str]) -> Wire:
+def on_a_line(*steps: tuple[str, str]) -> Master:
     """Services of MS1 after a start-up; what refuses one below MS1 is its code."""
-    wire = Wire()
+    wire = Master()
     wire.start(STATION)
     for asked, answer in steps:
         if len(answer) > 1:
@@ -249,9 +237,9 @@ def on_a_line(*steps: tuple[str, str]) -> Wire:
     return wire
 
 
-def reported(wire: Wire, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> str:
+def reported(wire: Master, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> str:
     path = tmp_path / "line.pcapng"
-    path.write_bytes(wire.written())
+    path.write_bytes(captured(wire.stage))
     main(["report", "--no-progress", "--plc", str(path)])
     return capsys.readouterr().out
 
@@ -288,6 +276,6 @@ def test_a_request_between_names_no_ar(tmp_path: Path) -> None:
         (ASKED, "5f002f0a"), (OTHERS, "5f002f0a"), ("5e002ff0", "5e002f080201010142010005")
     )
     path = tmp_path / "line.pcapng"
-    path.write_bytes(wire.written())
+    path.write_bytes(captured(wire.stage))
     (clash,) = [each for each in analyze(path).findings if each.rule == "DS705"]
     assert (clash.args["ar"], clash.args["other_ar"]) == (None, None)

@@ -4,39 +4,42 @@ from __future__ import annotations
 
 import io
 import random
-import struct
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from dp_wire import DIAGNOSIS, MASTER, PPO3, SET_PRM, Wire, frame
 
 from ds47.analysis import analyze
+from ds47.lab import captured
+from ds47.lab.fdl import frame
+from ds47.lab.master import NO_DPV1, PPO3, SET_PRM, Master
+from ds47.lab.master import READY as DIAGNOSIS
 from ds47.model import BusStation, CaptureResult, Finding
 from ds47.profibus.judge import Judge
 from ds47.profibus.stations import MOST_FRAMES, Stations
 from ds47.spec import rules
 from ds47.spec.semantics import Limits, limits
 
-STATION = 3
+STATION, MASTER = 3, 2
 
 
-def result(wire: Wire) -> CaptureResult:
-    return analyze(io.BytesIO(wire.written()))
+def result(wire: Master) -> CaptureResult:
+    return analyze(io.BytesIO(captured(wire.stage)))
 
 
-def station(wire: Wire, address: int = STATION) -> BusStation:
+def station(wire: Master, address: int = STATION) -> BusStation:
     bus = result(wire).bus
     assert bus is not None
     return next(each for each in bus.stations if each.address == address)
 
 
-def found(wire: Wire, rule: str = "DS8") -> list[Finding]:
+def found(wire: Master, rule: str = "DS8") -> list[Finding]:
     return [each for each in result(wire).findings if each.rule.startswith(rule)]
 
 
-def one(wire: Wire, rule: str) -> Finding:
+def one(wire: Master, rule: str) -> Finding:
     """The only finding DS8xx, which is of this rule; its frames are not among its arguments here."""
     (finding,) = found(wire)
     assert finding.rule == rule
@@ -46,9 +49,9 @@ def one(wire: Wire, rule: str) -> Finding:
     return finding
 
 
-def running() -> Wire:
+def running() -> Master:
     """A station after its start-up, in data exchange."""
-    wire = Wire()
+    wire = Master()
     wire.start(STATION)
     for _ in range(5):
         wire.exchange(STATION)
@@ -61,7 +64,7 @@ def test_a_healthy_line_has_no_findings() -> None:
     assert found(wire) == []
     bus = result(wire).bus
     assert bus is not None
-    assert (bus.frames, bus.tokens, bus.damaged, bus.stray) == (len(wire.shots), 5, 0, 0)
+    assert (bus.frames, bus.tokens, bus.damaged, bus.stray) == (len(wire.stage.shots), 5, 0, 0)
     assert [(each.address, each.role) for each in bus.stations] == [(2, "master"), (3, "slave")]
     told = station(wire)
     assert (told.ident, told.ppo, told.watchdog_ms) == (0x80B5, 1, 300)
@@ -96,27 +99,14 @@ def test_other_damage_is_counted_apart() -> None:
 
 def test_a_frame_that_the_recording_cut_is_no_damage() -> None:
     wire = running()
-    data = wire.written()
-    whole = analyze(io.BytesIO(data))
-    assert whole.findings == []
-    cut = Wire()
-    cut.shots = list(wire.shots)
-    content = _cut_last(cut)
-    told = analyze(io.BytesIO(content))
+    assert found(wire) == []
+    wire.stage.snap = 10
+    wire.exchange(STATION)
+    wire.token()
+    told = result(wire)
     assert [each for each in told.findings if each.rule in ("DS801", "DS802")] == []
     assert told.bus is not None
     assert told.bus.damaged == 0
-
-
-def _cut_last(wire: Wire) -> bytes:
-    """The capture with its last frame cut to ten bytes, as a snap length does it."""
-    head = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 10, 257)
-    packets = b""
-    for number, (time_ns, data) in enumerate(wire.shots, 1):
-        kept = data[:10] if number == len(wire.shots) - 1 else data
-        seconds, rest = divmod(time_ns, 10**9)
-        packets += struct.pack("<IIII", seconds, rest // 1000, len(kept), len(data)) + kept
-    return head + packets
 
 
 def test_retries_are_counted() -> None:
@@ -132,11 +122,18 @@ def test_retries_are_counted() -> None:
     assert station(wire).answer == (100_000, 100_000, 100_000)
 
 
-def test_a_recording_of_two_places_has_no_retries() -> None:
+def test_a_damaged_answer_is_that_of_its_station_though_a_retry_was_answered() -> None:
     wire = running()
-    double = Wire()
-    double.shots = [each for shot in wire.shots for each in (shot, shot)]
-    assert found(double, "DS803") == []
+    for _ in range(2):
+        wire.exchange(STATION)
+        wire.spoil()
+        wire.repeat()
+        wire.tell(STATION, "00" * 12)
+        wire.spoil()
+        wire.repeat()
+        wire.tell(STATION, "00" * 12)
+    told = station(wire)
+    assert (told.damaged, told.unanswered, told.retries, told.exchanges) == (4, 0, 4, 7)
 
 
 def test_no_answer_is_counted() -> None:
@@ -155,10 +152,34 @@ def test_the_end_of_a_capture_is_no_missing_answer() -> None:
     assert station(wire).requests == 9
 
 
+def test_a_token_says_that_the_master_waited_in_vain() -> None:
+    wire = running()
+    at = wire.ask(STATION, "00" * 12)
+    wire.token()
+    assert (one(wire, "DS804").frame, station(wire).requests) == (at, 10)
+    wire.token()
+    wire.spoil(1, 128)
+    told = station(wire)
+    assert (told.requests, told.unanswered, told.damaged) == (10, 1, 0)
+    wire.repeat()
+    assert station(wire).requests == 9
+    wire.tell(STATION, "00" * 12)
+    wire.spoil()
+    wire.token()
+    told = station(wire)
+    assert (told.requests, told.unanswered, told.damaged, told.retries) == (10, 0, 1, 1)
+
+
+def test_a_recording_of_two_places_has_an_answer_to_each_request() -> None:
+    wire = running()
+    twice = [each for shot in wire.stage.shots for each in (shot, shot)]
+    wire.stage.shots[:] = twice
+    assert found(wire) == []
+
+
 def test_who_is_asked_whether_he_is_there_is_no_station() -> None:
     wire = running()
-    for address in range(10, 20):
-        wire.put(frame(address, MASTER, 0x49))
+    wire.look(range(10, 20))
     wire.exchange(STATION)
     assert found(wire) == []
     bus = result(wire).bus
@@ -168,10 +189,10 @@ def test_who_is_asked_whether_he_is_there_is_no_station() -> None:
 
 @pytest.mark.parametrize(
     ("set_prm", "case"),
-    [(SET_PRM, "sap_dpv1"), (SET_PRM.replace("01c0", "0100"), "sap_no_dpv1"), ("", "sap_unknown")],
+    [(SET_PRM, "sap_dpv1"), (NO_DPV1, "sap_no_dpv1"), ("", "sap_unknown")],
 )
 def test_a_sap_that_is_not_enabled(set_prm: str, case: str) -> None:
-    wire = Wire()
+    wire = Master()
     if set_prm:
         wire.start(STATION, set_prm)
     for _ in range(2):
@@ -209,13 +230,13 @@ def test_many_polls() -> None:
     assert finding.args == {"device": "dp3", "count": 3, "limit": most, "polls": most + 10}
 
 
-def reading(wire: Wire) -> None:
+def reading(wire: Master) -> None:
     """DS47 by somebody who has not asked."""
     wire.record(STATION, "5e002ff0")
     wire.poll(STATION, "de80b500")
 
 
-def asking(wire: Wire) -> None:
+def asking(wire: Master) -> None:
     """DS47 as it should be."""
     wire.record(STATION, "5f002f0a01010101100103840000")
     wire.poll(STATION, "5f002f0a")
@@ -232,7 +253,7 @@ def asking(wire: Wire) -> None:
     ],
 )
 def test_a_read_without_a_write_since_the_start_up(
-    steps: tuple[Callable[[Wire], None], ...], told: list[str]
+    steps: tuple[Callable[[Master], None], ...], told: list[str]
 ) -> None:
     wire = running()
     for step in steps:
@@ -244,7 +265,7 @@ def test_a_read_without_a_write_since_the_start_up(
 
 
 def test_without_the_start_up_the_write_may_be_before_the_capture() -> None:
-    wire = Wire()
+    wire = Master()
     reading(wire)
     asking(wire)
     assert found(wire) == []
@@ -310,7 +331,7 @@ def test_a_diagnosis_that_is_read_in_time() -> None:
 
 @pytest.mark.parametrize(("configured", "identifier"), [("73f1", "73"), ("73fd", None)])
 def test_pkw_without_consistency(configured: str, identifier: str | None) -> None:
-    wire = Wire()
+    wire = Master()
     wire.start(STATION, configured=configured)
     told = [each.args["identifier"] for each in found(wire, "DS813")]
     assert told == ([identifier] if identifier else [])
@@ -329,7 +350,7 @@ def test_pkw_without_consistency(configured: str, identifier: str | None) -> Non
     ],
 )
 def test_what_slave_diag_says(told: str, cases: list[str]) -> None:
-    wire = Wire()
+    wire = Master()
     wire.start(STATION, told=told)
     wire.diagnose(STATION, told)
     findings = found(wire, "DS814")
@@ -347,7 +368,7 @@ def test_another_master_may_read_the_diagnosis_of_a_station() -> None:
 
 
 def test_no_watchdog() -> None:
-    wire = Wire()
+    wire = Master()
     wire.start(STATION, "b0" + SET_PRM[2:])
     finding = one(wire, "DS815")
     assert (finding.frame, finding.args) == (3, {"device": "dp3", "count": 1})
@@ -361,9 +382,9 @@ def test_every_rule_of_the_bus_has_a_test() -> None:
     assert [each for each in told if f'"{each}"' not in text] == []
 
 
-def everything_wrong() -> Wire:
+def everything_wrong() -> Master:
     """One line with every trouble that has a rule, on four stations."""
-    wire, most = Wire(), limits()
+    wire, most = Master(), limits()
     wire.start(3, "90" + SET_PRM[2:14] + "000000", "73f1", "440c000580b6")
     reading(wire)
     asking(wire)
@@ -400,9 +421,9 @@ def test_everything_wrong_has_every_rule() -> None:
     assert sorted(told) == [f"DS{number}" for number in range(801, 816)]
 
 
-def by_chance(seed: int) -> tuple[Wire, dict[int, dict[str, int]], dict[str, int]]:
+def by_chance(seed: int) -> tuple[Master, dict[int, dict[str, int]], dict[str, int]]:
     """A line with faults, and how many of each there are: whoever makes a fault counts it."""
-    chance, wire = random.Random(seed), Wire()
+    chance, wire = random.Random(seed), Master()
     stations = chance.sample(range(3, 100), chance.randint(1, 4))
     counts: dict[int, dict[str, int]] = {
         each: dict.fromkeys(("requests", "unanswered", "damaged", "retries", "exchanges"), 0)
@@ -475,7 +496,7 @@ def test_a_start_up_that_the_station_refuses_is_none() -> None:
 
 
 def test_outputs_that_are_acknowledged_alone_are_data_exchange() -> None:
-    wire = Wire()
+    wire = Master()
     wire.start(STATION, configured="21")
     for _ in range(3):
         wire.ask(STATION, "00" * 2)
@@ -488,13 +509,10 @@ def test_outputs_that_are_acknowledged_alone_are_data_exchange() -> None:
 
 def test_an_answer_that_the_recording_cut_is_not_damaged() -> None:
     wire = running()
-    wire.exchange(STATION)
-    wire.exchange(STATION)
-    cut = Wire()
-    cut.shots = wire.shots[:-1]
-    told = analyze(io.BytesIO(_cut_last(cut))).bus
-    assert told is not None
-    (here,) = (each for each in told.stations if each.address == STATION)
+    wire.stage.snap = 10
+    wire.exchange(STATION, "")
+    wire.ask(STATION)
+    here = station(wire)
     assert (here.requests, here.unanswered, here.damaged) == (10, 0, 0)
 
 
@@ -505,8 +523,10 @@ def test_each_frame_twice_is_a_line_of_two_places() -> None:
     wire.tell(STATION, "00" * 12)
     wire.ask(4)
     wire.exchange(STATION)
-    single, double = wire, Wire()
-    double.shots = [each for shot in wire.shots for each in (shot, shot)]
+    wire.spoil()
+    wire.exchange(STATION)
+    single, double = wire, Master()
+    double.stage.shots[:] = [each for shot in wire.stage.shots for each in (shot, shot)]
     one, two = result(single).bus, result(double).bus
     assert one is not None
     assert two is not None
@@ -521,14 +541,14 @@ def test_each_frame_twice_is_a_line_of_two_places() -> None:
 def test_behind_a_damaged_request_nothing_is_a_repetition() -> None:
     wire = running()
     wire.ask(STATION, "00" * 12)
-    asked = wire.shots[-1]
+    asked = wire.stage.shots[-1].data
     wire.tell(STATION, "00" * 12)
     wire.ask(STATION, "01" * 12)
     wire.spoil()
-    wire.put(asked[1])
+    wire.put(asked)
     wire.tell(STATION, "00" * 12)
     assert station(wire).retries == 0
-    del wire.shots[-3]
+    wire.stage.lose(-3)
     assert station(wire).retries == 1
 
 
@@ -549,7 +569,7 @@ def test_what_is_counted_is_what_is_said() -> None:
 
 
 def test_a_sap_names_the_start_up_that_was_the_last() -> None:
-    wire, frames = Wire(), []
+    wire, frames = Master(), []
     for _ in range(2):
         frames.append(wire.number + 3)
         wire.start(STATION)
@@ -571,8 +591,8 @@ def test_a_write_that_was_damaged_may_be_there(spoilt: int) -> None:
     for number, data in enumerate(("5f002f0a01010101100103840000", "5e002ff0")):
         wire.record(STATION, data)
         if not number:
-            time_ns, whole = wire.shots[-2]
-            wire.shots[-2] = time_ns, whole[:-spoilt] + b"\x00" * spoilt
+            shot = wire.stage.shots[-2]
+            wire.stage.shots[-2] = replace(shot, data=shot.data[:-spoilt] + b"\x00" * spoilt)
         wire.poll(STATION, "5f002f0a" if not number else "de80b500")
     asking(wire)
     told = [each.rule for each in result(wire).findings if each.rule in ("DS206", "DS808")]

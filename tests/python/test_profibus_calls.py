@@ -109,6 +109,15 @@ def test_a_request_that_comes_again_after_its_answer() -> None:
     assert [each.again for each in exchanges(talk.frames)] == [False, True, False]
 
 
+@pytest.mark.parametrize(("between", "retried"), [((), [1]), ((b"\xdc\x02\x02",), [0, 0])])
+def test_a_first_request_is_repeated_at_once_or_not_at_all(
+    between: tuple[bytes, ...], retried: list[int]
+) -> None:
+    first = telegram.encode(3, 2, 0x6D, b"", 60, 62)
+    found = exchanges([first, *between, first, telegram.encode(2, 3, 0x08, b"", 62, 60)])
+    assert [each.retried for each in found] == retried
+
+
 def test_a_request_behind_one_that_was_not_seen_repeats_none() -> None:
     talk = Talk().ask("").answer().ask("").answer().ask("").answer()
     for at, replaced in ((2, b"\x10"), (2, b"\xdc\x02\x02")):

@@ -138,6 +138,7 @@ def test_bytes_are_not_taken_for_a_time(line: str) -> None:
         ("Time (ms),Data", "1.5,E5", 1_500_000),
         ("Time [us]\tData", "1.5\tE5", 1_500),
         ("time_ns|hex", "15|E5", 15),
+        ("time_ns;data", "1767254400000000069;E5", 1_767_254_400_000_000_069),
         ("Zeit;Richtung;Daten", "12:00:01,250;rx;E5", 43_201_250_000_000),
         ("Data;Time", "E5;0,5", 500_000_000),
         ("Nr;Data", "1;E5", None),

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from dp_wire import Wire
 from test_cyclic_scenes import SCENES, capture
 
 import ds47
@@ -15,52 +14,17 @@ from ds47.analysis import AnalysisOptions, analyze
 from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.cli import main
-from ds47.cyclic import ppo
+from ds47.cyclic import channels, ppo
+from ds47.lab import captured
+from ds47.lab.master import SET_PRM, Master
 from ds47.model import NAMED, PKW, PZD, CaptureResult, Side
-from ds47.profibus import telegram
 from ds47.profibus.bus import PROFIBUS_DL
 
-STATION, MASTER = 3, 2
-START_UP = 4
+STATION = 3
+START_UP = 8
 """Frames before the first data exchange."""
-SHORT = b"\xe5"
-SET_PRM = bytes.fromhex("b81e010080b501")
-"""Of a MICROMASTER 4."""
 ONLY_PROFINET = {"controller-invalid"}
 """IOPS, which PROFIBUS has not."""
-
-
-class Bus:
-    """A master and a slave that exchange what a controller and a device do."""
-
-    def __init__(self, words: int) -> None:
-        self.shots: list[tuple[int, bytes]] = []
-        self._fcb, self._words = True, words
-
-    def start(self, time_ns: int) -> None:
-        """Set_Prm and Chk_Cfg of PPO1, PPO3 or another one with so many words of process data."""
-        self._ask(time_ns, SET_PRM, 61)
-        self.shots.append((time_ns, SHORT))
-        self._ask(time_ns, bytes((0xF3, 0xF0 | (self._words - 1))), 62)
-        self.shots.append((time_ns, SHORT))
-
-    def exchange(self, out: tuple[int, bytes], in_: tuple[int, bytes]) -> None:
-        """One exchange: data with its time, both ways."""
-        self._ask(*out)
-        self.shots.append((in_[0], telegram.encode(MASTER, STATION, 0x08, in_[1])))
-
-    def _ask(self, time_ns: int, data: bytes, sap: int | None = None) -> None:
-        self._fcb = not self._fcb
-        fc = 0x7D if self._fcb else 0x5D
-        own = None if sap is None else 62
-        self.shots.append((time_ns, telegram.encode(STATION, MASTER, fc, data, sap, own)))
-
-    def written(self) -> bytes:
-        target = io.BytesIO()
-        with PcapngWriter(target, link_type=PROFIBUS_DL) as writer:
-            for shot in self.shots:
-                writer.write(*shot)
-        return target.getvalue()
 
 
 def sides(result: CaptureResult, way: str) -> list[Side]:
@@ -82,23 +46,28 @@ def cut(data: bytes, places: list[Side]) -> bytes | None:
     )
 
 
-def on_profibus(content: bytes) -> bytes | None:
+def on_profibus(content: bytes, set_prm: str = SET_PRM) -> bytes | None:
     """The same words by PROFIBUS; None where there is no PKW beside PZD."""
     result = analyze(io.BytesIO(content))
     outputs, inputs = sides(result, "output"), sides(result, "input")
     if not outputs:
         return None
-    bus, out = Bus(outputs[1].length // 2), None
+    configured = bytes((0xF3, 0xF0 | (outputs[1].length // 2 - 1))).hex()
+    master, out = Master(), b""
+    stage = master.stage
+    stage.gap_ns = 0
     with open_capture(io.BytesIO(content)) as opened:
         for frame in opened.everything():
-            if not bus.shots:
-                bus.start(frame.time_ns)
+            stage.now_ns = frame.time_ns
+            if not stage.shots:
+                master.start(STATION, set_prm, configured)
             if (data := cut(frame.data, outputs)) is not None:
-                out = frame.time_ns, data
-            elif out is not None and (data := cut(frame.data, inputs)) is not None:
-                bus.exchange(out, (frame.time_ns, data))
-                out = None
-    return bus.written()
+                out = data
+                master.ask(STATION, data.hex())
+            elif out and (data := cut(frame.data, inputs)) is not None:
+                master.tell(STATION, data.hex())
+                out = b""
+    return captured(stage)
 
 
 def scenes() -> list[str]:
@@ -135,11 +104,14 @@ def test_a_scene_says_the_same_on_profibus(name: str) -> None:
         pytest.skip("no PKW beside PZD")
     there, here = analyze(io.BytesIO(content)), analyze(io.BytesIO(bus))
     assert transactions(here) == transactions(there)
+    assert {each.station for each in here.transactions} <= {3}
+    assert {each.station for each in there.transactions} <= {None}
     assert events(here) == events(there)
     assert sorted(each.rule for each in here.findings) == sorted(
         each.rule for each in there.findings
     )
     assert {each.device for each in here.relations} == {f"dp{STATION}"}
+    assert {each.station for each in here.transactions} <= {STATION}
 
 
 def test_most_scenes_are_compared() -> None:
@@ -147,11 +119,49 @@ def test_most_scenes_are_compared() -> None:
     assert sum(each is not None for each in made) > 30
 
 
+def long_line(exchanges: int = 6000) -> bytes:
+    """A drive that is started and stopped, and asked by PKW; setpoint and actual value move in every cycle."""
+    master = Master()
+    stage = master.stage
+    master.start(STATION, SET_PRM, "f3f1")
+    for number in range(exchanges):
+        stage.now_ns, place = 1_000_000_000 + number * 2_000_000, number % 701
+        asked = "12bc000000000000" if place > 500 else "00" * 8
+        told = "12bc000000000002" if place > 503 else "00" * 8
+        stw1, zsw1 = ("047f", "fb37") if 100 < place < 400 else ("047e", "fb31")
+        values = (number * 7 & 0x3FFF).to_bytes(2).hex()
+        master.ask(STATION, asked + stw1 + values)
+        master.tell(STATION, told + zsw1 + values)
+    return captured(stage)
+
+
+def test_of_a_long_line_what_says_the_same_is_looked_at_now_and_then(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    looked: list[int] = []
+    take = channels.CyclicChannels._take
+
+    def counting(self: channels.CyclicChannels, *args: Any) -> None:
+        looked.append(1)
+        take(self, *args)
+
+    monkeypatch.setattr(channels.CyclicChannels, "_take", counting)
+    content = long_line()
+    here, few = analyze(io.BytesIO(content)), len(looked)
+    monkeypatch.setattr(channels, "_DENSE", 1 << 60)
+    there = analyze(io.BytesIO(content))
+    assert few < 0.75 * (len(looked) - few)
+    assert transactions(here) == transactions(there)
+    assert len(transactions(here)) == 8
+    assert events(here) == events(there)
+    assert here.findings == there.findings
+
+
 def test_without_chk_cfg_nothing_is_guessed() -> None:
-    bus = Bus(2)
-    for number in range(50):
-        bus.exchange((number * 1000, bytes(12)), (number * 1000, bytes(12)))
-    assert analyze(io.BytesIO(bus.written())).relations == []
+    master = Master()
+    for _ in range(50):
+        master.exchange(STATION)
+    assert analyze(io.BytesIO(captured(master.stage))).relations == []
 
 
 def running() -> bytes:
@@ -250,20 +260,16 @@ def test_a_wrong_name_is_one_line(
 
 
 def test_another_maker_gets_no_findings() -> None:
-    content = on_profibus(capture(SCENES["word-on-double-word"]))
-    assert content is not None
-    other = content.replace(
-        telegram.encode(STATION, MASTER, 0x5D, SET_PRM, 61, 62),
-        telegram.encode(STATION, MASTER, 0x5D, SET_PRM.replace(b"\x80\xb5", b"\x12\x34"), 61, 62),
-    )
-    assert other != content
+    scene = capture(SCENES["word-on-double-word"])
+    other = on_profibus(scene, SET_PRM.replace("80b5", "1234"))
+    assert other is not None
     found = analyze(io.BytesIO(other))
     assert transactions(found)
     assert not [each for each in found.findings if each.severity != "note"]
 
 
 def test_a_configuration_that_is_no_ppo_ends_the_channels() -> None:
-    wire = Wire()
+    wire = Master()
     wire.start(STATION)
     wire.exchange(STATION)
     wire.exchange(STATION, "12bc000000000000047e0000", "00" * 12)
@@ -271,13 +277,13 @@ def test_a_configuration_that_is_no_ppo_ends_the_channels() -> None:
     wire.start(STATION, configured="1f2f")
     wire.exchange(STATION, "1001" * 8, "00" * 16)
     wire.exchange(STATION, "1001" * 8, "100100000000000104370000" + "00" * 4)
-    result = analyze(io.BytesIO(wire.written()))
+    result = analyze(io.BytesIO(captured(wire.stage)))
     assert [each.request for each in result.transactions] == [bytes.fromhex("12bc000000000000")]
 
 
 def test_requests_before_a_start_up_are_requests() -> None:
     """The recording began without Set_Prm, so the channels are others when its ident number is known."""
-    wire = Wire()
+    wire = Master()
     wire.ask(STATION, "f3f1", 62)
     wire.short()
     for out in ("00" * 12, "12bc000000000000047e0000", "00" * 8 + "047f0000"):
@@ -288,6 +294,6 @@ def test_requests_before_a_start_up_are_requests() -> None:
     for _ in range(3):
         wire.exchange(STATION, "00" * 8 + "047f0000", "00" * 8 + "02310000")
         wire.exchange(STATION, "00" * 8 + "047e0000", "00" * 8 + "02330000")
-    result = analyze(io.BytesIO(wire.written()))
+    result = analyze(io.BytesIO(captured(wire.stage)))
     assert len(result.transactions) == 1
     assert [each.rule for each in result.findings if each.rule == "DS512"] == []

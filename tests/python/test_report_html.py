@@ -20,6 +20,8 @@ import pytest
 from ds47 import spec
 from ds47.analysis import analyze
 from ds47.model import (
+    Bus,
+    BusStation,
     CaptureFile,
     CaptureResult,
     Device,
@@ -267,6 +269,39 @@ def test_one_place_counts_for_tiles_verdict_drives_and_plots():
 def test_the_quality_of_a_capture(changes, level, text):
     remarks = quality(capture(transaction(), **changes))
     assert [each.level for each in remarks if text in each.text.en] == [level]
+
+
+def line(*stations: dict[str, int | None], damaged: int = 0) -> Bus:
+    """A line with slaves that differ in this."""
+    plain = dict.fromkeys(BusStation._fields) | {
+        "role": "slave", "requests": 10, "unanswered": 0, "damaged": 0, "retries": 0, "exchanges": 0,
+        "diagnoses_wanted": 0, "diagnoses_fetched": 0, "parameters": 3, "configuration": 5,
+    }  # fmt: skip
+    found = [BusStation(**plain | {"address": at} | each) for at, each in enumerate(stations, 3)]
+    return Bus(99, 0, damaged, 0, found)
+
+
+@pytest.mark.parametrize(
+    ("bus", "level", "text"),
+    [
+        (line({}), "good", "10 requests, none of them without an answer"),
+        (line({}, {"unanswered": 4}), "warn", "but 4 of 20 requests have no answer"),
+        (line({"unanswered": 10}), "bad", "Only requests (10)"),
+        (line({}, {}), "good", "of each of its 2 slaves is in it"),
+        (line({}, {"configuration": None}), "none", "of 1 of 2 slaves is not in it"),
+        (line({}, damaged=3), "warn", "3 frames are damaged"),
+    ],
+)
+def test_the_quality_of_a_capture_of_profibus(bus, level, text):
+    remarks = quality(capture(bus=bus))
+    assert [each.level for each in remarks if text in each.text.en] == [level]
+    assert not [each for each in remarks if "PROFINET" in each.text.en]
+
+
+def test_what_is_wrong_with_a_station_stands_out():
+    text = page(capture(bus=line({"damaged": 6, "diagnoses_wanted": 0}, {})))
+    assert text.count('class="number alarm"') == 1
+    assert re.search(r'class="number alarm" data-label="damaged"[^>]*>6<', text)
 
 
 def test_what_a_capture_cannot_show_depends_on_what_is_in_it():

@@ -11,6 +11,7 @@ from typing import Any
 from uuid import UUID
 
 import pytest
+from of_profibus import of_ethernet
 from scapy.contrib.pnio_rpc import (
     IODReadRes,
     IODWriteMultipleReq,
@@ -33,7 +34,7 @@ MESSAGES = json.loads((ROOT / "tests/vectors/messages.json").read_text(encoding=
     "messages"
 ]
 WHOLE = [vector for vector in MESSAGES if len(vector["hex"]) >= 8]
-CAPTURES = sorted((ROOT / "captures").rglob("*.pcapng"))
+CAPTURES = of_ethernet(sorted((ROOT / "captures").rglob("*.pcapng")))
 OBJECT = UUID("dea00000-6c97-11d1-8271-00010501002a")
 # Messages in fragments, in an IODWriteMultiple (a field scapy does not search), between two ports that
 # are not 34964, cut by the snap length, or on index 47 without the shape of one: not seen by scapy.

@@ -303,13 +303,14 @@ def buttons(repository: Path) -> dict[str, str]:
         ("Changes", 16),
         ("Slow", 0),
         ("Drive events", 0),
+        ("Damaged", 0),
     ],
 )
 def test_filter_buttons(
     shark: Run, plugin: list[str], repository: Path, tour: Path, label: str, count: int
 ) -> None:
     filters = buttons(repository)
-    assert len(filters) == 6
+    assert len(filters) == 7
     said = shark(*plugin, "-2", "-Y", filters[label], "-r", tour)
     assert "warning" not in said.err.lower()
     assert said.out.count("\n") == count

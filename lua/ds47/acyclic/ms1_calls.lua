@@ -18,6 +18,7 @@ Ms1Calls.__index = Ms1Calls
 function M.new(events, judge, findings)
   return setmetatable({
     events = events, judge = judge, findings = findings,
+    newest = nil, -- the call that the last frame asked for; whoever feeds frames forgets it
     written = {}, -- stations and indices that were written there -> the frame of the first time
   }, Ms1Calls)
 end
@@ -94,6 +95,7 @@ end
 
 function Ms1Calls:asked(call)
   local record = call.record
+  self.newest = call
   if record.write then
     self:_writing(call)
   end

@@ -44,20 +44,43 @@ function CallTracker.new(handlers)
   return setmetatable({
     handlers = handlers,
     open = ordered.new(), -- master, station and SAP -> the call that has no answer yet
+    begun = nil, -- the exchange whose request was heard of already
   }, CallTracker)
 end
 
---- An exchange; those of other services than MS1 and MS2 say nothing here.
-function CallTracker:take(exchange)
+-- What calls are found by; nil for an exchange of other services than MS1 and MS2, which says nothing here.
+local function key_of(exchange)
   local item = exchange.request.item
   if not item.request or not CARRIES_RECORDS[dp.service(item)] then
+    return nil
+  end
+  return (item.sa * 0x100 + item.da) * 0x100 + item.dsap
+end
+
+--- The request of an exchange, which may be heard of before its answer: Wireshark shows a frame when it
+-- comes.
+function CallTracker:begin(exchange)
+  local key = key_of(exchange)
+  if not key then
     return
   end
-  local key = (item.sa * 0x100 + item.da) * 0x100 + item.dsap
-  local asked = ms1.decode(item.du, true)
+  self.begun = exchange
+  local asked = ms1.decode(exchange.request.item.du, true)
   if asked.kind == "request" and asked.name ~= IDLE and not exchange.again then
     self:_asked(key, asked, exchange)
   end
+end
+
+--- An exchange that is over.
+function CallTracker:take(exchange)
+  local key = key_of(exchange)
+  if not key then
+    return
+  end
+  if self.begun ~= exchange then
+    self:begin(exchange)
+  end
+  self.begun = nil
   self:_answer(key, exchange)
 end
 

@@ -19,7 +19,8 @@ local rpc = require("ds47.profinet.rpc")
 local tables = require("ds47.spec.tables")
 local timeline = require("ds47.cyclic.timeline")
 
-local byte, char, floor, max, sub = string.byte, string.char, math.floor, math.max, string.sub
+local byte, char, sub = string.byte, string.char, string.sub
+local floor, max, min = math.floor, math.max, math.min
 local concat, find, gsub, rep = table.concat, string.find, string.gsub, string.rep
 
 local M = {}
@@ -30,6 +31,7 @@ local KEPT = 256 -- transactions that wait for the proof
 local PATIENCE = 8192 -- frames of what might be PZD that are looked at without a proof
 -- Of so many frames one is looked at, and how often before it is half as many.
 local SAMPLE, RAREST, OFTEN = 4, 1024, 256
+local DENSE = 1024 -- data exchanges that are all looked at; then one of ever more that say the same
 local SPEED = "^NSOLL" -- how the name of a word begins that is a setpoint of speed
 local LENGTHS, SEEN = relations.LENGTHS, relations.SEEN
 local NAMED, REFUTED = relations.NAMED, relations.REFUTED
@@ -47,6 +49,7 @@ function M.new(listener, limits, every)
     every = every, listener = listener, limits = limits, lines = {},
     rows = {}, -- source, EtherType and frame id -> row
     senders = 0, -- how many rows there are
+    stations = {}, -- the same of stations of PROFIBUS, by source
     all = {}, -- relations, those that a later Connect replaced and those that are only candidates too
     drives_ = {}, -- lines of PZD
     without_request = {}, -- relations of PKW in which none was seen
@@ -266,11 +269,15 @@ local function parts_of(row)
 end
 
 local function watch(self)
-  self.rows, self.senders, self.moved = {}, 0, {}
+  self.rows, self.senders, self.moved, self.stations = {}, 0, {}, {}
   for _, line in ipairs(self.lines) do
     for _, each in ipairs(line.ends) do
       local id = each.side.frame_id
-      if floor(id / 256) ~= DCP and not relations.is_bus(line.relation) then
+      if relations.is_bus(line.relation) then
+        local row = self.stations[each.side.source] or {said = "", count = 0, due = 0}
+        self.stations[each.side.source] = row
+        row[#row + 1] = each
+      elseif floor(id / 256) ~= DCP then
         local key = each.side.source .. ETHERTYPE .. char(floor(id / 256), id % 256)
         local row = self.rows[key]
         if row == nil then
@@ -281,10 +288,12 @@ local function watch(self)
       end
     end
   end
-  for _, row in pairs(self.rows) do
-    row.parts = parts_of(row)
-    local final = row.parts[#row.parts]
-    row.need = final[1] + final[2]
+  for _, rows in ipairs({self.rows, self.stations}) do
+    for _, row in pairs(rows) do
+      row.parts = parts_of(row)
+      local final = row.parts[#row.parts]
+      row.need = final[1] + final[2]
+    end
   end
 end
 
@@ -546,19 +555,32 @@ function Channels:frame(row, frame, at, number, time)
   if hopeless then give_up(self) end
 end
 
+-- Whether the data of a station says something else than the one before it, or is due, because values move in
+-- all of them.
+local function is_news_of_station(row, data)
+  row.count = row.count + 1
+  local bytes = {}
+  for number, part in ipairs(row.parts) do
+    bytes[number] = sub(data, part[1] + 1, part[1] + part[2])
+  end
+  bytes = concat(bytes)
+  if bytes == row.said and row.count < row.due and #data >= row.need then return false end
+  row.said = bytes
+  row.due = row.count + min(max(floor(row.count / DENSE), 1), RAREST)
+  return true
+end
+
 --- Data of a station of PROFIBUS: one side of a relation at a time.
 -- @param source  sender and receiver, two bytes
 -- @param number, time  of the frame; a time as times.lua has it
 function Channels:exchanged(source, data, number, time)
   self.moved = {}
-  local hopeless = false
-  for _, line in ipairs(self.lines) do
-    for _, each in ipairs(line.ends) do
-      if each.side.source == source and take(each, data, 0, number, time) then
-        self.moved[#self.moved + 1] = each
-      end
-    end
-    hopeless = hopeless or (line.is_hopeless ~= nil and line:is_hopeless())
+  local row, hopeless = self.stations[source], false
+  if row == nil or not is_news_of_station(row, data) then return end
+  for place = 1, #row do
+    local each = row[place]
+    if take(each, data, 0, number, time) then self.moved[#self.moved + 1] = each end
+    hopeless = hopeless or (each.line.is_hopeless ~= nil and each.line:is_hopeless())
   end
   if hopeless then give_up(self) end
 end

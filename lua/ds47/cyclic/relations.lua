@@ -169,6 +169,11 @@ function M.is_bus(relation)
   return #relation.output.source == STATIONS
 end
 
+--- The slave on PROFIBUS; nil elsewhere.
+function M.station(relation)
+  return M.is_bus(relation) and string.byte(relation.input.source, 1) or nil
+end
+
 --- The stations and the slot as a key: PKW and PZD of one drive have them in common; on PROFIBUS there are
 -- stations alone.
 function M.place(relation)

@@ -80,7 +80,7 @@ function M.build(relation, job, layout)
     operation = OPERATIONS[access_of(asked)] or "unknown", state = state_of(job, told),
     controller = relation.controller, device = relation.device, vendor_id = relation.vendor_id,
     ar = relation.ar and uuid_text(relation.ar), api = relation.api, slot = relation.slot,
-    subslot = relation.subslot,
+    subslot = relation.subslot, station = relations.station(relation),
     frames = {
       write_request = job.request.at.frame, read_response = answer and answer.at.frame,
       polls = NONE, rereads = NONE,

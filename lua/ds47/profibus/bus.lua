@@ -16,7 +16,8 @@ local Bus = {}
 Bus.__index = Bus
 
 --- One line of PROFIBUS.
--- @param listeners  array; each hears of every exchange when it is over: listener:take(exchange)
+-- @param listeners  array; each hears of every exchange when it is over: listener:take(exchange); and where
+--   it wants to of the request of one that waits for its answer: listener:begin(exchange)
 -- @param stations  is told of each frame, and whether the recording has not all of it:
 --   stations:frame(seen, cut)
 function M.new(listeners, stations)
@@ -36,19 +37,39 @@ local function tell(self, ...)
   end
 end
 
+-- The exchange that this frame began, if it waits for its answer.
+local function tell_begun(self, seen)
+  local open = self.line.open
+  if not open or open.request ~= seen then
+    return
+  end
+  for _, listener in ipairs(self.listeners) do
+    if listener.begin then listener:begin(open) end
+  end
+end
+
+--- Whether a frame proves that PROFIBUS is here: it has the right check byte.
+-- @param item  what telegram.lua decoded
+function M.proves(item)
+  return not item.flaws[1] and PROVES[item.kind] or false
+end
+
 --- A frame of one of the two link types.
 -- @param cut  true: the recording has not all of it
+-- @return what telegram.lua decoded; nil where nothing proves that it is a frame
 function Bus:take(link_type, data, number, time_ns, cut)
   local item = telegram.decode(data)
   if not self.proven then
-    self.proven = link_type == M.PROFIBUS_DL or not item.flaws[1] and PROVES[item.kind] or false
+    self.proven = link_type == M.PROFIBUS_DL or M.proves(item)
     if not self.proven then
-      return
+      return nil
     end
   end
   local seen = {frame = number, time_ns = time_ns, item = item}
   self.stations:frame(seen, cut)
   tell(self, self.line:take(seen, cut))
+  tell_begun(self, seen)
+  return item
 end
 
 --- No frame comes any more.

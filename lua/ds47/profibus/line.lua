@@ -13,8 +13,12 @@
 --   again    whether it repeats the exchange before between the two: the master has no answer to that
 --   silent   whether nobody answers such a request
 --   damaged  the first damaged frame that stands where its answer should; nil for none
+--   spoiled  how many there are: of each retry one
+--   copied   how many of them stand directly behind the same frame
 --   cut      whether a frame that the recording did not keep whole stands there: it may be its answer
---   unfinished  whether nothing came behind it: its answer may be missing for that
+--   passed   whether a token came behind it and its retries: the master waits no more
+--   unfinished  whether the recording ended before that and before another request: its answer may be
+--     missing for that
 
 local ALL_STATIONS = require("ds47.profibus.telegram").ALL_STATIONS
 local tables = require("ds47.spec.tables")
@@ -50,15 +54,19 @@ end
 
 -- A frame of which nothing is proved: it may be an answer, or a request that nobody knows then.
 local function damage(self, seen, cut)
-  local short = false
+  local open, short = self.open, false
   for _, flaw in ipairs(seen.item.flaws) do short = short or flaw.kind == "cut" end
   self.damaged, self.unsure = self.damaged + 1, seen.frame
-  if not self.open then
+  if not open then
     self.last = {}
+  elseif open.passed then
+    return
   elseif cut and short then
-    self.open.cut = true
+    open.cut = true
   else
-    self.open.damaged = self.open.damaged or seen.frame
+    open.damaged = open.damaged or seen.frame
+    open.spoiled = open.spoiled + 1
+    open.copied = open.copied + (self.echo and 1 or 0)
   end
 end
 
@@ -66,18 +74,15 @@ end
 -- @param cut  whether the recording did not keep all of it
 -- @return the exchanges that are over with it, up to two
 function Line:take(seen, cut)
-  self.same = seen.item.data == self.before
-  self.echo = self.same and not self.echo
-  self.before = seen.item.data
-  return self:_take(seen, cut)
-end
-
-function Line:_take(seen, cut)
   local item = seen.item
+  self.same = item.data == self.before
+  self.echo = self.same and not self.echo
+  self.before = item.data
   if item.flaws[1] then
     damage(self, seen, cut)
   elseif item.kind == "SD4" then
     self.tokens = self.tokens + 1
+    if self.open then self.open.passed = true end
   elseif item.request then
     return self:_request(seen)
   else
@@ -92,14 +97,15 @@ function Line:finish()
   local over = self.open
   self.open = nil
   if over then
-    over.unfinished = true
+    over.unfinished = not over.passed
   end
   return over
 end
 
 function Line:_request(seen)
   local item, open = seen.item, self.open
-  if open and (item.fcv == 1 or self.same) and open.request.item.data == item.data then
+  if open and open.request.item.data == item.data and (item.fcv == 1 or self.same) then
+    open.passed = false
     open.retried = open.retried + 1
     if open.retried <= M.MOST_RETRIES then
       open.retries[open.retried] = seen
@@ -109,7 +115,7 @@ function Line:_request(seen)
   self.open = nil
   local row, key = tables.profibus.request[item.code], way(item.sa, item.da)
   local exchange = {
-    request = seen, answer = nil, retries = {}, retried = 0,
+    request = seen, answer = nil, retries = {}, retried = 0, spoiled = 0, copied = 0,
     again = item.fcv == 1 and self.last[key] == item.data,
     silent = item.da == ALL_STATIONS or row ~= nil and row.silent or false,
   }

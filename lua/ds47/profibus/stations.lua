@@ -6,9 +6,9 @@
 -- A station is {address, asks, asked, silent, damaged, retries, answers, cycles, exchanges, last_exchange,
 -- wanting, parameters, parameters_frame, parameters_master, configuration, configuration_frame, diagnosis,
 -- diagnosis_frame}: `asks` of a master; counts of requests to it that somebody answers, of those without
--- an answer, of those with a damaged frame in its place, of repetitions, each {count, frames}, the first
--- ones; `copies`: repetitions that are left where each frame stands there twice; times {count, least, total,
--- most}; and the newest of what was said to it and by it.
+-- an answer, of damaged frames in the place of answers, of repetitions, each {count, frames}, the first
+-- ones; `copies`: repetitions that are left where each frame stands there twice, `copied`: damaged frames
+-- that are not; times {count, least, total, most}; and the newest of what was said to it and by it.
 
 local dp = require("ds47.profibus.dp")
 local tables = require("ds47.spec.tables")
@@ -56,7 +56,7 @@ end
 local function new_station(address)
   return {
     address = address, asks = false, asked = counted(), silent = counted(), damaged = counted(),
-    retries = counted(), copies = 0, answers = times(), cycles = times(),
+    retries = counted(), copies = 0, copied = 0, answers = times(), cycles = times(),
     exchanges = counted(), last_exchange = nil,
     wanting = {asked = 0, fetched = 0, longest = counted(), row = counted()},
   }
@@ -146,13 +146,14 @@ local function count(station, exchange)
   end
   local pairs_left = (exchange.retried - exchange.retried % 2) / 2
   station.copies = station.copies + pairs_left + (exchange.again and 1 or 0)
-  if not answer then
-    if exchange.damaged then
-      add(station.damaged, exchange.damaged)
-    elseif not exchange.cut then
-      add(station.silent, seen.frame)
-    end
-  elseif exchange.retried <= #retries then -- else nobody knows when the last one was sent
+  if exchange.damaged then
+    add(station.damaged, exchange.damaged)
+    station.damaged.count = station.damaged.count + exchange.spoiled - 1
+    station.copied = station.copied + exchange.copied
+  elseif not answer and not exchange.cut then
+    add(station.silent, seen.frame)
+  end
+  if answer and exchange.retried <= #retries then -- else nobody knows when the last one was sent
     add_time(station.answers, answer.time_ns - (retries[#retries] or seen).time_ns)
   end
 end
@@ -235,7 +236,10 @@ end
 --- No frame comes any more: whether the recording has each frame twice is known.
 function Stations:finish()
   for _, station in ipairs(self:all()) do
-    if self:copied() then station.retries.count = station.copies end
+    if self:copied() then
+      station.retries.count = station.copies
+      station.damaged.count = station.damaged.count - station.copied
+    end
   end
 end
 

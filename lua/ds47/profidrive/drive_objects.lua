@@ -35,7 +35,7 @@ local function put(memory, key, value)
 end
 
 local function submodule(access)
-  return format("%s %d %d", access.device, access.slot, access.subslot)
+  return format("%s %s %s", access.device, tostring(access.slot), tostring(access.subslot))
 end
 
 local function axis_of(device, number)

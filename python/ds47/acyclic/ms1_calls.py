@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from typing import ClassVar
 
 from ds47.acyclic.pairing import Peer
 from ds47.acyclic.record_events import Jobs, RecordEvents
@@ -119,6 +120,8 @@ class StartUps:
     Args:
         connected: is told master, station and frame.
     """
+
+    SERVICES: ClassVar = frozenset({dp.PARAMETERS})
 
     def __init__(self, connected: Callable[[str, str, int], None]) -> None:
         self._connected = connected

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from ds47.profibus import dp, ms1
 from ds47.profibus.line import Exchange, Seen
@@ -60,6 +61,8 @@ class Handlers:
 class CallTracker:
     """Takes the exchanges of a line and tells of the calls in them."""
 
+    SERVICES: ClassVar = frozenset({dp.RECORD, dp.MS2})
+
     def __init__(self, handlers: Handlers) -> None:
         self._handlers = handlers
         self._open: dict[tuple[int, int, int], Call] = {}
@@ -67,7 +70,7 @@ class CallTracker:
     def take(self, exchange: Exchange) -> None:
         """An exchange; those of other services than MS1 and MS2 say nothing here."""
         item = exchange.request.item
-        if dp.service(item) not in (dp.RECORD, dp.MS2) or not item.request:
+        if dp.service(item) not in self.SERVICES or not item.request:
             return
         station, sap, master = item.da, item.dsap, item.sa
         if station is None or sap is None or master is None:

@@ -724,6 +724,8 @@ class PcapScan(Scan):
         return count
 
     def _plain(self, data: bytearray, end: int) -> list[Found]:
+        if self.links[0] in (PROFIBUS_DL, USER0):
+            return self._everything(data, end)
         found: list[Found] = []
         view = memoryview(data)
         layout, record, runs = self._layout, self._record, self._runs
@@ -774,6 +776,24 @@ class PcapScan(Scan):
                 self.paused = not due and _sets_up(data, start, after, link_type)
                 if len(found) == BATCH:
                     break
+        self.position, self.frames = position, number
+        return found
+
+    def _everything(self, data: bytearray, end: int) -> list[Found]:
+        """As `_plain`, where the frames are of a link type of which all matter."""
+        found: list[Found] = []
+        view, record, header = memoryview(data), self._record, self._header
+        position, number, last = self.position, self.frames, end - header
+        while position <= last and len(found) < BATCH:
+            seconds, fraction, captured, original = record(data, position)
+            start = position + header
+            after = start + captured
+            if after > end or captured > MAX_FRAME:
+                break
+            position = after
+            number += 1
+            frame = view[start:after].tobytes()
+            found.append((number, 0, seconds, fraction, original, frame))
         self.position, self.frames = position, number
         return found
 

@@ -23,7 +23,7 @@ def command() -> None:
 @command.command("list")
 def list_scenarios() -> None:
     """List the scenarios."""
-    scenarios = _lab().scenarios()
+    scenarios = _lab().everything()
     width = max(map(len, scenarios), default=0)
     stream = stdout()
     for name in sorted(scenarios):
@@ -33,18 +33,22 @@ def list_scenarios() -> None:
 @command.command("write")
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path, file_okay=False))
 @click.argument("names", metavar="[SCENARIO]...", nargs=-1)
-def write(folder: Path, names: Sequence[str]) -> None:
+@click.option("--log", is_flag=True, help="Write logs as text instead; of PROFIBUS only.")
+def write(folder: Path, names: Sequence[str], log: bool) -> None:
     """Write scenarios (all of them, or those named) into DIR as pcapng files."""
     lab = _lab()
-    known = lab.scenarios()
+    known = lab.everything()
+    of_bus = {name for name in known if name.startswith("profibus-")}
     for name in names:
         if name not in known:
             raise click.UsageError(f"no scenario {name!r}; ds47 lab list shows them")
+        if log and name not in of_bus:
+            raise click.UsageError(f"--log writes scenarios of PROFIBUS; {name!r} is none")
     folder.mkdir(parents=True, exist_ok=True)
     stream = stdout()
-    for name in names or sorted(known):
-        path = folder / f"{name}.pcapng"
-        lab.write(name, path)
+    for name in names or sorted(of_bus if log else known):
+        path = folder / (f"{name}.txt" if log else f"{name}.pcapng")
+        (lab.write_log if log else lab.write)(name, path)
         stream.write(f"{path}\n")
 
 

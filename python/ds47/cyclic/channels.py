@@ -35,6 +35,8 @@ _KEPT = 256
 """Transactions that wait for the proof."""
 _PATIENCE = 8192
 """Frames of what might be PZD that are looked at without a proof: something else changes all the time."""
+_DENSE, _RAREST = 1024, 1024
+"""Of data exchange that says what was said before all is looked at for so long, and then one of ever more."""
 _SPEED = "NSOLL"
 """How the name of a word begins that is a setpoint of speed."""
 
@@ -161,6 +163,38 @@ class Drive:
         yield from recorder.operation.remarks
 
 
+@dataclass(slots=True)
+class _Row:
+    """The channels in the data of one station of PROFIBUS, and what it said last where a change matters."""
+
+    ends: list[tuple[_Line, Side, bool]]
+    parts: tuple[tuple[int, int], ...] = ()
+    first: int = 0
+    need: int = 0
+    """Where that begins, and how many bytes data with all of it has."""
+    said: bytes = b""
+    count: int = 0
+    due: int = 0
+    """The count from which on the next one is looked at, whatever it says: values move in all of them."""
+
+    def __post_init__(self) -> None:
+        self.parts = _apart(each.parts for _, each, _ in self.ends)
+        self.first, self.need = self.parts[0][0], sum(self.parts[-1])
+
+    def is_news(self, data: bytes) -> bool:
+        """Whether data says something else than the one before it, or is due."""
+        self.count += 1
+        if len(self.parts) == 1:
+            said = data[self.first : self.need]
+        else:
+            said = b"".join([data[at : at + length] for at, length in self.parts])
+        if said == self.said and self.count < self.due and len(data) >= self.need:
+            return False
+        self.said = said
+        self.due = self.count + min(max(self.count // _DENSE, 1), _RAREST)
+        return True
+
+
 class CyclicChannels:
     """All channels of drives in the cyclic frames of a capture.
 
@@ -184,6 +218,8 @@ class CyclicChannels:
         self._bounds = bounds
         self._lines: list[_Line] = []
         self._sides: dict[tuple[str, int], list[tuple[_Line, Side, bool]]] = {}
+        self._rows: dict[bytes, _Row] = {}
+        """Those of stations of PROFIBUS, by their source."""
         self._relations: list[Relation] = []
         self._drives: list[Drive] = []
         self._without_request: list[Relation] = []
@@ -291,8 +327,10 @@ class CyclicChannels:
 
     def exchanged(self, source: bytes, data: bytes, frame: int, time_ns: int) -> None:
         """Data of a station of PROFIBUS; one side of a relation at a time (`ppo.source`)."""
-        given_up = False
-        for line, each, sent in self._sides.get((source.hex(":"), 0), ()):
+        row, given_up = self._rows.get(source), False
+        if row is None or not row.is_news(data):
+            return
+        for line, each, sent in row.ends:
             if len(data) >= each.offset + each.length:
                 self._take(line, each, sent, data, frame, time_ns)
             if isinstance(line, Drive) and line.hopeless:
@@ -345,6 +383,10 @@ class CyclicChannels:
             for each, sent in ((line.relation.output, True), (line.relation.input, False)):
                 key = each.source.hex(":"), each.frame_id
                 self._sides.setdefault(key, []).append((line, each, sent))
+        self._rows = {
+            bytes.fromhex(source.replace(":", "")): _Row(found)
+            for (source, _), found in self._sides.items() if len(source) < _MAC
+        }  # fmt: skip
         self._watch([
             Watch(bytes.fromhex(mac.replace(":", "")), frame_id, _apart(each.parts for _, each, _ in found))
             for (mac, frame_id), found in self._sides.items()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from typing import ClassVar
 
 from ds47.cyclic.channels import CyclicChannels
 from ds47.cyclic.pkw import LENGTH
@@ -50,6 +51,8 @@ class Ppo:
         named: the PPO of stations, for captures without their Chk_Cfg, which counts more.
     """
 
+    SERVICES: ClassVar = frozenset({dp.EXCHANGE, dp.PARAMETERS, dp.CONFIGURATION})
+
     def __init__(self, channels: CyclicChannels, named: Mapping[int, int]) -> None:
         self._channels = channels
         self._named = {
@@ -64,17 +67,16 @@ class Ppo:
     def take(self, exchange: Exchange) -> None:
         """An exchange that is over; one without an answer, or that was refused, says nothing."""
         item, answer = exchange.request.item, exchange.answer
-        master, station = item.sa, item.da
+        master, station = item.front.sa, item.front.da
         if answer is None or master is None or station is None or dp.refuses(answer.item):
             return
-        name = dp.service(item)
+        name = item.front.service
         if name == dp.EXCHANGE:
             if station in self._named and not self._fits(master, station, item.du, answer.item.du):
                 return
             seen = exchange.request
-            out, in_ = source(master, station), source(station, master)
-            self._channels.exchanged(out, item.du, seen.frame, seen.time_ns)
-            self._channels.exchanged(in_, answer.item.du, answer.frame, answer.time_ns)
+            self._channels.exchanged(item.front.way, item.du, seen.frame, seen.time_ns)
+            self._channels.exchanged(item.front.back, answer.item.du, answer.frame, answer.time_ns)
         elif name == dp.PARAMETERS:
             told = dp.decode(item)
             if isinstance(told, dp.Parameters) and told.ident is not None:

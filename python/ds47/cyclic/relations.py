@@ -103,6 +103,11 @@ class Relation:
         return len(self.output.source) == _STATIONS
 
     @property
+    def station(self) -> int | None:
+        """The slave on PROFIBUS."""
+        return self.input.source[0] if self.is_bus else None
+
+    @property
     def is_judged(self) -> bool:
         """Whether findings are about it: of Siemens, whose tables are known, or said to be a drive by a user."""
         return self.vendor_id == SIEMENS or (

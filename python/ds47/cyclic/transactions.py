@@ -33,6 +33,7 @@ def build(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Transaction
         state=job.state,
         controller=relation.controller,
         device=relation.device,
+        station=relation.station,
         ar=None if relation.ar is None else uuid_text(relation.ar),
         api=relation.api,
         slot=relation.slot,

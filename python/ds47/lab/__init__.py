@@ -1,38 +1,53 @@
 """The lab: a simulated controller and drive that write captures.
 
 Here are the list of scenarios and how one becomes a file. What happens in them is in the modules
-`seeds`, `formats`, `transport`, `records`, `messages`, `conversation`, `naming`, `tour` and (causes, DS7xx)
-the `diagnoses`; who talks is `client`, how it is carried `stage`, and its bytes come from `wire`, `message`
-and `ether`.
-Needs scapy, but only when a capture is made.
+`seeds`, `formats`, `transport`, `records`, `messages`, `conversation`, `naming`, `tour`, (causes, DS7xx)
+the `diagnoses`, and the stories and scenes of cyclic frames and of PROFIBUS. Who talks on PROFINET is `client`, on
+PROFIBUS `master`, how it is carried `stage`, and its bytes come from `wire`, `message`, `ether` and `fdl`; a drive
+in cyclic frames is `drive`, `machine` its program, `cyclic` and `ppo` what carries both.
+Needs scapy, but only when a capture of Ethernet is made.
 """
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from functools import cache
 from importlib import import_module
+from io import BytesIO
 from pathlib import Path
 from types import MappingProxyType
 
 from ds47.lab.scenario import Expect, Scenario
-from ds47.lab.stage import Stage
+from ds47.lab.stage import Shot, Stage
 
-__all__ = ["Expect", "Scenario", "scenarios", "write"]
+__all__ = ["Expect", "Scenario", "captured", "everything", "scenarios", "write", "write_log"]
 
 BOOKS = (
     "conversation", "cyclic_stories", "diagnoses", "diagnoses_bytes", "diagnoses_places", "diagnoses_refused",
-    "diagnoses_whole", "formats", "messages", "naming", "records", "seeds", "tour", "transport",
+    "diagnoses_whole", "formats", "messages", "naming", "profibus_stories", "records", "seeds", "tour",
+    "transport",
 )  # fmt: skip
-"""The modules with scenarios."""
+"""The modules with scenarios that are stored,"""
+RULE_BOOKS = ("cyclic_scenes", "profibus_scenes")
+"""and those that show rules one by one, which only tests play."""
 _INTERFACE_STATISTICS, _ISB_IFDROP = 5, 5
 
 
-@cache
 def scenarios() -> Mapping[str, Scenario]:
-    """Every scenario by its name, in the order of the names."""
-    modules = (import_module(f"ds47.lab.{name}") for name in BOOKS)
+    """Every scenario that is stored, by its name, in the order of the names."""
+    return _of(BOOKS)
+
+
+def everything() -> Mapping[str, Scenario]:
+    """Those that show rules one by one, too."""
+    return _of(BOOKS + RULE_BOOKS)
+
+
+@cache
+def _of(books: tuple[str, ...]) -> Mapping[str, Scenario]:
+    modules = (import_module(f"ds47.lab.{name}") for name in books)
     every = [scenario for module in modules for scenario in module.BOOK.scenarios]
     names = {scenario.name: scenario for scenario in every}
     if len(names) != len(every):
@@ -47,16 +62,40 @@ def write(name: str, path: str | Path) -> Stage:
 
     Raises KeyError for an unknown name, OSError where the file cannot be written.
     """
+    stage = everything()[name].play()
+    Path(path).write_bytes(captured(stage))
+    return stage
+
+
+def captured(stage: Stage) -> bytes:
+    """What went past on a stage, as pcapng."""
     from ds47.capture.writer import PcapngWriter
 
-    stage = scenarios()[name].play()
-    with PcapngWriter(path, link_type=stage.link) as writer:
+    target = BytesIO()
+    with PcapngWriter(target, link_type=stage.link) as writer:
         for shot in stage.shots:
             writer.write(shot.time_ns, shot.data, original_length=shot.original_length)
-    if stage.dropped is not None:
-        with Path(path).open("ab") as file:
-            file.write(_statistics(stage.dropped))
+    dropped = b"" if stage.dropped is None else _statistics(stage.dropped)
+    return target.getvalue() + dropped
+
+
+def write_log(name: str, path: str | Path) -> Stage:
+    """Write the frames of a scenario of PROFIBUS as a log, a line each; the stage on which it was played.
+
+    Raises KeyError for an unknown name, OSError where the file cannot be written.
+    """
+    scenario = everything()[name]
+    stage = scenario.play()
+    lines = [f"# {scenario.title}", *map(_line, stage.shots)]
+    Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
     return stage
+
+
+def _line(shot: Shot) -> str:
+    """`2026-01-01 08:00:00.000100 E5`."""
+    seconds, rest = divmod(shot.time_ns, 10**9)
+    time = datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d %H:%M:%S")
+    return f"{time}.{rest // 1000:06} {shot.data.hex(' ').upper()}"
 
 
 def _statistics(dropped: int) -> bytes:

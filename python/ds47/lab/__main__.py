@@ -10,7 +10,8 @@ import json
 import sys
 from pathlib import Path
 
-from ds47.lab import Scenario, scenarios, write
+from ds47.lab import Scenario, scenarios, write, write_log
+from ds47.lab.profibus_stories import LOGS
 
 HEAD = """\
 # What the captures in this folder show. Written by `python -m ds47.lab FOLDER`; do not edit.
@@ -46,6 +47,17 @@ diagnoses = [{diagnoses}]
 """
 
 
+def log_entry(name: str, path: Path, frames: int) -> str:
+    """That of a log: the frames of a capture as text."""
+    return f"""
+[[log]]
+file = "{path.name}"
+sha256 = "{hashlib.sha256(path.read_bytes()).hexdigest()}"
+frames = {frames}
+made = "ds47 lab write --log captures {name}"
+"""
+
+
 def write_all(folder: Path) -> Path:
     """Write every capture into a folder, which is made; the path of the manifest."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -53,6 +65,9 @@ def write_all(folder: Path) -> Path:
     for name, scenario in scenarios().items():
         path = folder / f"{name}.pcapng"
         text += manifest_entry(scenario, path, len(write(name, path).shots))
+    for name in LOGS:
+        path = folder / f"{name}.txt"
+        text += log_entry(name, path, len(write_log(name, path).shots))
     manifest = folder / "MANIFEST.toml"
     manifest.write_text(text, encoding="utf-8", newline="\n")
     return manifest

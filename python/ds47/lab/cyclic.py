@@ -49,8 +49,8 @@ class Cyclic:
     modules: Sequence[Module] = (PKW, PZD)
     frame_ids: tuple[int, int] = (0x8001, 0xFFFF)
     given: int = 0x8002
-    reduction: int = 4
-    """Cycles of one millisecond from one frame to the next."""
+    reduction: float = 4
+    """Cycles of one millisecond from one frame to the next, a whole number."""
     iops: dict[int, int] = field(default_factory=lambda: {INPUT: GOOD, OUTPUT: GOOD})
     status: int = _RUN
     data: dict[tuple[Module, int], bytes] = field(default_factory=dict)
@@ -86,7 +86,7 @@ class Cyclic:
     def _relation(self, kind: int, frame_id: int) -> bytes:
         head = struct.pack(
             ">HHHIHHHHHHIHHH6sH", kind, kind, 0x8892, 1, self.length, frame_id, _CLOCK,
-            self.reduction, 1, 0, 0xFFFFFFFF, 3, 3, 0xC000, bytes(6), 1,
+            round(self.reduction), 1, 0, 0xFFFFFFFF, 3, 3, 0xC000, bytes(6), 1,
         )  # fmt: skip
         places = [
             struct.pack(">HHH", module.slot, module.subslot, at) for module, at in self._offsets()
@@ -124,7 +124,7 @@ class Cyclic:
             begun = self.client.stage.now_ns
             self._send(OUTPUT)
             self._send(INPUT)
-            self.client.stage.now_ns = begun + self.reduction * _CLOCK * _TICK_NS
+            self.client.stage.now_ns = begun + round(self.reduction) * _CLOCK * _TICK_NS
 
     def _send(self, kind: int) -> None:
         host, device = self.client.host, self.client.device

@@ -38,12 +38,15 @@ def parameters() -> dict[tuple[int, int], Cell]:
     }
 
 
-def machine(client: Client, **settings: object) -> Machine:
-    """The machine of most scenes, connected."""
+def machine(
+    client: Client, *modules: Module, reduction: int = 16, **settings: object
+) -> Machine[Cyclic]:
+    """The machine of most scenes, connected; `settings` are those of its drive."""
+    line = Cyclic(client, modules or (PKW, PZD), reduction=reduction)
     drive = Drive(cells=parameters())
-    for name in [each for each in settings if hasattr(drive, each)]:
-        setattr(drive, name, settings.pop(name))
-    return Machine(client, drive, **settings).connect()  # type: ignore[arg-type]
+    for name, value in settings.items():
+        setattr(drive, name, value)
+    return Machine(line, drive).connect()
 
 
 # Operation
@@ -67,7 +70,7 @@ def fault(client: Client) -> None:
 @BOOK.scene("DS520 with the number, which telegram 352 carries", rules="DS520")
 def fault_with_number(client: Client) -> None:
     """The drive finds a fault while it runs, and its telegram has the number."""
-    it = machine(client, pkw=None, pzd=ALONE).start()
+    it = machine(client, ALONE).start()
     it.drive.fault = 30002
     it.run(0.5).control(OFF).run(0.2).control(ACKNOWLEDGE).run(0.2).control(OFF).run(0.5)
 

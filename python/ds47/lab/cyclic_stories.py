@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from ds47.lab import message
 from ds47.lab.client import Client
-from ds47.lab.cyclic import Module
+from ds47.lab.cyclic import Cyclic, Module
 from ds47.lab.drive import Drive
 from ds47.lab.machine import OFF, ON, Machine
 from ds47.lab.scenario import OK_CHANGE, OK_READ, Book
@@ -17,10 +17,10 @@ TELEGRAM_1 = Module(2, 2, 4)
 _IN_OPERATION = 0x6B
 
 
-def _machine(client: Client, drive: Drive, reduction: int) -> Machine:
+def _machine(client: Client, drive: Drive, reduction: int) -> Machine[Cyclic]:
     """Telegram 1, with the parameter channel in the same slot."""
     client.channel = client.at(slot=2, subslot=1)
-    return Machine(client, drive, pkw=None, pzd=TELEGRAM_1, reduction=reduction).connect()
+    return Machine(Cyclic(client, (TELEGRAM_1,), reduction=reduction), drive).connect()
 
 
 @BOOK.scene(

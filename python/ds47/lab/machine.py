@@ -1,77 +1,99 @@
 """A machine: a controller whose cyclic frames carry the words of a simulated drive, and how a program uses them.
 
 Written for scenes: `control`, `setpoint`, `run`, `read`, `change`. What a drive does is in `drive`, how frames
-look in `cyclic`.
+look in `cyclic` (PROFINET) and `ppo` (PROFIBUS).
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Generic, Protocol, TypeVar
 
-from ds47.lab.client import Client
-from ds47.lab.cyclic import INPUT, OUTPUT, PKW, PZD, Cyclic, Module
+from ds47.lab.cyclic import INPUT, OUTPUT, Module
 from ds47.lab.drive import FULL, Drive
 
 OFF, ON, ACKNOWLEDGE = 0x047E, 0x047F, 0x04FE
 IDLE = bytes(8)
 
 
-@dataclass(slots=True)
-class Machine:
-    """A controller and a drive, by a telegram with PKW and without.
+class Carrier(Protocol):
+    """Cyclic frames of any kind: modules that have data in both directions."""
 
-    `reduction`: milliseconds of a cycle. `between`: called before each cycle, for what happens at the drive.
+    modules: Sequence[Module]
+    reduction: float
+    """Milliseconds of a cycle."""
+
+    def connect(self) -> None:
+        """What comes before the first cycle."""
+
+    def say(self, module: Module, kind: int, data: bytes) -> None:
+        """From the next cycle on a module has this data in a direction."""
+
+    def cycle(self) -> None:
+        """A cycle goes by."""
+
+
+Line = TypeVar("Line", bound=Carrier)
+
+
+@dataclass(slots=True)
+class Machine(Generic[Line]):
+    """A controller and a drive, by modules of PKW and PZD, or of PZD alone.
+
+    `between`: called before each cycle, for what happens at the drive.
     """
 
-    client: Client
+    line: Line
     drive: Drive = field(default_factory=Drive)
-    pkw: Module | None = PKW
-    pzd: Module = PZD
-    reduction: int = 16
     stw1: int = 0
     raw: int = 0
     words: bytes = IDLE
     between: Callable[[], None] = lambda: None
-    line: Cyclic = field(init=False)
 
-    def __post_init__(self) -> None:
-        modules = [each for each in (self.pkw, self.pzd) if each is not None]
-        self.line = Cyclic(self.client, modules=modules, reduction=self.reduction)
+    @property
+    def pkw(self) -> Module | None:
+        """The module of PKW, which comes first where it is."""
+        return self.line.modules[0] if len(self.line.modules) > 1 else None
 
-    def connect(self) -> Machine:
+    @property
+    def pzd(self) -> Module:
+        """The module of PZD."""
+        return self.line.modules[-1]
+
+    def connect(self) -> Machine[Line]:
         """The AR is set up; from now on there are cyclic frames."""
         self.line.connect()
         zsw1, actual = self.drive.step(0, 0, 0)
         self.line.say(self.pzd, INPUT, struct.pack(">Hh", zsw1, actual))
         return self
 
-    def control(self, stw1: int) -> Machine:
+    def control(self, stw1: int) -> Machine[Line]:
         """The program sends this control word from the next cycle on."""
         self.stw1 = stw1
         return self
 
-    def setpoint(self, percent: float) -> Machine:
+    def setpoint(self, percent: float) -> Machine[Line]:
         """It sends this setpoint, in percent."""
         self.raw = round(percent / 100 * FULL)
         return self
 
-    def run(self, seconds: float) -> Machine:
+    def run(self, seconds: float) -> Machine[Line]:
         """Time goes by, in whole cycles."""
-        for _ in range(max(1, round(seconds * 1000 / self.reduction))):
+        for _ in range(max(1, round(seconds * 1000 / self.line.reduction))):
             self.cycle()
         return self
 
-    def until(self, done: Callable[[Drive], bool], most: float = 200) -> Machine:
+    def until(self, done: Callable[[Drive], bool], most: float = 200) -> Machine[Line]:
         """Time goes by until the drive is as wanted, so many seconds at the most."""
-        for _ in range(round(most * 1000 / self.reduction)):
+        for _ in range(round(most * 1000 / self.line.reduction)):
             self.cycle()
             if done(self.drive):
                 return self
         raise AssertionError("the drive never was as the scene wants it")
 
-    def start(self, percent: float = 50) -> Machine:
+    def start(self, percent: float = 50) -> Machine[Line]:
         """OFF1, ON, and the drive runs at this speed."""
         self.control(OFF).run(0.1).setpoint(percent).control(ON)
         return self.until(lambda drive: abs(drive.actual - percent) < 0.1).run(0.2)
@@ -84,7 +106,7 @@ class Machine:
         if self.pkw is not None:
             self.line.say(self.pkw, OUTPUT, self.words)
         self.line.cycle()
-        zsw1, actual = self.drive.step(self.stw1, self.raw, self.reduction / 1000)
+        zsw1, actual = self.drive.step(self.stw1, self.raw, self.line.reduction / 1000)
         told = struct.pack(">Hh", zsw1, actual)
         if self.pzd.length > len(told):  # the last word of telegrams 352 and 354 is FAULT_CODE
             told = told.ljust(self.pzd.length - 2, b"\0") + self.drive.fault.to_bytes(2)
@@ -94,21 +116,21 @@ class Machine:
 
     # PKW
 
-    def ask(self, words: bytes, cycles: int = 6) -> Machine:
+    def ask(self, words: bytes, cycles: int = 6) -> Machine[Line]:
         """The program writes the four words, and holds them so many cycles."""
         self.words = words
         for _ in range(cycles):
             self.cycle()
         return self
 
-    def read(self, pnu: int, subindex: int = 0, ak: int = 1, cycles: int = 6) -> Machine:
+    def read(self, pnu: int, subindex: int = 0, ak: int = 1, cycles: int = 6) -> Machine[Line]:
         """A parameter is read, and the request taken back."""
         self.ask(_head(ak, pnu, subindex) + bytes(4), cycles)
         return self.ask(IDLE, 5)
 
     def change(
         self, pnu: int, value: bytes, subindex: int = 0, ak: int = 3, cycles: int = 6
-    ) -> Machine:
+    ) -> Machine[Line]:
         """A parameter is changed, and the request taken back."""
         self.ask(_head(ak, pnu, subindex) + value.rjust(4, b"\0"), cycles)
         return self.ask(IDLE, 5)

@@ -5,11 +5,20 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from ds47.lab.client import Client
+from ds47.lab.master import Master
 from ds47.lab.stage import Stage
 
+
+class Actor(Protocol):
+    """Who acts in a scene, on a stage of its own."""
+
+    stage: Stage
+
+
+Who = TypeVar("Who", bound=Actor)
 Build = Callable[[Client], None]
 Transaction = TypeVar("Transaction")
 """What is expected of a transaction, in the words of the book."""
@@ -38,28 +47,29 @@ class Scenario:
     name: str
     title: str
     shows: str
-    build: Build
+    build: Callable[[Any], None]
     expect: Expect
+    actor: Callable[[], Actor]
 
     def play(self) -> Stage:
         """Let it happen on a fresh stage: the same frames every time."""
-        stage = Stage()
-        self.build(Client(stage))
-        return stage
+        actor = self.actor()
+        self.build(actor)
+        return actor.stage
 
 
-class Scenes(ABC, Generic[Transaction]):
-    """A book of any kind: scenes, and with each what is expected of its transactions."""
+class Scenes(ABC, Generic[Who, Transaction]):
+    """A book of any kind: scenes, who acts in them, and with each what is expected of its transactions."""
 
     def scene(
         self, shows: str, *transactions: Transaction, rules: str = ""
-    ) -> Callable[[Build], Build]:
-        """Decorator: a function of what a client does becomes a scene of its name; its docstring is the title.
+    ) -> Callable[[Callable[[Who], None]], Callable[[Who], None]]:
+        """Decorator: a function of what somebody does becomes a scene of its name; its docstring is the title.
 
         `rules` are the ids that are expected, with spaces, those of diagnoses among them.
         """
 
-        def enter(build: Build) -> Build:
+        def enter(build: Callable[[Who], None]) -> Callable[[Who], None]:
             name = build.__name__.rstrip("_").replace("_", "-")
             title = (build.__doc__ or "").strip().rstrip(".")
             self.add(name, title, shows, build, transactions, rules)
@@ -73,7 +83,7 @@ class Scenes(ABC, Generic[Transaction]):
         name: str,
         title: str,
         shows: str,
-        build: Build,
+        build: Callable[[Who], None],
         transactions: Sequence[Transaction],
         rules: str = "",
     ) -> None:
@@ -81,18 +91,22 @@ class Scenes(ABC, Generic[Transaction]):
 
 
 @dataclass(slots=True)
-class Book(Scenes[tuple[str, str]]):
+class _Captures(Scenes[Who, tuple[str, str]]):
     """The scenarios of one module, in the order in which they stand there: transactions are (operation, state)."""
 
     topic: str
     scenarios: list[Scenario] = field(default_factory=list)
+
+    @abstractmethod
+    def actor(self) -> Actor:
+        """Who acts, on a fresh stage."""
 
     def add(
         self,
         name: str,
         title: str,
         shows: str,
-        build: Build,
+        build: Callable[[Who], None],
         transactions: Sequence[tuple[str, str]],
         rules: str = "",
     ) -> None:
@@ -100,4 +114,21 @@ class Book(Scenes[tuple[str, str]]):
         ids = frozenset(rules.split())
         diagnoses = frozenset(rule for rule in ids if rule.startswith(DIAGNOSES))
         expect = Expect(tuple(transactions), ids - diagnoses, diagnoses)
-        self.scenarios.append(Scenario(f"{self.topic}-{name}", title, shows, build, expect))
+        whole = f"{self.topic}-{name}"
+        self.scenarios.append(Scenario(whole, title, shows, build, expect, self.actor))
+
+
+class Book(_Captures[Client]):
+    """Scenarios of a controller on PROFINET."""
+
+    def actor(self) -> Client:
+        """A client on a stage of Ethernet."""
+        return Client(Stage())
+
+
+class BusBook(_Captures[Master]):
+    """Scenarios of a master on PROFIBUS."""
+
+    def actor(self) -> Master:
+        """A master on a line."""
+        return Master()

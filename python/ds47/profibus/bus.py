@@ -7,29 +7,40 @@ hear of it. Files and texts are not here.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Final, NamedTuple
 
 from ds47.profibus.line import Exchange, Line, Seen
 from ds47.profibus.telegram import SC, SD4, Telegram, decode
 
-PROFIBUS_DL, USER0 = 257, 147
+PROFIBUS_DL: Final = 257
+USER0: Final = 147
 LINK_TYPES = frozenset({PROFIBUS_DL, USER0})
 """LINKTYPE_PROFIBUS_DL, and the link type that is everybody's own: PROFIBUS where a frame of it proves that."""
+
+
+class Listener(NamedTuple):
+    """Who hears of an exchange when it is over: of these services of `dp` alone, or of all (None)."""
+
+    take: Callable[[Exchange], None]
+    services: frozenset[str] | None = None
 
 
 class Bus:
     """One line of PROFIBUS.
 
     Args:
-        listeners: hear of each exchange when it is over.
+        listeners: hear of the exchanges, one after the other.
         heard: is told of each frame, and whether the recording has not all of it.
     """
 
     def __init__(
         self,
-        listeners: Sequence[Callable[[Exchange], None]],
+        listeners: Sequence[Listener],
         heard: Callable[[Seen, bool], None],
     ) -> None:
         self._listeners = listeners
+        self._of: dict[str | None, list[Callable[[Exchange], None]]] = {}
+        """Those of a service."""
         self._heard = heard
         self._proven = False
         """Whether a frame with the right check byte was seen: the user's own link type may be anything."""
@@ -41,7 +52,7 @@ class Bus:
         """A frame of one of `LINK_TYPES`, with its number and its time; `cut`: the recording has not all of it."""
         item = decode(data)
         if not self._proven:
-            self._proven = link_type == PROFIBUS_DL or _proves(item)
+            self._proven = link_type == PROFIBUS_DL or proves(item)
             if not self._proven:
                 return
         seen = Seen(number, time_ns, item)
@@ -55,9 +66,17 @@ class Bus:
             self._tell(exchange)
 
     def _tell(self, exchange: Exchange) -> None:
-        for each in self._listeners:
-            each(exchange)
+        service = exchange.request.item.front.service
+        found = self._of.get(service)
+        if found is None:
+            found = self._of[service] = [
+                each.take for each in self._listeners
+                if each.services is None or service in each.services
+            ]  # fmt: skip
+        for take in found:
+            take(exchange)
 
 
-def _proves(item: Telegram) -> bool:
+def proves(item: Telegram) -> bool:
+    """Whether a frame proves that PROFIBUS is here: it has the right check byte."""
     return not item.flaws and item.kind not in ("", SC, SD4)

@@ -6,13 +6,22 @@ One frame at a time. Records (MS1, MS2) are `ms1`; which answer belongs to which
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 from ds47.profibus.telegram import Flaw, Telegram
 from ds47.spec import profibus
 
-DIAGNOSIS, PARAMETERS, CONFIGURATION = "diagnosis", "parameters", "configuration"
-GET_CONFIGURATION, CONTROL, EXCHANGE = "get_configuration", "control", "exchange"
-RECORD, ALARM, RESOURCE, MS2 = "record", "alarm", "resource", "ms2"
+DIAGNOSIS: Final = "diagnosis"
+PARAMETERS: Final = "parameters"
+CONFIGURATION: Final = "configuration"
+GET_CONFIGURATION: Final = "get_configuration"
+CONTROL: Final = "control"
+EXCHANGE: Final = "exchange"
+RECORD: Final = "record"
+ALARM: Final = "alarm"
+RESOURCE: Final = "resource"
+MS2: Final = "ms2"
+"""The services."""
 PKW, PZD = "PKW", "PZD"
 """What a module of a PPO carries."""
 
@@ -100,16 +109,10 @@ class Configuration:
     roles: tuple[str | None, ...]
     """PKW or PZD for each module; None where that is not known."""
     flaws: tuple[Flaw, ...]
-
-    @property
-    def input_length(self) -> int:
-        """Bytes from the slave."""
-        return sum(each.inputs.length for each in self.modules if each.inputs)
-
-    @property
-    def output_length(self) -> int:
-        """Bytes to the slave."""
-        return sum(each.outputs.length for each in self.modules if each.outputs)
+    input_length: int
+    """Bytes from the slave,"""
+    output_length: int
+    """and to it."""
 
     @property
     def pkw_consistent(self) -> bool | None:
@@ -151,22 +154,12 @@ def service(item: Telegram) -> str | None:
     Returns:
         An id of `spec.profibus.services()`, "ms2", or None where the SAPs stand for none.
     """
-    if item.code is None:
-        return None
-    (_, slave), (_, master) = item.slave, item.master
-    if slave is None and master is None:
-        row = profibus.codes("request" if item.request else "answer").get(item.code)
-        return EXCHANGE if row is not None and row.exchange else None
-    if slave is None or master is None:
-        return None
-    known = profibus.service_ids().get((slave, master))
-    own, most = profibus.ms2()
-    return known or (MS2 if master == own and slave <= most else None)
+    return item.front.service
 
 
 def refuses(answer: Telegram) -> bool:
     """Whether an answer refuses its service (UE, RR, RS): what the master sent with it does not count then."""
-    return answer.code in _REFUSED
+    return answer.front.code in _REFUSED
 
 
 def decode(item: Telegram) -> Content | None:
@@ -176,7 +169,7 @@ def decode(item: Telegram) -> Content | None:
     """
     name = service(item)
     if name == EXCHANGE:
-        return Exchange(bool(item.request), item.du, not item.request and _wants(item))
+        return Exchange(bool(item.request), item.du, not item.request and item.front.wants)
     if name == DIAGNOSIS and not item.request:
         return _diagnosis(item.du)
     if name == PARAMETERS and item.request:
@@ -186,11 +179,6 @@ def decode(item: Telegram) -> Content | None:
     if name == CONTROL and item.request:
         return _control(item.du)
     return None
-
-
-def _wants(item: Telegram) -> bool:
-    row = profibus.codes("answer").get(item.code or 0)
-    return row is not None and row.wants
 
 
 def _flags(table: str, data: bytes) -> tuple[str, ...]:
@@ -249,7 +237,11 @@ def configuration(data: bytes) -> Configuration:
         flaws += _too_short(data, end)
         at = end
     ppo, roles = _ppo(modules)
-    return Configuration(tuple(modules), ppo, roles, flaws)
+    lengths = (
+        sum(area.length for area in areas if area)
+        for areas in ([each.inputs for each in modules], [each.outputs for each in modules])
+    )
+    return Configuration(tuple(modules), ppo, roles, flaws, *lengths)
 
 
 def _general(data: bytes, at: int) -> tuple[Module, int]:

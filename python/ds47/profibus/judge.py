@@ -8,17 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from ds47.findings.remark import Remark
 from ds47.profibus import dp
 from ds47.profibus.line import Exchange, Seen
 from ds47.profibus.stations import Counted, Station, Stations
-from ds47.spec import profibus
 from ds47.spec.semantics import Limits
 from ds47.spec.statuses import status_hex
 
-_NOT_ENABLED = 3
+_NOT_ENABLED: Final = 3
 """The code of an answer that says that the SAP is not enabled (RS)."""
 _OF_RECORDS = (dp.RECORD, dp.ALARM)
 _FAULTS = {"prm_fault": "diag_prm_fault", "cfg_fault": "diag_cfg_fault"}
@@ -57,11 +56,11 @@ class Judge:
     def heard(self, station: Station, exchange: Exchange, answer: Seen) -> None:
         """An exchange with an answer, before the station is what it makes of it."""
         item, at = exchange.request.item, exchange.request.frame
-        if answer.item.code == _NOT_ENABLED and item.dsap is not None:
-            self._not_enabled(station, item.dsap, dp.service(item), answer.frame)
+        service = item.front.service
+        if answer.item.front.code == _NOT_ENABLED and item.dsap is not None:
+            self._not_enabled(station, item.dsap, service, answer.frame)
         if dp.refuses(answer.item):
             return
-        service = dp.service(item)
         if service == dp.EXCHANGE:
             self._lengths(station, item.du, answer)
         elif service == dp.PARAMETERS:
@@ -107,7 +106,7 @@ class Judge:
 
     def _counted(self, station: Station, copied: bool) -> Iterator[Remark]:
         """What only counts show; repetitions that a recording of two places has are none."""
-        device, of = name(station.address), station.asked.count
+        device, of = name(station.address), station.asked
         for rule, counted in (("DS803", station.retries), ("DS804", station.silent)):
             if counted.count and not (copied and rule == "DS803"):
                 yield _remark(rule, counted, device=device, of=of)
@@ -141,8 +140,8 @@ class Judge:
 
     def _lengths(self, station: Station, outputs: bytes, answer: Seen) -> None:
         """Empty outputs are those of a master that holds its slaves safe; SC has no inputs."""
-        configured, row = station.configuration, profibus.codes("answer").get(answer.item.code or 0)
-        if configured is None or configured.flaws or row is None or not row.exchange:
+        configured = station.configuration
+        if configured is None or configured.flaws or not answer.item.front.exchanges:
             return
         want, there = (configured.output_length, configured.input_length), len(answer.item.du)
         if there != want[1] or (outputs and len(outputs) != want[0]):

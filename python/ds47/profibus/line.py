@@ -6,22 +6,19 @@ answered is not looked at.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
 
-from ds47.profibus.telegram import ALL_STATIONS, SC, SD4, Telegram
-from ds47.spec import profibus
+from ds47.profibus.telegram import SC, SD4, Front, Telegram
 
-CUT = "cut"
+CUT: Final = "cut"
 """The flaw of a frame of which the end is missing."""
 MOST_RETRIES = 16
 """Retries of an exchange that are kept; masters repeat a request up to 15 times."""
 
-_Way = tuple[int | None, int | None]
-"""Who asks whom."""
 
-
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, init=False, eq=False)
 class Seen:
     """A frame with its place in the capture."""
 
@@ -29,28 +26,53 @@ class Seen:
     time_ns: int
     item: Telegram
 
+    def __init__(self, frame: int, time_ns: int, item: Telegram) -> None:
+        self.frame = frame
+        self.time_ns = time_ns
+        self.item = item
 
-@dataclass(slots=True, eq=False)
+
+@dataclass(slots=True, init=False, eq=False)
 class Exchange:
     """A request and what became of it."""
 
     request: Seen
-    answer: Seen | None = None
+    answer: Seen | None
     """None where none came, or nobody answers such a request."""
-    retries: list[Seen] = field(default_factory=list)
+    retries: list[Seen]
     """The same request again, because the master got no answer: the first ones,"""
-    retried: int = 0
+    retried: int
     """and how many there are."""
-    again: bool = False
+    again: bool
     """Whether it repeats the exchange before between the two: the master has no answer to that."""
-    silent: bool = False
+    silent: bool
     """Whether nobody answers such a request."""
-    damaged: int = 0
+    damaged: int
     """The first damaged frame that stands where its answer should; 0 for none."""
-    cut: bool = False
+    spoiled: int
+    """How many there are: of each retry one;"""
+    copied: int
+    """and how many of them stand directly behind the same frame."""
+    cut: bool
     """Whether a frame that the recording did not keep whole stands there: it may be its answer."""
-    unfinished: bool = False
-    """Whether nothing came behind it: its answer may be missing for that."""
+    passed: bool
+    """Whether a token came behind it and its retries: the master waits no more."""
+    unfinished: bool
+    """Whether the recording ended before that and before another request: its answer may be missing for that."""
+
+    def __init__(self, request: Seen, again: bool = False, silent: bool = False) -> None:
+        self.request = request
+        self.answer = None
+        self.retries = []
+        self.retried = 0
+        self.again = again
+        self.silent = silent
+        self.damaged = 0
+        self.spoiled = 0
+        self.copied = 0
+        self.cut = False
+        self.passed = False
+        self.unfinished = False
 
 
 class Line:
@@ -61,7 +83,8 @@ class Line:
 
     def __init__(self) -> None:
         self._open: Exchange | None = None
-        self._last: dict[_Way, Telegram] = {}
+        self._last: dict[bytes, Telegram] = {}
+        """By who asks whom."""
         self.tokens = 0
         """How many tokens went round,"""
         self.damaged = 0
@@ -79,83 +102,86 @@ class Line:
         self._echo = False
         """and whether it is so the second of two, the fourth of four and so on."""
 
-    def take(self, seen: Seen, cut: bool = False) -> Iterator[Exchange]:
+    def take(self, seen: Seen, cut: bool = False) -> Sequence[Exchange]:
         """A frame; gives the exchanges that are over with it, up to two.
 
         Args:
             seen: the frame.
             cut: whether the recording did not keep all of it.
         """
-        data = seen.item.data
-        self._same = data == self._before
-        self._echo = self._same and not self._echo
-        self._before = data
-        yield from self._take(seen, cut)
-
-    def _take(self, seen: Seen, cut: bool) -> Iterator[Exchange]:
         item = seen.item
+        self._same = item.data == self._before
+        self._echo = self._same and not self._echo
+        self._before = item.data
         if item.flaws:
-            self.damaged += 1
-            self._damaged(seen, cut)
-        elif item.kind == SD4:
+            self._damage(seen, cut)
+        elif item.front.request:
+            return self._request(seen)
+        elif item.front.kind == SD4:
             self.tokens += 1
-        elif item.request:
-            yield from self._request(seen)
+            if self._open is not None:
+                self._open.passed = True
         else:
-            yield from self._answer(seen)
+            return self._answer(seen)
+        return ()
 
-    def finish(self) -> Iterator[Exchange]:
+    def finish(self) -> Sequence[Exchange]:
         """No frame comes any more."""
-        if self._open is not None:
-            self._open.unfinished = True
-            yield from self._give_up()
+        over, self._open = self._open, None
+        if over is None:
+            return ()
+        over.unfinished = not over.passed
+        return (over,)
 
-    def _damaged(self, seen: Seen, cut: bool) -> None:
+    def _damage(self, seen: Seen, cut: bool) -> None:
         """A frame of which nothing is proved: it may be an answer, or a request that nobody knows then."""
+        over = self._open
+        self.damaged += 1
         self.unsure = seen.frame
-        if self._open is None:
+        if over is None:
             self._last.clear()
+        elif over.passed:
+            return
         elif cut and any(each.kind == CUT for each in seen.item.flaws):
-            self._open.cut = True
+            over.cut = True
         else:
-            self._open.damaged = self._open.damaged or seen.frame
+            over.damaged = over.damaged or seen.frame
+            over.spoiled += 1
+            over.copied += self._echo
 
-    def _give_up(self) -> Iterator[Exchange]:
-        """The exchange that is open stays without an answer."""
-        if self._open is not None:
-            over, self._open = self._open, None
-            yield over
-
-    def _request(self, seen: Seen) -> Iterator[Exchange]:
-        item, way = seen.item, (seen.item.sa, seen.item.da)
-        counts = item.fcv == 1 or self._same
-        if self._open is not None and counts and self._open.request.item == item:
-            self._open.retried += 1
-            if self._open.retried <= MOST_RETRIES:
-                self._open.retries.append(seen)
-            return
-        yield from self._give_up()
-        row = profibus.codes("request").get(item.code or 0)
-        silent = item.da == ALL_STATIONS or (row is not None and row.silent)
-        again = item.fcv == 1 and self._last.get(way) == item
-        exchange = Exchange(seen, again=again, silent=silent)
-        if silent:
-            yield exchange
-            return
-        self._last[way] = item
+    def _request(self, seen: Seen) -> Sequence[Exchange]:
+        item, front, over = seen.item, seen.item.front, self._open
+        if (
+            over is not None
+            and over.request.item.data == item.data
+            and (front.fcv == 1 or self._same)
+        ):
+            over.passed = False
+            over.retried += 1
+            if over.retried <= MOST_RETRIES:
+                over.retries.append(seen)
+            return ()
+        last = self._last.get(front.way)
+        again = front.fcv == 1 and last is not None and last.data == item.data
+        exchange = Exchange(seen, again, front.silent)
+        if exchange.silent:
+            self._open = None
+            return (exchange,) if over is None else (over, exchange)
+        self._last[front.way] = item
         self._open = exchange
+        return () if over is None else (over,)
 
-    def _answer(self, seen: Seen) -> Iterator[Exchange]:
+    def _answer(self, seen: Seen) -> Sequence[Exchange]:
         over, item = self._open, seen.item
-        if over is None or not _fits(over.request.item, item):
+        if over is None or not _fits(over.request.item.front, item.front):
             self.stray += 1
             self.echoes += self._echo
             self.unsure = seen.frame
             self._forget(item)
-            return
+            return ()
         self._open = None
         over.answer = seen
-        yield over
+        return (over,)
 
     def _forget(self, answer: Telegram) -> None:
         """Between the requests before and behind this answer was one that was not seen.
@@ -165,14 +191,14 @@ class Line:
         if answer.kind == SC:
             self._last.clear()
         else:
-            self._last.pop((answer.da, answer.sa), None)
+            self._last.pop(answer.front.back, None)
 
 
-def _fits(request: Telegram, answer: Telegram) -> bool:
+def _fits(request: Front, answer: Front) -> bool:
     """Whether an answer is one to a request: SC names nobody, others have stations and SAPs turned round."""
     if answer.kind == SC:
         return True
-    if (answer.sa, answer.da) != (request.da, request.sa):
+    if answer.way != request.back:
         return False
-    saps = (answer.ssap, answer.dsap)
-    return saps in ((request.dsap, request.ssap), (None, None))
+    bare = answer.ssap is None and answer.dsap is None
+    return bare or (answer.ssap == request.dsap and answer.dsap == request.ssap)

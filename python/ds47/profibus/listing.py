@@ -26,7 +26,7 @@ TO_SLAVE, TO_MASTER = "to_slave", "to_master"
 _CLOCK = re.compile(
     r"(?:(?P<date>\d{4}-\d\d-\d\d)[T ])?(?P<h>\d{1,2}):(?P<m>\d\d):(?P<s>\d\d)(?:[.,](?P<part>\d{1,9})\d*)?Z?"
 )
-_NUMBER = re.compile(r"(?P<whole>\d{1,18})(?:[.,](?P<part>\d{1,9})\d*)?")
+_NUMBER = re.compile(r"(?P<whole>\d{1,19})(?:[.,](?P<part>\d{1,9})\d*)?")
 _UNIT = r"(?P<unit>[mnuµμ]?s)"
 _END = r"(?:[\])](?=[\s;,|:]|$)|(?=[\s;|]|:\s|$))"
 """Behind a time: a comma alone ends none, it may stand between bytes."""

@@ -71,7 +71,8 @@ class Wanting:
     def answered(self, wants: bool, frame: int) -> None:
         """An answer of data exchange."""
         if not wants:
-            self.row = Counted()
+            if self.row.count:
+                self.row = Counted()
             return
         self.asked += not self.row.count
         self.row.add(frame)
@@ -91,21 +92,23 @@ class Station:
     address: int
     asks: bool = False
     """Whether it is a master."""
-    asked: Counted = field(default_factory=Counted)
+    asked: int = 0
     """Requests to it that somebody answers, FDL_Status to one that is not there aside,"""
     silent: Counted = field(default_factory=Counted)
     """those without an answer,"""
     damaged: Counted = field(default_factory=Counted)
-    """those in the place of whose answer there is a damaged frame,"""
+    """damaged frames in the place of answers, of which those are none,"""
     retries: Counted = field(default_factory=Counted)
     """and requests that repeat another one."""
     copies: int = 0
-    """How many repetitions are left where each frame stands there twice."""
+    """How many repetitions are left where each frame stands there twice,"""
+    copied: int = 0
+    """and how many of the damaged frames are not."""
     answers: Times = field(default_factory=Times)
     """From request to answer,"""
     cycles: Times = field(default_factory=Times)
     """and from one data exchange to the next."""
-    exchanges: Counted = field(default_factory=Counted)
+    exchanges: int = 0
     lengths: tuple[int, int] | None = None
     """Bytes of the last data exchange, to it and from it."""
     last_exchange: Seen | None = None
@@ -126,6 +129,7 @@ class Station:
         """Whether the recording has each frame twice is known, once nothing more comes."""
         if copied:
             self.retries.count = self.copies
+            self.damaged.count -= self.copied
 
     def told(self, timed: bool) -> BusStation:
         """As the result has it, `timed` with times."""
@@ -136,8 +140,8 @@ class Station:
             self.address, "master" if self.asks else "slave", ident,
             None if configured is None else configured.ppo,
             None if set_up is None else set_up.watchdog_ms,
-            self.asked.count, self.silent.count, self.damaged.count, self.retries.count,
-            self.exchanges.count, outputs, inputs, self.cycles.span() if timed else None,
+            self.asked, self.silent.count, self.damaged.count, self.retries.count,
+            self.exchanges, outputs, inputs, self.cycles.span() if timed else None,
             self.answers.span() if timed else None,
             self.wanting.asked, self.wanting.fetched,
             self.parameters_frame, self.configuration_frame,
@@ -201,7 +205,7 @@ class Stations:
         """
         if not self.frames:
             return None
-        stations = [each.told(timed) for each in self.all() if each.asks or each.asked.count]
+        stations = [each.told(timed) for each in self.all() if each.asks or each.asked]
         damaged = self.check.count + self.broken.count
         stray -= echoes if self.copied else 0
         return Bus(self.frames, self.tokens, damaged, stray, stations)
@@ -214,31 +218,31 @@ class Stations:
             cut: whether the recording did not keep all of it; that is no fault of the line.
         """
         self.frames += 1
-        item = seen.item
-        kinds = {each.kind for each in item.flaws}
-        if kinds and not (cut and CUT in kinds):
-            (self.check if _CHECK in kinds else self.broken).add(seen.frame)
-        elif item.kind == SD4 and item.sa is not None:
+        item, front = seen.item, seen.item.front
+        if item.flaws:
+            kinds = {each.kind for each in item.flaws}
+            if not (cut and CUT in kinds):
+                (self.check if _CHECK in kinds else self.broken).add(seen.frame)
+        elif front.kind == SD4 and front.sa is not None:
             self.tokens += 1
-            self.station(item.sa).asks = True
-        if not item.request and not kinds and item.kind != SD4:
+            self.station(front.sa).asks = True
+        elif not front.request:
             self.answers += 1
             self.doubled += item.data == self._answer
-        self._answer = None if item.request else item.data
+        self._answer = None if front.request else item.data
 
     def take(self, exchange: Exchange) -> None:
         """An exchange that is over."""
-        item = exchange.request.item
-        if item.sa is None or item.da is None:
+        front = exchange.request.item.front
+        if front.sa is None or front.da is None:
             return
-        if not self.station(item.sa).asks:
-            self.station(item.sa).asks = True
+        self.station(front.sa).asks = True
         if exchange.silent:
             return
         answer = exchange.answer
-        if answer is None and (profibus.probes(item.code) or exchange.unfinished):
+        if answer is None and (profibus.probes(front.code) or exchange.unfinished):
             return
-        station = self.station(item.da)
+        station = self.station(front.da)
         _count(station, exchange)
         if answer is not None:
             self._heard(station, exchange, answer)
@@ -247,11 +251,12 @@ class Stations:
 
 def _keep(station: Station, exchange: Exchange, answer: Seen) -> None:
     """What an exchange with an answer says of the station."""
-    name, item = dp.service(exchange.request.item), answer.item
+    name, item = exchange.request.item.front.service, answer.item
     if dp.refuses(item):
         return
     if name == dp.EXCHANGE:
-        _exchanged(station, exchange, answer)
+        if item.front.exchanges or item.kind == SC:  # SC: of a station without inputs
+            _exchanged(station, exchange, answer)
     elif name == dp.PARAMETERS:
         told = dp.decode(exchange.request.item)
         assert isinstance(told, dp.Parameters)
@@ -270,7 +275,7 @@ def _keep(station: Station, exchange: Exchange, answer: Seen) -> None:
 
 def _count(station: Station, exchange: Exchange) -> None:
     seen, answer = exchange.request, exchange.answer
-    station.asked.add(seen.frame)
+    station.asked += 1
     if exchange.again:
         station.retries.add(seen.frame)
     if exchange.retried:
@@ -278,25 +283,23 @@ def _count(station: Station, exchange: Exchange) -> None:
             station.retries.add(each.frame)
         station.retries.count += exchange.retried - len(exchange.retries)
     station.copies += exchange.retried // 2 + exchange.again
-    if answer is None:
-        if exchange.damaged:
-            station.damaged.add(exchange.damaged)
-        elif not exchange.cut:
-            station.silent.add(seen.frame)
-    elif exchange.retried <= len(exchange.retries):  # else nobody knows when the last one was sent
+    if exchange.damaged:
+        station.damaged.add(exchange.damaged, exchange.spoiled)
+        station.copied += exchange.copied
+    elif answer is None and not exchange.cut:
+        station.silent.add(seen.frame)
+    if answer is not None and exchange.retried <= len(
+        exchange.retries
+    ):  # else nobody knows when the last one was sent
         last = exchange.retries[-1] if exchange.retries else seen
         station.answers.add(answer.time_ns - last.time_ns)
 
 
 def _exchanged(station: Station, exchange: Exchange, answer: Seen) -> None:
-    row = profibus.codes("answer").get(answer.item.code or 0)
-    short = answer.item.kind == SC  # of a station without inputs
-    if row is None or not (row.exchange or short):
-        return
     seen = exchange.request
     if station.last_exchange is not None and not exchange.again:
         station.cycles.add(seen.time_ns - station.last_exchange.time_ns)
     station.last_exchange = seen
-    station.exchanges.add(seen.frame)
+    station.exchanges += 1
     station.lengths = len(seen.item.du), len(answer.item.du)
-    station.wanting.answered(row.wants and not short, answer.frame)
+    station.wanting.answered(answer.item.front.wants, answer.frame)

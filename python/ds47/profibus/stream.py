@@ -8,7 +8,7 @@ what a frame says, are not here.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from ds47.profibus.telegram import (
     END,
@@ -94,7 +94,8 @@ class Reader:
             self._blind.clear()
             item = decode(data)
             if not item.flaws:
-                item = replace(item, flaws=(Flaw("unproved", 0),))
+                unproved = (Flaw("unproved", 0),)
+                item = Telegram(item.front, item.data, item.du, item.fcs, unproved)
             yield Piece(end - len(data), item)
 
     def _length(self, data: bytes, at: int) -> int:

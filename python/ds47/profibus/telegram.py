@@ -7,13 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Final
 
 from ds47.spec import profibus
 
-SD1, SD2, SD3, SD4, SC = "SD1", "SD2", "SD3", "SD4", "SC"
-START, END = 0x68, 0x16
+SD1: Final = "SD1"
+SD2: Final = "SD2"
+SD3: Final = "SD3"
+SD4: Final = "SD4"
+SC: Final = "SC"
+START: Final = 0x68
+END: Final = 0x16
 """What begins SD2, twice, and what ends every frame but SD4 and SC."""
-ALL_STATIONS = 127
+ALL_STATIONS: Final = 127
 """The address that stands for all of them."""
 SIZES: Mapping[str, int] = {SD1: 6, SD3: 14, SD4: 3, SC: 1}
 """Bytes of the frames that have always as many."""
@@ -21,10 +28,14 @@ SIZES: Mapping[str, int] = {SD1: 6, SD3: 14, SD4: 3, SC: 1}
 _REQUEST, _FCB, _FCV, _RESERVED = 0x40, 0x20, 0x10, 0x80
 _EXTENDED, _ADDRESS = 0x80, 0x7F
 _SEGMENT, _SAP = 0x40, 0x3F
-_TRAILER = 2
+_TRAILER: Final = 2
 """Check byte and end byte."""
-_HEAD = 4
+_HEAD: Final = 4
 """Start byte, both length bytes, start byte: what SD2 begins with."""
+_LEAST: Final = 7
+"""Its bytes up to the function code: more than a frame without data has."""
+_REMEMBERED: Final = 1024
+"""Beginnings of frames, and whole short ones, that are remembered."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,56 +49,159 @@ class Flaw:
     args: Mapping[str, int] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class Telegram:
-    """A frame; what it does not have, or what cannot be known of it, is None or empty.
+@dataclass(slots=True, init=False, eq=False)
+class Front:
+    """What a frame begins with, and what that means; what is not there, or cannot be known, is None or empty.
 
-    `da` and `sa` are the stations without the bit that announces an extension; `dae` and `sae` the extension
-    bytes. `flaws` are those of the frame itself: with one of them none of its content is proved.
+    Frames that begin alike share one.
     """
 
     kind: str
     """SD1 to SD4 or SC; empty where no frame begins so."""
+    da: int | None
+    sa: int | None
+    """The stations, without the bit that announces an extension,"""
+    fc: int | None
+    dae: bytes
+    sae: bytes
+    """and the extension bytes."""
+    request: bool | None
+    """Whether a master asks or says something; False for an answer, None without a function code."""
+    code: int | None
+    """The function, bits 3 to 0 of the function code."""
+    fcb: int | None
+    """The frame count bit of a request; the same again is a retry, where `fcv` is 1."""
+    fcv: int | None
+    """Whether `fcb` counts: 0 in the first request to a station."""
+    dsap: int | None
+    """The SAP at the destination,"""
+    ssap: int | None
+    """and at the source."""
+    way: bytes
+    """The stations as two bytes, source and destination; empty without them,"""
+    back: bytes
+    """and turned round."""
+    service: str | None
+    """What it belongs to (`spec.profibus.service_id`)."""
+    silent: bool
+    """Whether nobody answers such a request."""
+    exchanges: bool
+    """Of an answer: whether it has data of data exchange; SC has none,"""
+    wants: bool
+    """and whether the slave asks for Slave_Diag in it."""
+
+    def __init__(
+        self, kind: str, da: int | None = None, sa: int | None = None, fc: int | None = None,
+        dae: bytes = b"", sae: bytes = b"",
+    ) -> None:  # fmt: skip
+        self.kind, self.da, self.sa, self.fc = kind, da, sa, fc
+        self.dae, self.sae = dae, sae
+        self.request = self.code = self.fcb = self.fcv = None
+        if fc is not None:
+            self.request, self.code = bool(fc & _REQUEST), fc & 0x0F
+            if self.request:
+                self.fcb, self.fcv = int(bool(fc & _FCB)), int(bool(fc & _FCV))
+        self.dsap, self.ssap = _sap(dae), _sap(sae)
+        self.way = b"" if sa is None or da is None else bytes((sa, da))
+        self.back = self.way[::-1]
+        saps = (self.dsap, self.ssap) if self.request else (self.ssap, self.dsap)
+        self.service = profibus.service_id(self.request, self.code, *saps)
+        row = profibus.codes("request" if self.request else "answer").get(self.code or 0)
+        self.silent = da == ALL_STATIONS or (row is not None and row.silent)
+        self.exchanges = row is not None and row.exchange
+        self.wants = row is not None and row.wants
+
+
+@dataclass(slots=True, init=False, eq=False)
+class Telegram:
+    """A frame; what it begins with is `front`.
+
+    `flaws` are those of the frame itself: with one of them none of its content is proved.
+    """
+
+    front: Front
     data: bytes
-    da: int | None = None
-    sa: int | None = None
-    fc: int | None = None
-    dae: bytes = b""
-    sae: bytes = b""
-    du: bytes = b""
-    fcs: int | None = None
+    du: bytes
+    fcs: int | None
     """The check byte as it was sent."""
-    flaws: tuple[Flaw, ...] = ()
+    flaws: tuple[Flaw, ...]
+
+    def __init__(
+        self, front: Front, data: bytes, du: bytes = b"", fcs: int | None = None,
+        flaws: tuple[Flaw, ...] = (),
+    ) -> None:  # fmt: skip
+        self.front = front
+        self.data = data
+        self.du = du
+        self.fcs = fcs
+        self.flaws = flaws
+
+    def __eq__(self, other: object) -> bool:
+        """All of a frame is in its bytes; what is wrong about it may be in those around it."""
+        return isinstance(other, Telegram) and self.data == other.data and self.flaws == other.flaws
+
+    def __hash__(self) -> int:
+        return hash(self.data)
+
+    @property
+    def kind(self) -> str:
+        """As in `Front`, like those that follow."""
+        return self.front.kind
+
+    @property
+    def da(self) -> int | None:
+        """The station that it goes to."""
+        return self.front.da
+
+    @property
+    def sa(self) -> int | None:
+        """The station that sends it."""
+        return self.front.sa
+
+    @property
+    def fc(self) -> int | None:
+        """The function code."""
+        return self.front.fc
+
+    @property
+    def dae(self) -> bytes:
+        """The extension bytes of the destination."""
+        return self.front.dae
+
+    @property
+    def sae(self) -> bytes:
+        """The extension bytes of the source."""
+        return self.front.sae
 
     @property
     def request(self) -> bool | None:
-        """Whether a master asks or says something; False for an answer, None without a function code."""
-        return None if self.fc is None else bool(self.fc & _REQUEST)
+        """Whether a master asks or says something."""
+        return self.front.request
 
     @property
     def code(self) -> int | None:
-        """The function, bits 3 to 0 of the function code."""
-        return None if self.fc is None else self.fc & 0x0F
+        """The function."""
+        return self.front.code
 
     @property
     def fcb(self) -> int | None:
-        """The frame count bit of a request; the same again is a retry, where `fcv` is 1."""
-        return int(bool(self.fc & _FCB)) if self.fc is not None and self.request else None
+        """The frame count bit."""
+        return self.front.fcb
 
     @property
     def fcv(self) -> int | None:
-        """Whether `fcb` counts: 0 in the first request to a station."""
-        return int(bool(self.fc & _FCV)) if self.fc is not None and self.request else None
+        """Whether it counts."""
+        return self.front.fcv
 
     @property
     def dsap(self) -> int | None:
         """The SAP at the destination."""
-        return _sap(self.dae)
+        return self.front.dsap
 
     @property
     def ssap(self) -> int | None:
         """The SAP at the source."""
-        return _sap(self.sae)
+        return self.front.ssap
 
     @property
     def slave(self) -> tuple[int | None, int | None]:
@@ -129,21 +243,74 @@ def decode(data: bytes) -> Telegram:
     Args:
         data: all bytes of one frame, from its start byte; further ones are a flaw.
     """
+    if len(data) < _LEAST:
+        return _short(data)
+    begin = data[:_LEAST]
+    front = _usual.get(begin)
+    if front is None and begin not in _usual:
+        front = _learn(begin)
+    if front is not None and len(data) == data[1] + _HEAD + _TRAILER and data[-1] == END:
+        fcs = data[-_TRAILER]
+        if sum(data[_HEAD:-_TRAILER]) & 0xFF == fcs:
+            return Telegram(front, data, data[_LEAST:-_TRAILER], fcs)
+    return _decode(data)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _short(data: bytes) -> Telegram:
+    """A frame without data: there are few of them on a line, and they come all the time."""
+    return _decode(data)
+
+
+_usual: Final[dict[bytes, Front | None]] = {}
+"""By the bytes of SD2 up to the function code: the front of a sound frame that begins so; None for anything else.
+
+With its length, check byte and end byte right such a frame has no flaw, whatever its data is.
+"""
+
+
+def _learn(begin: bytes) -> Front | None:
+    """What `_usual` says of frames that begin so, from now on."""
+    front: Front | None = None
+    if begin[0] == START:
+        content = begin[_HEAD:].ljust(begin[1], b"\0")
+        item = _decode(begin[:_HEAD] + content + bytes((check_byte(content), END)))
+        front = None if item.flaws or item.dae or item.sae else item.front
+    if len(_usual) >= _REMEMBERED:
+        _usual.clear()
+    _usual[begin] = front
+    return front
+
+
+def _decode(data: bytes) -> Telegram:
+    """As `decode`; nothing is remembered."""
     if not data:
-        return Telegram("", data, flaws=(Flaw("cut", 0, {"have": 0, "want": 1}),))
+        return Telegram(_front("", b""), data, flaws=(Flaw("cut", 0, {"have": 0, "want": 1}),))
     start = profibus.codes("start").get(data[0])
     if start is None:
-        return Telegram("", data, flaws=(Flaw("start", 0, {"byte": data[0]}),))
+        return Telegram(_front("", b""), data, flaws=(Flaw("start", 0, {"byte": data[0]}),))
     whole, flaws = size(data), _head_flaws(start.id, data)
     if whole is None:
-        return Telegram(start.id, data, flaws=tuple(flaws))
+        return Telegram(_front(start.id, b""), data, flaws=tuple(flaws))
     flaws += _border_flaws(data, whole)
     if start.id == SC:
-        return Telegram(SC, data, flaws=tuple(flaws))
+        return Telegram(_front(SC, b""), data, flaws=tuple(flaws))
     if start.id == SD4:
         return _token(data, flaws)
     head = _HEAD if start.id == SD2 else 1
     return _body(start.id, data, head, whole - _TRAILER, flaws)
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _front(kind: str, begin: bytes) -> Front:
+    """What a frame begins with, of the bytes from DA to the last one in front of its data."""
+    da, sa, fc = (begin[at] if at < len(begin) else None for at in range(3))
+    dae, at = _extension(begin, 3, da or 0)
+    sae, _ = _extension(begin, at, sa or 0)
+    return Front(
+        kind, None if da is None else da & _ADDRESS, None if sa is None else sa & _ADDRESS,
+        fc, dae, sae,
+    )  # fmt: skip
 
 
 def encode(
@@ -210,15 +377,14 @@ def _token(data: bytes, flaws: list[Flaw]) -> Telegram:
         for at in (1, 2)
         if at < len(data) and data[at] >= ALL_STATIONS
     ]
-    da, sa = ((data[at] & _ADDRESS if at < len(data) else None) for at in (1, 2))
-    return Telegram(SD4, data, da, sa, flaws=tuple(flaws))
+    return Telegram(_front(SD4, data[1 : SIZES[SD4]]), data, flaws=tuple(flaws))
 
 
 def _body(kind: str, data: bytes, head: int, end: int, flaws: list[Flaw]) -> Telegram:
     """SD1, SD2 or SD3, as far as it is there; its content stands from `head` to `end`."""
     content = data[head:end]
     if len(content) < 3:
-        return Telegram(kind, data, flaws=tuple(flaws))
+        return Telegram(_front(kind, b""), data, flaws=tuple(flaws))
     fcs = data[end] if end < len(data) else None
     computed = check_byte(content)
     if fcs is not None and fcs != computed:
@@ -235,8 +401,7 @@ def _body(kind: str, data: bytes, head: int, end: int, flaws: list[Flaw]) -> Tel
     sae, at = _extension(content, at, sa)
     if any(byte & _EXTENDED and not _whole(part) for byte, part in ((da, dae), (sa, sae))):
         flaws.append(Flaw("extension", head + at))
-    stations = da & _ADDRESS, sa & _ADDRESS
-    return Telegram(kind, data, *stations, fc, dae, sae, content[at:], fcs, tuple(flaws))
+    return Telegram(_front(kind, content[:at]), data, content[at:], fcs, tuple(flaws))
 
 
 def _extension(content: bytes, at: int, address: int) -> tuple[bytes, int]:

@@ -432,7 +432,7 @@ BUS_STATION = Shape("bus_station", (
     Key("watchdog_ms", COUNT | {"type": ["integer", "null"]}, "As Set_Prm sets it; null where it is off, too."),
     Key("requests", COUNT, "To it; repetitions, and FDL_Status without an answer, aside."),
     Key("unanswered", COUNT),
-    Key("damaged", COUNT, "Answers in whose place there is a damaged frame."),
+    Key("damaged", COUNT, "Damaged frames in the place of answers."),
     Key("retries", COUNT),
     Key("exchanges", COUNT, "Data exchanges."),
     Key("outputs", BYTE, "Bytes to it in the last of them."),

@@ -120,6 +120,10 @@ class Pnu(Row):
     family: str
 
 
+def _whole_place(place: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: place.get(key) for key in ("slot", "subslot", "index")}
+
+
 class Rule(Row):
     """One rule of the catalogue (spec/rules.toml says what each field means)."""
 
@@ -140,8 +144,14 @@ class Rule(Row):
     args: Mapping[str, str] = MappingProxyType({})
 
     def carried(self, args: Mapping[str, Any]) -> dict[str, Any]:
-        """Its arguments, each of them and in their order; None for what is not known."""
-        return {name: args.get(name) for name in self.args}
+        """Its arguments, each of them and in their order; None for what is not known.
+
+        In a place, too: those of PROFIBUS have no subslot.
+        """
+        return {
+            name: _whole_place(args[name]) if kind == "place" and args.get(name) else args.get(name)
+            for name, kind in self.args.items()
+        }
 
     @property
     def frames(self) -> tuple[str, ...]:

@@ -118,6 +118,26 @@ def service_ids() -> Mapping[tuple[int, int], str]:
     )
 
 
+def service_id(
+    request: bool | None, code: int | None, slave: int | None, master: int | None
+) -> str | None:
+    """The service of DP that a frame with this function belongs to, by the SAPs of slave and master.
+
+    Returns:
+        An id of `services()`, "ms2", or None where the SAPs stand for none.
+    """
+    if code is None:
+        return None
+    if slave is None and master is None:
+        row = codes("request" if request else "answer").get(code)
+        return "exchange" if row is not None and row.exchange else None
+    if slave is None or master is None:
+        return None
+    own, most = ms2()
+    known = service_ids().get((slave, master))
+    return known or ("ms2" if master == own and slave <= most else None)
+
+
 @cache
 def ms2() -> tuple[int, int]:
     """The SAP of a master for MS2, and the highest that a slave has for it."""

@@ -24,6 +24,8 @@ from ds47.capture.stream import Stream
 from ds47.capture.writer import PcapngWriter, nearest
 from ds47.findings.collection import Findings
 from ds47.model import CaptureResult, Finding, Read, Transaction
+from ds47.profibus.bus import LINK_TYPES, PROFIBUS_DL, proves
+from ds47.profibus.telegram import decode
 from ds47.regression.compare import Change, compare
 from ds47.regression.config import Config
 from ds47.report import json as report
@@ -36,6 +38,8 @@ from ds47.wireshark.fields import Fields
 DIFFERS = "DS601"
 _OF_A_LOSS = frozenset(("DS401", "DS402", "DS403"))
 """Rules about a frame that is not there: they tell whether the capture says that it dropped frames."""
+_OF_FRAMES = frozenset(("DS801", "DS802"))
+"""Rules about frames of PROFIBUS that are damaged, each of which may be all that there is."""
 _MOST_MS = 2**32 - 1
 _YEARS_MS = 2**53 / 1e6
 """Durations from which on tshark shows too few digits."""
@@ -95,11 +99,6 @@ class Engine:
                 if not self._both:
                     raise CaptureError(f"{native.path}: {problem}") from problem
                 found, errors = None, [str(problem)]
-        if any(each.station is not None for each in native.transactions):
-            text = "the plugin does not know frames of PROFIBUS"
-            if not self._both:
-                raise CaptureError(f"{native.path}: {text}: use --engine native")
-            found, errors = None, [f"not compared, {text}"]
         if capture.misfit is not None:
             text = f"the time of frame {capture.misfit} is too far from the others for tshark"
             if self._both:
@@ -117,7 +116,7 @@ class Engine:
         self, capture: _Extract, extract: Path, native: CaptureResult
     ) -> tuple[CaptureResult, list[str]]:
         """The result of the plugin, with the frame numbers of the capture itself."""
-        whole = _of_the_whole(native)
+        whole = [each for each in native.findings if not capture.shows(each)]
         result = replace(native, transactions=[], findings=whole, summary={"transactions": 0})
         if not capture.numbers:
             return result, []
@@ -156,11 +155,6 @@ class Engine:
 
     def _difference(self, text: str, frame: int) -> Finding:
         return Finding(DIFFERS, spec.rules()[DIFFERS].severity, frame, args={"difference": text})
-
-
-def _of_the_whole(native: CaptureResult) -> list[Finding]:
-    """What Wireshark does not find when it looks at a frame: the analyzer's."""
-    return [each for each in native.findings if not spec.rules()[each.rule].in_wireshark]
 
 
 def _of_channels(told: Fields, channels: Sequence[str]) -> Fields:
@@ -240,6 +234,7 @@ def preferences(options: AnalysisOptions) -> list[str]:
         *([f"ds47.cyclic:{cyclic}"] if cyclic else []),
         *([f"ds47.ppos:{ppos}"] if ppos else []),
         "ds47.every_cyclic:TRUE",  # those that the analyzer looked at are given, and no others
+        "ds47.profibus_user0:TRUE",  # the analyzer looks at USER0, too
         "ds47.index_47:auto",
         "ds47.language:en",
         f"ds47.slow_ms:{int(slow_ms)}",
@@ -255,6 +250,7 @@ class _Extract(Capture):
         numbers: `numbers[n - 1]` is the number in the capture of frame n of that file.
         shift: nanoseconds by which all times are later in that file: it holds none before 1970.
         misfit: the first frame whose time it cannot hold even so; None where all times are right.
+        unproven: the first frame of PROFIBUS_DL before one that proves that it is PROFIBUS; 0 where there is none.
     """
 
     def __init__(self, source: str | Path | BinaryIO, path: Path) -> None:
@@ -267,6 +263,8 @@ class _Extract(Capture):
         self.numbers = array("Q")
         self.shift = 0
         self.misfit: int | None = None
+        self.unproven = 0
+        self._proven = False
         self._writer = PcapngWriter(path, link_type=None)
         self._interfaces: dict[int, int] = {}
 
@@ -275,7 +273,24 @@ class _Extract(Capture):
             self._keep(frame)
             yield frame
 
+    def shows(self, finding: Finding) -> bool:
+        """Whether Wireshark finds it when it looks at a frame: the others are the analyzer's.
+
+        It does not know link types by their number, and shows no frame of PROFIBUS where none proves to be one.
+        """
+        blind = self.unproven > 0 and finding.rule in _OF_FRAMES
+        return spec.rules()[finding.rule].in_wireshark and not blind
+
+    def _prove(self, frame: Frame) -> None:
+        self._proven = proves(decode(bytes(frame.data)))
+        if self._proven:
+            self.unproven = 0
+        elif frame.link_type == PROFIBUS_DL:
+            self.unproven = self.unproven or frame.number
+
     def _keep(self, frame: Frame) -> None:
+        if not self._proven and frame.link_type in LINK_TYPES:
+            self._prove(frame)
         interface = self._interfaces.get(frame.link_type)
         if interface is None:
             interface = self._writer.add_interface(frame.link_type)

@@ -213,7 +213,7 @@ def found(text: str) -> list[Row]:
 # The book
 
 
-class Vectors(Scenes[Row]):
+class Vectors(Scenes[Client, Row]):
     """The scenes of one file of vectors.
 
     A scene's name begins with the sentence (p24_..) or the rule (ds704_..) that it shows. `shows` has further

@@ -103,6 +103,7 @@ def page(overview: list[Overview], views: list[CaptureView], lang: str) -> str:
         "t": words.spans,
         "both": words.pair,
         "label": words.attributes,
+        "label_of": words.attribute,
         "style": embed.safe_style(_source(environment, "page.css")),
         "script": embed.safe_script(script),
         "policy": embed.policy([script, *(library.scripts if library else ())]),

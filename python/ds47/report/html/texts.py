@@ -35,7 +35,7 @@ def say(key: str, **values: Any) -> Both:
 
 
 class Words:
-    """What the templates call: `t`, `both`, `label`."""
+    """What the templates call: `t`, `both`, `label`, `label_of`."""
 
     def __init__(self, lang: str) -> None:
         self.lang = lang
@@ -52,7 +52,10 @@ class Words:
 
     def attributes(self, name: str, key: str, **values: Any) -> Markup:
         """An attribute (title, aria-label, placeholder) that the script sets when the language changes."""
-        text = say(key, **values)
+        return self.attribute(name, say(key, **values))
+
+    def attribute(self, name: str, text: Both) -> Markup:
+        """The same, of a text that is there in both languages already."""
         now = text[LANGUAGES.index(self.lang)]
         start = f'{name}="{{}}" data-{name}-en="{{}}" data-{name}-zh="{{}}"'
         return Markup(start).format(now, *text)

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ds47.model import CaptureResult
+from ds47.model import Bus, CaptureResult
 from ds47.report.formatting import escape
 from ds47.report.html.texts import Both, say
 
@@ -30,7 +30,7 @@ def quality(result: CaptureResult) -> list[Remark]:
         _complete(result),
         *_series(result),
         _dropped(result),
-        _directions(result),
+        *(_line(result.bus) if result.bus else [_directions(result)]),
         *_flaws(rules),
     ]
 
@@ -71,6 +71,26 @@ def _directions(result: CaptureResult) -> Remark:
     if missing:
         return Remark("warn", say("some_unanswered", n=missing, asked=asked))
     return Remark("good", say("both_directions", n=asked, answered=answered))
+
+
+def _line(bus: Bus) -> Iterator[Remark]:
+    """Of a line of PROFIBUS: whether answers, start-up and whole frames are there."""
+    asked = [each for each in bus.stations if each.requests]
+    requests = sum(each.requests for each in asked)
+    silent = sum(each.unanswered for each in asked)
+    if requests and silent == requests:
+        yield Remark("bad", say("bus_only_requests", n=requests))
+    elif silent:
+        yield Remark("warn", say("bus_some_unanswered", n=requests, missing=silent))
+    elif requests:
+        yield Remark("good", say("bus_answered", n=requests))
+    missing = sum(None in (each.parameters, each.configuration) for each in asked)
+    if missing:
+        yield Remark("none", say("bus_no_start_up", n=len(asked), missing=missing))
+    elif asked:
+        yield Remark("good", say("bus_start_up", n=len(asked)))
+    if bus.damaged:
+        yield Remark("warn", say("bus_damaged", n=bus.damaged))
 
 
 def _flaws(rules: Counter[str]) -> Iterator[Remark]:

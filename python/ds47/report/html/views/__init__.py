@@ -90,6 +90,10 @@ class BusView(NamedTuple):
 
     counts: Both
     head: list[Both]
+    numbers: int
+    """The first column with numbers,"""
+    faults: list[int]
+    """and those that are 0 on a healthy line."""
     rows: list[list[Both]]
     diagnoses: list[Both]
 
@@ -102,6 +106,8 @@ class BusView(NamedTuple):
         return cls(
             bus.counts(told),
             bus.head(),
+            bus.COLUMNS.index("requests"),
+            [bus.COLUMNS.index(each) for each in ("unanswered", "damaged", "retries")],
             list(bus.rows(told)),
             [*bus.diagnoses(told), *bus.hints(told, result.relations)],
         )

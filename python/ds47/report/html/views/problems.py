@@ -5,8 +5,8 @@ The serious come first; findings are put together by what the drive or the devic
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +26,7 @@ from ds47.report.html import messages
 from ds47.report.html.texts import Both, joined, say
 from ds47.report.html.views.links import Link, Links
 from ds47.report.targets import Targets
-from ds47.report.todo import answering, uncovered
+from ds47.report.todo import answering, by_state, uncovered
 
 if TYPE_CHECKING:
     from ds47.diagnosis.suggest import Corrected
@@ -59,6 +59,8 @@ class Problem:
     """That of the first frame, to look at."""
     others: list[Link] = field(default_factory=list)
     """Further frames that the title is about."""
+    state: Both | None = None
+    """What the status word of the drive says of it."""
     request: bytes | None = None
     """The request as it should have been, where a diagnosis knows it."""
     request_of: int | None = None
@@ -121,7 +123,7 @@ def problems(result: CaptureResult, targets: Targets | None = None) -> list[Prob
     """The problems of a capture; findings that are notes are none."""
     told, links = [], Links(result)
     for each in result.diagnoses:
-        problem = _diagnosed(each, links)
+        problem = _diagnosed(result, each, links)
         if axes := answering(result, each):
             problem.what = problem.what.joined(say("answering", list=axes), "; ", "；")
         told.append(problem)
@@ -131,7 +133,7 @@ def problems(result: CaptureResult, targets: Targets | None = None) -> list[Prob
     )
 
 
-def _diagnosed(item: Diagnosis, links: Links) -> Problem:
+def _diagnosed(result: CaptureResult, item: Diagnosis, links: Links) -> Problem:
     row = spec.rules().get(item.rule)
     named = row.named_frames(item.args) if row else []
     first = item.frames[:1]
@@ -145,6 +147,7 @@ def _diagnosed(item: Diagnosis, links: Links) -> Problem:
         left_out=item.frames_left_out,
         job=item.transactions[0] if item.transactions else None,
         others=links.of(frame for frame in named if frame not in first),
+        state=_state(result, item.transactions),
         request=item.corrected,
         request_of=item.corrected_in,
     )
@@ -154,6 +157,7 @@ def _others(result: CaptureResult, targets: Targets) -> Iterable[Problem]:
     """The findings that no diagnosis covers, by their cause."""
     by_id = {each.id: each for each in result.transactions}
     found: dict[tuple[str, object], Problem] = {}
+    jobs: defaultdict[tuple[str, object], set[int]] = defaultdict(set)
     for finding in uncovered(result):
         owner = by_id.get(finding.transaction) if finding.transaction is not None else None
         key, what = _kind(finding, owner)
@@ -162,8 +166,18 @@ def _others(result: CaptureResult, targets: Targets) -> Iterable[Problem]:
         problem.frames.add(finding.frame)
         problem.alike &= what == problem.what
         if owner is not None:
+            jobs[key].add(owner.id)
             problem.places[_place(owner, finding.args, targets.place(owner))] += 1
+    for key, problem in found.items():
+        problem.state = _state(result, jobs[key])
     return found.values()
+
+
+def _state(result: CaptureResult, jobs: Collection[int]) -> Both | None:
+    said = by_state(result, jobs)
+    if said is None:
+        return None
+    return say("state_says", job=said.transaction, message=messages.message(said))
 
 
 def _problem(finding: Finding, what: Both) -> Problem:

@@ -1,0 +1,432 @@
+-- Frames of PROFIBUS in words: what stands at which byte, and what it means (Python: ds47.report.profibus).
+--
+-- Of single frames. Decoding is ds47.profibus; the record inside (DS47) and what a capture shows of a station
+-- are not here.
+
+local dp = require("ds47.profibus.dp")
+local ms1 = require("ds47.profibus.ms1")
+local status_text = require("ds47.spec.statuses").status_text
+local tables = require("ds47.spec.tables")
+local told = require("ds47.spec.profibus")
+local words = require("ds47.report.formatting")
+
+local floor, format = math.floor, string.format
+local joined, say = words.joined, words.say
+
+local M = {}
+
+-- The services whose data is a message of MS1 or MS2.
+local RECORDS = { record = true, alarm = true, resource = true, ms2 = true }
+local ALL_STATIONS = require("ds47.profibus.telegram").ALL_STATIONS
+
+local function of_row(row, lang)
+  return lang == "zh" and row.zh or row.en
+end
+
+-- `{n}` of a text that chooses between one and several.
+local function count(lang, key, n)
+  return say(lang, key, { n = n })
+end
+
+--- The message of MS1 or MS2 that a frame carries; nil for none.
+-- @param item what telegram.lua decoded
+function M.record(item)
+  if item.request == nil or not RECORDS[dp.service(item)] then
+    return nil
+  end
+  return ms1.decode(item.du, item.request)
+end
+
+-- Where the addresses begin.
+local function head(item)
+  return item.kind == "SD2" and 4 or 1
+end
+
+--- Where the data of a frame begins.
+function M.data_start(item)
+  return head(item) + 3 + #item.dae + #item.sae
+end
+
+--- Where the record of a message of MS1 begins.
+function M.record_start(item)
+  return M.data_start(item) + 4
+end
+
+-- Parts of a frame
+
+--- A station as its frame names it: the address, or that all are meant.
+function M.receiver(address, lang)
+  return address == ALL_STATIONS and say(lang, "dp_all") or format("%d", address)
+end
+
+--- What the first byte of MS1 says, and the status of a refusal.
+function M.function_text(message, item, lang)
+  local name = told.function_text(message.code, item.request, lang)
+  if message.kind ~= "refusal" then
+    return name
+  end
+  local why = message.status and status_text(message.status, lang) or say(lang, "dp_cut_data")
+  return joined(lang, { name, why }, ": ", "：")
+end
+
+--- The bits that are set, in words.
+-- @param name "diagnosis", "parameters" or "control"
+-- @param flags as dp.lua has them
+function M.flag_words(name, flags, lang)
+  local found = {}
+  for _, row in ipairs(tables.profibus[name .. "_flags"]) do
+    if flags[row.id] then
+      found[#found + 1] = of_row(row, lang)
+    end
+  end
+  return #found > 0 and joined(lang, found, "; ", "；") or say(lang, "dp_no_flag")
+end
+
+--- The kind of a block of extended diagnosis: `of the device`.
+function M.block_kind(block, lang)
+  return of_row(tables.profibus.block[block.kind], lang)
+end
+
+--- `parameterised by master 2`.
+function M.master_text(address, lang)
+  return address and say(lang, "dp_master", { sa = format("%d", address) }) or say(lang, "dp_no_master")
+end
+
+--- `ident number 80B5`.
+function M.ident_text(ident, lang)
+  return say(lang, "dp_ident", { ident = format("%04X", ident) })
+end
+
+--- `watchdog 300 ms`.
+function M.watchdog_text(milliseconds, lang)
+  return milliseconds and say(lang, "dp_watchdog", { ms = format("%d", milliseconds) })
+    or say(lang, "dp_watchdog_off")
+end
+
+--- The groups of Set_Prm or Global_Control.
+-- @param none the key of the words for no bit
+function M.groups_text(groups, none, lang)
+  local bits = ""
+  for bit = 7, 0, -1 do
+    bits = bits .. format("%d", floor(groups / 2 ^ bit) % 2)
+  end
+  return groups ~= 0 and say(lang, "dp_groups", { bits = bits }) or say(lang, none)
+end
+
+local function area_text(area, side, lang)
+  local counted = area.words and area.length / 2 or area.length
+  local unit = count(lang, area.words and "dp_words" or "dp_bytes", floor(counted))
+  local whole = say(lang, area.consistent and "dp_whole" or "dp_piecewise")
+  return joined(lang, { joined(lang, { unit, say(lang, side) }, " ", ""), whole })
+end
+
+local function is_same(one, other)
+  return one.length == other.length and one.words == other.words and one.consistent == other.consistent
+end
+
+-- What goes in and out.
+local function sides_text(module, lang)
+  local inputs, outputs, parts = module.inputs, module.outputs, {}
+  if inputs and outputs and is_same(inputs, outputs) then
+    return area_text(inputs, "dp_in_out", lang)
+  end
+  parts[1] = outputs and area_text(outputs, "dp_out", lang)
+  parts[#parts + 1] = inputs and area_text(inputs, "dp_in", lang)
+  return parts[1] and joined(lang, parts, "; ", "；") or say(lang, "dp_empty_slot")
+end
+
+--- `4 words in+out, consistent over whole length (PKW)`.
+function M.module_text(module, lang)
+  local text = sides_text(module, lang)
+  if module.maker ~= "" then
+    text = joined(lang, { text, count(lang, "dp_maker", #module.maker) })
+  end
+  return module.role and format(lang == "zh" and "%s（%s）" or "%s (%s)", text, module.role) or text
+end
+
+--- `PPO1: 12 bytes to the slave, 12 from it`.
+function M.ppo_text(content, lang)
+  return say(lang, content.ppo and "dp_ppo" or "dp_no_ppo", {
+    ppo = content.ppo and format("%d", content.ppo), outputs = format("%d", content.output_length),
+    inputs = format("%d", content.input_length),
+  })
+end
+
+-- Lines
+
+local function add(lines, offset, text)
+  lines[#lines + 1] = { offset, text }
+end
+
+-- What DP says: (lines, content, at, lang), where the data begins at `at`.
+local content_lines = {}
+
+function content_lines.diagnosis(lines, content, at, lang)
+  add(lines, at, M.flag_words("diagnosis", content.flags, lang))
+  if content.ident then
+    add(lines, at + 3, M.master_text(content.master, lang))
+    add(lines, at + 4, M.ident_text(content.ident, lang))
+  end
+  local place = at + 6
+  for _, block in ipairs(content.blocks) do
+    add(lines, place, say(lang, "dp_block", { kind = M.block_kind(block, lang) }))
+    place = place + #block.data
+  end
+end
+
+function content_lines.parameters(lines, content, at, lang)
+  add(lines, at, M.flag_words("parameters", content.flags, lang))
+  if not content.tsdr then
+    return
+  end
+  add(lines, at + 1, M.watchdog_text(content.watchdog_ms, lang))
+  add(lines, at + 3, say(lang, "dp_tsdr", { bits = format("%d", content.tsdr) }))
+  if content.ident then
+    add(lines, at + 4, M.ident_text(content.ident, lang))
+  end
+  if content.groups then
+    add(lines, at + 6, M.groups_text(content.groups, "dp_no_groups", lang))
+  end
+  if content.user ~= "" then
+    add(lines, at + 7, say(lang, "dp_user"))
+  end
+end
+
+function content_lines.configuration(lines, content, at, lang)
+  for _, module in ipairs(content.modules) do
+    add(lines, at, M.module_text(module, lang))
+    at = at + #module.data
+  end
+end
+
+function content_lines.control(lines, content, at, lang)
+  add(lines, at, M.flag_words("control", content.flags, lang))
+  if content.groups then
+    add(lines, at + 1, M.groups_text(content.groups, "dp_all_groups", lang))
+  end
+end
+
+function content_lines.exchange(lines, content, at, lang)
+  add(lines, at, count(lang, content.outputs and "dp_outputs" or "dp_inputs", #content.data))
+end
+
+--- The head of a message of MS1 in one line: `DS_Write, slot 0, index 47, length 10`. Without any byte it
+-- says that the master asks for the answer, or that there is none yet.
+function M.message_text(message, item, lang)
+  if not message.code then
+    return say(lang, "ms1_" .. message.kind)
+  end
+  local carries = message.code == ms1.READ or message.code == ms1.WRITE
+  if message.kind == "refusal" or not carries or not message.length then
+    return M.function_text(message, item, lang)
+  end
+  return say(lang, "ms1_record", {
+    ["function"] = told.function_text(message.code, item.request, lang),
+    slot = format("%d", message.slot), index = format("%d", message.index),
+    length = format("%d", message.length),
+  })
+end
+
+-- Whether a message has a record behind its head.
+local function has_record(message)
+  local carries = message.code == ms1.READ or message.code == ms1.WRITE
+  return carries and message.kind ~= "refusal" and message.length ~= nil and message.data ~= ""
+end
+
+local function data_lines(lines, item, at, lang)
+  local message, content = M.record(item), dp.decode(item)
+  if message then
+    add(lines, at, M.message_text(message, item, lang))
+    if has_record(message) then
+      add(lines, at + 4, say(lang, "ms1_data"))
+    end
+  elseif content then
+    content_lines[content.kind](lines, content, at, lang)
+  else
+    add(lines, at, count(lang, "dp_data", #item.du))
+  end
+end
+
+local function sap(number)
+  return number and format("%d", number) or "-"
+end
+
+--- The SAPs of a frame, with the service that they stand for.
+function M.saps_text(item, lang)
+  local service = dp.service(item)
+  return say(lang, "dp_saps", {
+    dsap = sap(item.dsap), ssap = sap(item.ssap),
+    service = service and told.service_text(service, lang) or say(lang, "dp_service_unknown"),
+  })
+end
+
+--- A token, which has stations and nothing else; nil where the frame is none.
+function M.token_text(item, lang)
+  if item.kind ~= "SD4" or not item.da or not item.sa then
+    return nil
+  end
+  return say(lang, "dp_token", { sa = format("%d", item.sa), da = format("%d", item.da) })
+end
+
+local function start_text(item, lang)
+  if item.kind == "" then
+    return say(lang, "decode_rest")
+  elseif item.kind == "SD2" and item.fc then
+    return say(lang, "dp_start_length", { le = format("%d", item.data:byte(2)) })
+  end
+  return say(lang, "dp_start")
+end
+
+--- A frame in words, field by field, its data as far as DP and MS1 know it: array of {offset, text}.
+function M.lines(item, lang)
+  local lines = { { 0, start_text(item, lang) } }
+  if not item.fc then
+    local token = M.token_text(item, lang)
+    if token then
+      add(lines, 1, token)
+    end
+    return lines
+  end
+  local at, data_at = head(item), M.data_start(item)
+  local stations = { sa = format("%d", item.sa), da = M.receiver(item.da, lang) }
+  add(lines, at, say(lang, "dp_stations", stations))
+  add(lines, at + 2, told.control_text(item.fc, lang))
+  if item.dae ~= "" or item.sae ~= "" then
+    add(lines, at + 3, M.saps_text(item, lang))
+  end
+  if item.du ~= "" then
+    data_lines(lines, item, data_at, lang)
+  end
+  if item.fcs then
+    add(lines, data_at + #item.du, say(lang, "dp_check"))
+  end
+  return lines
+end
+
+--- What is wrong, with its place in the frame: `wrong at byte 10: check byte is 12, and the bytes give 16`.
+function M.flaw_line(flaw, start, lang)
+  local offset = format("%d", start + flaw.offset)
+  return say(lang, "dp_flaw", { offset = offset, text = told.flaw_text(flaw, lang) })
+end
+
+local function add_flaws(found, flaws, start, lang)
+  for _, flaw in ipairs(flaws) do
+    found[#found + 1] = M.flaw_line(flaw, start, lang)
+  end
+end
+
+-- What a message or the content of a frame means as a whole.
+local function add_meaning(found, message, content, lang)
+  if message and (message.kind == "poll" or message.kind == "taken") then
+    found[#found + 1] = say(lang, "ms1_" .. message.kind)
+  end
+  if message and message.not_ready then
+    found[#found + 1] = say(lang, "ms1_not_ready")
+  end
+  if content and content.wants_diagnosis then
+    found[#found + 1] = say(lang, "dp_wants_diagnosis")
+  end
+  if content and content.kind == "configuration" then
+    found[#found + 1] = M.ppo_text(content, lang)
+    if content.pkw_consistent == false then
+      found[#found + 1] = say(lang, "dp_pkw_torn")
+    end
+  end
+end
+
+--- What a short acknowledgement says.
+function M.short_text(lang)
+  return say(lang, "dp_taken")
+end
+
+--- What is told of a frame, and of no byte of it: what it means, and what is wrong. An array of texts.
+function M.beside(item, lang)
+  local found, message, content = {}, M.record(item), dp.decode(item)
+  if item.kind == "SC" and not item.flaws[1] then
+    found[1] = M.short_text(lang)
+  end
+  add_meaning(found, message, content, lang)
+  add_flaws(found, item.flaws, 0, lang)
+  add_flaws(found, message and message.flaws or {}, M.data_start(item), lang)
+  add_flaws(found, content and content.flaws or {}, M.data_start(item), lang)
+  return found
+end
+
+-- In one line
+
+-- What the content of a frame says, as far as a line has room; nil for nothing.
+local gists = {}
+
+function gists.diagnosis(content, lang)
+  return M.flag_words("diagnosis", content.flags, lang)
+end
+
+function gists.parameters(content, lang)
+  local parts = { M.watchdog_text(content.watchdog_ms, lang) }
+  parts[2] = content.ident and M.ident_text(content.ident, lang) or nil
+  return joined(lang, parts)
+end
+
+function gists.configuration(content, lang)
+  return M.ppo_text(content, lang)
+end
+
+function gists.control(content, lang)
+  return M.flag_words("control", content.flags, lang)
+end
+
+function gists.exchange(content, lang)
+  local text = count(lang, content.outputs and "dp_outputs" or "dp_inputs", #content.data)
+  return content.wants_diagnosis and joined(lang, { text, say(lang, "dp_wants_diagnosis") }) or text
+end
+
+--- What the data of a frame says: `slave diagnosis: watchdog is on`; the service alone where nobody knows.
+-- @param item one of a service without records
+function M.data_text(item, lang)
+  local name, content = told.service_text(dp.service(item), lang), dp.decode(item)
+  local gist = content and item.du ~= "" and gists[content.kind](content, lang)
+  return gist and joined(lang, { name, gist }, ": ", "：") or name
+end
+
+-- The service of a frame and what it says; nil where it has none.
+local function service_text(item, lang)
+  local message = M.record(item)
+  if message then
+    return M.message_text(message, item, lang)
+  elseif dp.service(item) then
+    return M.data_text(item, lang)
+  end
+  return (item.dae ~= "" or item.sae ~= "") and M.saps_text(item, lang) or nil
+end
+
+--- What is wrong with a frame, in words; nil for nothing.
+function M.damage(item, lang)
+  return item.flaws[1] and told.flaw_text(item.flaws[1], lang) or nil
+end
+
+-- Whether a frame asks, or brings data as usual: its function code says nothing that a reader wants.
+local function is_usual(item)
+  local row = tables.profibus.answer[item.code]
+  return item.request or row and row.exchange
+end
+
+-- A frame with a function code: its service, or else what the code says.
+local function control_and_service(item, lang)
+  local control, service = told.control_text(item.fc, lang), service_text(item, lang)
+  if not service then
+    return control
+  end
+  return is_usual(item) and service or joined(lang, { service, control }, "; ", "；")
+end
+
+--- A frame in one line: `set parameters: watchdog 300 ms, ident number 80B5`.
+function M.summary(item, lang)
+  local row, damage = tables.profibus.start[item.data:byte(1)], M.damage(item, lang)
+  if not row then
+    return damage
+  end
+  local text = item.fc and control_and_service(item, lang) or M.token_text(item, lang) or of_row(row, lang)
+  return damage and joined(lang, { text, damage }, "; ", "；") or text
+end
+
+return M
