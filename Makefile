@@ -61,7 +61,8 @@ test-all: system
 	$(BIN)/python -m pytest $(PARALLEL) $(ARGS)
 
 audit: $(STAMP)
-	$(BIN)/python -m tests.audit --count $(N) --seed $(SEED) captures/*.pcapng captures/*-stacks/*.pcapng
+	$(BIN)/python -m tests.audit --count $(N) --seed $(SEED) captures/*.pcapng captures/*-stacks/*.pcapng \
+		captures/profibus/*.pcapng
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

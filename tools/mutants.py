@@ -46,6 +46,20 @@ REPORT = (
     "test_audit",
 )
 LUA = ("test_lua_conversations", "test_lua_analysis")
+BUS = ("test_profibus_bus", "test_profibus_calls", "test_audit_profibus", "test_profibus_ppo")
+LUA_BUS = (
+    "test_lua_profibus",
+    "test_lua_analysis:5.4 and lines_of_profibus",
+    "test_lua_analysis:5.4 and auditor",
+)
+CYCLIC = (
+    "test_cyclic",
+    "test_cyclic_scenes",
+    "test_lua_pzd",
+    "test_profibus_ppo",
+    "test_audit_profibus",
+)
+LUA_CYCLIC = ("test_lua_pzd", "test_lua_cyclic", "test_lua_analysis:5.4 and ppo")
 TESTS: dict[str, tuple[str, ...]] = {
     "python/ds47/acyclic/judge.py": RULES,
     "python/ds47/acyclic/readback.py": RULES,
@@ -73,6 +87,24 @@ TESTS: dict[str, tuple[str, ...]] = {
     "python/ds47/report/html/views/findings.py": REPORT,
     "python/ds47/report/html/views/problems.py": REPORT,
     "python/ds47/report/html/views/rows.py": REPORT,
+    "python/ds47/report/bus.py": ("test_audit_profibus", "test_profibus_ppo"),
+    "python/ds47/profibus/judge.py": BUS,
+    "python/ds47/profibus/stations.py": BUS,
+    "python/ds47/profibus/line.py": BUS,
+    "python/ds47/cyclic/conclusions.py": CYCLIC,
+    "python/ds47/cyclic/explanation.py": CYCLIC,
+    "python/ds47/cyclic/habits.py": CYCLIC,
+    "python/ds47/cyclic/judge.py": CYCLIC,
+    "python/ds47/cyclic/operation.py": CYCLIC,
+    "lua/ds47/report/bus.lua": ("test_lua_report",),
+    "lua/ds47/profibus/judge.lua": LUA_BUS,
+    "lua/ds47/profibus/stations.lua": LUA_BUS,
+    "lua/ds47/profibus/line.lua": LUA_BUS,
+    "lua/ds47/cyclic/conclusions.lua": LUA_CYCLIC,
+    "lua/ds47/cyclic/explanation.lua": LUA_CYCLIC,
+    "lua/ds47/cyclic/habits.lua": LUA_CYCLIC,
+    "lua/ds47/cyclic/judge.lua": LUA_CYCLIC,
+    "lua/ds47/cyclic/operation.lua": LUA_CYCLIC,
     "lua/ds47/acyclic/judge.lua": ("test_lua_judge", *LUA),
     "lua/ds47/acyclic/readback.lua": ("test_lua_judge", *LUA),
     "lua/ds47/profidrive/drive_objects.lua": ("test_lua_judge", *LUA),
@@ -84,10 +116,13 @@ LESS: dict[str, tuple[str, ...]] = {
     "test_lua_conversations": ("-k", "5.4"),
     "test_lua_judge": ("-k", "5.4"),
     "test_lua_report": ("-k", "5.4"),
+    "test_lua_profibus": ("-k", "5.4"),
+    "test_lua_pzd": ("-k", "5.4"),
+    "test_lua_cyclic": ("-k", "5.4"),
     "test_lua_analysis": ("-k", "5.4"),
     "test_audit": ("-k", "stored or false"),
 }
-"""Of what a test file does for each Lua once is enough, and of the auditor what is quick."""
+"""What a test file does for each Lua is enough once, and of the auditor what is quick; `name:tests` chooses."""
 TIMEOUT = 300
 """Seconds; a mutant that never ends is noticed as well."""
 
@@ -230,12 +265,13 @@ def survives(mutant: Mutant, copy: Path) -> bool:
     target.write_text(mutant.text, encoding="utf-8")
     environment = {**os.environ, "PYTHONPATH": str(copy / "python"), "PYTHONDONTWRITEBYTECODE": "1"}
     try:
-        for name in TESTS[mutant.path]:
+        for entry in TESTS[mutant.path]:
+            name, _, only = entry.partition(":")
             test = copy / "tests/python" / f"{name}.py"
             if not test.exists():
                 continue
             command = [sys.executable, "-m", "pytest", "-qx", "-p", "no:cacheprovider", str(test)]
-            command += LESS.get(name, ())
+            command += ("-k", only) if only else LESS.get(name, ())
             try:
                 ended = subprocess.run(
                     command, cwd=copy, env=environment, capture_output=True, timeout=TIMEOUT

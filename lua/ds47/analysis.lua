@@ -416,6 +416,7 @@ function Analysis:_finish()
   if self.s7 then self.s7:finish() end
   self.calls:finish()
   self.bus:finish()
+  self.bus_stations:finish()
   self.services:finish()
   self.pairing:finish()
   self.records:finish()
@@ -438,7 +439,7 @@ function Analysis:_finish()
     summary = transactions.summary(numbered),
     relations = self.cyclic:relations(),
     timelines = self.cyclic:timelines(),
-    bus = self.bus_stations:told(self.bus.line.stray),
+    bus = self.bus_stations:told(self.bus.line.stray, self.bus.line.echoes),
     connections = self.s7 and self.s7:told() or {},
     connections_left_out = self.s7 and self.s7:left_out() or 0,
   }
@@ -599,7 +600,7 @@ function Analysis:nothing_to_read(record, device)
     return
   end
   local args = {status = status.status_hex(half.status)}
-  local never = self.start_ups:seen(device, half.frame)
+  local never = self.start_ups:seen(device, half.frame, self.bus.line.unsure)
     and not self.ms1:was_written(device, record.index, half.frame)
   if never then -- what the capture shows since the start-up cannot lie before it
     args.device, args.index = device, record.index

@@ -260,6 +260,7 @@ class Analysis:
         self._s7.finish()
         self._calls.finish()
         self._bus.finish()
+        self._bus_stations.finish()
         self._services.finish()
         self._pairing.finish()
         self._records.finish()
@@ -284,7 +285,7 @@ class Analysis:
             summary=self._summary,
             relations=self._relations(),
             timelines=self._cyclic.timelines(),
-            bus=self._bus_stations.told(self._bus.line.stray, capture.timed),
+            bus=self._bus_stations.told(self._bus.line.stray, self._bus.line.echoes, capture.timed),
             connections=self._s7.told(),
             connections_left_out=self._s7.left_out,
         )
@@ -433,7 +434,7 @@ class Analysis:
     def _not_asked(self, peer: Peer, record: Record, half: Half) -> Remark:
         """Of a Read that found nothing; what the capture shows since the start-up cannot lie before it."""
         status, device = status_hex(half.status or 0), peer.device
-        known = self._start_ups.seen(device, half.frame)
+        known = self._start_ups.seen(device, half.frame, self._bus.line.unsure)
         if known and not self._ms1.was_written(device, record.index, half.frame):
             args = {"device": device, "index": record.index, "status": status}
             return Remark("DS808", half.frame, args)

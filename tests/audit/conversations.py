@@ -79,8 +79,100 @@ def _frame(
     return macs + b"\x08\x00" + head + ips + udp + payload
 
 
+class Requests:
+    """What somebody asks of a drive, and how its answers may be bent."""
+
+    random: Random
+    drive: Drive
+    reference: int
+    constant: bool
+    """Whether the request reference never changes."""
+    newest: dict[wire.Channel, bytes]
+    """The last answer of each channel."""
+
+    def bent(self, answer: bytes) -> bytes:
+        """The response, now and then with a fault of the drive, or an old one."""
+        random = self.random
+        if random.random() > 0.07 or len(answer) < 4:
+            return answer
+        way = random.randrange(7)
+        head = bytearray(answer)
+        if way < 3:
+            head[way] = (head[way] + 1) & 0xFF
+        elif way == 3:
+            head[3] = (head[3] + 1) & 0xFF
+        elif way == 4:
+            head[1] ^= 0x80
+        elif way == 5 and self.newest:
+            return random.choice(list(self.newest.values()))
+        else:
+            return bytes(head[: random.randint(1, len(head))])
+        return bytes(head)
+
+    def request(self, at: wire.Channel, change: bool | None = None) -> bytes:
+        """A request, right or wrong."""
+        random = self.random
+        if not self.constant:
+            self.reference = self.reference % 255 + 1
+        reference = 0 if random.random() < 0.01 else max(1, self.reference)
+        change = random.random() < 0.45 if change is None else change
+        known = list(self.drive.objects)
+        axis = random.choice((*known * 3, 0, 0, 9))
+        number = self.drive.object(at.slot, at.index, axis)
+        found = self.drive.objects[number if number is not None else known[0]]
+        count = 1 if self.drive.single else random.choice((1, 1, 1, 2, 3, 6))
+        addresses, blocks = [], []
+        for _ in range(count):
+            address, block = self._one(found, change)
+            addresses.append(address)
+            blocks.append(block)
+        data = bytes((reference, 2 if change else 1, axis, count)) + b"".join(addresses)
+        data += b"".join(blocks) if change else b""
+        return self._spoilt(data)
+
+    def _one(self, found: dict[int, drives.Parameter], change: bool) -> tuple[bytes, bytes]:
+        random = self.random
+        pnu = random.choice(
+            (*list(found)[:6] * 3, *drives.NUMBERS, *drives.SPECIAL, 974, 975, 6543)
+        )
+        known = found.get(pnu)
+        subindex = random.choice((0, 0, 0, 1, 2, 7)) if known and known.array else 0
+        if pnu == 975:
+            subindex = 7
+        elements = random.choice((1, 1, 1, 0, 2)) if known and known.array else 1
+        if random.random() < 0.03:
+            subindex, elements = random.choice(((1, 1), (0, 2), (65535, 3), (0, 235)))
+        attribute = 0x10 if change else random.choice((0x10,) * 12 + (0x20, 0x30, 0x40))
+        code = known.format if known else 0x06
+        if random.random() < 0.12:
+            code = random.choice((0x03, 0x06, 0x08, 0x42, 0x43, 0x41))
+        values = [drives.bits(random, code) for _ in range(max(1, min(elements, 5)))]
+        if random.random() < 0.04:
+            values.append(drives.bits(random, code))
+        raw = b"".join(values)
+        block = bytes((code, len(values))) + raw + bytes(len(raw) % 2)
+        return struct.pack(">BBHH", attribute, elements & 0xFF, pnu, subindex), block
+
+    def _spoilt(self, data: bytes) -> bytes:
+        random = self.random
+        chance = random.random()
+        if chance > 0.06:
+            return data
+        if chance < 0.01:
+            return data[: random.randint(1, len(data) - 1)]
+        if chance < 0.02:
+            return data + random.choice((bytes(2), b"\x12\x34"))
+        if chance < 0.03 and len(data) % 2 == 0:
+            return b"".join(data[at : at + 2][::-1] for at in range(0, len(data), 2))
+        if chance < 0.04:
+            return bytes((data[0], random.choice((0, 3, 0x51, 0x7F)))) + data[2:]
+        if chance < 0.05:
+            return data[:3] + bytes((random.choice((0, data[3] + 1)),)) + data[4:]
+        return bytes(each for byte in data for each in (byte, 0))
+
+
 @dataclass
-class User:
+class User(Requests):
     """One controller's AR with one drive."""
 
     tape: Tape
@@ -188,7 +280,7 @@ class User:
         if random.random() < 0.02:
             tape.wait(1500)
         held = self.pending.pop(at, None)
-        answer = self._bent(held) if held else self.newest.get(at, b"")
+        answer = self.bent(held) if held else self.newest.get(at, b"")
         if not answer:
             yield from self.read(at, b"", NOT_READY)
             return
@@ -202,25 +294,6 @@ class User:
             if again == wire.READ_IMPLICIT:
                 where = wire.Channel(wire.NIL, at.slot, at.subslot, at.index, at.api)
             yield from self.read(where, answer, operation=again)
-
-    def _bent(self, answer: bytes) -> bytes:
-        """The response, now and then with a fault of the drive, or an old one."""
-        random = self.random
-        if random.random() > 0.07 or len(answer) < 4:
-            return answer
-        way = random.randrange(7)
-        head = bytearray(answer)
-        if way < 3:
-            head[way] = (head[way] + 1) & 0xFF
-        elif way == 3:
-            head[3] = (head[3] + 1) & 0xFF
-        elif way == 4:
-            head[1] ^= 0x80
-        elif way == 5 and self.newest:
-            return random.choice(list(self.newest.values()))
-        else:
-            return bytes(head[: random.randint(1, len(head))])
-        return bytes(head)
 
     def hold(self, at: wire.Channel) -> Steps:
         """The same change again and again."""
@@ -278,69 +351,6 @@ class User:
         """A Read that no request stands behind."""
         yield from self.read(at, b"", NOT_READY)
 
-    # Requests
-
-    def request(self, at: wire.Channel, change: bool | None = None) -> bytes:
-        """A request, right or wrong."""
-        random = self.random
-        if not self.constant:
-            self.reference = self.reference % 255 + 1
-        reference = 0 if random.random() < 0.01 else max(1, self.reference)
-        change = random.random() < 0.45 if change is None else change
-        known = list(self.drive.objects)
-        axis = random.choice((*known * 3, 0, 0, 9))
-        number = self.drive.object(at.slot, at.index, axis)
-        found = self.drive.objects[number if number is not None else known[0]]
-        count = 1 if self.drive.single else random.choice((1, 1, 1, 2, 3, 6))
-        addresses, blocks = [], []
-        for _ in range(count):
-            address, block = self._one(found, change)
-            addresses.append(address)
-            blocks.append(block)
-        data = bytes((reference, 2 if change else 1, axis, count)) + b"".join(addresses)
-        data += b"".join(blocks) if change else b""
-        return self._spoilt(data)
-
-    def _one(self, found: dict[int, drives.Parameter], change: bool) -> tuple[bytes, bytes]:
-        random = self.random
-        pnu = random.choice(
-            (*list(found)[:6] * 3, *drives.NUMBERS, *drives.SPECIAL, 974, 975, 6543)
-        )
-        known = found.get(pnu)
-        subindex = random.choice((0, 0, 0, 1, 2, 7)) if known and known.array else 0
-        if pnu == 975:
-            subindex = 7
-        elements = random.choice((1, 1, 1, 0, 2)) if known and known.array else 1
-        if random.random() < 0.03:
-            subindex, elements = random.choice(((1, 1), (0, 2), (65535, 3), (0, 235)))
-        attribute = 0x10 if change else random.choice((0x10,) * 12 + (0x20, 0x30, 0x40))
-        code = known.format if known else 0x06
-        if random.random() < 0.12:
-            code = random.choice((0x03, 0x06, 0x08, 0x42, 0x43, 0x41))
-        values = [drives.bits(random, code) for _ in range(max(1, min(elements, 5)))]
-        if random.random() < 0.04:
-            values.append(drives.bits(random, code))
-        raw = b"".join(values)
-        block = bytes((code, len(values))) + raw + bytes(len(raw) % 2)
-        return struct.pack(">BBHH", attribute, elements & 0xFF, pnu, subindex), block
-
-    def _spoilt(self, data: bytes) -> bytes:
-        random = self.random
-        chance = random.random()
-        if chance > 0.06:
-            return data
-        if chance < 0.01:
-            return data[: random.randint(1, len(data) - 1)]
-        if chance < 0.02:
-            return data + random.choice((bytes(2), b"\x12\x34"))
-        if chance < 0.03 and len(data) % 2 == 0:
-            return b"".join(data[at : at + 2][::-1] for at in range(0, len(data), 2))
-        if chance < 0.04:
-            return bytes((data[0], random.choice((0, 3, 0x51, 0x7F)))) + data[2:]
-        if chance < 0.05:
-            return data[:3] + bytes((random.choice((0, data[3] + 1)),)) + data[4:]
-        return bytes(each for byte in data for each in (byte, 0))
-
 
 @dataclass
 class Conversation:
@@ -386,9 +396,8 @@ class Plan:
         return json.dumps(asdict(self))
 
 
-def plan(text: str) -> Plan:
-    """A plan from its JSON."""
-    known = json.loads(text)
+def plan(known: dict[str, Any]) -> Plan:
+    """A plan from what its JSON says."""
     return Plan(**{**known, "parts": tuple(Part(**each) for each in known["parts"])})
 
 

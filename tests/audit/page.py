@@ -13,7 +13,7 @@ from tests.audit.words import MANY, of_many, problems
 
 TITLES = (
     "Drives", "Other devices", "What to do", "What this capture cannot show", "Transactions", "Findings",
-    "Summary", "Channels in cyclic frames",
+    "Summary", "Channels in cyclic frames", "PROFIBUS",
 )  # fmt: skip
 WORDS_OF_DRIVES = "Control and status word, "
 COUNTED = {
@@ -38,7 +38,7 @@ _STATE = "the status word of the drive (#"
 _OF_STATE = ("DS530", "DS531")
 _PARTS = re.compile(r"->|instead of|send instead|these respond|look at")
 """How lines begin that are neither words nor status word."""
-_DEVICE = re.compile(r"^(\d+\.\d+\.\d+\.\d+): ")
+_DEVICE = re.compile(r"^(\d+\.\d+\.\d+\.\d+|dp\d+): ")
 _MORE = re.compile(r"^(.*?)\s+\(and (\d+) frames? more\)$")
 _PNU = re.compile(r"\bp(\d+|\?)(?:\[(\d+)(?:\.\.(\d+))?\])?")
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from itertools import dropwhile, pairwise
 from typing import Any
 
+from tests.audit import cyclic
 from tests.audit.reading import Complaint, Finding, Reading
 
 NEGATIVE, NO_RIGHTS = 7, 8
@@ -38,23 +39,15 @@ class Talk:
         self.relation: Plain = [
             each for each in reading.plain["relations"]
             if [each[key] for key in ("controller", "device", "api", "slot", "subslot")] == place
-            and each["frame"] < self.begins
+            and each["channel"] == "pkw" and each["frame"] < self.begins
         ][-1]  # fmt: skip
 
     def words(self, side: str) -> list[tuple[int, bytes]]:
         """Frame and the eight bytes of every frame of a direction; none where the state behind them is not good."""
-        way = self.relation[side]
-        found = []
-        for frame in self.reading.capture.frames:
-            at = 12 if frame.data[12:14] == b"\x88\x92" else 16
-            head = frame.data[at : at + 4]
-            if frame.data[6:12].hex(":") == way["mac"] and head == b"\x88\x92" + way[
-                "frame_id"
-            ].to_bytes(2):
-                start = at + 4 + way["offset"]
-                good = frame.data[start + 8] & 0x80
-                found.append((frame.number, frame.data[start : start + 8] if good else b""))
-        return found
+        return [
+            (part.frame, part.data[:8] if part.good else b"")
+            for part in cyclic.parts(self.reading, self.relation, side)
+        ]
 
     def since(self) -> list[tuple[int, bytes]]:
         """Frames of the controller from the whole request on."""

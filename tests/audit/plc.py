@@ -10,10 +10,11 @@ from itertools import groupby
 from tests.audit import wire
 from tests.audit.reading import NOT_READY, Deal, Reading
 
+_FAULT = "(?:RPC fault or reject|the station refused the service, not the record)"
 FORMS = {
     "done": r"WRREC DONE, STATUS 00000000",
     "error": r"WRREC ERROR, STATUS (?P<status>[0-9A-F]{8})",
-    "fault": r"WRREC ERROR with a STATUS of the PLC itself \(RPC fault or reject\)",
+    "fault": rf"WRREC ERROR with a STATUS of the PLC itself \({_FAULT}\)",
     "bare": r"WRREC, a response without STATUS",
     "busy": r"WRREC BUSY until its timeout, then ERROR \(no response in the capture\)",
     "ends": r"WRREC, no response before the capture ends",
@@ -22,13 +23,16 @@ FORMS = {
     "read error": r"RDREC (?:(?P<times>\d+) x )?ERROR, STATUS (?P<status>[0-9A-F]{8})",
     "read valid": r"RDREC (?:(?P<times>\d+) x )?VALID, STATUS 00000000, LEN (?P<length>\d+)"
                   r"(?: \((?P<captured>\d+) of them captured\))?",
-    "read fault": r"RDREC (?:(?P<times>\d+) x )?ERROR with a STATUS of the PLC itself \(RPC fault or reject\)",
+    "read fault": rf"RDREC (?:(?P<times>\d+) x )?ERROR with a STATUS of the PLC itself \({_FAULT}\)",
     "read bare": r"RDREC(?: (?P<times>\d+) x)?, a response without STATUS and record",
+    "read nothing": r"RDREC(?: (?P<times>\d+) x)?, no record came "
+                    r"\(no response in the capture, or the station refused the service\)",
     "read unseen": r"RDREC(?: (?P<times>\d+) x, the|, its) whole response is not in the capture",
     "read ends": r"RDREC, no response before the capture ends",
     "read again": r"RDREC (?:(?P<times>\d+) x )?VALID once more, LEN (?P<length>\d+)",
     "never": r"RDREC not started in this capture",
     "given up": r"RDREC not started again in this capture",
+    "without": r"no record by RDREC in this capture",
     "superseded": r"no response by RDREC before the next WRREC",
     "implicit": r"a Read without an AR \(ReadImplicit\), no call of RDREC: STATUS (?P<status>[0-9A-F]{8}), LEN (?P<length>\d+)",
 }  # fmt: skip
@@ -125,6 +129,12 @@ def _order(calls: list[Told], deal: Deal, reading: Reading) -> Iterator[str]:
     told = [kind for each in calls for kind in [_kind(each)] * each.times if kind]
     own = sorted(_own(deal, reading), key=lambda each: each.answered or each.asked)
     true = [_end(each) for each in own if _end(each) not in ("done", "error")]
+    if (
+        reading.line is not None
+    ):  # of Reads without an answer, or refused, no finding is there to tell them
+        kinds = ("fault", "unseen")
+        told = [each for each in told if each not in kinds]
+        true = [each for each in true if each not in kinds]
     if deal.write is not None and told != true:
         yield f"the Reads are told as {_runs(told)}, and came as {_runs(true)}"
 
@@ -140,6 +150,7 @@ def _kind(told: Told) -> str:
         "read bare": "bare",
         "read unseen": "unseen",
         "read ends": "unseen",
+        "read nothing": "unseen",
     }
     return words.get(told.kind, "")
 
@@ -173,6 +184,8 @@ def _left_out(calls: list[Told], deal: Deal, reading: Reading) -> Iterator[str]:
         elif each.kind == "read valid" and not each.length and each is not _valid(calls, deal):
             told["empty"] += each.times
     loose = Counter(_end(each) for each in _own(deal, reading) if _loose(each, reading))
+    if reading.line is not None:
+        loose["fault"] = 0  # no finding is about those
     for kind in ("fault", "bare", "empty"):
         if told[kind] != loose[kind] and deal.write is not None:
             yield f"{told[kind]} x RDREC {kind}: there are {loose[kind]}"
@@ -238,11 +251,16 @@ def _without(told: Told, deal: Deal, reading: Reading) -> Iterator[str]:
             yield f"RDREC {told.kind}, but it was"
         elif after:
             yield f"RDREC was started in frame {after[0]}"
+    elif told.kind == "without" and (deal.read is not None or reading.line is None):
+        yield "a record came, or this is not PROFIBUS"
     elif told.kind == "superseded" and _next_write(deal, reading) is None:
         yield "there is no next WRREC"
     elif told.kind == "read ends":
         reads = [each for each in _own(deal, reading) if _end(each) == "unseen"]
         yield from _nothing_after(deal, reading, max((each.asked for each in reads), default=0))
+    elif told.kind == "read nothing":
+        if not {"fault", "unseen"} & {_end(each) for each in _own(deal, reading)}:
+            yield "every RDREC brought a record"
     elif told.kind == "read unseen":
         pieces = {frame for each in reading.capture.pieces.values() for frame in each}
         ends = [_end(each) for each in _own(deal, reading) if each.asked not in _answered(deal)]

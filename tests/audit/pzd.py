@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+from tests.audit import cyclic
 from tests.audit.reading import Complaint, Finding, Reading
 
 Plain = dict[str, Any]
@@ -62,12 +63,13 @@ class Drive:
     def _read(self, reading: Reading) -> Iterator[Look]:
         words: dict[bool, bytes | None] = {True: None, False: None}
         heeded, setpoint, actual, code = None, 0, 0, 0
-        for frame in reading.capture.frames:
-            for sent, side in ((True, "output"), (False, "input")):
-                data = _part(frame.data, self.relation[side])
-                if data is None or frame.number <= self.relation["frame"]:
-                    continue
-                words[sent] = data if _is_good(frame.data, self.relation[side]) else None
+        sides = [
+            (part, sent) for sent, side in ((True, "output"), (False, "input"))
+            for part in cyclic.parts(reading, self.relation, side)
+        ]  # fmt: skip
+        for part, sent in sorted(sides, key=lambda each: each[0].frame):
+            if part.frame > self.relation["frame"]:
+                words[sent] = part.data if part.good else None
                 out, in_ = words[True], words[False]
                 if out is not None:
                     stw1 = int.from_bytes(out[:2])
@@ -77,7 +79,7 @@ class Drive:
                     actual = int.from_bytes(in_[2:4], signed=True)
                     code = int.from_bytes(in_[10:12])
                 yield Look(
-                    frame.number, frame.time_ns, sent, _word(out), _word(in_), setpoint, actual,
+                    part.frame, part.time_ns, sent, _word(out), _word(in_), setpoint, actual,
                     (_word(out) or 0) if heeded is None else heeded, code,
                 )  # fmt: skip
 
@@ -98,22 +100,6 @@ class Drive:
 
 def _word(data: bytes | None) -> int | None:
     return None if data is None else int.from_bytes(data[:2])
-
-
-def _part(data: bytes, side: Plain) -> bytes | None:
-    """The bytes of a side in one of its frames."""
-    at = 12 if data[12:14] == b"\x88\x92" else 16
-    if data[6:12].hex(":") != side["mac"] or data[at : at + 4] != b"\x88\x92" + side[
-        "frame_id"
-    ].to_bytes(2):
-        return None
-    start = at + 4 + side["offset"]
-    return data[start : start + side["length"]]
-
-
-def _is_good(data: bytes, side: Plain) -> bool:
-    at = (12 if data[12:14] == b"\x88\x92" else 16) + 4
-    return bool(data[at + side["offset"] + side["length"]] & 0x80 and data[-2] & 0x04)
 
 
 def drives(reading: Reading) -> list[Drive]:
@@ -374,6 +360,12 @@ def of_habit(finding: Finding, reading: Reading) -> Iterator[str]:
         if each["channel"] == "pkw" and (each["device"], each["slot"]) == (args["device"], args["slot"])
     ]  # fmt: skip
     if finding.rule == "DS512":
+        place = args["device"], args["slot"], finding.frame
+        known = {
+            (each["device"], each["slot"], each["frame"]) for each in reading.plain["relations"]
+        }
+        if place not in known:
+            yield "no such drive was set up in this frame"
         if own:
             yield f"there are {len(own)} requests"
         return

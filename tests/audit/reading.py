@@ -13,7 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from tests.audit import message, wire
+from tests.audit import dp, message, wire
 
 NOT_READY = 0xDE80B500
 _TERM = re.compile(r"frame\.number == (\d+)|frame\.number in \{(\d+)\.\.(\d+)\}")
@@ -174,6 +174,12 @@ class Reading:
         self.deals = [Deal(each) for each in self.plain["transactions"]]
         self.findings = [Finding.of(each) for each in self.plain["findings"]]
 
+    @property
+    def line(self) -> dp.Line | None:
+        """The line of PROFIBUS; None in a capture of PROFINET."""
+        found: dp.Line | None = self.capture.line
+        return found
+
     @cached_property
     def by_id(self) -> dict[int, Deal]:
         return {each.id: each for each in self.deals}
@@ -296,4 +302,6 @@ def read(path: Path, *, page: bool = True) -> Reading:
     plain = captures[0]
     text = report([path], "--plc")
     html = report([path], "-f", "html") if page else ""
-    return Reading(path.name, plain, wire.read(path), text, html)
+    capture = wire.read(path)
+    dp.enter(capture)
+    return Reading(path.name, plain, capture, text, html)

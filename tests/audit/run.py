@@ -7,7 +7,20 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from tests.audit import causes, claims, corrected, deals, html, page, pkw, pzd, reading, s7, words
+from tests.audit import (
+    causes,
+    claims,
+    corrected,
+    deals,
+    html,
+    page,
+    pkw,
+    pzd,
+    reading,
+    s7,
+    stations,
+    words,
+)
 from tests.audit.drive import Drive
 from tests.audit.memory import Memory
 from tests.audit.reading import Complaint, Finding, Reading
@@ -19,6 +32,7 @@ AUDITORS = {
     **dict.fromkeys(pzd.OF_CHANGES, lambda case: pzd.of_change(case.finding, case.reading)),
     **dict.fromkeys(pzd.HABITS, lambda case: pzd.of_habit(case.finding, case.reading)),
     **dict.fromkeys(s7.AUDITORS, lambda case: s7.of(case.finding, case.reading)),
+    **dict.fromkeys(stations.AUDITORS, stations.of),
     "DS507": lambda case: pzd.of_word(case.finding, case.reading),
 }  # fmt: skip
 NO_CLAIM = claims.NO_CLAIM
@@ -50,6 +64,7 @@ def complaints(item: Reading, drives: dict[str, Drive] | None = None) -> Iterato
     yield from corrected.check(item, memory, drives or {})
     yield from page.check(item)
     yield from html.check(item)
+    yield from stations.check(item)
 
 
 def of_finding(finding: Finding, item: Reading, memory: Memory) -> Iterator[Complaint]:

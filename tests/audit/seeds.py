@@ -5,16 +5,19 @@ A seed stands for a share of them: the same plans each time.
 
 from __future__ import annotations
 
+import json
 import tempfile
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 from hypothesis import HealthCheck, Phase, given, seed, settings
-from tests.audit import conversations, run
-from tests.audit.conversations import Plan
+from hypothesis import strategies as st
+from tests.audit import conversations, lines, run
 from tests.audit.reading import Complaint
 
+Plan = conversations.Plan | lines.Plan
+"""Of a conversation on PROFINET, or of a line of PROFIBUS."""
 SHARE = 100
 """So many conversations are audited by one process, in 10 s or so."""
 
@@ -23,9 +26,25 @@ PLANS = Path(__file__).with_name("plans.jsonl")
 """Conversations about which the report once said something untrue, one plan a line."""
 
 
+def plan(text: str) -> Plan:
+    """A plan from its JSON."""
+    known = json.loads(text)
+    return lines.plan(known) if "stations" in known else conversations.plan(known)
+
+
+def plans() -> st.SearchStrategy[Plan]:
+    """Plans of both kinds: every third is a line of PROFIBUS."""
+    return st.one_of(conversations.plans(), conversations.plans(), lines.plans())
+
+
+def play(planned: Plan) -> conversations.Conversation | lines.Conversation:
+    """The conversation of a plan."""
+    return lines.play(planned) if isinstance(planned, lines.Plan) else conversations.play(planned)
+
+
 def kept() -> list[Plan]:
     """The plans that once had a complaint."""
-    return [conversations.plan(line) for line in PLANS.read_text(encoding="utf-8").splitlines()]
+    return [plan(line) for line in PLANS.read_text(encoding="utf-8").splitlines()]
 
 
 def planned(count: int, number: int) -> list[Plan]:
@@ -37,7 +56,7 @@ def planned(count: int, number: int) -> list[Plan]:
         max_examples=count, database=None, deadline=None, phases=[Phase.generate],
         suppress_health_check=list(HealthCheck),
     )  # fmt: skip
-    @given(conversations.plans())
+    @given(plans())
     def collect(plan: Plan) -> None:
         found.append(plan)
 
@@ -47,7 +66,7 @@ def planned(count: int, number: int) -> list[Plan]:
 
 def of_plan(plan: Plan, folder: Path) -> list[Complaint]:
     """What is not so in the report of a conversation."""
-    made = conversations.play(plan)
+    made = play(plan)
     path = folder / "conversation.pcap"
     made.tape.write(path)
     try:

@@ -10,6 +10,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 from uuid import UUID
 
 REQUEST, PING, RESPONSE, FAULT, WORKING, REJECT = 0, 1, 2, 3, 4, 6
@@ -127,6 +128,8 @@ class Capture:
     """Datagrams with a fragment of RPC, and when they came: the same soon after is a copy of the capture."""
     torn: dict[tuple[object, ...], int] = field(default_factory=dict)
     """RPC fragments that the capture cut: what stands behind them is not known."""
+    line: Any = None
+    """Of PROFIBUS (`dp.Line`)."""
 
     def frame(self, number: int) -> Frame | None:
         """The frame with this number."""

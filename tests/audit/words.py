@@ -16,7 +16,7 @@ NUMBER = r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?"
 PARAMETER = r"[pr]?(?P<pnu>\d+|\?)\[(?P<subindex>\d+|\?)\]"
 CODE = r"(?P<code>0x[0-9A-F]{2,4}|no error number)"
 STATUS = r"status (?P<status>[0-9A-F]{8}|-)"
-DRIVE = r"(?P<device>[\d.]+) slot (?P<slot>\d+)"
+DRIVE = r"(?P<device>[\d.]+|dp\d+)(?: slot (?P<slot>\d+))?"
 STOOD = r"(?P<seconds>[\d.]+) s \(limit (?P<limit>[\d.]+) s\)"
 PARTNER, STATION = r"(?P<device>[\d.]+)", r"(?P<controller>[\d.]+)"
 JOB = r"(?P<operation>GET|PUT) (?P<area>.+)"
@@ -92,12 +92,12 @@ SAYS: dict[str, str] = {
     "DS531": rf"{PARAMETER}, ",
     "DS701": rf"response ID (?P<id>0x[0-9A-F]{{2}}), {CODE}",
     "DS702": r"in frame (?P<frame>\d+), .*frame (?P<by>\d+)",
-    "DS703": r"(?P<count>\d+) x .* on (?P<device>[\d.]+) ",
+    "DS703": r"(?P<count>\d+) x .* on (?P<device>[\d.]+|dp\d+) ",
     "DS704": r"of frame (?P<first>\d+) .*once more in frame (?P<frame>\d+), .*: it is the one",
     "DS706": r"in frame (?P<request>\d+) .*frame (?P<frame>\d+)\)",
-    "DS707": r"index (?P<index>\d+|0x[0-9A-F]{4}) of (?P<device>[\d.]+) \((?P<status>[0-9A-F]{8}|-)\)",
-    "DS708": r"^(?P<device>[\d.]+) .*\((?P<status>[0-9A-F]{8})\)",
-    "DS709": r"^(?P<device>[\d.]+) says that drive object \(axis\) (?P<axis>\d+) does not exist$",
+    "DS707": r"index (?P<index>\d+|0x[0-9A-F]{4}) of (?P<device>[\d.]+|dp\d+) \((?P<status>[0-9A-F]{8}|-)\)",
+    "DS708": r"^(?P<device>[\d.]+|dp\d+) .*\((?P<status>[0-9A-F]{8})\)",
+    "DS709": r"^(?P<device>[\d.]+|dp\d+) says that drive object \(axis\) (?P<axis>\d+) does not exist$",
     "DS710": r"\((?P<axes>[\d, ]+)\)",
     "DS711": r"ends after (?P<have>\d+) bytes: ",
     "DS712": r"for (?P<asked>\d+) bytes .*needs at least (?P<need>\d+)$",
@@ -111,9 +111,24 @@ SAYS: dict[str, str] = {
     "DS720": rf"^{PARAMETER} is an interconnection, .*: {CODE} ",
     "DS721": r"^Changes on .* follows: (?P<count>\d+), the last in frame (?P<last>\d+); ",
     "DS722": r"frame (?P<frame>\d+|\?)",
-    "DS723": r"(?P<count>\d+) times to (?P<device>[\d.]+), every (?P<period>[\d.]+) ms",
-    "DS724": r"(?P<count>\d+) Reads on (?P<device>[\d.]+) .*every (?P<period>[\d.]+) ms.* (?P<time>[\d.]+) ms",
+    "DS723": r"(?P<count>\d+) times to (?P<device>[\d.]+|dp\d+), every (?P<period>[\d.]+) ms",
+    "DS724": r"(?P<count>\d+) Reads on (?P<device>[\d.]+|dp\d+) .*every (?P<period>[\d.]+) ms.* (?P<time>[\d.]+) ms",
     "DS725": r"\((?P<count>\d+) in all\)$",
+    "DS801": r"^Frames with a wrong check byte: (?P<count>\d+)$",
+    "DS802": r"^Damaged frames, check byte aside: (?P<count>\d+) \(length bytes, end byte, addresses, or bytes that are missing\)$",
+    "DS803": r"^Requests to (?P<device>dp\d+) that the master repeated: (?P<count>\d+), in (?P<of>\d+) requests$",
+    "DS804": r"^Requests to (?P<device>dp\d+) without an answer in the capture: (?P<count>\d+) of (?P<of>\d+)$",
+    "DS805": r"^(?P<count>\d+) x SAP (?P<sap>\d+) of (?P<device>dp\d+) not enabled \(RS\): ",
+    "DS806": rf"^(?P<count>\d+) x (?P<operation>DS_Read|DS_Write) of (?P<place>slot \d+, index \d+) refused by (?P<device>dp\d+) with {STATUS}: ",
+    "DS807": r"^Answers of (?P<device>dp\d+) that took more than (?P<limit>\d+) polls: (?P<count>\d+), one of them (?P<polls>\d+)$",
+    "DS808": rf"^DS_Read of index (?P<index>\d+) from (?P<device>dp\d+), to which nothing was written since its start-up: {STATUS}, no data$",
+    "DS809": r"^DS_Write of (?P<length>\d+) bytes to (?P<device>dp\d+): a record of MS1 has (?P<most>\d+) at most$",
+    "DS810": r"^(?P<count>\d+) x Set_Prm to (?P<device>dp\d+) after data exchange; the last data exchange before the first of them is frame (?P<last>\d+)$",
+    "DS811": r"^(?P<count>\d+) x data of (?P<device>dp\d+) not as in Chk_Cfg: (?P<outputs>\d+) bytes out \((?P<configured_outputs>\d+)\), (?P<inputs>\d+) bytes in \((?P<configured_inputs>\d+)\)$",
+    "DS812": r"^(?P<device>dp\d+) asks for a diagnosis in (?P<count>\d+) answers in a row, and the master does not read it in between$",
+    "DS813": r"^Chk_Cfg of (?P<device>dp\d+) configures PKW as (?P<identifier>[0-9A-F]+), without consistency over its whole length$",
+    "DS814": r"^(?P<count>\d+) x Slave_Diag of (?P<device>dp\d+): ",
+    "DS815": r"^Set_Prm switches off the watchdog of (?P<device>dp\d+)$",
     "DS901": rf"^{JOB} to {PARTNER} has no answer",
     "DS902": r"^(?P<count>\d+) x PDU of (?P<sender>\S+) above .*: (?P<size>\d+) bytes, (?P<agreed>\d+) .* frame (?P<frame>\d+)$",
     "DS903": rf"^(?P<count>\d+) x {JOB}: (?P<bytes>\d+) bytes, and {PARTNER} copies (?P<block>\d+) at once \(",
@@ -134,7 +149,7 @@ SAYS: dict[str, str] = {
 }  # fmt: skip
 """Rule -> where in its English sentence which argument stands."""
 _BETTER = r"(?P<better>\w+) \((?P<better_code>0x[0-9A-F]{2})\)"
-_STATION = r"[\d.]+|[0-9a-f:]{17}"
+_STATION = r"[\d.]+|[0-9a-f:]{17}|dp\d+"
 _WROTE = rf"^(?P<controller>{_STATION}) wrote in frame (?P<frame>\d+) "
 STANDS = {
     "pzd_S1": ": S1 switching on inhibited$", "pzd_S2": ": S2 ready to switch on$", "pzd_S3": ": S3 switched on$",
@@ -176,11 +191,18 @@ CLAUSES: dict[str, dict[str, str]] = {
     "DS716": {"zeros": "without the zeros between the bytes:", "even_offsets": "without the fill bytes after single bytes:"},
     "DS720": {"no_source": r", (?P<format>\w+) (?P<value>\S+) is the number of no source:",
               "source_refused": r", its source p(?P<source>\d+) was not accepted:"},
-    "DS721": {"unsaved": r" on (?P<device>[\d.]+) that no", "all_known": "; no other change is in doubt$",
-              "unsaved_targets": r" on (?P<device>[\d.]+), addressed in (?P<targets>\d+) ways \(",
+    "DS721": {"unsaved": r" on (?P<device>[\d.]+|dp\d+) that no", "all_known": "; no other change is in doubt$",
+              "unsaved_targets": r" on (?P<device>[\d.]+|dp\d+), addressed in (?P<targets>\d+) ways \(",
               "some_unknown": r"; of (?P<unknown>\d+) more it is not known"},
     "DS725": {"one_direction": "requests without any response: ", "other_direction": "responses without any request: ",
               "no_write": "responses are read, but no request ", "cut": "frames were cut ", "dropped": "frames were dropped "},
+    "DS805": {"sap_dpv1": r": Set_Prm in frame (?P<frame>\d+) enabled DPV1$",
+              "sap_no_dpv1": r": Set_Prm in frame (?P<frame>\d+) did not enable DPV1$",
+              "sap_unknown": ": its Set_Prm is not in the capture$", "sap_other": ": it does not have this service$"},
+    "DS814": {"diag_prm_fault": ": Prm_Fault, it refuses the parameters$",
+              "diag_cfg_fault": ": Cfg_Fault, it refuses the configuration$",
+              "diag_ident": ": its ident number is (?P<ident>0x[0-9A-F]{2,4}), Set_Prm says (?P<sent>0x[0-9A-F]{2,4})$",
+              "diag_master": r": it belongs to master (?P<master>\d+)$"},
     "DS903": {"block_chosen": r"\(chosen with --s7-block\)$", "block_kind": r"\(--s7-cpu (?P<name>\S+)\)$",
               "block_said": r"\(SZL 0131 in frame (?P<frame>\d+)\)$",
               "block_order": r"\((?P<name>.+) in frame (?P<frame>\d+)\)$"},
@@ -238,13 +260,16 @@ MANY_CASES = {
 """The case of DS705 -> what its sentence of several cases says."""
 FREE: dict[str, str] = {}
 """Rules whose sentence has no one form; their numbers are looked at all the same."""
-SILENT = {"vendor_id", "dropped", "place", "other", "device"}
+SILENT = {"vendor_id", "dropped", "place", "other", "device", "frames"}
 """Arguments that no number in the sentence shows."""
 QUIET = {
     "DS106": {"length", "completed"},
     "DS714": {"code"},
     "DS705": {"ar", "other_ar"},
     "DS713": {"what"},
+    "DS811": {"frame"},
+    "DS813": {"count"},
+    "DS815": {"count"},
     "DS903": {"controller", "frames"},
     "DS904": {"controller", "frames"},
     "DS910": {"controller", "first"},
@@ -254,7 +279,7 @@ QUIET = {
     **{rule: {"frames"} for rule in ("DS902", "DS905", "DS906", "DS907", "DS914", "DS915", "DS917")},
 }  # fmt: skip
 """Arguments of a rule that its sentence leaves out."""
-OWN = {"DS903": {"0131"}, "DS522": {"10", "0"}, "DS525": {"0"}, "DS527": {"9", "0", "10", "1"}, "DS523": {"1"}, "DS528": {"0"},
+OWN = {"DS903": {"0131"}, "DS502": {"8"}, "DS522": {"10", "0"}, "DS525": {"0"}, "DS527": {"9", "0", "10", "1"}, "DS523": {"1"}, "DS528": {"0"},
        "DS701": {"0", "0xDE80B500"}, "DS207": {"00000000"}, "DS713": {"0x15", "974", "0"}, "DS109": {"47"},
        "DS703": {"0xDE80B500"}, "DS204": {"0xDE80B500"}, "DS301": {"0"}, "DS303": {"0"},
        "DS306": {"0"}, "DS308": {"65535"}, "DS312": {"0"}, "DS318": {"1", "2"}, "DS317": {"2"},
@@ -299,10 +324,11 @@ def problems(rule: str, sentence: str, args: dict[str, Any]) -> Iterator[str]:
         if found is None:
             yield f"has another form: {text!r}"
             return
-        told |= found.groupdict()
+        told |= {name: word for name, word in found.groupdict().items() if word is not None}
     yield from _as_told(told, args)
     if rule in SAYS or rule in CLAUSES:
-        for name in sorted(set(args) - set(told) - SILENT - unsaid(rule, args)):
+        bare = {"slot"} if args.get("slot") is None else set()  # a station has none
+        for name in sorted(set(args) - set(told) - SILENT - unsaid(rule, args) - bare):
             yield f"does not say {name} {args[name]!r}"
     if rule not in _WORDS:
         yield from _strangers(rule, text, args)
@@ -401,7 +427,8 @@ def renderings(value: Any) -> set[str]:
     if isinstance(value, float):
         return {str(value), f"{value:.1f}", f"{value:.3f}", repr(value)}
     if isinstance(value, dict):
-        return {"{}.{}".format(value.get("slot"), value.get("subslot")), *(
+        own = "slot {}, index {}".format(value.get("slot"), value.get("index"))
+        return {own, "{}.{}".format(value.get("slot"), value.get("subslot")), *(
             word for each in value.values() for word in renderings(each)
         )}  # fmt: skip
     if isinstance(value, list):

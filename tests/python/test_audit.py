@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import copy
 import os
+import shutil
+import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
@@ -12,25 +15,32 @@ from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, seed, settings
-from of_profibus import of_ethernet
-from tests.audit import conversations, drive, message, reading, run, wire, words
+from test_profibus_bus import everything_wrong
+from tests.audit import (
+    conversations,
+    drive,
+    lines,
+    message,
+    reading,
+    run,
+    wire,
+    words,
+)
 from tests.audit import seeds as many
-from tests.audit.conversations import Plan
 from tests.audit.memory import MAYBE, NEVER, SURE, Memory, Target
 from tests.audit.reading import Finding, Reading
+from tests.audit.seeds import Plan
 
+from ds47.lab import captured
 from ds47.spec import rules
 
 ROOT = Path(__file__).parents[2]
 SHARED = ROOT.parent / "shared" / "captures"
-STORED = of_ethernet(
-    sorted(
-        path
-        for folder in (".", "real-stacks", "s7-stacks")
-        for path in (ROOT / "captures" / folder).glob("*.pcap*")
-    )
+STORED = sorted(
+    path
+    for folder in (".", "real-stacks", "s7-stacks", "profibus")
+    for path in (ROOT / "captures" / folder).glob("*.pcap*")
 )
-"""Those of Ethernet: the auditor does not read frames of PROFIBUS."""
 OTHERS = sorted(SHARED.rglob("*.pcap*")) if SHARED.is_dir() else []
 HEAVY = ("reverse-3000.pcap.gz", "ipfrag-silent.pcap")
 """Captures made to hurt: what is forgotten because memory is bounded is not what they are about here."""
@@ -46,8 +56,21 @@ def read(path: Path) -> Reading:
 
 
 @cache
+def lines_of_profibus() -> list[Path]:
+    """A line with every trouble that has a rule, and some by chance."""
+    folder = Path(tempfile.mkdtemp(prefix="ds47-lines-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    (folder / "wrong.pcapng").write_bytes(captured(everything_wrong().stage))
+    planned = [each for each in many.planned(60, 3) if isinstance(each, lines.Plan)]
+    for number, plan in enumerate(planned):
+        lines.play(plan).tape.write(folder / f"line-{number}.pcap")
+    return sorted(folder.iterdir(), reverse=True)
+
+
+@cache
 def memory_of(name: str) -> Memory:
-    return Memory(read(next(path for path in STORED if path.name == name)))
+    paths = [*STORED, *lines_of_profibus()]
+    return Memory(read(next(path for path in paths if path.name == name)))
 
 
 # What reports say
@@ -74,7 +97,7 @@ def test_random_conversations(number: int, tmp_path: Path) -> None:
         max_examples=CONVERSATIONS // SLICES, database=None, deadline=None,
         suppress_health_check=list(HealthCheck), print_blob=False,
     )  # fmt: skip
-    @given(conversations.plans())
+    @given(many.plans())
     def audited(plan: Plan) -> None:
         assert list(map(str, many.of_plan(plan, tmp_path))) == [], plan.text()
 
@@ -124,9 +147,9 @@ def mutated(value: Any) -> Iterator[Any]:
 
 
 def forged() -> Iterator[tuple[Finding, str, Reading]]:
-    """True findings of the stored captures, each argument made false: some of each rule."""
+    """True findings of captures, each argument made false: some of each rule."""
     seen: Counter[tuple[str, str]] = Counter()
-    for path in STORED:
+    for path in [*lines_of_profibus(), *STORED]:
         item, memory = read(path), memory_of(path.name)
         for finding in item.findings:
             if list(run.of_finding(finding, item, memory)):
@@ -150,11 +173,12 @@ def test_a_false_argument_is_noticed() -> None:
             missed.append(f"{lie.rule} {name}={lie.args[name]!r} in {item.name} frame {lie.frame}")
     assert missed == []
     assert len(tried) > 50, sorted(tried)
+    assert {f"DS{number}" for number in range(801, 816)} <= set(tried)
 
 
 def test_a_false_frame_is_noticed() -> None:
     missed, tried = [], Counter[str]()
-    for path in STORED:
+    for path in [*lines_of_profibus(), *STORED]:
         item, memory = read(path), memory_of(path.name)
         for finding in item.findings:
             tried[finding.rule] += 1
@@ -329,12 +353,15 @@ def test_messages_are_walked() -> None:
     assert message.request(bytes.fromhex("0501020210010423")).missing == 8
 
 
-def test_a_conversation_is_always_the_same(tmp_path: Path) -> None:
-    (plan,), (again,) = many.planned(1, 7), many.planned(1, 7)
-    conversations.play(plan).tape.write(tmp_path / "one")
-    conversations.play(conversations.plan(again.text())).tape.write(tmp_path / "two")
+@pytest.mark.parametrize("kind", [conversations.Plan, lines.Plan])
+def test_a_conversation_is_always_the_same(kind: type[Plan], tmp_path: Path) -> None:
+    plan, again = (
+        next(each for each in many.planned(20, 7) if isinstance(each, kind)) for _ in range(2)
+    )
+    many.play(plan).tape.write(tmp_path / "one")
+    many.play(many.plan(again.text())).tape.write(tmp_path / "two")
     assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
-    assert len(wire.read(tmp_path / "one").frames) == len(conversations.play(plan).tape.shots)
+    assert len(wire.read(tmp_path / "one").frames) == len(many.play(plan).tape.shots)
 
 
 def test_filters_are_evaluated() -> None:

@@ -22,11 +22,13 @@ from lua_program import LUAS, lua_program
 from test_cyclic_scenes import SCENES, capture
 from test_lua_cyclic import scenes
 from test_lua_pzd import ABSENT, NAMES, without_connect
+from test_profibus_bus import everything_wrong
 
 from ds47 import spec
 from ds47.analysis import AnalysisOptions, analyze
 from ds47.cyclic.named import parse
 from ds47.findings import grouping
+from ds47.lab import captured
 from ds47.model import (
     Bus,
     CaptureResult,
@@ -68,13 +70,15 @@ def lua(request: pytest.FixtureRequest, repository: Path, tmp_path_factory: Any)
 
 @pytest.fixture(scope="module")
 def results(captures: Path) -> list[CaptureResult]:
-    """Every stored capture, analyzed."""
+    """Every stored capture, analyzed, and a line of PROFIBUS with every trouble."""
     found = []
     for path in (*sorted(captures.glob("*.pcapng")), *sorted(captures.glob("s7-stacks/*.pcapng"))):
         result = analyze(path)
         result.path = path.name
         found.append(result)
-    return found
+    line = analyze(io.BytesIO(captured(everything_wrong().stage)))
+    line.path = "line.pcapng"
+    return [*found, line]
 
 
 def as_lua(result: CaptureResult) -> dict[str, Any]:
@@ -132,8 +136,8 @@ def bus_as_lua(bus: Bus) -> dict[str, Any]:
     for each in bus.stations:
         told, diagnosis = each._asdict(), each.diagnosis
         for key in ("cycle", "answer"):
-            span = told[key]
-            told[key] = span and {"mean": span.mean_ns, "most": span.most_ns}
+            if told[key] is not None:
+                told[key] = dict(zip(("least", "mean", "most"), told[key], strict=True))
         if diagnosis is not None:
             blocks = [block.hex() for block in diagnosis.blocks]
             told["diagnosis"] = diagnosis._asdict() | {"blocks": blocks}

@@ -12,6 +12,7 @@ from test_profibus_calls import Talk
 from ds47.analysis import analyze
 from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
+from ds47.cli import main
 from ds47.lab import captured
 from ds47.lab.fdl import RECORDS
 from ds47.lab.master import Master
@@ -216,3 +217,65 @@ def test_what_is_no_profibus_says_nothing(tmp_path: Path) -> None:
             writer.write(number, bytes((number, 0xE5, 0xDC)) * 9)
     result = analyze(target)
     assert (result.frames, result.transactions, result.findings) == (100, [], [])
+
+
+ASKED, OTHERS = "5f002f0a01010101100103840000", "5f002f0a02010101100103850000"
+ANSWER = "5e002f080101010142010005"
+
+
+def on_a_line(*steps: tuple[str, str]) -> Master:
+    """Services of MS1 after a start-up; what refuses one below MS1 is its code."""
+    wire = Master()
+    wire.start(STATION)
+    for asked, answer in steps:
+        if len(answer) > 1:
+            wire.record(STATION, asked)
+            wire.poll(STATION, answer)
+        else:
+            wire.ask(STATION, asked, 51, 51)
+            wire.tell(STATION, code=int(answer))
+    return wire
+
+
+def reported(wire: Master, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    path = tmp_path / "line.pcapng"
+    path.write_bytes(captured(wire.stage))
+    main(["report", "--no-progress", "--plc", str(path)])
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("steps", "words"),
+    [
+        ([(ASKED, "5f002f0a"), ("5e002ff0", "2")], "RDREC, no record came (no response in the capture, or"),
+        ([(ASKED, "2")], "no record by RDREC in this capture"),
+        ([(ASKED, "5f002f0a"), ("5e002ff0", "de80b500")], "no record by RDREC in this capture"),
+    ],
+)  # fmt: skip
+def test_what_the_plc_saw_of_a_read_that_was_refused(
+    steps: list[tuple[str, str]], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = reported(on_a_line((ASKED, "5f002f0a"), ("5e002ff0", ANSWER), *steps), tmp_path, capsys)
+    (line,) = [each for each in told.split("#2 ")[1].splitlines() if "PLC: " in each]
+    assert words in " ".join(told.split("#2 ")[1].split()), line
+    assert "not in the capture" not in line
+    assert "not started" not in line
+
+
+def test_a_response_without_a_request_is_no_implicit_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    told = reported(on_a_line(("5e002ff0", ANSWER)), tmp_path, capsys)
+    assert "#1 " in told
+    assert "ReadImplicit" not in told
+    assert "What 1 response belongs to" in " ".join(told.split())
+
+
+def test_a_request_between_names_no_ar(tmp_path: Path) -> None:
+    wire = on_a_line(
+        (ASKED, "5f002f0a"), (OTHERS, "5f002f0a"), ("5e002ff0", "5e002f080201010142010005")
+    )
+    path = tmp_path / "line.pcapng"
+    path.write_bytes(captured(wire.stage))
+    (clash,) = [each for each in analyze(path).findings if each.rule == "DS705"]
+    assert (clash.args["ar"], clash.args["other_ar"]) == (None, None)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import random
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,10 @@ from ds47.lab.fdl import frame
 from ds47.lab.master import NO_DPV1, PPO3, SET_PRM, Master
 from ds47.lab.master import READY as DIAGNOSIS
 from ds47.model import BusStation, CaptureResult, Finding
-from ds47.profibus.stations import MOST_FRAMES
+from ds47.profibus.judge import Judge
+from ds47.profibus.stations import MOST_FRAMES, Stations
 from ds47.spec import rules
-from ds47.spec.semantics import limits
+from ds47.spec.semantics import Limits, limits
 
 STATION, MASTER = 3, 2
 
@@ -155,6 +157,17 @@ def test_a_token_says_that_the_master_waited_in_vain() -> None:
     at = wire.ask(STATION, "00" * 12)
     wire.token()
     assert (one(wire, "DS804").frame, station(wire).requests) == (at, 10)
+    wire.token()
+    wire.spoil(1, 128)
+    told = station(wire)
+    assert (told.requests, told.unanswered, told.damaged) == (10, 1, 0)
+    wire.repeat()
+    assert station(wire).requests == 9
+    wire.tell(STATION, "00" * 12)
+    wire.spoil()
+    wire.token()
+    told = station(wire)
+    assert (told.requests, told.unanswered, told.damaged, told.retries) == (10, 0, 1, 1)
 
 
 def test_a_recording_of_two_places_has_an_answer_to_each_request() -> None:
@@ -465,3 +478,133 @@ def test_lines_by_chance_are_counted(seed: int) -> None:
         "DS804": sum(each["unanswered"] for each in counts.values()),
     }
     assert sums == {rule: number for rule, number in wanted_sums.items() if number}
+
+
+# What the auditor found
+
+
+def test_a_start_up_that_the_station_refuses_is_none() -> None:
+    wire = running()
+    wire.ask(STATION, "b0" + SET_PRM[2:], 61)
+    wire.tell(STATION, code=2)
+    wire.ask(STATION, PPO3, 62)
+    wire.tell(STATION, code=1)
+    wire.exchange(STATION)
+    told = station(wire)
+    assert (told.parameters, told.configuration, told.watchdog_ms, told.ppo) == (3, 5, 300, 1)
+    assert found(wire) == []
+
+
+def test_outputs_that_are_acknowledged_alone_are_data_exchange() -> None:
+    wire = Master()
+    wire.start(STATION, configured="21")
+    for _ in range(3):
+        wire.ask(STATION, "00" * 2)
+        wire.short()
+    told = station(wire)
+    assert (told.exchanges, told.outputs, told.inputs) == (3, 2, 0)
+    assert told.cycle == (200_000, 200_000, 200_000)
+    assert found(wire) == []
+
+
+def test_an_answer_that_the_recording_cut_is_not_damaged() -> None:
+    wire = running()
+    wire.stage.snap = 10
+    wire.exchange(STATION, "")
+    wire.ask(STATION)
+    here = station(wire)
+    assert (here.requests, here.unanswered, here.damaged) == (10, 0, 0)
+
+
+def test_each_frame_twice_is_a_line_of_two_places() -> None:
+    wire = running()
+    wire.ask(STATION, "00" * 12)
+    wire.repeat()
+    wire.tell(STATION, "00" * 12)
+    wire.ask(4)
+    wire.exchange(STATION)
+    wire.spoil()
+    wire.exchange(STATION)
+    single, double = wire, Master()
+    double.stage.shots[:] = [each for shot in wire.stage.shots for each in (shot, shot)]
+    one, two = result(single).bus, result(double).bus
+    assert one is not None
+    assert two is not None
+    assert (two.frames, two.stray) == (2 * one.frames, 0)
+    for name in ("requests", "unanswered", "damaged", "retries", "exchanges"):
+        assert getattr(station(double), name) == getattr(station(single), name)
+        assert getattr(station(double, 4), name) == getattr(station(single, 4), name)
+    assert [each.args["count"] for each in found(double, "DS804")] == [1]
+    assert found(double, "DS803") == []
+
+
+def test_behind_a_damaged_request_nothing_is_a_repetition() -> None:
+    wire = running()
+    wire.ask(STATION, "00" * 12)
+    asked = wire.stage.shots[-1].data
+    wire.tell(STATION, "00" * 12)
+    wire.ask(STATION, "01" * 12)
+    wire.spoil()
+    wire.put(asked)
+    wire.tell(STATION, "00" * 12)
+    assert station(wire).retries == 0
+    wire.stage.lose(-3)
+    assert station(wire).retries == 1
+
+
+def test_what_is_counted_is_what_is_said() -> None:
+    wire = running()
+    for back in ("00" * 4, "00" * 6, "00" * 4):
+        wire.exchange(STATION, "00" * 12, back)
+    assert [(each.args["inputs"], each.args["count"]) for each in found(wire, "DS811")] == [
+        (4, 2), (6, 1),
+    ]  # fmt: skip
+    for told in ("000c000280b6", "000c000280b7", "000c000280b6", "000c000580b5", "000c000680b5"):
+        wire.diagnose(STATION, told)
+    said = [
+        (each.args.get("ident"), each.args.get("master"), each.args["count"])
+        for each in found(wire, "DS814")
+    ]
+    assert said == [(0x80B6, None, 2), (0x80B7, None, 1), (None, 5, 1), (None, 6, 1)]
+
+
+def test_a_sap_names_the_start_up_that_was_the_last() -> None:
+    wire, frames = Master(), []
+    for _ in range(2):
+        frames.append(wire.number + 3)
+        wire.start(STATION)
+        wire.ask(STATION, "5f002f0401010100", 51, 51)
+        wire.tell(STATION, code=3)
+        wire.ask(STATION, "", 20)
+        wire.tell(STATION, code=3)
+    told = [(each.args["case"], each.args.get("frame")) for each in found(wire, "DS805")]
+    assert told == [
+        ("sap_dpv1", frames[0]),
+        ("sap_other", None),
+        ("sap_dpv1", frames[1]),
+    ]
+
+
+@pytest.mark.parametrize("spoilt", [3, 1])
+def test_a_write_that_was_damaged_may_be_there(spoilt: int) -> None:
+    wire = running()
+    for number, data in enumerate(("5f002f0a01010101100103840000", "5e002ff0")):
+        wire.record(STATION, data)
+        if not number:
+            shot = wire.stage.shots[-2]
+            wire.stage.shots[-2] = replace(shot, data=shot.data[:-spoilt] + b"\x00" * spoilt)
+        wire.poll(STATION, "5f002f0a" if not number else "de80b500")
+    asking(wire)
+    told = [each.rule for each in result(wire).findings if each.rule in ("DS206", "DS808")]
+    assert told == ["DS206"]
+
+
+def test_different_things_are_bounded() -> None:
+    judge = Judge(Limits(**{**limits().columns(), "bus_remarks": 2}))
+    for number, index in enumerate((1, 2, 3, 1)):
+        judge.refused(STATION, True, 0, index, 0xDF80B000, number + 1)
+    told = [
+        (each.args["place"]["index"], each.args["count"])
+        for each in judge.finish(Stations(judge.heard))
+    ]
+    assert told == [(1, 2), (2, 1)]

@@ -266,3 +266,34 @@ def test_another_maker_gets_no_findings() -> None:
     found = analyze(io.BytesIO(other))
     assert transactions(found)
     assert not [each for each in found.findings if each.severity != "note"]
+
+
+def test_a_configuration_that_is_no_ppo_ends_the_channels() -> None:
+    wire = Master()
+    wire.start(STATION)
+    wire.exchange(STATION)
+    wire.exchange(STATION, "12bc000000000000047e0000", "00" * 12)
+    wire.exchange(STATION, "12bc000000000000047e0000", "12bc00000000000102310000")
+    wire.start(STATION, configured="1f2f")
+    wire.exchange(STATION, "1001" * 8, "00" * 16)
+    wire.exchange(STATION, "1001" * 8, "100100000000000104370000" + "00" * 4)
+    result = analyze(io.BytesIO(captured(wire.stage)))
+    assert [each.request for each in result.transactions] == [bytes.fromhex("12bc000000000000")]
+
+
+def test_requests_before_a_start_up_are_requests() -> None:
+    """The recording began without Set_Prm, so the channels are others when its ident number is known."""
+    wire = Master()
+    wire.ask(STATION, "f3f1", 62)
+    wire.short()
+    for out in ("00" * 12, "12bc000000000000047e0000", "00" * 8 + "047f0000"):
+        wire.exchange(
+            STATION, out, out[:16] + "02310000" if out[:2] == "12" else "00" * 8 + "02310000"
+        )
+    wire.start(STATION)
+    for _ in range(3):
+        wire.exchange(STATION, "00" * 8 + "047f0000", "00" * 8 + "02310000")
+        wire.exchange(STATION, "00" * 8 + "047e0000", "00" * 8 + "02330000")
+    result = analyze(io.BytesIO(captured(wire.stage)))
+    assert len(result.transactions) == 1
+    assert [each.rule for each in result.findings if each.rule == "DS512"] == []

@@ -52,15 +52,16 @@ function M.start_ups(pairing)
   return setmetatable({pairing = pairing, stations = {}}, StartUps)
 end
 
---- Whether the capture has a start-up of a station before a frame.
-function StartUps:seen(device, before)
-  return (self.stations[device] or before) < before
+--- Whether the capture has a start-up of a station before a frame, and behind another one.
+function StartUps:seen(device, before, behind)
+  local frame = self.stations[device] or before
+  return behind < frame and frame < before
 end
 
---- An exchange; one without an answer says nothing here.
+--- An exchange; one without an answer, or that was refused, says nothing here.
 function StartUps:take(exchange)
-  local item = exchange.request.item
-  if item.request and exchange.answer and dp.service(item) == "parameters" and item.sa and item.da then
+  local item, answer = exchange.request.item, exchange.answer
+  if dp.service(item) == "parameters" and answer and not dp.refuses(answer.item) then
     local peer = M.peer(item.sa, item.da)
     self.stations[peer.device] = self.stations[peer.device] or exchange.request.frame
     self.pairing:connected(peer.controller, peer.device, exchange.request.frame)

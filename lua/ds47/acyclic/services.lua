@@ -25,7 +25,6 @@ local floor = math.floor
 -- Polls of a call that are kept, and calls without an answer: eight for each station that a line can have.
 local M = {MOST_POLLS = 64, MOST_OPEN = 1024}
 
-local REFUSED = {[1] = true, [2] = true, [3] = true} -- answers without data that end a service: UE, RR, RS
 -- The function that keeps a connection of MS2 alive: no service, and no answer to one.
 local IDLE = "idle"
 local CARRIES_RECORDS = {record = true, ms2 = true}
@@ -159,7 +158,7 @@ end
 
 function CallTracker:_answer(key, exchange)
   local seen, call = exchange.answer, self.open:get(key)
-  if call and seen and REFUSED[seen.item.code] then
+  if call and seen and dp.refuses(seen.item) then
     call.fault = seen.item.code
     call.record.response = records.half(seen.frame, seen.time_ns)
     self.open:pop(key)

@@ -53,6 +53,7 @@ function M.new(listener, limits, every)
     all = {}, -- relations, those that a later Connect replaced and those that are only candidates too
     drives_ = {}, -- lines of PZD
     without_request = {}, -- relations of PKW in which none was seen
+    asked = {}, -- places where one was, in a relation that another one may have replaced
     moved = {}, -- ends in which the last frame changed something
   }, Channels)
 end
@@ -101,9 +102,11 @@ end
 
 function Requests:finish()
   self.channel:finish()
+  local owner = self.owner
   if self.relation.certainty == LENGTHS and #self.waiting == 0 then
-    local unused = self.owner.without_request
-    unused[#unused + 1] = self.relation
+    owner.without_request[#owner.without_request + 1] = self.relation
+  else
+    owner.asked[relations.place(self.relation)] = true
   end
 end
 
@@ -328,11 +331,11 @@ local function same_side(one, other)
 end
 
 -- Whether these channels are at work already: a station that starts again has the same ones.
-local function is_set_up_so(self, found)
+local function is_set_up_so(self, found, output)
   local there = {}
   for _, line in ipairs(self.lines) do
     local relation = line.relation
-    if found[1] and relation.output.source == found[1].output.source then there[#there + 1] = relation end
+    if relation.output.source == output then there[#there + 1] = relation end
   end
   for number, each in ipairs(found) do
     local other = there[number]
@@ -346,10 +349,12 @@ end
 
 --- A station of PROFIBUS gets its configuration: the channels in its data, in place of those before.
 -- @param found  array of relations
+-- @param output  the sources of both sides: there may be no channel any more
+-- @param input
 -- @param frame  of the configuration
-function Channels:configured(found, frame)
-  if is_set_up_so(self, found) then return end
-  for _, relation in ipairs(found) do replace(self, relation.output.source, relation.input.source, frame) end
+function Channels:configured(found, output, input, frame)
+  if is_set_up_so(self, found, output) then return end
+  replace(self, output, input, frame)
   for _, relation in ipairs(found) do
     if #self.all < self.limits.relations then add(self, relation, false) end
   end
@@ -410,7 +415,8 @@ function Channels:unused()
   local places, found = {}, {}
   for _, each in ipairs(self:drives()) do places[relations.place(each.relation)] = true end
   for _, each in ipairs(self.without_request) do
-    if places[relations.place(each)] and not is_pzd(self, each) then found[#found + 1] = each end
+    local place = relations.place(each)
+    if places[place] and not self.asked[place] and not is_pzd(self, each) then found[#found + 1] = each end
   end
   return found
 end

@@ -110,15 +110,16 @@ local function fits(self, master, station, output, input)
   if not self.at_work[key] then
     self.at_work[key] = true
     local told = dp.configuration(table.concat(identifiers))
-    self.channels:configured(M.relations(master, station, told, nil, nil))
+    local found = M.relations(master, station, told, nil, nil)
+    self.channels:configured(found, M.source(master, station), M.source(station, master))
   end
   return #output == length and #input == length
 end
 
---- An exchange that is over; one without an answer says nothing.
+--- An exchange that is over; one without an answer, or that was refused, says nothing.
 function Ppo:take(exchange)
   local item, answer = exchange.request.item, exchange.answer
-  if not answer or not item.request or not item.sa or not item.da then
+  if not answer or not item.request or not item.sa or not item.da or dp.refuses(answer.item) then
     return
   end
   local name, frame = dp.service(item), exchange.request.frame
@@ -127,11 +128,12 @@ function Ppo:take(exchange)
     self.channels:exchanged(M.source(item.sa, item.da), item.du, frame, exchange.request.time_ns)
     self.channels:exchanged(M.source(item.da, item.sa), answer.item.du, answer.frame, answer.time_ns)
   elseif name == "parameters" then
-    self.idents[item.da] = dp.decode(item).ident
+    self.idents[item.da] = dp.decode(item).ident or self.idents[item.da]
   elseif name == "configuration" then
     self.named[item.da] = nil
     local vendor = tables.profibus.vendors[self.idents[item.da] or -1]
-    self.channels:configured(M.relations(item.sa, item.da, dp.configuration(item.du), vendor, frame), frame)
+    local found = M.relations(item.sa, item.da, dp.configuration(item.du), vendor, frame)
+    self.channels:configured(found, M.source(item.sa, item.da), M.source(item.da, item.sa), frame)
   end
 end
 

@@ -4,6 +4,7 @@
 
 local pairing = require("ds47.acyclic.pairing")
 local rules = require("ds47.acyclic.judge")
+local NIL_UUID = require("ds47.profinet.records").NIL_UUID
 local uuid_text = require("ds47.spec.units").uuid_text
 
 local put, sub = rules.put, string.sub
@@ -63,12 +64,17 @@ local function case_of(held, came)
   return held.record.ar == came.record.ar and "one_station" or "two_ars"
 end
 
+-- The AR of a request; nil on PROFIBUS, which has none.
+local function ar_of(job)
+  return job.record.ar ~= NIL_UUID and uuid_text(job.record.ar) or nil
+end
+
 -- `held` is nil where the request of the other one was not seen, and `first` its frame.
 local function clash(remarks, held, came, first, frame)
   put(remarks, "DS705", frame, {
     case = case_of(held, came),
-    controller = came.peer.controller, ar = uuid_text(came.record.ar), frame = frame,
-    other = held and held.peer.controller, other_ar = held and uuid_text(held.record.ar), first = first,
+    controller = came.peer.controller, ar = ar_of(came), frame = frame,
+    other = held and held.peer.controller, other_ar = held and ar_of(held) or nil, first = first,
   })
 end
 

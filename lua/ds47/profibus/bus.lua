@@ -67,7 +67,7 @@ function Bus:take(link_type, data, number, time_ns, cut)
   end
   local seen = {frame = number, time_ns = time_ns, item = item}
   self.stations:frame(seen, cut)
-  tell(self, self.line:take(seen))
+  tell(self, self.line:take(seen, cut))
   tell_begun(self, seen)
   return item
 end

@@ -185,6 +185,13 @@ local function control(data)
   }
 end
 
+local REFUSED = {[1] = true, [2] = true, [3] = true} -- codes of answers that refuse a service: UE, RR, RS
+
+--- Whether an answer refuses its service: what the master sent with it does not count then.
+function M.refuses(answer)
+  return REFUSED[answer.code] or false
+end
+
 --- What a frame says, nil for nothing that DP-V0 knows. One with flaws is decoded as far as possible.
 -- @param item what telegram.lua decoded
 -- @return table with a kind: "diagnosis", "parameters", "configuration", "control" or "exchange", and flaws

@@ -55,8 +55,9 @@ local function not_enabled(self, station, sap, service, frame)
   elseif set_up then
     case = set_up.flags.dpv1 and "sap_dpv1" or "sap_no_dpv1"
   end
-  note(self, "DS805", station.address, frame, {sap = sap, case = case, frame = station.parameters_frame},
-    sap .. case)
+  local set_up_in = OF_RECORDS[service] and station.parameters_frame or nil
+  note(self, "DS805", station.address, frame, {sap = sap, case = case, frame = set_up_in},
+    concat({sap, case, set_up_in or ""}, " "))
 end
 
 -- Empty outputs are those of a master that holds its slaves safe; SC has no inputs.
@@ -70,7 +71,7 @@ local function lengths(self, station, outputs, answer)
     note(self, "DS811", station.address, answer.frame, {
       outputs = #outputs, inputs = there, configured_outputs = out, configured_inputs = in_,
       frame = station.configuration_frame,
-    })
+    }, concat({#outputs, there, out, in_, station.configuration_frame}, " "))
   end
 end
 
@@ -108,10 +109,11 @@ local function diagnosis(self, station, told, asker, frame)
   end
   if told.ident and set_up.ident and told.ident ~= set_up.ident then
     local args = {case = "diag_ident", ident = told.ident, sent = set_up.ident}
-    note(self, "DS814", station.address, frame, args, args.case)
+    note(self, "DS814", station.address, frame, args, concat({args.case, told.ident, set_up.ident}, " "))
   end
   if told.master and told.master ~= asker then
-    note(self, "DS814", station.address, frame, {case = "diag_master", master = told.master}, "diag_master")
+    note(self, "DS814", station.address, frame, {case = "diag_master", master = told.master},
+      "diag_master " .. told.master)
   end
 end
 
@@ -121,6 +123,9 @@ function Judge:heard(station, exchange, answer)
   local service = dp.service(item)
   if answer.item.code == NOT_ENABLED and item.slave_sap then
     not_enabled(self, station, item.slave_sap, service, answer.frame)
+  end
+  if dp.refuses(answer.item) then
+    return
   elseif service == "exchange" then
     lengths(self, station, item.du, answer)
   elseif service == "parameters" then
@@ -177,12 +182,11 @@ end
 
 --- All that was wrong, when nothing more comes: array of remarks.
 function Judge:finish(stations)
-  local found, all, retries = {}, stations:all(), 0
+  local found, all = {}, stations:all()
   tell(found, "DS801", stations.check, {})
   tell(found, "DS802", stations.broken, {})
-  for _, station in ipairs(all) do retries = retries + station.retries.count end
   for _, station in ipairs(all) do
-    counted(self, found, station, 2 * stations.doubled >= retries)
+    counted(self, found, station, stations:copied())
   end
   for _, noted in self.noted:iterate() do
     local remark = noted.remark

@@ -14,7 +14,11 @@
 --   silent   whether nobody answers such a request
 --   damaged  the first damaged frame that stands where its answer should; nil for none
 --   spoiled  how many there are: of each retry one
---   unfinished  whether nothing came behind it, no token either: its answer may be missing for that
+--   copied   how many of them stand directly behind the same frame
+--   cut      whether a frame that the recording did not keep whole stands there: it may be its answer
+--   passed   whether a token came behind it and its retries: the master waits no more
+--   unfinished  whether the recording ended before that and before another request: its answer may be
+--     missing for that
 
 local ALL_STATIONS = require("ds47.profibus.telegram").ALL_STATIONS
 local tables = require("ds47.spec.tables")
@@ -29,13 +33,18 @@ M.Line = Line
 --- Takes the frames of one line and gives their exchanges, each when it is over.
 --
 -- Damaged frames are none: a request behind whose answer was damaged stays without it. Counted are `tokens`,
--- `damaged` frames, and `stray` answers, for which nobody asked.
+-- `damaged` frames, and `stray` answers, for which nobody asked, `echoes` those of them that stand directly
+-- behind the same answer; `unsure` is the last frame behind which something may have been that was not seen:
+-- a damaged one, or such an answer.
 function Line.new()
   return setmetatable({
     open = nil, -- the exchange that waits for its answer
-    before = nil, -- the frame before
     last = {}, -- who asks whom -> the bytes of the newest request
-    tokens = 0, damaged = 0, stray = 0,
+    before = nil, -- the bytes of the frame before,
+    same = false, -- whether the frame has them, too,
+    echo = false, -- and whether it is so the second of two, the fourth of four and so on
+    unsure = 0,
+    tokens = 0, damaged = 0, stray = 0, echoes = 0,
   }, Line)
 end
 
@@ -43,21 +52,39 @@ local function way(asks, asked)
   return asks * 0x100 + asked
 end
 
+-- A frame of which nothing is proved: it may be an answer, or a request that nobody knows then.
+local function damage(self, seen, cut)
+  local open, short = self.open, false
+  for _, flaw in ipairs(seen.item.flaws) do short = short or flaw.kind == "cut" end
+  self.damaged, self.unsure = self.damaged + 1, seen.frame
+  if not open then
+    self.last = {}
+  elseif open.passed then
+    return
+  elseif cut and short then
+    open.cut = true
+  else
+    open.damaged = open.damaged or seen.frame
+    open.spoiled = open.spoiled + 1
+    open.copied = open.copied + (self.echo and 1 or 0)
+  end
+end
+
 --- A frame.
+-- @param cut  whether the recording did not keep all of it
 -- @return the exchanges that are over with it, up to two
-function Line:take(seen)
-  local item, before = seen.item, self.before
-  self.before = item
+function Line:take(seen, cut)
+  local item = seen.item
+  self.same = item.data == self.before
+  self.echo = self.same and not self.echo
+  self.before = item.data
   if item.flaws[1] then
-    self.damaged = self.damaged + 1
-    if self.open then
-      self.open.damaged = self.open.damaged or seen.frame
-      self.open.spoiled = self.open.spoiled + 1
-    end
+    damage(self, seen, cut)
   elseif item.kind == "SD4" then
     self.tokens = self.tokens + 1
+    if self.open then self.open.passed = true end
   elseif item.request then
-    return self:_request(seen, before)
+    return self:_request(seen)
   else
     return self:_answer(seen)
   end
@@ -70,14 +97,15 @@ function Line:finish()
   local over = self.open
   self.open = nil
   if over then
-    over.unfinished = not self.before or self.before.kind ~= "SD4"
+    over.unfinished = not over.passed
   end
   return over
 end
 
-function Line:_request(seen, before)
+function Line:_request(seen)
   local item, open = seen.item, self.open
-  if open and open.request.item.data == item.data and (item.fcv == 1 or before.data == item.data) then
+  if open and open.request.item.data == item.data and (item.fcv == 1 or self.same) then
+    open.passed = false
     open.retried = open.retried + 1
     if open.retried <= M.MOST_RETRIES then
       open.retries[open.retried] = seen
@@ -87,7 +115,7 @@ function Line:_request(seen, before)
   self.open = nil
   local row, key = tables.profibus.request[item.code], way(item.sa, item.da)
   local exchange = {
-    request = seen, answer = nil, retries = {}, retried = 0, spoiled = 0,
+    request = seen, answer = nil, retries = {}, retried = 0, spoiled = 0, copied = 0,
     again = item.fcv == 1 and self.last[key] == item.data,
     silent = item.da == ALL_STATIONS or row ~= nil and row.silent or false,
   }
@@ -114,6 +142,8 @@ function Line:_answer(seen)
   local over, item = self.open, seen.item
   if not over or not fits(over.request.item, item) then
     self.stray = self.stray + 1
+    self.echoes = self.echoes + (self.echo and 1 or 0)
+    self.unsure = seen.frame
     self:_forget(item)
     return nil
   end

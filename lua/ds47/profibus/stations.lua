@@ -6,8 +6,9 @@
 -- A station is {address, asks, asked, silent, damaged, retries, answers, cycles, exchanges, last_exchange,
 -- wanting, parameters, parameters_frame, parameters_master, configuration, configuration_frame, diagnosis,
 -- diagnosis_frame}: `asks` of a master; counts of requests to it that somebody answers, of those without
--- an answer, of those with a damaged frame in its place, of repetitions, each {count, frames}, the first
--- ones; times {count, least, total, most}; and the newest of what was said to it and by it.
+-- an answer, of damaged frames in the place of answers, of repetitions, each {count, frames}, the first
+-- ones; `copies`: repetitions that are left where each frame stands there twice, `copied`: damaged frames
+-- that are not; times {count, least, total, most}; and the newest of what was said to it and by it.
 
 local dp = require("ds47.profibus.dp")
 local tables = require("ds47.spec.tables")
@@ -55,7 +56,8 @@ end
 local function new_station(address)
   return {
     address = address, asks = false, asked = counted(), silent = counted(), damaged = counted(),
-    retries = counted(), answers = times(), cycles = times(), exchanges = counted(), last_exchange = nil,
+    retries = counted(), copies = 0, copied = 0, answers = times(), cycles = times(),
+    exchanges = counted(), last_exchange = nil,
     wanting = {asked = 0, fetched = 0, longest = counted(), row = counted()},
   }
 end
@@ -73,7 +75,8 @@ function M.new(judge)
     frames = 0, tokens = 0,
     check = counted(), -- frames with a wrong check byte,
     broken = counted(), -- and those that are damaged otherwise
-    doubled = 0, -- answers that stand there twice: a recording of two places has everything twice
+    doubled = 0, -- answers that stand there twice: a recording of two places has everything twice,
+    answers = 0, -- and how many there are
     answer = nil, -- the bytes of the last frame, if it was one
   }, Stations)
 end
@@ -124,8 +127,9 @@ function Stations:frame(seen, cut)
     self.answer = nil
     return
   end
-  if item.data == self.answer and item.kind ~= "SD4" then
-    self.doubled = self.doubled + 1
+  if not kinds and item.kind ~= "SD4" then
+    self.answers = self.answers + 1
+    self.doubled = self.doubled + (item.data == self.answer and 1 or 0)
   end
   self.answer = item.data
 end
@@ -140,10 +144,13 @@ local function count(station, exchange)
     for _, each in ipairs(retries) do add(station.retries, each.frame) end
     station.retries.count = station.retries.count + exchange.retried - #retries
   end
+  local pairs_left = (exchange.retried - exchange.retried % 2) / 2
+  station.copies = station.copies + pairs_left + (exchange.again and 1 or 0)
   if exchange.damaged then
     add(station.damaged, exchange.damaged)
     station.damaged.count = station.damaged.count + exchange.spoiled - 1
-  elseif not answer then
+    station.copied = station.copied + exchange.copied
+  elseif not answer and not exchange.cut then
     add(station.silent, seen.frame)
   end
   if answer and exchange.retried <= #retries then -- else nobody knows when the last one was sent
@@ -168,7 +175,8 @@ end
 
 local function exchanged(station, exchange, answer)
   local row = tables.profibus.answer[answer.item.code]
-  if not row or not row.exchange then
+  local short = answer.item.kind == "SC" -- of a station without inputs
+  if not short and not (row and row.exchange) then
     return
   end
   local seen, last = exchange.request, station.last_exchange
@@ -177,15 +185,17 @@ local function exchanged(station, exchange, answer)
   end
   station.last_exchange = seen
   add(station.exchanges, seen.frame)
-  station.outputs, station.inputs = #seen.item.du, #answer.item.du
-  wants(station.wanting, row.wants, answer.frame)
+  station.outputs, station.inputs = #seen.item.du, #(answer.item.du or "")
+  wants(station.wanting, not short and row.wants, answer.frame)
 end
 
 -- What an exchange with an answer says of the station.
 local function keep(station, exchange, answer)
   local item = exchange.request.item
   local name = dp.service(item)
-  if name == "exchange" then
+  if dp.refuses(answer.item) then
+    return
+  elseif name == "exchange" then
     exchanged(station, exchange, answer)
   elseif name == "parameters" then
     station.parameters, station.parameters_frame = dp.decode(item), exchange.request.frame
@@ -215,6 +225,21 @@ function Stations:take(exchange)
   if answer then
     self.judge:heard(station, exchange, answer)
     keep(station, exchange, answer)
+  end
+end
+
+--- Whether the line was recorded at two places: so many answers stand there twice.
+function Stations:copied()
+  return self.answers > 0 and self.answers <= 3 * self.doubled
+end
+
+--- No frame comes any more: whether the recording has each frame twice is known.
+function Stations:finish()
+  for _, station in ipairs(self:all()) do
+    if self:copied() then
+      station.retries.count = station.copies
+      station.damaged.count = station.damaged.count - station.copied
+    end
   end
 end
 
@@ -249,7 +274,8 @@ end
 
 --- As the result has it: {frames, tokens, damaged, stray, stations}; nil where there was no frame.
 -- @param stray  answers that nobody asked for
-function Stations:told(stray)
+-- @param echoes  those of them that stand directly behind the same answer
+function Stations:told(stray, echoes)
   if self.frames == 0 then
     return nil
   end
@@ -260,7 +286,8 @@ function Stations:told(stray)
     end
   end
   return {
-    frames = self.frames, tokens = self.tokens, damaged = self.check.count + self.broken.count, stray = stray,
+    frames = self.frames, tokens = self.tokens, damaged = self.check.count + self.broken.count,
+    stray = self:copied() and stray - echoes or stray,
     stations = found,
   }
 end

@@ -288,7 +288,8 @@ local function in_order(item, left_out, wait)
   end
   local waits = frames.read_request and not frames.read_response
   if waits then
-    all[#all + 1] = { frame = frames.read_request, outcome = "unseen", order = #left_out }
+    local outcome = item.station and "nothing" or "unseen"
+    all[#all + 1] = { frame = frames.read_request, outcome = outcome, order = #left_out }
   end
   table.sort(all, function(a, b)
     return a.frame < b.frame or a.frame == b.frame and a.order < b.order
@@ -351,7 +352,8 @@ local function last_read(item, left_out, length, wait)
   elseif item.state == "superseded" then
     return { block = "RDREC", outcome = "superseded" }
   elseif #left_out == 0 and wait ~= "beside" then
-    return { block = "RDREC", outcome = #(frames.polls or {}) > 0 and "given_up" or "never" }
+    local unread = #(frames.polls or {}) > 0 and "given_up" or "never"
+    return { block = "RDREC", outcome = item.station and "without" or unread }
   end
   return nil
 end
@@ -359,7 +361,8 @@ end
 --- The calls of a transaction in their order: array of {block, outcome, status, times, length, captured}, as
 -- in Python.
 function Witness:saw(item)
-  if item.ar == nil and not item.frames.write_request then -- a Read without an AR, which no block makes
+  if item.ar == nil and item.station == nil and not item.frames.write_request then
+    -- a Read without an AR, which no block makes
     local length = item.response and #item.response or 0
     return { { block = "RDREC", outcome = "implicit", status = item.read_status, length = length } }
   end

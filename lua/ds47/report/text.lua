@@ -272,7 +272,7 @@ local function columns_of(transactions, lang)
     return each.controller
   end)
   columns.slots = differ(transactions, function(each)
-    return tostring(each.api) .. " " .. tostring(each.slot) .. " " .. tostring(each.subslot)
+    return each.slot and format("%.0f.%d.%d", each.api or -1, each.slot, each.subslot or -1) or ""
   end)
   for _, each in ipairs(transactions) do
     columns.operation = math.max(columns.operation, words.width(words.operation(lang, each.operation)))

@@ -182,7 +182,7 @@ end
 
 -- Whether the request was sent before the capture or lost by it. A Read without an AR has none of its own.
 local function orphaned_with_ar(item)
-  return orphaned(item) and item.ar ~= nil
+  return orphaned(item) and (item.ar ~= nil or item.station ~= nil)
 end
 
 --- What this capture, other than another one, cannot show: array of texts.

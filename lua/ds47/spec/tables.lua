@@ -1381,6 +1381,8 @@ M.report_words = {
   plc_read_empty = {en = "RDREC VALID, STATUS 00000000, LEN 0|RDREC {n} x VALID, STATUS 00000000, LEN 0", zh = "RDREC {n} 次 VALID，STATUS 00000000，LEN 0"},
   plc_read_ends = {en = "RDREC, no response before the capture ends", zh = "RDREC，直到抓包结束没有应答"},
   plc_read_unseen = {en = "RDREC, its whole response is not in the capture|RDREC {n} x, the whole response is not in the capture", zh = "RDREC {n} 次，完整的应答不在抓包中"},
+  plc_read_nothing = {en = "RDREC, no record came (no response in the capture, or the station refused the service)|RDREC {n} x, no record came (no response in the capture, or the station refused the service)", zh = "RDREC {n} 次，没有得到记录（抓包中没有应答，或站点拒绝了该服务）"},
+  plc_read_without = {en = "no record by RDREC in this capture", zh = "本抓包中 RDREC 没有得到记录"},
   plc_read_never = {en = "RDREC not started in this capture", zh = "RDREC 在本抓包中未启动"},
   plc_read_given_up = {en = "RDREC not started again in this capture", zh = "RDREC 在本抓包中未再次启动"},
   plc_read_superseded = {en = "no response by RDREC before the next WRREC", zh = "在下一个 WRREC 之前 RDREC 没有读到应答"},

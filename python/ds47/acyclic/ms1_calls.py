@@ -127,14 +127,15 @@ class StartUps:
         self._connected = connected
         self._seen: dict[str, int] = {}
 
-    def seen(self, device: str, before: int) -> bool:
-        """Whether the capture has a start-up of a station before a frame."""
-        return self._seen.get(device, before) < before
+    def seen(self, device: str, before: int, behind: int) -> bool:
+        """Whether the capture has a start-up of a station before a frame, and behind another one."""
+        return behind < self._seen.get(device, before) < before
 
     def take(self, exchange: Exchange) -> None:
-        """An exchange; those of other services say nothing here, nor does one without an answer."""
+        """An exchange; those of other services say nothing here, nor does one that was refused."""
         item = exchange.request.item
-        if dp.service(item) != dp.PARAMETERS or not item.request or exchange.answer is None:
+        answer = exchange.answer
+        if dp.service(item) != dp.PARAMETERS or answer is None or dp.refuses(answer.item):
             return
         if item.sa is not None and item.da is not None:
             who = peer(item.sa, item.da)

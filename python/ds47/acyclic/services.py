@@ -14,8 +14,6 @@ from ds47.profibus import dp, ms1
 from ds47.profibus.line import Exchange, Seen
 from ds47.profinet.records import NIL_UUID, NO_API, Half, Record
 
-_REFUSED = (1, 2, 3)
-"""Answers without data that end a service: UE, RR, RS."""
 _IDLE = "idle"
 """The function that keeps a connection of MS2 alive: no service, and no answer to one."""
 MOST_POLLS = 64
@@ -103,7 +101,7 @@ class CallTracker:
 
     def _answer(self, key: tuple[int, int, int], exchange: Exchange) -> None:
         seen, call = exchange.answer, self._open.get(key)
-        if call is not None and seen is not None and seen.item.code in _REFUSED:
+        if call is not None and seen is not None and dp.refuses(seen.item):
             call.fault = seen.item.code
             call.record.response = Half(seen.frame, seen.time_ns)
             del self._open[key]

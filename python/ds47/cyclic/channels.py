@@ -223,6 +223,8 @@ class CyclicChannels:
         self._relations: list[Relation] = []
         self._drives: list[Drive] = []
         self._without_request: list[Relation] = []
+        self._asked: set[tuple[object, ...]] = set()
+        """Places to which a request was seen, in a relation that another one may have replaced."""
         self.is_set_up = False
         """Whether a Connect was seen with its response, whatever it sets up."""
 
@@ -235,7 +237,7 @@ class CyclicChannels:
         places = [each.relation.place for each in self.drives()]
         return [
             each for each in self._without_request
-            if each.place in places and not self._is_pzd(each)
+            if each.place in places and each.place not in self._asked and not self._is_pzd(each)
         ]  # fmt: skip
 
     def timelines(self) -> list[Timeline]:
@@ -303,23 +305,24 @@ class CyclicChannels:
         if self._lines:
             self._tell()
 
-    def configured(self, relations: Sequence[Relation]) -> None:
-        """A station of PROFIBUS gets its configuration: the channels in its data, in place of those before."""
+    def configured(self, relations: Sequence[Relation], output: bytes, input_: bytes) -> None:
+        """A station of PROFIBUS gets its configuration: the channels in its data, in place of those before.
+
+        `output` and `input_` are the sources of both sides (`ppo.source`): there may be no channel any more.
+        """
         self.is_set_up = True
         relations = [each for each in relations if each.channel in self._wanted]
-        if self._is_set_up_so(relations):
+        if self._is_set_up_so(relations, output):
             return
-        for relation in relations:
-            self._drop(relation.output.source, relation.input.source)
+        self._drop(output, input_)
         for relation in relations:
             if len(self._relations) < self._bounds.relations:
                 self._add(relation)
         self._tell()
 
-    def _is_set_up_so(self, relations: Sequence[Relation]) -> bool:
+    def _is_set_up_so(self, relations: Sequence[Relation], output: bytes) -> bool:
         """Whether these channels are at work already: a station that starts again has the same ones."""
-        sources = {each.output.source for each in relations}
-        there = [line.relation for line in self._lines if line.relation.output.source in sources]
+        there = [line.relation for line in self._lines if line.relation.output.source == output]
         return [_shape(each) for each in there] == [_shape(each) for each in relations]
 
     def exchanged(self, source: bytes, data: bytes, frame: int, time_ns: int) -> None:
@@ -426,8 +429,11 @@ class CyclicChannels:
 
     def _end(self, line: _Line) -> None:
         line.finish()
-        if isinstance(line, _Requests) and line.unused:
-            self._without_request.append(line.relation)
+        if isinstance(line, _Requests):
+            if line.unused:
+                self._without_request.append(line.relation)
+            else:
+                self._asked.add(line.relation.place)
 
 
 def _shape(relation: Relation) -> tuple[object, ...]:

@@ -65,10 +65,10 @@ class Ppo:
         """Ident numbers by station, as Set_Prm has them."""
 
     def take(self, exchange: Exchange) -> None:
-        """An exchange that is over; one without an answer says nothing."""
+        """An exchange that is over; one without an answer, or that was refused, says nothing."""
         item, answer = exchange.request.item, exchange.answer
         master, station = item.front.sa, item.front.da
-        if answer is None or master is None or station is None:
+        if answer is None or master is None or station is None or dp.refuses(answer.item):
             return
         name = item.front.service
         if name == dp.EXCHANGE:
@@ -87,7 +87,8 @@ class Ppo:
             found = relations(
                 master, station, dp.configuration(item.du), vendor, exchange.request.frame
             )
-            self._channels.configured(list(found))
+            sources = source(master, station), source(station, master)
+            self._channels.configured(list(found), *sources)
 
     def _fits(self, master: int, station: int, output: bytes, input_: bytes) -> bool:
         """Whether data of a station whose PPO is named has its length; its channels begin with the first data."""
@@ -95,7 +96,8 @@ class Ppo:
         if (master, station) not in self._at_work:
             self._at_work.add((master, station))
             found = relations(master, station, dp.configuration(_identifiers(row)), None, None)
-            self._channels.configured(list(found))
+            sources = source(master, station), source(station, master)
+            self._channels.configured(list(found), *sources)
         return len(output) == len(input_) == sum(row.modules)
 
 

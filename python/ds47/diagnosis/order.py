@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from ds47.acyclic.pairing import STATUS_IN_USE, Job
 from ds47.findings.remark import Remark
-from ds47.profinet.records import Half
+from ds47.profinet.records import NIL_UUID, Half
 from ds47.spec.units import uuid_text
 
 
@@ -80,13 +80,18 @@ def _clash(held: Job | None, came: Job, first: int | None, frame: int) -> Remark
     args = {
         "case": _case(held, came),
         "controller": came.peer.controller,
-        "ar": uuid_text(came.record.ar),
+        "ar": _ar(came),
         "frame": frame,
         "other": held.peer.controller if held else None,
-        "other_ar": uuid_text(held.record.ar) if held else None,
+        "other_ar": _ar(held) if held else None,
         "first": first,
     }
     return Remark("DS705", frame, args)
+
+
+def _ar(job: Job) -> str | None:
+    """The AR of a request; None on PROFIBUS, which has none."""
+    return None if job.record.ar == NIL_UUID else uuid_text(job.record.ar)
 
 
 def _case(held: Job | None, came: Job) -> str:

@@ -57,7 +57,7 @@ class Bus:
                 return
         seen = Seen(number, time_ns, item)
         self._heard(seen, cut)
-        for exchange in self.line.take(seen):
+        for exchange in self.line.take(seen, cut):
             self._tell(exchange)
 
     def finish(self) -> None:

@@ -25,6 +25,8 @@ MS2: Final = "ms2"
 PKW, PZD = "PKW", "PZD"
 """What a module of a PPO carries."""
 
+_REFUSED = (1, 2, 3)
+"""Codes of answers that refuse a service: UE, RR, RS."""
 _NO_MASTER = 255
 _MOST_MAKER = 14
 """Bytes of a maker in a special identifier; 15 stands for none, and for no comparison."""
@@ -153,6 +155,11 @@ def service(item: Telegram) -> str | None:
         An id of `spec.profibus.services()`, "ms2", or None where the SAPs stand for none.
     """
     return item.front.service
+
+
+def refuses(answer: Telegram) -> bool:
+    """Whether an answer refuses its service (UE, RR, RS): what the master sent with it does not count then."""
+    return answer.front.code in _REFUSED
 
 
 def decode(item: Telegram) -> Content | None:

@@ -59,6 +59,7 @@ class Judge:
         service = item.front.service
         if answer.item.front.code == _NOT_ENABLED and item.dsap is not None:
             self._not_enabled(station, item.dsap, service, answer.frame)
+        if dp.refuses(answer.item):
             return
         if service == dp.EXCHANGE:
             self._lengths(station, item.du, answer)
@@ -97,9 +98,8 @@ class Judge:
         for rule, counted in (("DS801", stations.check), ("DS802", stations.broken)):
             if counted.count:
                 yield _remark(rule, counted)
-        copied = 2 * stations.doubled >= sum(each.retries.count for each in stations.all())
         for station in stations.all():
-            yield from self._counted(station, copied)
+            yield from self._counted(station, stations.copied)
         for noted in self._noted.values():
             noted.remark.args |= {"count": noted.counted.count, "frames": noted.counted.frames}
             yield noted.remark
@@ -134,8 +134,9 @@ class Judge:
             case = "sap_unknown"
         else:
             case = "sap_dpv1" if "dpv1" in set_up.flags else "sap_no_dpv1"
-        args = {"sap": sap, "case": case, "frame": station.parameters_frame}
-        self._note("DS805", station.address, frame, args, (sap, case))
+        set_up_in = station.parameters_frame if service in _OF_RECORDS else None
+        args = {"sap": sap, "case": case, "frame": set_up_in}
+        self._note("DS805", station.address, frame, args, (sap, case, set_up_in))
 
     def _lengths(self, station: Station, outputs: bytes, answer: Seen) -> None:
         """Empty outputs are those of a master that holds its slaves safe; SC has no inputs."""
@@ -148,7 +149,7 @@ class Judge:
                 "outputs": len(outputs), "inputs": there, "configured_outputs": want[0],
                 "configured_inputs": want[1], "frame": station.configuration_frame,
             }  # fmt: skip
-            self._note("DS811", station.address, answer.frame, args)
+            self._note("DS811", station.address, answer.frame, args, tuple(args.values()))
 
     def _parameters(self, station: Station, told: dp.Parameters, frame: int) -> None:
         last = station.last_exchange
@@ -176,7 +177,7 @@ class Judge:
             return
         if None not in (told.ident, set_up.ident) and told.ident != set_up.ident:
             args = {"case": "diag_ident", "ident": told.ident, "sent": set_up.ident}
-            self._note("DS814", station.address, frame, args, ("diag_ident",))
+            self._note("DS814", station.address, frame, args, tuple(args.values()))
         if told.master not in (None, asker):
             args = {"case": "diag_master", "master": told.master}
-            self._note("DS814", station.address, frame, args, ("diag_master",))
+            self._note("DS814", station.address, frame, args, tuple(args.values()))

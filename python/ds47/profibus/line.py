@@ -8,9 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from ds47.profibus.telegram import SC, SD4, Front, Telegram
 
+CUT: Final = "cut"
+"""The flaw of a frame of which the end is missing."""
 MOST_RETRIES = 16
 """Retries of an exchange that are kept; masters repeat a request up to 15 times."""
 
@@ -47,9 +50,15 @@ class Exchange:
     damaged: int
     """The first damaged frame that stands where its answer should; 0 for none."""
     spoiled: int
-    """How many there are: of each retry one."""
+    """How many there are: of each retry one;"""
+    copied: int
+    """and how many of them stand directly behind the same frame."""
+    cut: bool
+    """Whether a frame that the recording did not keep whole stands there: it may be its answer."""
+    passed: bool
+    """Whether a token came behind it and its retries: the master waits no more."""
     unfinished: bool
-    """Whether nothing came behind it, no token either: its answer may be missing for that."""
+    """Whether the recording ended before that and before another request: its answer may be missing for that."""
 
     def __init__(self, request: Seen, again: bool = False, silent: bool = False) -> None:
         self.request = request
@@ -60,6 +69,9 @@ class Exchange:
         self.silent = silent
         self.damaged = 0
         self.spoiled = 0
+        self.copied = 0
+        self.cut = False
+        self.passed = False
         self.unfinished = False
 
 
@@ -71,7 +83,6 @@ class Line:
 
     def __init__(self) -> None:
         self._open: Exchange | None = None
-        self._before: Telegram | None = None
         self._last: dict[bytes, Telegram] = {}
         """By who asks whom."""
         self.tokens = 0
@@ -79,21 +90,37 @@ class Line:
         self.damaged = 0
         """how many frames are damaged,"""
         self.stray = 0
-        """and how many answers nobody asked for."""
+        """and how many answers nobody asked for,"""
+        self.echoes = 0
+        """those among them that stand directly behind the same answer."""
+        self.unsure = 0
+        """The last such answer or damaged frame: before it something may have been that was not seen."""
+        self._before = b""
+        """The bytes of the frame before,"""
+        self._same = False
+        """whether the frame has them, too,"""
+        self._echo = False
+        """and whether it is so the second of two, the fourth of four and so on."""
 
-    def take(self, seen: Seen) -> Sequence[Exchange]:
-        """A frame; gives the exchanges that are over with it, up to two."""
-        item, before = seen.item, self._before
-        self._before = item
+    def take(self, seen: Seen, cut: bool = False) -> Sequence[Exchange]:
+        """A frame; gives the exchanges that are over with it, up to two.
+
+        Args:
+            seen: the frame.
+            cut: whether the recording did not keep all of it.
+        """
+        item = seen.item
+        self._same = item.data == self._before
+        self._echo = self._same and not self._echo
+        self._before = item.data
         if item.flaws:
-            self.damaged += 1
-            if self._open is not None:
-                self._open.damaged = self._open.damaged or seen.frame
-                self._open.spoiled += 1
+            self._damage(seen, cut)
         elif item.front.request:
-            return self._request(seen, before)
+            return self._request(seen)
         elif item.front.kind == SD4:
             self.tokens += 1
+            if self._open is not None:
+                self._open.passed = True
         else:
             return self._answer(seen)
         return ()
@@ -103,16 +130,33 @@ class Line:
         over, self._open = self._open, None
         if over is None:
             return ()
-        over.unfinished = self._before is None or self._before.front.kind != SD4
+        over.unfinished = not over.passed
         return (over,)
 
-    def _request(self, seen: Seen, before: Telegram | None) -> Sequence[Exchange]:
+    def _damage(self, seen: Seen, cut: bool) -> None:
+        """A frame of which nothing is proved: it may be an answer, or a request that nobody knows then."""
+        over = self._open
+        self.damaged += 1
+        self.unsure = seen.frame
+        if over is None:
+            self._last.clear()
+        elif over.passed:
+            return
+        elif cut and any(each.kind == CUT for each in seen.item.flaws):
+            over.cut = True
+        else:
+            over.damaged = over.damaged or seen.frame
+            over.spoiled += 1
+            over.copied += self._echo
+
+    def _request(self, seen: Seen) -> Sequence[Exchange]:
         item, front, over = seen.item, seen.item.front, self._open
         if (
             over is not None
             and over.request.item.data == item.data
-            and (front.fcv == 1 or (before is not None and before.data == item.data))
+            and (front.fcv == 1 or self._same)
         ):
+            over.passed = False
             over.retried += 1
             if over.retried <= MOST_RETRIES:
                 over.retries.append(seen)
@@ -131,6 +175,8 @@ class Line:
         over, item = self._open, seen.item
         if over is None or not _fits(over.request.item.front, item.front):
             self.stray += 1
+            self.echoes += self._echo
+            self.unsure = seen.frame
             self._forget(item)
             return ()
         self._open = None

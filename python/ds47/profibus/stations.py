@@ -10,14 +10,13 @@ from dataclasses import dataclass, field
 
 from ds47.model import Bus, BusStation, Span, StationDiagnosis
 from ds47.profibus import dp
-from ds47.profibus.line import Exchange, Seen
-from ds47.profibus.telegram import SD4
+from ds47.profibus.line import CUT, Exchange, Seen
+from ds47.profibus.telegram import SC, SD4
 from ds47.spec import profibus
 
 MOST_FRAMES = 60
 """Frames that are kept of what happens again and again."""
 _CHECK = "check"
-_CUT = "cut"
 
 
 @dataclass(slots=True, eq=False)
@@ -101,6 +100,10 @@ class Station:
     """damaged frames in the place of answers, of which those are none,"""
     retries: Counted = field(default_factory=Counted)
     """and requests that repeat another one."""
+    copies: int = 0
+    """How many repetitions are left where each frame stands there twice,"""
+    copied: int = 0
+    """and how many of the damaged frames are not."""
     answers: Times = field(default_factory=Times)
     """From request to answer,"""
     cycles: Times = field(default_factory=Times)
@@ -121,6 +124,12 @@ class Station:
     diagnosis: dp.Diagnosis | None = None
     diagnosis_frame: int | None = None
     """and answer to Slave_Diag."""
+
+    def settle(self, copied: bool) -> None:
+        """Whether the recording has each frame twice is known, once nothing more comes."""
+        if copied:
+            self.retries.count = self.copies
+            self.damaged.count -= self.copied
 
     def told(self, timed: bool) -> BusStation:
         """As the result has it, `timed` with times."""
@@ -160,8 +169,15 @@ class Stations:
         self.broken = Counted()
         """and those that are damaged otherwise."""
         self.doubled = 0
-        """Answers that stand there twice: a recording of two places has everything twice."""
+        """Answers that stand there twice: a recording of two places has everything twice,"""
+        self.answers = 0
+        """and how many there are."""
         self._answer: bytes | None = None
+
+    @property
+    def copied(self) -> bool:
+        """Whether the line was recorded at two places: so many answers stand there twice."""
+        return 0 < self.answers <= 3 * self.doubled
 
     def station(self, address: int) -> Station:
         """The station with this address."""
@@ -174,17 +190,24 @@ class Stations:
         """All that were seen, by address."""
         return [self._stations[address] for address in sorted(self._stations)]
 
-    def told(self, stray: int, timed: bool) -> Bus | None:
+    def finish(self) -> None:
+        """No frame comes any more."""
+        for station in self.all():
+            station.settle(self.copied)
+
+    def told(self, stray: int, echoes: int, timed: bool) -> Bus | None:
         """As the result has it; None where there was no frame.
 
         Args:
+            stray: answers that nobody asked for,
+            echoes: and those of them that stand directly behind the same answer.
             timed: whether the recording has times.
-            stray: answers that nobody asked for.
         """
         if not self.frames:
             return None
         stations = [each.told(timed) for each in self.all() if each.asks or each.asked]
         damaged = self.check.count + self.broken.count
+        stray -= echoes if self.copied else 0
         return Bus(self.frames, self.tokens, damaged, stray, stations)
 
     def frame(self, seen: Seen, cut: bool) -> None:
@@ -195,22 +218,18 @@ class Stations:
             cut: whether the recording did not keep all of it; that is no fault of the line.
         """
         self.frames += 1
-        item, front, whole = seen.item, seen.item.front, True
+        item, front = seen.item, seen.item.front
         if item.flaws:
             kinds = {each.kind for each in item.flaws}
-            whole = cut and _CUT in kinds
-            if not whole:
+            if not (cut and CUT in kinds):
                 (self.check if _CHECK in kinds else self.broken).add(seen.frame)
-        if front.request:
-            self._answer = None
-            return
-        if front.kind == SD4:
-            if front.sa is not None and whole:
-                self.tokens += 1
-                self.station(front.sa).asks = True
-        elif item.data == self._answer:
-            self.doubled += 1
-        self._answer = item.data
+        elif front.kind == SD4 and front.sa is not None:
+            self.tokens += 1
+            self.station(front.sa).asks = True
+        elif not front.request:
+            self.answers += 1
+            self.doubled += item.data == self._answer
+        self._answer = None if front.request else item.data
 
     def take(self, exchange: Exchange) -> None:
         """An exchange that is over."""
@@ -233,8 +252,10 @@ class Stations:
 def _keep(station: Station, exchange: Exchange, answer: Seen) -> None:
     """What an exchange with an answer says of the station."""
     name, item = exchange.request.item.front.service, answer.item
+    if dp.refuses(item):
+        return
     if name == dp.EXCHANGE:
-        if item.front.exchanges:
+        if item.front.exchanges or item.kind == SC:  # SC: of a station without inputs
             _exchanged(station, exchange, answer)
     elif name == dp.PARAMETERS:
         told = dp.decode(exchange.request.item)
@@ -261,9 +282,11 @@ def _count(station: Station, exchange: Exchange) -> None:
         for each in exchange.retries:
             station.retries.add(each.frame)
         station.retries.count += exchange.retried - len(exchange.retries)
+    station.copies += exchange.retried // 2 + exchange.again
     if exchange.damaged:
         station.damaged.add(exchange.damaged, exchange.spoiled)
-    elif answer is None:
+        station.copied += exchange.copied
+    elif answer is None and not exchange.cut:
         station.silent.add(seen.frame)
     if answer is not None and exchange.retried <= len(
         exchange.retries

@@ -86,7 +86,7 @@ class Front:
     silent: bool
     """Whether nobody answers such a request."""
     exchanges: bool
-    """Of an answer: whether it is one to data exchange, and no refusal; SC is one,"""
+    """Of an answer: whether it has data of data exchange; SC has none,"""
     wants: bool
     """and whether the slave asks for Slave_Diag in it."""
 

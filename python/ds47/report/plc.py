@@ -48,7 +48,9 @@ class Call(NamedTuple):
     record), `busy` (until the block gives up), `ends` (no response before the capture ends), `unseen` (the
     response, or a part of it, is not in the capture), `missing` (not in the capture), `polled` (ERROR with
     DE80B500), `again` (VALID once more), `never`, `given_up` (not started, not started again),
-    `superseded` (no response before the next WRREC), `implicit` (a Read without an AR, which no block makes).
+    `superseded` (no response before the next WRREC), `implicit` (a Read without an AR, which no block makes),
+    `nothing` (no record came: the capture has no response, or the station of PROFIBUS refused the service),
+    `without` (no record came there, whether a Read was started or not: of those refused the result does not tell).
     """
 
     block: str
@@ -88,7 +90,7 @@ class Witness:
 
     def saw(self, item: Transaction) -> list[Call]:
         """The calls of a transaction in their order."""
-        if item.ar is None and item.frames.write_request is None:
+        if item.ar is None and item.station is None and item.frames.write_request is None:
             length = len(item.response or b"")
             return [Call("RDREC", "implicit", item.read_status, length=length)]
         found = self._calls.get(item.id, [])
@@ -122,7 +124,8 @@ class Witness:
         elif item.state == "superseded" and frames.read_request is None:
             calls.append(Call("RDREC", "superseded"))
         elif not left_out and frames.read_request is None and wait != "beside":
-            calls.append(Call("RDREC", "given_up" if frames.polls else "never"))
+            unread = "given_up" if frames.polls else "never"
+            calls.append(Call("RDREC", unread if item.station is None else "without"))
         if frames.rereads:
             calls.append(Call("RDREC", "again", 0, len(frames.rereads), length))
         return calls
@@ -274,7 +277,8 @@ def _before(item: Transaction, left_out: Sequence[tuple[int, Call]], wait: str) 
     waits = asked is not None and item.frames.read_response is None
     if not left_out and not waits:
         return [Call("RDREC", "polled", NOT_READY, len(polls))] if polls else []
-    alone = [(asked or 0, Call("RDREC", "unseen"))] if waits else []
+    end = "unseen" if item.station is None else "nothing"
+    alone = [(asked or 0, Call("RDREC", end))] if waits else []
     polled = [(frame or 0, Call("RDREC", "polled", NOT_READY)) for _, frame in polls]
     found = [call for _, call in sorted([*polled, *left_out, *alone], key=lambda each: each[0])]
     if waits and wait == "ends" and found[-1].outcome == "unseen":

@@ -159,7 +159,7 @@ def blind(result: CaptureResult) -> list[Both]:
     orphans = [
         each for each in result.transactions if each.state == "orphan" and each.channel != S7
     ]
-    without_ar = sum(1 for each in orphans if each.ar is None)
+    without_ar = sum(1 for each in orphans if each.ar is None and each.station is None)
     if len(orphans) > without_ar:
         lines.append(say("blind_before", n=len(orphans) - without_ar))
     if without_ar:
