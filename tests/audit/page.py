@@ -350,7 +350,10 @@ def headline(item: Headline, reading: Reading) -> Iterator[str]:
     if not mine:
         yield f"says of none of its frames what is so: {item.text[:120]}"
         return
-    false = frames - {each.frame for each in mine}
+    there = set().union(*map(counted, mine))
+    if there - frames and not item.more:
+        yield f"its filter leaves out frame {min(there - frames)}"
+    false = frames - there
     if false:
         first = next((each.message for each in group if each.frame in false), "")
         yield f"its words are not so in frame {min(false)} ({item.times} times): {first}"
@@ -421,6 +424,11 @@ def _rests(lines: list[str], items: list[Headline], reading: Reading) -> Iterato
 
 def _in(finding: Finding, frames: set[int]) -> bool:
     return finding.frame in frames
+
+
+def counted(finding: Finding) -> set[int]:
+    """The frames in which it happened, of a rule that counts."""
+    return {finding.frame, *finding.args.get("frames", ())}
 
 
 def _answering(item: Headline, reading: Reading) -> Iterator[str]:
@@ -542,7 +550,7 @@ def _group(rule: str, lines: list[str], reading: Reading) -> Iterator[str]:
             rest = _MORE.match(text)
             frames |= shown(rest[1] if rest else text)
             more += int(rest[2]) if rest else 0
-    true = {each.frame for each in findings}
+    true = set().union(*map(counted, findings))
     wide = true | {frame for each in findings for frame in each.frames}
     if not (true <= frames <= wide) and not (more and len(frames) + more in (len(true), len(wide))):
         yield f"the filter shows {sorted(frames ^ true)[:5]} too many or too few"

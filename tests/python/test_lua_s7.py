@@ -433,6 +433,7 @@ def single_bytes() -> list[dict[str, Any]]:
     lines: list[dict[str, Any]] = []
     whole = b"".join(packets(pdu(1, 1, b"\5\1", bytes(500)), random.Random(1)))
     for data, step in (
+        (b"\3\0\0\7\2\xf0\0" * 9000, 1400),
         (whole, 1),
         (b"\3" * 60_000, 1460),
         (b"\3\0\xff\xff\2\xf0\x80" + bytes(70_000), 1460),

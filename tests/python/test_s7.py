@@ -50,7 +50,8 @@ from ds47.s7 import addresses, pdu
 from ds47.s7 import tpkt as iso
 from ds47.s7.choices import Choices
 from ds47.s7.communication import Communication
-from ds47.s7.model import Address
+from ds47.s7.model import Address, At
+from ds47.s7.tcp import Piece
 from ds47.spec import s7
 from ds47.spec.semantics import limits
 
@@ -514,6 +515,22 @@ def test_what_was_given_up_and_comes_late_is_read_alone() -> None:
     assert [(each.request_reference, each.state) for each in result(capture(late)).transactions] == [
         (2, "ok"), (1, "ok"),
     ]  # fmt: skip
+
+
+def test_parts_without_data_keep_nothing() -> None:
+    """However many there are; a PDU in as many frames as bytes costs no more than each of them."""
+    reader = iso.Reader()
+    for number in range(2000):
+        assert list(reader.take(Piece(tpkt(b"\x02\xf0\0"), At(number + 1, 0)))) == []
+    assert reader.held == 0
+    assert not reader._parts_frames
+    data = dt(b"\x32" + bytes(3000))
+    found = [
+        whole
+        for number in range(len(data))
+        for whole in reader.take(Piece(data[number : number + 1], At(number + 1, 0)))
+    ]
+    assert [whole.frames for whole in found] == [list(range(1, len(data) + 1))]
 
 
 def test_a_reader_finds_its_place_again() -> None:

@@ -115,6 +115,7 @@ local function take_tpdu(self, tpdu, found)
     found[#found + 1] = {tpdu = tpdu, data = tpdu.data, at = self.at}
     return
   end
+  if tpdu.data == "" and not tpdu.last then return end
   self.parts[#self.parts + 1] = tpdu.data ~= "" and tpdu.data or nil
   self.parts_size = self.parts_size + #tpdu.data
   if not self.parts_at or self.at.frame > self.parts_at.frame then self.parts_at = self.at end

@@ -131,10 +131,11 @@ class Reader:
     """The last frame of what is in the buffer,"""
     _newest: At = _NOWHERE
     """and that of its last bytes."""
-    _frames: list[int] = field(default_factory=list)
+    _frames: dict[int, None] = field(default_factory=dict)
+    """Those of it, in order."""
     _parts: bytearray = field(default_factory=bytearray)
     _parts_at: At = _NOWHERE
-    _parts_frames: list[int] = field(default_factory=list)
+    _parts_frames: dict[int, None] = field(default_factory=dict)
 
     @property
     def held(self) -> int:
@@ -152,8 +153,7 @@ class Reader:
             self._at = piece.at
         self._newest = piece.at
         self._buffer += piece.data
-        if piece.at.frame not in self._frames:
-            self._frames.append(piece.at.frame)
+        self._frames[piece.at.frame] = None
         yield from self._read()
 
     def lose(self, count: int) -> None:
@@ -161,13 +161,13 @@ class Reader:
         self.lost += count + self.held
         self.synced = False
         self._buffer.clear()
-        self._frames.clear()
+        self._frames = {}
         self._forget()
 
     def _forget(self) -> None:
         """The parts of a PDU are not kept any more."""
         self._parts.clear()
-        self._parts_frames = []
+        self._parts_frames = {}
         self._parts_at = _NOWHERE
 
     def _read(self) -> Iterator[Whole]:
@@ -186,7 +186,7 @@ class Reader:
             self.synced = True
             yield from self._tpdu(decode(packet, HEADER))
             self._at = self._newest
-            self._frames = [self._newest.frame] if buffer else []
+            self._frames = {self._newest.frame: None} if buffer else {}
 
     def _seek(self) -> None:
         """Pass over bytes that begin no TPKT."""
@@ -200,16 +200,18 @@ class Reader:
 
     def _tpdu(self, tpdu: Tpdu) -> Iterator[Whole]:
         if tpdu.kind != DT or (tpdu.last and not self._parts):
-            yield Whole(tpdu, tpdu.data, self._at, self._frames)
+            yield Whole(tpdu, tpdu.data, self._at, list(self._frames))
+            return
+        if not tpdu.data and not tpdu.last:
             return
         self._parts += tpdu.data
-        self._parts_frames += [each for each in self._frames if each not in self._parts_frames]
+        self._parts_frames |= self._frames
         self._parts_at = max(self._parts_at, self._at)
         if len(self._parts) > LONGEST:
             self.lost += len(self._parts)
             self._forget()
         elif tpdu.last:
-            whole = Whole(tpdu, bytes(self._parts), self._parts_at, self._parts_frames)
+            whole = Whole(tpdu, bytes(self._parts), self._parts_at, list(self._parts_frames))
             self._forget()
             yield whole
 
