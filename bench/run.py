@@ -264,6 +264,7 @@ def sections(programs: Programs, small: bool) -> list[Section]:
                     [])
         )  # fmt: skip
     found.append(profibus(programs, frames, one))
+    found.append(s7(programs, record_frames))
     rows = [
         programs.bare(), *programs.ours(dense, *JSON), *programs.others(dense),
         *programs.slices(part, slice_frames / record_frames),
@@ -290,6 +291,17 @@ def profibus(programs: Programs, frames: int, noise: Path) -> Section:
         f"{frames:,} frames of PROFIBUS, PPO1 in data exchange, JSON out (pcap)", bus,
         [programs.bare(), *programs.ours(bus, *JSON), *programs.ours(noise, *JSON, name="noise")],
         [Target("ds47, plain", "noise, plain", 1 / 10), Target("ds47, compiled", "noise, plain", 1 / 3)],
+    )  # fmt: skip
+
+
+def s7(programs: Programs, frames: int) -> Section:
+    """Jobs of S7 communication beside as many record frames: two frames are a job, four a transaction of DS47."""
+    jobs = made(f"s7-{frames}.pcap", "make_s7.py", frames)
+    records = made(f"one-ar-{frames}.pcap", "make_one_ar.py", frames)
+    return Section(
+        f"{frames:,} frames of S7, GET and PUT, JSON out (pcap)", jobs,
+        [programs.bare(), *programs.ours(jobs, *JSON), *programs.ours(records, *JSON, name="records")],
+        [Target(f"ds47, {kind}", f"records, {kind}", 1) for kind in programs.packages],
     )  # fmt: skip
 
 

@@ -56,11 +56,13 @@ class Image:
         mask = span(access.start, access.end)
         return self.known & mask == mask and self._values[access.start : access.end] == access.data
 
-    def others(self, access: Access) -> Iterator[int]:
-        """Bytes that are known, and were read with another value."""
+    def others(self, access: Access, but: int) -> Iterator[int]:
+        """Bytes that are known, and were read with another value; those of a mask do not count."""
+        if not self.known & ~but & span(access.start, access.end):
+            return
         there = self._values[access.start : access.end]
         for at, (old, new) in enumerate(zip(there, access.data, strict=False), access.start):
-            if old != new and self.known >> at & 1:
+            if old != new and (self.known & ~but) >> at & 1:
                 yield at
 
     def within(self, start: int, end: int) -> dict[int, int]:
@@ -87,6 +89,8 @@ class Memory:
         self._read_bytes = 0
         self._bytes = 0
         """Of the history."""
+        self._written = -inf
+        """When the last write that was answered was over."""
         self._since = -1
         """All accesses that may have been in force after this time are known."""
         self.foreign = 0
@@ -168,6 +172,8 @@ class Memory:
             whole: and the write as one.
         """
         one = [] if whole is None else [whole]
+        if not (one or self._open or self._lost) and self._written < min(each.asked_ns for each in parts):
+            return None
         begin = min(each.asked_ns for each in (*parts, *one))
         left_out = {each.order for each in (*parts, *instead)}
         writes = [each for each in self._all() if each.write and each.order not in left_out]
@@ -191,7 +197,7 @@ class Memory:
 
     def _unexplained(self, read: Access) -> None:
         """Marks the bytes of a read whose values come from nobody who was captured."""
-        differ = [at for at in self._latest.others(read) if not self.foreign >> at & 1]
+        differ = list(self._latest.others(read, self.foreign))
         if not differ:
             return
         before, later = self._settled(read.asked_ns)
@@ -218,6 +224,8 @@ class Memory:
         yield from self._lost
 
     def _keep(self, access: Access) -> None:
+        if access.write:
+            self._written = max(self._written, access.until)
         self._history.append(access)
         self._bytes += len(access.data)
         if len(self._history) > self._most or self._bytes > MOST_BYTES:
