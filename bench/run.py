@@ -297,7 +297,7 @@ def profibus(programs: Programs, frames: int, noise: Path) -> Section:
 def s7(programs: Programs, frames: int) -> Section:
     """Jobs of S7 communication beside as many record frames: two frames are a job, four a transaction of DS47."""
     jobs = made(f"s7-{frames}.pcap", "make_s7.py", frames)
-    records = made(f"one-ar-{frames}.pcap", "make_one_ar.py", frames)
+    records = made(f"one_ar-{frames}.pcap", "make_one_ar.py", frames)
     return Section(
         f"{frames:,} frames of S7, GET and PUT, JSON out (pcap)", jobs,
         [programs.bare(), *programs.ours(jobs, *JSON), *programs.ours(records, *JSON, name="records")],
