@@ -350,6 +350,19 @@ def headline(item: Headline, reading: Reading) -> Iterator[str]:
     if not mine:
         yield f"says of none of its frames what is so: {item.text[:120]}"
         return
+    yield from _frames(item, frames, group, mine)
+    if not item.more and len(mine) < item.times:
+        yield f"{item.times} times, and {len(mine)} findings are so: {item.text[:90]}"
+    if item.job is not None and item.job not in {each.transaction for each in mine}:
+        yield f"#{item.job} has no such finding"
+    yield from _state(item, mine, reading)
+    yield from _answering(item, reading)
+
+
+def _frames(
+    item: Headline, frames: set[int], group: list[Finding], mine: list[Finding]
+) -> Iterator[str]:
+    """Whether the filter shows the frames in which it is so, and no others."""
     there = set().union(*map(counted, mine))
     if there - frames and not item.more:
         yield f"its filter leaves out frame {min(there - frames)}"
@@ -357,12 +370,6 @@ def headline(item: Headline, reading: Reading) -> Iterator[str]:
     if false:
         first = next((each.message for each in group if each.frame in false), "")
         yield f"its words are not so in frame {min(false)} ({item.times} times): {first}"
-    if not item.more and len(mine) < item.times:
-        yield f"{item.times} times, and {len(mine)} findings are so: {item.text[:90]}"
-    if item.job is not None and item.job not in {each.transaction for each in mine}:
-        yield f"#{item.job} has no such finding"
-    yield from _state(item, mine, reading)
-    yield from _answering(item, reading)
 
 
 def _state(item: Headline, mine: list[Finding], reading: Reading) -> Iterator[str]:

@@ -172,7 +172,9 @@ class Memory:
             whole: and the write as one.
         """
         one = [] if whole is None else [whole]
-        if not (one or self._open or self._lost) and self._written < min(each.asked_ns for each in parts):
+        if not (one or self._open or self._lost) and self._written < min(
+            each.asked_ns for each in parts
+        ):
             return None
         begin = min(each.asked_ns for each in (*parts, *one))
         left_out = {each.order for each in (*parts, *instead)}
