@@ -11,6 +11,12 @@ return {
   { "s7.item", "Item", "string" },
   { "s7.area", "Area", "string" },
   { "s7.code", "Return code", "uint8", "HEX" },
+  { "s7.memory", "Memory", "string" }, -- what the address begins with
+  { "s7.db", "Data block", "uint16", "DEC" },
+  { "s7.start", "First byte", "uint32", "DEC" }, -- of timers and counters the number of the first one
+  { "s7.bit", "Bit", "uint8", "DEC" },
+  { "s7.length", "Bytes of the item", "uint32", "DEC" },
+  { "s7.value", "Value", "string" }, -- all of it, as digits
   { "s7.whole", "Whole area", "string" }, -- of which the job reads or writes a part
   { "s7.parts", "Parts of the area", "uint32", "DEC" },
   { "s7.part", "Part", "uint32", "DEC" },
@@ -19,4 +25,6 @@ return {
   { "s7.total", "Bytes that BSEND announces", "uint32", "DEC" },
   { "s7.segments", "Segments", "uint32", "DEC" },
   { "s7.segment", "Segment in frame", "framenum", "NONE" },
+  { "s7.segment.request", "Segment: sent", "framenum", "REQUEST" },
+  { "s7.segment.response", "Segment: acknowledged", "framenum", "RESPONSE" },
 }

@@ -5,6 +5,7 @@
 -- info.lua; roles of S7 are "write_request" (the request, or the first segment), "read_response" (the answer,
 -- or the last acknowledgement), "segment" and "acknowledge".
 
+local reader = require("ds47.support.bytes")
 local report = require("ds47.report.s7")
 local words = require("ds47.report.formatting")
 
@@ -32,27 +33,45 @@ function M.label(view, lang)
   return text .. ": " .. words.joined(lang, parts)
 end
 
--- What stands in the request alone is not known of what an answer brings.
-local function add_items(put, root, view, lang)
+-- Where an item is, and how long.
+local function add_place(put, shown, each)
+  put.derive(shown, "s7.area", each.address)
+  put.derive(shown, "s7.memory", each.area)
+  put.derive(shown, "s7.db", each.db)
+  put.derive(shown, "s7.start", each.start)
+  put.derive(shown, "s7.bit", each.bit)
+  put.derive(shown, "s7.length", each.length)
+end
+
+-- What stands in the request alone is not known of what an answer brings. Values stand once, in the frame
+-- that shows all of the job.
+local function add_items(put, root, view, main, lang)
   local item = view.item
   local parts = report.parts(item, lang)
   for number, each in ipairs(item.items) do
     local shown = put.derive(root, "s7.item", parts[number]) or root
-    put.derive(shown, "s7.area", each.address)
+    add_place(put, shown, each)
     if view.complete or view.role == "read_response" then put.derive(shown, "s7.code", each.code) end
+    if main and each.value and put.wanted("s7.value") then
+      put.derive(shown, "s7.value", reader.hex(each.value))
+    end
   end
 end
 
--- Bytes of a BSEND up to this frame, its segments and their acknowledgements.
-local function add_segments(put, root, item)
+-- Bytes of a BSEND up to this frame, its segments and their acknowledgements; which of these belong together
+-- stands once.
+local function add_segments(put, root, item, main)
   put.derive(root, "s7.r_id", item.r_id)
   put.derive(root, "s7.total", item.total)
   if #item.segments == 0 then return end
   put.derive(root, "s7.segments", #item.segments)
-  if not put.wanted("s7.segment") then return end
   for _, each in ipairs(item.segments) do
     put.derive(root, "s7.segment", each.request)
     put.derive(root, "s7.segment", each.response)
+  end
+  for _, each in ipairs(main and item.segments or {}) do
+    put.derive(root, "s7.segment.request", each.request)
+    put.derive(root, "s7.segment.response", each.response)
   end
 end
 
@@ -74,8 +93,9 @@ end
 --- Adds the job that a frame belongs to.
 -- @param put  what adds fields, as tree.lua has it
 -- @param root  the tree of the view
+-- @param main  whether the view shows all of its job
 -- @param duration  makes a time of nanoseconds
-function M.add(put, root, view, duration, lang)
+function M.add(put, root, view, main, duration, lang)
   local item = view.item
   if view.role ~= "write_request" then put.derive(root, "s7.request_in", item.frames.write_request) end
   if view.role ~= "read_response" then put.derive(root, "s7.response_in", item.frames.read_response) end
@@ -87,8 +107,8 @@ function M.add(put, root, view, duration, lang)
   if item.error and (view.complete or view.role == "read_response") then
     put.derive(root, "s7.error", item.error)
   end
-  add_items(put, root, view, lang)
-  add_segments(put, root, item)
+  add_items(put, root, view, main, lang)
+  add_segments(put, root, item, main)
   add_split(put, root, item.split)
 end
 

@@ -573,7 +573,7 @@ local function add_root(tree, view, record)
   local owner = s7 and of_s7 or protocol
   local root = record and tree:add(owner, record, label) or tree:add(owner, label)
   if s7 then
-    s7_tree.add(adding, root, view, duration, language)
+    s7_tree.add(adding, root, view, is_main(view), duration, language)
     return root
   elseif view.item.channel == "pkw" then
     pkw_tree.add(adding, root, view, record, language)

@@ -43,6 +43,11 @@ local function segments_of(job)
   return found
 end
 
+-- The bytes of a PDU; nil of one that is not there.
+local function whole(pdu)
+  return pdu ~= "" and pdu or nil
+end
+
 --- The transaction of a job, over or not, with its `order`. Times are those of the job.
 function M.build(job)
   local asked, answered, items = job.asked, job.answered, {}
@@ -56,7 +61,7 @@ function M.build(job)
       rereads = NONE,
     },
     start_ns = (asked or answered).time_ns, duration_ns = job:duration_ns(),
-    request = job.request, response = job.response, parameters = NONE,
+    request = whole(job.request), response = whole(job.response), parameters = NONE,
     connection = job.connection.number, items = items, r_id = job.r_id, error = job.error,
     segments = segments_of(job), total = job.total, split = job.split,
   }

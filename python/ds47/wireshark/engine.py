@@ -31,6 +31,7 @@ from ds47.regression.config import Config
 from ds47.report import json as report
 from ds47.report import load
 from ds47.report.sentences import renumbered
+from ds47.s7.choices import PORT, Choices
 from ds47.spec.semantics import limits
 from ds47.wireshark import tshark
 from ds47.wireshark.fields import Fields
@@ -99,13 +100,6 @@ class Engine:
                 if not self._both:
                     raise CaptureError(f"{native.path}: {problem}") from problem
                 found, errors = None, [str(problem)]
-        if native.connections:
-            text = "the engine tshark does not read S7 communication"
-            if not self._both:
-                raise CaptureError(
-                    f"{native.path}: {text}: use --engine native, or --channels without s7"
-                )
-            found, errors = None, [f"not compared, {text}"]
         if capture.misfit is not None:
             text = f"the time of frame {capture.misfit} is too far from the others for tshark"
             if self._both:
@@ -240,6 +234,7 @@ def preferences(options: AnalysisOptions) -> list[str]:
         *([f"ds47.pkw_layouts:{others}"] if others else []),
         *([f"ds47.cyclic:{cyclic}"] if cyclic else []),
         *([f"ds47.ppos:{ppos}"] if ppos else []),
+        *_of_s7(options.s7),
         "ds47.every_cyclic:TRUE",  # those that the analyzer looked at are given, and no others
         "ds47.profibus_user0:TRUE",  # the analyzer looks at USER0, too
         "ds47.index_47:auto",
@@ -248,6 +243,21 @@ def preferences(options: AnalysisOptions) -> list[str]:
         f"ds47.legacy_g120_formats:{str(codec.legacy_g120_formats).upper()}",
         f"ds47.profile_v3_types:{str(codec.profile_v3_types).upper()}",
     ]
+
+
+def _of_s7(choices: Choices) -> Iterator[str]:
+    """The choices for S7 as preferences; of several for one server the last one counts."""
+    ports = " ".join(map(str, sorted({*choices.ports} - {PORT})))
+    cpus, blocks = _by_address(choices.cpus), _by_address(choices.blocks)
+    for name, text in (("ports", ports), ("cpus", cpus), ("blocks", blocks)):
+        if text:
+            yield f"ds47.s7_{name}:{text}"
+    yield f"ds47.s7_readback:{str(choices.readback).upper()}"
+
+
+def _by_address(pairs: Sequence[tuple[str, object]]) -> str:
+    """`10.0.0.2=s7-400` of one server, `s7-400` of all others."""
+    return " ".join(f"{ip}={each}" if ip else str(each) for ip, each in dict(pairs).items())
 
 
 class _Extract(Capture):
@@ -335,6 +345,9 @@ class _Original:
             setattr(frames, name, self._number(getattr(frames, name)))
         frames.polls = [Read(self._number(a), self._number(b)) for a, b in frames.polls]
         frames.rereads = [Read(self._number(a), self._number(b)) for a, b in frames.rereads]
+        transaction.segments = [
+            Read(self._number(a), self._number(b)) for a, b in transaction.segments
+        ]
         return transaction
 
     def finding(self, item: Json) -> Finding:
