@@ -54,6 +54,15 @@ class Drive:
 
     def __init__(self, relation: Plain, reading: Reading) -> None:
         self.relation = relation
+        self.ends = min(
+            (
+                each["frame"] for each in reading.plain.get("relations", ())
+                if all(each[key] == relation[key] for key in ("channel", "controller", "device", "slot"))
+                and (each["frame"] or 0) > (relation["frame"] or 0)
+            ),
+            default=len(reading.capture.frames) + 1,
+        )  # fmt: skip
+        """The frame in which another one takes its place."""
         self.looks: list[Look] = list(self._read(reading))
 
     @property
@@ -68,7 +77,7 @@ class Drive:
             for part in cyclic.parts(reading, self.relation, side)
         ]  # fmt: skip
         for part, sent in sorted(sides, key=lambda each: each[0].frame):
-            if part.frame > self.relation["frame"]:
+            if self.relation["frame"] < part.frame < self.ends:
                 words[sent] = part.data if part.good else None
                 out, in_ = words[True], words[False]
                 if out is not None:
