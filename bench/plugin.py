@@ -51,7 +51,9 @@ class Mode:
 
 def columns() -> tuple[str, str]:
     """The option that gives tshark the columns of the profile."""
-    text = PROFILE.read_text(encoding="utf-8").partition("gui.column.format:")[2]
+    text = (
+        PROFILE.read_text(encoding="utf-8").partition("gui.column.format:")[2].partition("\n\n")[0]
+    )
     return "-o", "gui.column.format:" + " ".join(text.split())
 
 
