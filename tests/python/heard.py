@@ -15,6 +15,7 @@ from typing import Any
 
 import ds47.acyclic.judge
 import ds47.profidrive.drive_objects
+import ds47.profidrive.family
 from ds47.acyclic.judge import Judge
 from ds47.acyclic.pairing import Job
 from ds47.findings.remark import Remark
@@ -24,7 +25,7 @@ from ds47.profinet.records import Half
 from ds47.spec.semantics import Limits
 
 _PLAIN = ("phase", "write_fault", "previous_reference", "previous", "superseded_by", "reason", "accepted",
-          "repeats", "limit")  # fmt: skip
+          "repeats", "limit", "contested")  # fmt: skip
 _lines: list[dict[str, Any]] = []
 _numbers: dict[int, tuple[int, object]] = {}
 _depth = [0]
@@ -159,8 +160,9 @@ def pytest_configure() -> None:
         _listen(DriveObjects, name, said=False)
     for name in ("number", "exists", "same", "other"):
         _listen(DriveObjects, name, said=True)
-    for name in ("family_fits", "is_mismatch", "drive_time_ns"):
+    for name in ("is_mismatch", "drive_time_ns"):
         _listen(ds47.acyclic.judge, name, said=True)
+    _listen(ds47.profidrive.family, "family_fits", said=True)
 
 
 def pytest_unconfigure() -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import pytest
 from talk import job
 
-from ds47.acyclic.judge import Judge, drive_time_ns, family_fits, is_mismatch
+from ds47.acyclic.judge import Judge, drive_time_ns, is_mismatch
 from ds47.acyclic.pairing import Job
 from ds47.findings.remark import Remark
 from ds47.lab import message
+from ds47.profidrive import decode_request
+from ds47.profidrive.family import family_fits, kind_fits
 from ds47.profinet.records import Half
 from ds47.spec.semantics import limits
 
@@ -40,6 +42,26 @@ def change(value: bytes = TEN, where: bytes = RAMP, answer: bytes | None = None,
 )  # fmt: skip
 def test_family_fits(asked: int, got: int, fits: bool) -> None:
     assert family_fits(asked, got) == fits
+
+
+@pytest.mark.parametrize(
+    ("asked", "data", "fits"),
+    [
+        (
+            READ,
+            message.answer(7, 0x81, 9, message.error(0)),
+            True,
+        ),  # reference and axis are no part of it
+        (READ, message.answer(1, 0x80, 1, message.error(0x21)), True),
+        (READ, message.changed(1, 1), False),
+        (READ, message.answer(1, 1, 1, TEN, TEN), False),
+        (READ, b"\1\1\1", None),
+        (READ[:3], message.answer(1, 1, 1, TEN), None),
+    ],
+    ids=["negative", "0x80", "family", "count", "no header", "no header asked"],
+)
+def test_kind_fits(asked: bytes, data: bytes, fits: bool | None) -> None:
+    assert kind_fits(decode_request(asked), data) is fits
 
 
 @pytest.mark.parametrize(

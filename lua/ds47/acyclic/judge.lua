@@ -7,6 +7,7 @@
 -- A remark is a finding in the making: {rule, frame, args, offset, job}. The args of each rule are in
 -- spec/rules.toml.
 
+local family = require("ds47.profidrive.family")
 local json = require("ds47.support.json")
 local ordered = require("ds47.support.ordered")
 local readback = require("ds47.acyclic.readback")
@@ -19,10 +20,8 @@ local M = {}
 
 --- r0974[0] is the longest message the device takes (docs/protocol.md A.5, D.1).
 M.PNU_ACCESS_IDENTIFICATION = 974
---- Response id of a device that does not know the request id.
-M.NOT_SUPPORTED = 0x80
 
-local PNU_ACCESS_IDENTIFICATION, NOT_SUPPORTED = M.PNU_ACCESS_IDENTIFICATION, M.NOT_SUPPORTED
+local PNU_ACCESS_IDENTIFICATION, NOT_SUPPORTED = M.PNU_ACCESS_IDENTIFICATION, family.NOT_SUPPORTED
 local VALUE = tables.layouts.ADDRESS_VALUE
 local NONE = {} -- no remarks; most jobs have none
 -- Flaws that say that something is not there: pad, bytes, error block.
@@ -41,17 +40,6 @@ end
 
 local put = M.put
 
---- Whether a response id belongs to a request id (docs/protocol.md A.3).
-function M.family_fits(request_id, response_id)
-  local known = tables.request_ids[request_id]
-  if response_id == NOT_SUPPORTED then
-    return true
-  elseif known == nil then
-    return response_id % 128 == request_id % 128
-  end
-  return response_id == known.positive or response_id == known.negative
-end
-
 --- Whether the response cannot be the answer to the request (docs/pairing.md, states).
 function M.is_mismatch(job)
   local request, response = job.message, job.response
@@ -62,7 +50,7 @@ function M.is_mismatch(job)
     or response.axis ~= request.axis
     or response.response_id == nil
     or request.request_id == nil
-    or not M.family_fits(request.request_id, response.response_id)
+    or not family.family_fits(request.request_id, response.response_id)
     or #response.blocks > #request.addresses
 end
 
@@ -194,7 +182,7 @@ function Judge:unanswered(job, dropped)
     self.written:settled(job, false)
   end
   local write = job:write_request()
-  if write and not job:write_refused() then
+  if write and not job:write_refused() and not job.contested then
     local change = is_change(job)
     if job.superseded_by ~= nil then
       local args = {request = write.frame, by = job.superseded_by}
@@ -313,7 +301,7 @@ function Judge:_mirror(remarks, frame, job)
   end
   if got == NOT_SUPPORTED then
     put(remarks, "DS418", frame, {id = sent})
-  elseif not M.family_fits(sent, got) then
+  elseif not family.family_fits(sent, got) then
     put(remarks, "DS405", frame, {sent = sent, got = got})
   end
 end

@@ -4,6 +4,7 @@
 -- is to which job a record call belongs. Nothing is decoded beyond what a caller hands in, and nothing is
 -- judged: judge.lua does that when the listener is told `answered` and `closed`.
 
+local kind_fits = require("ds47.profidrive.family").kind_fits
 local ordered = require("ds47.support.ordered")
 local records = require("ds47.profinet.records")
 local tables = require("ds47.spec.tables")
@@ -47,6 +48,7 @@ Job.accepted = false
 --   ended: frame that ended the connection while the request was open
 --   limit: name of the limit that pushed it out: a response may still come
 --   passed: true for a Write that waited for its response when no request was said to be open (P28)
+--   contested: true where a record that went to an older request may be the response to this one (P72)
 --   uncertain: true for an orphan whose request a limit may have pushed out
 
 local function new_job(peer, record, message, order)
@@ -412,14 +414,44 @@ local function refuse(self, channel, job)
   channel.refused = job
 end
 
--- The job a Read answers; a Write whose response was not seen counts when the answer fits.
-local function addressee(channel, event, data)
-  local open, asked = channel.open, channel.asked
-  if event == "read_record" then
-    local reference = data:byte(1)
-    if open and open:reference() == reference then
-      return open
+-- Writes without their response, newer than the open request and mirrored or not as it is; newest first.
+local function newer_than(open, channel, reference)
+  local asked, newer, mirrored = channel.asked, {}, open:reference() == reference
+  for place = #asked, 1, -1 do
+    local job = asked[place]
+    if job.order > open.order and not job.passed and (job:reference() == reference) == mirrored then
+      newer[#newer + 1] = job
     end
+  end
+  return newer, mirrored
+end
+
+-- Whose record it is where its reference does not tell: of the open request or of a newer Write (P71, P72).
+-- Its kind tells, where it fits such a Write and not the open request. Where it does not tell the reverse
+-- either, the newer Writes are contested.
+local function by_kind(channel, open, record)
+  local read, data = record.request, record.response.data
+  local newer, mirrored = newer_than(open, channel, data:byte(1))
+  if not mirrored and bytes(channel.last) == data then
+    return open -- an old answer
+  end
+  local of_open = kind_fits(open.message, data)
+  for _, job in ipairs(of_open == false and newer or NONE) do
+    if kind_fits(job.message, data) and (read == nil or read.frame > job:write_request().frame) then
+      return job
+    end
+  end
+  for _, job in ipairs(newer) do
+    job.contested = job.contested or not of_open or kind_fits(job.message, data) ~= false or nil
+  end
+  return open
+end
+
+-- The job a Read answers; a Write whose response was not seen counts when the answer fits.
+local function addressee(channel, event, record)
+  local data = record.response.data
+  local open, asked, reference = channel.open, channel.asked, data:byte(1)
+  if event == "read_record" and not (open and open:reference() == reference) then
     for place = #asked, 1, -1 do
       if asked[place]:reference() == reference and not asked[place].passed then
         return asked[place]
@@ -427,7 +459,7 @@ local function addressee(channel, event, data)
     end
   end
   if open then
-    return open
+    return event == "read_record" and asked[1] and by_kind(channel, open, record) or open
   end
   local waiting = waiting_of(channel)
   if waiting then
@@ -621,7 +653,7 @@ function Pairing:read_response(peer, record)
   if event == "read_record" then
     channel.heard = half.frame
   end
-  local job = addressee(channel, event, half.data)
+  local job = addressee(channel, event, record)
   if channel.refused and channel.refused ~= job then
     lose(self, channel.refused, "")
     channel.refused = nil

@@ -3,13 +3,14 @@
 -- States and parameters follow docs/pairing.md; findings are made in judge.lua. Keys of a transaction
 -- are those of python/ds47/model.py, and `order`, by which its job is known while the capture goes on.
 
+local family = require("ds47.profidrive.family")
 local parameter = require("ds47.profidrive.parameter")
 local records = require("ds47.profinet.records")
 local rules = require("ds47.acyclic.judge")
 local tables = require("ds47.spec.tables")
 local uuid_text = require("ds47.spec.units").uuid_text
 
-local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, rules.NOT_SUPPORTED
+local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, family.NOT_SUPPORTED
 
 local M = {}
 

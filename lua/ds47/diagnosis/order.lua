@@ -81,8 +81,8 @@ end
 -- A read that is displaced by another request. A change that is displaced says nothing: many programs never
 -- read what a change is answered. Nor does the same question asked again: that is one user who does not wait.
 local function displaced(remarks, job, asked)
-  local later = job.superseding
-  if later == nil or job.message.operation ~= "read" then
+  local later = not job.contested and job.superseding
+  if not later or job.message.operation ~= "read" then
     return
   end
   local other = later:write_request()
@@ -105,7 +105,7 @@ end
 
 -- What was to be read, or was waited for; of a change many programs never read the answer.
 local function connection_lost(remarks, job, asked)
-  if job.ended == nil or job.read_response or job:write_refused() then
+  if job.ended == nil or job.contested or job.read_response or job:write_refused() then
     return
   end
   if job.message.operation == "read" or job.read_request or job.polls[1] or job.empty_reads[1] then

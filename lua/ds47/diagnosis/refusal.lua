@@ -3,13 +3,14 @@
 --
 -- One error block has one cause. What a repair of the whole request explains is not looked at here.
 
+local family = require("ds47.profidrive.family")
 local formats = require("ds47.profidrive.formats")
 local json = require("ds47.support.json")
 local rules = require("ds47.acyclic.judge")
 local tables = require("ds47.spec.tables")
 local transactions = require("ds47.acyclic.transactions")
 
-local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, rules.NOT_SUPPORTED
+local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, family.NOT_SUPPORTED
 
 local floor = math.floor
 

@@ -4,7 +4,7 @@
 -- words are those of tables.report_words.
 
 local all_frames = require("ds47.acyclic.transactions").all_frames
-local rules = require("ds47.acyclic.judge")
+local family_fits = require("ds47.profidrive.family").family_fits
 local tables = require("ds47.spec.tables")
 local times = require("ds47.support.times")
 local words = require("ds47.report.formatting")
@@ -393,7 +393,7 @@ local function not_mirrored(item, lang)
     end
   end
   local sent, got = byte(request, 2), byte(response, 2)
-  if sent and got and not rules.family_fits(sent, got) then
+  if sent and got and not family_fits(sent, got) then
     parts[#parts + 1] = say(lang, "mirror_id")
   end
   return words.joined(lang, #parts > 0 and parts or { say(lang, "mirror_count") })

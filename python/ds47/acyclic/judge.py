@@ -9,16 +9,15 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Callable
-from functools import lru_cache
 from typing import Any, Final
 
 from ds47.acyclic.pairing import Job
 from ds47.acyclic.readback import ReadBack
 from ds47.findings.remark import Remark
 from ds47.profidrive import Address, Block, Flaw, Request, Response
+from ds47.profidrive.family import NOT_SUPPORTED, family_fits
 from ds47.profidrive.model import VALUE
 from ds47.profinet.records import Half
-from ds47.spec import request_ids
 from ds47.spec.semantics import Limits
 from ds47.spec.statuses import status_hex
 
@@ -28,17 +27,6 @@ TOO_MANY: Final = "DS304"
 """More parameters than usual."""
 ABSENT: Final = frozenset(("DS311", "DS315", "DS412"))
 """Flaws that say that something is not there: pad, bytes, error block."""
-NOT_SUPPORTED: Final = 0x80
-"""Response id of a device that does not know the request id."""
-
-
-@lru_cache(maxsize=4096)
-def family_fits(request_id: int, response_id: int) -> bool:
-    """Whether a response id belongs to a request id (docs/protocol.md A.3)."""
-    known = request_ids().get(request_id)
-    if known is None:
-        return response_id & 0x7F == request_id & 0x7F or response_id == NOT_SUPPORTED
-    return response_id in (known.positive, known.negative, NOT_SUPPORTED)
 
 
 def is_mismatch(job: Job) -> bool:
@@ -132,7 +120,7 @@ class Judge:
         if _is_change(job):
             self._written.settled(job, stray=False)
         write = job.write_request
-        if write is not None and not job.write_refused:
+        if write is not None and not job.write_refused and not job.contested:
             change = _is_change(job)
             if job.superseded_by is not None:
                 rule = "DS414" if change else "DS413"

@@ -14,6 +14,7 @@ from itertools import islice
 from typing import Final, NamedTuple, TypeVar
 
 from ds47.profidrive import Request, Response
+from ds47.profidrive.family import kind_fits
 from ds47.profinet.records import Half, Record
 from ds47.spec.semantics import Limits, phases
 
@@ -80,6 +81,8 @@ class Job:
     """Name of the limit that pushed it out (spec/limits.toml): a response may still come. "" for none."""
     passed: bool
     """Whether ds47 has said, while this Write waited for its response, that no request is open (P28)."""
+    contested: bool
+    """Whether a record that went to an older request may be the response to this one (P72)."""
     certain: bool
     """False for an orphan whose request a limit may have pushed out."""
 
@@ -129,6 +132,7 @@ class Job:
         self.ended = None
         self.limit = ""
         self.passed = False
+        self.contested = False
         self.certain = True
 
     @property
@@ -330,7 +334,7 @@ class Pairing:
         event = _read_event(half)
         if event == "read_record":
             channel.heard = half.frame
-        job = self._addressee(channel, event, half.data)
+        job = self._addressee(channel, event, record)
         if channel.refused is not None and channel.refused is not job:
             self._lose(channel.refused, "")
             channel.refused = None
@@ -556,18 +560,17 @@ class Pairing:
             self._lose(channel.refused, "")
         channel.refused = job
 
-    def _addressee(self, channel: Channel, event: str, data: bytes) -> Job | None:
+    def _addressee(self, channel: Channel, event: str, record: Record) -> Job | None:
         """The job a Read answers; a Write whose response was not seen counts when the answer fits."""
-        reference = data[0] if data else None
-        if event == "read_record":
-            opened = channel.open
-            if opened is not None and opened.reference == reference and not opened.passed:
-                return opened
+        data = record.response.data if record.response else b""
+        opened, reference = channel.open, data[0] if data else None
+        if event == "read_record" and (opened is None or opened.reference != reference):
             for job in reversed(channel.asked):
                 if job.reference == reference and not job.passed:
                     return job
-        if channel.open is not None:
-            return channel.open
+        if opened is not None:
+            by_kind = event == "read_record" and channel.asked
+            return _by_kind(channel, opened, record) if by_kind else opened
         waiting = channel.waiting()
         if waiting is not None:
             old_answer = event == "read_record" and _bytes(channel.last) == data
@@ -694,6 +697,35 @@ def _at_the_end(channel: Channel) -> dict[int, str]:
     if channel.open is not None and channel.open.order < newest.order:
         why[channel.open.order] = "later"
     return why
+
+
+def _by_kind(channel: Channel, opened: Job, record: Record) -> Job:
+    """Whose record it is where its reference does not tell: of the open request or of a newer Write (P71, P72).
+
+    Its kind tells, where it fits such a Write and not the open request. Where it does not tell the reverse either,
+    the newer Writes are contested.
+    """
+    read, half = record.request, record.response
+    assert half is not None
+    mirrored = opened.reference == half.data[0]
+    if not mirrored and _bytes(channel.last) == half.data:
+        return opened  # an old answer
+    newer = [
+        job for job in reversed(channel.asked)
+        if job.order > opened.order and not job.passed and (job.reference == half.data[0]) is mirrored
+    ]  # fmt: skip
+    of_opened = _is_of_kind(opened, half)
+    for job in newer if of_opened is False else ():
+        asked = job.write_request
+        if _is_of_kind(job, half) and (read is None or asked is None or read.frame > asked.frame):
+            return job
+    for job in newer:
+        job.contested = job.contested or not of_opened or _is_of_kind(job, half) is not False
+    return opened
+
+
+def _is_of_kind(job: Job, half: Half) -> bool | None:
+    return None if job.message is None else kind_fits(job.message, half.data)
 
 
 def _compare(last: Job | None, job: Job, half: Half) -> None:

@@ -8,10 +8,11 @@ from __future__ import annotations
 from itertools import zip_longest
 from typing import Final
 
-from ds47.acyclic.judge import NOT_SUPPORTED, is_mismatch
+from ds47.acyclic.judge import is_mismatch
 from ds47.acyclic.pairing import Job
 from ds47.model import Frames, Parameter, ParameterError, Read, Transaction
 from ds47.profidrive import Address, Block
+from ds47.profidrive.family import NOT_SUPPORTED
 from ds47.profinet.records import NIL_UUID, NO_API, Half
 from ds47.spec import parameters, request_ids, response_ids
 from ds47.spec.units import uuid_text

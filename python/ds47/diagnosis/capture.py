@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any, Generic, NamedTuple, TypeVar
 
-from ds47.acyclic.judge import NOT_SUPPORTED, is_mismatch
+from ds47.acyclic.judge import is_mismatch
 from ds47.acyclic.pairing import STATUS_NOT_READY, Job, Peer
 from ds47.diagnosis.repetition import Repetition, place_args
 from ds47.diagnosis.saving import Unsaved
@@ -19,6 +19,7 @@ from ds47.diagnosis.targets import target_of
 from ds47.findings.remark import Remark
 from ds47.profidrive import Request, Response, decode_request
 from ds47.profidrive.drive_objects import LOCAL
+from ds47.profidrive.family import NOT_SUPPORTED
 from ds47.profidrive.model import Address
 from ds47.profinet.records import Record
 from ds47.spec import parameters

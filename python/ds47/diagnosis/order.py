@@ -58,7 +58,7 @@ def _displaced(job: Job, asked: Half) -> Iterator[Remark]:
     A change that is displaced says nothing: many programs never read what a change is answered. Nor does
     the same question asked again: that is one user who does not wait.
     """
-    later = job.superseding
+    later = None if job.contested else job.superseding
     if later is not None and job.message is not None and job.message.operation == "read":
         other = later.write_request
         if other is not None and other.data[1:] != asked.data[1:]:
@@ -106,7 +106,7 @@ def _case(held: Job | None, came: Job) -> str:
 def _connection_lost(job: Job, asked: Half) -> Iterator[Remark]:
     """What was to be read, or was waited for; of a change many programs never read the answer."""
     message = job.message
-    if job.ended is None or job.read_response is not None or job.write_refused:
+    if job.ended is None or job.contested or job.read_response is not None or job.write_refused:
         return
     waited = bool(job.polls or job.empty_reads or job.read_request)
     if not waited and (message is None or message.operation != "read"):

@@ -13,8 +13,8 @@ from functools import lru_cache
 from itertools import islice
 from typing import Final, NamedTuple
 
-from ds47.acyclic.judge import family_fits
 from ds47.model import DS47, CaptureResult, Finding, Transaction
+from ds47.profidrive.family import family_fits
 from ds47.report.bilingual import Both, joined, say
 from ds47.spec.semantics import limits
 

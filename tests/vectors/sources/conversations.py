@@ -857,6 +857,141 @@ def p28_passed(client: Client) -> None:
     client.exchange(ask(3), tell(3, 1.5))
 
 
+# A record that mirrors no reference
+
+
+FAILED = message.answer(9, 0x82, 1, message.error(2))
+"""A negative response to a change of one parameter, under a reference that nobody sent."""
+
+
+@BOOK.scene(
+    "P27 P43 lost superseded mismatch",
+    tx(1, "superseded", (1, 2), None, NOTHING),
+    tx(2, "change mismatch", (3, None, 4, 5), 2, real(10.0, pnu=None), ref=2),
+    rules="DS101@3#2 DS413@3#1 DS705@3#1 DS404@5#2 DS410@5#2",
+)
+def p71_family(client: Client) -> None:
+    """A read is open, the Write response of a newer change is lost: a response to a change is for the latter."""
+    client.write(ask())
+    client.ask_write(put(2, 10.0))
+    client.read(FAILED)
+
+
+@BOOK.scene(
+    "P27 P43 lost superseded mismatch",
+    tx(1, "superseded", (1, 2), None, NOTHING),
+    tx(2, "mismatch", (3, None, 4, 5), 2, real(2.5, pnu=None), real(3.5, pnu=None), ref=2),
+    rules="DS101@3#2 DS413@3#1 DS705@3#1 DS404@5#2",
+)
+def p71_count(client: Client) -> None:
+    """Two reads, of one parameter and of two: a response with two is that of the newer one."""
+    client.write(ask())
+    client.ask_write(ask(2, 27, 28))
+    client.read(tell(9, 2.5, 3.5))
+
+
+@BOOK.scene(
+    "P29 P43 lost mismatch unanswered",
+    tx(1, "mismatch", (1, 2, 4, 5), 4, real(2.5, pnu=None)),
+    tx(2, "change unanswered", (3,), None, ramp(10.0), ref=2),
+    rules="DS101@3#2 DS402@3#2 DS404@5#1",
+)
+def p71_family_of_the_open_one(client: Client) -> None:
+    """A response to a read is that of the read, though a change was written behind it."""
+    client.write(ask())
+    client.ask_write(put(2, 10.0))
+    client.read(tell(9, 2.5))
+
+
+@BOOK.scene(
+    "P29 P43 lost mismatch unanswered",
+    tx(1, "mismatch", (1, 2, 3, 5), 4, par(None, error=(2, 0))),
+    tx(2, "change unanswered", (4,), None, ramp(10.0), ref=2),
+    rules="DS101@4#2 DS404@5#1 DS405@5#1 DS410@5#1",
+)
+def p71_asked_before(client: Client) -> None:
+    """The Read that brings it was asked for before the change was written: it is for the open read."""
+    client.write(ask())
+    call = client.ask_read()
+    client.ask_write(put(2, 10.0))
+    client.accept_read(call, FAILED)
+
+
+@BOOK.scene(
+    "P29 P43 lost mismatch unanswered",
+    row(1, par(RAMP, "Float32", 5.0, error=(2, 0)), state="change error"),
+    tx(2, "mismatch", (5, 6, 8, 9), 4, par(None, error=(2, 0)), ref=2),
+    tx(3, "change unanswered", (7,), None, ramp(10.0), ref=3),
+    rules="DS410@4#1 DS701@4#1 DS101@7#3 DS402@7#3 DS404@9#2 DS405@9#2 DS410@9#2",
+)
+def p71_old_answer(client: Client) -> None:
+    """What is read is the last response once more: it is no new one of the change that has its kind."""
+    old = message.answer(1, 0x82, 1, message.error(2))
+    client.exchange(put(1, 5.0), old)
+    client.write(ask(2))
+    client.ask_write(put(3, 10.0))
+    client.read(old)
+
+
+@BOOK.scene(
+    "P43 lost mismatch superseded poll",
+    tx(1, "mismatch", (1, 2, 4, 5), 4, real(2.5, pnu=None)),
+    tx(2, "superseded", (3,), None, par(27), ref=2, polls=[(6, 7)]),
+    row(3, real(1.5), first=8),
+    rules="DS101@3#2 DS404@5#1",
+)
+def p72_superseded(client: Client) -> None:
+    """A record may be of either of two reads: that of the newer one is not said to be unread (no DS413)."""
+    client.write(ask())
+    client.ask_write(ask(2, 27))
+    client.read(tell(9, 2.5))
+    client.poll()
+    client.exchange(ask(3), tell(3, 1.5))
+
+
+@BOOK.scene(
+    "P43 lost mismatch unanswered",
+    tx(1, "mismatch", (1, 2, 4, 5), 4, real(2.5, pnu=None)),
+    tx(2, "unanswered", (3,), None, par(27), ref=2),
+    rules="DS101@3#2 DS404@5#1",
+)
+def p72_unanswered(client: Client) -> None:
+    """A record may be of either of two reads: of the newer one is not said that it is without a response."""
+    client.write(ask())
+    client.ask_write(ask(2, 27))
+    client.read(tell(9, 2.5))
+
+
+@BOOK.scene(
+    "P27 lost superseded count",
+    tx(1, "superseded", (1, 2), None, NOTHING),
+    tx(2, "change ok", (3, None, 4, 5), 2, ramp(10.0)),
+    rules="DS101@3#2 DS413@3#1 DS415@3#2 DS705@3#1",
+)
+def p71_one_reference_for_all(client: Client) -> None:
+    """Read and change have one reference: a response to a change is the change's (its Write response is lost)."""
+    client.write(ask())
+    client.ask_write(put(1, 10.0))
+    client.read(message.changed(1, 1))
+
+
+@BOOK.scene(
+    "P29 P33 lost poll disorder",
+    tx(1, "ok", (1, 8, 10, 11), 10, real(1.5)),
+    row(2, real(2.5, pnu=27), first=2),
+    tx(3, "unanswered", (9,), None, par(28), ref=1),
+    rules="DS206@7 DS101@9#3",
+)
+def p72_one_reference_for_all(client: Client) -> None:
+    """Two reads have one reference: the record goes to the open one, and may be that of the other (no DS401)."""
+    call = client.ask_write(ask())
+    client.exchange(ask(2, 27), tell(2, 2.5))
+    client.poll()
+    client.accept_write(call, ask())
+    client.ask_write(ask(1, 28))
+    client.read(tell(1, 1.5))
+
+
 # The Read
 
 
