@@ -4,7 +4,8 @@
 
 A mutant is one change of one file: a comparison turned round, a number one more, `and` for `or`, a condition
 never true, a statement left out. Each runs the tests that are about its file (`TESTS`), the quick ones first, in a
-copy of the checkout. Which mutants there are depends on the seed alone. Nothing is changed in the checkout itself.
+copy of the checkout. Which mutants there are depends on the seed and the files alone. Nothing is changed in the
+checkout itself. Before the first one all these tests run as they are: one that fails anyway would kill everything.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,20 +47,32 @@ REPORT = (
     "test_audit",
 )
 LUA = ("test_lua_conversations", "test_lua_analysis")
-BUS = ("test_profibus_bus", "test_profibus_calls", "test_audit_profibus", "test_profibus_ppo")
+BUS = (
+    "test_profibus_bus",
+    "test_profibus_calls",
+    "test_audit_profibus",
+    "test_lua_analysis:5.4 and lines_of_profibus",
+    "test_profibus_ppo",
+)
 LUA_BUS = (
     "test_lua_profibus",
     "test_lua_analysis:5.4 and lines_of_profibus",
     "test_lua_analysis:5.4 and auditor",
 )
+PZD = "test_lua_pzd:5.4 and not zh"
 CYCLIC = (
     "test_cyclic",
-    "test_cyclic_scenes",
-    "test_lua_pzd",
+    "test_cyclic_scenes:not much_random",
+    PZD,
     "test_profibus_ppo",
     "test_audit_profibus",
+    "test_cyclic_scenes:much_random",
 )
-LUA_CYCLIC = ("test_lua_pzd", "test_lua_cyclic", "test_lua_analysis:5.4 and ppo")
+LUA_CYCLIC = (PZD, "test_lua_cyclic", "test_lua_analysis:5.4 and ppo")
+S7 = ("test_s7_judge", "test_s7_audit", "test_s7_moments", "test_s7_scenes", "test_s7")
+S7_BY_CHANCE = "test_lua_s7_scenes:5.4-en"
+S7_QUESTIONS = "test_lua_s7:5.4 and questions"
+LUA_S7 = (S7_BY_CHANCE, "test_lua_analysis:5.4-en")
 TESTS: dict[str, tuple[str, ...]] = {
     "python/ds47/acyclic/judge.py": RULES,
     "python/ds47/acyclic/readback.py": RULES,
@@ -87,7 +100,12 @@ TESTS: dict[str, tuple[str, ...]] = {
     "python/ds47/report/html/views/findings.py": REPORT,
     "python/ds47/report/html/views/problems.py": REPORT,
     "python/ds47/report/html/views/rows.py": REPORT,
-    "python/ds47/report/bus.py": ("test_audit_profibus", "test_profibus_ppo"),
+    "python/ds47/report/bus.py": (
+        "test_profibus_bus",
+        "test_audit_profibus",
+        "test_profibus_ppo",
+        "test_lua_report",
+    ),
     "python/ds47/profibus/judge.py": BUS,
     "python/ds47/profibus/stations.py": BUS,
     "python/ds47/profibus/line.py": BUS,
@@ -96,6 +114,9 @@ TESTS: dict[str, tuple[str, ...]] = {
     "python/ds47/cyclic/habits.py": CYCLIC,
     "python/ds47/cyclic/judge.py": CYCLIC,
     "python/ds47/cyclic/operation.py": CYCLIC,
+    "python/ds47/s7/judge.py": (*S7, S7_BY_CHANCE),
+    "python/ds47/s7/consistency.py": ("test_s7_consistency", *S7, S7_QUESTIONS, S7_BY_CHANCE),
+    "python/ds47/s7/moments.py": ("test_s7_moments", *S7, S7_BY_CHANCE),
     "lua/ds47/report/bus.lua": ("test_lua_report",),
     "lua/ds47/profibus/judge.lua": LUA_BUS,
     "lua/ds47/profibus/stations.lua": LUA_BUS,
@@ -105,6 +126,9 @@ TESTS: dict[str, tuple[str, ...]] = {
     "lua/ds47/cyclic/habits.lua": LUA_CYCLIC,
     "lua/ds47/cyclic/judge.lua": LUA_CYCLIC,
     "lua/ds47/cyclic/operation.lua": LUA_CYCLIC,
+    "lua/ds47/s7/judge.lua": LUA_S7,
+    "lua/ds47/s7/consistency.lua": (S7_QUESTIONS, *LUA_S7),
+    "lua/ds47/s7/moments.lua": LUA_S7,
     "lua/ds47/acyclic/judge.lua": ("test_lua_judge", *LUA),
     "lua/ds47/acyclic/readback.lua": ("test_lua_judge", *LUA),
     "lua/ds47/profidrive/drive_objects.lua": ("test_lua_judge", *LUA),
@@ -129,11 +153,12 @@ TIMEOUT = 300
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """A file with one change; `what` says which, `line` where."""
+    """A file with one change; `what` says which, `line` where, `now` what stands there."""
 
     path: str
     line: int
     what: str
+    now: str
     text: str
 
 
@@ -183,7 +208,8 @@ def of_python(path: str) -> Iterator[Mutant]:
         for what, other in _changed(node):
             kept = dict(vars(node)), type(node)
             line: int = node.lineno  # type: ignore[attr-defined]
-            yield Mutant(path, line, what, _with(tree, node, other))
+            now = ast.unparse(other).partition("\n")[0]
+            yield Mutant(path, line, what, now, _with(tree, node, other))
             assert (dict(vars(node)), type(node)) == kept
 
 
@@ -237,18 +263,17 @@ def _lua_mutant(
 ) -> Mutant:
     line = lines[number]
     changed = line[: found.start()] + other + line[found.end() :]
-    return Mutant(
-        path, number + 1, what, "\n".join([*lines[:number], changed, *lines[number + 1 :]])
-    )
+    text = "\n".join([*lines[:number], changed, *lines[number + 1 :]])
+    return Mutant(path, number + 1, what, changed.strip(), text)
 
 
 # Running them
 
 
-def chosen(number: int, seed: int, only: str) -> list[Mutant]:
+def chosen(number: int, seed: int, only: Sequence[str]) -> list[Mutant]:
     """So many of all, as many of each file as it has a share of them, and one at least."""
     chance = random.Random(seed)
-    paths = [path for path in TESTS if only in path and (ROOT / path).exists()]
+    paths = [path for path in TESTS if any(each in path for each in only)]
     all_of = {path: list((of_lua if path.endswith(".lua") else of_python)(path)) for path in paths}
     total = sum(map(len, all_of.values()))
     picked = []
@@ -258,29 +283,29 @@ def chosen(number: int, seed: int, only: str) -> list[Mutant]:
     return picked
 
 
+def fails(entry: str, copy: Path) -> bool:
+    """Whether a test file, or what is chosen of it, fails in a copy of the checkout, or never ends."""
+    name, _, only = entry.partition(":")
+    command = [sys.executable, "-m", "pytest", "-qx", "-p", "no:cacheprovider"]
+    command += [str(copy / "tests/python" / f"{name}.py")]
+    command += ("-k", only) if only else LESS.get(name, ())
+    environment = {**os.environ, "PYTHONPATH": str(copy / "python"), "PYTHONDONTWRITEBYTECODE": "1"}
+    try:
+        ended = subprocess.run(
+            command, cwd=copy, env=environment, capture_output=True, timeout=TIMEOUT
+        )
+    except subprocess.TimeoutExpired:
+        return True
+    return ended.returncode != 0
+
+
 def survives(mutant: Mutant, copy: Path) -> bool:
     """Whether all tests about its file pass in a copy of the checkout."""
     target = copy / mutant.path
     original = target.read_text(encoding="utf-8")
     target.write_text(mutant.text, encoding="utf-8")
-    environment = {**os.environ, "PYTHONPATH": str(copy / "python"), "PYTHONDONTWRITEBYTECODE": "1"}
     try:
-        for entry in TESTS[mutant.path]:
-            name, _, only = entry.partition(":")
-            test = copy / "tests/python" / f"{name}.py"
-            if not test.exists():
-                continue
-            command = [sys.executable, "-m", "pytest", "-qx", "-p", "no:cacheprovider", str(test)]
-            command += ("-k", only) if only else LESS.get(name, ())
-            try:
-                ended = subprocess.run(
-                    command, cwd=copy, env=environment, capture_output=True, timeout=TIMEOUT
-                )
-            except subprocess.TimeoutExpired:
-                return False
-            if ended.returncode not in (0, 5):
-                return False
-        return True
+        return not any(fails(entry, copy) for entry in TESTS[mutant.path])
     finally:
         target.write_text(original, encoding="utf-8")
 
@@ -289,10 +314,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--number", type=int, default=100, help="how many mutants")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="only of files whose path holds this")
+    parser.add_argument("--only", action="append", help="only of files whose path holds this")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     options = parser.parse_args()
-    mutants = chosen(options.number, options.seed, options.only)
+    mutants = chosen(options.number, options.seed, options.only or [""])
     copies: Queue[Path] = Queue()
     tried, lived = Counter[str](), Counter[str]()
 
@@ -303,7 +328,7 @@ def main() -> int:
         tried[mutant.path] += 1
         if alive:
             lived[mutant.path] += 1
-            print(f"lives: {mutant.path}:{mutant.line} {mutant.what}", flush=True)
+            print(f"lives: {mutant.path}:{mutant.line} {mutant.what}: {mutant.now}", flush=True)
 
     with tempfile.TemporaryDirectory(prefix="ds47-mutants-") as folder:
         for number in range(options.jobs):
@@ -313,6 +338,10 @@ def main() -> int:
             beside = ROOT.parent / "shared"
             if beside.exists():
                 Path(folder, str(number), "shared").symlink_to(beside)
+        entries = dict.fromkeys(entry for each in mutants for entry in TESTS[each.path])
+        if failing := [entry for entry in entries if fails(entry, copies.queue[0])]:
+            print(f"fail without any change: {', '.join(failing)}")
+            return 1
         with ThreadPoolExecutor(options.jobs) as pool:
             list(pool.map(run, mutants))
     for path in sorted(tried):
