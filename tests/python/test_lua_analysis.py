@@ -383,6 +383,8 @@ def test_lines_of_profibus_give_the_same_result(version: str, tmp_path: Path) ->
     """The stations, and what is wrong there; in both languages."""
     lines = [test_profibus_bus.everything_wrong()]
     lines += [test_profibus_bus.by_chance(seed)[0] for seed in range(100, 140)]
+    lines += [test_profibus_bus.twice(each) for each in lines[::4]]
+    lines += [test_profibus_bus.third_heard_twice(both) for both in (5, 6)]
     sources = [
         Source(f"line {number}", lab.captured(line.stage), number % 5 == 0)
         for number, line in enumerate(lines)

@@ -170,11 +170,34 @@ def test_a_token_says_that_the_master_waited_in_vain() -> None:
     assert (told.requests, told.unanswered, told.damaged, told.retries) == (10, 0, 1, 1)
 
 
+def twice(wire: Master, many: int | None = None) -> Master:
+    """The same line, recorded at two places; one of them heard so many frames, from the first on."""
+    shots, both = wire.stage.shots, Master()
+    both.stage.shots[:] = [each for shot in shots[:many] for each in (shot, shot)]
+    if many is not None:
+        both.stage.shots += shots[many:]
+    return both
+
+
 def test_a_recording_of_two_places_has_an_answer_to_each_request() -> None:
-    wire = running()
-    twice = [each for shot in wire.stage.shots for each in (shot, shot)]
-    wire.stage.shots[:] = twice
-    assert found(wire) == []
+    assert found(twice(running())) == []
+
+
+def third_heard_twice(both: int) -> Master:
+    """Twelve exchanges, of which another place heard so many: half of them makes a third of the answers copies."""
+    wire = Master()
+    for _ in range(12):
+        wire.exchange(STATION)
+    return twice(wire, 2 * both)
+
+
+def test_a_third_of_the_answers_twice_makes_two_places() -> None:
+    """With less the same frame again is a repetition, and the same answer again one that nobody asked for."""
+    for both, retries in ((5, 5), (6, 0)):
+        told = result(third_heard_twice(both)).bus
+        assert told is not None
+        assert (told.stray, told.stations[1].retries) == (retries, retries)
+        assert told.stations[1].exchanges == 12
 
 
 def test_who_is_asked_whether_he_is_there_is_no_station() -> None:
@@ -525,8 +548,7 @@ def test_each_frame_twice_is_a_line_of_two_places() -> None:
     wire.exchange(STATION)
     wire.spoil()
     wire.exchange(STATION)
-    single, double = wire, Master()
-    double.stage.shots[:] = [each for shot in wire.stage.shots for each in (shot, shot)]
+    single, double = wire, twice(wire)
     one, two = result(single).bus, result(double).bus
     assert one is not None
     assert two is not None
