@@ -474,6 +474,19 @@ def test_the_areas_of_a_usend_change() -> None:
     }  # fmt: skip
 
 
+def test_the_r_ids_whose_areas_are_remembered_are_bounded() -> None:
+    """Those of a connection that is over make room."""
+    line, most = Line(), limits().s7_notes
+    for r_id in range(most + 2):
+        line.usend(10, r_id=r_id)
+    for r_id in (0, most - 1, most, most + 1):
+        line.usend(12, r_id=r_id)
+    assert [each.args["r_id"] for each in line.found()] == [0, most - 1]
+    line.usend(10, r_id=most)
+    line.usend(12, r_id=most)
+    assert [each.args["r_id"] for each in line.said] == [0, most - 1, most]
+
+
 # What is read is what was written
 
 
