@@ -150,7 +150,7 @@ def main() -> int:
         action="store_true",
         help="leave out what the plain test run covers: this machine's own tshark, plain Lua",
     )
-    parser.add_argument("--jobs", type=int, default=min(4, os.cpu_count() or 1), help="at once")
+    parser.add_argument("--jobs", type=int, default=4, help="at once")
     parser.add_argument("--pytest", action="append", default=[], help="an argument for pytest")
     arguments = parser.parse_args()
 
