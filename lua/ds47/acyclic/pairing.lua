@@ -447,14 +447,20 @@ local function by_kind(channel, open, record)
   return open
 end
 
+-- Whether a record may be for the Write that it mirrors: for one before an accepted one only by its kind.
+local function may_be(channel, job, data)
+  return job.order > channel.accepted or kind_fits(job.message, data)
+end
+
 -- The job a Read answers; a Write whose response was not seen counts when the answer fits.
 local function addressee(channel, event, record)
   local data = record.response.data
   local open, asked, reference = channel.open, channel.asked, data:byte(1)
   if event == "read_record" and not (open and open:reference() == reference) then
     for place = #asked, 1, -1 do
-      if asked[place]:reference() == reference and not asked[place].passed then
-        return asked[place]
+      local job = asked[place]
+      if job:reference() == reference and not job.passed and may_be(channel, job, data) then
+        return job
       end
     end
   end

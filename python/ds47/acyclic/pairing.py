@@ -566,7 +566,11 @@ class Pairing:
         opened, reference = channel.open, data[0] if data else None
         if event == "read_record" and (opened is None or opened.reference != reference):
             for job in reversed(channel.asked):
-                if job.reference == reference and not job.passed:
+                if (
+                    job.reference == reference
+                    and not job.passed
+                    and _may_be(channel, job, record.response)
+                ):
                     return job
         if opened is not None:
             by_kind = event == "read_record" and channel.asked
@@ -722,6 +726,11 @@ def _by_kind(channel: Channel, opened: Job, record: Record) -> Job:
     for job in newer:
         job.contested = job.contested or not of_opened or _is_of_kind(job, half) is not False
     return opened
+
+
+def _may_be(channel: Channel, job: Job, half: Half | None) -> bool:
+    """Whether a record may be for the Write that it mirrors: for one before an accepted one only by its kind."""
+    return job.order > channel.accepted or (half is not None and _is_of_kind(job, half) is True)
 
 
 def _is_of_kind(job: Job, half: Half) -> bool | None:

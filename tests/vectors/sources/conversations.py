@@ -992,6 +992,19 @@ def p72_one_reference_for_all(client: Client) -> None:
     client.read(tell(1, 1.5))
 
 
+@BOOK.scene(
+    "P31 lost reread",
+    tx(1, "unanswered", (1,), None, NOTHING),
+    row(2, real(2.5, pnu=27), real(3.5, pnu=28), first=2, ref=1, rereads=[(6, 7)]),
+    rules="DS101@1#1 DS401@1#1 DS415@2#2 DS704@7#2",
+)
+def p28_other_kind(client: Client) -> None:
+    """A response is read once more that has the reference of an older Write, and not its number of parameters."""
+    client.ask_write(ask())
+    client.exchange(ask(1, 27, 28), tell(1, 2.5, 3.5))
+    client.read(tell(1, 2.5, 3.5))
+
+
 # The Read
 
 
