@@ -25,10 +25,12 @@ package.path = table.concat({
 
 local clock = require("ds47_ws.clock")
 local collector = require("ds47_ws.collector")
+local copies = require("ds47_ws.copies")
 local ds47_fields = require("ds47_ws.fields")
 local encapsulations = require("ds47_ws.encapsulations")
 local info = require("ds47_ws.info")
 local later = require("ds47.support.later").module
+local passes = require("ds47_ws.passes")
 local preferences = require("ds47_ws.preferences")
 local tables = require("ds47.spec.tables")
 local track = require("ds47_ws.track")
@@ -43,6 +45,7 @@ preferences.define(ds47)
 local ds47_words = Proto("ds47_pzd", "DS47 PZD (control and status word of a drive)")
 local ds47_bus = Proto("ds47_profibus", "PROFIBUS DP")
 local ds47_s7 = Proto("ds47_s7", "DS47 S7 (jobs of S7 communication)")
+local ds47_copy = Proto("ds47_copy", "DS47 copy (a frame that was captured twice)")
 local fields, experts = ds47_fields.define(ds47, ds47_words, ds47_bus)
 local tree_of = later("ds47_ws.tree", function(module)
   module.configure(ds47, ds47_words, fields, experts, ds47_s7)
@@ -136,7 +139,9 @@ local function show(views, findings, events, tvb, columns, tree, finders, at, wh
     columns.protocol, columns.info = "DS47", info.text(views, events, track.lang)
   end
   if whole and #views + #findings + #events > 0 then
-    local context = { base_seconds = track.base_seconds(), lang = track.lang }
+    local context = {
+      base_seconds = track.base_seconds(), lang = track.lang, request_of = track.request_of,
+    }
     local frame = tvb:raw()
     tree_of.add(tree, views, findings, events, finders(tvb, frame, at), context)
   elseif #findings + #events > 0 then
@@ -185,6 +190,7 @@ local function dissect_cyclic(tvb, pinfo, tree)
   local number, frame, views, findings, events = pinfo.number, nil, nil, nil, nil
   local is_new = track.is_new(number, pinfo)
   if not is_new then
+    passes.came_again()
     views, findings, events = track.complete_views(number)
   else
     frame = tvb:raw()
@@ -213,6 +219,7 @@ end
 local function look_at_bus(tvb, pinfo, is_new, wanted)
   local number = pinfo.number
   if not is_new then
+    passes.came_again()
     return track.bus_frame(number, tvb:raw()), track.complete_views(number)
   elseif not clock.is_ready() then
     return nil
@@ -235,6 +242,18 @@ local function show_bus(item, tvb, columns, tree)
     bus_tree_of.add(tree, tvb, item, track.lang)
   elseif item.flaws[1] then
     bus_tree_of.add_experts(tree, item, track.lang)
+  end
+end
+
+-- A mirror port's copy of a frame of the parameter channel.
+local function show_copy(number, pinfo, tree, whole)
+  local original = track.original(number, whole)
+  if original then
+    local columns = columns_of(pinfo)
+    if columns then
+      copies.set_columns(columns, original, track.lang)
+    end
+    copies.add(tree, ds47_copy, fields.duplicate_of, original, track.lang)
   end
 end
 
@@ -277,18 +296,23 @@ function ds47.dissector(tvb, pinfo, tree)
   local number, offset, frame = pinfo.number, ip.offset, tvb:raw()
   local whole = tree:referenced(this_dissector) -- a tree that is visible counts as well
   if not track.is_new(number, pinfo) then
+    passes.came_again()
     local views, findings = track.complete_views(number)
     if views then -- columns of S7 are those of the dissector that is there
       local columns = not track.is_s7(views) and columns_of(pinfo) or nil
       show(views, findings, NONE, tvb, columns, tree, finders_of_records, offset, whole)
     end
+    show_copy(number, pinfo, tree, true)
   elseif track.feed(number, frame, offset, clock.now, pinfo.len) then
     local columns = columns_of(pinfo)
     local views, findings = track.live_views(columns ~= nil or whole)
     show(views, findings, NONE, tvb, columns, tree, finders_of_records, offset, whole)
+    show_copy(number, pinfo, tree, false)
+    passes.came(pinfo.visited)
   elseif track.feed_segment(number, frame, offset, clock.now) then
     local views, findings = track.live_s7_views(whole)
     show(views, findings, NONE, tvb, nil, tree, finders_of_records, offset, whole)
+    passes.came(pinfo.visited)
   end
 end
 
@@ -299,6 +323,7 @@ local function begin_anew()
   always_wanted, on_bus = nil, false
   encapsulations.register(ds47_bus, preferences.takes_user0(ds47))
   clock.reset()
+  passes.reset()
   track.reset()
   track.begin()
   collector.collect_all()
@@ -320,6 +345,13 @@ local stations = Listener.new("frame", "pn_dcp || lldp")
 
 function stations.packet(pinfo, tvb)
   track.station(pinfo.number, tvb:raw())
+end
+
+-- All listeners are called when tshark has come to the end.
+function stations.draw()
+  if not WINDOW then
+    passes.finish(track.lang)
+  end
 end
 
 require("ds47_ws.stats").register(track, arguments)

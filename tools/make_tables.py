@@ -214,7 +214,17 @@ def _rules() -> Iterator[str]:
 
 def _experts() -> Iterator[str]:
     rules = sorted(spec.rules().items())
-    return block("M.experts", [fields(row, ("id", "name", "severity")) for _, row in rules])
+    return block(
+        "M.experts", [fields(row, ("id", "title", "severity", "expert")) for _, row in rules]
+    )
+
+
+def _known() -> Iterator[str]:
+    yield from block("M.known", semantics.known().columns())
+    pnus, values = semantics.never_written()
+    ranges = [(each.start, each.stop - 1) for each in pnus]
+    never = {"ranges": ranges, "values": sorted(values)}
+    yield f"M.known.never_written = {literal(never)}"
 
 
 def _semantics() -> Iterator[str]:
@@ -414,7 +424,7 @@ def generate() -> str:
         later("parameters", _parameters()),
         _experts(),
         later("rules", _rules()),
-        block("M.known", semantics.known().columns()),
+        _known(),
         later(
             "diagnosis_words",
             block("M.diagnosis_words", both(*map(semantics.diagnosis_words, LANGUAGES))),

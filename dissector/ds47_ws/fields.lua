@@ -66,7 +66,10 @@ local FIELDS = {
   { "request_in", "Request in frame", "framenum", "REQUEST" },
   { "response_in", "Response in frame", "framenum", "RESPONSE" },
   { "time", "Time from request to response", "relative_time" },
+  -- a copy of a frame
+  { "duplicate_of", "Duplicate of frame", "framenum", "DUP_ACK" },
   -- the transaction
+  { "second_pass", "Second pass", "string" }, -- where it knows more
   { "transaction", "Transaction", "uint32", "DEC" },
   { "channel", "Channel", "string" },
   { "operation", "Operation", "string" },
@@ -99,9 +102,15 @@ local FIELDS = {
   -- a finding
   { "finding", "Finding", "string" },
   { "finding.severity", "Severity", "string" },
-  { "finding.message", "Message", "string" },
+  { "finding.message", "Message", "string" }, -- which the expert info shows
   { "finding.args", "Arguments", "string" },
+  { "finding.cause", "Cause", "string" },
+  { "finding.advice", "What to do", "string" },
+  { "finding.instead", "Send instead", "bytes" },
+  { "finding.instead.words", "In words", "string" },
+  { "finding.instead.encode", "Made by", "string" },
   { "finding.frame", "Frame of the finding", "framenum" },
+  { "finding.request_in", "Request of the transaction in frame", "framenum", "REQUEST" },
   { "finding.offset", "Offset in the message", "uint32", "DEC" },
   { "finding.transaction", "Transaction of the finding", "uint32", "DEC" },
   -- what happened to a drive
@@ -143,6 +152,10 @@ M.BITS = {
 }
 
 local SEVERITIES = { note = "NOTE", warning = "WARN", error = "ERROR" }
+-- Groups of expert infos, as spec/rules.toml names them.
+local GROUPS = {
+  response = "RESPONSE_CODE", malformed = "MALFORMED", sequence = "SEQUENCE", protocol = "PROTOCOL",
+}
 
 -- Names of the codes in a table of tables.lua, for Wireshark to show beside the number.
 local function names(table_name)
@@ -255,17 +268,17 @@ local EVENTS = {
 
 local function define_experts(proto)
   local experts, all = {}, {}
-  local function add(key, name, text, severity)
-    local made = ProtoExpert.new("ds47.expert." .. name, text, expert.group.PROTOCOL,
+  local function add(key, name, text, group, severity)
+    local made = ProtoExpert.new("ds47.expert." .. name, text, expert.group[GROUPS[group]],
       expert.severity[SEVERITIES[severity]])
     experts[key] = made
     all[#all + 1] = made
   end
   for _, rule in ipairs(tables.experts) do
-    add(rule.id, string.lower(rule.id), rule.id .. " " .. rule.name, rule.severity)
+    add(rule.id, string.lower(rule.id), rule.id .. " " .. rule.title, rule.expert, rule.severity)
   end
   for _, row in ipairs(EVENTS) do
-    add(row[1], row[1], row[2], row[3])
+    add(row[1], row[1], row[2], "protocol", row[3])
   end
   proto.experts = all
   return experts

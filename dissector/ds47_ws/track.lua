@@ -30,6 +30,7 @@ local RPC_HEADER = rpc.HEADER_LENGTH
 local RPC_NODE, INTERFACE_END = rpc.NODE, rpc.INTERFACE_END
 local MOST_WAITING = 4096 -- frames that name stations and are not given to the analysis yet
 local MOST_TEXTS = 4096
+local MOST_OURS = 4096
 -- Frames that wait for one that proves that they are PROFIBUS, and bytes of each: no frame has more.
 local MOST_UNPROVEN, LONGEST_ON_BUS = 4096, 300
 local NO_FRAME_ID = 0 -- frames of PROFIBUS have stations alone
@@ -46,6 +47,8 @@ local told -- MAC address and kind -> what was told last
 local ports -- those of S7, as soon as there was a segment of another one
 local bus_from -- number of the first frame of PROFIBUS that counts; nil while nothing proves one
 local unproven -- those before it
+local originals -- frame that is a mirror port's copy -> the frame of which it is one
+local ours, ours_count -- frames of the parameter channel, the newest ones: copies come at once
 
 -- Texts of addresses, by their bytes: a capture has few of them.
 local mac_texts = entries(function(raw)
@@ -71,6 +74,7 @@ function M.reset()
   M.has_drives = false -- whether there may be drives in them
   stations, newest_station, told = {}, 0, {}
   bus_from, unproven = nil, {}
+  originals, ours, ours_count = {}, {}, 0
 end
 
 M.reset()
@@ -183,6 +187,8 @@ end
 
 local packet = {} -- the one of the newest frame; whoever takes it does not keep it
 
+local the_complete -- below: the complete result by frames
+
 -- A whole UDP datagram at `at` (0-based, behind the IP header); false when it is no PROFINET RPC.
 local function udp_packet(frame, at, stop)
   local payload = at + 8
@@ -263,8 +269,29 @@ function M.feed(number, frame, offset, clock, length)
   else
     live:packet(packet)
   end
+  originals[number] = live.original
   note_relations(live.cyclic.all)
   return true
+end
+
+--- The frame of which a frame is a mirror port's copy, where that is one of the parameter channel; else nil.
+-- @param whole whether all frames were fed, and the complete result tells
+function M.original(number, whole)
+  local original = originals[number]
+  if original == nil then
+    return nil
+  elseif whole then
+    local all = the_complete()
+    return (all.places[original] or all.findings[original]) and original
+  end
+  return ours[original] and original
+end
+
+local function note_ours(number)
+  if ours_count >= MOST_OURS then
+    ours, ours_count = {}, 0
+  end
+  ours[number], ours_count = true, ours_count + 1
 end
 
 local segment = {} -- that of the newest frame; whoever takes it does not keep it
@@ -436,6 +463,7 @@ function M.live_views(seen)
   if count == 0 then
     return NONE, current:findings_at(last)
   end
+  note_ours(last)
   local views, findings = emptied(some_views), emptied(some_findings)
   for number = 1, count do
     local job, role = touched[number].job, touched[number].role
@@ -588,7 +616,7 @@ local function by_frames(result)
   end
   return {
     places = places, findings = findings, witness = plc.witness(result),
-    drives = drives.complete(result, current.cyclic),
+    drives = drives.complete(result, current.cyclic), transactions = result.transactions,
   }
 end
 
@@ -633,7 +661,7 @@ local function complete_view(item, role)
   return setmetatable({ role = role, item = item, witness = complete.witness }, COMPLETE)
 end
 
-local function the_complete()
+function the_complete()
   if complete == nil then
     complete = by_frames(current:ended())
   end
@@ -655,6 +683,18 @@ function M.complete_views(number)
     views[#views + 1] = complete_view(place[at], place[at + 1])
   end
   return views, findings or NONE, events or NONE
+end
+
+--- The frame with the request of the transaction that a finding is about; nil where there is none, or where
+-- it is not known yet.
+function M.request_of(finding)
+  local item
+  if finding.transaction then
+    item = complete and complete.transactions[finding.transaction]
+  elseif finding.order then
+    item = current:finished(finding.order)
+  end
+  return item and item.frames.write_request
 end
 
 --- Where the words of a cyclic frame stand: {at (where its data begins), source and frame_id (which its

@@ -11,21 +11,25 @@
 
 local info = require("ds47_ws.info")
 local later = require("ds47.support.later").module
+local finding_tree = later("ds47_ws.finding_tree")
 local pkw_tree = later("ds47_ws.pkw_tree")
 local own_experts = require("ds47_ws.experts")
+local passes = require("ds47_ws.passes")
 local plc = require("ds47.report.plc")
 local pzd_tree = later("ds47_ws.pzd_tree")
 local reader = require("ds47.support.bytes")
 local spec = require("ds47.spec.lookup")
+local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
 local words = require("ds47.report.formatting")
 local csv = require("ds47.report.csv")
-local json = require("ds47.support.json")
 local s7_tree = later("ds47_ws.s7_tree")
 local sentences = require("ds47.report.sentences")
 
 local byte, find, format, gsub, sub = string.byte, string.find, string.format, string.gsub, string.sub
 local floor = math.floor
+
+local WINDOW = gui_enabled()
 
 local M = {}
 
@@ -404,16 +408,33 @@ local function add_reads(parent, name, reads)
   end
 end
 
--- Whether a view shows all of its transaction.
-local function is_main(view)
-  return view.role == "read_response" or (view.role == "write_request" and not view.item.frames.read_response)
-end
-
 -- Whether earlier frames prove the state: one pass does not know how an open transaction ends.
 local function state_is_certain(view)
   local item = view.item
   return view.complete or item.frames.read_response ~= nil or item.operation == "usend"
     or (item.write_status ~= nil and item.write_status ~= 0)
+end
+
+-- What later frames say of a transaction.
+local OF_LATER_FRAMES = {
+  "second_pass", "state", "response_in", "time", "transaction", "cycles", "polls", "duration_ms",
+  "bytes.response", "status.write", "status.read", "plc", "frames.write_response", "frames.read_request",
+  "frames.read_response", "frames.poll.request", "frames.poll.response", "frames.reread.request",
+  "frames.reread.response", "finding", "finding.severity", "finding.message", "finding.transaction",
+}
+
+-- Says that later frames may say more of a transaction, where somebody wants what they say; in a window every
+-- frame is shown again. Not where earlier frames prove how it ended.
+local function add_second_pass(parent, view)
+  if not WINDOW and not view.complete and not state_is_certain(view) and any_wanted(OF_LATER_FRAMES) then
+    passes.shown_partly()
+    derive(parent, "second_pass", marked and words.say(language, "second_pass") or "")
+  end
+end
+
+-- Whether a view shows all of its transaction.
+local function is_main(view)
+  return view.role == "read_response" or (view.role == "write_request" and not view.item.frames.read_response)
 end
 
 local CHANNEL = { "controller", "device", "station", "ar", "api", "slot", "subslot", "index" }
@@ -433,13 +454,24 @@ local FRAMES = {
   "frames.poll.request", "frames.poll.response", "frames.reread.request", "frames.reread.response",
 }
 
-local function add_bytes(parent, view)
-  local item, main = view.item, is_main(view)
-  if item.request and (main or view.role == "write_request") and wanted("bytes.request") then
-    derive(parent, "bytes.request", reader.hex(item.request))
+-- The bytes of a message, at their place in the frame that has them.
+local function add_hex(parent, key, data, record)
+  if not wanted(key) then
+    return
+  elseif record and record:len() == #data then
+    add(parent, key, reader.hex(data), record, 0, #data)
+  else
+    derive(parent, key, reader.hex(data))
   end
-  if item.response and (main or view.role == "reread") and wanted("bytes.response") then
-    derive(parent, "bytes.response", reader.hex(item.response))
+end
+
+local function add_bytes(parent, view, record)
+  local item, main, asked = view.item, is_main(view), view.role == "write_request"
+  if item.request and (main or asked) then
+    add_hex(parent, "bytes.request", item.request, asked and record)
+  end
+  if item.response and (main or view.role == "reread") then
+    add_hex(parent, "bytes.response", item.response, not asked and record)
   end
 end
 
@@ -475,7 +507,15 @@ local function derive_key(parent, item, key)
   end
 end
 
-local function add_transaction(parent, view, context)
+-- A status with its words, as the Info column has them.
+local function add_status(parent, key, word)
+  local shown = derive(parent, key, word)
+  if shown and marked then
+    shown:append_text(format(" (%s)", status.status_text(word, language)))
+  end
+end
+
+local function add_transaction(parent, view, record, context)
   if not any_wanted(OF_TRANSACTION) then
     return
   end
@@ -503,35 +543,10 @@ local function add_transaction(parent, view, context)
     derive(shown, "duration_ms", item.duration_ns / 1000000)
   end
   derive_key(shown, item, "cycles")
-  derive(shown, "status.write", item.write_status)
-  derive(shown, "status.read", item.read_status)
-  add_bytes(shown, view)
+  add_status(shown, "status.write", item.write_status)
+  add_status(shown, "status.read", item.read_status)
+  add_bytes(shown, view, record)
   add_plc(shown, view, context.lang)
-end
-
--- Findings
-
-local function add_finding(parent, finding, lang)
-  local text, said = own_experts.of_finding(finding, lang)
-  local shown = derive(parent, "finding", finding.rule)
-  if shown then
-    shown:set_text(format("%s %s: %s", finding.rule, finding.severity, text))
-  end
-  shown = shown or parent
-  shown:add_proto_expert_info(experts[finding.rule], text)
-  derive(shown, "finding.severity", finding.severity)
-  derive(shown, "finding.message", said)
-  derive(shown, "finding.args", json.encode(finding.args))
-  for _, frame in ipairs(finding.frames) do
-    if frame ~= finding.frame then
-      derive(shown, "finding.frame", frame)
-    end
-  end
-  derive(shown, "finding.offset", finding.offset)
-  derive(shown, "finding.transaction", finding.transaction or finding.order)
-  if finding.rule == "DS905" then
-    derive(shown, "s7.inconsistent", s7_tree.inconsistent(finding))
-  end
 end
 
 -- Drives
@@ -586,11 +601,12 @@ end
 
 local function add_view(tree, view, findings, taken, record, context)
   local root = add_root(tree, view, record)
-  add_transaction(root, view, context)
+  add_second_pass(root, view)
+  add_transaction(root, view, record, context)
   for number, finding in ipairs(findings) do
     if not taken[number] and of_view(finding, view) then
       taken[number] = true
-      add_finding(root, finding, context.lang)
+      finding_tree.add(adding, root, finding, experts, nil, context.lang)
     end
   end
 end
@@ -600,7 +616,8 @@ end
 -- @param views, findings, events as track.lua gives them
 -- @param finders {record = a function of a record and of the view that has it, which gives its TvbRange in
 --   this frame, or nil; word = the same of an event}
--- @param context {base_seconds = second since 1970 that the times are relative to, lang = "en" or "zh"}
+-- @param context {base_seconds = second since 1970 that the times are relative to, lang = "en" or "zh",
+--   request_of = a function that gives the frame of the request of a finding's transaction, or nil}
 function M.add(tree, views, findings, events, finders, context)
   frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, context.lang
   local taken = {}
@@ -620,7 +637,7 @@ function M.add(tree, views, findings, events, finders, context)
   for number, finding in ipairs(findings) do
     if not taken[number] then
       rest = rest or tree:add(of_s7 and sub(finding.rule, 1, 3) == "DS9" and of_s7 or protocol, "DS47")
-      add_finding(rest, finding, context.lang)
+      finding_tree.add(adding, rest, finding, experts, context.request_of(finding), context.lang)
     end
   end
 end

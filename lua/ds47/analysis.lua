@@ -89,6 +89,7 @@ function M.new(options)
     answers = {}, -- job -> its remarks, from the answer until the job is closed
     finished_jobs = transactions.store(options.codec),
     last_frame = nil,
+    original = nil, -- the frame of which the last one is a mirror port's copy; nil of all others
     last_call = nil,
     result = nil,
   }, Analysis)
@@ -164,8 +165,14 @@ function Analysis:packet(packet)
   self.result, self.last_call, self.ms1.newest = nil, nil, nil
   self.last_frame = packet.frame
   self.pairing.touched_count = 0
+  self.original = nil
   local pdu = rpc.parse(packet)
-  if pdu == nil or self.calls:is_copy(pdu) then
+  if pdu == nil then
+    return
+  end
+  local is_copy, original = self.calls:is_copy(pdu)
+  if is_copy then
+    self.original = original
     return
   end
   local whole = pdu
@@ -184,6 +191,7 @@ function Analysis:fragment(fragment)
   self.last_frame = fragment.frame
   self.pairing.touched_count = 0
   local packet = self.reassembly:feed(fragment)
+  self.original = self.reassembly.original
   local given_up = self.reassembly:take_given_up()
   if given_up then
     tell_given_up(self, given_up, "IP")
@@ -428,7 +436,7 @@ function Analysis:_finish()
     self.findings:add(remark)
   end
   local numbered = self.finished_jobs:numbered()
-  local found, diagnoses = self.findings:result(numbered, self.finished_jobs)
+  local found, diagnoses = self.findings:result(numbered, self.finished_jobs, self.diagnoses)
   return {
     transactions = numbered,
     findings = found,

@@ -22,6 +22,7 @@ local ppo = require("ds47.cyclic.ppo")
 local s7_words = require("ds47.spec.s7")
 local sentences = require("ds47.report.sentences")
 local status = require("ds47.spec.statuses")
+local suggest = require("ds47.diagnosis.suggest")
 local times = require("ds47.support.times")
 
 local function hex(bytes)
@@ -126,6 +127,14 @@ local function diagnosis(item)
   result.args, result.message = item.args, sentences.sentence(item, language)
   result.differs, result.frames_left_out = json.array(item.differs), item.frames_left_out
   result.frames, result.transactions = json.array(item.frames), json.array(item.transactions)
+  result.corrected = json.null
+  if item.corrected then
+    result.corrected = suggest.corrected(item.corrected)
+    result.corrected.request, result.corrected.hex = result.corrected.hex, nil
+    result.corrected.encode = null(result.corrected.encode)
+    result.corrected.words = json.array(result.corrected.words)
+    result.corrected.transaction = null(item.corrected_in)
+  end
   return result
 end
 

@@ -81,7 +81,7 @@ local function as_result(result)
   end
   for _, key in ipairs({"findings", "diagnoses"}) do
     for _, each in ipairs(result[key] or {}) do
-      each.args = with_points(each.args)
+      each.args, each.corrected = with_points(each.args), each.corrected and unhex(each.corrected)
     end
   end
   return result

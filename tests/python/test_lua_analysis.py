@@ -190,7 +190,7 @@ def expected(source: Source, lang: str, options: AnalysisOptions) -> dict[str, A
         finding["message"] = finding["message"].removeprefix(at_offset(finding["offset"], "", lang))
         del finding["filter"]
     for diagnosis in told["diagnoses"]:
-        del diagnosis["filter"], diagnosis["corrected"]
+        del diagnosis["filter"]
     for each in told["findings"] + told["diagnoses"]:  # nil has no place in a table of Lua
         each["args"] = without_null(each["args"])
     for shown, transaction in zip(told["transactions"], result.transactions, strict=True):

@@ -105,7 +105,7 @@ def as_lua(result: CaptureResult) -> dict[str, Any]:
             event._asdict() | {"time": event.time_ns - base * 10**9} for event in shown.events
         ]
     for each in item["diagnoses"]:
-        del each["corrected"]  # the analyzer alone has them
+        each["corrected"] = None if each["corrected"] is None else each["corrected"].hex()
     for each in (*item["findings"], *item["diagnoses"]):
         each["args"] = with_points(each["args"])
         assert each.pop("said") is None  # the plugin reads no stored results
@@ -179,9 +179,9 @@ def job(kind: str, result: CaptureResult, **options: Any) -> dict[str, Any]:
 
 
 def python_text(result: CaptureResult, **options: Any) -> str:
-    """The report of Python, without what only Python has."""
+    """The report of Python."""
     stream = io.StringIO()
-    wanted = Options(rules=spec.rules(), corrected=False, **options)
+    wanted = Options(rules=spec.rules(), **options)
     text_report.write(Report([result]), stream, wanted)
     return stream.getvalue()
 

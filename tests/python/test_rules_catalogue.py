@@ -15,21 +15,16 @@ import pytest
 
 SEVERITIES = {"error", "warning", "note"}
 SCOPES = {"capture", "transport", "record", "message", "transaction"}
+EXPERTS = {"response", "malformed", "sequence", "protocol"}
 ANCHORS = {"frame", "request", "write_response", "read_response", "superseding_request"}
-TEXTS = ["message", "cause", "advice", "message_zh", "cause_zh", "advice_zh"]
-KEYS = ["id", "name", "severity", "scope", "anchor", *TEXTS]
+TEXTS = [
+    "title", "message", "cause", "advice", "title_zh", "message_zh", "cause_zh", "advice_zh",
+]  # fmt: skip
 ORDER = [
-    *KEYS[:5],
-    "group",
-    "args",
-    "message",
-    "many",
-    "cause",
-    "advice",
-    "message_zh",
-    "many_zh",
-    *TEXTS[-2:],
-]
+    "id", "name", "title", "severity", "scope", "anchor", "expert", "group", "args", "message", "many",
+    "cause", "advice", "title_zh", "message_zh", "many_zh", "cause_zh", "advice_zh",
+]  # fmt: skip
+KEYS = [key for key in ORDER if key not in ("group", "args", "many", "many_zh")]
 
 # An id never changes its meaning: severity, name and arguments are what others rely on. Only add.
 PINNED = """
@@ -215,6 +210,7 @@ def test_keys_and_vocabulary(rule: dict[str, Any]) -> None:
     assert rule["severity"] in SEVERITIES
     assert rule["scope"] in SCOPES
     assert rule["anchor"] in ANCHORS
+    assert rule["expert"] in EXPERTS
 
 
 @EACH
@@ -235,6 +231,15 @@ def test_messages_are_short_facts(rule: dict[str, Any]) -> None:
     assert placeholders(rule["message"]) == placeholders(rule["message_zh"])
     assert {*placeholders(rule["message"])} <= {*rule.get("args", {}), "text", "error", "drive"}
     assert "{device} " not in rule["message"] or "{slot}" not in rule["message"], "that is {drive}"
+
+
+def test_titles_tell_rules_apart() -> None:
+    for key in ("title", "title_zh"):
+        assert len({rule[key] for rule in RULES}) == len(RULES)
+        assert all(placeholders(rule[key]) == [] for rule in RULES)
+        assert not [rule[key] for rule in RULES if rule[key].endswith((".", "。"))]
+    assert max(len(rule["title"]) for rule in RULES) <= 60
+    assert all(rule["title"][0].isupper() for rule in RULES)
 
 
 @EACH

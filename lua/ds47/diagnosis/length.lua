@@ -3,9 +3,11 @@
 -- What fits is computed from the request alone: a value takes one byte at least, more where its format is
 -- known. `size_of` gives the bytes of one value of a PNU, nil where they are not known.
 
+local later = require("ds47.support.later").module
 local pairing = require("ds47.acyclic.pairing")
 local parameter = require("ds47.profidrive.parameter")
 local rules = require("ds47.acyclic.judge")
+local suggest = later("ds47.diagnosis.suggest") -- only here: most captures need no correction
 local tables = require("ds47.spec.tables")
 
 local byte, char, floor, max, min = string.byte, string.char, math.floor, math.max, math.min
@@ -160,13 +162,13 @@ local function without_room(request, blocks, length, most, size_of)
   return nil
 end
 
--- How many parameters have their values.
+-- The numbers of the parameters that have their values: one response could carry those.
 local function answered(request, blocks)
-  local count = 0
+  local found = {}
   for number = 1, min(#blocks, #request.addresses) do
-    count = count + (blocks[number].error and 0 or 1)
+    found[#found + 1] = not blocks[number].error and number or nil
   end
-  return count
+  return found
 end
 
 --- More was asked than one response can carry.
@@ -185,12 +187,15 @@ function M.answer_too_long(remarks, job, stated, longest, size_of)
   local most = limit or max(longest, tables.known.channel_bytes)
   local what, number = without_room(request, response.blocks, #half.data, most, size_of)
   if what then
-    local address = request.addresses[number]
+    local address, good = request.addresses[number], answered(request, response.blocks)
     put(remarks, "DS713", half.frame, {
-      parameters = #request.addresses, number = answered(request, response.blocks), what = what,
+      parameters = #request.addresses, number = #good, what = what,
       pnu = address.pnu, subindex = address.subindex,
       room = limit and "room_stated" or "room_seen", limit = limit or longest,
     })
+    if #good > 0 and #good < #request.addresses then
+      remarks[#remarks].corrected = suggest.only(request, good)
+    end
   end
 end
 

@@ -10,15 +10,25 @@ local rules = require("ds47.acyclic.judge")
 local tables = require("ds47.spec.tables")
 local transactions = require("ds47.acyclic.transactions")
 
+local later = require("ds47.support.later").module
+local parameter = require("ds47.profidrive.parameter")
+local reader = require("ds47.support.bytes")
+local suggest = later("ds47.diagnosis.suggest") -- only here: most captures need no correction
+
 local is_mismatch, NOT_SUPPORTED = rules.is_mismatch, family.NOT_SUPPORTED
 
-local floor = math.floor
+local char, floor, max = string.char, math.floor, math.max
 
 local M = {}
 
 local SIEMENS = transactions.SIEMENS
 local WORD_ERRORS = {[0x05] = true, [0x17] = true} -- data type, format: a number where a connector belongs
 local UNSIGNED_32 = "Unsigned32"
+local NO_PARAMETER, NO_SUBINDEX = 0x00, 0x03
+local WRONG_COUNT = 0x18 -- of the errors of index and count the one that depends on the values, too
+local NO_SUCH_ATTRIBUTE = {[0x09] = true, [0x0F] = true} -- no description, no text
+
+M.NO_SUBINDEX = NO_SUBINDEX
 
 --- The parameters of a job that the drive refused: array of {number, code, address, answer, value}.
 -- `value` is the block that was to be written, nil for a read. Empty where the response is that of another
@@ -41,6 +51,96 @@ function M.refusals(job)
     end
   end
   return found
+end
+
+-- Of what something is said: PNU, attribute with PNU, address, or that with the value.
+local function signs_of(address, value)
+  local pnu = char(floor(address.pnu / 256), address.pnu % 256)
+  local subindex = char(floor(address.subindex / 256), address.subindex % 256)
+  local place = char(address.attribute, address.element_count) .. pnu .. subindex
+  local whole = value and char(value.format, value.value_count) .. value.raw or ""
+  return {pnu = pnu, attribute = char(address.attribute) .. pnu, place = place, whole = place .. "=" .. whole}
+end
+
+local BOTH = "" -- operations
+
+-- Device and operation, the first key of what is remembered.
+local function head(device, operation)
+  return device .. "\0" .. operation
+end
+
+--- What a refusal says of further requests, as two keys of a memory: device with operation, and of what.
+-- Nil where it says nothing of the parameter.
+function M.sign(device, request, response, refused)
+  local code, known = refused.code, tables.known
+  if code == known.axis_error or code == known.too_long or response.response_id == NOT_SUPPORTED then
+    return nil
+  end
+  local found, whose = signs_of(refused.address, refused.value), head(device, request.operation)
+  if code == NO_PARAMETER then
+    return head(device, BOTH), found.pnu
+  elseif known.type_errors[code] or code == WRONG_COUNT then
+    return whose, found.whole
+  elseif NO_SUCH_ATTRIBUTE[code] then
+    return whose, found.attribute
+  end
+  return whose, known.index_errors[code] and found.place or found.pnu
+end
+
+--- Whether a memory of signs has one of a parameter of this request.
+function M.is_signed(memory, device, request)
+  local whose, both = head(device, request.operation), head(device, BOTH)
+  for number, address in ipairs(request.addresses) do
+    local found = signs_of(address, request.blocks[number])
+    if memory:get(both, found.pnu) then
+      return true
+    end
+    for _, sign in pairs(found) do
+      if memory:get(whose, sign) then
+        return true
+      end
+    end
+  end
+  return false
+end
+
+--- The subindex behind the last one that is asked for.
+function M.stop(address)
+  return address.subindex + max(1, address.element_count)
+end
+
+--- Which parameters have an error block, by their place: also one that ends before its error number.
+function M.failed(response)
+  local found = {}
+  for number, block in ipairs(response.blocks) do
+    found[number] = block.error and true or nil
+  end
+  return found
+end
+
+--- The request for a parameter that is no array, as that of a simple one; nil where it is none. That one
+-- alone where others were refused, or where the response ends before it says what became of them. Of several
+-- values it is not known which is meant.
+function M.without_index(job, number)
+  local write, message, response = job:write_request(), job.message, job.response
+  if not write or not message or not response then
+    return nil
+  end
+  local block = message.blocks[number]
+  if block and block.value_count ~= 1 then
+    return nil
+  end
+  local whole = suggest.with_elements(message, write.data, number, 0, 1)
+  if not whole then
+    return nil
+  end
+  local others, request = M.failed(response), parameter.decode_request(whole)
+  others[number] = nil
+  if #response.blocks < #message.addresses or next(others) then
+    return suggest.only(request, {number})
+  end
+  -- bytes behind its end belong to no request
+  return reader.only_zeros(request.rest, 0) and whole or suggest.without_rest(request)
 end
 
 -- Whether a value was written to what takes the source of a signal.
@@ -122,7 +222,8 @@ end
 
 --- Adds what the refusals of a job say: each parameter by itself, a missing drive object once.
 -- @param refused  what `refusals` gave
-function M.add(remarks, job, refused)
+-- @param suggested  a function of a remark and its refusal, which may give it a corrected request
+function M.add(remarks, job, refused, suggested)
   local half, missing = job.read_response, false
   if half == nil then
     return
@@ -134,6 +235,7 @@ function M.add(remarks, job, refused)
       missing = missing or rule == "DS709"
       local args = args_of(job, rule, refusal)
       rules.put(remarks, rule, half.frame, args, refusal.answer.offset)
+      suggested(remarks[#remarks], refusal)
     end
   end
 end

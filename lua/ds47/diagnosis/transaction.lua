@@ -10,9 +10,12 @@ local later = require("ds47.support.later").module
 local length = later("ds47.diagnosis.length")
 local memory = require("ds47.diagnosis.memory")
 local order = require("ds47.diagnosis.order")
+local parameter = require("ds47.profidrive.parameter")
+local reader = require("ds47.support.bytes")
 local refusal = later("ds47.diagnosis.refusal")
 local repair = later("ds47.diagnosis.repair")
 local rules = require("ds47.acyclic.judge")
+local suggest = later("ds47.diagnosis.suggest")
 local tables = require("ds47.spec.tables")
 local transactions = require("ds47.acyclic.transactions")
 
@@ -33,7 +36,8 @@ local LEARNT = {[0x01] = true, [0x02] = true, [0x81] = true, [0x82] = true}
 local LOCAL = 0xB02E -- index of local access: the slot decides, not the axis byte
 local SEVERAL = -1 -- in place of a format: a PNU is read in several
 local NONE = {}
-local LENGTH = 0 -- second key of a memory that needs none
+local ONLY = 0 -- second key of a memory that needs none
+local NO_END = 2 ^ 17 -- behind every subindex
 
 local codes = {} -- name of a format -> its code
 for code, row in pairs(tables.formats) do
@@ -51,11 +55,17 @@ end
 
 -- The way of a request to its drive object, as one text: device, slot, subslot, and the axis byte where it
 -- counts. Two requests that go the same way reach the same drive object, whatever the device makes of them.
-local function way_of(job)
-  local record = job.record
-  local axis = record.index ~= LOCAL and job.message.axis or -1
-  return job.peer.device .. "\0" .. (record.slot * 65536 + record.subslot) * 257 + axis
+-- @param record what has `index`, `slot` and `subslot`
+local function way(device, record, axis)
+  axis = record.index ~= LOCAL and axis or -1
+  return device .. "\0" .. (record.slot * 65536 + record.subslot) * 257 + axis
 end
+
+local function way_of(job)
+  return way(job.peer.device, job.record, job.message.axis)
+end
+
+local MEMORIES = { "formats", "anywhere", "limits", "longest", "axes", "missing", "refused", "ends" }
 
 local Diagnoses = {}
 Diagnoses.__index = Diagnoses
@@ -69,16 +79,20 @@ function M.new(codec)
     formats = memory.new(tables.known.history),
     anywhere = memory.new(tables.known.history), -- device, PNU -> the format in which it is read, or SEVERAL
     limits = memory.new(tables.known.history), -- device, PNU 974 -> bytes of its longest message
-    longest = memory.new(tables.known.history), -- device, LENGTH -> bytes of its longest response
+    longest = memory.new(tables.known.history), -- device, ONLY -> bytes of its longest response
+    -- device, ONLY -> set of the axes that answered where the axis byte counts, and of those that it has not
+    axes = memory.new(tables.known.history),
+    missing = memory.new(tables.known.history),
+    refused = memory.new(tables.known.history), -- what a device refused, by the keys of refusal.sign
+    ends = memory.new(tables.known.history), -- device, PNU -> least end of subindices that was refused
   }, Diagnoses)
 end
 
 --- For a copy of the analysis: what is known is shared, what the copy learns stays its own.
 function Diagnoses:copied(known)
-  known[self.formats] = self.formats:on_top()
-  known[self.anywhere] = self.anywhere:on_top()
-  known[self.limits] = self.limits:on_top()
-  known[self.longest] = self.longest:on_top()
+  for _, name in ipairs(MEMORIES) do
+    known[self[name]] = self[name]:on_top()
+  end
 end
 
 -- Whether a job that was answered well may have something to be repaired all the same.
@@ -127,6 +141,7 @@ function Diagnoses:closed(job)
     end
     for number = 1, #remarks do
       remarks[number].job = job
+      self:_offer(job, remarks[number])
     end
   end
   if job.response and job.message then
@@ -138,10 +153,10 @@ end
 -- One cause explains a job: a repair all of it, or lengths; else each refusal has its own.
 function Diagnoses:_cause(remarks, job)
   local refused = refusal.refusals(job)
+  self:_learn_refused(job, refused)
   local found, device, before = self:_repair(job, refused), job.peer.device, #remarks
   if found and not found.each then
-    found.args.what = found.what
-    rules.put(remarks, found.rule, job:write_request().frame, found.args)
+    self:_repaired(remarks, job, found)
     return
   elseif found then
     refused = self:_retyped(remarks, job, found, refused)
@@ -152,8 +167,10 @@ function Diagnoses:_cause(remarks, job)
   length.request_too_short(remarks, job, refused)
   length.answer_cut(remarks, job, size_of)
   local stated = self.limits:get(device, PNU_ACCESS_IDENTIFICATION)
-  length.answer_too_long(remarks, job, stated, self.longest:get(device, LENGTH) or 0, size_of)
-  refusal.add(remarks, job, refused)
+  length.answer_too_long(remarks, job, stated, self.longest:get(device, ONLY) or 0, size_of)
+  refusal.add(remarks, job, refused, function(remark, each)
+    self:_suggest(job, remark, each)
+  end)
   if #remarks == before then
     refusal.not_seen(remarks, job)
   end
@@ -181,6 +198,35 @@ function Diagnoses:_repair(job, refused)
   return repair.find(half.data, message, errors, is_known, format_of, options)
 end
 
+-- Adds that a request was meant as a whole in another way (DS715, DS716).
+function Diagnoses:_repaired(remarks, job, found)
+  found.args.what = found.what
+  rules.put(remarks, found.rule, job:write_request().frame, found.args)
+  local request = parameter.decode_request(found.request, self.codec)
+  local proven = found.what ~= "values"
+  for number = 1, #request.blocks do
+    proven = proven and self:_is_proven(job, request, number)
+  end
+  if request.operation == "read" or proven then
+    remarks[#remarks].corrected = found.request
+  end
+end
+
+-- Which of the values under another format are proven: a set, and whether the whole corrected request is,
+-- because nothing else of it was refused or is not answered.
+function Diagnoses:_sure(job, found, request)
+  local sure, whole, response = {}, true, job.response
+  local failed = response and refusal.failed(response) or {}
+  for _, each in ipairs(found.each) do
+    sure[each.number] = each.bits ~= "number_other" and self:_is_proven(job, request, each.number) or nil
+    whole = whole and sure[each.number]
+  end
+  for number in pairs(failed) do
+    whole = whole and sure[number]
+  end
+  return sure, whole and (response and #response.blocks or 0) >= #request.addresses
+end
+
 -- Adds the values under a format that is not that of the parameter, each by itself (DS714).
 -- @return the parameters that were refused besides
 function Diagnoses:_retyped(remarks, job, found, refused)
@@ -188,16 +234,20 @@ function Diagnoses:_retyped(remarks, job, found, refused)
   for _, each in ipairs(refused) do
     errors[each.number] = each.code
   end
-  local way = way_of(job)
+  local request, from = parameter.decode_request(found.request, self.codec), way_of(job)
+  local sure, whole = self:_sure(job, found, request)
   for _, each in ipairs(found.each) do
     local args = each.args
-    local seen = self.formats:get(way, args.pnu)
+    local seen = self.formats:get(from, args.pnu)
     if seen or self:_agrees(job, args.pnu, args.code) then
       told[each.number] = true
       args.better_code, args.bits, args.code = args.code, each.bits, errors[each.number]
       args.seen = seen and seen.frame
       args.case = seen and "format_read" or self:_listed(job, args.pnu) and "format_listed" or "format_bits"
       rules.put(remarks, found.rule, frame, args)
+      if sure[each.number] then
+        remarks[#remarks].corrected = whole and found.request or suggest.only(request, {each.number})
+      end
     end
   end
   for _, each in ipairs(refused) do
@@ -208,16 +258,161 @@ function Diagnoses:_retyped(remarks, job, found, refused)
   return others
 end
 
+-- Whether the parameter was read in this format, in the way in which the request goes.
+function Diagnoses:_is_proven(job, request, number)
+  local address, block = request.addresses[number], request.blocks[number]
+  if not block then -- the request ends before this value
+    return false
+  end
+  local seen = self.formats:get(way(job.peer.device, job.record, request.axis), address.pnu)
+  return seen ~= nil and seen.format == block.format
+end
+
+-- What may be offered instead
+
+-- What is to be sent instead of what the drive refused, as far as one can tell.
+function Diagnoses:_suggest(job, remark, refused)
+  local half, message = job:write_request(), job.message
+  if remark.rule == "DS709" then
+    -- A read may be asked of the only drive object that answers; a change never goes elsewhere.
+    if half and message.operation == "read" and job.record.index ~= LOCAL then
+      remark.corrected, remark.elsewhere = half.data, true
+    end
+  elseif remark.rule == "DS717" and refused.code == tables.known.no_array then
+    -- A parameter that is no array; a change only where its format is proven.
+    if not message.blocks[1] or self:_is_proven(job, message, refused.number) then
+      remark.corrected = refusal.without_index(job, refused.number)
+    end
+  end
+end
+
+-- Makes an offer of a corrected request: whether the capture speaks against it is known at its end.
+function Diagnoses:_offer(job, remark)
+  local request, elsewhere, record = remark.corrected, remark.elsewhere, job.record
+  remark.corrected, remark.elsewhere = nil, nil
+  if request == nil then
+    return
+  elseif not elsewhere and not suggest.is_harmless(parameter.decode_request(request, self.codec)) then
+    return
+  end
+  remark.corrected = {
+    bytes = request, elsewhere = elsewhere, device = job.peer.device,
+    record = {index = record.index, slot = record.slot, subslot = record.subslot},
+  }
+end
+
+--- What of an offer holds at the end of the capture: the bytes of a request, or nil.
+function Diagnoses:offered(offer)
+  if offer.elsewhere then
+    return self:_only_axis(offer)
+  end
+  return self:_unless_refused(offer, offer.bytes, parameter.decode_request(offer.bytes, self.codec))
+end
+
+-- The only axis of a device that answered; nil where it is none, or several. 0 names none.
+function Diagnoses:_axis_of(device)
+  local missing, found = self.missing:get(device, ONLY) or NONE, nil
+  for axis in pairs(self.axes:get(device, ONLY) or NONE) do
+    if not missing[axis] then
+      if found then
+        return nil
+      end
+      found = axis
+    end
+  end
+  return found ~= 0 and found or nil
+end
+
+-- The request for the only drive object that answered up to now, which read all of it.
+function Diagnoses:_only_axis(offer)
+  local axis = self:_axis_of(offer.device)
+  if not axis then
+    return nil
+  end
+  local there = suggest.with_axis(offer.bytes, axis)
+  local request = parameter.decode_request(there, self.codec)
+  if not reader.only_zeros(request.rest, 0) then -- bytes behind its end belong to no request
+    there = suggest.without_rest(request)
+  end
+  local from = way(offer.device, offer.record, request.axis)
+  for _, address in ipairs(request.addresses) do
+    if address.attribute ~= VALUE or not self.formats:get(from, address.pnu) then
+      return nil
+    end
+  end
+  return self:_unless_refused(offer, there, request)
+end
+
+function Diagnoses:_unless_refused(offer, bytes, request)
+  local device = offer.device
+  local missing = offer.record.index ~= LOCAL and self.missing:get(device, ONLY) or NONE
+  if missing[request.axis or -1] or refusal.is_signed(self.refused, device, request) then
+    return nil
+  end
+  for _, address in ipairs(request.addresses) do
+    if refusal.stop(address) >= (self.ends:get(device, address.pnu) or NO_END) then
+      return nil
+    end
+  end
+  for _, flaw in ipairs(request.flaws) do
+    if flaw.rule == "DS315" then
+      return nil
+    end
+  end
+  return bytes
+end
+
+function Diagnoses:_learn_refused(job, refused)
+  local device, request, response = job.peer.device, job.message, job.response
+  for _, each in ipairs(refused) do
+    local whose, of_what = refusal.sign(device, request, response, each)
+    if whose then
+      self.refused:put(whose, of_what, true)
+    end
+    if each.code == refusal.NO_SUBINDEX then
+      local pnu, stop = each.address.pnu, refusal.stop(each.address)
+      self.ends:put(device, pnu, min(stop, self.ends:get(device, pnu) or stop))
+    end
+  end
+end
+
 -- What was seen before
+
+-- Keeps the axis of a request that was answered where the axis byte counts, or one that does not exist.
+function Diagnoses:_learn_axis(job)
+  local device, axis, refused = job.peer.device, job.message.axis, false
+  if job.record.index == LOCAL or axis == nil then
+    return
+  end
+  local blocks = job.response.blocks
+  for number = 1, #blocks do
+    local failure = blocks[number].error
+    refused = refused or failure ~= nil and failure.code == tables.known.axis_error
+  end
+  local kept = refused and self.missing or self.axes
+  local before = kept:get(device, ONLY)
+  if before and before[axis] or rules.is_mismatch(job) then
+    return
+  end
+  local axes = {[axis] = true}
+  for each in pairs(before or NONE) do
+    axes[each] = true
+  end
+  kept:put(device, ONLY, axes)
+end
 
 -- Nearly every answer tells what is known: one look for each block, and no more.
 function Diagnoses:_learn(job)
   local request, response = job.message, job.response
-  if request.operation ~= "read" or not LEARNT[response.response_id] then
+  if not LEARNT[response.response_id] then
     return
   end
-  local way, addresses, blocks = way_of(job), request.addresses, response.blocks
-  local known = self.formats:of(way)
+  self:_learn_axis(job)
+  if request.operation ~= "read" then
+    return
+  end
+  local from, addresses, blocks = way_of(job), request.addresses, response.blocks
+  local known = self.formats:of(from)
   for number = 1, min(#addresses, #blocks) do
     local address, block = addresses[number], blocks[number]
     local pnu = address.pnu
@@ -226,19 +421,19 @@ function Diagnoses:_learn(job)
       if rules.is_mismatch(job) then
         return
       end
-      self:_learn_block(job.peer.device, way, address, block, job.read_response.frame)
+      self:_learn_block(job.peer.device, from, address, block, job.read_response.frame)
     end
   end
 end
 
-function Diagnoses:_learn_block(device, way, address, block, frame)
+function Diagnoses:_learn_block(device, from, address, block, frame)
   local pnu = address.pnu
   if block.error ~= nil or address.attribute ~= VALUE then
     return
   end
-  local seen = self.formats:get(way, pnu)
+  local seen = self.formats:get(from, pnu)
   if not seen or seen.format ~= block.format then
-    self.formats:put(way, pnu, {format = block.format, frame = frame})
+    self.formats:put(from, pnu, {format = block.format, frame = frame})
     local before = self.anywhere:get(device, pnu)
     self.anywhere:put(device, pnu, (not before or before == block.format) and block.format or SEVERAL)
   end
@@ -248,8 +443,8 @@ function Diagnoses:_learn_block(device, way, address, block, frame)
 end
 
 function Diagnoses:_learn_length(device, bytes)
-  if bytes > (self.longest:get(device, LENGTH) or 0) then
-    self.longest:put(device, LENGTH, bytes)
+  if bytes > (self.longest:get(device, ONLY) or 0) then
+    self.longest:put(device, ONLY, bytes)
   end
 end
 

@@ -176,14 +176,15 @@ function Findings:at(frame)
   return sorted(result, "order")
 end
 
-local function add_all(self, remarks, store, result, causes)
+local function add_all(self, remarks, store, result, causes, offers)
   for _, remark in ipairs(remarks) do
     local owner = remark.order and store:by_order(remark.order)
     local finding = self:finding(remark, owner and owner.id)
+    finding.corrected = remark.corrected and offers:offered(remark.corrected)
     result[#result + 1] = finding
     if grouping.is_diagnosis(remark.rule) then
       local device = owner and owner.device or finding.args.device
-      causes[#causes + 1] = {finding = finding, device = device}
+      causes[#causes + 1] = {finding = finding, device = device, offered = remark.corrected ~= nil}
     end
     if owner then
       local rules = owner.findings
@@ -211,7 +212,7 @@ local function grouped(causes)
   end)
   local groups = grouping.new()
   for _, each in ipairs(causes) do
-    groups:add(each.finding, each.device)
+    groups:add(each.finding, each.device, each.offered)
   end
   return groups:result()
 end
@@ -219,13 +220,14 @@ end
 --- All findings in the order of their frames; their transactions get to know their rules.
 -- @param transactions  array of all transactions, with their ids
 -- @param store         the transactions.Store that knows them by the order of their jobs
--- @return findings, diagnoses
-function Findings:result(transactions, store)
+-- @param offers        what tells which corrected requests hold (`offered`): the diagnoses
+-- @return findings, those with one have its bytes as `corrected`; diagnoses
+function Findings:result(transactions, store, offers)
   local result, causes = {}, {}
   if self.kept.below then
-    add_all(self, self.kept.below, store, result, causes)
+    add_all(self, self.kept.below, store, result, causes, offers)
   end
-  add_all(self, self.kept, store, result, causes)
+  add_all(self, self.kept, store, result, causes, offers)
   for _, transaction in ipairs(transactions) do
     if #transaction.findings > 1 then
       table.sort(transaction.findings)

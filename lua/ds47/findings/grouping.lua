@@ -1,8 +1,8 @@
 --- Findings to headlines: one for each cause, with a count, the frames, and what is true of all
 -- (docs/diagnoses.md; Python: ds47.diagnosis.grouping). A cause is a rule, a device and those arguments that
 -- the rule names in `group`. A headline is {rule, severity, args, differs, device, count, frames,
--- frames_left_out, transactions}: of the arguments it keeps those that are the same in all of its cases, and
--- `differs` names the others. It is worded in sentences.lua.
+-- frames_left_out, transactions, corrected (bytes), corrected_in}: of the arguments it keeps those that are
+-- the same in all of its cases, and `differs` names the others. It is worded in sentences.lua.
 
 local json = require("ds47.support.json")
 local tables = require("ds47.spec.tables")
@@ -12,6 +12,8 @@ local concat, sort = table.concat, table.sort
 local M = {}
 
 M.FAMILY = "DS7"
+
+local OFFERED = 8 -- corrected requests of a cause of which it is asked whether they hold
 
 local RANK = { error = 1, warning = 2, note = 3 }
 
@@ -158,10 +160,23 @@ local function group_of(self, finding, device)
   return group
 end
 
+-- Keeps the corrected request of the first case that has one that holds.
+local function offer(group, finding)
+  group.offers = (group.offers or 0) + 1
+  if group.corrected == nil and group.offers <= OFFERED then
+    group.corrected, group.corrected_in = finding.corrected, finding.corrected and finding.transaction
+  end
+end
+
 --- Counts a finding, with its transaction where it has one.
 -- @param device address of the device, or nil
-function Grouping:add(finding, device)
-  count(group_of(self, finding, device), finding)
+-- @param offered whether a corrected request was made for it, which may not hold
+function Grouping:add(finding, device, offered)
+  local group = group_of(self, finding, device)
+  count(group, finding)
+  if offered then
+    offer(group, finding)
+  end
 end
 
 -- Whether an array of numbers comes before another one; nil where they are alike.

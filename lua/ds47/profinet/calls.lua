@@ -99,13 +99,14 @@ local function forget_oldest(self)
 end
 
 --- Whether the same datagram with the same IP id was here within the copy window (P6).
+-- @return that, and of a copy the frame of the first one
 function CallTracker:is_copy(pdu)
   local key, before = find_datagram(self, pdu)
   if before then
     local passed, window = pdu.time_ns - before.time_ns, self.limits.copy_ns
     if passed <= window and -passed <= window then
       self.counts.copies = self.counts.copies + 1
-      return true
+      return true, before.frame
     end
   else
     self.datagram_count = self.datagram_count + 1

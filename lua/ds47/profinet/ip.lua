@@ -56,15 +56,15 @@ end
 -- What is known of an unfinished datagram:
 --   first_ns, frame, time_ns   of the first fragment; of the newest one
 --   total                      nil until the last fragment was seen
---   pieces                     offset -> {data = captured bytes, length = on the wire}
+--   pieces                     offset -> {data = captured bytes, length = on the wire, frame}
 --   count, bytes               of the pieces, and of their captured bytes
 --   cut                        the first frame that the capture cut, as rpc.parse takes it
 --   reach, beyond              there is no hole up to `reach`; a heap of the offsets behind it
 
-local function add(entry, offset, data, length, more, cut)
+local function add(entry, offset, data, length, more, cut, frame)
   local known = entry.pieces[offset]
   if not known or known.length < length then
-    entry.pieces[offset] = {data = data, length = length}
+    entry.pieces[offset] = {data = data, length = length, frame = frame}
     entry.bytes = entry.bytes + #data - (known and #known.data or 0)
     push(entry.beyond, offset)
     entry.cut = entry.cut or cut
@@ -155,18 +155,19 @@ function Reassembly.new(limits)
     most_fragments = limits.ip_fragments, most_bytes = limits.fragment_bytes,
     open = ordered.new(), done = ordered.new(), fragments = 0, bytes = 0, now_ns = nil,
     given_up = {},
+    original = nil, -- the frame of which the fragment that was taken last is a copy
   }, Reassembly)
 end
 
---- A mirror port's copy of a fragment of a datagram that just became whole.
+--- The piece of which this is a mirror port's copy, of a datagram that just became whole; nil of any other.
 -- Later than a millisecond it is a new datagram with a reused identification.
-local function is_copy(self, key, offset, data, length)
+local function copied(self, key, offset, data, length)
   local done = self.done:get(key)
   if not done or math.abs(self.now_ns - done.time_ns) > COPY_NS then
-    return false
+    return nil
   end
   local piece = done.pieces[offset]
-  return piece ~= nil and piece.data == data and piece.length == length
+  return piece and piece.data == data and piece.length == length and piece or nil
 end
 
 --- Takes a fragment; the packet (as rpc.parse takes it) when this one completes the datagram, else nil.
@@ -179,7 +180,13 @@ function Reassembly:feed(part)
   local length = #data + (part.missing or 0)
   self.now_ns = time_ns
   local key = part.src_ip .. "\0" .. part.dst_ip .. "\0" .. part.ip_id
-  if length == 0 or offset + length > LONGEST or is_copy(self, key, offset, data, length) then
+  self.original = nil
+  if length == 0 or offset + length > LONGEST then
+    return nil
+  end
+  local piece = copied(self, key, offset, data, length)
+  if piece then
+    self.original = piece.frame
     return nil
   end
   self:_expire()
@@ -192,7 +199,7 @@ function Reassembly:feed(part)
     self.open:set(key, entry)
   end
   local before, bytes_before = entry.count, entry.bytes
-  add(entry, offset, data, length, part.more, part.cut)
+  add(entry, offset, data, length, part.more, part.cut, part.frame)
   self.fragments = self.fragments + entry.count - before
   self.bytes = self.bytes + entry.bytes - bytes_before
   entry.frame, entry.time_ns = part.frame, time_ns

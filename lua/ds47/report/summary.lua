@@ -1,10 +1,12 @@
 --- The first lines of the text report: verdict, drives, what to do, what the capture cannot show.
--- The lines of Python's ds47.report.opening, in English or Chinese, but for corrected requests: the analyzer
--- alone has them. The words are those of tables.report_words.
+-- The lines of Python's ds47.report.summary, in English or Chinese. The words are those of
+-- tables.report_words.
 
 local filters = require("ds47.report.filters")
 local grouping = require("ds47.findings.grouping")
+local later = require("ds47.support.later").module
 local sentences = require("ds47.report.sentences")
+local suggest = later("ds47.diagnosis.suggest") -- not for captures without any correction
 local todo = require("ds47.report.todo")
 local verdict = require("ds47.report.verdict")
 local words = require("ds47.report.formatting")
@@ -17,6 +19,7 @@ local M = {}
 M.WIDTH = 100 -- columns of a line of text; what can be copied is never broken
 M.DRIVES = 50 -- drives, and other devices, that are listed
 M.OF_ONE_RULE = 3 -- diagnoses of one rule that are told one by one
+M.LONGEST_SCL = 32 -- bytes of a corrected request that is shown as SCL as well
 
 -- Drives
 
@@ -164,6 +167,29 @@ local function state(add, context, item)
   end
 end
 
+-- The request as it should have been.
+local function corrected(add, lang, item)
+  if item.corrected == nil then
+    return
+  end
+  local better = suggest.corrected(item.corrected)
+  if item.count > 1 and item.corrected_in then
+    local job = words.integer(item.corrected_in)
+    add("    " .. say(lang, "instead_of", { job = job, hex = better.hex }))
+  else
+    add("    " .. say(lang, "instead", { hex = better.hex }))
+  end
+  for _, line in ipairs(words.wrap(concat(better.words, " "), M.WIDTH - 6)) do
+    add("      " .. line)
+  end
+  for line in (#item.corrected <= M.LONGEST_SCL and better.scl or ""):gmatch("[^\n]+") do
+    add("      " .. line)
+  end
+  if better.encode then
+    add("      " .. better.encode)
+  end
+end
+
 local function diagnosis(add, context, item, advised)
   local text = escape(sentences.sentence(item, context.lang))
   if context.several and item.device and not text:find(item.device, 1, true) then
@@ -179,6 +205,7 @@ local function diagnosis(add, context, item, advised)
   end
   state(add, context, item)
   look(add, context.lang, item)
+  corrected(add, context.lang, item)
 end
 
 local function more(add, context, item)

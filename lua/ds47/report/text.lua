@@ -1,8 +1,7 @@
 --- Report as text, for a person: the verdict and what to do, a line per transaction, findings, a summary.
 -- The same bytes as `ds47 report` prints for the same capture (Python: ds47.report.text), but for what the
--- analyzer alone has: diagnoses about the whole capture, and corrected requests. What stands in a line is
--- decided here, in the first lines in ds47.report_opening; how values are written in ds47.report_words. Opens
--- no file.
+-- analyzer alone has: diagnoses about the whole capture. What stands in a line is decided here, in the first
+-- lines in summary.lua; how values are written in formatting.lua. Opens no file.
 
 local all_frames = require("ds47.acyclic.transactions").all_frames
 local bus = require("ds47.report.bus")

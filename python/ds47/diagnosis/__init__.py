@@ -60,9 +60,9 @@ class Diagnoses:
         """r0974 of a device: bytes of its longest message."""
         self._longest: OrderedDict[str, int] = OrderedDict()
         """Bytes of the longest response of a device."""
-        self._axes: OrderedDict[str, set[int]] = OrderedDict()
+        self._axes: OrderedDict[str, frozenset[int]] = OrderedDict()
         """Axes of a device that answered where the axis byte counts,"""
-        self._missing: OrderedDict[str, set[int]] = OrderedDict()
+        self._missing: OrderedDict[str, frozenset[int]] = OrderedDict()
         """and those of which it said that there is no such drive object."""
         self._refused: OrderedDict[refusal.Sign, None] = OrderedDict()
         """What a device refused (`refusal.sign`),"""
@@ -228,7 +228,7 @@ class Diagnoses:
     def _only_axis(self, job: Job, request: bytes) -> bytes | None:
         """The request for the only drive object that answered up to now, which read all of it; 0 names none."""
         device = job.peer.device
-        axes = self._axes.get(device, set()) - self._missing.get(device, set())
+        axes = self._axes.get(device, frozenset()) - self._missing.get(device, frozenset())
         if len(axes) != 1 or axes == {0}:
             return None
         from ds47.diagnosis import suggest
@@ -316,15 +316,12 @@ class Diagnoses:
             put(self._longest, device, length)
 
     def _learn_axis(self, device: str, axis: int, blocks: list[Block]) -> None:
-        axes = self._axes.get(device)
-        if axes is None:
-            axes = put(self._axes, device, set())
         error = known().axis_error
-        if all(block.error is None or block.error.code != error for block in blocks):
-            axes.add(axis)
-        else:
-            missing = self._missing.get(device)
-            (put(self._missing, device, set()) if missing is None else missing).add(axis)
+        refused = any(block.error is not None and block.error.code == error for block in blocks)
+        memory = self._missing if refused else self._axes
+        before = memory.get(device, frozenset())
+        if axis not in before:
+            put(memory, device, before | {axis})
 
     def _is_known(self, device: str, pnu: int) -> bool:
         return pnu in parameters() or (device, pnu) in self._anywhere

@@ -129,12 +129,15 @@ class Rule(Row):
 
     id: str
     name: str
+    title: str
     severity: str
     scope: str
     anchor: str
+    expert: str
     message: str
     cause: str
     advice: str
+    title_zh: str
     message_zh: str
     cause_zh: str
     advice_zh: str

@@ -70,6 +70,11 @@ def semantic() -> Flat:
             yield f"phases.{phase}.{event}", then
     yield from texts("reasons", semantics.reasons("en"), semantics.reasons("zh"))
     yield from fields("known", semantics.known())
+    pnus, values = semantics.never_written()
+    for number, each in enumerate(pnus, 1):
+        yield from leaves(f"known.never_written.ranges.0x{number:02X}", (each[0], each[-1]))
+    for number, pair in enumerate(sorted(values), 1):
+        yield from leaves(f"known.never_written.values.0x{number:02X}", pair)
     yield from texts(
         "diagnosis_words", semantics.diagnosis_words("en"), semantics.diagnosis_words("zh")
     )

@@ -1,0 +1,114 @@
+-- The part of the tree that is about a finding: what it is called, what was seen (the expert info), cause,
+-- what to do, the request as it should have been, and the other frames that it is about.
+--
+-- `put` are the functions of tree.lua that add fields: {wanted, derive}. The sentence stands in the expert
+-- info alone, and Wireshark's dialog shows that; as fields message and arguments are there, hidden.
+
+local json = require("ds47.support.json")
+local later = require("ds47.support.later").module
+local own_experts = require("ds47_ws.experts")
+local s7_tree = later("ds47_ws.s7_tree")
+local suggest = later("ds47.diagnosis.suggest")
+local tables = require("ds47.spec.tables")
+local words = require("ds47.report.formatting")
+
+local M = {}
+
+local WIDTH, INDENT = 100, "    " -- columns of a line, and before a further one
+
+local function in_language(row, key, lang)
+  return lang == "zh" and row[key .. "_zh"] or row[key]
+end
+
+-- `DS410 error: Negative response for a parameter`.
+local function label(finding, row, lang)
+  return words.say(lang, "finding_title", {
+    rule = finding.rule, severity = words.say(lang, "severity_" .. finding.severity),
+    title = in_language(row, "title", lang),
+  })
+end
+
+-- A text that may be longer than Wireshark shows in one line (240 bytes): the rest stands in lines below it.
+local function add_long(put, parent, key, name, text)
+  local item = put.derive(parent, key, text)
+  if not item then
+    return
+  end
+  for number, line in ipairs(words.wrap(text, WIDTH)) do
+    if number == 1 then
+      item:set_text(name .. ": " .. line)
+    else
+      parent:add(INDENT .. line):set_generated()
+    end
+  end
+end
+
+-- A field that a filter finds and nobody sees.
+local function hide(item)
+  if item then
+    item:set_hidden()
+  end
+end
+
+-- The corrected request. Its bytes are not those of the frame: the window shows them in a tab of their own.
+local function add_instead(put, parent, finding)
+  if not finding.corrected then
+    return
+  end
+  local shown = suggest.corrected(finding.corrected)
+  local item = parent
+  if put.wanted("finding.instead") then
+    local bytes = ByteArray.new(shown.hex):tvb("Send instead")
+    item = put.take(parent, "finding.instead", bytes:range(), 0, bytes:len())
+    item:set_generated()
+  end
+  put.derive(item, "finding.instead.words", table.concat(shown.words, " "))
+  put.derive(item, "finding.instead.encode", shown.encode)
+end
+
+-- The other frames that it is about, as links. `request` is that of its transaction, which the finding may
+-- stand behind.
+local function add_frames(put, parent, finding, request)
+  local known = { [finding.frame] = true }
+  for _, frame in ipairs(finding.frames) do
+    if not known[frame] then
+      put.derive(parent, "finding.frame", frame)
+      known[frame] = true
+    end
+  end
+  if request and not known[request] then
+    put.derive(parent, "finding.request_in", request)
+  end
+end
+
+--- Adds a finding.
+-- @param parent the tree of its transaction, or of the frame
+-- @param experts as fields.lua makes them
+-- @param request number of the frame with the request of its transaction; nil where there is none, or where
+--   the tree of the transaction has the link
+function M.add(put, parent, finding, experts, request, lang)
+  local text, said = own_experts.of_finding(finding, lang)
+  local row = tables.rules[finding.rule]
+  local shown = put.derive(parent, "finding", finding.rule)
+  if shown then
+    shown:set_text(label(finding, row, lang))
+  end
+  shown = shown or parent
+  shown:add_proto_expert_info(experts[finding.rule], text)
+  put.derive(shown, "finding.severity", finding.severity)
+  hide(put.derive(shown, "finding.message", said))
+  if put.wanted("finding.args") then
+    hide(put.derive(shown, "finding.args", json.encode(finding.args)))
+  end
+  add_long(put, shown, "finding.cause", "Cause", in_language(row, "cause", lang))
+  add_long(put, shown, "finding.advice", "What to do", in_language(row, "advice", lang))
+  add_instead(put, shown, finding)
+  add_frames(put, shown, finding, request)
+  put.derive(shown, "finding.offset", finding.offset)
+  put.derive(shown, "finding.transaction", finding.transaction or finding.order)
+  if finding.rule == "DS905" then
+    put.derive(shown, "s7.inconsistent", s7_tree.inconsistent(finding))
+  end
+end
+
+return M

@@ -1,0 +1,306 @@
+"""What a finding says where it stands, in a real tshark: in words, once, with what to do and what to send instead.
+
+Also what stands beside the transactions: statuses in words, bytes at their place, copies of a mirror port, and
+what one pass leaves out.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from test_wireshark_plugin import (
+    CAPTURES,
+    COMPLETE,
+    PLUGIN,
+    Tshark,
+    columns,
+    make,
+    program,
+    rows,
+    run,
+    tshark,
+)
+
+from ds47.analysis import analyze
+from ds47.capture import open_capture
+from ds47.capture.writer import PcapngWriter
+from ds47.diagnosis.suggest import corrected
+from ds47.lab.client import Client
+from ds47.report.sentences import sentence
+from ds47.report.wrap import wrap
+from ds47.spec import rules
+from ds47.spec.statuses import status_text
+
+__all__ = ["make", "tshark"]  # fixtures
+
+REFUSED = "diagnosis-index-and-count.pcapng"
+COPIES = "transport-copies.pcapng"
+HINT = "in one pass a transaction is shown as far as it has come"
+BLIND = "with -2 alone a transaction is shown as far as it has come"
+GROUPS = {
+    "response": "Response",
+    "malformed": "Malformed",
+    "sequence": "Sequence",
+    "protocol": "Protocol",
+}
+
+
+def tree(tshark: Tshark, name: str, *more: str) -> list[str]:
+    """The lines of the trees of the plugin, without brackets and what is before them."""
+    output = tshark("-r", CAPTURES[name], *COMPLETE, "-V", "-O", "ds47,ds47_copy", *more)
+    return [line.strip().removeprefix("[").removesuffix("]") for line in output.splitlines()]
+
+
+def below(lines: list[str], title: str) -> list[str]:
+    """The lines of a finding: up to the next one."""
+    start = next(at for at, line in enumerate(lines) if line.startswith(title))
+    ends = [at for at in range(start + 1, len(lines)) if re.match(r"DS\d{3} |Frame \d", lines[at])]
+    return lines[start : ends[0] if ends else len(lines)]
+
+
+def test_the_summary_of_an_expert_info_is_the_title_of_the_rule(tmp_path: Path) -> None:
+    """The summary by which the dialog groups is the registered text of an expert info."""
+    listed = fields_of(tmp_path)
+    for rule in rules().values():
+        assert listed[f"ds47.expert.{rule.id.lower()}"] == f"{rule.id} {rule.title}"
+
+
+def fields_of(home: Path) -> dict[str, str]:
+    """Name of each field of the plugin -> its label."""
+    command = [*program(), "-G", "fields", "-X", f"lua_script:{PLUGIN}"]
+    environment = {"HOME": str(home), "PATH": os.environ["PATH"], "LC_ALL": "C.UTF-8"}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    found = [line.split("\t") for line in done.stdout.splitlines() if line.startswith("F\t")]
+    return {row[2]: row[1] for row in found if row[2].startswith("ds47.")}
+
+
+@pytest.mark.parametrize(
+    ("name", "rule"),
+    [
+        (REFUSED, "DS410"),
+        ("conversation-superseded-read.pcapng", "DS413"),
+        ("conversation-constant-reference.pcapng", "DS415"),
+        ("transport-reject.pcapng", "DS104"),
+    ],
+)
+def test_the_group_of_an_expert_info_is_that_of_the_rule(
+    name: str, rule: str, tshark: Tshark
+) -> None:
+    shown = below(tree(tshark, name), f"{rule} ")
+    row = rules()[rule]
+    assert shown[0] == f"{rule} {row.severity}: {row.title}"
+    (group,) = [line for line in shown if line.startswith("Group: ")]
+    assert group == f"Group: {GROUPS[row.expert]}"
+
+
+def test_a_finding_says_its_sentence_in_its_expert_info_alone(tshark: Tshark) -> None:
+    """Which Wireshark itself shows as a line and, below it, as a field."""
+    (found,) = [each for each in analyze(CAPTURES[REFUSED]).findings if each.rule == "DS717"]
+    shown = below(tree(tshark, REFUSED), "DS717 ")
+    said = [line for line in shown if sentence(found) in line]
+    assert [line.split(": ", 1)[0] for line in said] == [
+        "Expert Info (Error/Response)",
+        "offset 4",
+    ]
+    filters = 'ds47.finding.message contains "p2900[1]"'
+    assert tshark("-r", CAPTURES[REFUSED], "-2", "-Y", filters, *columns("frame.number")) == "4\n"
+
+
+def test_a_finding_says_its_cause_and_what_to_do(tshark: Tshark) -> None:
+    shown, row = below(tree(tshark, REFUSED), "DS410 "), rules()["DS410"]
+    for name, text in (("Cause", row.cause), ("What to do", row.advice)):
+        first, *more = wrap(text, 100)
+        at = shown.index(f"{name}: {first}")
+        assert shown[at + 1 : at + 1 + len(more)] == [f"    {line}" for line in more]
+    assert not [line for line in shown if "[truncated]" in line or "\u2026" in line]
+    chinese = below(tree(tshark, REFUSED, "-o", "ds47.language:zh"), "DS410 ")
+    assert chinese[0] == f"DS410 错误：{row.title_zh}"
+    assert f"Cause: {row.cause_zh}".startswith(next(x for x in chinese if x.startswith("Cause")))
+
+
+def test_a_finding_has_the_corrected_request_of_the_report(tshark: Tshark) -> None:
+    (told,) = [each for each in analyze(CAPTURES[REFUSED]).diagnoses if each.rule == "DS717"]
+    assert told.corrected is not None
+    better, shown = corrected(told.corrected), below(tree(tshark, REFUSED), "DS717 ")
+    assert f"Send instead: {better.hex}" in shown
+    assert f"In words: {' '.join(better.words)}" in shown
+    assert f"Made by: {better.encode}" in shown
+    filters = f"ds47.finding.instead == {better.hex}"
+    assert tshark("-r", CAPTURES[REFUSED], "-2", "-Y", filters, *columns("frame.number")) == "4\n"
+
+
+def test_what_was_refused_later_is_not_offered(tshark: Tshark) -> None:
+    """Of all captures: a finding has a corrected request where its headline has one."""
+    for name in sorted(CAPTURES):
+        if not name.startswith("diagnosis-"):
+            continue
+        wanted = {
+            (each.corrected.hex(), each.corrected_in)
+            for each in analyze(CAPTURES[name]).diagnoses
+            if each.corrected is not None
+        }
+        if not wanted:
+            continue
+        asked = columns("ds47.finding.instead", "ds47.finding.transaction")
+        found = tshark("-r", CAPTURES[name], *COMPLETE, "-Y", "ds47.finding.instead", *asked)
+        requests = {each for row in rows(found) for each in row[0].replace(":", "").split(",")}
+        assert requests >= {request for request, _ in wanted}, name
+
+
+def test_the_request_of_a_finding_of_another_transaction_is_a_link(tshark: Tshark) -> None:
+    """DS106 stands on a frame, DS403 on a response: where a tree has no link, the finding has one."""
+    name = "conversation-superseded-change.pcapng"
+    asked = columns("frame.number", "ds47.finding.frame", "ds47.finding.transaction")
+    found = rows(tshark("-r", CAPTURES[name], *COMPLETE, "-Y", "ds47.finding", *asked))
+    result = analyze(CAPTURES[name])
+    requests = {each.id: each.frames.write_request for each in result.transactions}
+    for frame, frames, transaction in found:
+        assert str(requests[int(transaction)]) in [frame, *frames.split(",")]
+
+
+def test_a_status_has_its_words(tshark: Tshark) -> None:
+    name = "diagnosis-two-users-across.pcapng"
+    (refused,) = {
+        each.write_status
+        for each in analyze(CAPTURES[name]).transactions
+        if each.state == "refused"
+    }
+    assert refused
+    wanted = f"Status of the Write: 0x{refused:08x} ({status_text(refused)})"
+    assert wanted in tree(tshark, name)
+
+
+def test_messages_stand_at_their_bytes(tmp_path: Path) -> None:
+    """In every frame that has a message: the field has the place of the bytes and is not generated."""
+    for name in (REFUSED, "transport-rpc-fragments.pcapng", "conversation-wrong-reference.pcapng"):
+        output = run(tmp_path, *COMPLETE, "-T", "pdml", "-r", CAPTURES[name])
+        known = analyze(CAPTURES[name]).transactions
+        found = {}
+        for packet in ElementTree.fromstring(output).iter("packet"):
+            for field in packet.iter("field"):
+                if field.get("name") in ("ds47.bytes.request", "ds47.bytes.response"):
+                    data = (field.get("show") or "").replace(":", "")
+                    if int(field.get("size") or 0) == len(data) // 2:
+                        found.setdefault(field.get("name"), set()).add(data)
+        for each in known:
+            assert each.request is None or each.request.hex() in found["ds47.bytes.request"]
+            assert each.response is None or each.response.hex() in found["ds47.bytes.response"]
+
+
+# Copies
+
+
+def mirrored(path: Path, target: Path) -> Path:
+    """A capture in which a mirror port gives each frame twice."""
+    with target.open("wb") as file, PcapngWriter(file) as writer:
+        for frame in open_capture(path):
+            writer.write(frame.time_ns, frame.data)
+            writer.write(frame.time_ns + 20_000, frame.data)
+    return target
+
+
+@pytest.mark.parametrize("passes", [(), COMPLETE], ids=["one pass", "two passes"])
+@pytest.mark.parametrize(
+    "name",
+    ["conversation-read-back.pcapng", "transport-ip-fragments.pcapng", "tour-machine.pcapng"],
+)
+def test_a_copy_names_its_original(
+    name: str, passes: tuple[str, ...], tshark: Tshark, tmp_path: Path
+) -> None:
+    path = mirrored(CAPTURES[name], tmp_path / "mirrored.pcapng")
+    shown = ("frame.number", "ds47.duplicate_of")
+    ours = {
+        int(row[0]) for row in rows(tshark("-r", path, *passes, "-Y", "ds47", *columns(*shown)))
+    }
+    found = rows(tshark("-r", path, *passes, "-Y", "ds47.duplicate_of", *columns(*shown)))
+    copies = {int(copy): int(original) for copy, original in found}
+    # a lone finding belongs to no message, and the first copy of a fragment to no whole one
+    assert set(copies.values()) <= ours
+    assert all(copy == original + 1 for copy, original in copies.items())
+    with_transaction = rows(tshark("-r", path, *passes, "-Y", "ds47.transaction", *columns(*shown)))
+    assert {int(row[0]) for row in with_transaction} <= set(copies.values())
+    assert ours.isdisjoint(copies)
+    count = len(rows(tshark("-r", CAPTURES[name], *passes, "-Y", "ds47.transaction")))
+    assert len(with_transaction) == count
+
+
+def test_a_copy_says_so_in_its_columns_and_its_tree(tshark: Tshark) -> None:
+    asked = columns("_ws.col.Protocol", "_ws.col.Info")
+    output = tshark("-r", CAPTURES[COPIES], "-Y", "frame.number == 2", *asked)
+    assert rows(output) == [["DS47", "duplicate of frame 1"]]
+    assert "Duplicate of frame: 1" in tree(tshark, COPIES)
+    chinese = tshark("-r", CAPTURES[COPIES], "-Y", "ds47_copy", "-o", "ds47.language:zh", *asked)
+    assert rows(chinese)[0] == ["DS47", "帧 1 的副本"]
+
+
+def test_a_copy_of_another_record_call_is_none_of_ours(tshark: Tshark, tmp_path: Path) -> None:
+    """Connect, and records that are no parameter channel, keep the tree of the built-in."""
+    path = mirrored(CAPTURES["tour-machine.pcapng"], tmp_path / "mirrored.pcapng")
+    found = rows(tshark("-r", path, *COMPLETE, "-Y", "ds47_copy", *columns("pn_io.index")))
+    assert {row[0].split(",")[0] for row in found if row[0]} <= {"0x002f", "0xb02f", "47"}
+
+
+# One pass
+
+
+def stderr(home: Path, *arguments: str | Path) -> str:
+    """What tshark with the plugin says beside its output, without its own words about superusers."""
+    environment = {"HOME": str(home), "PATH": os.environ["PATH"], "LC_ALL": "C.UTF-8"}
+    command = [*program(), "-n", "-X", f"lua_script:{PLUGIN}", *map(str, arguments)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    return "".join(line for line in done.stderr.splitlines(True) if line.startswith("ds47:"))
+
+
+@pytest.mark.parametrize(
+    "more", [("-V",), ("-Y", 'ds47.state == "ok"'), columns("ds47.response_in")]
+)
+def test_one_pass_says_once_what_it_leaves_out(more: tuple[str, ...], tmp_path: Path) -> None:
+    said = stderr(tmp_path, "-r", CAPTURES["tour-machine.pcapng"], *more)
+    assert said.startswith(f"ds47: {HINT}")
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        (),
+        ("-Y", "ds47.pnu"),
+        ("-Y", "ds47"),
+        ("-q", "-z", "expert"),
+        (*COMPLETE, "-V"),
+        ("-2", "-Y", "ds47.state"),
+        ("-q", "-X", "lua_script1:statistics"),
+    ],
+    ids=" ".join,
+)
+def test_nothing_is_said_where_nothing_is_missing(more: tuple[str, ...], tmp_path: Path) -> None:
+    assert stderr(tmp_path, "-r", CAPTURES["tour-machine.pcapng"], *more) == ""
+
+
+def test_two_passes_of_which_the_first_has_no_fields_are_one(tmp_path: Path) -> None:
+    """-2 alone: the first pass has no tree, so the second one shows what one pass shows."""
+    said = stderr(tmp_path, "-r", CAPTURES["tour-machine.pcapng"], "-2", "-V")
+    assert said.startswith(f"ds47: {BLIND}")
+
+
+def test_a_capture_in_which_nothing_is_open_says_nothing(
+    make: Callable[[Callable[[Client], object]], Path], tmp_path: Path
+) -> None:
+    """No transaction at all: nothing may come later."""
+    path = make(lambda client: client.connect("plc"))
+    assert stderr(tmp_path, "-r", path, "-V") == ""
+
+
+def test_the_tree_says_what_a_second_pass_knows(tshark: Tshark) -> None:
+    asked = columns("frame.number", "ds47.second_pass", "ds47.state")
+    found = rows(tshark("-r", CAPTURES[REFUSED], "-Y", "ds47", *asked))
+    assert [row[0] for row in found if row[1]] == [row[0] for row in found if not row[2]]
+    assert found[0][1].endswith("tshark -2 -R frame")
+    complete = rows(tshark("-r", CAPTURES[REFUSED], *COMPLETE, "-Y", "ds47", *asked))
+    assert not [row for row in complete if row[1]]
