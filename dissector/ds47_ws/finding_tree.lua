@@ -14,7 +14,7 @@ local words = require("ds47.report.formatting")
 
 local M = {}
 
-local WIDTH, INDENT = 100, "    " -- columns of a line, and before a further one
+local WIDTH, HANGING = 76, 4 -- columns of a line, and blanks before a further one
 
 local function in_language(row, key, lang)
   return lang == "zh" and row[key .. "_zh"] or row[key]
@@ -34,11 +34,11 @@ local function add_long(put, parent, key, name, text)
   if not item then
     return
   end
-  for number, line in ipairs(words.wrap(text, WIDTH)) do
+  for number, line in ipairs(words.wrap(name .. ": " .. text, WIDTH, HANGING)) do
     if number == 1 then
-      item:set_text(name .. ": " .. line)
+      item:set_text(line)
     else
-      parent:add(INDENT .. line):set_generated()
+      parent:add(line):set_generated()
     end
   end
 end
@@ -95,7 +95,6 @@ function M.add(put, parent, finding, experts, request, lang)
   end
   shown = shown or parent
   shown:add_proto_expert_info(experts[finding.rule], text)
-  put.derive(shown, "finding.severity", finding.severity)
   hide(put.derive(shown, "finding.message", said))
   if put.wanted("finding.args") then
     hide(put.derive(shown, "finding.args", json.encode(finding.args)))
@@ -104,6 +103,7 @@ function M.add(put, parent, finding, experts, request, lang)
   add_long(put, shown, "finding.advice", "What to do", in_language(row, "advice", lang))
   add_instead(put, shown, finding)
   add_frames(put, shown, finding, request)
+  put.derive(shown, "finding.severity", finding.severity)
   put.derive(shown, "finding.offset", finding.offset)
   put.derive(shown, "finding.transaction", finding.transaction or finding.order)
   if finding.rule == "DS905" then

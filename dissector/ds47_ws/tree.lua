@@ -428,7 +428,7 @@ local OF_LATER_FRAMES = {
 local function add_second_pass(parent, view)
   if not WINDOW and not view.complete and not state_is_certain(view) and any_wanted(OF_LATER_FRAMES) then
     passes.shown_partly()
-    derive(parent, "second_pass", marked and words.say(language, "second_pass") or "")
+    derive(parent, "second_pass", words.say(language, "second_pass"))
   end
 end
 
