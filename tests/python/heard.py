@@ -81,7 +81,7 @@ def _transaction(item: Transaction) -> dict[str, Any]:
 
 
 def _shown(value: Any) -> Any:
-    """What Lua takes for it; remarks without the corrected request, which only Python has."""
+    """What Lua takes for it; remarks without the corrected request, which test_lua_analysis.py compares."""
     if isinstance(value, Job):
         return _job(value)
     if isinstance(value, Transaction):

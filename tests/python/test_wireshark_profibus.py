@@ -622,7 +622,7 @@ def test_the_report_is_that_of_the_command(tshark: Tshark, tmp_path: Path) -> No
     path = saved(tmp_path / "line.pcapng", shots(test_profibus_bus.everything_wrong()))
     text = tshark("-q", "-X", "lua_script1:report", "-X", f"lua_script1:name={path}", "-r", path)
     result, wanted = analyze(path, AnalysisOptions(ignore=ANALYZER_ONLY)), io.StringIO()
-    text_report.write(Report([result]), wanted, Options(rules=rules(), corrected=False))
+    text_report.write(Report([result]), wanted, Options(rules=rules()))
     assert text == wanted.getvalue()
     assert "dp4      slave" in text
     for kind in ("statistics", "csv", "drives"):

@@ -252,6 +252,6 @@ def test_the_report_is_that_of_the_analyzer(name: str, tshark: Tshark, tmp_path:
     result = analyze(path)
     result.path = path.name
     with (tmp_path / "own.txt").open("w", encoding="utf-8") as stream:
-        options = Options(rules=spec.rules(), corrected=False)
+        options = Options(rules=spec.rules())
         text_report.write(Report([result]), stream, options)
     assert report.read_text("utf-8") == (tmp_path / "own.txt").read_text("utf-8")

@@ -38,6 +38,8 @@ ANALYZER_ONLY = tuple(
 CAPTURES = (
     "tour-machine",
     "conversation-slow",
+    "diagnosis-bytes-swapped",
+    "diagnosis-index-and-count",
     "format-mixed",
     "format-description",
     "message-error-words",
@@ -132,7 +134,7 @@ def test_reports_are_those_of_the_analyzer(
     result = analyze(path, AnalysisOptions(ignore=ANALYZER_ONLY))
     result.path = name
     expected = io.StringIO()
-    options = Options(rules=spec.rules(), corrected=False)
+    options = Options(rules=spec.rules())
     text_report.write(Report([result]), expected, options)
     assert text.read_bytes().decode() == expected.getvalue()
     expected = io.StringIO()

@@ -57,9 +57,8 @@ class Options(NamedTuple):
 
     `fail_on`: the severity from which on a finding is a failure (junit only). `lang`: the language of
     the words of a report (text), or in which a page starts (html). `plc`: what the PLC saw
-    of every job, not only of those that are not ok (text only). `corrected`: requests as they should have
-    been (text only; the Lua reports have none). `reference`: what 100 % of a setpoint is (text, html).
-    `s7`: every transaction of S7, not only those with findings (text only).
+    of every job, not only of those that are not ok (text only). `reference`: what 100 % of a setpoint
+    is (text, html). `s7`: every transaction of S7, not only those with findings (text only).
     """
 
     color: bool = False
@@ -67,7 +66,6 @@ class Options(NamedTuple):
     fail_on: str = "error"
     lang: str = "en"
     plc: bool = False
-    corrected: bool = True
     reference: Reference | None = None
     s7: bool = False
 

@@ -212,8 +212,8 @@ class Opening:
         return "  " + self._say("frames_more", n=frames) if frames else ""
 
     def _corrected(self, item: Diagnosis) -> Iterator[str]:
-        """The request as it should have been: of Python only, see docs/report.md."""
-        if item.corrected is None or not self._options.corrected:
+        """The request as it should have been."""
+        if item.corrected is None:
             return
         from ds47.diagnosis.suggest import corrected  # not for captures without any
 
