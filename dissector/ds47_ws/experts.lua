@@ -5,14 +5,12 @@ local info = require("ds47_ws.info")
 local sentences = require("ds47.report.sentences")
 local words = require("ds47.report.formatting")
 
-local format = string.format
-
 local M = {}
 
 --- What the expert info of a finding says, and the same without the place in the message.
 function M.of_finding(finding, lang)
   local said = words.escape(sentences.sentence(finding, lang))
-  return finding.offset and format("offset %d: %s", finding.offset, said) or said, said
+  return words.escape(words.message(finding, lang)), said
 end
 
 --- The key of the expert info of an event, and what it says.

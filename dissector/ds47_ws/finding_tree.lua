@@ -29,12 +29,13 @@ local function label(finding, row, lang)
 end
 
 -- A text that may be longer than Wireshark shows in one line (240 bytes): the rest stands in lines below it.
-local function add_long(put, parent, key, name, text)
+-- `shown` is the text with its name.
+local function add_long(put, parent, key, text, shown)
   local item = put.derive(parent, key, text)
   if not item then
     return
   end
-  for number, line in ipairs(words.wrap(name .. ": " .. text, WIDTH, HANGING)) do
+  for number, line in ipairs(words.wrap(shown, WIDTH, HANGING)) do
     if number == 1 then
       item:set_text(line)
     else
@@ -99,8 +100,9 @@ function M.add(put, parent, finding, experts, request, lang)
   if put.wanted("finding.args") then
     hide(put.derive(shown, "finding.args", json.encode(finding.args)))
   end
-  add_long(put, shown, "finding.cause", "Cause", in_language(row, "cause", lang))
-  add_long(put, shown, "finding.advice", "What to do", in_language(row, "advice", lang))
+  local cause, advice = in_language(row, "cause", lang), in_language(row, "advice", lang)
+  add_long(put, shown, "finding.cause", cause, words.say(lang, "finding_cause", { text = cause }))
+  add_long(put, shown, "finding.advice", advice, words.say(lang, "finding_advice", { text = advice }))
   add_instead(put, shown, finding)
   add_frames(put, shown, finding, request)
   put.derive(shown, "finding.severity", finding.severity)

@@ -32,7 +32,7 @@ from ds47.capture import open_capture
 from ds47.capture.writer import PcapngWriter
 from ds47.diagnosis.suggest import corrected
 from ds47.lab.client import Client
-from ds47.report.sentences import sentence
+from ds47.report.sentences import at_offset, sentence
 from ds47.report.wrap import wrap
 from ds47.spec import rules
 from ds47.spec.statuses import status_text
@@ -121,7 +121,10 @@ def test_a_finding_says_its_cause_and_what_to_do(tshark: Tshark) -> None:
     assert not [line for line in shown if "[truncated]" in line or "\u2026" in line]
     chinese = below(tree(tshark, REFUSED, "-o", "ds47.language:zh"), "DS410 ")
     assert chinese[0] == f"DS410 错误：{row.title_zh}"
-    assert f"Cause: {row.cause_zh}".startswith(next(x for x in chinese if x.startswith("Cause")))
+    assert wrap(f"原因：{row.cause_zh}", 76, 4)[0] in chinese
+    (found,) = [each for each in analyze(CAPTURES[REFUSED]).findings if each.rule == "DS410"]
+    said = at_offset(found.offset, sentence(found, "zh"), "zh")
+    assert f"Expert Info (Error/Response): {said}" in chinese
 
 
 def test_a_finding_has_the_corrected_request_of_the_report(tshark: Tshark) -> None:

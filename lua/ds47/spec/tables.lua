@@ -1544,6 +1544,8 @@ M.report_words = {
   second_pass = {en = "later frames may say more of this transaction: tshark -2 -R frame", zh = "后面的帧可能说明该任务的更多内容：tshark -2 -R frame"},
   one_pass = {en = "in one pass a transaction is shown as far as it has come; tshark -2 -R frame shows what later frames say of it", zh = "单遍运行时，任务只显示到该帧为止；tshark -2 -R frame 还显示后面的帧的内容"},
   blind_pass = {en = "with -2 alone a transaction is shown as far as it has come; tshark -2 -R frame shows what later frames say of it", zh = "仅用 -2 时，任务只显示到该帧为止；tshark -2 -R frame 还显示后面的帧的内容"},
+  finding_cause = {en = "Cause: {text}", zh = "原因：{text}"},
+  finding_advice = {en = "What to do: {text}", zh = "怎么处理：{text}"},
   finding_title = {en = "{rule} {severity}: {title}", zh = "{rule} {severity}：{title}"},
   finding_offset = {en = "offset {offset}: {message}", zh = "偏移 {offset}：{message}"},
   frames_more = {en = "(and {n} frame more)|(and {n} frames more)", zh = "（另有 {n} 帧）"},
