@@ -277,8 +277,9 @@ def test_a_failed_install_leaves_the_old_one(shark, capsys, monkeypatch) -> None
 
     monkeypatch.setattr(Path, "rename", fail)
     status, _, err = run(capsys, "install")
-    assert status == 2
+    assert status == 1
     assert "in use" in err
+    assert len(err.splitlines()) == 1
     assert tree(shark.plugins) == before
 
 

@@ -65,8 +65,9 @@ def install(folder: Path | None, no_profile: bool, force: bool, tshark: str | No
         warn(str(problem))
         return 1
     status = 0 if no_profile else _install_profile(shark, force)
+    status |= _warn_of_left(outcome)
     for copy in files.copies(plugins):
-        if copy.parent != outcome.folder:
+        if copy.parent not in (outcome.folder, outcome.left):
             warn(f"a second copy of the plugin is there: delete {copy}")
             status = 1
     stream.write("Next: start Wireshark again, or Analyze > Reload Lua Plugins.\n")
@@ -88,14 +89,17 @@ def uninstall(folder: Path | None, force: bool, tshark: str | None) -> int:
     plugins = _plugins(folder, shark)
     if plugins is None:
         return _NO_WIRESHARK
-    stream = stdout()
-    done = {"plugin": files.uninstall(plugins / files.FOLDER, keep_changed=False)}
+    places = {"plugin": (plugins / files.FOLDER, False)}
     if shark is not None:
-        profile = shark.folders.profile(files.PROFILE)
-        done["profile"] = files.uninstall(profile, keep_changed=not force)
-    for what, outcome in done.items():
-        stream.write(_removed(what, outcome))
-    return 0
+        places["profile"] = (shark.folders.profile(files.PROFILE), not force)
+    status = 0
+    for what, (place, keep_changed) in places.items():
+        try:
+            stdout().write(_removed(what, files.uninstall(place, keep_changed)))
+        except files.RefusedError as problem:
+            warn(str(problem))
+            status = 1
+    return status
 
 
 @command.command("path")
@@ -152,7 +156,15 @@ def _install_profile(shark: Wireshark | None, force: bool) -> int:
         warn(str(problem))
         return 1
     stdout().write(_told("profile DS47", outcome))
-    return 0
+    return _warn_of_left(outcome)
+
+
+def _warn_of_left(outcome: Outcome) -> int:
+    """Says that the old files are still there, under another name; returns the exit status."""
+    if outcome.left is None:
+        return 0
+    warn(f"what was there before could not be removed: delete {outcome.left}")
+    return 1
 
 
 def _find(program: str | None, needed: bool) -> Wireshark | None:
@@ -197,10 +209,13 @@ def _removed(what: str, outcome: Outcome | None) -> str:
         return f"{what}: nothing there that ds47 plugin install wrote\n"
     if not outcome.removed:
         why = _listed([*outcome.kept, *outcome.foreign])
-        return f"{what}: kept, because you changed {why} in {outcome.folder} (--force removes it)\n"
+        return f"{what}: kept, because {why} changed in {outcome.folder} (--force removes it)\n"
     text = f"{what}: removed from {outcome.folder} ({counted(outcome.removed, 'file')})\n"
     if outcome.foreign:
-        text += f"  left there, not of ds47: {_listed(outcome.foreign)}\n"
+        names = _listed(outcome.foreign)
+        text += (
+            f"  left there, not of ds47: {names}; delete {outcome.folder} if you do not need it\n"
+        )
     return text
 
 

@@ -57,8 +57,7 @@ class Patient:
     @cached_property
     def installed(self) -> list[Path]:
         """The folders into which `ds47 plugin install` put the plugin."""
-        places = (folder / install.FOLDER for folder in self.folders.read_for_lua())
-        return [place for place in places if install.read_marker(place) is not None]
+        return [place for place in _places(self) if install.read_marker(place) is not None]
 
     @cached_property
     def copies(self) -> list[Path]:
@@ -163,13 +162,21 @@ def check_installed(patient: Patient) -> Check:
     stray = next(_strays(patient), None)
     if stray is not None:
         text = f"{stray} is in a folder that Wireshark does not read"
-        return Check(name, "wrong", text, f"ds47 plugin install, then delete {stray}")
+        mend = f"{_installing(patient)}, then delete {stray}"
+        return Check(name, "wrong", text, mend)
     text = f"nothing in {patient.folders.personal_lua}"
-    return Check(name, "wrong", text, "ds47 plugin install")
+    if (place := install.obstacle(_place(patient))) is not None:
+        text += f", and no right to write into {place}"
+    return Check(name, "wrong", text, _installing(patient))
 
 
 def check_copies(patient: Patient) -> Check:
     """Two copies: the first that is loaded wins, and it may be the old one."""
+    left = [each for place in _places(patient) for each in install.leftovers(place)]
+    live = [each for each in left if install.copies(each)]
+    if live:
+        text = f"left by an installation, and loaded: {install.listed(map(str, live))}"
+        return Check("one copy", "wrong", text, _deleting(live))
     if len(patient.copies) > 1:
         others = [path for path in patient.copies if path.parent not in patient.installed]
         text = f"{len(patient.copies)} copies: {', '.join(map(str, patient.copies))}"
@@ -189,7 +196,7 @@ def check_current(patient: Patient) -> Check:
     marker = install.read_marker(folder)
     if marker is None:
         return Check("current", "skipped", f"{folder} was removed meanwhile")
-    mend = "ds47 plugin install"
+    mend = _installing(patient, folder)
     if marker.version != __version__:
         text = f"version {marker.version} is installed, this is ds47 {__version__}"
         return Check("current", "wrong", text, mend)
@@ -226,7 +233,7 @@ def check_errors(patient: Patient) -> Check:
     told = list(dict.fromkeys(found for text in texts for found in errors_in(text)))
     ours = [text for text in told if "ds47" in text.lower()]
     if ours:
-        mend = "ds47 plugin install --force; if it stays, report it with this text"
+        mend = f"{_installing(patient)} --force; if it stays, report it with this text"
         return Check("no Lua error", "wrong", ours[0], mend)
     if told:
         return Check("no Lua error", "warning", f"of another script: {told[0]}", "mend that script")
@@ -261,15 +268,18 @@ def check_profile(patient: Patient) -> Check:
     folder = patient.folders.profile(install.PROFILE)
     marker = install.read_marker(folder)
     if marker is None:
-        there = folder.exists()
-        text = f"{folder} is not of ds47" if there else "not installed"
-        mend = "ds47 plugin install" + (" --force replaces it" if there else " puts it there")
+        lost = install.not_ours(folder, patient.sources.profile)
+        text = f"{folder} is not of ds47" if lost else "not installed"
+        mend = _installing(patient, folder) + (" --force replaces it" if lost else " puts it there")
         return Check("profile", "warning", text, mend)
+    if left := install.leftovers(folder):
+        text = f"left by an installation: {install.listed(map(str, left))}"
+        return Check("profile", "warning", text, _deleting(left))
     if changed := install.changed(folder, marker, missing=False):
         return Check("profile", "ok", f"{folder}; changed by you: {install.listed(changed)}")
     if install.stale(folder, marker, install.profile_files(patient.sources)):
         text = f"of version {marker.version}, not as in this ds47"
-        return Check("profile", "warning", text, "ds47 plugin install")
+        return Check("profile", "warning", text, _installing(patient, folder))
     return Check("profile", "ok", str(folder))
 
 
@@ -314,8 +324,32 @@ def _strays(patient: Patient) -> Iterator[Path]:
     places += [patient.wireshark.program.parent, configuration / "extcap", configuration / "lua"]
     for place in dict.fromkeys(places):
         for folder in (place, place / install.FOLDER):
-            if folder.is_dir():
+            if install.asked(folder.is_dir):
                 yield from (path for path in sorted(folder.glob("*.lua")) if install.is_entry(path))
+
+
+def _place(patient: Patient) -> Path:
+    """Where `ds47 plugin install` puts the plugin."""
+    return patient.folders.personal_lua / install.FOLDER
+
+
+def _places(patient: Patient) -> list[Path]:
+    """Where it may have put the plugin, into every folder that Wireshark reads."""
+    return [folder / install.FOLDER for folder in patient.folders.read_for_lua()]
+
+
+def _installing(patient: Patient, folder: Path | None = None) -> str:
+    """The command that installs, behind the one that gives the right to, where that is missing."""
+    place = install.obstacle(folder or _place(patient))
+    command = "ds47 plugin install"
+    return command if place is None else f"{install.mend(place)}, then {command}"
+
+
+def _deleting(folders: list[Path]) -> str:
+    """What deletes folders, behind what gives the right to."""
+    place = next(filter(None, map(install.obstacle, folders)), None)
+    text = f"delete {', '.join(map(str, folders))}"
+    return text if place is None else f"{install.mend(place)}, then {text}"
 
 
 def _leave_one(patient: Patient) -> str:

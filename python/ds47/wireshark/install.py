@@ -1,8 +1,9 @@
 """Putting the plugin and its profile into Wireshark's folders, and taking them away again.
 
-Lives here: writing the files so that a folder is there whole or not at all, and knowing later which
-files are ours (a list with digests beside them). Not here: what the plugin consists of (`bundle`),
-finding the folders (`folders`), judging them (`doctor`), words for people (`ds47.cli.plugin`).
+Lives here: writing the files so that a folder is there whole or not at all, knowing later which
+files are ours (a list with digests beside them), and why it cannot be done. Not here: what the plugin
+consists of (`bundle`), finding the folders (`locate`), judging them (`doctor`), words for people
+(`ds47.cli.plugin`).
 """
 
 from __future__ import annotations
@@ -11,9 +12,10 @@ import hashlib
 import json
 import os
 import re
+import shlex
 import shutil
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -33,7 +35,10 @@ _NEW, _OLD = ".ds47-new-", ".ds47-old-"
 
 
 class RefusedError(Exception):
-    """Not done, because files would be lost that we did not write; the message says which."""
+    """Not done, and nothing was changed: files would be lost that we did not write, or a right is missing.
+
+    The message says what, and what to do, in one line.
+    """
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +63,8 @@ class Outcome:
     """Files of ours that somebody changed, left as they are."""
     foreign: list[str] = field(default_factory=list)
     """Files beside ours that we did not write, left where they are."""
+    left: Path | None = None
+    """What was there before and could not be removed, under another name."""
 
 
 def plugin_files(sources: Sources) -> dict[str, bytes]:
@@ -73,53 +80,60 @@ def profile_files(sources: Sources) -> dict[str, bytes]:
 def install_plugin(plugins: Path, sources: Sources, force: bool = False) -> Outcome:
     """Put the plugin into `plugins`/ds47, in place of an older one.
 
-    Raises RefusedError where that folder, or a file of ours in it, was made by somebody else;
-    `force` replaces it then. Files that are not ours stay.
+    Raises RefusedError where somebody else made a file that would be replaced (`force` replaces it),
+    or a right is missing. Files that are not ours stay.
     """
-    folder = plugins / FOLDER
-    _put_back(folder)
-    _only_a_folder(folder)
-    marker = read_marker(folder)
-    if marker is None and folder.exists() and not force:
-        raise RefusedError(f"{folder} was not made by ds47 plugin install (--force replaces it)")
-    if marker is not None and not force and (touched := changed(folder, marker)):
-        raise RefusedError(
-            f"changed since it was installed: {', '.join(touched)} in {folder} (--force replaces it)"
-        )
-    return _put(folder, plugin_files(sources), marker, kept=[])
+    folder, files = plugins / FOLDER, plugin_files(sources)
+    with _in_words(folder):
+        _put_back(folder)
+        _only_a_folder(folder)
+        marker = read_marker(folder)
+        if marker is None and not force:
+            _refuse_loss(folder, files)
+        if marker is not None and not force and (touched := changed(folder, marker)):
+            names = ", ".join(touched)
+            raise RefusedError(
+                f"changed since it was installed: {names} in {folder} (--force replaces it)"
+            )
+        return _put(folder, files, marker, kept=[])
 
 
 def install_profile(folder: Path, sources: Sources, force: bool = False) -> Outcome:
     """Put the profile into `folder`; files of it that the user changed stay unless `force`.
 
-    Raises RefusedError where a profile of this name is there that is not ours (not with `force`).
+    Raises RefusedError where a profile of this name has files that are not ours and would be replaced
+    (not with `force`), or a right is missing.
     """
-    _put_back(folder)
-    _only_a_folder(folder)
-    marker = read_marker(folder)
-    if marker is None and folder.exists() and not force:
-        raise RefusedError(f"{folder} is a profile that ds47 did not make (--force replaces it)")
-    kept = [] if marker is None or force else changed(folder, marker, missing=False)
-    return _put(folder, profile_files(sources), marker, kept)
+    files = profile_files(sources)
+    with _in_words(folder):
+        _put_back(folder)
+        _only_a_folder(folder)
+        marker = read_marker(folder)
+        if marker is None and not force:
+            _refuse_loss(folder, files)
+        kept = [] if marker is None or force else changed(folder, marker, missing=False)
+        return _put(folder, files, marker, kept)
 
 
 def uninstall(folder: Path, keep_changed: bool) -> Outcome | None:
     """Remove what was installed into `folder`; None where nothing was.
 
     With `keep_changed` a folder stays as it is when somebody changed a file of ours in it or put
-    one beside. Files that are not ours always stay.
+    one beside. Files that are not ours always stay. Raises RefusedError where a right is missing.
     """
-    _put_back(folder)
-    marker = read_marker(folder)
-    if marker is None or folder.is_symlink():
-        return None
-    outcome = Outcome(folder, replaced=marker.version, foreign=foreign(folder, marker))
-    if keep_changed:
-        outcome.kept = changed(folder, marker, missing=False)
-        if outcome.kept or outcome.foreign:
-            return outcome
-    outcome.removed = _remove_own(folder, marker)
-    return outcome
+    with _in_words(folder):
+        _put_back(folder)
+        marker = read_marker(folder)
+        if marker is None or folder.is_symlink():
+            return None
+        outcome = Outcome(folder, replaced=marker.version, foreign=foreign(folder, marker))
+        if keep_changed:
+            outcome.kept = changed(folder, marker, missing=False)
+            if outcome.kept or outcome.foreign:
+                return outcome
+        _need_rights(folder)
+        outcome.removed = _remove_own(folder, marker)
+        return outcome
 
 
 def read_marker(folder: Path) -> Marker | None:
@@ -162,20 +176,66 @@ def stale(folder: Path, marker: Marker, files: Mapping[str, bytes]) -> list[str]
 
 def copies(folder: Path) -> list[Path]:
     """Every ds47 plugin that Wireshark would load from `folder`: entries and single-file bundles."""
-    return [path for path in sorted(folder.rglob("*.lua")) if is_entry(path)]
+    return [path for path in _below(folder)[1] if is_entry(path)]
+
+
+def not_ours(folder: Path, files: Iterable[str]) -> list[str]:
+    """Which of `files` a folder has that we did not make: they would be replaced.
+
+    What Wireshark writes of itself whenever a profile is used is no loss.
+    """
+    return sorted((set(files) - WINDOW_STATE) & set(_files(folder)))
+
+
+def leftovers(folder: Path) -> list[Path]:
+    """Folders beside `folder` that an installation which was cut off, or could not remove them, left."""
+    return sorted((*folder.parent.glob(f"{_NEW}*"), *folder.parent.glob(f"{_OLD}*")))
+
+
+def obstacle(folder: Path) -> Path | None:
+    """The folder into which one has to write to put something new in place of `folder`, but may not.
+
+    None where nothing is known to be in the way (on Windows rights show only when they are used).
+    """
+    place = folder.parent
+    while not os.path.lexists(place) and place != place.parent:
+        place = place.parent
+    if not _may_write(place) or not asked(folder.is_dir) or folder.is_symlink():
+        return None if _may_write(place) else place
+    return next((path for path in (folder, *_below(folder)[0]) if not _may_write(path)), None)
+
+
+def mend(place: Path) -> str:
+    """What gives the right to write into `place`, as a command where there is one."""
+    if os.name != "posix":
+        return f"give yourself the right to write into {place}"
+    if os.statvfs(place).f_flag & os.ST_RDONLY:
+        return f"{place} is on a read-only file system: make it writable"
+    quoted, user = shlex.quote(str(place)), os.geteuid()
+    if place.stat().st_uid == user:
+        return f"chmod -R u+rwX {quoted}"
+    return f"sudo chown -R {_user_name(user)} {quoted}"
+
+
+def asked(question: Callable[[], bool]) -> bool:
+    """What a path says of itself; no where one has no right to ask."""
+    with suppress(OSError):
+        return question()
+    return False
 
 
 def is_entry(path: Path) -> bool:
     """Whether `path` is the file by which a copy of the plugin starts, whatever a browser named it."""
-    return bool(_BUNDLE.fullmatch(path.name)) and path.is_file()
+    return bool(_BUNDLE.fullmatch(path.name)) and asked(path.is_file)
 
 
 def _put(
     folder: Path, files: Mapping[str, bytes], marker: Marker | None, kept: list[str]
 ) -> Outcome:
     """Make `folder` anew beside the old one, then let it take its place."""
+    _need_rights(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
-    _sweep(folder.parent)
+    _sweep(folder)
     # What we wrote once, nobody changed and the present version no longer has goes with the old one.
     present = set(_files(folder))
     ours = set(marker.files) if marker else set()
@@ -191,15 +251,18 @@ def _put(
             if marker is not None and name in marker.files:
                 digests[name] = marker.files[name]
         _write_marker(new, digests)
-        _exchange(new, folder)
+        outcome.left = _exchange(new, folder)
     except BaseException:
         shutil.rmtree(new, ignore_errors=True)
         raise
     return outcome
 
 
-def _exchange(new: Path, folder: Path) -> None:
-    """Let `new` take the place of `folder`; when that fails, the old one is back."""
+def _exchange(new: Path, folder: Path) -> Path | None:
+    """Let `new` take the place of `folder`; when that fails, the old one is back.
+
+    Returns the old one where it could not be removed.
+    """
     old = folder.with_name(f"{_OLD}{folder.name}-{os.getpid()}")
     there = folder.exists()
     if there:
@@ -212,6 +275,7 @@ def _exchange(new: Path, folder: Path) -> None:
         raise
     if there:
         shutil.rmtree(old, ignore_errors=True)
+    return old if old.exists() else None
 
 
 def _put_back(folder: Path) -> None:
@@ -227,11 +291,55 @@ def _put_back(folder: Path) -> None:
         max(olds, key=lambda path: path.stat().st_mtime_ns).rename(folder)
 
 
-def _sweep(parent: Path) -> None:
+def _sweep(folder: Path) -> None:
     """Remove what an installation that was cut off left behind: Wireshark would load it too."""
-    for left in (*parent.glob(f"{_NEW}*"), *parent.glob(f"{_OLD}*")):
+    for left in leftovers(folder):
         if (marker := read_marker(left)) is not None:
+            _need_rights(left)
             _remove_own(left, marker)
+
+
+@contextmanager
+def _in_words(folder: Path) -> Iterator[None]:
+    """Says in one line what the system forbids."""
+    try:
+        yield
+    except OSError as problem:
+        _need_rights(folder)
+        why = problem.strerror or str(problem)
+        where = f" ({problem.filename})" if problem.filename else ""
+        raise RefusedError(f"{folder} cannot be changed: {why}{where}") from problem
+
+
+def _need_rights(folder: Path) -> None:
+    """Raises RefusedError before anything is changed that could not be finished."""
+    if (place := obstacle(folder)) is not None:
+        raise RefusedError(f"no right to write into {place}: {mend(place)}, then do this again")
+
+
+def _may_write(place: Path) -> bool:
+    """Whether this process may make and remove what is in a folder."""
+    if os.name != "posix":
+        return True
+    wanted = os.W_OK | os.X_OK
+    return os.access(place, wanted, effective_ids=os.access in os.supports_effective_ids)
+
+
+def _user_name(user: int) -> str:
+    """The name of a user, its number where it has none."""
+    import pwd
+
+    try:
+        return pwd.getpwuid(user).pw_name
+    except KeyError:
+        return str(user)
+
+
+def _refuse_loss(folder: Path, files: Iterable[str]) -> None:
+    """Raises RefusedError where files of a folder that we did not make would be replaced."""
+    if lost := not_ours(folder, files):
+        names = listed(lost)
+        raise RefusedError(f"{names} in {folder}: not of ds47 plugin install (--force replaces it)")
 
 
 def _remove_own(folder: Path, marker: Marker) -> int:
@@ -245,8 +353,7 @@ def _remove_own(folder: Path, marker: Marker) -> int:
         for name in WINDOW_STATE:
             (folder / name).unlink(missing_ok=True)
     (folder / MARKER).unlink(missing_ok=True)
-    below = sorted((path for path in folder.rglob("*") if path.is_dir()), reverse=True)
-    for path in (*below, folder):
+    for path in (*reversed(_below(folder)[0]), folder):
         with suppress(OSError):  # not empty: somebody else's files
             path.rmdir()
     return removed
@@ -277,9 +384,20 @@ def _digest(path: Path) -> str | None:
 
 
 def _files(folder: Path) -> Iterator[str]:
-    for path in sorted(folder.rglob("*")):
-        if path.is_file() or path.is_symlink():
-            yield path.relative_to(folder).as_posix()
+    for path in _below(folder)[1]:
+        yield path.relative_to(folder).as_posix()
+
+
+def _below(folder: Path) -> tuple[list[Path], list[Path]]:
+    """Folders and files below `folder`, sorted; a link is a file. What may not be read has nothing."""
+    folders: list[Path] = []
+    files: list[Path] = []
+    for place, inside, names in os.walk(folder):
+        for name in (*inside, *names):
+            path = Path(place, name)
+            is_folder = asked(path.is_dir) and not asked(path.is_symlink)
+            (folders if is_folder else files).append(path)
+    return sorted(folders), sorted(files)
 
 
 def _inside(name: str) -> bool:
