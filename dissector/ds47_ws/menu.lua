@@ -2,6 +2,8 @@
 -- The texts come from ds47.statistics, ds47.report_text and ds47.report_csv (through ds47_ws.stats). Does
 -- nothing when loaded, only when called.
 
+local saving = require("ds47_ws.saving")
+local say = require("ds47.report.formatting").say
 local stats = require("ds47_ws.stats")
 
 local M = {}
@@ -49,35 +51,56 @@ local function home()
   return os.getenv("HOME") or os.getenv("USERPROFILE") or "."
 end
 
---- Writes the report as NAME.txt and NAME.csv, and says in a window what became of it.
--- @param capture what the report calls the capture: Wireshark does not tell a script its name
-local function save(track, name, capture)
-  name = name:gsub("^%s+", ""):gsub("%s+$", ""):gsub("^~", home):gsub("%.txt$", ""):gsub("%.csv$", "")
-  if name == "" then
-    show("DS47 report", "Nothing was saved: no file name was given.\n")
-    return
+local ENDINGS = { report = ".txt", csv = ".csv" }
+
+-- What the user wrote as a path without ending; nil where that is nothing.
+local function chosen_name(text)
+  local name = text:gsub("^%s+", ""):gsub("%s+$", ""):gsub("^~", home):gsub("%.txt$", ""):gsub("%.csv$", "")
+  return name ~= "" and name or nil
+end
+
+--- Writes the report as NAME.txt and NAME.csv, where one of them is there as NAME-2, and gives the lines that
+-- say what became of it.
+-- @param texts a function that gives the text of "report" and of "csv"
+-- @param text what the user wrote
+-- @param lang of the lines
+function M.save(texts, text, lang)
+  local wanted = chosen_name(text)
+  if wanted == nil then
+    return { say(lang, "menu_no_name") }
   end
-  local options, lines = stats.options(track, count_frames(track)), {}
-  if capture and capture ~= "" then
-    options.path = capture
+  local name, reason = saving.free_name(wanted, { ENDINGS.report, ENDINGS.csv })
+  if name == nil then
+    return { say(lang, "menu_not_saved", { problem = reason }) }
   end
-  for _, each in ipairs({ { "report", ".txt" }, { "csv", ".csv" } }) do
-    local path = name .. each[2]
-    local saved, problem = stats.save(path, stats.text(each[1], track, options))
-    lines[#lines + 1] = saved and "Saved: " .. path or "Not saved: " .. problem
+  local lines = {}
+  for _, kind in ipairs({ "report", "csv" }) do
+    local path = name .. ENDINGS[kind]
+    local saved, problem = saving.write(path, texts(kind))
+    lines[#lines + 1] = saved and say(lang, "menu_saved", { path = path })
+      or say(lang, "menu_not_saved", { problem = problem })
   end
-  show("DS47 report", table.concat(lines, "\n") .. "\n")
+  if name ~= wanted then
+    lines[#lines + 1] = say(lang, "menu_was_there", { path = wanted })
+  end
+  return lines
 end
 
 local function ask_and_save(track)
-  local where, what = "Save as (.txt and .csv are added)", "Name of the capture in the report"
-  local function chosen(name, capture)
-    save(track, name, capture)
+  local lang = stats.options(track).lang
+  local title, where = say(lang, "menu_save"), say(lang, "menu_where")
+  local function chosen(text)
+    local options = stats.options(track, count_frames(track))
+    local lines = M.save(function(kind)
+      return stats.text(kind, track, options)
+    end, text, lang)
+    show(title, table.concat(lines, "\n") .. "\n")
   end
   -- Wireshark before 3.6 knows only labels, and no suggestion for a field.
-  local suggested = { name = where, value = home() .. "/ds47-report" }
-  if not pcall(new_dialog, "DS47: save report", chosen, suggested, what) then
-    new_dialog("DS47: save report", chosen, where, what)
+  local name = home() .. "/ds47-report"
+  name = saving.free_name(name, { ENDINGS.report, ENDINGS.csv }) or name
+  if not pcall(new_dialog, title, chosen, { name = where, value = name }) then
+    new_dialog(title, chosen, where)
   end
 end
 
@@ -159,9 +182,10 @@ local function about_capture(add, track)
   add(string.format("Open capture        %d RPC requests, %d responses, %d transactions", rpc.requests or 0,
     rpc.responses or 0, #result.transactions))
   if #result.transactions == 0 then
-    add("                    None? DCERPC and PNIO must be enabled under Analyze >")
-    add("                    Enabled Protocols; further record indices can be named")
-    add("                    under Edit > Preferences > Protocols > DS47.")
+    add("                    None? Of PROFINET only IPv4 must be enabled under Analyze >")
+    add("                    Enabled Protocols, DCERPC and PNIO need not; further record")
+    add("                    indices can be named under Edit > Preferences > Protocols >")
+    add("                    DS47. 0 requests: no record call passed where it was captured.")
   end
 end
 

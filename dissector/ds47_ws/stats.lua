@@ -1,7 +1,8 @@
 --- Statistics and reports at the end of a run: what `tshark -X lua_script1:statistics` prints.
--- Here are the arguments of the script, the Listener and the files; the texts come from ds47.statistics,
--- ds47.report_text and ds47.report_csv, that of drives from drives_text.lua. Does nothing when loaded, only
--- when called.
+-- Here are the arguments of the script and the Listener; the texts come from ds47.report, that of drives from
+-- drives_text.lua, and files are written by saving.lua. Does nothing when loaded, only when called.
+
+local saving = require("ds47_ws.saving")
 
 local M = {}
 
@@ -45,7 +46,7 @@ end
 function M.options(track, frames, wanted)
   local name = track.name and track.name()
   return {
-    path = wanted and wanted.name or name or "-",
+    path = wanted and wanted.name or name,
     lang = wanted and wanted.lang or track.lang or "en",
     frames = frames,
   }
@@ -57,54 +58,16 @@ function M.text(kind, track, options)
   return require(module)[name](track.result(), options)
 end
 
--- First bytes of what nobody writes over: pcap of either byte order and unit, pcapng, gzip and zstd,
--- in which a capture may be.
-local CAPTURES = {
-  "\xA1\xB2\xC3\xD4", "\xD4\xC3\xB2\xA1", "\xA1\xB2\x3C\x4D", "\x4D\x3C\xB2\xA1",
-  "\xA1\xB2\xCD\x34", "\x34\xCD\xB2\xA1", "\x0A\x0D\x0D\x0A", "\x1F\x8B", "\x28\xB5\x2F\xFD",
-}
-
-local function holds_capture(file)
-  local head = file:read(4) or ""
-  for _, magic in ipairs(CAPTURES) do
-    if head:sub(1, #magic) == magic then
-      return true
-    end
-  end
-  return false
-end
-
---- Writes a text to a file as it is, but never over a capture. Returns true, or nil and what went wrong.
-function M.save(path, text)
-  local there = io.open(path, "r+b") -- not "rb": that would wait for a writer of a pipe
-  local is_file = there and there:seek("end") -- a pipe cannot be asked
-  if is_file and there:seek("set") and holds_capture(there) then
-    there:close()
-    return nil, path .. ": a capture or a packed file, which is not written over: choose another name"
-  end
-  local file, problem = io.open(path, "wb")
-  if there then
-    there:close()
-  end
-  if not file then
-    return nil, problem
-  end
-  local written, reason = file:write(text)
-  local closed, late = file:close()
-  if not (written and closed) then
-    return nil, reason or late
-  end
-  return true
-end
-
 local function print_all(track, frames, wanted)
   local options = M.options(track, frames, wanted)
   for _, output in ipairs(wanted.outputs) do
     local text = M.text(output.kind, track, options)
     if output.file then
-      local saved, problem = M.save(output.file, text)
+      local saved, more = saving.write(output.file, text)
       if not saved then
-        complain("cannot write " .. problem)
+        complain("cannot write " .. more)
+      elseif more then
+        complain(output.file .. ": was there, and is written over")
       end
     else
       io.stdout:write(text)

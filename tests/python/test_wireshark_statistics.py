@@ -215,7 +215,7 @@ def test_a_capture_is_not_written_over(
 ) -> None:
     data = tour.read_bytes()
     pcap = bytes.fromhex("d4c3b2a1")
-    packed = gzip.compress(data), bytes.fromhex("28b52ffd") + b"zstd"
+    packed = gzip.compress(data), bytes.fromhex("28b52ffd") + b"zstd", b"snoop\0\0\0\0\0\0\2"
     target = tmp_path / "recording"
     for content in (data, pcap, pcap[::-1], *packed):
         target.write_bytes(content)
@@ -223,8 +223,25 @@ def test_a_capture_is_not_written_over(
         assert f"ds47: cannot write {target}: a capture or a packed file" in said.err
         assert target.read_bytes() == content
     target.write_text("an older report")
-    shark("-q", *plugin, *asked(f"{kind}={target}"), "-r", tour)
+    said = shark("-q", *plugin, *asked(f"{kind}={target}"), "-r", tour)
+    assert f"ds47: {target}: was there, and is written over" in said.err
     assert "older" not in target.read_text("utf-8")
+    target.unlink()
+    assert "ds47:" not in shark("-q", *plugin, *asked(f"{kind}={target}"), "-r", tour).err
+
+
+def test_a_report_without_a_name_begins_with_its_frames(
+    shark: Run, plugin: list[str], tour: Path
+) -> None:
+    assert shark("-q", *plugin, *asked("report"), "-r", tour).out.startswith("35 frames\nNOT OK: ")
+
+
+def test_only_ipv4_has_to_be_enabled(shark: Run, plugin: list[str], tour: Path) -> None:
+    """As "Check installation" says."""
+    for name, frames in (("dcerpc", 34), ("pn_io", 34), ("udp", 34), ("ip", 0)):
+        off = ["--disable-protocol", name]
+        said = shark(*plugin, *off, "-2", "-Y", "ds47", "-r", tour)
+        assert len(said.out.splitlines()) == frames, name
 
 
 def test_a_report_into_a_pipe(shark: Run, plugin: list[str], tour: Path, tmp_path: Path) -> None:

@@ -123,7 +123,7 @@ end
 local function header(add, result, counts, options)
   local lang = options.lang
   local frames = say(lang, "frames", { n = options.frames or result.frames or 0 })
-  add(escape(options.path or "-") .. ": " .. frames)
+  add(options.path and escape(options.path) .. ": " .. frames or frames)
   add(verdict.verdict(counts, lang))
   if result.complete == false or result.problem then
     local problem = escape(result.problem or say(lang, "file_ends_early"))
@@ -482,8 +482,8 @@ end
 
 --- The report of one capture.
 -- @param result what Analysis:ended() gives
--- @param options nil or {path = name of the capture, frames = frames in the file, rules = catalogue,
---   lang = "en" or "zh", plc = true for what the PLC saw of every job, s7 = true for every job of S7, not
+-- @param options nil or {path = name of the capture (nil where nobody knows it), frames = frames in the file,
+--   rules = catalogue, lang = "en" or "zh", plc = true for what the PLC saw of every job, s7 = true for every job of S7, not
 --   only those with findings}
 -- @return text, every line ended with LF
 function M.report(result, options)

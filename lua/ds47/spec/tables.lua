@@ -1554,6 +1554,12 @@ M.report_words = {
   latency = {en = "latency p50 {half}, p95 {most}, max {longest}", zh = "耗时 p50 {half}，p95 {most}，最长 {longest}"},
   latency_unknown = {en = "latency unknown", zh = "耗时未知"},
   negative_times = {en = "({n} negative time left out)|({n} negative times left out)", zh = "（不含 {n} 个负值）"},
+  menu_save = {en = "DS47: save report", zh = "DS47：保存报告"},
+  menu_where = {en = "Save as (.txt and .csv are added)", zh = "保存为（自动添加 .txt 和 .csv）"},
+  menu_no_name = {en = "Nothing was saved: no file name was given.", zh = "未保存：没有给出文件名。"},
+  menu_saved = {en = "Saved: {path}", zh = "已保存：{path}"},
+  menu_not_saved = {en = "Not saved: {problem}", zh = "未保存：{problem}"},
+  menu_was_there = {en = "{path} is there already and stays as it is.", zh = "{path} 已存在，保持不变。"},
 }
 ]=]
 
