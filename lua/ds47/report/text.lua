@@ -483,8 +483,8 @@ end
 --- The report of one capture.
 -- @param result what Analysis:ended() gives
 -- @param options nil or {path = name of the capture (nil where nobody knows it), frames = frames in the file,
---   rules = catalogue, lang = "en" or "zh", plc = true for what the PLC saw of every job, s7 = true for every job of S7, not
---   only those with findings}
+--   rules = catalogue, lang = "en" or "zh", plc = true for what the PLC saw of every job, s7 = true for every
+--   job of S7, not only those with findings}
 -- @return text, every line ended with LF
 function M.report(result, options)
   options = options or {}
