@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ds47 import __version__, spec
-from ds47.spec import cyclic, profibus, s7, semantics
+from ds47.spec import cyclic, explanations, profibus, s7, semantics
 from ds47.spec.reporting import COVERS, covers, report_words
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -81,6 +81,16 @@ PZD_FAMILIES = ("micromaster", "positioning")
 PZD_BIT = ("set", "clear", "set_zh", "clear_zh")
 DP_CODE = ("id", "en", "zh", "exchange", "wants", "silent", "probe")
 DP_FLAG = ("id", "byte", "bit", "en", "zh")
+EXPLAIN_WORDS = (
+    "parts", "plc", "causes", "look", "filter", "plugin_filter", "or", "nothing", "more", "status",
+    "bytes_reversed", "error", "vendor_error", "unconfirmed", "documented", "usual", "unknown_status",
+    "unknown_part", "info_none", "info_subindex", "info_unknown", "list_separator", "part_separator",
+    "separator", "bracket", "advice", "plc_itself", "second",
+)  # fmt: skip
+"""Words of explain.toml that an explanation of a status or of an error number needs."""
+EXPLAINED = {"status": "statuses", "local": "of_plc", "error": "errors"}
+"""Tables of explain.toml that Lua has -> what they are called there."""
+ERROR_RANKS = ("error", "vendor_error", "vendor_range")
 PZD_STATE = ("id", "mask", "bits", "en", "zh", "missing", "missing_zh")
 
 
@@ -343,6 +353,42 @@ def _s7() -> Iterator[str]:
     yield from block("M.s7.words", s7.words())
 
 
+def _explain() -> Iterator[str]:
+    """What `ds47 explain` says of statuses and error numbers; `function` is a keyword of Lua."""
+    table = explanations._table()
+    yield "M.explain = {}"
+    words = {
+        lang: {"other" if key == "or" else key: table["words"][lang][key] for key in EXPLAIN_WORDS}
+        for lang in LANGUAGES
+    }
+    yield from block("M.explain.words", words)
+    for name, own in EXPLAINED.items():
+        rows = [
+            {"first" if key == "function" else key: item for key, item in row.items()}
+            for row in table[name]
+        ]
+        yield from block(f"M.explain.{own}", rows)
+    entry = explanations.of_unknown()
+    unknown = {"plc": entry.plc, "look_en": entry.look_en, "look_zh": entry.look_zh}
+    causes = [{"en": each.en, "zh": each.zh, "basis": each.basis} for each in entry.causes]
+    yield f"M.explain.unknown = {literal({**unknown, 'cause': causes})}"
+    yield from block(
+        "M.explain.plc", {f'["{name}"]': views for name, views in table["plc"].items()}
+    )
+    yield from block("M.explain.filters", table["filter"])
+    yield from block("M.explain.inputs", table["parameters"])
+    ranks = {name: explanations.rank(name) for name in ERROR_RANKS}
+    yield f"M.explain.ranks = {literal(ranks)}"
+    yield f"M.explain.error_word = {literal(explanations.kind_word('error'))}"
+    ranges = {
+        vendor.name: sorted(
+            {(row.code, row.last) for row in vendor.errors.values() if row.last is not None}
+        )
+        for vendor in spec.vendors()
+    }
+    yield from block("M.explain.ranges", ranges)
+
+
 def _by_slave(ids: Mapping[tuple[int, int], str]) -> dict[int, dict[int, str]]:
     """SAP of the slave -> SAP of the master -> the service."""
     found: dict[int, dict[int, str]] = {}
@@ -435,6 +481,7 @@ def generate() -> str:
         later("pzd", _pzd()),
         later("profibus", _profibus()),
         later("s7", _s7()),
+        later("explain", _explain()),
         ["return M"],
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"

@@ -20,8 +20,8 @@ from fake_tshark import real_tshark
 
 from ds47 import spec
 from ds47.cli import main
-from ds47.cli.explain import _lines
 from ds47.explain import Meaning, Reading, UnknownFormError, explain, find_vendor, read
+from ds47.report.explanation import lines as _lines
 from ds47.report.wrap import columns
 from ds47.spec import explanations
 

@@ -4,6 +4,7 @@
 -- length.lua). Numbers of parameters begin with 1 here.
 
 local notation = require("ds47.profidrive.notation")
+local of_pkw = require("ds47.cyclic.notation")
 local parameter = require("ds47.profidrive.parameter")
 local reader = require("ds47.support.bytes")
 local tables = require("ds47.spec.tables")
@@ -55,6 +56,13 @@ end
 function M.encode_command(data)
   local line = notation.request_line(parameter.decode_request(data))
   return line and "ds47 encode " .. quoted(line)
+end
+
+--- The same of the eight bytes of a request of PKW.
+-- @param layout "cyclic" or "uss"
+function M.pkw_command(data, layout)
+  local line = of_pkw.line(data, layout)
+  return line and "ds47 encode " .. (layout == "uss" and "--pkw-layout uss " or "") .. quoted(line)
 end
 
 --- A request in the forms in which it is shown: {hex, words (array), scl, encode (nil where there is none)}.

@@ -58,6 +58,12 @@ local function error_words(code, lang, vendor_id)
   return text .. " (" .. usual.name .. ": " .. words(hint, code, lang) .. ")"
 end
 
+--- What an error number of a vendor means, in words.
+-- @param vendor a row of tables.vendors that has the number
+function M.vendor_text(vendor, code, lang)
+  return words(vendor.errors[code], code, lang)
+end
+
 local texts, held = {}, 0
 
 --- What an error number means, in words (docs/protocol.md B).

@@ -1,7 +1,7 @@
 """Codes as people meet them: a text such as `DE80B500` or `107` to what it may mean.
 
 Two steps: `forms` turns a text into numbers, `meanings` looks the numbers up. Pure: no files but the tables of
-`ds47.spec`, no output; how what is found is laid out is `ds47.cli.explain`.
+`ds47.spec`, no output; how what is found is laid out is `ds47.report.explanation`.
 """
 
 from ds47.explain.forms import Code, Reading, UnknownFormError, read

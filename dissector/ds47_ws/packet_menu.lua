@@ -1,0 +1,363 @@
+--- The menu of a packet in the list: filters for what it is about, its request to paste, its status in words.
+--
+-- Wireshark 4.4 has such a menu, 4.0 has not. It tells the fields of the packet; what the packet is about is
+-- known from its number, so that a filter holds for what the report calls the same parameter. Does nothing when
+-- loaded, only when called; the functions that make texts know nothing of Wireshark.
+
+local drive_objects = require("ds47.profidrive.drive_objects")
+local formatting = require("ds47.report.formatting")
+local later = require("ds47.support.later").module
+local explanation = later("ds47.report.explanation")
+local meanings = later("ds47.explain.meanings")
+local reader = require("ds47.support.bytes")
+local sentences = require("ds47.report.sentences")
+local suggest = later("ds47.diagnosis.suggest")
+
+local concat, format = table.concat, string.format
+local integer, say = formatting.integer, formatting.say
+
+local M = {}
+
+local WIDTH = 80 -- columns of the window
+-- Terms of one kind in a filter. With more they are left out, so that the filter shows more and not less.
+local MOST_TERMS = 32
+-- What a packet needs for an entry. A frame of S7 has no tree of ds47, nor a request that `ds47 encode` makes.
+local ANY, OURS = "ds47.transaction", "ds47,ds47.transaction"
+
+--- The transactions of views, each once.
+function M.transactions(views)
+  local items, seen = {}, {}
+  for _, view in ipairs(views) do
+    if not seen[view.item] then
+      seen[view.item] = true
+      items[#items + 1] = view.item
+    end
+  end
+  return items
+end
+
+-- Filters
+
+-- Any of some terms, of which there is one at least.
+local function alternatives(terms)
+  return #terms == 1 and terms[1] or "((" .. concat(terms, ") || (") .. "))"
+end
+
+-- `FIELD == 7`, `FIELD in {7, 9}`; nil without numbers.
+local function among(field, numbers)
+  local texts = {}
+  for place, number in ipairs(numbers) do
+    texts[place] = integer(number)
+  end
+  if #texts < 2 then
+    return texts[1] and field .. " == " .. texts[1]
+  end
+  return field .. " in {" .. concat(texts, ", ") .. "}"
+end
+
+--- All frames of these transactions.
+function M.transaction_filter(items)
+  local numbers = {}
+  for place, item in ipairs(items) do
+    numbers[place] = item.id
+  end
+  return among("ds47.transaction", numbers)
+end
+
+-- One drive. `quoted`: whether its address is a text to Wireshark.
+local function device_term(item, quoted)
+  if item.station then
+    return "ds47.station == " .. integer(item.station)
+  end
+  return item.device and format(quoted and 'ds47.device == "%s"' or "ds47.device == %s", item.device)
+end
+
+-- Adds a term that is not there yet.
+local function add_new(terms, term)
+  if term and not terms[term] then
+    terms[term] = true
+    terms[#terms + 1] = term
+  end
+end
+
+--- All frames of the drives of these transactions; nil where none has an address.
+function M.drive_filter(items, quoted)
+  local terms = {}
+  for _, item in ipairs(items) do
+    add_new(terms, device_term(item, quoted))
+  end
+  return terms[1] and alternatives(terms)
+end
+
+-- How a request reaches its parameter, as a filter: by the submodule, or by the axis byte.
+local function way_term(item)
+  local access, terms = drive_objects.access_of(item), {}
+  local function add(field, value)
+    if value then
+      terms[#terms + 1] = format("ds47.%s == %s", field, integer(value))
+    end
+  end
+  if item.channel == "pkw" then
+    terms[1] = "ds47.pkw"
+  end
+  add("index", item.index)
+  add("slot", item.slot)
+  add("subslot", item.subslot)
+  add("axis", access.axis)
+  return concat(terms, " && ")
+end
+
+local function last_of(parameter)
+  return parameter.subindex + math.max(parameter.element_count or 1, 1) - 1
+end
+
+local function overlap(one, other)
+  if one.subindex == nil or other.subindex == nil then
+    return false
+  end
+  return one.subindex <= last_of(other) and other.subindex <= last_of(one)
+end
+
+local function first_of(parameter, subindices)
+  if parameter.subindex and not subindices[parameter.subindex] then
+    subindices[parameter.subindex] = true
+    subindices[#subindices + 1] = parameter.subindex
+  end
+end
+
+-- The ways by which requests reach the same parameter, in all of the capture, and the subindices from which on
+-- they ask for one of its elements.
+local function requests_for(parameter, item, result, shown)
+  local access, ways, subindices = drive_objects.access_of(item), {}, {}
+  add_new(ways, way_term(item))
+  first_of(parameter, subindices)
+  for _, other in ipairs(result.transactions) do
+    local same
+    for _, each in ipairs(other.channel ~= "s7" and other.parameters or {}) do
+      if each.pnu == parameter.pnu then
+        if same == nil then
+          same = shown:same(access, drive_objects.access_of(other), parameter.pnu)
+        end
+        if same then
+          add_new(ways, way_term(other))
+          if overlap(each, parameter) then
+            first_of(each, subindices)
+          end
+        end
+      end
+    end
+  end
+  table.sort(subindices)
+  return ways, subindices
+end
+
+-- `ds47.pnu == 1120 && ds47.subindex == 0 && ...`; frames have a parameter in a request and in its response.
+local function parameter_term(parameter, item, result, shown)
+  local ways, subindices = requests_for(parameter, item, result, shown)
+  local terms = { "ds47.pnu == " .. integer(parameter.pnu) }
+  if #subindices <= MOST_TERMS then
+    terms[#terms + 1] = among("ds47.subindex", subindices)
+  end
+  if #ways <= MOST_TERMS then
+    terms[#terms + 1] = alternatives(ways)
+  end
+  return concat(terms, " && ")
+end
+
+--- The frames in which the parameters of these transactions stand, of the same drive objects as far as the
+-- capture proves which those are.
+-- @param result  the complete result (Analysis:ended)
+-- @return a filter; nil where there is no parameter, or no address of the drive
+function M.parameter_filter(items, quoted, result)
+  local shown, of_drives = drive_objects.of(result.transactions), {}
+  for _, item in ipairs(items) do
+    local device, terms = device_term(item, quoted), {}
+    for _, parameter in ipairs(device and item.parameters or {}) do
+      if parameter.pnu then
+        add_new(terms, parameter_term(parameter, item, result, shown))
+      end
+    end
+    if terms[1] then
+      add_new(of_drives, device .. " && " .. alternatives(terms))
+    end
+  end
+  return of_drives[1] and alternatives(of_drives)
+end
+
+-- Requests to paste
+
+--- The requests of these transactions as lines that `ds47 encode` takes ("encode"), or as SCL ("scl").
+-- @return the text; or nil and what to say instead
+function M.copied(items, kind, lang)
+  local texts, problem = {}, say(lang, "menu_no_request")
+  for _, item in ipairs(items) do
+    if item.request and item.channel ~= "s7" then
+      local text
+      if kind == "scl" then
+        text = suggest.scl(item.request)
+      else
+        text = item.channel == "pkw" and suggest.pkw_command(item.request, item.layout)
+          or item.channel ~= "pkw" and suggest.encode_command(item.request)
+      end
+      if text then
+        texts[#texts + 1] = text
+      else
+        problem = say(lang, "menu_no_line", { bytes = reader.hex(item.request) })
+      end
+    end
+  end
+  if texts[1] == nil then
+    return nil, problem
+  end
+  return concat(texts, "\n")
+end
+
+-- Statuses
+
+local function append(lines, more)
+  for _, line in ipairs(more) do
+    lines[#lines + 1] = line
+  end
+end
+
+-- The error numbers of the parameters of a transaction, each once.
+local function add_errors(lines, item, lang)
+  local seen = {}
+  for _, each in ipairs(item.parameters) do
+    local failed = each.error
+    local key = failed and (failed.code or -1)
+    if failed and not seen[key] then
+      seen[key] = true
+      append(lines, { "", formatting.address(each) .. ":" })
+      if failed.code and item.channel == "ds47" then
+        local found = meanings.error(failed.code, lang, item.vendor_id)
+        append(lines, explanation.lines(found, lang, WIDTH))
+      else
+        append(lines, formatting.wrap(sentences.error_words(failed, lang), WIDTH))
+      end
+    end
+  end
+end
+
+local function add_statuses(lines, statuses, lang)
+  local known = {}
+  for _, status in ipairs(statuses) do
+    if not known[status] and (status ~= 0 or #statuses == 1) then
+      known[status] = true
+      append(lines, { "" })
+      append(lines, explanation.lines({ meanings.status(status, lang) }, lang, WIDTH))
+    end
+  end
+end
+
+-- The statuses of a transaction that say how it ended: a good one only where there is no other.
+local function statuses_of(item)
+  local found = {}
+  for _, key in ipairs({ "write_status", "read_status" }) do
+    if item[key] and item[key] ~= 0 then
+      found[#found + 1] = item[key]
+    end
+  end
+  if found[1] == nil and (item.read_status or item.write_status) then
+    found[1] = 0
+  end
+  return found
+end
+
+--- What the statuses and error numbers of views mean, as `ds47 explain` has it.
+-- @param own  the status of the frame itself, nil where nobody tells it
+-- @return text
+function M.explained(views, own, lang)
+  local lines = {}
+  for _, view in ipairs(views) do
+    local item = view.item
+    local state = formatting.state(lang, item.state)
+    lines[#lines + 1] = lines[1] and "" or nil
+    append(lines, formatting.wrap(say(lang, "menu_transaction", {
+      number = integer(item.id), state = state, about = say(lang, "about_" .. item.state),
+    }), WIDTH))
+    local of_poll = view.role == "poll" and own
+    add_statuses(lines, of_poll and { own } or statuses_of(item), lang)
+    if not of_poll then
+      add_errors(lines, item, lang)
+    end
+  end
+  return concat(lines, "\n") .. "\n"
+end
+
+-- The menu
+
+local STATUS_FIELDS = { "pn_io.error_code", "pn_io.error_decode", "pn_io.error_code1", "pn_io.error_code2" }
+
+-- What the built-in says of the status of the frame: nil where it is switched off.
+local function own_status(fields)
+  local status = 0
+  for _, name in ipairs(STATUS_FIELDS) do
+    local field = fields[name]
+    if field == nil then
+      return nil
+    end
+    status = status * 256 + field.value
+  end
+  return status
+end
+
+-- The fields of a packet by their names, the first of each.
+local function by_name(...)
+  local fields = {}
+  for _, field in ipairs({ ... }) do
+    fields[field.name] = fields[field.name] or field
+  end
+  return fields
+end
+
+local function show(text)
+  TextWindow.new("DS47"):set(text .. "\n")
+end
+
+--- Adds the menu.
+-- @param track the analysis of the open file
+function M.register(track)
+  -- `action` is a function of the views, of the fields by name, and of whether an address is a text.
+  local function entry(name, needed, action)
+    register_packet_menu("DS47/" .. name, function(...)
+      local fields = by_name(...)
+      local views = track.complete_views(fields["frame.number"].value) or {}
+      local device = fields["ds47.device"]
+      action(views, fields, device ~= nil and device.type == ftypes.STRING)
+    end, needed)
+  end
+  local function filter(name, needed, make)
+    entry(name, needed, function(views, _, quoted)
+      local text = make(M.transactions(views), quoted)
+      if text then
+        set_filter(text)
+        apply_filter()
+      else
+        show(say(track.lang, "menu_no_parameter"))
+      end
+    end)
+  end
+  local function copy(name, kind)
+    entry(name, OURS, function(views)
+      local text, problem = M.copied(M.transactions(views), kind, track.lang)
+      if text then
+        copy_to_clipboard(text)
+      else
+        show(problem)
+      end
+    end)
+  end
+  filter("Only this transaction", ANY, M.transaction_filter)
+  filter("Only these parameters on this drive object", OURS, function(items, quoted)
+    return M.parameter_filter(items, quoted, track.result())
+  end)
+  filter("Only this drive", OURS, M.drive_filter)
+  copy("Copy request as ds47 encode line", "encode")
+  copy("Copy request as SCL", "scl")
+  entry("Explain this status", OURS, function(views, fields)
+    show(M.explained(views, own_status(fields), track.lang))
+  end)
+end
+
+return M
