@@ -1,8 +1,8 @@
 --- The menu of a packet in the list: filters for what it is about, its request to paste, its status in words.
 --
 -- Wireshark 4.4 has such a menu, 4.0 has not. It tells the fields of the packet; what the packet is about is
--- known from its number, so that a filter holds for what the report calls the same parameter. Does nothing when
--- loaded, only when called; the functions that make texts know nothing of Wireshark.
+-- known from its number, so that a filter holds for what the report calls the same parameter. Does nothing
+-- when loaded, only when called; the functions that make texts know nothing of Wireshark.
 
 local drive_objects = require("ds47.profidrive.drive_objects")
 local formatting = require("ds47.report.formatting")
@@ -21,7 +21,7 @@ local M = {}
 local WIDTH = 80 -- columns of the window
 -- Terms of one kind in a filter. With more they are left out, so that the filter shows more and not less.
 local MOST_TERMS = 32
--- What a packet needs for an entry. A frame of S7 has no tree of ds47, nor a request that `ds47 encode` makes.
+-- What a packet needs for an entry: a frame of S7 has no tree of ds47, nor a request for `ds47 encode`.
 local ANY, OURS = "ds47.transaction", "ds47,ds47.transaction"
 
 --- The transactions of views, each once.
@@ -118,19 +118,21 @@ local function overlap(one, other)
   return one.subindex <= last_of(other) and other.subindex <= last_of(one)
 end
 
-local function first_of(parameter, subindices)
-  if parameter.subindex and not subindices[parameter.subindex] then
-    subindices[parameter.subindex] = true
-    subindices[#subindices + 1] = parameter.subindex
+-- Adds the first element of a parameter, if it is known and not there yet.
+local function add_first(subindices, seen, parameter)
+  local first = parameter.subindex
+  if first and not seen[first] then
+    seen[first] = true
+    subindices[#subindices + 1] = first
   end
 end
 
--- The ways by which requests reach the same parameter, in all of the capture, and the subindices from which on
--- they ask for one of its elements.
+-- The ways by which requests reach the same parameter, in all of the capture, and the subindices from which
+-- on they ask for one of its elements.
 local function requests_for(parameter, item, result, shown)
-  local access, ways, subindices = drive_objects.access_of(item), {}, {}
+  local access, ways, subindices, seen = drive_objects.access_of(item), {}, {}, {}
   add_new(ways, way_term(item))
-  first_of(parameter, subindices)
+  add_first(subindices, seen, parameter)
   for _, other in ipairs(result.transactions) do
     local same
     for _, each in ipairs(other.channel ~= "s7" and other.parameters or {}) do
@@ -141,7 +143,7 @@ local function requests_for(parameter, item, result, shown)
         if same then
           add_new(ways, way_term(other))
           if overlap(each, parameter) then
-            first_of(each, subindices)
+            add_first(subindices, seen, each)
           end
         end
       end
@@ -220,7 +222,7 @@ local function append(lines, more)
   end
 end
 
--- The error numbers of the parameters of a transaction, each once.
+-- The error numbers of the parameters of a transaction, each once. Gives whether there are some.
 local function add_errors(lines, item, lang)
   local seen = {}
   for _, each in ipairs(item.parameters) do
@@ -237,31 +239,28 @@ local function add_errors(lines, item, lang)
       end
     end
   end
+  return next(seen) ~= nil
 end
 
-local function add_statuses(lines, statuses, lang)
-  local known = {}
-  for _, status in ipairs(statuses) do
-    if not known[status] and (status ~= 0 or #statuses == 1) then
-      known[status] = true
-      append(lines, { "" })
-      append(lines, explanation.lines({ meanings.status(status, lang) }, lang, WIDTH))
-    end
-  end
+local function add_status(lines, status, lang)
+  append(lines, { "" })
+  append(lines, explanation.lines({ meanings.status(status, lang) }, lang, WIDTH))
 end
 
--- The statuses of a transaction that say how it ended: a good one only where there is no other.
-local function statuses_of(item)
-  local found = {}
+-- What ended a transaction: the statuses of its record calls and its error numbers; where there is none of
+-- them, what a good status says.
+local function add_outcome(lines, item, lang)
+  local failed = false
   for _, key in ipairs({ "write_status", "read_status" }) do
     if item[key] and item[key] ~= 0 then
-      found[#found + 1] = item[key]
+      add_status(lines, item[key], lang)
+      failed = true
     end
   end
-  if found[1] == nil and (item.read_status or item.write_status) then
-    found[1] = 0
+  failed = add_errors(lines, item, lang) or failed
+  if not failed and (item.write_status or item.read_status) then
+    add_status(lines, 0, lang)
   end
-  return found
 end
 
 --- What the statuses and error numbers of views mean, as `ds47 explain` has it.
@@ -276,10 +275,10 @@ function M.explained(views, own, lang)
     append(lines, formatting.wrap(say(lang, "menu_transaction", {
       number = integer(item.id), state = state, about = say(lang, "about_" .. item.state),
     }), WIDTH))
-    local of_poll = view.role == "poll" and own
-    add_statuses(lines, of_poll and { own } or statuses_of(item), lang)
-    if not of_poll then
-      add_errors(lines, item, lang)
+    if view.role == "poll" and own then
+      add_status(lines, own, lang)
+    else
+      add_outcome(lines, item, lang)
     end
   end
   return concat(lines, "\n") .. "\n"
@@ -287,19 +286,15 @@ end
 
 -- The menu
 
-local STATUS_FIELDS = { "pn_io.error_code", "pn_io.error_decode", "pn_io.error_code1", "pn_io.error_code2" }
-
--- What the built-in says of the status of the frame: nil where it is switched off.
+-- What the built-in says of the status of the frame: nil where it is switched off. Its first byte stands in
+-- the highest place or in the lowest one, as the byte order of the call is.
 local function own_status(fields)
-  local status = 0
-  for _, name in ipairs(STATUS_FIELDS) do
-    local field = fields[name]
-    if field == nil then
-      return nil
-    end
-    status = status * 256 + field.value
+  local status, code = fields["pn_io.status"], fields["pn_io.error_code"]
+  if status == nil or code == nil then
+    return nil
   end
-  return status
+  local bytes = status.source:range(status.offset, 4)
+  return code.offset == status.offset and bytes:uint() or bytes:le_uint()
 end
 
 -- The fields of a packet by their names, the first of each.

@@ -496,6 +496,12 @@ def test_flaws_are_told_in_chinese(capsys):
     assert out.startswith("请求，10 个字节\n")
 
 
+def test_encode_takes_the_quotes_that_cmd_exe_leaves(capsys):
+    """A copied line has those of a POSIX shell; cmd.exe hands them over as characters."""
+    assert main(["encode", *"'read ref 3 axis 2 p50303[0]'".split()]) == 0
+    assert capsys.readouterr().out == "03 01 02 01 10 01 c4 7f 00 00\n"
+
+
 def test_encode_says_what_it_understood(capsys):
     status, out, err = run(capsys, "encode", "change axis 2 p1120[0..1]=Float32:10,5", "-f", "scl")
     assert (status, err) == (0, "ds47: p1120[0..1] := 10.0, 5.0\n")

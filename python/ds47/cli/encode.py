@@ -72,7 +72,7 @@ def command(
     from ds47.profidrive import encode_request
     from ds47.profidrive.notation import parse_request_line
 
-    line = " ".join(words) if words else sys.stdin.read()
+    line = _unquoted(" ".join(words)) if words else sys.stdin.read()
     if is_pkw(line):
         stdout().write(written(_pkw(line, pkw_layout, eeprom, lang), format_name) + "\n")
         return
@@ -87,6 +87,11 @@ def command(
     for remark in _remarks(request):
         warn(remark.text(lang))
     _warn_of_flaws(data, lang)
+
+
+def _unquoted(line: str) -> str:
+    """The line without the quotes of a POSIX shell, which cmd.exe leaves where a line was pasted."""
+    return line[1:-1] if len(line) > 1 and line[0] == line[-1] == "'" else line
 
 
 def _pkw(line: str, layout: str, eeprom: bool, lang: str) -> bytes:
