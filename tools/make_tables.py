@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ds47 import __version__, spec
-from ds47.spec import cyclic, explanations, profibus, s7, semantics
+from ds47.spec import codes, cyclic, explanations, profibus, s7, semantics
 from ds47.spec.reporting import COVERS, covers, report_words
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -182,6 +182,14 @@ def _ids() -> Iterator[str]:
     yield from rows("M.request_ids", spec.request_ids(), REQUEST_ID)
     yield ""
     yield from rows("M.response_ids", spec.response_ids(), RESPONSE_ID)
+
+
+def _codes() -> Iterator[str]:
+    named = {
+        name: {f'["{word}"]': code for word, code in codes.codes(name).items()}
+        for name in codes.tables()
+    }
+    yield from block("M.codes", named)
 
 
 def _fallback() -> Iterator[str]:
@@ -463,6 +471,7 @@ def generate() -> str:
         _semantics(),
         _formats(),
         _ids(),
+        _codes(),
         _fallback(),
         later("errors", rows("M.errors", spec.errors(), ERROR)),
         later("vendors", _vendors()),

@@ -301,6 +301,20 @@ M.response_ids = {
   [0xD2] = {code = 210, name = "VLT change, double words, with errors", body = "blocks", vendor = true, negative = true},
 }
 
+M.codes = {
+  states = {["ok"] = 1, ["partial"] = 2, ["error"] = 3, ["mismatch"] = 4, ["refused"] = 5, ["unanswered"] = 6, ["superseded"] = 7, ["orphan"] = 8},
+  operations = {["read"] = 1, ["change"] = 2, ["vendor"] = 3, ["unknown"] = 4, ["get"] = 5, ["put"] = 6, ["bsend"] = 7, ["usend"] = 8},
+  channels = {["ds47"] = 1, ["pkw"] = 2, ["pzd"] = 3, ["s7"] = 4},
+  severities = {["note"] = 1, ["warning"] = 2, ["error"] = 3},
+  drive_states = {["S1"] = 1, ["S2"] = 2, ["S3"] = 3, ["S4"] = 4, ["S5"] = 5, ["not ready"] = 6},
+  drive_words = {["STW1"] = 1, ["ZSW1"] = 2},
+  events = {["on"] = 1, ["off1"] = 2, ["off2"] = 3, ["off3"] = 4, ["enable-operation"] = 5, ["disable-operation"] = 6, ["ramp-generator-on"] = 7, ["ramp-generator-off"] = 8, ["ramp-generator-continued"] = 9, ["ramp-generator-frozen"] = 10, ["setpoint-enabled"] = 11, ["setpoint-blocked"] = 12, ["acknowledge"] = 13, ["jog-1"] = 14, ["jog-1-end"] = 15, ["jog-2"] = 16, ["jog-2-end"] = 17, ["reverse"] = 18, ["forward"] = 19, ["control"] = 20, ["no-control"] = 21, ["ready"] = 22, ["not-ready"] = 23, ["running"] = 24, ["stopped"] = 25, ["fault"] = 26, ["fault-cleared"] = 27, ["off2-active"] = 28, ["off2-inactive"] = 29, ["off3-active"] = 30, ["off3-inactive"] = 31, ["inhibited"] = 32, ["released"] = 33, ["alarm"] = 34, ["alarm-cleared"] = 35, ["control-requested"] = 36, ["local"] = 37, ["first"] = 38, ["output-lost"] = 39, ["output-back"] = 40, ["input-lost"] = 41, ["input-back"] = 42},
+  profibus_services = {["exchange"] = 1, ["resource"] = 2, ["alarm"] = 3, ["record"] = 4, ["extended_parameters"] = 5, ["address"] = 6, ["inputs"] = 7, ["outputs"] = 8, ["control"] = 9, ["get_configuration"] = 10, ["diagnosis"] = 11, ["parameters"] = 12, ["configuration"] = 13, ["ms2"] = 14},
+  profibus_messages = {["request"] = 1, ["poll"] = 2, ["answer"] = 3, ["taken"] = 4, ["refusal"] = 5},
+  profibus_flaws = {["start"] = 1, ["cut"] = 2, ["lengths"] = 3, ["length"] = 4, ["second"] = 5, ["check"] = 6, ["end_byte"] = 7, ["reserved"] = 8, ["address"] = 9, ["extension"] = 10, ["rest"] = 11, ["unproved"] = 12, ["data"] = 13, ["record_length"] = 14, ["more"] = 15},
+  profibus_roles = {["PKW"] = 1, ["PZD"] = 2},
+}
+
 M.error_fallback = {en = "Manufacturer-specific error {code}", zh = "制造商特定错误 {code}"}
 
 later.errors = [=[

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from ds47 import spec
-from ds47.spec import semantics
+from ds47.spec import codes, semantics
 
 TARGET = Path(__file__).resolve().parents[1] / "tables.json"
 ABOUT = (
@@ -90,6 +90,8 @@ def wire() -> Flat:
         yield f"vendor_attributes.0x{code:02X}", True
     yield from rows("request_ids", spec.request_ids())
     yield from rows("response_ids", spec.response_ids())
+    for name in codes.tables():
+        yield from leaves(f"codes.{name}", codes.codes(name))
 
 
 def errors() -> Flat:
@@ -123,8 +125,8 @@ def flat() -> dict[str, Any]:
 
 
 def explaining(key: str) -> bool:
-    """Whether the Lua tables leave a key out."""
-    return key.rpartition(".")[2] in EXPLAINING
+    """Whether the Lua tables leave a key out; among the codes there are words of such names."""
+    return key.rpartition(".")[2] in EXPLAINING and not key.startswith("codes.")
 
 
 def text() -> str:
