@@ -104,14 +104,23 @@ local function columns_of(pinfo)
   return tostring(columns.info) ~= "(info)" and columns or nil
 end
 
+-- A function that finds bytes in this frame, behind `at`; nil where it has them not.
+local function searcher(tvb, frame, at)
+  return function(bytes)
+    local found = string.find(frame, bytes, at + 1, true)
+    return found and tvb:range(found - 1, #bytes)
+  end
+end
+
 -- Functions that find in this frame what views and events are about; its records stand from `at` on.
 local function finders_of_records(tvb, frame, at)
-  return { record = finder(tvb, frame, at) }
+  return { record = finder(tvb, frame, at), bytes = searcher(tvb, frame, at) }
 end
 
 -- The same of words of PKW, and of those of events; the data of the frame begins at `at`.
-local function finders_of_words(tvb, _, at)
+local function finders_of_words(tvb, frame, at)
   return {
+    bytes = searcher(tvb, frame, at),
     record = function(_, view)
       return tvb:range(at + view.item.places[view.role], 8)
     end,

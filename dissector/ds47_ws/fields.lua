@@ -10,10 +10,12 @@
 local profibus_fields = require("ds47_ws.profibus_fields")
 local s7_rows = require("ds47_ws.s7_fields")
 local tables = require("ds47.spec.tables")
+local types = require("ds47_ws.types")
 
 local M = {}
 
--- Key, label, kind. A kind is the constructor of ProtoField, with what it takes behind the label.
+-- Key, label, kind. A kind is the constructor of ProtoField, with what it takes behind the label; "code" is
+-- the number of a word, with its table in spec/codes.toml.
 local FIELDS = {
   -- the message
   { "request_reference", "Request reference", "uint8", "DEC" },
@@ -30,29 +32,32 @@ local FIELDS = {
   { "element_count", "Number of elements", "uint8", "DEC" },
   { "name", "Name", "string" },
   { "unit", "Unit", "string" },
-  { "format", "Format", "string" },
+  { "format", "Format", "uint8", "HEX", "formats" },
   { "value_count", "Number of values", "uint8", "DEC" },
   -- in a response: what its request wrote
-  { "written.format", "Format written", "string" },
+  { "written.format", "Format written", "uint8", "HEX", "formats" },
   { "written.value_count", "Number of values written", "uint8", "DEC" },
   -- one value: as text, and with the type of its format. A time is text as ISO 8601 writes it, because a
   -- drive knows no time zone, may send a time of day without a date, and dates that do not exist; as text it
-  -- compares rightly all the same. Durations and normalised values have their physical value as a double.
+  -- compares rightly all the same. Whatever its format, a number is one as `value.number`, a physical value
+  -- as `scaled.number`.
   { "value", "Value", "string" },
+  { "value.number", "Number", "double" },
   { "value.signed", "Signed", "int64", "DEC" },
   { "value.unsigned", "Unsigned", "uint64", "DEC" },
   { "value.float", "Float32", "float" },
-  { "value.double", "Float64 or physical value", "double" },
+  { "value.double", "Float64", "double" },
   { "value.string", "Text", "string" },
   { "value.bytes", "Bytes", "bytes" },
   { "value.time", "Time", "string" },
-  { "value.hex", "Bytes of the text", "string" }, -- only where the text cannot be shown as it is
+  { "value.hex", "Bytes of the text", "bytes" }, -- only where the text cannot be shown as it is
   { "scaled", "Physical value", "string" },
-  { "error.code", "Error number", "uint16", "HEX" },
+  { "scaled.number", "Number", "double" },
+  { "error.code", "Error number", "uint16", "HEX", "errors" },
   { "error.text", "Error", "string" },
   { "error.info", "Additional information", "uint16", "DEC" },
   -- the words of PKW in a cyclic frame
-  { "pkw", "PKW", "string" },
+  { "pkw", "PKW", "bytes" },
   { "pkw.ak", "AK", "uint8", "DEC" },
   { "pkw.spm", "SPM", "uint8", "DEC" },
   { "pkw.pnu", "Parameter number (PNU)", "uint16", "DEC" },
@@ -60,8 +65,8 @@ local FIELDS = {
   { "pkw.page", "Page", "uint8", "HEX" },
   { "pkw.pwe1", "PWE1", "uint16", "HEX" },
   { "pkw.pwe2", "PWE2", "uint16", "HEX" },
-  { "pkw.value", "Value", "string" },
-  { "pkw.error", "Error number", "uint16", "DEC" },
+  { "pkw.value", "Value", "double" },
+  { "pkw.error", "Error number", "uint16", "DEC", "pkw_errors" },
   -- the other frames
   { "request_in", "Request in frame", "framenum", "REQUEST" },
   { "response_in", "Response in frame", "framenum", "RESPONSE" },
@@ -71,13 +76,16 @@ local FIELDS = {
   -- the transaction
   { "second_pass", "Second pass", "string" }, -- where it knows more
   { "transaction", "Transaction", "uint32", "DEC" },
-  { "channel", "Channel", "string" },
-  { "operation", "Operation", "string" },
-  { "state", "State", "string" },
-  { "controller", "Controller", "string" },
-  { "device", "Device", "string" },
+  { "channel", "Channel", "code", "channels" },
+  { "operation", "Operation", "code", "operations" },
+  { "state", "State", "code", "states" },
+  { "controller", "Controller", "ipv4" },
+  { "controller.mac", "Controller", "ether" },
+  { "master", "Master", "uint8", "DEC" },
+  { "device", "Device", "ipv4" },
+  { "device.mac", "Device", "ether" },
   { "station", "Station", "uint8", "DEC" },
-  { "ar", "AR UUID", "string" },
+  { "ar", "AR UUID", "guid" },
   { "api", "API", "uint32", "DEC_HEX" },
   { "slot", "Slot", "uint16", "DEC_HEX" },
   { "subslot", "Subslot", "uint16", "DEC_HEX" },
@@ -86,8 +94,8 @@ local FIELDS = {
   { "start", "Start (UTC)", "string" },
   { "duration_ms", "Duration (ms)", "double" },
   { "cycles", "Cycles from request to response", "uint32", "DEC" },
-  { "bytes.request", "Bytes of the request", "string" },
-  { "bytes.response", "Bytes of the response", "string" },
+  { "bytes.request", "Bytes of the request", "bytes" },
+  { "bytes.response", "Bytes of the response", "bytes" },
   { "status.write", "Status of the Write", "uint32", "HEX" },
   { "status.read", "Status of the Read", "uint32", "HEX" },
   { "plc", "What the PLC saw", "string" },
@@ -101,7 +109,7 @@ local FIELDS = {
   { "frames.reread.response", "Read again: response", "framenum", "RESPONSE" },
   -- a finding
   { "finding", "Finding", "string" },
-  { "finding.severity", "Severity", "string" },
+  { "finding.severity", "Severity", "code", "severities" },
   { "finding.message", "Message", "string" }, -- which the expert info shows
   { "finding.args", "Arguments", "string" },
   { "finding.cause", "Cause", "string" },
@@ -115,11 +123,11 @@ local FIELDS = {
   { "finding.transaction", "Transaction of the finding", "uint32", "DEC" },
   -- what happened to a drive
   { "pzd.event", "Event of a drive", "string" },
-  { "pzd.event.name", "Name", "string" },
-  { "pzd.event.word", "Word", "string" },
+  { "pzd.event.name", "Name", "code", "events" },
+  { "pzd.event.word", "Word", "code", "drive_words" },
   { "pzd.event.before", "Before", "uint16", "HEX" },
   { "pzd.event.after", "After", "uint16", "HEX" },
-  { "pzd.event.state", "State of the drive", "string" },
+  { "pzd.event.state", "State of the drive", "code", "drive_states" },
   { "pzd.event.overlays", "Beside the state", "string" },
   { "pzd.event.relation", "Relation", "uint32", "DEC" },
 }
@@ -127,10 +135,10 @@ local FIELDS = {
 -- The words of a drive, in each of its frames.
 local WORDS = {
   { "pzd", "Control and status word", "string" },
-  { "pzd.telegram", "Telegram", "string" },
+  { "pzd.telegram", "Telegram", "uint16", "DEC" },
   { "pzd.stw1", "STW1", "uint16", "HEX" },
   { "pzd.zsw1", "ZSW1", "uint16", "HEX" },
-  { "pzd.state", "State of the drive", "string" },
+  { "pzd.state", "State of the drive", "code", "drive_states" },
   { "pzd.setpoint", "Setpoint (%)", "double" },
   { "pzd.actual", "Actual value (%)", "double" },
   { "pzd.setpoint.raw", "Setpoint, as it is sent", "int16", "DEC" },
@@ -157,11 +165,16 @@ local GROUPS = {
   response = "RESPONSE_CODE", malformed = "MALFORMED", sequence = "SEQUENCE", protocol = "PROTOCOL",
 }
 
--- Names of the codes in a table of tables.lua, for Wireshark to show beside the number.
+-- Tables that stand in another one.
+local INNER = { pkw_errors = function() return tables.pkw.errors end }
+
+-- Names of the codes in a table of tables.lua, for Wireshark to show beside the number: none of numbers that
+-- are nothing but reserved.
 local function names(table_name)
   local result = {}
-  for code, row in pairs(tables[table_name]) do
-    result[code] = type(row) == "table" and (row.name or row.en or row.operation) or nil
+  for code, row in pairs(INNER[table_name] and INNER[table_name]() or tables[table_name]) do
+    local name = row.name or row.en
+    result[code] = name ~= "Reserved" and name or nil
   end
   return result
 end
@@ -225,7 +238,11 @@ end
 
 local function make(row)
   local key, label, kind, detail, table_name = row[1], row[2], row[3], row[4], row[5]
-  local abbreviation, constructor = "ds47." .. key, ProtoField[kind]
+  local abbreviation = "ds47." .. key
+  if kind == "code" then
+    return ProtoField.uint8(abbreviation, label, base.DEC, types.words(detail))
+  end
+  local constructor = ProtoField[kind]
   if kind == "framenum" then
     return constructor(abbreviation, label, base.NONE, frametype[detail])
   elseif detail then

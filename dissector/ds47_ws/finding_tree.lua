@@ -105,7 +105,7 @@ function M.add(put, parent, finding, experts, request, lang)
   add_long(put, shown, "finding.advice", advice, words.say(lang, "finding_advice", { text = advice }))
   add_instead(put, shown, finding)
   add_frames(put, shown, finding, request)
-  put.derive(shown, "finding.severity", finding.severity)
+  put.derive(shown, "finding.severity", tables.codes.severities[finding.severity])
   put.derive(shown, "finding.offset", finding.offset)
   put.derive(shown, "finding.transaction", finding.transaction or finding.order)
   if finding.rule == "DS905" then

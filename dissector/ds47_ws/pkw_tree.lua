@@ -8,6 +8,7 @@ local pkw = require("ds47.cyclic.pkw")
 local reader = require("ds47.support.bytes")
 local sentences = require("ds47.report.sentences")
 local tables = require("ds47.spec.tables")
+local types = require("ds47_ws.types")
 local words = require("ds47.report.formatting")
 
 local format = string.format
@@ -54,12 +55,16 @@ local function add_words(put, parent, told, record, lang)
   put.add(parent, "pkw.pwe1", told.pwe1, record, 4, 2)
   put.add(parent, "pkw.pwe2", told.pwe2, record, 6, 2)
   if told.error then
-    local shown = put.add(parent, "pkw.error", told.error.code, record, 6, 2)
+    local code = told.error.code
+    local shown, text = put.add(parent, "pkw.error", code, record, 6, 2), cyclic.error_text(code, lang)
     if shown then
-      shown:append_text(format(" (%s)", cyclic.error_text(told.error.code, lang)))
+      shown:set_text(text and format("Error number: %d (%s)", code, text) or format("Error number: %d", code))
     end
   elseif told.value then
-    put.add(parent, "pkw.value", value_text(told), record, value_place(told))
+    local shown = put.add(parent, "pkw.value", types.number(told.value), record, value_place(told))
+    if shown then
+      shown:set_text("Value: " .. value_text(told))
+    end
   end
 end
 
@@ -88,6 +93,7 @@ local function add_value(put, parent, item, told, record)
     return told and put.add(under, key, what, record, offset, size) or put.derive(under, key, what)
   end
   local shown = one(parent, "value", words.value(value, item.format)) or parent
+  one(shown, "value.number", types.number(value))
   if item.format == "Float32" then
     one(shown, "value.float", value)
   elseif value < 0 then
@@ -120,7 +126,7 @@ local function add_parameter(put, root, view, told, record, lang)
   put.derive(shown, "name", sentences.name(item, lang))
   put.derive(shown, "unit", item.unit)
   local written = change and answer -- what stands in the request
-  put.derive(shown, written and "written.format" or "format", item.format)
+  put.derive(shown, written and "written.format" or "format", types.format_code(item.format))
   put.derive(shown, written and "written.value_count" or "value_count", item.value_count)
   add_value(put, shown, item, not written and told or nil, record)
   if answer and item.error then
@@ -138,8 +144,11 @@ function M.add(put, root, view, record, lang)
   if record then
     local data = record:bytes():raw()
     told = pkw.decode(data, view.role == "read_response", view.item.layout)
-    local shown = put.add(root, "pkw", digits(data), record, 0, pkw.LENGTH) or root
-    add_words(put, shown, told, record, lang)
+    local shown = put.take(root, "pkw", record, 0, pkw.LENGTH)
+    if shown then
+      shown:set_text("PKW: " .. digits(data))
+    end
+    add_words(put, shown or root, told, record, lang)
   end
   add_parameter(put, root, view, told, record, lang)
 end

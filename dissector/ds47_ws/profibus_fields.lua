@@ -2,6 +2,7 @@
 -- which field stands where is in profibus_tree.lua. Registers nothing by itself.
 
 local tables = require("ds47.spec.tables")
+local types = require("ds47_ws.types")
 
 local M = {}
 
@@ -52,7 +53,7 @@ local function rows()
     { "sae", "Address extension of the source", "bytes" },
     { "dsap", "Destination SAP", "uint8", "DEC" },
     { "ssap", "Source SAP", "uint8", "DEC" },
-    { "service", "Service", "string" },
+    { "service", "Service", "uint8", "DEC", types.words("profibus_services") },
     { "data", "Data", "bytes" },
     { "outputs", "Outputs", "bytes" },
     { "inputs", "Inputs", "bytes" },
@@ -69,9 +70,9 @@ local function rows()
     { "configuration.module", "Module", "bytes" },
     { "configuration.outputs", "Bytes to the slave", "uint16", "DEC" },
     { "configuration.inputs", "Bytes from the slave", "uint16", "DEC" },
-    { "configuration.role", "Role in the PPO", "string" },
+    { "configuration.role", "Role in the PPO", "uint8", "DEC", types.words("profibus_roles") },
     { "ppo", "PPO", "uint8", "DEC" },
-    { "ms1", "Message of MS1 or MS2", "string" },
+    { "ms1", "Message of MS1 or MS2", "uint8", "DEC", types.words("profibus_messages") },
     { "ms1.function", "Function", "uint8", "HEX", functions() },
     { "ms1.slot", "Slot", "uint8", "DEC" },
     { "ms1.index", "Index", "uint8", "DEC" },
@@ -86,7 +87,7 @@ local function rows()
     { "fcs.good", "Check byte is right", "bool" },
     { "ed", "End byte", "uint8", "HEX" },
     { "rest", "Bytes behind the frame", "bytes" },
-    { "flaw", "Flaw", "string" },
+    { "flaw", "Flaw", "uint8", "DEC", types.words("profibus_flaws") },
     { "flaw.offset", "Offset of the flaw", "uint32", "DEC" },
   }
 end

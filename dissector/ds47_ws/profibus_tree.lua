@@ -10,6 +10,7 @@ local status_text = require("ds47.spec.statuses").status_text
 local tables = require("ds47.spec.tables")
 local words = require("ds47.report.profibus")
 
+local codes = tables.codes
 local floor, format, rep = math.floor, string.format, string.rep
 
 local M = {}
@@ -128,9 +129,9 @@ end
 
 local function add_service(root, item)
   local service = dp.service(item)
-  local shown = derive(root, "service", service)
+  local shown = derive(root, "service", codes.profibus_services[service])
   if shown then
-    shown:append_text(format(" (%s)", spec.service_text(service, language)))
+    shown:set_text(format("Service: %s (%s)", service, spec.service_text(service, language)))
   end
 end
 
@@ -170,7 +171,7 @@ local function add_module(parent, module, at)
   end
   derive(shown, "configuration.outputs", module.outputs and module.outputs.length)
   derive(shown, "configuration.inputs", module.inputs and module.inputs.length)
-  derive(shown, "configuration.role", module.role)
+  derive(shown, "configuration.role", codes.profibus_roles[module.role])
 end
 
 function contents.configuration(parent, content, at)
@@ -214,7 +215,7 @@ local function add_refusal(parent, message, at)
 end
 
 local function add_message(root, item, message, at)
-  local shown = derive(root, "ms1", message.kind, at, #item.du)
+  local shown = derive(root, "ms1", codes.profibus_messages[message.kind], at, #item.du)
   shown:set_text(words.message_text(message, item, language))
   if not message.code then
     return
@@ -246,7 +247,7 @@ end
 -- The end, and what is wrong
 
 local function add_flaw(root, flaw, start, of_data)
-  local shown = derive(root, "flaw", flaw.kind, start + flaw.offset, 1)
+  local shown = derive(root, "flaw", codes.profibus_flaws[flaw.kind], start + flaw.offset, 1)
   shown:set_generated()
   shown:set_text(words.flaw_line(flaw, start, language))
   shown:add_proto_expert_info(experts[expert_of(flaw, of_data)], spec.flaw_text(flaw, language))

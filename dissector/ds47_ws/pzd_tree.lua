@@ -10,8 +10,9 @@ local drives = require("ds47_ws.drives")
 local field_names = require("ds47_ws.fields")
 local info = require("ds47_ws.info")
 local tables = require("ds47.spec.tables")
+local types = require("ds47_ws.types")
 
-local bit_of = bits.bit
+local bit_of, codes = bits.bit, tables.codes
 local concat, format, lower, rep = table.concat, string.format, string.lower, string.rep
 
 local M = {}
@@ -127,10 +128,28 @@ local function add_root(put, parent, place, record, value, lang)
   return root
 end
 
+-- The state has a number; what stands beside it is told in words.
+local function derive_state(put, parent, key, state, overlays, lang)
+  local shown = put.derive(parent, key, codes.drive_states[state])
+  if shown then
+    shown:set_text("State of the drive: " .. cyclic.state_text(state, overlays, lang))
+  end
+end
+
 local function add_state(put, parent, place, lang)
   local state, overlays = drives.state(place)
   if state then
-    put.derive(parent, "pzd.state", cyclic.state_text(state, overlays, lang))
+    derive_state(put, parent, "pzd.state", state, overlays, lang)
+  end
+end
+
+-- The telegrams that it may be.
+local function add_telegrams(put, parent, numbers)
+  for _, number in ipairs(numbers) do
+    local shown = put.derive(parent, "pzd.telegram", number)
+    if shown and #numbers > 1 then
+      shown:append_text(format(" (one of %d)", #numbers))
+    end
   end
 end
 
@@ -146,7 +165,7 @@ function M.add(put, parent, place, record, lang)
   end
   local numbers = place.relation.telegrams
   if numbers[1] and put.wanted("pzd.telegram") then
-    put.derive(root, "pzd.telegram", concat(numbers, ", "))
+    add_telegrams(put, root, numbers)
   end
   local word = put.add(root, "pzd." .. name, place.word, record, 0, 2)
   add_bits(put, word or root, name, place, record, lang)
@@ -170,17 +189,16 @@ function M.add_event(put, root, found, record, lang)
     shown:set_text("Event of a drive: " .. info.what({ event }, lang))
   end
   local below = shown or root
-  put.derive(below, "pzd.event.name", event.name)
-  put.derive(below, "pzd.event.word", event.word)
+  put.derive(below, "pzd.event.name", codes.events[event.name])
+  put.derive(below, "pzd.event.word", codes.drive_words[event.word])
   put.derive(below, "pzd.event.before", event.before)
   put.derive(below, "pzd.event.after", event.after)
   if event.state then
-    put.derive(below, "pzd.event.state", event.state)
+    derive_state(put, below, "pzd.event.state", event.state, {}, lang)
     put.derive(below, "pzd.event.overlays", event.overlays[1] and concat(event.overlays, " "))
   end
   put.derive(below, "pzd.event.relation", found.number)
-  put.derive(below, "controller", relation.controller)
-  put.derive(below, "device", relation.device)
+  types.add_peers(put, below, relation)
   put.derive(below, "slot", relation.slot)
   put.derive(below, "subslot", relation.subslot)
   return shown

@@ -16,7 +16,7 @@ return {
   { "s7.start", "First byte", "uint32", "DEC" }, -- of timers and counters the number of the first one
   { "s7.bit", "Bit", "uint8", "DEC" },
   { "s7.length", "Bytes of the item", "uint32", "DEC" },
-  { "s7.value", "Value", "string" }, -- all of it, as digits
+  { "s7.value", "Value", "bytes" }, -- all of it
   { "s7.whole", "Whole area", "string" }, -- of which the job reads or writes a part
   { "s7.parts", "Parts of the area", "uint32", "DEC" },
   { "s7.part", "Part", "uint32", "DEC" },

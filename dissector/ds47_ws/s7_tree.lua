@@ -5,7 +5,6 @@
 -- info.lua; roles of S7 are "write_request" (the request, or the first segment), "read_response" (the answer,
 -- or the last acknowledgement), "segment" and "acknowledge".
 
-local reader = require("ds47.support.bytes")
 local report = require("ds47.report.s7")
 local words = require("ds47.report.formatting")
 
@@ -43,17 +42,28 @@ local function add_place(put, shown, each)
   put.derive(shown, "s7.length", each.length)
 end
 
+-- The values of all items, one behind the other, and where each begins. They may have come in several frames.
+local function values_of(put, items)
+  local parts, starts, length = {}, {}, 0
+  for number, each in ipairs(items) do
+    starts[number], length = length, length + #(each.value or "")
+    parts[number] = each.value or ""
+  end
+  return put.elsewhere(table.concat(parts), "Values of the job"), starts
+end
+
 -- What stands in the request alone is not known of what an answer brings. Values stand once, in the frame
 -- that shows all of the job.
 local function add_items(put, root, view, main, lang)
-  local item = view.item
+  local item, values, starts = view.item, nil, nil
   local parts = report.parts(item, lang)
+  if main and put.wanted("s7.value") then values, starts = values_of(put, item.items) end
   for number, each in ipairs(item.items) do
     local shown = put.derive(root, "s7.item", parts[number]) or root
     add_place(put, shown, each)
     if view.complete or view.role == "read_response" then put.derive(shown, "s7.code", each.code) end
-    if main and each.value and put.wanted("s7.value") then
-      put.derive(shown, "s7.value", reader.hex(each.value))
+    if values and each.value then
+      put.point(shown, "s7.value", values:range(starts[number], #each.value))
     end
   end
 end

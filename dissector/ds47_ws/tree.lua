@@ -17,7 +17,6 @@ local own_experts = require("ds47_ws.experts")
 local passes = require("ds47_ws.passes")
 local plc = require("ds47.report.plc")
 local pzd_tree = later("ds47_ws.pzd_tree")
-local reader = require("ds47.support.bytes")
 local spec = require("ds47.spec.lookup")
 local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
@@ -25,6 +24,7 @@ local words = require("ds47.report.formatting")
 local csv = require("ds47.report.csv")
 local s7_tree = later("ds47_ws.s7_tree")
 local sentences = require("ds47.report.sentences")
+local types = require("ds47_ws.types")
 
 local byte, find, format, gsub, sub = string.byte, string.find, string.format, string.gsub, string.sub
 local floor = math.floor
@@ -42,8 +42,11 @@ function M.configure(the_protocol, the_words, the_fields, the_experts, s7)
   protocol, of_drives, fields, experts, of_s7 = the_protocol, the_words, the_fields, the_experts, s7
 end
 
+local codes = tables.codes
+
 -- Small things
 
+local find_bytes -- what finds bytes in the frame
 local frame_tree, referenced -- the tree of the frame, and its method of that name
 local language -- of its texts, "en" or "zh"
 local marked -- whether it is seen where a value comes from
@@ -103,8 +106,22 @@ local function derive(parent, key, value)
   return item
 end
 
--- For pkw_tree.lua and pzd_tree.lua.
-local adding = { wanted = wanted, add = add, take = take, derive = derive }
+-- Adds a field whose value is that of bytes, which need not be in the frame.
+local function point(parent, key, range)
+  local item = parent:add(fields[key], range)
+  mark_generated(item)
+  return item
+end
+
+-- Bytes that another frame has, to point at. `name` is what Wireshark shows above them.
+local function elsewhere(data, name)
+  return types.range_of(data, name, find_bytes)
+end
+
+-- For pkw_tree.lua, pzd_tree.lua and s7_tree.lua.
+local adding = {
+  wanted = wanted, add = add, take = take, derive = derive, point = point, elsewhere = elsewhere,
+}
 
 -- Values with the type of their format
 
@@ -113,7 +130,6 @@ local function low_and_high(bytes)
   return ((e * 256 + f) * 256 + g) * 256 + h, ((a * 256 + b) * 256 + c) * 256 + d
 end
 
-local FLOAT_WORDS = { NaN = 0 / 0, Infinity = 1 / 0, ["-Infinity"] = -1 / 0 }
 local SIGNED = { b = true, h = true, i = true, q = true }
 
 -- Kind of a format -> what adds the typed value: (parent, row, value, bytes, record, offset), where the
@@ -138,7 +154,7 @@ end
 
 function typed.float(parent, row, value, bytes, record, offset)
   local key = row.pack == "f" and "value.float" or "value.double"
-  add(parent, key, FLOAT_WORDS[value] or value, record, offset, #bytes)
+  add(parent, key, types.number(value), record, offset, #bytes)
 end
 
 function typed.text(parent, _, value, bytes, record, offset)
@@ -155,20 +171,32 @@ end
 typed.with_status = typed.octets
 
 local TIMES = { date = true, time_of_day = true }
+local NUMBERS = { number = true, float = true }
+
+-- The value as a number, whatever its format: of all formats but those of times, texts and octets.
+local function add_number(parent, kind, value, record, offset, size)
+  if NUMBERS[kind] and wanted("value.number") then
+    local shown = add(parent, "value.number", types.number(value), record, offset, size)
+    if record == nil then
+      mark_generated(shown)
+    end
+  end
+end
 
 -- The physical value, which is text for dates and times of day and a number for all others.
-local function physical(parent, row, item, number)
+local function physical(parent, kind, item, number)
   local scaled = item.scaled and item.scaled[number]
   if scaled == nil then
     return
   end
+  local shown = parent
   if wanted("scaled") then
-    derive(parent, "scaled", words.value(scaled, item.format, true))
+    shown = derive(parent, "scaled", words.value(scaled, item.format, true))
   end
-  if TIMES[row and row.kind] then
+  if TIMES[kind] then
     derive(parent, "value.time", tostring(scaled))
   else
-    derive(parent, "value.double", FLOAT_WORDS[scaled] or tonumber(scaled))
+    derive(shown, "scaled.number", types.number(scaled))
   end
 end
 
@@ -178,36 +206,42 @@ local function latin1_byte(character)
   return string.char((first - 194) * 64 + second)
 end
 
--- Text that is not shown as it is has its bytes as digits as well, so that nothing of it is lost.
-local function text_bytes(parent, item, value)
+-- Text that is not shown as it is has its bytes as well, so that nothing of it is lost; `range` is where they
+-- stand.
+local function text_bytes(parent, item, value, range)
   if type(value) ~= "string" or not words.is_text(item.format) or not wanted("value.hex") then
     return
   elseif find(value, "[^ -~]") or find(value, '[\\"]') then
-    derive(parent, "value.hex", reader.hex((gsub(value, "[\194\195][\128-\191]", latin1_byte))))
+    local bytes = gsub(value, "[\194\195][\128-\191]", latin1_byte)
+    point(parent, "value.hex", range or elsewhere(bytes, "Text"))
   end
 end
 
 -- One value of a parameter. `block` and `record` say where it stands; nil where it is not in this frame.
 local function add_value(parent, item, number, block, record)
   local value = item.values[number]
-  local row, bytes, offset, size
+  local row = tables.formats[types.format_code(item.format)]
+  local kind = row and row.kind
+  local bytes, offset, size
   if block then
     size = #item.values > 1 and floor(#block.raw / #item.values) or #block.raw
-    row, offset = tables.formats[block.meaning or block.format], block.offset + 2 + (number - 1) * size
+    offset = block.offset + 2 + (number - 1) * size
     bytes = sub(block.raw, (number - 1) * size + 1, number * size)
   end
+  local here = block and record or nil
   local shown = parent
   if wanted("value") then
-    shown = add(parent, "value", words.value(value, item.format), block and record, offset, size)
+    shown = add(parent, "value", words.value(value, item.format), here, offset, size)
     if block == nil then
       mark_generated(shown)
     end
   end
-  if block and typed[row.kind] then
-    typed[row.kind](shown, row, value, bytes, record, offset)
+  if block and typed[kind] then
+    typed[kind](shown, row, value, bytes, record, offset)
   end
-  text_bytes(shown, item, value)
-  physical(shown, row, item, number)
+  add_number(shown, kind, value, here, offset, size)
+  text_bytes(shown, item, value, here and part(here, offset, size))
+  physical(shown, kind, item, number)
 end
 
 -- Parameters
@@ -225,10 +259,9 @@ end
 
 -- Format and number of values of a block, as they stand in the frame.
 local function add_block(parent, block, record)
-  local name = block.error and tables.formats[block.format].name or block.format_name
-  local shown = add(parent, "format", name, record, block.offset, 1)
-  if shown and find(name, "^0x") == nil then
-    shown:append_text(format(" (0x%02X)", block.format))
+  local shown = add(parent, "format", block.meaning or block.format, record, block.offset, 1)
+  if shown and block.meaning then
+    shown:append_text(format(", 0x%02X in the frame", block.format))
   end
   add(parent, "value_count", block.value_count, record, block.offset + 1, 1)
 end
@@ -300,7 +333,7 @@ end
 
 -- What the request of a response wrote.
 local function add_written(parent, item)
-  derive(parent, "written.format", item.format)
+  derive(parent, "written.format", types.format_code(item.format))
   derive(parent, "written.value_count", item.value_count)
 end
 
@@ -343,9 +376,9 @@ local HEADERS = {
 -- All that stands below the header of a message.
 local OF_PARAMETERS = {
   "pnu", "value", "parameter", "subindex", "attribute", "element_count", "name", "unit", "format",
-  "value_count", "written.format", "written.value_count", "value.signed", "value.unsigned", "value.float",
-  "value.double", "value.string", "value.bytes", "value.time", "value.hex", "scaled", "error.code",
-  "error.text", "error.info", "raw",
+  "value_count", "written.format", "written.value_count", "value.number", "value.signed", "value.unsigned",
+  "value.float", "value.double", "value.string", "value.bytes", "value.time", "value.hex", "scaled",
+  "scaled.number", "error.code", "error.text", "error.info", "raw",
 }
 
 local function add_parameters(parent, view, message, record)
@@ -437,14 +470,14 @@ local function is_main(view)
   return view.role == "read_response" or (view.role == "write_request" and not view.item.frames.read_response)
 end
 
-local CHANNEL = { "controller", "device", "station", "ar", "api", "slot", "subslot", "index" }
+local CHANNEL = { "api", "slot", "subslot", "index" }
 local OF_TRANSACTION = {
   "transaction", "channel", "operation", "state", "cycles", "request_reference", "axis", "polls", "start",
   "duration_ms",
   "bytes.request", "bytes.response", "status.write", "status.read", "plc", "frames.write_request",
   "frames.write_response", "frames.read_request", "frames.read_response", "frames.poll.request",
-  "frames.poll.response", "frames.reread.request", "frames.reread.response", "controller", "device",
-  "station", "ar", "api", "slot", "subslot", "index",
+  "frames.poll.response", "frames.reread.request", "frames.reread.response", "controller",
+  "controller.mac", "master", "device", "device.mac", "station", "ar", "api", "slot", "subslot", "index",
 }
 local HALVES = {
   "frames.write_request", "frames.write_response", "frames.read_request", "frames.read_response",
@@ -454,24 +487,22 @@ local FRAMES = {
   "frames.poll.request", "frames.poll.response", "frames.reread.request", "frames.reread.response",
 }
 
--- The bytes of a message, at their place in the frame that has them.
-local function add_hex(parent, key, data, record)
-  if not wanted(key) then
-    return
-  elseif record and record:len() == #data then
-    add(parent, key, reader.hex(data), record, 0, #data)
-  else
-    derive(parent, key, reader.hex(data))
-  end
+-- A message as the report has it: the words of PKW may change from frame to frame while a request stands.
+local function add_bytes_of(parent, key, data, record, name)
+  local here = record and record:bytes():raw() == data
+  point(parent, key, here and record or elsewhere(data, name))
 end
 
+-- The messages: one is the record of this frame, the other one stands in another frame.
 local function add_bytes(parent, view, record)
   local item, main, asked = view.item, is_main(view), view.role == "write_request"
-  if item.request and (main or asked) then
-    add_hex(parent, "bytes.request", item.request, asked and record)
+  if item.request and (main or asked) and wanted("bytes.request") then
+    local name = types.source_name("Request", item.frames.write_request)
+    add_bytes_of(parent, "bytes.request", item.request, asked and record, name)
   end
-  if item.response and (main or view.role == "reread") then
-    add_hex(parent, "bytes.response", item.response, not asked and record)
+  if item.response and (main or view.role == "reread") and wanted("bytes.response") then
+    local name = types.source_name("Response", item.frames.read_response)
+    add_bytes_of(parent, "bytes.response", item.response, not asked and record, name)
   end
 end
 
@@ -515,20 +546,28 @@ local function add_status(parent, key, word)
   end
 end
 
+local function add_channel(parent, item)
+  types.add_peers(adding, parent, item)
+  if item.ar and wanted("ar") then
+    mark_generated(types.add_uuid(parent, fields.ar, item.ar, find_bytes))
+  end
+  for number = 1, #CHANNEL do
+    derive_key(parent, item, CHANNEL[number])
+  end
+end
+
 local function add_transaction(parent, view, record, context)
   if not any_wanted(OF_TRANSACTION) then
     return
   end
   local item = view.item
   local shown = derive(parent, "transaction", view.complete and item.id or item.order) or parent
-  derive_key(shown, item, "channel")
-  derive_key(shown, item, "operation")
+  derive(shown, "channel", codes.channels[item.channel])
+  derive(shown, "operation", codes.operations[item.operation])
   if wanted("state") and state_is_certain(view) then
-    derive(shown, "state", item.state)
+    derive(shown, "state", codes.states[item.state])
   end
-  for number = 1, #CHANNEL do
-    derive_key(shown, item, CHANNEL[number])
-  end
+  add_channel(shown, item)
   if not HEADERS[view.role] and item.channel ~= "s7" then -- whose references have 16 bits
     derive_key(shown, item, "request_reference")
     derive_key(shown, item, "axis")
@@ -615,11 +654,12 @@ end
 -- @param tree the tree of the frame
 -- @param views, findings, events as track.lua gives them
 -- @param finders {record = a function of a record and of the view that has it, which gives its TvbRange in
---   this frame, or nil; word = the same of an event}
+--   this frame, or nil; word = the same of an event; bytes = a function of bytes that does the same}
 -- @param context {base_seconds = second since 1970 that the times are relative to, lang = "en" or "zh",
 --   request_of = a function that gives the frame of the request of a finding's transaction, or nil}
 function M.add(tree, views, findings, events, finders, context)
   frame_tree, referenced, marked, language = tree, tree.referenced, tree.visible, context.lang
+  find_bytes = finders.bytes
   local taken = {}
   for _, view in ipairs(views) do
     local data

@@ -62,7 +62,7 @@ local function differs(key, got, want)
   problems[#problems + 1] = ("%s: table says %s, vector says %s"):format(key, says[1], says[2])
 end
 for key, want in pairs(stored) do
-  local explaining = EXPLAINING[key:match("[^.]+$")] and not key:find("^codes%.") -- a word may have such a name
+  local explaining = EXPLAINING[key:match("[^.]+$")] and not key:find("^codes%.") -- which may be words
   if not explaining and flat[key] ~= want then differs(key, flat[key], want) end
 end
 for key, value in pairs(flat) do

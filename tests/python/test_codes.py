@@ -26,8 +26,8 @@ FIXED = {
     "profibus_services": "exchange resource alarm record extended_parameters address inputs outputs control"
     " get_configuration diagnosis parameters configuration ms2",
     "profibus_messages": "request poll answer taken refusal",
-    "profibus_flaws": "start cut lengths length second check end_byte reserved address extension rest unproved data"
-    " record_length more",
+    "profibus_flaws": "start cut lengths length second check end_byte reserved address extension rest unproved"
+    " data record_length more",
     "profibus_roles": "PKW PZD",
 }
 """Every word in the order of its number, from 1 on. A line grows at its end; nothing else may change here."""

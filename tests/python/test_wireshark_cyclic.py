@@ -40,6 +40,7 @@ from ds47.capture.writer import PcapngWriter
 from ds47.lab.cyclic import OUTPUT, PKW
 from ds47.model import Transaction
 from ds47.report import json as report
+from ds47.spec import codes
 from ds47.wireshark import fields
 from ds47.wireshark.engine import Engine
 
@@ -95,6 +96,7 @@ def test_a_filter_in_the_second_pass_changes_nothing(tshark: Tshark, path: Path)
     assert compare(tshark, path, *COMPLETE) == compare(tshark, path, "-2", "-Y", "ds47") == 2
 
 
+OK, ERROR = (str(codes.codes("states")[each]) for each in ("ok", "error"))
 SHOWN = (
     "frame.number", "ds47.pkw.ak", "ds47.pkw.pnu", "ds47.pkw.subindex", "ds47.value", "ds47.state",
     "ds47.request_in", "ds47.response_in", "ds47.cycles", "ds47.finding",
@@ -103,19 +105,19 @@ SHOWN = (
 
 def test_the_words_have_fields(tshark: Tshark, path: Path) -> None:
     assert rows(tshark("-r", path, *COMPLETE, "-Y", "ds47", *columns(*SHOWN))) == [
-        ["9", "1", "1082", "0", "", "ok", "", "16", "3", ""],
-        ["16", "2", "1082", "0", "50.0", "ok", "9", "", "3", ""],
-        ["21", "3", "1082", "0", "40.0", "error", "", "28", "3", ""],
-        ["28", "7", "1082", "0", "40.0", "error", "21", "", "3", "DS501,DS531"],
+        ["9", "1", "1082", "0", "", OK, "", "16", "3", ""],
+        ["16", "2", "1082", "0", "50.0", OK, "9", "", "3", ""],
+        ["21", "3", "1082", "0", "40.0", ERROR, "", "28", "3", ""],
+        ["28", "7", "1082", "0", "40.0", ERROR, "21", "", "3", "DS501,DS531"],
     ]
 
 
 def test_one_pass_shows_what_earlier_frames_prove(tshark: Tshark, path: Path) -> None:
     """Nothing of a request before its channel is proven, and no frame that is still to come."""
     assert rows(tshark("-r", path, "-Y", "ds47", *columns(*SHOWN))) == [
-        ["16", "2", "1082", "0", "50.0", "ok", "9", "", "3", ""],
+        ["16", "2", "1082", "0", "50.0", OK, "9", "", "3", ""],
         ["21", "3", "1082", "0", "40.0", "", "", "", "", ""],
-        ["28", "7", "1082", "0", "40.0", "error", "21", "", "3", "DS501"],
+        ["28", "7", "1082", "0", "40.0", ERROR, "21", "", "3", "DS501"],
     ]
 
 

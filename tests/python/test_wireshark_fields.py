@@ -9,12 +9,29 @@ from xml.sax.saxutils import quoteattr
 
 import pytest
 
+from ds47 import spec
+from ds47.spec.codes import codes
 from ds47.wireshark.fields import Fields, read
 
 Tree = tuple[str, object, list["Tree"]]
 
 
+CODED = {
+    "channel": "channels",
+    "operation": "operations",
+    "state": "states",
+    "finding.severity": "severities",
+}
+"""Fields that tshark shows as the number of a word."""
+
+
 def item(name: str, show: object, *below: Tree) -> Tree:
+    """A field as tshark shows it: what is a word here is a number there."""
+    if name in CODED:
+        show = codes(CODED[name])[str(show)]
+    elif name.endswith("format"):
+        known = spec.format_named(str(show))
+        show = f"0x{known.code:02x}" if known else show
     return (f"ds47.{name}", show, list(below))
 
 
@@ -99,8 +116,8 @@ ANSWERED = [
         item("duration_ms", 12.5),
         item("status.write", "0x00000000"),
         item("status.read", "0xde80b500"),
-        item("bytes.request", "0301"),
-        item("bytes.response", "0302"),
+        item("bytes.request", "03:01"),
+        item("bytes.response", "03:02"),
         write_request=1,
         read_response=4,
     ),
@@ -194,7 +211,7 @@ def test_a_value_has_the_type_of_the_report(format_name: str, shown: str, value:
 
 def test_text_that_is_shown_with_escapes_is_read_from_its_bytes() -> None:
     shown = item(
-        "value", '"a\\x00\\"ÿ"', item("value.string", "..."), item("value.hex", "610022ff")
+        "value", '"a\\x00\\"ÿ"', item("value.string", "..."), item("value.hex", "61:00:22:ff")
     )
     assert values("VisibleString", shown) == ['a\0"ÿ']
 

@@ -31,7 +31,7 @@ from ds47.model import Finding
 from ds47.report import json as report
 from ds47.report.html.views.findings import groups
 from ds47.report.sentences import sentence
-from ds47.spec import rules
+from ds47.spec import codes, formats, rules
 from ds47.wireshark import fields
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -123,9 +123,14 @@ def rows(output: str) -> list[list[str]]:
     return [line.split("\t") for line in output.splitlines()]
 
 
-def with_short_numbers(output: str) -> list[list[str]]:
-    """The rows with error numbers of four digits: tshark 3.4 prints eight of every hexadecimal uint16."""
-    return rows(re.sub(r"\b0x0000([0-9a-f]{4})\b", r"0x\1", output))
+def in_decimal(output: str) -> list[list[str]]:
+    """The rows with decimal numbers: tshark 3.4 prints eight digits of everything hexadecimal."""
+    return rows(re.sub(r"\b0x[0-9a-f]+\b", lambda number: str(int(number[0], 16)), output))
+
+
+def named(table: str, numbers: str) -> list[str]:
+    """The words of the numbers that a field of words has."""
+    return [codes.words(table)[int(number)] for number in numbers.split(",")]
 
 
 def columns(*names: str) -> list[str]:
@@ -228,7 +233,8 @@ def test_one_pass_shows_what_earlier_frames_prove(tshark: Tshark) -> None:
     names = ("frame.number", "ds47.request_in", "ds47.response_in", "ds47.state", "ds47.polls")
     found = rows(tshark("-r", path, "-Y", "ds47", *columns(*names)))
     assert found[0] == ["1", "", "", "", "0"]
-    assert found[-1][1:4] == ["1", "", "ok"]
+    assert found[-1][1:3] == ["1", ""]
+    assert named("states", found[-1][3]) == ["ok"]
     assert int(found[-1][4]) > 0
     assert all(row[2] == "" for row in found)
 
@@ -243,7 +249,7 @@ def test_one_pass_does_not_say_that_nothing_will_come(name: str, tshark: Tshark)
 def test_two_passes_say_it(tshark: Tshark) -> None:
     path = CAPTURES["conversation-read-unanswered.pcapng"]
     found = tshark("-r", path, "-2", "-Y", 'ds47.finding == "DS401"', *columns("ds47.state"))
-    assert found.split() == ["unanswered"]
+    assert named("states", found) == ["unanswered"]
 
 
 def test_two_passes_link_both_ways(tshark: Tshark) -> None:
@@ -288,8 +294,11 @@ def rules_of(path: Path) -> set[str]:
 def test_a_finding_is_found_by_its_rule(tshark: Tshark) -> None:
     path = CAPTURES["conversation-error.pcapng"]
     names = ("frame.number", "ds47.finding.severity")
-    found = tshark("-r", path, "-2", "-Y", 'ds47.finding == "DS410"', *columns(*names))
-    assert rows(found) == [["4", "error,warning"]]  # and of DS701
+    ((frame, severities),) = rows(
+        tshark("-r", path, "-2", "-Y", 'ds47.finding == "DS410"', *columns(*names))
+    )
+    assert frame == "4"
+    assert named("severities", severities) == ["error", "warning"]  # and of DS701
 
 
 @pytest.mark.parametrize(
@@ -366,10 +375,11 @@ def several_types(client: Client) -> None:
 
 
 TYPED = {
+    "scaled.number": "100",
     "value.signed": "-32768,32767,-9223372036854775808,16384",
     "value.unsigned": "18446744073709551615,1",
     "value.float": "0.5",
-    "value.double": "0.1,100",
+    "value.double": "0.1",
     "value.string": "Mot",
     "value.bytes": ("00ff", "00:ff"),
     "value.time": "01:00:00.000",
@@ -386,6 +396,14 @@ def test_values_have_the_type_of_their_format(tshark: Tshark, make: Any) -> None
         assert shown in wanted if isinstance(wanted, tuple) else shown == wanted
 
 
+def test_every_number_is_one_as_a_double(tshark: Tshark, make: Any) -> None:
+    """Whatever its format; a text, octets and a time are none, and 64 bits lose their last digits."""
+    output = tshark("-r", make(several_types), "-Y", "ds47.value", *columns("ds47.value.number"))
+    numbers = [float(each) for each in output.split(",")]
+    wanted = [-32768, 32767, 2.0**64, -(2.0**63), 0.5, 0.1, 16384, 1]
+    assert numbers == [pytest.approx(each, rel=1e-14) for each in wanted]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "condition",
@@ -393,11 +411,23 @@ def test_values_have_the_type_of_their_format(tshark: Tshark, make: Any) -> None
         "ds47.value.signed < -32767",
         "ds47.value.unsigned > 18446744073709551614",
         "ds47.value.float == 0.5",
-        "ds47.value.double >= 100",
+        "ds47.value.double == 0.1",
+        "ds47.value.number == 0.5",
+        "ds47.value.number == 32767",
+        "ds47.value.number > 1e19",
+        "ds47.value.number < -9e18",
+        "ds47.scaled.number >= 100",
         'ds47.value.string == "Mot"',
         "ds47.value.bytes == 00:ff",
         'ds47.value.time > "00:59" && ds47.value.time < "01:01"',
         'ds47.format == "Float64" && ds47.pnu == 104',
+        "ds47.format == 0x0f && ds47.format == 15",
+        'ds47.state == "ok" && ds47.state == 1 && ds47.state < "partial"',
+        'ds47.operation == "read" && ds47.operation == 1',
+        'ds47.channel == "ds47"',
+        "ds47.device == 192.168.133.0/24 && ds47.controller == 192.168.133.2",
+        "ds47.ar == 47474747-0001-4000-8000-000000000001",
+        "ds47.bytes.request contains 10:01:00:64 && ds47.bytes.response contains 4d:6f:74",
         "ds47.axis == 2 && ds47.request_reference == 3 && ds47.response_id == 1",
         'ds47.attribute == "value"',
         "ds47.time > 0.002 && ds47.time < 0.004",
@@ -407,6 +437,92 @@ def test_values_have_the_type_of_their_format(tshark: Tshark, make: Any) -> None
 def test_fields_can_be_filtered(condition: str, tshark: Tshark, make: Any) -> None:
     output = tshark("-r", make(several_types), "-2", "-Y", f"ds47.value && {condition}")
     assert len(output.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "condition",
+    [
+        'ds47.state == "refusedd"',
+        'ds47.operation == "chnge"',
+        'ds47.channel == "dp"',
+        'ds47.finding.severity == "warn"',
+        'ds47.format == "Flaot32"',
+        'ds47.attribute == "values"',
+        'ds47.error.code == "Invalid subindx"',
+        'ds47.pzd.event.name == "falt"',
+        'ds47.profibus.service == "exchnge"',
+        'ds47.device == "dp3"',
+        "ds47.value.number > nine",
+    ],
+)
+def test_a_wrong_word_is_an_error(condition: str, tmp_path: Path) -> None:
+    arguments = ("-r", str(CAPTURES["tour-machine.pcapng"]), "-Y", condition)
+    command = [*program(), "-n", "-X", f"lua_script:{PLUGIN}", *arguments]
+    home = {**os.environ, "HOME": str(tmp_path), "XDG_CONFIG_HOME": str(tmp_path)}
+    result = subprocess.run(command, env=home, capture_output=True, timeout=300, check=False)
+    assert result.returncode > 0
+    assert result.stdout == b""
+    wrong = condition.split('"')[1] if '"' in condition else "nine"
+    assert f'"{wrong}"' in result.stderr.decode()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["tour-machine.pcapng", "o1_profinetpy062_be.pcapng", "o3_two_controllers.pcapng"]
+)
+def test_numbers_are_those_of_the_analyzer(name: str, tshark: Tshark) -> None:
+    """In the frame that shows all of a transaction; compared with its text, 9.5 is more than 1444."""
+    kinds = {row.name: row.kind for row in formats().values()}
+    wanted = {}
+    for item in analyze(CAPTURES[name]).transactions:
+        frame = item.frames.read_response or item.frames.write_request
+        numbers = [
+            float(value)
+            for each in item.parameters
+            if kinds.get(each.format or "") in ("number", "float")
+            for value in each.values
+        ]
+        if numbers:
+            wanted[frame] = numbers
+    shown = rows(
+        tshark(
+            "-r",
+            CAPTURES[name],
+            *COMPLETE,
+            "-Y",
+            "ds47.value.number",
+            *columns("frame.number", "ds47.value.number"),
+        )
+    )
+    found = {int(frame): [float(each) for each in numbers.split(",")] for frame, numbers in shown}
+    assert wanted
+    assert {frame: found.get(frame) for frame in wanted} == {
+        frame: pytest.approx(numbers, rel=1e-14, nan_ok=True) for frame, numbers in wanted.items()
+    }
+    above = tshark(
+        "-r", CAPTURES[name], *COMPLETE, "-Y", "ds47.value.number > 9.5", *columns("frame.number")
+    ).split()
+    assert {int(each) for each in above} == {
+        frame for frame, numbers in found.items() if max(numbers) > 9.5
+    }
+
+
+def test_bytes_of_another_frame_have_a_source_of_their_own(tshark: Tshark) -> None:
+    """Where a message is in the frame its field stands there."""
+    path = CAPTURES["conversation-error.pcapng"]
+    (transaction,) = analyze(path).transactions
+    text = tshark("-r", path, *COMPLETE, "-Y", "frame.number == 4", "-T", "pdml", "-J", "ds47")
+    place = r'name="ds47.bytes.{}" [^>]*size="(\d+)" pos="(\d+)"[^>]* value="(\w+)"'
+    request, response = (re.search(place.format(kind), text) for kind in ("request", "response"))
+    assert request
+    assert response
+    assert request[3] == transaction.bytes.request
+    assert response[3] == transaction.bytes.response
+    assert request[2] == "0"
+    assert int(response[2]) > 40
+    dump = tshark("-r", path, *COMPLETE, "-Y", "frame.number == 4 && ds47.bytes.request", "-x")
+    assert "Request in frame 1 (" in dump
+    assert "AR UUID" not in dump  # the record header has it
 
 
 def test_bytes_of_a_value_are_marked(tshark: Tshark, make: Any) -> None:
@@ -480,10 +596,10 @@ WRITTEN = ("written.format", "written.value_count", "value", "pnu")
 def test_a_change_response_has_the_fields_of_its_own_bytes(tshark: Tshark, make: Any) -> None:
     names = map("ds47.{}".format, (*OF_A_BLOCK, *WRITTEN))
     output = tshark("-r", make(changes), *COMPLETE, "-Y", "ds47.response_id", *columns(*names))
-    copied = ["Float32,Float32", "1,1", "10.0,20.0", "4711,4712"]
-    assert with_short_numbers(output) == [
+    copied = ["8,8", "1,1", "10.0,20.0", "4711,4712"]
+    assert in_decimal(output) == [
         ["", "", "", "", *copied],
-        ["Zero,Error", "0,2", "0x0811", "3", *copied],
+        [f"{0x40},{0x44}", "0,2", f"{0x0811}", "3", *copied],
     ]
 
 
@@ -507,19 +623,19 @@ def test_change_responses_of_real_stacks_have_what_they_carry(name: str, tshark:
     assert done
     assert all(row[1:] == ["", "", ""] for row in done)
     failed = 'ds47.response_id == 0x82 && !(ds47.state == "mismatch")'
-    found = rows(tshark("-r", CAPTURES[name], *COMPLETE, "-Y", failed, *columns(*names)))
+    found = in_decimal(tshark("-r", CAPTURES[name], *COMPLETE, "-Y", failed, *columns(*names)))
     assert found
-    for _, formats, counts, codes in found:
-        assert set(formats.split(",")) <= {"Zero", "Error"}
-        assert len(counts.split(",")) == len(formats.split(","))
-        assert len(codes.split(",")) == formats.split(",").count("Error")
+    for _, kinds, counts, numbers in found:
+        assert set(kinds.split(",")) <= {"64", "68"}
+        assert len(counts.split(",")) == len(kinds.split(","))
+        assert len(numbers.split(",")) == kinds.split(",").count("68")
 
 
 def test_what_the_request_wrote_stands_in_brackets(tshark: Tshark, make: Any) -> None:
     output = tshark("-r", make(changes), *COMPLETE, "-Y", "ds47.error.code", "-V", "-O", "ds47")
     lines = [line.strip() for line in output.splitlines()]
     start = lines.index("Number of parameters: 2") + 1
-    assert lines[start:][:23] == [
+    assert lines[start:][:25] == [
         "[Parameter: p4711[0] := 10.0]",
         "[Attribute: value (0x10)]",
         "[Number of elements: 1]",
@@ -527,9 +643,10 @@ def test_what_the_request_wrote_stands_in_brackets(tshark: Tshark, make: Any) ->
         "[Subindex: 0]",
         "Format: Zero (0x40)",
         "Number of values: 0",
-        "[Format written: Float32]",
+        "[Format written: Float32 (0x08)]",
         "[Number of values written: 1]",
         "[Value: 10.0]",
+        "[Number: 10]",
         "[Parameter: p4712[0] := 20.0 error 0x0811: Manufacturer-specific error 0x0811 (info 3)]",
         "[Attribute: value (0x10)]",
         "[Number of elements: 1]",
@@ -537,9 +654,10 @@ def test_what_the_request_wrote_stands_in_brackets(tshark: Tshark, make: Any) ->
         "[Subindex: 0]",
         "Format: Error (0x44)",
         "Number of values: 2",
-        "[Format written: Float32]",
+        "[Format written: Float32 (0x08)]",
         "[Number of values written: 1]",
         "[Value: 20.0]",
+        "[Number: 20]",
         "Error number: 0x0811",
         "Error: Manufacturer-specific error 0x0811",
         "Additional information: 3",
@@ -563,8 +681,8 @@ def test_a_request_id_that_is_not_supported_has_its_number(tshark: Tshark, make:
 
     names = ("ds47.error.code", "ds47.error.text", "ds47.raw", "ds47.format")
     output = tshark("-r", make(play), *COMPLETE, "-Y", "ds47.response_id", *columns(*names))
-    found = with_short_numbers(output)
-    assert found == [["0x0021", "Service not supported: illegal request ID", "", "Error"]]
+    found = in_decimal(output)
+    assert found == [["33", "Service not supported: illegal request ID", "", "68"]]
 
 
 def test_blocks_of_another_request_belong_to_no_parameter(tshark: Tshark, make: Any) -> None:
@@ -574,8 +692,8 @@ def test_blocks_of_another_request_belong_to_no_parameter(tshark: Tshark, make: 
 
     names = ("ds47.error.code", "ds47.error.text", "ds47.format", "ds47.value")
     output = tshark("-r", make(play), *COMPLETE, "-Y", "ds47.response_id", *columns(*names))
-    found = with_short_numbers(output)
-    assert found == [["0x0002", "", "Error", "10.0"]]
+    found = in_decimal(output)
+    assert found == [["2", "", "68", "10.0"]]
 
 
 # Which records are ours
@@ -622,7 +740,8 @@ def test_what_the_built_in_calls_malformed_is_decoded(tshark: Tshark) -> None:
     wanted = analyze(path).transactions[0]
     assert len(found) == 1
     state, numbers, shown = found[0]
-    assert (state, numbers) == ("ok", ",".join(str(each.pnu) for each in wanted.parameters))
+    assert named("states", state) == ["ok"]
+    assert numbers == ",".join(str(each.pnu) for each in wanted.parameters)
     assert shown.count(",") + 1 == sum(len(each.values) for each in wanted.parameters)
 
 
@@ -638,8 +757,8 @@ def test_preferences_change_formats_texts_and_limits(tshark: Tshark, make: Any) 
         "-r", path, "-2", "-Y", "ds47.value", *columns("ds47.format", "ds47.error.text", "ds47.finding"),
         "-o", "ds47.profile_v3_types:TRUE", "-o", "ds47.language:zh", "-o", "ds47.slow_ms:1",
     )  # fmt: skip
-    ((name, text, rules),) = rows(found)
-    assert name == "N2,Error"
+    ((kinds, text, rules),) = in_decimal(found)
+    assert kinds == f"{0x71},{0x44}"
     assert not text.isascii()
     assert rules == "DS410,DS416,DS701"
 

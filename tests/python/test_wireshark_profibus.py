@@ -50,8 +50,8 @@ from ds47.report import Options
 from ds47.report import profibus as shown
 from ds47.report import text as text_report
 from ds47.report.bilingual import LANGUAGES
+from ds47.spec import codes, rules
 from ds47.spec import profibus as spec
-from ds47.spec import rules
 from ds47.wireshark import fields
 
 __all__ = ["tshark"]  # the fixture
@@ -65,6 +65,8 @@ READ = "5f002f0a030102011001c47f0000"
 """DS_Write of a DS47 request: read p50303[0]."""
 ANSWER = "5e002f0a03010201080141200000"
 PREFIX = "ds47.profibus."
+OK = str(codes.codes("states")["ok"])
+EVENTS = codes.codes("events")
 STORED = sorted((ROOT / "captures").rglob("*profibus*.pcapng"))
 
 
@@ -145,7 +147,8 @@ def of_content(item: telegram.Telegram) -> Iterator[tuple[str, Any]]:
             areas = [getattr(each, side) for each in found.modules]
             lengths = [str(area.length) for area in areas if area is not None]
             yield f"configuration.{side}", ",".join(lengths) or None
-        yield "configuration.role", ",".join(filter(None, found.roles)) or None
+        roles = [str(codes.codes("profibus_roles")[each]) for each in found.roles if each]
+        yield "configuration.role", ",".join(roles) or None
         yield "ppo", found.ppo
     elif isinstance(found, dp.Control):
         yield from flags("control", du)
@@ -156,7 +159,7 @@ def of_content(item: telegram.Telegram) -> Iterator[tuple[str, Any]]:
 
 
 def of_message(found: ms1.Message) -> Iterator[tuple[str, Any]]:
-    yield "ms1", found.kind
+    yield "ms1", codes.codes("profibus_messages")[found.kind]
     yield "ms1.function", found.code
     yield "ms1.slot", found.slot
     yield "ms1.index", found.index
@@ -178,7 +181,7 @@ def expected(data: bytes) -> dict[str, str]:
     if item.fc is not None:
         found |= {
             "fc": item.fc, "fc.request": str(int(bool(item.request))), "dsap": item.dsap, "ssap": item.ssap,
-            "service": name, "fcs": item.fcs,
+            "service": name and codes.codes("profibus_services")[name], "fcs": item.fcs,
             "fc.function" if item.request else "fc.answer": item.fc & 15,
         }  # fmt: skip
         if item.request:
@@ -189,7 +192,9 @@ def expected(data: bytes) -> dict[str, str]:
     content = message or dp.decode(item)
     flaws = [*item.flaws, *(content.flaws if content else ())]
     start = shown.record_start(item) - 4
-    found["flaw"] = ",".join(each.kind for each in flaws) or None
+    found["flaw"] = (
+        ",".join(str(codes.codes("profibus_flaws")[each.kind]) for each in flaws) or None
+    )
     found["flaw.offset"] = ",".join(
         str(each.offset + start * (place >= len(item.flaws))) for place, each in enumerate(flaws)
     )
@@ -360,8 +365,8 @@ def test_a_transaction(tshark: Tshark, tmp_path: Path, way: tuple[int, tuple[str
     names = ("frame.number", "ds47.station", "ds47.request_in", "ds47.response_in", "ds47.state")
     found = rows(tshark("-r", path, *way[1], *COMPLETE, "-Y", "ds47", *columns(*names)))
     assert found == [
-        ["12", "3", "", "25", "ok"], ["17", "3", "12", "25", "ok"], ["18", "3", "12", "25", "ok"],
-        ["21", "3", "12", "25", "ok"], ["22", "3", "12", "25", "ok"], ["25", "3", "12", "", "ok"],
+        ["12", "3", "", "25", OK], ["17", "3", "12", "25", OK], ["18", "3", "12", "25", OK],
+        ["21", "3", "12", "25", OK], ["22", "3", "12", "25", OK], ["25", "3", "12", "", OK],
     ]  # fmt: skip
     assert rows(tshark("-r", path, *way[1], "-2", "-Y", "ds47", *columns(*names))) == found
 
@@ -374,7 +379,7 @@ def test_one_pass_shows_what_earlier_frames_prove(
     names = ("frame.number", "ds47.pnu", "ds47.request_in", "ds47.value", "ds47.state")
     assert rows(tshark("-r", path, *way[1], "-Y", "ds47", *columns(*names))) == [
         ["12", "50303", "", "", ""], ["17", "", "12", "", ""], ["18", "", "12", "", ""],
-        ["21", "", "12", "", ""], ["22", "", "12", "", ""], ["25", "50303", "12", "10.0", "ok"],
+        ["21", "", "12", "", ""], ["22", "", "12", "", ""], ["25", "50303", "12", "10.0", OK],
     ]  # fmt: skip
 
 
@@ -444,7 +449,7 @@ def test_words_and_events_of_a_ppo(name: str, tshark: Tshark, tmp_path: Path) ->
     path = on_profibus(name, tmp_path)
     result = compare(tshark, path)
     (timeline,) = result.timelines
-    wanted = [[str(each.frame), each.name] for each in timeline.events]
+    wanted = [[str(each.frame), str(EVENTS[each.name])] for each in timeline.events]
     assert wanted
     names = ("frame.number", "ds47.pzd.event.name")
     found = rows(tshark("-r", path, *COMPLETE, "-Y", "ds47.pzd.event", *columns(*names)))
@@ -614,7 +619,7 @@ def test_a_ppo_that_is_named(tshark: Tshark, tmp_path: Path) -> None:
     wanted = analyze(path, AnalysisOptions(ppos=((3, 1),))).timelines[0].events
     names = ("-Y", "ds47.pzd.event", *columns("ds47.pzd.event.name"))
     found = tshark("-r", path, "-o", "ds47.ppos:3=ppo1", *COMPLETE, *names).split()
-    assert ",".join(found).split(",") == [each.name for each in wanted]
+    assert ",".join(found).split(",") == [str(EVENTS[each.name]) for each in wanted]
     assert tshark("-r", path, *COMPLETE, *names) == ""
 
 

@@ -21,7 +21,7 @@ from ds47.capture.writer import PcapngWriter
 from ds47.cyclic import pzd
 from ds47.cyclic.named import parse
 from ds47.model import CaptureResult, Event, Relation, Side
-from ds47.spec import cyclic
+from ds47.spec import codes, cyclic
 
 __all__ = ["tshark"]  # the fixture
 STORIES = tuple(name for name in CAPTURES if name.startswith("cyclic-"))
@@ -58,11 +58,11 @@ def row(frame: int, events: list[tuple[Relation, Event]], lang: str = "en") -> l
     return [
         str(frame),
         joined([cyclic.event_text(each.name, lang) for each in told]),
-        joined([each.name for each in told]),
-        joined([each.word for each in told]),
+        joined([codes.codes("events")[each.name] for each in told]),
+        joined([codes.codes("drive_words")[each.word] for each in told if each.word]),
         joined([word(each.before) for each in told]),
         joined([word(each.after) for each in told]),
-        joined([each.state for each in told]),
+        joined([codes.codes("drive_states")[each.state] for each in told if each.state]),
         joined([" ".join(each.overlays) or None for each in told]),
         joined([relation.device for relation, _ in events]),
         joined([f"0x{relation.slot:04x}" for relation, _ in events]),
@@ -209,7 +209,8 @@ def states(words: list[Said]) -> dict[int, str | None]:
             heeded = each.word if each.valid and each.word >> HEEDED & 1 else heeded
             continue
         status = pzd.state(each.word, heeded)
-        found[each.frame] = cyclic.state_text(status.state, status.overlays) if each.valid else None
+        code = str(codes.codes("drive_states")[status.state])
+        found[each.frame] = code if each.valid else None
     return found
 
 
@@ -325,7 +326,7 @@ def test_the_words_of_the_only_telegram(tshark: Tshark, tmp_path: Path) -> None:
         )
     }  # fmt: skip
     assert int(number, 0) == 30002
-    telegrams = tshark("-r", path, *COMPLETE, "-Y", 'ds47.pzd.telegram == "352"').splitlines()
+    telegrams = tshark("-r", path, *COMPLETE, "-Y", "ds47.pzd.telegram == 352").splitlines()
     assert len(telegrams) == len(tshark("-r", path, *COMPLETE, "-Y", "ds47.pzd").splitlines())
 
 
@@ -421,4 +422,11 @@ def test_a_drive_that_is_named_by_hand(
         *columns("frame.number", "ds47.slot"),
     )  # fmt: skip
     assert rows(shown) == [[frame, ""] for frame in dict.fromkeys(wanted)]
+    device = "00:1f:f8:00:00:01"
+    found = tshark(
+        "-o", "ds47.cyclic:" + " ".join(NAMES), "-2", "-r", path, "-Y", f"ds47.device.mac == {device}",
+        *columns("frame.number", "ds47.device", "ds47.device.mac"),
+    )  # fmt: skip
+    assert {each[1] for each in rows(found)} == {""}
+    assert {mac for each in rows(found) for mac in each[2].split(",")} == {device}
     assert tshark("-r", path, "-Y", "ds47") == ""

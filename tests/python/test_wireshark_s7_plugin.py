@@ -22,6 +22,7 @@ from ds47.report import Options
 from ds47.report import s7 as words
 from ds47.report import text as text_report
 from ds47.s7.choices import Choices
+from ds47.spec import codes
 
 __all__ = ["tshark"]  # the fixture
 ROOT = Path(__file__).resolve().parents[2]
@@ -65,8 +66,9 @@ def expected(result: CaptureResult) -> dict[int, list[Row]]:
             request = "" if role == "request" else str(item.frames.write_request or "")
             response = "" if role == "response" else str(item.frames.read_response or "")
             found[frame].append((
-                str(item.id), "s7", item.operation, item.state, item.controller, item.device, request,
-                response, seconds(item), str(item.connection), str(item.request_reference),
+                str(item.id), str(codes.codes("channels")["s7"]), str(codes.codes("operations")[item.operation]),
+                str(codes.codes("states")[item.state]), item.controller, item.device, request, response,
+                seconds(item), str(item.connection), str(item.request_reference),
                 *words.parts(item), *(each.address for each in item.items if each.address),
             ))  # fmt: skip
     return found
@@ -156,7 +158,7 @@ def test_one_pass_shows_what_earlier_frames_prove(tshark: Tshark) -> None:
     found = rows(tshark("-r", path, "-Y", "ds47_s7", *columns(*names)))
     asked, answered = found[0], found[1]
     assert asked == ["20", "", "", "", "DB1.DBB0..461"]
-    assert answered == ["21", "ok", "20", "", "DB1.DBB0..461"]
+    assert answered == ["21", str(codes.codes("states")["ok"]), "20", "", "DB1.DBB0..461"]
 
 
 def test_a_split_area_says_its_parts_and_the_bytes_that_were_not_there_together(

@@ -19,12 +19,12 @@ from ds47 import spec
 from ds47.model import DS47, S7
 from ds47.profidrive.formats import codec
 from ds47.profidrive.model import ERROR
+from ds47.spec.codes import words
 
 _PREFIX = "ds47."
 _TREES = ("ds47", "ds47_s7")
 _EXACT = 2**53
 _FRAMES = ("write_request", "write_response", "read_request", "read_response")
-_TEXTS = ("operation", "state", "controller", "device", "ar")
 _NUMBERS = ("api", "slot", "subslot", "index")
 _FLOATS = ("NaN", "Infinity", "-Infinity")
 _SCALED_TEXT = ("date", "time_of_day")
@@ -105,6 +105,16 @@ def _word(text: str | None) -> str | None:
     return None if text is None else f"{int(text, 0):08X}"
 
 
+def _coded(table: str, text: str | None) -> str | None:
+    """The word of a number, as a field of words has it."""
+    return None if text is None else words(table)[int(text)]
+
+
+def _digits(text: str | None) -> str | None:
+    """Bytes in hexadecimal, which Wireshark writes with colons."""
+    return None if text is None else text.replace(":", "")
+
+
 # Transactions
 
 
@@ -128,11 +138,14 @@ def _nothing(number: int) -> dict[str, Any]:
 def _merge(transaction: dict[str, Any], frame: int, tree: Element, item: Element) -> None:
     """Adds what one frame says; the frame with the whole transaction gives what only it has."""
     seen = _children(item)
-    for key in _TEXTS:
-        transaction[key] = seen.get(key)
-    transaction["channel"] = seen.get("channel", DS47)
-    transaction["cycles"] = _number(seen.get("cycles"))
+    transaction["channel"] = _coded("channels", seen.get("channel")) or DS47
+    transaction["operation"] = _coded("operations", seen.get("operation"))
+    transaction["state"] = _coded("states", seen.get("state"))
+    transaction["controller"] = _peer(seen, "controller", "master")
+    transaction["device"] = _peer(seen, "device", "station")
     transaction["station"] = _number(seen.get("station"))
+    transaction["ar"] = seen.get("ar")
+    transaction["cycles"] = _number(seen.get("cycles"))
     for key in _NUMBERS:
         transaction[key] = _number(seen.get(key))
     frames = transaction["frames"]
@@ -153,6 +166,13 @@ def _merge(transaction: dict[str, Any], frame: int, tree: Element, item: Element
         _merge_s7(transaction, frame, tree)
     if frame == (frames["read_response"] or first):
         _merge_all(transaction, tree, item, seen)
+
+
+def _peer(seen: dict[str, str], key: str, on_bus: str) -> str | None:
+    """Controller or device, as the report writes it: by IP, by MAC, or the address on PROFIBUS."""
+    if on_bus in seen:
+        return f"dp{seen[on_bus]}"
+    return seen.get(key, seen.get(f"{key}.mac"))
 
 
 def _merge_s7(transaction: dict[str, Any], frame: int, tree: Element) -> None:
@@ -176,7 +196,7 @@ def _item(item: Element) -> dict[str, Any]:
     seen = _children(item)
     found: dict[str, Any] = {"address": seen.get("s7.area"), "area": seen.get("s7.memory")}
     found |= {key: _number(seen.get(f"s7.{key}")) for key in _PLACE}
-    return found | {"value": seen.get("s7.value"), "code": _number(seen.get("s7.code"))}
+    return found | {"value": _digits(seen.get("s7.value")), "code": _number(seen.get("s7.code"))}
 
 
 def _segments(tree: Element) -> Iterator[dict[str, int | None]]:
@@ -199,8 +219,8 @@ def _merge_all(
     transaction["frames"]["polls"] = list(_reads(item, "poll"))
     transaction["frames"]["rereads"] = list(_reads(item, "reread"))
     transaction["bytes"] = {
-        "request": seen.get("bytes.request"),
-        "response": seen.get("bytes.response"),
+        "request": _digits(seen.get("bytes.request")),
+        "response": _digits(seen.get("bytes.response")),
     }
     frames = transaction["frames"]
     asked = frames["read_response"] is None
@@ -231,12 +251,23 @@ def _formats() -> dict[str, spec.Format]:
     return {row.name: row for row in spec.formats().values()}
 
 
+def _format(text: str | None) -> str | None:
+    """The name of a format, `0x77` of one that has none."""
+    if text is None:
+        return None
+    code = int(text, 0)
+    known = spec.formats().get(code)
+    return known.name if known else f"0x{code:02X}"
+
+
 def _parameter(item: Element, place: str | None) -> dict[str, Any]:
     """A parameter; `place` is what the fields with the format of its values begin with, None without any."""
     seen = _children(item)
     name = count = None
-    if place is not None and seen.get(f"{place}format") != spec.formats()[ERROR].name:
-        name, count = seen.get(f"{place}format"), _number(seen.get(f"{place}value_count"))
+    if place is not None:
+        name, count = _format(seen.get(f"{place}format")), _number(seen.get(f"{place}value_count"))
+        if name == spec.formats()[ERROR].name:
+            name = count = None
     values = [each for each in item.iterfind("field") if _name(each) == "value"]
     return {
         "pnu": _number(seen.get("pnu")),
@@ -278,7 +309,7 @@ def _value(item: Element, name: str | None) -> int | float | str:
     below = _children(item)
     if kind == "text":
         if "value.hex" in below:
-            return bytes.fromhex(below["value.hex"]).decode("latin-1")
+            return bytes.fromhex(below["value.hex"].replace(":", "")).decode("latin-1")
         return _show(item)[1:-1]  # in quotes
     if kind in ("octets", "with_status"):
         return _show(item).strip('"')  # characters of an unknown code are shown in quotes, too
@@ -322,7 +353,7 @@ def _finding(frame: int, item: Element) -> dict[str, Any]:
     frames = [int(_show(each)) for each in item.iterfind("field") if _name(each) == "finding.frame"]
     return {
         "rule": _show(item),
-        "severity": seen.get("finding.severity"),
+        "severity": _coded("severities", seen.get("finding.severity")),
         "message": seen.get("finding.message", ""),
         "args": loads(seen.get("finding.args", "{}")),
         "frame": frame,

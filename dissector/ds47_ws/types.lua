@@ -1,0 +1,112 @@
+-- What the analysis says, as the types that fields of Wireshark take: numbers of words, numbers, addresses,
+-- bytes that the frame does not have. Which field has which type is in fields.lua.
+
+local entries = require("ds47.support.later").entries
+local tables = require("ds47.spec.tables")
+
+local char, format, gsub, match = string.char, string.format, string.gsub, string.match
+
+local M = {}
+
+local KEPT = 256 -- addresses that are remembered
+
+-- Words
+
+--- The words of a table of tables.codes by their numbers, for Wireshark to show beside them.
+function M.words(name)
+  local found = {}
+  for word, code in pairs(tables.codes[name]) do
+    found[code] = word
+  end
+  return found
+end
+
+local FORMATS = {} -- name -> code
+for code, row in pairs(tables.formats) do
+  FORMATS[row.name] = code
+end
+
+--- The code of a format by its name, which is `0x77` where it has none; nil of nil.
+function M.format_code(name)
+  return name and (FORMATS[name] or tonumber(name))
+end
+
+-- Numbers
+
+local FLOAT_WORDS = { NaN = 0 / 0, Infinity = 1 / 0, ["-Infinity"] = -1 / 0 }
+
+--- A value as a double: integers that have more digits than a double are texts, and lose the last ones.
+-- @return nil where it is no number
+function M.number(value)
+  return FLOAT_WORDS[value] or tonumber(value)
+end
+
+-- Addresses
+
+local CONTROLLER = { ip = "controller", mac = "controller.mac", bus = "master" }
+local DEVICE = { ip = "device", mac = "device.mac", bus = "station" }
+
+-- What kind of address a text is, and what a field takes of it: nil of what is none.
+local PEERS = entries(function(text)
+  local station = match(text, "^dp(%d+)$")
+  if station then
+    return { kind = "bus", value = tonumber(station) }
+  elseif match(text, "^%d+%.%d+%.%d+%.%d+$") then
+    return { kind = "ip", value = Address.ip(text) }
+  elseif match(text, "^%x%x:%x%x:%x%x:%x%x:%x%x:%x%x$") then
+    return { kind = "mac", value = Address.ether(text) }
+  end
+  return { kind = "ip" }
+end, KEPT)
+
+--- Adds controller and device of a transaction or of a relation: by IP, without one by MAC, on PROFIBUS by
+-- the addresses of master and station.
+-- @param put the functions of tree.lua that add fields
+function M.add_peers(put, parent, about)
+  local controller = about.controller and PEERS[about.controller]
+  if controller then
+    put.derive(parent, CONTROLLER[controller.kind], controller.value)
+  end
+  local device = about.device and PEERS[about.device]
+  if device then
+    put.derive(parent, DEVICE[device.kind], device.value)
+  end
+end
+
+-- Bytes
+
+--- Bytes that this frame does not have, as a source of data beside it: a tab below the bytes of the frame.
+-- @param find_bytes a function that finds bytes in the frame
+-- @return TvbRange
+function M.range_of(data, name, find_bytes)
+  return data == "" and find_bytes("") or ByteArray.new(data, true):tvb(name):range()
+end
+
+-- A UUID as bytes in either byte order; `unique` unless it is all zeroes, which are found anywhere.
+local UUIDS = entries(function(text)
+  local big = gsub(gsub(text, "-", ""), "%x%x", function(digits) return char(tonumber(digits, 16)) end)
+  local little = big:sub(1, 4):reverse() .. big:sub(5, 6):reverse() .. big:sub(7, 8):reverse() .. big:sub(9)
+  return { big = big, little = little, unique = big ~= ("\0"):rep(16) }
+end, KEPT)
+
+--- Adds a UUID, where the frame has it at its bytes. Lua makes no GUID of a text.
+-- @return the item
+function M.add_uuid(parent, field, text, find_bytes)
+  local uuid = UUIDS[text]
+  local range = uuid.unique and find_bytes(uuid.big)
+  if range then
+    return parent:add(field, range)
+  end
+  range = uuid.unique and find_bytes(uuid.little)
+  if range then
+    return parent:add_le(field, range)
+  end
+  return parent:add(field, M.range_of(uuid.big, "AR UUID", find_bytes))
+end
+
+--- `Request in frame 4`, of bytes that stand in another frame.
+function M.source_name(what, frame)
+  return frame and format("%s in frame %d", what, frame) or what
+end
+
+return M
