@@ -1,8 +1,11 @@
 --- What happened to each drive as a table, in English or Chinese: time, frame, word, event, state.
--- Takes the result of Analysis:ended(); what is wrong with it is told by findings, not here.
+-- Takes the result of Analysis:ended(); what is wrong with it is told by findings, not here. No line is wider
+-- than the tables of ds47.report.statistics.
 
 local csv = require("ds47.report.csv")
 local info = require("ds47_ws.info")
+local statistics = require("ds47.report.statistics")
+local words = require("ds47.report.formatting")
 
 local concat, format = table.concat, string.format
 
@@ -24,12 +27,18 @@ local TEXTS = {
   },
 }
 
-local LINE = "  %-23s  %8s  %-17s  %s"
+local BEFORE = 2 + 12 + 2 + 7 + 2 + 17 + 2 -- columns before the event
 
--- `2026-01-01 08:00:04.994`
-local function time_of(base_seconds, time)
+-- A text with blanks behind it, or before it where the width is negative.
+local function padded(text, width)
+  local blanks = (" "):rep(math.abs(width) - words.width(text))
+  return width < 0 and blanks .. text or text .. blanks
+end
+
+-- `2026-01-01`, `08:00:04.994`
+local function date_and_time(base_seconds, time)
   local text = csv.timestamp(base_seconds, time)
-  return text:sub(1, 10) .. " " .. text:sub(12, 23)
+  return text:sub(1, 10), text:sub(12, 23)
 end
 
 local function word_of(event)
@@ -46,15 +55,24 @@ local function add_drive(lines, relation, timeline, base_seconds, lang)
   local slot = relation.slot and format(texts.slot, relation.slot, relation.subslot) or ""
   local numbers = relation.telegrams
   local telegram = #numbers > 0 and format(texts.telegram, concat(numbers, ", ")) or ""
-  local function add(...)
-    lines[#lines + 1] = (format(LINE, ...):gsub("%s+$", ""))
+  local function add(time, frame, word, event)
+    local before = "  " .. padded(time, 12) .. "  " .. padded(frame, -7) .. "  " .. padded(word, 17) .. "  "
+    for _, line in ipairs(words.wrap(before .. event, statistics.WIDTH, BEFORE)) do
+      lines[#lines + 1] = line
+    end
   end
   lines[#lines + 1] = ""
   lines[#lines + 1] = format(texts.drive, relation.device, slot, telegram, #timeline.events)
   add(texts.time, texts.frame, texts.word, texts.event)
+  local day
   for _, same in ipairs(info.together(timeline.events)) do
     local event = same[1]
-    add(time_of(base_seconds, event.time), format("%d", event.frame), word_of(event), info.what(same, lang))
+    local date, time = date_and_time(base_seconds, event.time)
+    if date ~= day then
+      lines[#lines + 1] = "  " .. date
+      day = date
+    end
+    add(time, format("%d", event.frame), word_of(event), info.what(same, lang))
   end
   if timeline.left_out > 0 then
     lines[#lines + 1] = "  " .. format(texts.more, timeline.left_out)

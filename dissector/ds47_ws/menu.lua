@@ -1,4 +1,5 @@
---- Tools > DS47: statistics, drives, save a report, check the installation, about.
+--- Statistics > DS47 Statistics, DS47 Drives; Tools > DS47: the same, save a report, check the installation,
+-- about.
 -- The texts come from ds47.statistics, ds47.report_text and ds47.report_csv (through ds47_ws.stats). Does
 -- nothing when loaded, only when called.
 
@@ -240,12 +241,17 @@ function M.register(track, info)
   local function entry(name, action)
     register_menu("DS47/" .. name, action, MENU_TOOLS_UNSORTED)
   end
-  entry("Statistics", function()
+  local function statistics()
     show_text(track, "statistics", "DS47 statistics")
-  end)
-  entry(DRIVES, function()
+  end
+  local function drives()
     show_text(track, "drives", "DS47: " .. DRIVES)
-  end)
+  end
+  -- Before 4.6 the menu Statistics has no submenus of scripts: a name with a slash stands there as it is.
+  register_menu("DS47 Statistics", statistics, MENU_STAT_UNSORTED)
+  register_menu("DS47 Drives", drives, MENU_STAT_UNSORTED)
+  entry("Statistics", statistics)
+  entry(DRIVES, drives)
   entry("Save report", function()
     ask_and_save(track)
   end)

@@ -278,7 +278,8 @@ local function pieces(text)
   return found
 end
 
-local function stripped(text)
+--- The text without blanks at its end.
+function M.stripped(text)
   return (gsub(text, " +$", ""))
 end
 
@@ -286,14 +287,14 @@ end
 function M.wrap(text, width, hanging)
   local lines, line = {}, ""
   for _, piece in ipairs(pieces(text)) do
-    if find(line, "%S") and M.width(line .. stripped(piece)) > width then
-      lines[#lines + 1] = stripped(line)
+    if find(line, "%S") and M.width(line .. M.stripped(piece)) > width then
+      lines[#lines + 1] = M.stripped(line)
       line = (" "):rep(hanging or 0)
       piece = gsub(piece, "^ +", "")
     end
     line = line .. piece
   end
-  lines[#lines + 1] = stripped(line)
+  lines[#lines + 1] = M.stripped(line)
   return lines
 end
 

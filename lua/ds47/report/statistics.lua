@@ -1,6 +1,9 @@
 --- Statistics of a capture as tables of fixed width, in English or Chinese: response times per operation and
 -- device, errors per code, slowest transactions, unanswered requests, findings per rule, connections of S7.
 -- `compute` counts, `text` prints. Takes the result of Analysis:ended(); opens no file.
+--
+-- No table is wider than the window that Wireshark opens for a text: a row that is longer has several
+-- lines.
 
 local communication = require("ds47.report.s7")
 local report_text = require("ds47.report.text")
@@ -15,12 +18,16 @@ local words = require("ds47.report.formatting")
 local M = {}
 
 local concat, format, sort = table.concat, string.format, table.sort
-local integer, escape = words.integer, words.escape
+local integer, escape, stripped = words.integer, words.escape, words.stripped
 
 M.SLOWEST = 10 -- transactions in the table of the slowest
 M.ROWS = 50 -- rows of the tables of errors and of unanswered requests; how many more is stated
+M.WIDTH = 72 -- columns of a table: as many as that window shows
+M.INDENT = 6 -- blanks before the further lines of a row
 M.ASKED_WIDTH = 60 -- columns for what was asked
 
+-- Of the table of connections (ds47.report.s7): the line of a row in which each column stands, and the side.
+local S7_LINES = { 1, 1, 3, 2, 2, 2, 2, 2, 2, 3, 3 }
 local S7_NUMBERS = { [4] = true, [5] = true, [6] = true, [7] = true, [8] = true, [9] = true } -- columns
 
 local TEXTS = {
@@ -33,13 +40,13 @@ local TEXTS = {
     negative = "%s negative times left out: the clock was set back",
     device = "Device", operation = "Operation", number = "Count", timed = "Timed", min = "Min", mean = "Mean",
     max = "Max",
-    errors = "Negative responses by error number", code = "Code", first = "First in frame", text = "Meaning",
+    errors = "Negative responses by error number, each with its first frame", code = "Code", text = "Meaning",
     calls = { read = "read", write = "write" },
-    refusals = "Refused record calls", status = "Status", call = "Call",
+    refusals = "Refused record calls, each with its first frame", status = "Status", call = "Call",
     slowest = "Slowest transactions", transaction = "No.", frame = "Frame", took = "ms", share = "Drive",
     state = "State", asked = "Asked",
     unanswered = "Requests without a response (unanswered, superseded)",
-    rules = "Findings by rule", rule = "Rule", severity = "Severity",
+    rules = "Findings by rule, each with its first frame", rule = "Rule", severity = "Severity",
     name = "Name",
   },
   zh = {
@@ -51,13 +58,13 @@ local TEXTS = {
     negative = "%s 个负时间未计入：时钟被调回",
     device = "设备", operation = "操作", number = "数量", timed = "计时", min = "最小", mean = "平均",
     max = "最大",
-    errors = "按错误号统计的否定应答", code = "代码", first = "首次出现帧", text = "含义",
+    errors = "按错误号统计的否定应答（附首次出现的帧）", code = "代码", text = "含义",
     calls = { read = "读", write = "写" },
-    refusals = "被拒绝的记录调用", status = "状态字", call = "调用",
+    refusals = "被拒绝的记录调用（附首次出现的帧）", status = "状态字", call = "调用",
     slowest = "最慢的任务", transaction = "编号", frame = "帧", took = "ms", share = "驱动器",
     state = "状态", asked = "请求内容",
     unanswered = "没有应答的请求（无应答、被取代）",
-    rules = "按规则统计的结论", rule = "规则", severity = "严重程度",
+    rules = "按规则统计的结论（附首次出现的帧）", rule = "规则", severity = "严重程度",
     name = "名称",
   },
 }
@@ -210,41 +217,81 @@ end
 
 -- Printing
 
---- Rows of cells as lines of fixed width.
--- @param columns array of {title, align}: align ">" for the right; the last column ends where its text does
--- @param rows array of arrays of texts
-local function table_lines(add, columns, rows)
-  local widths = {}
-  for i, column in ipairs(columns) do
-    widths[i] = words.width(column[1])
+-- The columns of each line of a row: {indent, and {place, width, right} in their order}.
+local function lines_of(columns, rows)
+  local lines = {}
+  for place, column in ipairs(columns) do
+    local width = words.width(column[1])
     for _, row in ipairs(rows) do
-      widths[i] = math.max(widths[i], words.width(row[i]))
+      width = row.heading and width or math.max(width, words.width(row[place]))
     end
+    local number = column.line or 1
+    lines[number] = lines[number] or { indent = number == 1 and 2 or M.INDENT }
+    table.insert(lines[number], { place = place, width = width, right = column[2] == ">" })
   end
-  local function line(cells)
-    local parts = {}
-    for i, column in ipairs(columns) do
-      local blanks = (" "):rep(widths[i] - words.width(cells[i]))
-      parts[i] = column[2] == ">" and blanks .. cells[i] or cells[i] .. blanks
+  return lines
+end
+
+-- A line of a row; where it grows too long its last cell goes on below itself.
+local function add_line(add, line, cells)
+  local text = (" "):rep(line.indent)
+  for number, column in ipairs(line) do
+    local cell = cells[column.place]
+    local blanks = (" "):rep(column.width - words.width(cell))
+    if number == #line and not column.right then
+      for _, part in ipairs(words.wrap(text .. cell, M.WIDTH, words.width(text))) do
+        add(part)
+      end
+      return
     end
-    add((("  " .. concat(parts, "  ")):gsub(" +$", "")))
+    text = text .. (column.right and blanks .. cell or cell .. blanks) .. "  "
   end
-  local titles, total = {}, -2
-  for i, column in ipairs(columns) do
-    titles[i] = column[1]
-    total = total + widths[i] + 2
+  add(stripped(text))
+end
+
+-- How wide a table is: as its widest line.
+local function width_of(lines)
+  local most = 0
+  for _, line in ipairs(lines) do
+    local width = line.indent - 4
+    for _, column in ipairs(line) do
+      width = width + column.width + 2
+    end
+    most = math.max(most, width)
   end
-  line(titles)
-  add("  " .. ("-"):rep(total))
+  return math.min(most, M.WIDTH - 2)
+end
+
+--- Rows of cells as lines of fixed width.
+-- @param columns array of {title, align, line}: align ">" for the right; line: of the row, 1 where none is
+--   named; the last column of a line ends where its text does
+-- @param rows array of arrays of texts, or of {heading = text} for those that follow it
+local function table_lines(add, columns, rows)
+  local lines, titles = lines_of(columns, rows), {}
+  for place, column in ipairs(columns) do
+    titles[place] = column[1]
+  end
+  for _, line in ipairs(lines) do
+    add_line(add, line, titles)
+  end
+  add("  " .. ("-"):rep(width_of(lines)))
   for _, row in ipairs(rows) do
-    line(row)
+    if row.heading then
+      add("  " .. row.heading)
+    else
+      for _, line in ipairs(lines) do
+        add_line(add, line, row)
+      end
+    end
   end
 end
 
 --- A titled table; `none` where it has no row, and how many rows were left out.
 local function section(add, texts, title, columns, list, cells)
   add("")
-  add(title)
+  for _, line in ipairs(words.wrap(title, M.WIDTH)) do
+    add(line)
+  end
   if #list == 0 then
     add("  " .. texts.none)
     return
@@ -259,8 +306,9 @@ local function section(add, texts, title, columns, list, cells)
   end
 end
 
+-- From a second on nobody looks at microseconds.
 local function milliseconds(nanoseconds)
-  return nanoseconds and format("%.3f", nanoseconds / 1e6) or "-"
+  return nanoseconds and format(nanoseconds < 1e9 and "%.3f" or "%.1f", nanoseconds / 1e6) or "-"
 end
 
 local function number(value)
@@ -309,18 +357,33 @@ local function place(names, item)
   return where == "" and escape(item.device) or escape(item.device) .. " " .. where
 end
 
+-- The rows of response times, before those of each device one that names it.
+local function under_devices(rows)
+  local list, device = {}, ""
+  for _, row in ipairs(rows) do
+    if row.device ~= device and row.device ~= "" then
+      list[#list + 1] = { heading = escape(row.device) }
+    end
+    device = row.device
+    list[#list + 1] = row
+  end
+  return list
+end
+
 local function response_time_section(add, texts, rows, key)
   local columns = {
-    { texts.device }, { texts.operation }, { texts.number, ">" }, { texts.timed, ">" }, { texts.min, ">" },
+    { texts.operation }, { texts.number, ">" }, { texts.timed, ">" }, { texts.min, ">" },
     { texts.mean, ">" }, { "p50", ">" }, { "p95", ">" }, { texts.max, ">" },
   }
   local negative = 0
-  section(add, texts, texts[key], columns, rows, function(row)
+  section(add, texts, texts[key], columns, under_devices(rows), function(row)
     local times = row[key]
+    if row.heading then
+      return row
+    end
     negative = math.max(negative, times.negative)
-    local operation = row.operation == "" and "" or operation_of(texts, row.operation)
     return {
-      row.device == "" and texts.all or escape(row.device), operation, integer(row.count),
+      row.device == "" and texts.all or "  " .. operation_of(texts, row.operation), integer(row.count),
       integer(times.timed), milliseconds(times.min), milliseconds(times.mean), milliseconds(times.p50),
       milliseconds(times.p95), milliseconds(times.max),
     }
@@ -332,7 +395,7 @@ end
 
 local function error_sections(add, texts, statistics)
   local columns = {
-    { texts.code }, { texts.number, ">" }, { texts.first, ">" }, { texts.device }, { texts.text },
+    { texts.code }, { texts.number, ">" }, { texts.frame, ">" }, { texts.device }, { texts.text },
   }
   section(add, texts, texts.errors, columns, statistics.errors, function(row)
     return { row.code, integer(row.count), number(row.frame), escape(row.device), escape(row.text) }
@@ -348,7 +411,7 @@ end
 local function transaction_sections(add, texts, statistics, names)
   local columns = {
     { texts.took, ">" }, { texts.share, ">" }, { texts.transaction, ">" }, { texts.frame, ">" },
-    { texts.operation }, { texts.device }, { texts.asked },
+    { texts.operation }, { texts.device }, { texts.asked, line = 2 },
   }
   section(add, texts, texts.slowest, columns, statistics.slowest, function(item)
     return {
@@ -358,7 +421,7 @@ local function transaction_sections(add, texts, statistics, names)
   end)
   columns = {
     { texts.frame, ">" }, { texts.transaction, ">" }, { texts.state }, { texts.operation }, { texts.device },
-    { texts.asked },
+    { texts.asked, line = 2 },
   }
   section(add, texts, texts.unanswered, columns, statistics.unanswered, function(item)
     return {
@@ -370,7 +433,7 @@ end
 
 local function rule_section(add, texts, rows, rules)
   local columns = {
-    { texts.rule }, { texts.severity }, { texts.number, ">" }, { texts.first, ">" }, { texts.name },
+    { texts.rule }, { texts.severity }, { texts.number, ">" }, { texts.frame, ">" }, { texts.name },
   }
   section(add, texts, texts.rules, columns, rows, function(row)
     local rule = rules[row.rule]
@@ -388,7 +451,8 @@ local function s7_section(add, texts, connections)
   end
   local rows, columns = communication.rows(connections, #connections, texts.lang), {}
   for place_of_it, title in ipairs(rows[1]) do
-    columns[place_of_it] = { title, S7_NUMBERS[place_of_it] and ">" or nil }
+    local align = S7_NUMBERS[place_of_it] and ">" or nil
+    columns[place_of_it] = { title, align, line = S7_LINES[place_of_it] }
   end
   table.remove(rows, 1)
   section(add, texts, words.say(texts.lang, "s7_head"), columns, rows, function(row) return row end)
@@ -407,7 +471,9 @@ local function heading(add, texts, statistics, options)
     parts[#parts] = parts[#parts] .. " (" .. concat(states, ", ") .. ")"
   end
   parts[#parts + 1] = format(texts.findings, integer(statistics.findings))
-  add(concat(parts, ", "))
+  for _, line in ipairs(words.wrap(concat(parts, ", "), M.WIDTH, 2)) do
+    add(line)
+  end
 end
 
 --- The statistics of one capture as text of fixed width.
