@@ -65,7 +65,8 @@ local ip_field = Field.new("ip")
 local index_field = Field.new("pn_io.index")
 clock.configure(Field.new("frame.time_epoch"))
 
-local this_dissector, words_dissector, bus_dissector -- to ask whether anybody wants fields of ours
+-- To ask whether anybody wants fields of ours.
+local this_dissector, words_dissector, bus_dissector, s7_dissector
 local referenced -- the method of all trees that tells it: looking it up costs as much as asking
 local always_wanted -- whether words of drives are, in new frames; nil before the first
 local on_bus = false -- whether this is a frame of PROFIBUS, which is shown already
@@ -308,7 +309,9 @@ function ds47.dissector(tvb, pinfo, tree)
     passes.came_again()
     local views, findings = track.complete_views(number)
     if views then -- columns of S7 are those of the dissector that is there
-      local columns = not track.is_s7(views) and columns_of(pinfo) or nil
+      local is_s7 = track.is_s7(views)
+      local columns = not is_s7 and columns_of(pinfo) or nil
+      whole = whole or is_s7 and tree:referenced(s7_dissector)
       show(views, findings, NONE, tvb, columns, tree, finders_of_records, offset, whole)
     end
     show_copy(number, pinfo, tree, true)
@@ -319,14 +322,16 @@ function ds47.dissector(tvb, pinfo, tree)
     show_copy(number, pinfo, tree, false)
     passes.came(pinfo.visited)
   elseif track.feed_segment(number, frame, offset, clock.now) then
+    whole = whole or tree:referenced(s7_dissector)
     local views, findings = track.live_s7_views(whole)
     show(views, findings, NONE, tvb, nil, tree, finders_of_records, offset, whole)
     passes.came(pinfo.visited)
   end
 end
 
--- Nothing is given to it: a protocol has to have one before anybody can ask for its fields.
+-- Nothing is given to these: a protocol has to have one before anybody can ask for its fields.
 function ds47_words.dissector() end
+function ds47_s7.dissector() end
 
 local function begin_anew()
   always_wanted, on_bus = nil, false
@@ -342,6 +347,7 @@ function ds47.init()
   this_dissector = this_dissector or Dissector.get("ds47")
   words_dissector = words_dissector or Dissector.get("ds47_pzd")
   bus_dissector = bus_dissector or Dissector.get("ds47_profibus")
+  s7_dissector = s7_dissector or Dissector.get("ds47_s7")
   begin_anew()
 end
 

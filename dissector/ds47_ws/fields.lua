@@ -18,7 +18,7 @@ local M = {}
 -- the number of a word, with its table in spec/codes.toml.
 local FIELDS = {
   -- the message
-  { "request_reference", "Request reference", "uint8", "DEC" },
+  { "request_reference", "Request reference", "uint8", "HEX" },
   { "request_id", "Request ID", "uint8", "HEX", "request_ids" },
   { "response_id", "Response ID", "uint8", "HEX", "response_ids" },
   { "axis", "Axis / DO-ID", "uint8", "DEC" },

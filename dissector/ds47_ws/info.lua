@@ -1,8 +1,9 @@
 -- What a frame says in one sentence: the Info column, and the label of the tree.
 --
 -- A *view* is one transaction as one frame shows it (track.lua makes them): {role, item = the transaction,
--- parameters = those that the frame shows, message, response, complete}. Numbers, values and addresses are
--- written as the text report does. Events of drives are told as drives.lua gives them: {relation, event}.
+-- parameters = those that the frame shows, message, response, complete}. Numbers, values, names and units are
+-- written as the text report does, references in hex as Wireshark and the manuals do. Events of drives are
+-- told as drives.lua gives them: {relation, event}.
 
 local cyclic = require("ds47.spec.cyclic")
 local entries = require("ds47.support.later").entries
@@ -15,16 +16,21 @@ local M = {}
 
 local NONE = {}
 local PARAMETERS_SHOWN = 6 -- more make the line long: they are counted
+local NAMES_SHOWN = 2 -- with more parameters than these the line has no names
 
 -- The text of a byte. Whole sentences are not remembered: a collector would look through all of them.
 local DIGITS = entries(function(number)
   return string.format("%d", number)
 end)
 
+local REFERENCES = entries(function(number)
+  return string.format("0x%02X", number)
+end)
+
 -- The reference of a transaction; a message may be too short to have one, or an axis.
 local function reference(item)
   local number = item.request_reference
-  return number and DIGITS[number] or "?"
+  return number and REFERENCES[number] or "?"
 end
 
 -- `, DO 2`, of an axis; empty without one.
@@ -32,7 +38,7 @@ local function drive_object(axis)
   return axis and ", DO " .. DIGITS[axis] or ""
 end
 
--- `ref 3, DO 2`.
+-- `ref 0x03, DO 2`.
 local function head(item)
   return "ref " .. reference(item) .. drive_object(item.axis)
 end
@@ -67,20 +73,26 @@ local function address(item)
   return text
 end
 
+-- The same with the name of a known parameter: `p1082[0] (Maximum speed)`.
+local function named_address(item)
+  local name = error_texts.name(item, language)
+  return name and address(item) .. " (" .. name .. ")" or address(item)
+end
+
 -- One parameter: `p50303[0] = 10.0`, `:=` where the value was written, `: 0x02 ...` where it failed.
-local function parameter(item, written)
-  local text = address(item)
+local function parameter(item, written, named)
+  local text = named and named_address(item) or address(item)
   if item.error then
     return text .. ": " .. error_of(item.error)
   elseif #item.values == 0 then
     return text
   end
   text = text .. (written and " := " or " = ") .. words.values(item.values, item.format)
+  local unit = item.unit and " " .. words.escape(item.unit) or ""
   if item.scaled and #item.scaled > 0 then
-    local unit = item.unit and " " .. words.escape(item.unit) or ""
-    text = text .. " (" .. words.values(item.scaled, item.format, true) .. unit .. ")"
+    unit = " (" .. words.values(item.scaled, item.format, true) .. unit .. ")"
   end
-  return text
+  return text .. unit
 end
 
 local parts = {}
@@ -93,7 +105,7 @@ local function list_of(parameters, written)
   end
   local shown = math.min(count, PARAMETERS_SHOWN)
   for number = 1, shown do
-    parts[number] = parameter(parameters[number], written)
+    parts[number] = parameter(parameters[number], written, count <= NAMES_SHOWN)
   end
   local more = count > shown and string.format(", ... and %d more", count - shown) or ""
   return ": " .. table.concat(parts, ", ", 1, shown) .. more
@@ -108,8 +120,8 @@ local function list_asked(view)
   local shared, vendor_id = view.message.shared, view.item.vendor_id or false
   if shared == nil then
     return parameters_of(view)
-  elseif shared.listed_for ~= vendor_id then -- units are those of the vendor
-    shared.listed, shared.listed_for = parameters_of(view), vendor_id
+  elseif shared.listed_for ~= vendor_id or shared.listed_in ~= language then -- names and units are of both
+    shared.listed, shared.listed_for, shared.listed_in = parameters_of(view), vendor_id, language
   end
   return shared.listed
 end
@@ -184,10 +196,10 @@ end
 -- A request or a response of PKW: `PKW read response p1082[0] = 50.0`.
 local function pkw_sentence(view)
   local kind, operation = view.role == "write_request" and " request " or " response ", view.item.operation
-  return "PKW " .. operation .. kind .. parameter(view.parameters[1], operation == "change")
+  return "PKW " .. operation .. kind .. parameter(view.parameters[1], operation == "change", true)
 end
 
---- The sentence of one view, without the name of the protocol; error numbers in "en" or "zh".
+--- The sentence of one view; error numbers in "en" or "zh".
 function M.sentence(view, lang)
   language = lang
   return view.item.channel == "pkw" and pkw_sentence(view) or sentences[view.role](view)
@@ -260,7 +272,8 @@ function M.events(events, lang)
   return "PZD " .. table.concat(texts, "; ")
 end
 
---- The Info column of a frame: the sentences of all its views, and what happened to drives.
+--- The Info column of a frame: the sentences of all its views, and what happened to drives. Whose they are
+-- the column Protocol says.
 function M.text(views, events, lang)
   local texts = {}
   for number = 1, #views do
@@ -269,7 +282,7 @@ function M.text(views, events, lang)
   if #events > 0 then
     texts[#texts + 1] = M.events(events, lang)
   end
-  return "DS47 " .. table.concat(texts, "; ")
+  return table.concat(texts, "; ")
 end
 
 return M

@@ -2,7 +2,7 @@
 --
 -- Wireshark 4.4 has such a menu, 4.0 has not. It tells the fields of the packet; what the packet is about is
 -- known from its number, so that a filter holds for what the report calls the same parameter. Does nothing
--- when loaded, only when called; the functions that make texts know nothing of Wireshark.
+-- when loaded, only when called.
 
 local drive_objects = require("ds47.profidrive.drive_objects")
 local formatting = require("ds47.report.formatting")
@@ -64,12 +64,17 @@ function M.transaction_filter(items)
   return among("ds47.transaction", numbers)
 end
 
--- One drive. `quoted`: whether its address is a text to Wireshark.
-local function device_term(item, quoted)
+-- One drive: a station, or an address in the field that the packet has for it.
+local function device_term(item, fields)
   if item.station then
     return "ds47.station == " .. integer(item.station)
+  elseif not item.device then
+    return nil
   end
-  return item.device and format(quoted and 'ds47.device == "%s"' or "ds47.device == %s", item.device)
+  local mac = item.device:find(":", 1, true) and fields["ds47.device.mac"]
+  local name = mac and "ds47.device.mac" or "ds47.device"
+  local is_text = fields[name] and fields[name].type == ftypes.STRING
+  return format(is_text and '%s == "%s"' or "%s == %s", name, item.device)
 end
 
 -- Adds a term that is not there yet.
@@ -81,10 +86,11 @@ local function add_new(terms, term)
 end
 
 --- All frames of the drives of these transactions; nil where none has an address.
-function M.drive_filter(items, quoted)
+-- @param fields of the packet, by their names
+function M.drive_filter(items, fields)
   local terms = {}
   for _, item in ipairs(items) do
-    add_new(terms, device_term(item, quoted))
+    add_new(terms, device_term(item, fields))
   end
   return terms[1] and alternatives(terms)
 end
@@ -168,12 +174,13 @@ end
 
 --- The frames in which the parameters of these transactions stand, of the same drive objects as far as the
 -- capture proves which those are.
+-- @param fields  of the packet, by their names
 -- @param result  the complete result (Analysis:ended)
 -- @return a filter; nil where there is no parameter, or no address of the drive
-function M.parameter_filter(items, quoted, result)
+function M.parameter_filter(items, fields, result)
   local shown, of_drives = drive_objects.of(result.transactions), {}
   for _, item in ipairs(items) do
-    local device, terms = device_term(item, quoted), {}
+    local device, terms = device_term(item, fields), {}
     for _, parameter in ipairs(device and item.parameters or {}) do
       if parameter.pnu then
         add_new(terms, parameter_term(parameter, item, result, shown))
@@ -313,18 +320,17 @@ end
 --- Adds the menu.
 -- @param track the analysis of the open file
 function M.register(track)
-  -- `action` is a function of the views, of the fields by name, and of whether an address is a text.
+  -- `action` is a function of the views, and of the fields by their names.
   local function entry(name, needed, action)
     register_packet_menu("DS47/" .. name, function(...)
       local fields = by_name(...)
       local views = track.complete_views(fields["frame.number"].value) or {}
-      local device = fields["ds47.device"]
-      action(views, fields, device ~= nil and device.type == ftypes.STRING)
+      action(views, fields)
     end, needed)
   end
   local function filter(name, needed, make)
-    entry(name, needed, function(views, _, quoted)
-      local text = make(M.transactions(views), quoted)
+    entry(name, needed, function(views, fields)
+      local text = make(M.transactions(views), fields)
       if text then
         set_filter(text)
         apply_filter()
@@ -344,8 +350,8 @@ function M.register(track)
     end)
   end
   filter("Only this transaction", ANY, M.transaction_filter)
-  filter("Only these parameters on this drive object", OURS, function(items, quoted)
-    return M.parameter_filter(items, quoted, track.result())
+  filter("Only these parameters on this drive object", OURS, function(items, fields)
+    return M.parameter_filter(items, fields, track.result())
   end)
   filter("Only this drive", OURS, M.drive_filter)
   copy("Copy request as ds47 encode line", "encode")

@@ -498,7 +498,8 @@ def test_flaws_are_told_in_chinese(capsys):
 
 def test_encode_takes_the_quotes_that_cmd_exe_leaves(capsys):
     """A copied line has those of a POSIX shell; cmd.exe hands them over as characters."""
-    assert main(["encode", *"'read ref 3 axis 2 p50303[0]'".split()]) == 0
+    words = ["'read", "ref", "3", "axis", "2", "p50303[0]'"]
+    assert main(["encode", *words]) == 0
     assert capsys.readouterr().out == "03 01 02 01 10 01 c4 7f 00 00\n"
 
 

@@ -787,22 +787,22 @@ def play_sentences(client: Client) -> None:
 
 
 SENTENCES = [
-    "DS47 read request ref 3, DO 2: p50303[0]",
-    "DS47 write accepted ref 3",
-    "DS47 fetch response ref 3, DO 2",
-    "DS47 read response ref 3, DO 2: p50303[0] = 10.0",
-    "DS47 change request ref 4, DO 2: p50304[0] := 5.0",
-    "DS47 write accepted ref 4",
-    "DS47 fetch response ref 4, DO 2",
-    "DS47 read poll ref 4: not ready",
-    "DS47 fetch response ref 4, DO 2",
-    "DS47 change error, DO 2: p50304[0]: 0x02 Below or above the value limit",
-    "DS47 read request ref 5, DO 2: p1[2..4]",
-    "DS47 write refused ref 5: DF80B700 write: access: invalid range",
-    "DS47 read request ref 6, DO 2: p1[0], p2[0], p3[0], p4[0], p5[0], p6[0], ... and 14 more",
-    "DS47 write accepted ref 6",
-    "DS47 fetch response ref 6, DO 2",
-    "DS47 read partial, DO 2: p1[0] = 7, "
+    "read request ref 0x03, DO 2: p50303[0] (Ramp-function generator ramp-up time 1)",
+    "write accepted ref 0x03",
+    "fetch response ref 0x03, DO 2",
+    "read response ref 0x03, DO 2: p50303[0] (Ramp-function generator ramp-up time 1) = 10.0 s",
+    "change request ref 0x04, DO 2: p50304[0] (Ramp-function generator ramp-down time 1) := 5.0 s",
+    "write accepted ref 0x04",
+    "fetch response ref 0x04, DO 2",
+    "read poll ref 0x04: not ready",
+    "fetch response ref 0x04, DO 2",
+    "change error, DO 2: p50304[0] (Ramp-function generator ramp-down time 1): 0x02 Below or above the value limit",
+    "read request ref 0x05, DO 2: p1[2..4]",
+    "write refused ref 0x05: DF80B700 write: access: invalid range",
+    "read request ref 0x06, DO 2: p1[0], p2[0], p3[0], p4[0], p5[0], p6[0], ... and 14 more",
+    "write accepted ref 0x06",
+    "fetch response ref 0x06, DO 2",
+    "read partial, DO 2: p1[0] = 7, "
     + "".join(f"p{n}[0]: 0x01 Parameter value cannot be changed (info 2), " for n in range(2, 7))
     + "... and 14 more",
 ]
@@ -819,7 +819,21 @@ def test_the_protocol_tree_begins_with_the_sentence(tshark: Tshark, make: Any) -
     shown = tshark("-r", make(play_sentences), "-V", "-O", "ds47")
     short = [text for text in SENTENCES if len(text) < 200]  # Wireshark cuts labels at 240
     assert len(short) > 10
-    assert all(f"\n{text}\n" in shown for text in short)
+    assert all(f"\nDS47 {text}\n" in shown for text in short)
+
+
+def test_the_info_column_has_names_and_units(tshark: Tshark) -> None:
+    """Of one parameter or two; with more the line grows long."""
+    said = sentences(tshark("-r", CAPTURES["tour-machine.pcapng"], *COMPLETE, "-Y", "ds47"))
+    ramp = "(Ramp-function generator ramp-down time 1)"
+    assert said[11] == f"change response ref 0x02, DO 2: p50304[0] {ramp} := 100.0 s"
+    assert said[24] == "change request ref 0x06, DO 2: p50076[1] := 100.0"
+    said = sentences(tshark("-r", CAPTURES["tour-machine.pcapng"], *COMPLETE, "-Y", "ds47",
+                            "-o", "ds47.language:zh"))  # fmt: skip
+    assert (
+        said[11]
+        == "change response ref 0x02, DO 2: p50304[0] (斜坡函数发生器斜坡下降时间 1) := 100.0 s"
+    )
 
 
 def test_names_and_units_stand_in_the_tree(tshark: Tshark) -> None:

@@ -136,14 +136,14 @@ def test_the_info_column_tells_events(tshark: Tshark) -> None:
     lines = tshark("-r", STORY, *COMPLETE, "-Y", "ds47.pzd.event").splitlines()
     told = [line.split(" DS47 ", 1)[1].split(" ", 1)[1] for line in lines]
     assert told == [
-        "DS47 PZD first seen (STW1 047F)",
-        "DS47 PZD first seen (ZSW1 FB40): S1 switching on inhibited, OFF2 active, OFF3 active",
-        "DS47 PZD OFF2 no longer active, OFF3 no longer active (ZSW1 FB40 -> FB70): S1 switching on inhibited",
-        "DS47 PZD OFF1 (STW1 047F -> 047E)",
-        "DS47 PZD switching on no longer inhibited (ZSW1 FB70 -> FB31): S2 ready to switch on",
-        "DS47 PZD ON (STW1 047E -> 047F)",
-        "DS47 PZD ready (ZSW1 FB31 -> FB33): S3 switched on",
-        "DS47 PZD running (ZSW1 FB33 -> FB37): S4 operation enabled",
+        "PZD first seen (STW1 047F)",
+        "PZD first seen (ZSW1 FB40): S1 switching on inhibited, OFF2 active, OFF3 active",
+        "PZD OFF2 no longer active, OFF3 no longer active (ZSW1 FB40 -> FB70): S1 switching on inhibited",
+        "PZD OFF1 (STW1 047F -> 047E)",
+        "PZD switching on no longer inhibited (ZSW1 FB70 -> FB31): S2 ready to switch on",
+        "PZD ON (STW1 047E -> 047F)",
+        "PZD ready (ZSW1 FB31 -> FB33): S3 switched on",
+        "PZD running (ZSW1 FB33 -> FB37): S4 operation enabled",
     ]
 
 
@@ -395,14 +395,22 @@ def test_the_window_of_drives(tshark: Tshark) -> None:
     assert none.splitlines()[1] == "No drive was seen in the cyclic frames of this capture."
 
 
-def test_graphs_of_the_profile() -> None:
-    """Eight values in each line: Wireshark 3.4 takes no more, and later ones take fewer."""
+def test_graphs_of_the_profile(tshark: Tshark) -> None:
+    """Eight values in each line: 3.4 takes no more, later ones fewer. One bad line, and none is taken."""
     folder = Path(__file__).parents[2] / "dissector/profile"
     lines = (folder / "io_graphs").read_text(encoding="ascii").splitlines()
-    graphs = [re.findall(r'"([^"]*)"', line) for line in lines if not line.startswith("#")]
-    assert {len(each) for each in graphs} == {8}
-    assert [each[6] for each in graphs] == ["ds47.pzd.setpoint", "ds47.pzd.actual", ""]
+    lines = [line for line in lines if not line.startswith("#")]
+    assert all(re.fullmatch(r'"[^"]*"(,"[^"]*"){7}', line) for line in lines)
+    graphs = [re.findall(r'"([^"]*)"', line.replace("\\x22", "\x27")) for line in lines]
     assert {each[0] for each in graphs} <= {"Enabled", "Disabled"}
+    shown = [each[6] for each in graphs if each[0] == "Enabled"]
+    assert shown == ["ds47.duration_ms", "ds47.pzd.setpoint", "ds47.pzd.actual"]
+    known = tshark("-G", "fields")
+    for _, name, asked, _, style, axis, field, _ in graphs:
+        assert name and style in {"Line", "Dot", "Impulse"}
+        assert axis in {"MAX(Y Field)", "AVG(Y Field)", "Packets"}
+        assert (axis == "Packets") == (not field)
+        assert all(f"\t{each}\t" in known for each in re.findall(r"ds47[.a-z0-9_]+", asked + field))
 
 
 @pytest.mark.parametrize("ways", [(), ("-2",)])

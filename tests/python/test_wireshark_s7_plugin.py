@@ -227,6 +227,19 @@ def test_the_port_and_the_block_of_a_server_can_be_chosen(tshark: Tshark, tmp_pa
     assert [row[2] for row in found if row[2]] == ["DS903"]
 
 
+@pytest.mark.parametrize("ways", [(), ("-2",), COMPLETE])
+def test_the_protocol_alone_is_a_filter(ways: tuple[str, ...], tshark: Tshark) -> None:
+    path = ROOT / "captures" / "s7-stacks" / "errors_cpp_cpp.pcapng"
+    frames = [
+        row[0] for row in rows(tshark("-r", path, *ways, "-Y", "ds47_s7", *columns("frame.number")))
+    ]
+    with_field = tshark(
+        "-r", path, *ways, "-Y", "ds47_s7 && ds47.channel", *columns("frame.number")
+    )
+    assert len(frames) == 14
+    assert frames == [row[0] for row in rows(with_field)]
+
+
 def test_the_statistics_have_a_row_for_each_connection(tshark: Tshark) -> None:
     path = ROOT / "captures" / "s7-stacks" / "torn_cpp_pure_cpp.pcapng"
     text = tshark("-r", path, "-X", "lua_script1:statistics", "-q")

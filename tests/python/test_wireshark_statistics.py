@@ -306,6 +306,10 @@ def test_colours_of_the_profile(
     drive = colours(shark, *profile, *plugin, "-r", captures / "cyclic-does-not-start.pcapng")
     assert (drive["6"], drive["842"]) == ("Drive: event", "Drive: event")
     assert drive["7"] == "PROFINET cyclic data"
+    jobs = colours(shark, *profile, *plugin, "-r", captures / f"{S7}.pcapng")
+    assert {"S7", "DS47 error", "DS47 refused"} & set(jobs.values()) == {"S7", "DS47 error"}
+    line = colours(shark, *profile, *plugin, "-r", captures / f"{BUS}.pcapng")
+    assert {"PROFIBUS", "PROFIBUS: damaged frame", "DS47"} <= set(line.values())
 
 
 def buttons(repository: Path) -> dict[str, str]:
@@ -315,26 +319,41 @@ def buttons(repository: Path) -> dict[str, str]:
     return {row[1]: row[2].replace("\\x22", '"') for row in rows}
 
 
-@pytest.mark.parametrize(
-    ("label", "count"),
-    [
-        ("DS47", 34),
-        ("Not ok", 12),
-        ("Errors", 4),
-        ("Changes", 16),
-        ("Slow", 0),
-        ("Drive events", 0),
-        ("Damaged", 0),
-    ],
-)
+TOUR, BUS = "tour-machine", "profibus-bad-line"
+S7, TORN = "s7-stacks/errors_cpp_cpp", "s7-stacks/torn_cpp_pure_cpp"
+STARTS, PKW, FAULT = "cyclic-does-not-start", "profibus-ppo1-start", "profibus-healthy"
+BUTTONS = {
+    "DS47": {TOUR: 34, S7: 0},
+    "Findings": {TOUR: 6, BUS: 4, S7: 6},
+    "Not ok": {TOUR: 12, S7: 12},
+    "Errors": {TOUR: 4},
+    "Refused": {TOUR: 2},
+    "No answer": {TOUR: 2},
+    "Changes": {TOUR: 16},
+    "Slow": {TOUR: 0, "conversation-slow": 1},
+    "Drives//Events": {TOUR: 0, STARTS: 1},
+    "Drives//Faults": {TOUR: 0, FAULT: 1},
+    "Drives//PKW": {TOUR: 0, PKW: 1},
+    "S7//Jobs": {TOUR: 0, S7: 14},
+    "S7//Not ok": {TOUR: 0, S7: 12},
+    "S7//Two moments": {S7: 0, TORN: 1},
+    "PROFIBUS//Parameter channel": {TOUR: 0, BUS: 4},
+    "PROFIBUS//Without data exchange": {TOUR: 0, BUS: 19},
+    "PROFIBUS//Damaged": {TOUR: 0, BUS: 5},
+}
+"""Label -> how many frames the button finds in captures."""
+
+
+@pytest.mark.parametrize("label", BUTTONS)
 def test_filter_buttons(
-    shark: Run, plugin: list[str], repository: Path, tour: Path, label: str, count: int
+    shark: Run, plugin: list[str], repository: Path, captures: Path, label: str
 ) -> None:
     filters = buttons(repository)
-    assert len(filters) == 7
-    said = shark(*plugin, "-2", "-Y", filters[label], "-r", tour)
-    assert "warning" not in said.err.lower()
-    assert said.out.count("\n") == count
+    assert list(filters) == list(BUTTONS)
+    for name, count in BUTTONS[label].items():
+        said = shark(*plugin, "-2", "-Y", filters[label], "-r", captures / f"{name}.pcapng")
+        assert "warning" not in said.err.lower()
+        assert (name, said.out.count("\n")) == (name, count)
 
 
 # What the menu shows of the installation
