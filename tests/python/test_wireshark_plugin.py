@@ -796,7 +796,8 @@ SENTENCES = [
     "fetch response ref 0x04, DO 2",
     "read poll ref 0x04: not ready",
     "fetch response ref 0x04, DO 2",
-    "change error, DO 2: p50304[0] (Ramp-function generator ramp-down time 1): 0x02 Below or above the value limit",
+    "change error, DO 2: p50304[0] (Ramp-function generator ramp-down time 1): "
+    "0x02 Below or above the value limit",
     "read request ref 0x05, DO 2: p1[2..4]",
     "write refused ref 0x05: DF80B700 write: access: invalid range",
     "read request ref 0x06, DO 2: p1[0], p2[0], p3[0], p4[0], p5[0], p6[0], ... and 14 more",

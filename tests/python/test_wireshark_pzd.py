@@ -405,12 +405,13 @@ def test_graphs_of_the_profile(tshark: Tshark) -> None:
     assert {each[0] for each in graphs} <= {"Enabled", "Disabled"}
     shown = [each[6] for each in graphs if each[0] == "Enabled"]
     assert shown == ["ds47.duration_ms", "ds47.pzd.setpoint", "ds47.pzd.actual"]
-    known = tshark("-G", "fields")
     for _, name, asked, _, style, axis, field, _ in graphs:
-        assert name and style in {"Line", "Dot", "Impulse"}
+        assert name
+        assert style in {"Line", "Dot", "Impulse"}
         assert axis in {"MAX(Y Field)", "AVG(Y Field)", "Packets"}
         assert (axis == "Packets") == (not field)
-        assert all(f"\t{each}\t" in known for each in re.findall(r"ds47[.a-z0-9_]+", asked + field))
+        for each in filter(None, (asked, field)):  # tshark refuses a filter with a name that is none
+            tshark("-r", STORY, "-c", "1", "-Y", each.replace("\x27", '"'))
 
 
 @pytest.mark.parametrize("ways", [(), ("-2",)])
