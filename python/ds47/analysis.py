@@ -225,7 +225,7 @@ class Analysis:
             self._records,
             self._diagnoses.cut,
             self._cyclic.frame,
-            self._s7.packet,
+            self._s7,
         )
         self._bus_judge = BusJudge(bounds)
         self._bus_stations = Stations(self._bus_judge.heard)

@@ -106,7 +106,10 @@ def job(request: bytes, answer: bytes) -> dict[str, Any]:
     values = pdus.results(told)
     each["results"] = [{"code": one.code, "data": text(one.data)} for one in values]
     each["answer_flaws"] = flaws(told.flaws)
-    each["settled"], each["request_flaws"] = flaws(pdus.settle(found, values)), flaws(asked.flaws)
+    each["settled"], each["request_flaws"] = (
+        flaws(pdus.settle(found.items, found.groups, values)),
+        flaws(asked.flaws),
+    )
     each["items"] = items(found.items)
     return each
 

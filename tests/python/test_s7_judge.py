@@ -33,7 +33,6 @@ from ds47.s7.model import (
     Item,
     Job,
     Segment,
-    Told,
 )
 from ds47.spec import rules, s7
 from ds47.spec.semantics import limits
@@ -304,20 +303,20 @@ def test_every_kind_of_cpu_that_an_order_number_means_is_known() -> None:
 
 def test_a_pdu_is_longer_than_agreed() -> None:
     line = Line()
-    for size in (480, 500, 900, 600):
-        line.judge.pdu(Told(line.connection, True, line.at(), 1, size, 1))
+    for size in (500, 900, 600):
+        line.judge.larger(line.connection, True, line.at(), size)
     remark = line.one("DS902")
     assert line.connection.setup is not None
     assert remark.args == {
         "device": "10.0.0.2", "sender": "10.0.0.1", "size": 900, "agreed": 480,
-        "frame": line.connection.setup.frame, "count": 3, "frames": [5, 6, 7],
+        "frame": line.connection.setup.frame, "count": 3, "frames": [4, 5, 6],
     }  # fmt: skip
     assert remark.frame == remark.args["frames"][1]
 
 
 def test_a_pdu_before_the_setup_has_no_limit() -> None:
     line = Line(pdu=None)
-    line.judge.pdu(Told(line.connection, True, line.at(), 1, 5000, 1))
+    line.judge.larger(line.connection, True, line.at(), 5000)
     assert line.rules() == []
 
 

@@ -1,7 +1,7 @@
 """The short ways of the usual case say what the long ways say, whatever bytes they are given.
 
-`rpc.from_frame` against `link.dissect` and `rpc.parse`, the sound blocks of a response against the
-careful decoder, shared requests against fresh ones, the line of a transaction against its dictionary.
+`rpc.from_frame` and `tcp.from_frame` against `link.dissect` and `parse`, the sound blocks of a response against
+the careful decoder, shared requests against fresh ones, the line of a transaction against its dictionary.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from ds47.acyclic.pairing import Pairing
 from ds47.acyclic.record_events import RecordEvents
 from ds47.capture import Frame, open_capture
 from ds47.lab import message
-from ds47.model import Frames, Parameter, ParameterError, Read, Transaction
+from ds47.model import S7, Frames, Item, Parameter, ParameterError, Read, Transaction
 from ds47.profidrive import Options, decode_request, decode_response, parameter
 from ds47.profinet import link, rpc
 from ds47.report import json
 from ds47.report.bilingual import LANGUAGES
+from ds47.s7 import tcp
 from ds47.spec.semantics import limits
 
 HEADERS = 130
@@ -77,6 +78,53 @@ def test_what_from_frame_remembers_is_bounded() -> None:
             data[50] = number  # object UUID
             assert rpc.from_frame(Frame(1, 2, 1, bytes(data), 200)) is not None
     assert max(map(len, (rpc._MACS, rpc._HOSTS, rpc._LITTLE_UUIDS))) <= max(8, rpc._MOST_KNOWN)
+
+
+@settings(max_examples=500)
+@given(
+    st.binary(max_size=12), st.integers(0, 15), st.integers(-3, 3), OVERWRITTEN, st.integers(0, 30),
+    st.binary(max_size=5), st.booleans(),
+)  # fmt: skip
+def test_from_frame_is_the_segment_of_dissect(
+    body: bytes, words: int, more: int, overwritten: list[tuple[int, int]], cut: int, behind: bytes,
+    known: bool,
+) -> None:  # fmt: skip
+    head = bytes.fromhex("c001006600000001000000f0") + bytes((words << 4, 0x18)) + bytes(6)
+    data = bytearray(make.ethernet(0x0800, make.ipv4(head + body, proto=6)))
+    total = len(data) - 14 + more if known else 0
+    data[16:18] = total.to_bytes(2, "big")
+    for at, value in overwritten:
+        if at < len(data):
+            data[at] = value
+    whole = bytes(data) + behind
+    shot = Frame(5, 1234, 1, whole[: max(0, len(whole) - cut)], len(whole))
+    quick = tcp.from_frame(shot)
+    packet = link.dissect(shot)
+    slow = None
+    if packet is not None and packet.kind == "tcp":
+        slow = tcp.parse(packet.src_ip, packet.dst_ip, packet.payload, packet.missing)
+    if quick is not None:
+        assert quick == slow
+
+
+def test_from_frame_takes_the_usual_segment() -> None:
+    head = bytes.fromhex("c0010066000000010000000250180400") + bytes(4)
+    found = tcp.from_frame(
+        Frame(1, 2, 1, make.ethernet(0x0800, make.ipv4(head + b"body", proto=6)), 58)
+    )
+    assert found is not None
+    assert (found.source.port, found.destination.port, found.data) == (0xC001, 102, b"body")
+    assert (found.sequence, found.acknowledge, found.flags, found.length) == (1, 2, 0x18, 4)
+
+
+def test_the_ends_that_from_frame_remembers_are_bounded() -> None:
+    head = bytes.fromhex("c0010066000000010000000250180400") + bytes(4)
+    with patch.object(tcp, "_MOST_KNOWN", 8):
+        for number in range(100):
+            data = bytearray(make.ethernet(0x0800, make.ipv4(head, proto=6)))
+            data[35] = number
+            assert tcp.from_frame(Frame(1, 2, 1, bytes(data), 60)) is not None
+        assert len(tcp._ENDS) <= 8
 
 
 BLOCKS = st.lists(
@@ -150,10 +198,26 @@ transactions = st.builds(
     st.lists(parameters_, max_size=3), st.integers(0, 3), st.lists(st.text(max_size=5), max_size=2),
     st.integers(0, 99),
 )  # fmt: skip
+codes = st.one_of(st.none(), st.integers(0, 255))
+items = st.builds(
+    Item, texts, texts, numbers, numbers, numbers, numbers, st.one_of(st.none(), st.binary(max_size=5)), codes,
+)  # fmt: skip
+
+
+def _of_s7(
+    item: Transaction, connection: int | None, its: list[Item], error: int | None, parts: list[Read]
+) -> Transaction:
+    item.channel, item.connection, item.items = S7, connection, its
+    item.r_id = item.error = error
+    item.segments = parts
+    return item
+
+
+jobs = st.builds(_of_s7, transactions, numbers, st.lists(items, max_size=3), numbers, pairs)
 
 
 @settings(max_examples=300)
-@given(transactions, st.sampled_from(LANGUAGES))
+@given(st.one_of(transactions, jobs), st.sampled_from(LANGUAGES))
 def test_the_line_of_a_transaction_is_its_dictionary(item: Transaction, lang: str) -> None:
     assert json.transaction_line(item, lang) == json.text(json.transaction(item, lang))
 

@@ -44,6 +44,18 @@ class Listener(Protocol):
         ...
 
 
+class Segments(Protocol):
+    """Takes segments of TCP."""
+
+    def frame(self, frame: Frame) -> bool:
+        """The next frame of the capture; False where it has no segment, or not as nearly all have one."""
+        ...
+
+    def packet(self, packet: Packet) -> None:
+        """A segment in any other frame."""
+        ...
+
+
 class Transport:
     """Feeds a call tracker with the messages of a capture, in the order of its frames.
 
@@ -65,7 +77,7 @@ class Transport:
         listener: Listener,
         cut: Callable[[int], None],
         cyclic: Callable[[Packet], None],
-        tcp: Callable[[Packet], None],
+        tcp: Segments,
     ) -> None:
         self._calls = calls
         self._stations = stations
@@ -89,6 +101,8 @@ class Transport:
         if pdu is not None:
             self._pdu(pdu)
             return
+        if self._tcp.frame(frame):
+            return
         packet = self._packets.packet(frame)
         if self._datagrams.given_up:
             self._tell_given_up()
@@ -110,7 +124,7 @@ class Transport:
             self._cyclic(packet)
             return
         if packet.kind == "tcp":
-            self._tcp(packet)
+            self._tcp.packet(packet)
             return
         if packet.kind != "udp":
             self._stations.station(packet)

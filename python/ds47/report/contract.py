@@ -218,15 +218,15 @@ DEVICE = Shape("device", (
     Key("device_id", WORD),
 ), model.Device)  # fmt: skip
 
-_READ = Shape("", (Key("request", FRAME), Key("response", FRAME)), model.Read)
+READ = Shape("", (Key("request", FRAME), Key("response", FRAME)), model.Read)
 _WIRESHARK = "as Wireshark numbers it."
 FRAMES = Shape("", (
     Key("write_request", FRAME, column=f"Frame of the Write request, {_WIRESHARK}"),
     Key("write_response", FRAME, column=f"Frame of the Write response, {_WIRESHARK}"),
     Key("read_request", FRAME, column=f"Frame of the Read request that fetched the response, {_WIRESHARK}"),
     Key("read_response", FRAME, column=f"Frame of the Read response that holds the record, {_WIRESHARK}"),
-    Key("polls", many({}), shape=_READ),
-    Key("rereads", many({}), shape=_READ),
+    Key("polls", many({}), shape=READ),
+    Key("rereads", many({}), shape=READ),
 ), model.Frames)  # fmt: skip
 
 ERROR = Shape("error", (
@@ -265,8 +265,9 @@ _STATUSES = Shape("", (
 _R_ID = "Of BSEND and USEND."
 
 
-def _code_text(item: model.Item, lang: str) -> str | None:
-    return None if item.code is None else s7.code_text("return_code", item.code, lang)
+def code_text(code: int | None, lang: str) -> str | None:
+    """What the partner answered, in words."""
+    return None if code is None else s7.code_text("return_code", code, lang)
 
 
 ITEM = Shape("item", (
@@ -282,7 +283,7 @@ ITEM = Shape("item", (
         column="What was read, written or sent, in hex."),
     Key("code", BYTE, "What the partner answered; 255 is success.",
         column="What the partner answered; 255 is success."),
-    Key("text", MAYBE_TEXT, "What that means.", tell=_code_text, into=""),
+    Key("text", MAYBE_TEXT, "What that means.", tell=lambda item, lang: code_text(item.code, lang), into=""),
 ), model.Item, "A variable of a job of S7, or data that a program sends; docs/s7.md.")  # fmt: skip
 
 TRANSACTION = Shape("transaction", (
@@ -325,7 +326,7 @@ TRANSACTION = Shape("transaction", (
     Key("r_id", whole(0, 0xFFFF_FFFF, maybe=True), f"Only of s7. {_R_ID}", channel=model.S7, column=_R_ID),
     Key("error", WORD, "Only of s7: error class and code of the answer, 0 for none.", channel=model.S7,
         column="Of s7: error class and code of the answer as one number, 0 for none."),
-    Key("segments", many({}), "Only of s7: the frames of a BSEND and of its acknowledgements.", shape=_READ,
+    Key("segments", many({}), "Only of s7: the frames of a BSEND and of its acknowledgements.", shape=READ,
         channel=model.S7),
 ), model.Transaction)  # fmt: skip
 

@@ -22,6 +22,7 @@ from ds47.model import (
     Device,
     Diagnosis,
     Finding,
+    Item,
     Parameter,
     Report,
     Transaction,
@@ -54,8 +55,6 @@ def transaction(item: Transaction, lang: str = "en") -> dict[str, Any]:
 
 def transaction_line(item: Transaction, lang: str = "en") -> str:
     """What `text(transaction(item, lang))` gives, without the dictionaries: there are many transactions."""
-    if item.channel == S7:
-        return text(transaction(item, lang))
     frames_ = item.frames
     polls = reads = "[]"
     if frames_.polls or frames_.rereads:
@@ -81,10 +80,49 @@ def transaction_line(item: Transaction, lang: str = "en") -> str:
         f'"status": {{"write": {_NULL if write is None else f"""{_QUOTE}{write:08X}{_QUOTE}"""}, '
         f'"read": {_NULL if read is None else f"""{_QUOTE}{read:08X}{_QUOTE}"""}}}, '
         f'"parameters": [{", ".join([_parameter_text(each, lang) for each in item.parameters])}]'
-        f', "findings": {text(item.findings) if item.findings else _NONE}}}'
+        f', "findings": {text(item.findings) if item.findings else _NONE}'
+        f"{_of_s7(item, lang) if item.channel == S7 else _NOTHING}}}"
     )
 
 
+def _of_s7(item: Transaction, lang: str) -> str:
+    """What only a transaction of S7 has."""
+    segments = _NONE
+    if item.segments:
+        segments = text([contract.READ.plain(each) for each in item.segments])
+    items = [
+        f"{_item_head(each.address, each.area, each.db, each.start, each.bit, each.length)}, "
+        f'"value": {_hex(each.value)}, "code": {_number(each.code)}, "text": {_code_text(each.code, lang)}}}'
+        for each in item.items
+    ]
+    return (
+        f', "connection": {_number(item.connection)}, "items": [{", ".join(items)}], '
+        f'"r_id": {_number(item.r_id)}, "error": {_number(item.error)}, "segments": {segments}'
+    )
+
+
+@lru_cache(maxsize=4096)
+def _item_head(
+    address: str | None,
+    area: str | None,
+    db: int | None,
+    start: int | None,
+    bit: int | None,
+    length: int | None,
+) -> str:
+    """An item up to its value."""
+    head = contract.ITEM.plain(Item(address, area, db, start, bit, length, None, None))
+    for key in ("value", "code", "text"):
+        del head[key]
+    return text(head)[:-1]
+
+
+@lru_cache(maxsize=256)
+def _code_text(code: int | None, lang: str) -> str:
+    return text(contract.code_text(code, lang))
+
+
+_NOTHING: Final = ""
 _NONE: Final = "[]"
 _NULL: Final = "null"
 _QUOTE: Final = '"'

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from ds47 import model
+from ds47.capture import Frame
 from ds47.findings.remark import Remark
 from ds47.profinet.link import Packet
 from ds47.s7 import tcp
@@ -47,8 +48,16 @@ class Communication(Quiet):
         self._judge = Judge(bounds, self._heard, self._blocks, choices.readback)
         self._connections = Connections(frozenset(self.ports), bounds, (self._judge, self))
 
+    def frame(self, frame: Frame) -> bool:
+        """The next frame of the capture, if it has a segment of TCP as nearly all of them are."""
+        segment = tcp.from_frame(frame)
+        if segment is None:
+            return False
+        self._connections.feed(segment, At(frame.number, frame.time_ns))
+        return True
+
     def packet(self, packet: Packet) -> None:
-        """The next segment of TCP."""
+        """The segment of TCP in any other frame."""
         segment = tcp.parse(packet.src_ip, packet.dst_ip, packet.payload, packet.missing)
         if segment is not None:
             self._connections.feed(segment, At(packet.frame, packet.time_ns))

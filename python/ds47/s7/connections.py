@@ -13,7 +13,6 @@ from ds47.s7 import pdu as pdus
 from ds47.s7 import szl
 from ds47.s7.jobs import OPERATIONS, Jobs
 from ds47.s7.model import (
-    BSEND,
     DONE,
     ERROR,
     GET,
@@ -22,13 +21,11 @@ from ds47.s7.model import (
     PUT,
     REFUSED,
     UNANSWERED,
-    USEND,
     At,
     Connection,
     Counts,
     Job,
     Listener,
-    Told,
 )
 from ds47.s7.pdu import ACKNOWLEDGE, ANSWER, JOB, SETUP, USER_DATA, Pdu, UserData
 from ds47.s7.tcp import Piece, Segment, Streams, Talk
@@ -103,7 +100,7 @@ class Connections:
         if line is None:
             line = talk.owner = _Line()
         reader = line.forward if from_client else line.backward
-        before = reader.lost
+        before, held = reader.lost, reader.held
         for whole in reader.take(piece):
             self._tpdu(talk, line, from_client, whole)
         connection = line.connection
@@ -111,7 +108,7 @@ class Connections:
             connection.lost_bytes += reader.lost - before
             self._jobs.lose(connection)
             self._transfers.lose(connection)
-        talk.kept = line.forward.held + line.backward.held
+        talk.kept += reader.held - held
 
     def _over(self, talk: Talk, reset: bool, at: At) -> None:
         line = talk.owner
@@ -137,7 +134,8 @@ class Connections:
         if tpdu.kind not in (CR, CC, DR, DT) or (tpdu.kind == DT and not whole.data):
             return
         connection = line.connection or self._connection(talk, line, at)
-        connection.last = max(connection.last, at)
+        if at > connection.last:
+            connection.last = at
         if tpdu.kind == DT:
             self._data(line, connection, from_client, whole)
         elif tpdu.kind == DR:
@@ -186,9 +184,10 @@ class Connections:
         if pdu.kind is None:
             connection.other += 1
             return
-        told = Told(connection, from_client, at, pdu.kind, pdu.size, pdu.reference)
-        for each in self._listeners:
-            each.pdu(told)
+        agreed = connection.pdu_length
+        if agreed is not None and pdu.size > agreed:
+            for each in self._listeners:
+                each.larger(connection, from_client, at, pdu.size)
         if pdu.kind == JOB:
             known = self._job(line, connection, from_client, pdu, at)
         elif pdu.kind in (ACKNOWLEDGE, ANSWER):
@@ -276,18 +275,22 @@ class Connections:
 
 def count(counts: Counts, job: Job) -> None:
     """One more job is over."""
-    counts.jobs += job.state != ORPHAN
-    counts.refused += job.state in (ERROR, PARTIAL, REFUSED)
-    counts.unanswered += job.state == UNANSWERED
-    counts.orphans += job.state == ORPHAN
-    done = [item for item in job.items if item.value is not None and item.code in (DONE, None)]
-    size = sum(len(item.value or b"") for item in done)
-    if job.operation == GET:
-        counts.read += size
-    elif job.operation == PUT:
-        counts.written += sum(len(item.value or b"") for item in done if item.code == DONE)
-    elif job.operation in (BSEND, USEND):
-        counts.sent += size
+    state, operation = job.state, job.operation
+    if state == ORPHAN:
+        counts.orphans += 1
+    else:
+        counts.jobs += 1
+        counts.refused += state in (ERROR, PARTIAL, REFUSED)
+        counts.unanswered += state == UNANSWERED
+    for item in job.items:
+        code, size = item.code, len(item.value or b"")
+        if operation == PUT:
+            counts.written += size if code == DONE else 0
+        elif code == DONE or code is None:
+            if operation == GET:
+                counts.read += size
+            else:
+                counts.sent += size
     took = job.duration_ns
     if took is not None:
         counts.least_ns = took if not counts.timed else min(counts.least_ns, took)

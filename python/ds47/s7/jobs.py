@@ -60,16 +60,19 @@ class Jobs:
             request=pdu.data, groups=found.groups, flaws=pdu.flaws,
             frames=pdu.frames,
         )  # fmt: skip
+        side = connection.number, from_client
         key = connection.number, from_client, pdu.reference
-        self._give_up(key)
-        self._expire(at)
+        if self._open:
+            self._give_up(key)
+            self._expire(at)
         self._open[key] = job
         self._bytes += len(job.request)
-        open_now = self._count[key[:2]] = self._count.get(key[:2], 0) + 1
-        connection.most_open = max(connection.most_open, open_now)
+        open_now = self._count[side] = self._count.get(side, 0) + 1
+        if open_now > connection.most_open:
+            connection.most_open = open_now
         self._asked(job)
         if open_now > self._bounds.s7_jobs:
-            self._give_up(next(each for each in self._open if each[:2] == key[:2]))
+            self._give_up(next(each for each in self._open if each[:2] == side))
         while self._bytes > self._bounds.s7_bytes:
             self._give_up(next(iter(self._open)))
 
@@ -84,14 +87,13 @@ class Jobs:
             return False
         self._take(key)
         job.answered, job.response, job.error = at, pdu.data, pdu.error
-        job.frames = [*job.frames, *pdu.frames]
+        job.frames += pdu.frames
         told = pdus.results(pdu) if function is not None else []
         job.answer_flaws = pdu.flaws
         if pdu.error:
             job.state = REFUSED
         else:
-            found = pdus.Variables(job.items, job.groups)
-            job.answer_flaws += pdus.settle(found, told)
+            job.answer_flaws += pdus.settle(job.items, job.groups, told)
             job.state = _state(job.items)
         self._close(job)
         return True
@@ -133,7 +135,7 @@ class Jobs:
         job = self._open.pop(key, None)
         if job is not None:
             self._bytes -= len(job.request)
-            self._count[key[:2]] -= 1
+            self._count[key[0], key[1]] -= 1
         return job
 
     def _give_up(self, key: _Key) -> None:
@@ -149,7 +151,9 @@ class Jobs:
 
 def _state(items: list[Item]) -> str:
     """What came of a job whose answer says something of its items."""
-    done = sum(item.code == DONE for item in items)
+    done = 0
+    for item in items:
+        done += item.code == DONE
     if done == len(items):
         return OK
     return PARTIAL if done else ERROR

@@ -30,7 +30,6 @@ from ds47.s7.model import (
     Item,
     Job,
     Segment,
-    Told,
 )
 from ds47.s7.moments import Moments
 from ds47.s7.notes import Notes
@@ -115,19 +114,17 @@ class Judge:
         key = (connection.server, connection.client.ip, case, tsap, code)
         self._notes.add("DS917", key, at.frame, args)
 
-    def pdu(self, told: Told) -> None:
-        """A PDU may be larger than was agreed."""
-        connection, agreed = told.connection, told.connection.pdu_length
-        if agreed is None or told.size <= agreed or connection.setup is None:
+    def larger(self, connection: Connection, from_client: bool, at: At, size: int) -> None:
+        """A PDU is larger than was agreed."""
+        if connection.setup is None:
             return
         args = {
-            "device": connection.server.ip, "sender": connection.end(told.from_client).ip,
-            "size": told.size, "agreed": agreed, "frame": connection.setup.frame,
+            "device": connection.server.ip, "sender": connection.end(from_client).ip,
+            "size": size, "agreed": connection.pdu_length, "frame": connection.setup.frame,
         }  # fmt: skip
-        key = (connection.number, told.from_client)
-        note = self._notes.add("DS902", key, told.at.frame, args)
+        note = self._notes.add("DS902", (connection.number, from_client), at.frame, args)
         if note is not None:
-            note.more("size", told.size, told.at.frame)
+            note.more("size", size, at.frame)
 
     def evidence(self, connection: Connection, found: Evidence) -> None:
         """The server said what it is."""

@@ -47,9 +47,12 @@ class Flaw:
     args: Mapping[str, int] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, init=False)
 class Address:
-    """What an item names: `start` counts bits, in timers and counters elements; `count` elements of `size`."""
+    """What an item names: `start` counts bits, in timers and counters elements; `count` elements of `size`.
+
+    Jobs that name the same share it: nobody changes one.
+    """
 
     area: int
     """Its code (spec/s7.toml)."""
@@ -59,38 +62,58 @@ class Address:
     size: int
     """Bits of one element; 0 where that is not known."""
     count: int
-    transport: int = 2
+    transport: int
     """Transport size of the item (spec/s7.toml)."""
+    end: int = field(compare=False, repr=False)
+    """The first bit behind it, in timers and counters the first element."""
+    length: int = field(compare=False, repr=False)
+    """Bytes of its data."""
+
+    def __init__(
+        self, area: int, db: int, start: int, size: int, count: int, transport: int = 2
+    ) -> None:
+        self.area = area
+        self.db = db
+        self.start = start
+        self.size = size
+        self.count = count
+        self.transport = transport
+        self.end = start + count * (1 if area in ELEMENTS else size)
+        self.length = (count * size + 7) // 8
+
+    def __hash__(self) -> int:
+        return hash((self.area, self.db, self.start, self.size, self.count, self.transport))
 
     @property
     def memory(self) -> tuple[int, int]:
         """What two addresses have in common that can overlap."""
         return self.area, self.db
 
-    @property
-    def end(self) -> int:
-        """The first bit behind it, in timers and counters the first element."""
-        each = 1 if self.area in ELEMENTS else self.size
-        return self.start + self.count * each
 
-    @property
-    def length(self) -> int:
-        """Bytes of its data."""
-        return (self.count * self.size + 7) // 8
-
-
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, init=False, eq=False)
 class Item:
     """One variable of a job, or one area of a USEND; the data of a BSEND is one item."""
 
     address: Address | None
     """None where nothing of the request is known, where its syntax is an unknown one, and in what is sent."""
-    value: bytes | None = None
+    value: bytes | None
     """What was read, where it was read, or what was to be written; None where it is not there."""
-    code: int | None = None
+    code: int | None
     """What the partner answered (spec/s7.toml); None without an answer, and in what is sent."""
-    syntax: int | None = None
+    syntax: int | None
     """Syntax of the address, where it is an unknown one."""
+
+    def __init__(
+        self,
+        address: Address | None,
+        value: bytes | None = None,
+        code: int | None = None,
+        syntax: int | None = None,
+    ) -> None:
+        self.address = address
+        self.value = value
+        self.code = code
+        self.syntax = syntax
 
 
 @dataclass(slots=True, eq=False)
@@ -198,7 +221,7 @@ class Connection:
         return self.client if from_client else self.server
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, init=False, eq=False)
 class Job:
     """A GET or PUT with its answer, a BSEND with its segments, or a USEND."""
 
@@ -212,34 +235,77 @@ class Job:
     asked: At | None
     """The request; None for an answer without one."""
     items: list[Item]
-    answered: At | None = None
+    answered: At | None
     """The answer, of a BSEND the acknowledge of the last segment."""
-    request: bytes = b""
+    request: bytes
     """The S7 PDU, from its header on; empty for a BSEND,"""
-    response: bytes = b""
+    response: bytes
     """and that of the answer."""
-    error: int | None = None
+    error: int | None
     """Error class and code of the answer as one word, of a BSEND that of an acknowledge; 0 for none."""
-    r_id: int | None = None
+    r_id: int | None
     """Of BSEND and USEND."""
-    total: int | None = None
+    total: int | None
     """Bytes that a BSEND announces."""
-    groups: list[int] = field(default_factory=list)
+    groups: list[int]
     """Of each item the number of the address in the request: one address may name several."""
-    segments: list[Segment] = field(default_factory=list)
-    state: str = UNANSWERED
-    flaws: list[Flaw] = field(default_factory=list)
-    answer_flaws: list[Flaw] = field(default_factory=list)
-    frames: list[int] = field(default_factory=list)
+    segments: list[Segment]
+    state: str
+    flaws: list[Flaw]
+    answer_flaws: list[Flaw]
+    frames: list[int]
     """All frames that it stands in: a PDU may be in several segments of TCP."""
-    lost: bool = False
+    lost: bool
     """Whether the capture lacks bytes of the connection while it was open: its answer may be among them."""
-    place: int = 0
+    place: int
     """Among the PDU that begin in the frame of the first one."""
-    order: int = 0
+    order: int
     """Its number among all transactions of the capture; the analysis gives it."""
-    phase: str = "open"
+    phase: str
     """"closed" when everybody knows that it is over."""
+
+    def __init__(
+        self,
+        operation: str,
+        connection: Connection,
+        from_client: bool,
+        reference: int,
+        asked: At | None,
+        items: list[Item],
+        answered: At | None = None,
+        request: bytes = b"",
+        response: bytes = b"",
+        error: int | None = None,
+        r_id: int | None = None,
+        total: int | None = None,
+        groups: list[int] | None = None,
+        state: str = "unanswered",  # a name as default takes the signature away where this is compiled
+        flaws: list[Flaw] | None = None,
+        answer_flaws: list[Flaw] | None = None,
+        frames: list[int] | None = None,
+    ) -> None:
+        self.operation = operation
+        self.connection = connection
+        self.from_client = from_client
+        self.reference = reference
+        self.asked = asked
+        self.items = items
+        self.answered = answered
+        self.request = request
+        self.response = response
+        self.error = error
+        self.r_id = r_id
+        self.total = total
+        self.groups = [] if groups is None else groups
+        self.segments = []
+        self.state = state
+        self.flaws = [] if flaws is None else flaws
+        self.answer_flaws = [] if answer_flaws is None else answer_flaws
+        self.frames = [] if frames is None else frames
+        self.lost = False
+        self.place = 0
+        self.order = 0
+        self.phase = "open"
 
     @property
     def asker(self) -> End:
@@ -261,19 +327,6 @@ class Job:
         """From the request to its answer."""
         both = self.asked is not None and self.answered is not None
         return self.answered.time_ns - self.asked.time_ns if both else None  # type: ignore[union-attr]
-
-
-class Told(NamedTuple):
-    """A whole S7 PDU as it was seen."""
-
-    connection: Connection
-    from_client: bool
-    at: At
-    kind: int
-    """ROSCTR: 1 job, 2 acknowledge, 3 answer with data, 7 user data."""
-    size: int
-    """Bytes of the PDU, as it says."""
-    reference: int
 
 
 class Listener(Protocol):
@@ -299,8 +352,8 @@ class Listener(Protocol):
             code: reason of DR, error class and code of the setup; else 0.
         """
 
-    def pdu(self, told: Told) -> None:
-        """Each whole S7 PDU, before anything is made of it."""
+    def larger(self, connection: Connection, from_client: bool, at: At, size: int) -> None:
+        """A PDU says to have so many bytes, which are more than were agreed."""
 
     def asked(self, job: Job) -> None:
         """A request, or the first segment, was seen."""
@@ -327,7 +380,7 @@ class Quiet:
     def refused(self, connection: Connection, why: str, at: At, code: int) -> None:
         """Nothing is done."""
 
-    def pdu(self, told: Told) -> None:
+    def larger(self, connection: Connection, from_client: bool, at: At, size: int) -> None:
         """Nothing is done."""
 
     def asked(self, job: Job) -> None:

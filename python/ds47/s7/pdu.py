@@ -7,8 +7,10 @@ answer belongs to which job is `jobs`.
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, field
-from typing import NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final, NamedTuple
 
 from ds47.s7.model import DB, DONE, Address, Flaw, Item
 from ds47.spec import s7
@@ -22,7 +24,7 @@ CYCLIC, CPU, PROGRAM = 2, 4, 6
 PUSH, REQUEST, RESPONSE = 0, 4, 8
 """Types of user data."""
 
-_HEAD = struct.Struct(">BBHHHH")
+_HEAD: Final = struct.Struct(">BBHHHH")
 _ERRORS = 2
 """Bytes of error class and code, which only answers have."""
 _SPEC, _S7ANY, _R_ID, _DB_READ = 0x12, 0x10, 0x13, 0xB0
@@ -36,32 +38,53 @@ _METHODS = (0x11, 0x12)
 _USER_HEAD = b"\x00\x01\x12"
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Pdu:
     """A PDU; what it does not have, or what cannot be known of it, is None or empty."""
 
     data: bytes
     """All of it, without what is behind it."""
-    kind: int | None = None
+    kind: int | None
     """ROSCTR: JOB, ACKNOWLEDGE, ANSWER, USER_DATA."""
-    reference: int = 0
-    parameter: bytes = b""
-    content: bytes = b""
+    reference: int
+    parameter: bytes
+    content: bytes
     """Its data."""
-    error: int | None = None
+    error: int | None
     """Error class and code of an answer as one word."""
-    size: int = 0
+    size: int
     """Bytes that it says to have."""
-    head: int = _HEAD.size
+    head: int
     """Bytes of the header: where the parameter begins."""
-    flaws: list[Flaw] = field(default_factory=list)
-    frames: list[int] = field(default_factory=list)
+    flaws: list[Flaw]
+    frames: list[int]
     """Frames that it stands in, where it is one of a capture."""
+    function: int | None
+    """The function of a job, or of what answers one."""
 
-    @property
-    def function(self) -> int | None:
-        """The function of a job, or of what answers one."""
-        return self.parameter[0] if self.parameter and self.kind != USER_DATA else None
+    def __init__(
+        self,
+        data: bytes,
+        kind: int | None = None,
+        reference: int = 0,
+        parameter: bytes = b"",
+        content: bytes = b"",
+        error: int | None = None,
+        size: int = 0,
+        head: int = 10,  # _HEAD.size; a name as default takes the signature away where this is compiled
+        flaws: list[Flaw] | None = None,
+    ) -> None:
+        self.data = data
+        self.kind = kind
+        self.reference = reference
+        self.parameter = parameter
+        self.content = content
+        self.error = error
+        self.size = size
+        self.head = head
+        self.flaws = [] if flaws is None else flaws
+        self.frames = []
+        self.function = parameter[0] if parameter and kind != USER_DATA else None
 
     @property
     def content_at(self) -> int:
@@ -77,20 +100,22 @@ def decode(data: bytes) -> Pdu:
     if len(data) < _HEAD.size:
         return Pdu(data, flaws=[Flaw("cut", 0, {"have": len(data), "want": _HEAD.size})])
     _, kind, _, reference, parameters, contents = _HEAD.unpack_from(data)
-    head = _HEAD.size + (_ERRORS if kind in (ACKNOWLEDGE, ANSWER) else 0)
-    size = head + parameters + contents
-    pdu = Pdu(data[:size], kind, reference, size=size, head=head)
+    head, error = _HEAD.size, None
+    if kind in (ACKNOWLEDGE, ANSWER):
+        head += _ERRORS
+        error = data[10] << 8 | data[11] if len(data) >= head else None
+    content_at = head + parameters
+    size = content_at + contents
     if kind not in s7.codes("kind"):
-        pdu.flaws.append(Flaw("kind", 1, {"code": kind}))
-        return pdu
+        flaw = Flaw("kind", 1, {"code": kind})
+        return Pdu(data[:size], kind, reference, size=size, head=head, flaws=[flaw])
+    pdu = Pdu(
+        data[:size], kind, reference, data[head:content_at], data[content_at:size], error, size, head
+    )  # fmt: skip
     if len(data) < size:
         pdu.flaws.append(Flaw("cut", len(data), {"have": len(data), "want": size}))
     elif len(data) > size:
         pdu.flaws.append(Flaw("rest", size, {"n": len(data) - size}))
-    if head > _HEAD.size and len(data) >= head:
-        pdu.error = data[10] << 8 | data[11]
-    pdu.parameter = data[head : head + parameters]
-    pdu.content = data[head + parameters : size]
     return pdu
 
 
@@ -114,55 +139,75 @@ def setup(pdu: Pdu) -> Setup | None:
 # Jobs: the items of a request
 
 
-@dataclass(slots=True)
-class Variables:
+class Variables(NamedTuple):
     """The variables of a job. `groups` has the number of the address for each of them."""
 
-    items: list[Item] = field(default_factory=list)
-    groups: list[int] = field(default_factory=list)
+    items: list[Item]
+    groups: list[int]
 
-    def add(self, item: Item, group: int) -> None:
-        """One more."""
-        self.items.append(item)
-        self.groups.append(group)
+
+class _Named(NamedTuple):
+    """One of the variables that a request names: its address, or else the syntax that is not known."""
+
+    address: Address | None
+    syntax: int | None = None
 
 
 def variables(pdu: Pdu) -> Variables:
     """The variables that a job reads or writes, with what it writes."""
-    found, parameter = Variables(), pdu.parameter
+    parameter = pdu.parameter
+    named, groups, flaws = (_named_again if len(parameter) <= _SHORT else _named)(
+        parameter, pdu.head
+    )
+    items = [Item(address, syntax=syntax) for address, syntax in named]
+    if flaws:
+        pdu.flaws += flaws
+    if pdu.function == WRITE:
+        _written(pdu, items)
+    return Variables(items, groups)
+
+
+_SHORT = 256
+"""Bytes of a parameter that is remembered: clients ask for the same variables again and again."""
+
+
+def _named(parameter: bytes, head: int) -> tuple[list[_Named], list[int], list[Flaw]]:
+    """The variables that the parameter of a request names, their groups, and what is wrong there."""
+    found: list[_Named] = []
+    groups: list[int] = []
+    flaws: list[Flaw] = []
     says = parameter[1] if len(parameter) > 1 else 0
     at = 2
     for group in range(says):
         length = parameter[at + 1] if at + 1 < len(parameter) else 0
         end = at + 2 + length
         if length < 1 or end > len(parameter):
-            pdu.flaws.append(Flaw("items", pdu.head + at, {"says": says, "there": group}))
+            flaws.append(Flaw("items", head + at, {"says": says, "there": group}))
             break
-        _address(pdu, at, end, group, found)
+        several = _addresses(parameter[at:end])
+        if several and several[0].address is None:
+            flaws.append(Flaw("syntax", head + at, {"code": several[0].syntax or 0}))
+        found += several
+        groups += [group] * len(several)
         at = end
     else:
         if at < len(parameter):
-            pdu.flaws.append(Flaw("more", pdu.head + at, {"n": len(parameter) - at}))
-    if pdu.function == WRITE:
-        _written(pdu, found)
-    return found
+            flaws.append(Flaw("more", head + at, {"n": len(parameter) - at}))
+    return found, groups, flaws
 
 
-def _address(pdu: Pdu, at: int, end: int, group: int, found: Variables) -> None:
-    """The address at parameter[at:end]; one of syntax B0 is that of several variables."""
-    part = pdu.parameter[at:end]
+_named_again = lru_cache(maxsize=256)(_named)
+
+
+def _addresses(part: bytes) -> list[_Named]:
+    """What one address of a request names: several variables where its syntax is B0."""
     syntax = part[2] if part[0] == _SPEC else None
     if syntax == _S7ANY and len(part) == 12:
-        found.add(Item(any_address(part[3:])), group)
-        return
+        return [_Named(any_address(part[3:]))]
     if syntax == _DB_READ and len(part) > 3 and len(part) == 4 + 5 * part[3]:
-        for first in range(4, len(part), 5):
-            count, db, start = struct.unpack_from(">BHH", part, first)
-            found.add(Item(Address(DB, db, 8 * start, 8, count)), group)
-        return
-    known = syntax if syntax is not None else part[0]
-    pdu.flaws.append(Flaw("syntax", pdu.head + at, {"code": known}))
-    found.add(Item(None, syntax=known), group)
+        rows = (struct.unpack_from(">BHH", part, first) for first in range(4, len(part), 5))
+        return [_Named(Address(DB, db, 8 * start, 8, count)) for count, db, start in rows]
+    return [_Named(None, syntax if syntax is not None else part[0])]
 
 
 def any_address(data: bytes) -> Address:
@@ -173,10 +218,10 @@ def any_address(data: bytes) -> Address:
     return Address(area, db, start, 0 if row is None else row.bits, count, transport)
 
 
-def _written(pdu: Pdu, found: Variables) -> None:
+def _written(pdu: Pdu, items: Sequence[Item]) -> None:
     """The data of a write, an entry for each address."""
-    values, _ = _data_items(pdu, len(found.items), answer=False)
-    for item, value in zip(found.items, values, strict=False):
+    values, _ = _data_items(pdu, len(items), answer=False)
+    for item, value in zip(items, values, strict=False):
         item.value = value.data
 
 
@@ -237,9 +282,8 @@ def _data_items(pdu: Pdu, count: int, answer: bool) -> tuple[list[Result], int]:
     return found, at
 
 
-def settle(found: Variables, told: list[Result]) -> list[Flaw]:
-    """Puts results to the variables of their addresses; what does not fit is said."""
-    items, groups = found.items, found.groups
+def settle(items: list[Item], groups: list[int], told: list[Result]) -> list[Flaw]:
+    """Puts results to the variables of their addresses (`Variables`); what does not fit is said."""
     if len(told) == len(items):
         for item, result in zip(items, told, strict=True):
             item.code = result.code

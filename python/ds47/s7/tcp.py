@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import struct
 from collections import OrderedDict
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
 
+from ds47.capture import Frame
+from ds47.capture.scan import ETHERNET, IPV4
+from ds47.profinet import ip
 from ds47.s7.model import At, End
 
 FIN, SYN, RST, ACK = 1, 2, 4, 16
@@ -25,19 +28,49 @@ _HOLES = 8
 _JUMP = 1 << 24
 """So far away are the sequence numbers of another connection."""
 _OVERHEAD = 128
-_HEADER = struct.Struct(">HHIIBB6x")
+_HEADER: Final = struct.Struct(">HHIIBB6x")
+_LOWER: Final = struct.Struct(">12xHBxHxxHxBxx12sIIBB")
+"""Of a frame without tag and IP option: EtherType, version, length, flags, protocol, ends, then as _HEADER."""
+_TCP_START: Final = 34
+_PORTS: Final = struct.Struct(">HH")
+
+Ends = tuple[End, End]
+"""Both ends of a connection, the lesser one first."""
 
 
-class Segment(NamedTuple):
+@dataclass(slots=True, init=False)
+class Segment:
     """A TCP segment; `length` counts the bytes that were sent, of which the capture may lack the last ones."""
 
     source: End
     destination: End
+    ends: Ends
+    """What all segments of a connection have in common."""
     sequence: int
     acknowledge: int
     flags: int
     data: bytes
     length: int
+
+    def __init__(
+        self,
+        source: End,
+        destination: End,
+        ends: Ends,
+        sequence: int,
+        acknowledge: int,
+        flags: int,
+        data: bytes,
+        length: int,
+    ) -> None:
+        self.source = source
+        self.destination = destination
+        self.ends = ends
+        self.sequence = sequence
+        self.acknowledge = acknowledge
+        self.flags = flags
+        self.data = data
+        self.length = length
 
 
 def parse(source: str, destination: str, payload: bytes, missing: int) -> Segment | None:
@@ -48,26 +81,67 @@ def parse(source: str, destination: str, payload: bytes, missing: int) -> Segmen
     begin = (offset >> 4) * 4
     if begin < _HEADER.size or begin > len(payload) + missing:
         return None
-    data = payload[begin:]
-    length = max(0, len(payload) + missing - begin)
+    one, other = End(source, from_port), End(destination, to_port)
+    ends = min(one, other), max(one, other)
+    length = len(payload) + missing - begin
+    return Segment(one, other, ends, sequence, acknowledge, flags, payload[begin:], length)
+
+
+def from_frame(frame: Frame) -> Segment | None:
+    """The segment of a frame as nearly all are: Ethernet without tag, IPv4 without option.
+
+    None for every other frame: `link.dissect` and `parse` take those, and would give the same.
+    """
+    data = frame.data
+    if frame.link_type != ETHERNET or len(data) < _LOWER.size:
+        return None
+    (kind, version, total, fragment, protocol, both, sequence, acknowledge, offset, flags,
+     ) = _LOWER.unpack_from(data)  # fmt: skip
+    begin, end = _TCP_START + (offset >> 4) * 4, total + 14 if total else len(data)
+    if (
+        kind != IPV4
+        or version != 0x45
+        or fragment & 0x3FFF
+        or protocol != ip.TCP
+        or not _LOWER.size <= begin <= end
+    ):
+        return None
+    known = _ENDS.get(both)
+    source, destination, ends = known if known is not None else _ends(both)
     return Segment(
-        End(source, from_port),
-        End(destination, to_port),
-        sequence,
-        acknowledge,
-        flags,
-        data,
-        length,
+        source, destination, ends, sequence, acknowledge, flags, data[begin:end], end - begin
     )
 
 
-class Piece(NamedTuple):
+_ENDS: Final[dict[bytes, tuple[End, End, Ends]]] = {}
+"""What the frames of a capture say again and again; forgotten when it grows too much."""
+_MOST_KNOWN: Final = 4096
+
+
+def _ends(both: bytes) -> tuple[End, End, Ends]:
+    """Source, destination, and both of them, of two IP addresses and two ports; remembered."""
+    if len(_ENDS) >= _MOST_KNOWN:
+        _ENDS.clear()
+    from_port, to_port = _PORTS.unpack_from(both, 8)
+    one, other = End(ip.address(both[:4]), from_port), End(ip.address(both[4:8]), to_port)
+    found = _ENDS[both] = one, other, (min(one, other), max(one, other))
+    return found
+
+
+@dataclass(slots=True, init=False)
+class Piece:
     """Bytes in order. `lost` are those that are missing before it; a `late` piece belongs in such a place."""
 
     data: bytes
     at: At
-    lost: int = 0
-    late: bool = False
+    lost: int
+    late: bool
+
+    def __init__(self, data: bytes, at: At, lost: int = 0, late: bool = False) -> None:
+        self.data = data
+        self.at = at
+        self.lost = lost
+        self.late = late
 
 
 def distance(one: int, other: int) -> int:
@@ -75,24 +149,30 @@ def distance(one: int, other: int) -> int:
     return ((one - other + 0x8000_0000) & 0xFFFF_FFFF) - 0x8000_0000
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, init=False, eq=False)
 class Direction:
     """What one end sends; places are bytes from the first one that was seen."""
 
-    first: int | None = None
+    first: int | None
     """Sequence number of the first byte; None before it was seen."""
-    next: int = 0
+    next: int
     """That of the byte which comes next,"""
-    place: int = 0
+    place: int
     """and its place."""
-    fin: int | None = None
+    fin: int | None
     """Sequence number of the end."""
-    waiting: list[tuple[int, bytes, At]] = field(default_factory=list)
+    waiting: list[tuple[int, bytes, At]]
     """Place, bytes and frame of what came too early, in order."""
-    held: int = 0
+    held: int
     """Bytes that this takes."""
-    holes: list[tuple[int, int]] = field(default_factory=list)
+    holes: list[tuple[int, int]]
     """Places of what was lost, from and up to."""
+
+    def __init__(self) -> None:
+        self.first = self.fin = None
+        self.next = self.place = self.held = 0
+        self.waiting = []
+        self.holes = []
 
     def begin(self, sequence: int, seen: bool) -> None:
         """The first byte has this number; `seen`: the beginning of the connection is in the capture."""
@@ -100,35 +180,39 @@ class Direction:
         if not seen:
             self.holes.append((-WINDOW, 0))
 
-    def feed(self, sequence: int, data: bytes, at: At) -> Iterator[Piece]:
+    def feed(self, sequence: int, data: bytes, at: At) -> list[Piece]:
         """Bytes of a segment; gives what is in order now."""
-        early = distance(sequence, self.next)
+        found: list[Piece] = []
+        early = distance(sequence, self.next) if sequence != self.next else 0
         if early < 0:
-            yield from self._late(self.place + early, data, at)
+            found += self._late(self.place + early, data, at)
             data, early = data[-early:], 0
-        if not data:
-            return
-        if early > 0:
+        if early > 0 and data:
             self._wait(self.place + early, data, at)
             if self.held > WINDOW or len(self.waiting) > MOST_WAITING:
-                yield from self.give_up()
-            return
-        self._pass(len(data))
-        yield Piece(data, at)
-        yield from self._drain(0)
+                found += self.give_up()
+        elif data:
+            self._pass(len(data))
+            found.append(Piece(data, at))
+            if self.waiting:
+                found += self._drain(0)
+        return found
 
-    def acknowledged(self, number: int) -> Iterator[Piece]:
+    def acknowledged(self, number: int) -> list[Piece]:
         """The other side has everything before this number: what is missing there will not come any more."""
+        found: list[Piece] = []
         while self.waiting and distance(number, self.next) > 0:
-            yield from self.give_up()
+            found += self.give_up()
+        return found
 
-    def give_up(self) -> Iterator[Piece]:
+    def give_up(self) -> list[Piece]:
         """What is missing before the first bytes that wait is lost."""
-        if self.waiting:
-            have, begin = self.place, self.waiting[0][0]
-            self.holes = [*self.holes[1 - _HOLES :], (have, begin)]
-            self._pass(begin - have)
-            yield from self._drain(begin - have)
+        if not self.waiting:
+            return []
+        have, begin = self.place, self.waiting[0][0]
+        self.holes = [*self.holes[1 - _HOLES :], (have, begin)]
+        self._pass(begin - have)
+        return self._drain(begin - have)
 
     def _pass(self, count: int) -> None:
         self.next = (self.next + count) & 0xFFFF_FFFF
@@ -143,47 +227,56 @@ class Direction:
             self.waiting.insert(index, (begin, data, at))
             self.held += len(data) + _OVERHEAD
 
-    def _drain(self, lost: int) -> Iterator[Piece]:
+    def _drain(self, lost: int) -> list[Piece]:
         """What waited and is in order now; before the first of it so many bytes are missing."""
+        found: list[Piece] = []
         while self.waiting and self.waiting[0][0] <= self.place:
             begin, data, at = self.waiting.pop(0)
             self.held -= len(data) + _OVERHEAD
             fresh = data[self.place - begin :]
             if fresh:
                 self._pass(len(fresh))
-                yield Piece(fresh, at, lost)
+                found.append(Piece(fresh, at, lost))
                 lost = 0
+        return found
 
-    def _late(self, begin: int, data: bytes, at: At) -> Iterator[Piece]:
+    def _late(self, begin: int, data: bytes, at: At) -> list[Piece]:
         """What was lost comes after all: once."""
         for number, (left, right) in enumerate(self.holes):
             first, last = max(begin, left), min(begin + len(data), right)
             if first < last:
                 rest = [part for part in ((left, first), (last, right)) if part[0] < part[1]]
                 self.holes[number : number + 1] = rest
-                yield Piece(data[first - begin : last - begin], at, late=True)
-                return
+                return [Piece(data[first - begin : last - begin], at, late=True)]
+        return []
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, init=False, eq=False)
 class Talk:
     """A TCP connection: client, server, and what each sends. `owner` is whatever the listener keeps of it."""
 
     client: End
     server: End
     begun: bool
-    forward: Direction = field(default_factory=Direction)
-    backward: Direction = field(default_factory=Direction)
-    over: bool = False
-    reset: bool = False
-    owner: Any = None
-    kept: int = 0
-    """Bytes that the listener keeps of it, as he says."""
+    forward: Direction
+    backward: Direction
+    over: bool
+    reset: bool
+    owner: Any
+    kept: int
+    """Bytes that the listener keeps of it, as he says,"""
+    held: int
+    """and those of both directions with them, as they were counted last."""
 
-    @property
-    def held(self) -> int:
-        """Bytes that it takes."""
-        return self.forward.held + self.backward.held + self.kept
+    def __init__(self, client: End, server: End, begun: bool) -> None:
+        self.client = client
+        self.server = server
+        self.begun = begun
+        self.forward = Direction()
+        self.backward = Direction()
+        self.over = self.reset = False
+        self.owner = None
+        self.kept = self.held = 0
 
     def of(self, from_client: bool) -> Direction:
         """What one end sends."""
@@ -213,24 +306,29 @@ class Streams:
         self._over = over
         self._most = most
         self._most_bytes = most_bytes
-        self._talks: OrderedDict[tuple[End, End], Talk] = OrderedDict()
+        self._talks: OrderedDict[Ends, Talk] = OrderedDict()
         self._held = 0
         self._now = At(0, 0)
 
     def feed(self, segment: Segment, at: At) -> None:
         """The next segment of the capture."""
-        if not {segment.source.port, segment.destination.port} & self._ports:
+        talk = self._talks.get(segment.ends)
+        if talk is None and not {segment.source.port, segment.destination.port} & self._ports:
             return
         self._now = at
-        talk = self._talk(segment)
-        before = talk.held
+        if talk is None or self._is_new(talk, segment):
+            talk = self._begin(segment, talk)
+        self._talks.move_to_end(segment.ends)
         from_client = segment.source == talk.client
         if segment.flags & RST:
             self._close(talk, reset=True, by_server=not from_client)
         elif not talk.over:
             self._segment(talk, from_client, segment, at)
-        self._held += talk.held - before
-        self._bound()
+        held = talk.forward.held + talk.backward.held + talk.kept
+        self._held += held - talk.held
+        talk.held = held
+        while len(self._talks) > self._most or self._held > self._most_bytes:
+            self._push_out()
 
     def finish(self) -> None:
         """Nothing more comes."""
@@ -239,60 +337,53 @@ class Streams:
         self._talks.clear()
 
     def _segment(self, talk: Talk, from_client: bool, segment: Segment, at: At) -> None:
-        own, other = talk.of(from_client), talk.of(not from_client)
-        sequence = segment.sequence
-        if segment.flags & SYN:
+        own, other = talk.forward, talk.backward
+        if not from_client:
+            own, other = other, own
+        sequence, flags, data = segment.sequence, segment.flags, segment.data
+        if flags & SYN:
             sequence = (sequence + 1) & 0xFFFF_FFFF
             if own.first is None:
                 own.begin(sequence, seen=True)
             elif own.first == sequence:
                 own.holes = [hole for hole in own.holes if hole[0] >= 0]
-        elif own.first is None and segment.data:
+        elif own.first is None and data:
             own.begin(sequence, seen=talk.begun)
-        if segment.flags & ACK:
+        if flags & ACK and other.waiting:
             for piece in other.acknowledged(segment.acknowledge):
                 self._take(talk, not from_client, piece)
-        if segment.data:
-            for piece in own.feed(sequence, segment.data, at):
+        if data:
+            for piece in own.feed(sequence, data, at):
                 self._take(talk, from_client, piece)
-        if segment.flags & FIN:
+        if flags & FIN:
             own.fin = (sequence + segment.length) & 0xFFFF_FFFF
-        if _ended(own) and _ended(other):
+        if own.fin is not None and _ended(own) and _ended(other):
             self._close(talk, reset=False)
 
-    def _talk(self, segment: Segment) -> Talk:
-        """The connection of a segment: the one of these ends, or a new one."""
-        key = min(segment.source, segment.destination), max(segment.source, segment.destination)
-        talk = self._talks.get(key)
-        if talk is not None and self._is_new(talk, segment):
-            self._held -= talk.held
-            self._close(talk, reset=False)
-            talk = None
-        if talk is None:
-            talk = self._begin(segment)
-            self._talks[key] = talk
-        self._talks.move_to_end(key)
-        return talk
-
-    def _begin(self, segment: Segment) -> Talk:
+    def _begin(self, segment: Segment, before: Talk | None) -> Talk:
+        """A new connection of the ends of a segment, and the end of the one before it."""
+        if before is not None:
+            self._held -= before.held
+            self._close(before, reset=False)
         answers = segment.flags & SYN and segment.flags & ACK
         source, destination = segment.source, segment.destination
-        served = destination.port in self._ports
-        if served and (not answers or source.port not in self._ports):
-            return Talk(source, destination, bool(segment.flags & SYN))
-        return Talk(destination, source, bool(segment.flags & SYN))
+        if destination.port not in self._ports or (answers and source.port in self._ports):
+            source, destination = destination, source
+        talk = self._talks[segment.ends] = Talk(source, destination, bool(segment.flags & SYN))
+        return talk
 
     def _is_new(self, talk: Talk, segment: Segment) -> bool:
         """Whether a segment of the same two ends belongs to another connection than the one before."""
-        own = talk.of(segment.source == talk.client)
-        if segment.flags & RST:
+        own, flags = talk.of(segment.source == talk.client), segment.flags
+        if flags & RST:
             return False
-        if segment.flags & SYN:
-            if talk.reset and not segment.flags & ACK:  # tried again, with the same number
+        if flags & SYN:
+            if talk.reset and not flags & ACK:  # tried again, with the same number
                 return True
             return own.first not in (None, (segment.sequence + 1) & 0xFFFF_FFFF)
-        far = abs(distance(segment.sequence, own.next)) > _JUMP
-        return far and bool(segment.data) and own.first is not None
+        if segment.sequence == own.next or own.first is None:
+            return False
+        return abs(distance(segment.sequence, own.next)) > _JUMP and bool(segment.data)
 
     def _close(self, talk: Talk, reset: bool, by_server: bool = False) -> None:
         if talk.over:
@@ -305,11 +396,11 @@ class Streams:
         talk.over, talk.reset = True, reset
         self._over(talk, by_server, self._now)
 
-    def _bound(self) -> None:
-        while len(self._talks) > self._most or self._held > self._most_bytes:
-            _, talk = self._talks.popitem(last=False)
-            self._held -= talk.held
-            self._close(talk, reset=False)
+    def _push_out(self) -> None:
+        """The connection that was silent for longest is over."""
+        _, talk = self._talks.popitem(last=False)
+        self._held -= talk.held
+        self._close(talk, reset=False)
 
 
 def _ended(way: Direction) -> bool:

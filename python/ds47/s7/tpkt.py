@@ -6,9 +6,9 @@ is, S7 or another protocol, is not known here.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Final
 
 from ds47.s7.model import At, Flaw
 from ds47.s7.tcp import Piece
@@ -21,37 +21,61 @@ _KINDS = frozenset((CR, CC, DR, DT, 0xC0, 0x10, 0x20, 0x50, 0x60, 0x70))
 _FIXED = {CR: 7, CC: 7, DR: 7, DT: 3}
 """Bytes of the fixed part, its length byte included."""
 _EOT = 0x80
+_USUAL: Final = bytes((2, DT))
+"""How nearly all TPDUs begin."""
 _SIZE, _CALLING, _CALLED = 0xC0, 0xC1, 0xC2
 _LEAST = 7
 """Bytes of the least TPKT that has a TPDU of S7."""
 LONGEST = 1 << 16
 """Bytes of a PDU; more is nobody's."""
-_NOWHERE = At(0, 0)
+_NOWHERE: Final = At(0, 0)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, init=False)
 class Tpdu:
     """What COTP says in one TPKT; what its kind does not have is None or empty."""
 
     kind: int | None
     """CR, CC, DR, DT, or another code; None where there is none."""
-    data: bytes = b""
+    data: bytes
     """What DT carries."""
-    last: bool = True
+    last: bool
     """Whether DT ends a PDU."""
-    calling: bytes | None = None
+    calling: bytes | None
     """TSAP of the end that opens the connection,"""
-    called: bytes | None = None
+    called: bytes | None
     """and of the other one."""
-    size: int | None = None
+    size: int | None
     """Bytes of a TPDU."""
-    reason: int | None = None
+    reason: int | None
     """Of DR."""
-    flaws: tuple[Flaw, ...] = ()
+    flaws: tuple[Flaw, ...]
+
+    def __init__(
+        self,
+        kind: int | None,
+        data: bytes = b"",
+        last: bool = True,
+        calling: bytes | None = None,
+        called: bytes | None = None,
+        size: int | None = None,
+        reason: int | None = None,
+        flaws: tuple[Flaw, ...] = (),
+    ) -> None:
+        self.kind = kind
+        self.data = data
+        self.last = last
+        self.calling = calling
+        self.called = called
+        self.size = size
+        self.reason = reason
+        self.flaws = flaws
 
 
 def decode(data: bytes, offset: int = 0) -> Tpdu:
     """The TPDU in the payload of a TPKT. `offset`: where that lies in what flaws count from. Never raises."""
+    if len(data) > 2 and data.startswith(_USUAL):
+        return Tpdu(DT, data[3:], data[2] & _EOT != 0)
     if len(data) < 2 or data[0] + 1 > len(data) or data[0] < 1:
         length = data[0] + 1 if data else 0
         return Tpdu(None, flaws=(Flaw("cotp", offset, {"length": length, "have": len(data)}),))
@@ -87,23 +111,23 @@ def begins(data: bytes | bytearray, at: int = 0) -> bool:
         return False
     if have < HEADER:
         return True
-    (length,) = struct.unpack_from(">H", data, at + 2)
+    length = data[at + 2] << 8 | data[at + 3]
     if length < _LEAST:
         return False
+    if have > HEADER + 2 and data[at + HEADER] == 2 and data[at + HEADER + 1] == DT:
+        return not data[at + HEADER + 2] & ~_EOT
     if have > HEADER and not 1 <= data[at + HEADER] <= length - HEADER - 1:
         return False
     if have > HEADER + 1:
         code = data[at + HEADER + 1]
         if (code if code == DT else code & 0xF0) not in _KINDS:
             return False
-        if code == DT and (
-            data[at + HEADER] != 2 or (have > HEADER + 2 and data[at + HEADER + 2] & ~_EOT)
-        ):
+        if code == DT and data[at + HEADER] != 2:
             return False
     return True
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, init=False)
 class Whole:
     """A TPDU that is whole; of DT the last one of a PDU, with the data of all."""
 
@@ -112,10 +136,17 @@ class Whole:
     at: At
     frames: list[int]
     """All frames that it stands in."""
-    late: bool = False
+    late: bool
+
+    def __init__(self, tpdu: Tpdu, data: bytes, at: At, frames: list[int]) -> None:
+        self.tpdu = tpdu
+        self.data = data
+        self.at = at
+        self.frames = frames
+        self.late = False
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(slots=True, init=False, eq=False)
 class Reader:
     """What one end sends, as TPDUs.
 
@@ -124,37 +155,51 @@ class Reader:
         synced: whether the beginning of a TPKT is known.
     """
 
-    lost: int = 0
-    synced: bool = False
-    _buffer: bytearray = field(default_factory=bytearray)
-    _at: At = _NOWHERE
+    lost: int
+    synced: bool
+    _buffer: bytearray
+    _at: At
     """The last frame of what is in the buffer,"""
-    _newest: At = _NOWHERE
+    _newest: At
     """and that of its last bytes."""
-    _frames: dict[int, None] = field(default_factory=dict)
+    _frames: dict[int, None]
     """Those of it, in order."""
-    _parts: bytearray = field(default_factory=bytearray)
-    _parts_at: At = _NOWHERE
-    _parts_frames: dict[int, None] = field(default_factory=dict)
+    _parts: bytearray
+    _parts_at: At
+    _parts_frames: dict[int, None]
+
+    def __init__(self) -> None:
+        self.lost = 0
+        self.synced = False
+        self._buffer, self._parts = bytearray(), bytearray()
+        self._at = self._newest = self._parts_at = _NOWHERE
+        self._frames = {}
+        self._parts_frames = {}
 
     @property
     def held(self) -> int:
         """Bytes that are kept."""
         return len(self._buffer) + len(self._parts)
 
-    def take(self, piece: Piece) -> Iterator[Whole]:
+    def take(self, piece: Piece) -> list[Whole]:
         """Bytes in order; gives what is whole with them."""
         if piece.late:
-            yield from self._alone(piece)
-            return
+            return _alone(piece)
         if piece.lost:
             self.lose(piece.lost)
-        if not self._buffer or piece.at.frame > self._at.frame:
-            self._at = piece.at
-        self._newest = piece.at
-        self._buffer += piece.data
-        self._frames[piece.at.frame] = None
-        yield from self._read()
+        buffer, at = self._buffer, piece.at
+        if not buffer or at.frame > self._at.frame:
+            self._at = at
+        self._newest = at
+        self._frames[at.frame] = None
+        if not buffer:
+            found, end = self._read(piece.data)
+            buffer += piece.data[end:]
+        else:
+            buffer += piece.data
+            found, end = self._read(buffer)
+            del buffer[:end]
+        return found
 
     def lose(self, count: int) -> None:
         """So many bytes are missing: what was begun never becomes whole."""
@@ -170,40 +215,43 @@ class Reader:
         self._parts_frames = {}
         self._parts_at = _NOWHERE
 
-    def _read(self) -> Iterator[Whole]:
-        buffer = self._buffer
-        while buffer:
-            if not begins(buffer):
-                self._seek()
+    def _read(self, data: bytes | bytearray) -> tuple[list[Whole], int]:
+        """What is whole in some bytes, and where that ends."""
+        found: list[Whole] = []
+        at, end = 0, len(data)
+        while at < end:
+            if not begins(data, at):
+                at = self._seek(data, at)
                 continue
-            if len(buffer) < HEADER:
-                return
-            (length,) = struct.unpack_from(">H", buffer, 2)
-            if len(buffer) < length:
-                return
-            packet = bytes(buffer[HEADER:length])
-            del buffer[:length]
+            if end - at < HEADER:
+                break
+            length = data[at + 2] << 8 | data[at + 3]
+            if end - at < length:
+                break
             self.synced = True
-            yield from self._tpdu(decode(packet, HEADER))
+            whole = self._tpdu(decode(bytes(data[at + HEADER : at + length]), HEADER))
+            if whole is not None:
+                found.append(whole)
+            at += length
             self._at = self._newest
-            self._frames = {self._newest.frame: None} if buffer else {}
+            self._frames = {self._newest.frame: None} if at < end else {}
+        return found, at
 
-    def _seek(self) -> None:
-        """Pass over bytes that begin no TPKT."""
-        buffer = self._buffer
-        at = buffer.find(VERSION, 1)
-        passed = len(buffer) if at < 0 else at
-        self.lost += passed
+    def _seek(self, data: bytes | bytearray, at: int) -> int:
+        """Where a TPKT may begin behind bytes that begin none."""
+        behind = data.find(VERSION, at + 1)
+        if behind < 0:
+            behind = len(data)
+        self.lost += behind - at
         self.synced = False
         self._forget()
-        del buffer[:passed]
+        return behind
 
-    def _tpdu(self, tpdu: Tpdu) -> Iterator[Whole]:
+    def _tpdu(self, tpdu: Tpdu) -> Whole | None:
         if tpdu.kind != DT or (tpdu.last and not self._parts):
-            yield Whole(tpdu, tpdu.data, self._at, list(self._frames))
-            return
+            return Whole(tpdu, tpdu.data, self._at, list(self._frames))
         if not tpdu.data and not tpdu.last:
-            return
+            return None
         self._parts += tpdu.data
         self._parts_frames |= self._frames
         self._parts_at = max(self._parts_at, self._at)
@@ -213,10 +261,13 @@ class Reader:
         elif tpdu.last:
             whole = Whole(tpdu, bytes(self._parts), self._parts_at, list(self._parts_frames))
             self._forget()
-            yield whole
+            return whole
+        return None
 
-    def _alone(self, piece: Piece) -> Iterator[Whole]:
-        """Bytes that come when nobody waits for them: only what is whole in them counts."""
-        for whole in Reader().take(Piece(piece.data, piece.at)):
-            whole.late = True
-            yield whole
+
+def _alone(piece: Piece) -> list[Whole]:
+    """Bytes that come when nobody waits for them: only what is whole in them counts."""
+    found = Reader().take(Piece(piece.data, piece.at))
+    for whole in found:
+        whole.late = True
+    return found
