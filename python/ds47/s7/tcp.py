@@ -29,7 +29,7 @@ _JUMP = 1 << 24
 """So far away are the sequence numbers of another connection."""
 _OVERHEAD = 128
 _HEADER: Final = struct.Struct(">HHIIBB6x")
-_LOWER: Final = struct.Struct(">12xHBxHxxHxBxx12sIIBB")
+_LOWER: Final = struct.Struct(">12xHBxHxxHxBxx12sIIBB6x")
 """Of a frame without tag and IP option: EtherType, version, length, flags, protocol, ends, then as _HEADER."""
 _TCP_START: Final = 34
 _PORTS: Final = struct.Struct(">HH")
