@@ -39,12 +39,16 @@ RECORD_PATH = (
     "acyclic/services", "acyclic/ms1_calls", "acyclic/index47", "acyclic/record_calls",
     "acyclic/record_events", "acyclic/pairing",
     "acyclic/transactions", "acyclic/judge", "findings/remark", "findings/collection", "findings/grouping",
+    "s7/model", "s7/tcp", "s7/tpkt", "s7/pdu", "s7/jobs", "s7/transfers", "s7/addresses", "s7/consistency",
+    "s7/memory", "s7/areas", "s7/notes", "s7/moments", "s7/blocks", "s7/judge", "s7/connections",
+    "s7/transactions", "s7/communication",
     "diagnosis/__init__", "diagnosis/capture", "diagnosis/length", "diagnosis/order",
     "diagnosis/refusal", "diagnosis/repair", "diagnosis/repetition",
 )  # fmt: skip
 READ = (
     "*.py", "capture/*.p*", "profinet/*.p*", "profidrive/*.py", "spec/*.py", "report/__init__.py",
     "report/json.py", "profibus/*.py", "cyclic/*.py", "acyclic/*.py", "findings/*.py", "diagnosis/*.py",
+    "s7/*.py",
 )  # fmt: skip
 """What the compilers read."""
 DIRECTIVES = {

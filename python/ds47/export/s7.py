@@ -14,11 +14,11 @@ from ds47.model import S7
 from ds47.profinet.link import Packet, dissect
 from ds47.s7 import tcp
 from ds47.s7.connections import Connections
-from ds47.s7.model import At, Job, Quiet
+from ds47.s7.model import At, Job
 from ds47.spec.semantics import limits
 
 
-class S7Frames(Quiet):
+class S7Frames:
     """Tells which frames of a capture with S7 are wanted.
 
     Args:
@@ -36,7 +36,7 @@ class S7Frames(Quiet):
             for each in chosen.transactions
             if each.channel == S7
         }
-        self._connections = Connections(self._ports, limits(), (self,))
+        self._connections = Connections(self._ports, limits(), self._over)
         self.wanted: set[int] = set()
         """Numbers of the frames, all of them after `finish`."""
 
@@ -58,7 +58,7 @@ class S7Frames(Quiet):
         """The capture is over."""
         self._connections.finish()
 
-    def over(self, job: Job) -> None:
+    def _over(self, job: Job) -> None:
         """A job with all its frames."""
         first = min(each.frame for each in (job.asked, job.answered) if each is not None)
         if (first, job.reference) not in self._complete:

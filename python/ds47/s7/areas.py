@@ -5,7 +5,7 @@ What happened to these bytes is known by `memory`; whether a split area is whole
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -56,19 +56,21 @@ def is_clear(job: Job) -> bool:
     )  # fmt: skip
 
 
-def accesses(job: Job, first: int) -> Iterator[Access]:
+def accesses(job: Job, first: int) -> list[Access]:
     """What a GET or PUT with a request does to memories that keep what is written.
 
     Args:
         job: with its answer, or still without one.
         first: the number of the first access.
     """
+    found: list[Access] = []
     for number, item in enumerate(job.items, first):
         address = item.address
         if address is not None and address.area in MEMORIES and address.size:
             access = _access(job, item, address, number)
             if access is not None:
-                yield access
+                found.append(access)
+    return found
 
 
 def _access(job: Job, item: Item, address: Address, number: int) -> Access | None:
@@ -163,7 +165,10 @@ class Splits:
     def _continues(self, job: Job) -> bool:
         """Whether a job begins where the one before ends, and that one filled its PDU."""
         last = self._parts[-1].job
-        if job.operation != last.operation or not fills(last) or not job.items:
+        if job.operation != last.operation or not job.items or not last.items:
+            return False
+        before, behind = last.items[-1].address, job.items[0].address
+        if before is None or behind is None or before.end != behind.start or not fills(last):
             return False
         if last.state != OK and (last.state != UNANSWERED or last.phase != "open"):
             return False
@@ -172,21 +177,23 @@ class Splits:
         since = last.answered or last.asked
         if since is None or job.asked is None or job.asked.time_ns - since.time_ns > self._most_ns:
             return False
-        before, behind = last.items[-1].address, job.items[0].address
-        if before is None or behind is None or not before.size:
+        if not before.size:
             return False
         if behind.area not in ELEMENTS and behind.end > 8 * MOST:
             return False
-        return before.memory == behind.memory and before.end == behind.start
+        return before.area == behind.area and before.db == behind.db
 
 
 def fills(job: Job) -> bool:
     """Whether a job has so much data that its PDU has no room for more; never without the setup."""
-    length, addresses = job.connection.pdu_length, [each.address for each in job.items]
-    if length is None or job.operation not in (GET, PUT) or not addresses:
+    length, items, size = job.connection.pdu_length, job.items, 0
+    if length is None or job.operation not in (GET, PUT) or not items:
         return False
-    room = s7.room(job.operation, length, len(addresses))
-    return room > 0 and 100 * sum(each.length for each in addresses if each) >= FULL * room
+    for each in items:
+        if each.address is not None:
+            size += each.address.length
+    room = s7.room(job.operation, length, len(items))
+    return room > 0 and 100 * size >= FULL * room
 
 
 def _whole(parts: list[Part]) -> Whole | None:

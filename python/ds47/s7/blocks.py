@@ -64,7 +64,7 @@ class Blocks:
     def of(self, ip: str) -> Block | None:
         """The block of a partner; None where nobody says."""
         for table in (self._chosen, self._kinds):
-            block = table.get(ip) or table.get(ANYBODY)
-            if block is not None:
+            block = table and (table.get(ip) or table.get(ANYBODY))
+            if block:
                 return block
         return self._told.get(ip)

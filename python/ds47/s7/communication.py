@@ -16,12 +16,12 @@ from ds47.s7.blocks import Blocks
 from ds47.s7.choices import PORT, Choices
 from ds47.s7.connections import Connections
 from ds47.s7.judge import Judge
-from ds47.s7.model import At, Job, Quiet
+from ds47.s7.model import At, Job
 from ds47.s7.transactions import told
 from ds47.spec.semantics import Limits
 
 
-class Communication(Quiet):
+class Communication:
     """All connections of S7 of a capture.
 
     Args:
@@ -46,7 +46,7 @@ class Communication(Quiet):
         """What is wrong with jobs that are not over."""
         self._blocks = Blocks(dict(choices.blocks), dict(choices.cpus), bounds.s7_memories)
         self._judge = Judge(bounds, self._heard, self._blocks, choices.readback)
-        self._connections = Connections(frozenset(self.ports), bounds, (self._judge, self))
+        self._connections = Connections(frozenset(self.ports), bounds, self._settled, self._judge)
 
     def frame(self, frame: Frame) -> bool:
         """The next frame of the capture, if it has a segment of TCP as nearly all of them are."""
@@ -78,7 +78,7 @@ class Communication(Quiet):
         """Connections for which there was no room."""
         return self._connections.left_out
 
-    def over(self, job: Job) -> None:
+    def _settled(self, job: Job) -> None:
         """A job is over; the judge has heard of it before."""
         self._over(job, self._said.pop(job, []))
 

@@ -6,12 +6,12 @@ rest. What is wrong with it is said elsewhere.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from ds47.s7 import pdu as pdus
 from ds47.s7 import szl
-from ds47.s7.jobs import OPERATIONS, Jobs
+from ds47.s7.jobs import OPERATIONS, Hear, Jobs
 from ds47.s7.model import (
     DONE,
     ERROR,
@@ -61,14 +61,20 @@ class Connections:
     Args:
         ports: of servers.
         bounds: how much is kept.
-        listeners: hear of what happens.
+        over: is told of each job that is over, after the listener.
+        listener: hears of what happens.
     """
 
     def __init__(
-        self, ports: frozenset[int], bounds: Limits, listeners: Sequence[Listener]
+        self,
+        ports: frozenset[int],
+        bounds: Limits,
+        over: Hear,
+        listener: Listener | None = None,
     ) -> None:
         self._bounds = bounds
-        self._listeners = listeners
+        self._settle = over
+        self._listener = Listener() if listener is None else listener
         self._streams = Streams(
             ports, self._take, self._over, bounds.s7_connections, bounds.s7_bytes
         )
@@ -96,7 +102,7 @@ class Connections:
     # From bytes to PDUs
 
     def _take(self, talk: Talk, from_client: bool, piece: Piece) -> None:
-        line = talk.owner
+        line: _Line | None = talk.owner
         if line is None:
             line = talk.owner = _Line()
         reader = line.forward if from_client else line.backward
@@ -111,7 +117,7 @@ class Connections:
         talk.kept += reader.held - held
 
     def _over(self, talk: Talk, reset: bool, at: At) -> None:
-        line = talk.owner
+        line: _Line | None = talk.owner
         if line is None:
             if reset and talk.begun:
                 line = talk.owner = _Line()
@@ -125,8 +131,7 @@ class Connections:
         self._jobs.close(connection)
         self._transfers.close(connection)
         connection.closed = True
-        for each in self._listeners:
-            each.closed(connection)
+        self._listener.closed(connection)
         talk.owner = None
 
     def _tpdu(self, talk: Talk, line: _Line, from_client: bool, whole: Whole) -> None:
@@ -157,15 +162,13 @@ class Connections:
             self._all.append(line.connection)
         else:
             self.left_out += 1
-        for each in self._listeners:
-            each.opened(line.connection)
+        self._listener.opened(line.connection)
         return line.connection
 
     def _refuse(self, line: _Line, connection: Connection, why: str, at: At, code: int = 0) -> None:
         if not line.refused:
             line.refused = True
-            for each in self._listeners:
-                each.refused(connection, why, at, code)
+            self._listener.refused(connection, why, at, code)
 
     # What a PDU is
 
@@ -186,8 +189,7 @@ class Connections:
             return
         agreed = connection.pdu_length
         if agreed is not None and pdu.size > agreed:
-            for each in self._listeners:
-                each.larger(connection, from_client, at, pdu.size)
+            self._listener.larger(connection, from_client, at, pdu.size)
         if pdu.kind == JOB:
             known = self._job(line, connection, from_client, pdu, at)
         elif pdu.kind in (ACKNOWLEDGE, ANSWER):
@@ -224,8 +226,7 @@ class Connections:
         line.asked_setup = None
         connection.pdu_length, connection.parallel = found.pdu_length, found.calling
         connection.setup = at
-        for each in self._listeners:
-            each.agreed(connection)
+        self._listener.agreed(connection)
         return True
 
     def _user_data(self, connection: Connection, from_client: bool, pdu: Pdu, at: At) -> bool:
@@ -255,22 +256,20 @@ class Connections:
             known = [each.name for each in connection.evidence]
             if found.name not in known and len(known) < _EVIDENCE:
                 connection.evidence.append(found)
-                for each in self._listeners:
-                    each.evidence(connection, found)
+                self._listener.evidence(connection, found)
 
     # What becomes of jobs
 
     def _asked(self, job: Job) -> None:
         job.place = self._place
-        for each in self._listeners:
-            each.asked(job)
+        self._listener.asked(job)
 
     def _settled(self, job: Job) -> None:
         if job.state == ORPHAN and not job.segments:
             job.place = self._place
         count(job.connection.counts, job)
-        for each in self._listeners:
-            each.over(job)
+        self._listener.over(job)
+        self._settle(job)
 
 
 def count(counts: Counts, job: Job) -> None:

@@ -7,18 +7,23 @@ What is decided is conservative: where it is open what a write did, and when, th
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from math import inf
+from dataclasses import dataclass, field
+from typing import Final
 
+NEVER: Final = 1 << 128
+"""Nanoseconds that no capture has: when what was not answered is over."""
 MOST_STEPS = 20_000
 """Events that are looked at to answer one question; where more would have to be, the data counts as whole."""
 _MASK = 4_096
 """Bits of a mask that count as one step."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, init=False, eq=False)
 class Access:
-    """An item of a GET or PUT; it takes effect at some moment from `asked_ns` to `answered_ns`, both included."""
+    """An item of a GET or PUT; it takes effect at some moment from `asked_ns` to `answered_ns`, both included.
+
+    Nobody changes one.
+    """
 
     order: int
     """Tells accesses apart."""
@@ -37,20 +42,46 @@ class Access:
     """The frame that completes the request,"""
     response: int | None
     """and that of the answer."""
-    sure: bool = True
+    sure: bool
     """False for a write that may never have come into force: refused, or without an answer."""
-    known: bool = True
+    known: bool
     """False where only some bits of the bytes are written: they may then have any value."""
+    end: int = field(repr=False)
+    """The first byte behind it."""
+    until: int = field(repr=False)
+    """The last moment at which it takes effect."""
 
-    @property
-    def end(self) -> int:
-        """The first byte behind it."""
-        return self.start + len(self.data)
-
-    @property
-    def until(self) -> float:
-        """The last moment at which it takes effect."""
-        return inf if self.answered_ns is None else self.answered_ns
+    def __init__(
+        self,
+        order: int,
+        connection: int,
+        write: bool,
+        area: int,
+        db: int,
+        start: int,
+        data: bytes,
+        asked_ns: int,
+        answered_ns: int | None,
+        request: int,
+        response: int | None,
+        sure: bool = True,
+        known: bool = True,
+    ) -> None:
+        self.order = order
+        self.connection = connection
+        self.write = write
+        self.area = area
+        self.db = db
+        self.start = start
+        self.data = data
+        self.asked_ns = asked_ns
+        self.answered_ns = answered_ns
+        self.request = request
+        self.response = response
+        self.sure = sure
+        self.known = known
+        self.end = start + len(data)
+        self.until = NEVER if answered_ns is None else answered_ns
 
     def meets(self, other: Access) -> bool:
         """Whether both have bytes in common, and it is open which of them was first."""
@@ -64,7 +95,7 @@ class _Event:
     """An access as the decision sees it: bit n of a mask is byte n of what was read."""
 
     asked: int
-    answered: float
+    answered: int
     sure: bool
     whole: bool
     """Whether all its bytes take effect at once; else each at a moment of its own."""
@@ -160,7 +191,7 @@ class Question:
                 wrong = self._mask(first + n for n in differ) & cover
         return _Event(access.asked_ns, access.until, access.sure, whole, cover, wrong)
 
-    def _possible(self, moment: float, wanted: int) -> bool:
+    def _possible(self, moment: int, wanted: int) -> bool:
         """Whether the events before a moment have an order after which the wanted bytes are as they were read.
 
         The order is built from its end: whatever may be the last event, and changes none of the bytes that are
@@ -172,9 +203,9 @@ class Question:
             if each.asked <= moment and each.cover & wanted
         }  # fmt: skip
         must = {n for n in left if self._events[n].sure and self._events[n].answered < moment}
-        earliest = inf
+        earliest = NEVER
         while must or wanted & self._before:
-            latest = max((self._events[n].asked for n in must), default=-inf)
+            latest = max((self._events[n].asked for n in must), default=-NEVER)
             last = self._last(left, wanted, latest, earliest)
             self._steps -= self._each * (1 + len(left))
             if self._steps < 0:
@@ -191,7 +222,7 @@ class Question:
         return True
 
     def _last(
-        self, left: Mapping[int, int], wanted: int, latest: float, earliest: float
+        self, left: Mapping[int, int], wanted: int, latest: int, earliest: int
     ) -> tuple[int, int] | None:
         """An event that may be the last one of those left, and its bytes that may."""
         best: tuple[int, int] | None = None

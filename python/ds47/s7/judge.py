@@ -12,7 +12,7 @@ from typing import Any
 
 from ds47.findings.remark import Remark
 from ds47.s7.addresses import text
-from ds47.s7.blocks import Blocks
+from ds47.s7.blocks import Block, Blocks
 from ds47.s7.model import (
     BSEND,
     DONE,
@@ -29,6 +29,7 @@ from ds47.s7.model import (
     Evidence,
     Item,
     Job,
+    Listener,
     Segment,
 )
 from ds47.s7.moments import Moments
@@ -55,8 +56,8 @@ class _Crowd:
     frame: int
 
 
-class Judge:
-    """A listener of `connections`.
+class Judge(Listener):
+    """Hears of connections.
 
     Args:
         bounds: times, and how much is kept.
@@ -93,9 +94,6 @@ class Judge:
         yield from self._notes.finish()
 
     # Connections
-
-    def opened(self, connection: Connection) -> None:
-        """Nothing is wrong yet."""
 
     def agreed(self, connection: Connection) -> None:
         """The setup was seen."""
@@ -211,7 +209,7 @@ class Judge:
             note.more("most", crowd.open_now, crowd.frame)
 
     def _variables(self, job: Job) -> None:
-        operation, at = job.operation.upper(), job.answered or job.asked
+        at, operation = job.answered or job.asked, job.operation.upper()
         if at is None or job.asked is None:
             return
         if job.state == UNANSWERED:
@@ -221,22 +219,23 @@ class Judge:
         if job.error:
             self._say("DS909", job, at, operation=operation, area=areas(job.items), code=job.error)
             return
-        codes = {each.code: None for each in job.items if each.code not in (DONE, None)}
-        for code in codes:
+        codes = [each.code for each in job.items if each.code not in (DONE, None)]
+        for code in dict.fromkeys(codes):
             failed = [each for each in job.items if each.code == code]
             self._say("DS908", job, at, operation=operation, area=areas(failed), code=code)
-        self._blocked(job, job.asked, operation)
+        block = self._blocks.of(job.partner.ip)
+        if block is not None:
+            self._blocked(job, job.asked, operation, block)
         if len(job.items) > 1 and job.state == OK:
             args = {"device": job.partner.ip, "controller": job.asker.ip}
             key = (job.connection.number, job.from_client)
             self._notes.add("DS906", key, job.asked.frame, args)
 
-    def _blocked(self, job: Job, at: At, operation: str) -> None:
+    def _blocked(self, job: Job, at: At, operation: str, block: Block) -> None:
         """Items that are larger than what the partner copies at once."""
-        block = self._blocks.of(job.partner.ip)
-        for item in job.items if block else ():
+        for item in job.items:
             address = item.address
-            if block is None or address is None or item.code != DONE or address.area in ELEMENTS:
+            if address is None or item.code != DONE or address.area in ELEMENTS:
                 continue
             if address.length <= block.size:
                 continue

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
-from math import inf
 from typing import NamedTuple
 
-from ds47.s7.consistency import Access, Question, span
+from ds47.s7.consistency import NEVER, Access, Question, span
 
 MOST_LOST = 16
 """Writes without an answer that are remembered by themselves."""
@@ -53,22 +52,24 @@ class Image:
 
     def same(self, access: Access) -> bool:
         """Whether what was read is what was known."""
+        if self._values[access.start : access.end] != access.data:
+            return False
         mask = span(access.start, access.end)
-        return self.known & mask == mask and self._values[access.start : access.end] == access.data
+        return self.known & mask == mask
 
-    def others(self, access: Access, but: int) -> Iterator[int]:
+    def others(self, access: Access, but: int) -> list[int]:
         """Bytes that are known, and were read with another value; those of a mask do not count."""
-        if not self.known & ~but & span(access.start, access.end):
-            return
-        there = self._values[access.start : access.end]
-        for at, (old, new) in enumerate(zip(there, access.data, strict=False), access.start):
-            if old != new and (self.known & ~but) >> at & 1:
-                yield at
+        counts = self.known & span(access.start, access.end) & ~but
+        if not counts:
+            return []
+        there = bytes(self._values[access.start : access.end])
+        both = enumerate(zip(there, access.data, strict=False), access.start)
+        return [at for at, (old, new) in both if old != new and counts >> at & 1]
 
     def within(self, start: int, end: int) -> dict[int, int]:
         """The bytes from one up to another that are known."""
         known = (self.known & span(start, end)) >> start
-        there = self._values[start:end]
+        there = bytes(self._values[start:end])
         return {start + n: byte for n, byte in enumerate(there) if known >> n & 1}
 
 
@@ -89,7 +90,7 @@ class Memory:
         self._read_bytes = 0
         self._bytes = 0
         """Of the history."""
-        self._written = -inf
+        self._written = -NEVER
         """When the last write that was answered was over."""
         self._since = -1
         """All accesses that may have been in force after this time are known."""
@@ -113,7 +114,7 @@ class Memory:
         """A write was answered."""
         self._open.pop(write.order, None)
         if write.asked_ns <= self._since:
-            self.forget(int(write.until))
+            self.forget(write.until)
             return
         self._keep(write)
         if write.sure and write.known:
@@ -161,6 +162,13 @@ class Memory:
             ):  # fmt: skip
                 yield write
 
+    def is_quiet(self, parts: Sequence[Access]) -> bool:
+        """Whether no write can have come into force while these were read, as the writes are."""
+        if self._open or self._lost:
+            return False
+        begin = parts[0].asked_ns if len(parts) == 1 else min(each.asked_ns for each in parts)
+        return self._written < begin
+
     def mixed(
         self, parts: Sequence[Access], instead: Sequence[Access] = (), whole: Access | None = None
     ) -> Mixed | None:
@@ -172,10 +180,6 @@ class Memory:
             whole: and the write as one.
         """
         one = [] if whole is None else [whole]
-        if not (one or self._open or self._lost) and self._written < min(
-            each.asked_ns for each in parts
-        ):
-            return None
         begin = min(each.asked_ns for each in (*parts, *one))
         left_out = {each.order for each in (*parts, *instead)}
         writes = [each for each in self._all() if each.write and each.order not in left_out]
@@ -199,7 +203,7 @@ class Memory:
 
     def _unexplained(self, read: Access) -> None:
         """Marks the bytes of a read whose values come from nobody who was captured."""
-        differ = list(self._latest.others(read, self.foreign))
+        differ = self._latest.others(read, self.foreign)
         if not differ:
             return
         before, later = self._settled(read.asked_ns)
@@ -226,8 +230,8 @@ class Memory:
         yield from self._lost
 
     def _keep(self, access: Access) -> None:
-        if access.write:
-            self._written = max(self._written, access.until)
+        if access.write and access.until > self._written:
+            self._written = access.until
         self._history.append(access)
         self._bytes += len(access.data)
         if len(self._history) > self._most or self._bytes > MOST_BYTES:
@@ -241,24 +245,25 @@ class Memory:
             over, self._history = self._history[:cut], self._history[cut:]
             self._bytes -= sum(len(each.data) for each in over)
             _come_over(self._before, over)
-            self._since = max(self._since, *(int(each.until) for each in over))
+            self._since = max(self._since, *[each.until for each in over])
         elif len(self._history) > 4 * self._most or self._bytes > 4 * MOST_BYTES:
             self.forget(max(each.answered_ns or 0 for each in self._history))
 
-    def _cut(self, most: int, time_ns: float = inf) -> int:
+    def _cut(self, most: int, time_ns: int = NEVER) -> int:
         """How many of the oldest accesses, which are sorted, were over before a time and all others began.
 
         Args:
             most: at the most.
             time_ns: that time.
         """
-        begins = min((each.asked_ns for each in self._open.values()), default=inf)
-        latest, found = -inf, 0
-        for n, each in enumerate(self._history[:most], 1):
-            latest = max(latest, each.until)
-            if latest >= min(begins, time_ns):
+        begins = min([time_ns, *[each.asked_ns for each in self._open.values()]])
+        history, latest, found = self._history, -NEVER, 0
+        for n, each in enumerate(history[:most], 1):
+            if each.until > latest:
+                latest = each.until
+            if latest >= begins:
                 break
-            if n == len(self._history) or latest < self._history[n].asked_ns:
+            if n == len(history) or latest < history[n].asked_ns:
                 found = n
         return found
 
@@ -269,7 +274,8 @@ def _come_over(image: Image, accesses: Sequence[Access]) -> None:
     for n, each in enumerate(accesses):
         if each.write and not (each.sure and each.known):
             unknown |= span(each.start, each.end)
-        for other in accesses[n + 1 :]:
+        for later in range(n + 1, len(accesses)):
+            other = accesses[later]
             if other.asked_ns > each.until:
                 break
             if (each.write or other.write) and each.meets(other):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 GET, PUT, BSEND, USEND = OPERATIONS = ("get", "put", "bsend", "usend")
 OK, ERROR, PARTIAL, REFUSED, UNANSWERED, ORPHAN = (
@@ -329,8 +329,8 @@ class Job:
         return self.answered.time_ns - self.asked.time_ns if both else None  # type: ignore[union-attr]
 
 
-class Listener(Protocol):
-    """Hears of what happens on the connections, in the order of the frames.
+class Listener:
+    """Hears of what happens on the connections, in the order of the frames; who wants a thing overrides that.
 
     A job that `asked` tells of is told to be `over` later, in the order in which answers come; then it stays as
     it is. An answer without a request is only told to be over.
@@ -366,31 +366,3 @@ class Listener(Protocol):
 
     def closed(self, connection: Connection) -> None:
         """A connection is over, or the capture is; its open jobs were told of before."""
-
-
-class Quiet:
-    """A listener that hears of everything and does nothing; who wants one thing only overrides that."""
-
-    def opened(self, connection: Connection) -> None:
-        """As `Listener`, like all that follow."""
-
-    def agreed(self, connection: Connection) -> None:
-        """Nothing is done."""
-
-    def refused(self, connection: Connection, why: str, at: At, code: int) -> None:
-        """Nothing is done."""
-
-    def larger(self, connection: Connection, from_client: bool, at: At, size: int) -> None:
-        """Nothing is done."""
-
-    def asked(self, job: Job) -> None:
-        """Nothing is done."""
-
-    def over(self, job: Job) -> None:
-        """Nothing is done."""
-
-    def evidence(self, connection: Connection, found: Evidence) -> None:
-        """Nothing is done."""
-
-    def closed(self, connection: Connection) -> None:
-        """Nothing is done."""

@@ -16,7 +16,7 @@ from ds47.s7.addresses import text
 from ds47.s7.areas import Part, Splits, Whole, accesses, byte_text, is_clear
 from ds47.s7.consistency import Access
 from ds47.s7.memory import Memory, Mixed
-from ds47.s7.model import GET, ORPHAN, PUT, Connection, Job
+from ds47.s7.model import GET, ORPHAN, PUT, Connection, End, Job
 from ds47.s7.notes import Notes
 from ds47.spec import s7
 from ds47.spec.semantics import Limits
@@ -63,18 +63,21 @@ class _Partner:
     """The doubt of connections that are over."""
     latest: int = -1
     """The time of the last frame."""
+    tsap: bytes | None = None
+    """The last one that it was asked by,"""
     slots: set[tuple[int, int]] = field(default_factory=set)
+    """and the places of all, up to two."""
 
     def doubts(self) -> int:
         """Counts what was not heard, or not understood, on all its connections."""
-        return self.left + sum(_doubt(each) for each in self.connections.values())
+        found = self.left
+        for each in self.connections.values():
+            found += _doubt(each)
+        return found
 
 
 def _doubt(connection: Connection) -> int:
     return connection.lost_bytes + connection.plus + connection.other
-
-
-_Key = tuple[str, int]
 
 
 class Moments:
@@ -88,8 +91,8 @@ class Moments:
 
     def __init__(self, bounds: Limits, notes: Notes, readback: bool = False) -> None:
         self._bounds, self._notes, self._readback = bounds, notes, readback
-        self._places: OrderedDict[tuple[_Key, int, int], _Place] = OrderedDict()
-        self._partners: OrderedDict[_Key, _Partner] = OrderedDict()
+        self._places: OrderedDict[tuple[End, int, int], _Place] = OrderedDict()
+        self._partners: OrderedDict[End, _Partner] = OrderedDict()
         self._splits: dict[tuple[int, bool], Splits] = {}
         self._numbers: dict[Job, int] = {}
         self._number = 0
@@ -103,10 +106,10 @@ class Moments:
             return
         number = self._numbers[job] = self._number
         self._number += len(job.items) + 1
-        self._heard(job, job.asked.time_ns)
+        partner = self._heard(job, job.asked.time_ns)
         self._complete(self._side(job).asked(Part(job, number)))
         if job.operation == PUT:
-            for access in self._of(job, number):
+            for access in _of(partner, job, number):
                 self._place(job, access).memory.sent(access)
 
     def over(self, job: Job) -> None:
@@ -115,15 +118,15 @@ class Moments:
         at = job.answered or job.asked
         if at is None:
             return
-        self._heard(job, at.time_ns)
-        if job.operation not in (GET, PUT) or (job.operation == PUT and not self._is_known(job)):
+        partner = self._heard(job, at.time_ns)
+        if job.operation != GET and (job.operation != PUT or not _is_known(job)):
             self._forget(job.partner.ip, at.time_ns)
         if number is None or job.operation not in (GET, PUT):
             return
         if job.operation == PUT:
-            self._written(job, number)
+            self._written(job, _of(partner, job, number))
         else:
-            self._read(job, number)
+            self._read(job, _of(partner, job, number))
         self._complete(self._side(job).over(job))
 
     def closed(self, connection: Connection) -> None:
@@ -131,7 +134,7 @@ class Moments:
         for from_client in (True, False):
             splits = self._splits.pop((connection.number, from_client), None)
             self._complete(splits.finish() if splits else None)
-        partner = self._partners.get(_key(connection))
+        partner = self._partners.get(connection.server)
         if partner is not None and partner.connections.pop(connection.number, None) is not None:
             partner.left += _doubt(connection)
 
@@ -145,23 +148,26 @@ class Moments:
 
     # Partners and their memories
 
-    def _heard(self, job: Job, time_ns: int) -> None:
-        """Forgets a partner's memories where something was not heard, or time steps back."""
+    def _heard(self, job: Job, time_ns: int) -> _Partner:
+        """Whose memories a job is about; forgets them where something was not heard, or time steps back."""
         connection = job.connection
         partner = self._partner(connection)
         partner.connections[connection.number] = connection
-        slot = s7.place(connection.server_tsap)
-        if slot is not None and len(partner.slots) < 2:
-            partner.slots.add(slot)
-        doubt = partner.doubts()
-        if doubt != partner.doubt or time_ns < partner.latest:
+        if connection.server_tsap != partner.tsap:
+            partner.tsap = connection.server_tsap
+            slot = s7.place(partner.tsap)
+            if slot is not None and len(partner.slots) < 2:
+                partner.slots.add(slot)
+        doubt, latest = partner.doubts(), max(time_ns, partner.latest)
+        if doubt != partner.doubt or time_ns < latest:
             partner.doubt = doubt
-            self._forget(connection.server.ip, max(time_ns, partner.latest))
-        partner.latest = max(time_ns, partner.latest)
+            self._forget(connection.server.ip, latest)
+        partner.latest = latest
+        return partner
 
     def _partner(self, connection: Connection) -> _Partner:
         """Who answers on a connection; where there are too many, the one that was heard first is forgotten."""
-        key = _key(connection)
+        key = connection.server
         partner = self._partners.get(key)
         if partner is None:
             if len(self._partners) >= self._bounds.s7_memories:
@@ -170,7 +176,7 @@ class Moments:
         self._partners.move_to_end(key)
         return partner
 
-    def _give_up(self, partner: _Key) -> None:
+    def _give_up(self, partner: End) -> None:
         del self._partners[partner]
         for key in [each for each in self._places if each[0] == partner]:
             self._told += self._places.pop(key).told()
@@ -181,24 +187,15 @@ class Moments:
                 place.memory.forget(time_ns)
                 place.puts.clear()
 
-    def _is_known(self, job: Job) -> bool:
-        """Whether it is known what a PUT wrote, and where."""
-        return job.from_client and job.state != ORPHAN and is_clear(job)
-
-    def _of(self, job: Job, number: int) -> list[Access]:
-        """What a job of a client does to memories; nothing where it is open whose they are."""
-        if not job.from_client or len(self._partner(job.connection).slots) > 1:
-            return []
-        return list(accesses(job, number))
-
     def _place(self, job: Job, access: Access) -> _Place:
-        key = _key(job.connection), access.area, access.db
+        key = job.connection.server, access.area, access.db
         place = self._places.get(key)
-        if place is None:
-            place = self._places[key] = _Place(Memory(self._bounds.s7_accesses))
-            if len(self._places) > self._bounds.s7_memories:
-                self._told += self._places.popitem(last=False)[1].told()
-        self._places.move_to_end(key)
+        if place is not None:
+            self._places.move_to_end(key)
+            return place
+        place = self._places[key] = _Place(Memory(self._bounds.s7_accesses))
+        if len(self._places) > self._bounds.s7_memories:
+            self._told += self._places.popitem(last=False)[1].told()
         return place
 
     def _side(self, job: Job) -> Splits:
@@ -211,8 +208,8 @@ class Moments:
 
     # Jobs
 
-    def _written(self, job: Job, number: int) -> None:
-        for access in self._of(job, number):
+    def _written(self, job: Job, writes: Sequence[Access]) -> None:
+        for access in writes:
             memory = self._place(job, access).memory
             if access.answered_ns is None:
                 memory.gave_up(access)
@@ -221,10 +218,10 @@ class Moments:
                 self._two_writers(job, access, memory)
             memory.written(access)
 
-    def _read(self, job: Job, number: int) -> None:
+    def _read(self, job: Job, reads: list[Access]) -> None:
         """What was read by one job, of each memory."""
         parts: dict[tuple[int, int], list[Access]] = {}
-        for access in self._of(job, number):
+        for access in reads:
             parts.setdefault((access.area, access.db), []).append(access)
         for each in parts.values():
             place = self._place(job, each[0])
@@ -245,6 +242,8 @@ class Moments:
         job: Job | None = None,
     ) -> bool:  # fmt: skip
         """The same by one of them; of each access it is told once."""
+        if put is None and place.memory.is_quiet(parts):
+            return False
         if any(each.order in place.known for each in parts):
             return False
         found = place.memory.mixed(parts, put.parts if put else (), put.whole if put else None)
@@ -280,7 +279,7 @@ class Moments:
                 "device": job.partner.ip, "controller": stations[0], "other": stations[1],
                 "byte": byte_text(access.area, access.db, first + at),
             }  # fmt: skip
-            key = (_key(job.connection), access.area, access.db, *stations)
+            key = (job.connection.server, access.area, access.db, *stations)
             self._notes.add("DS907", key, access.request, args, (other.request,))
             return
 
@@ -361,5 +360,11 @@ def _arguments(found: Mixed, parts: Sequence[Access], put: Sequence[Access]) -> 
     }  # fmt: skip
 
 
-def _key(connection: Connection) -> _Key:
-    return connection.server.ip, connection.server.port
+def _is_known(job: Job) -> bool:
+    """Whether it is known what a PUT wrote, and where."""
+    return job.from_client and job.state != ORPHAN and is_clear(job)
+
+
+def _of(partner: _Partner, job: Job, number: int) -> list[Access]:
+    """What a job of a client does to memories of a partner; nothing where it is open whose they are."""
+    return [] if not job.from_client or len(partner.slots) > 1 else accesses(job, number)

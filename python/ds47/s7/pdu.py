@@ -95,8 +95,8 @@ class Pdu:
 def decode(data: bytes) -> Pdu:
     """The PDU at the beginning of some bytes."""
     if not data or data[0] != PROTOCOL:
-        kind = "plus" if data and data[0] == PLUS else "protocol"
-        return Pdu(data, flaws=[Flaw(kind, 0, {"byte": data[0]} if data else {"byte": 0})])
+        other = "plus" if data and data[0] == PLUS else "protocol"
+        return Pdu(data, flaws=[Flaw(other, 0, {"byte": data[0]} if data else {"byte": 0})])
     if len(data) < _HEAD.size:
         return Pdu(data, flaws=[Flaw("cut", 0, {"have": len(data), "want": _HEAD.size})])
     _, kind, _, reference, parameters, contents = _HEAD.unpack_from(data)

@@ -6,7 +6,7 @@ Loading, lookup and words only; PDUs are decoded in `ds47.s7`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from types import MappingProxyType
 from typing import Any
 
@@ -129,6 +129,7 @@ def rooms() -> Mapping[str, Room]:
     return MappingProxyType({name: Room(**row) for name, row in _load("s7.toml")["room"].items()})
 
 
+@lru_cache(maxsize=256)
 def room(use: str, pdu_length: int, items: int = 1) -> int:
     """Bytes of user data that a PDU of this length holds."""
     row = rooms()[use]
