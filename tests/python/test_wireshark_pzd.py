@@ -410,7 +410,9 @@ def test_graphs_of_the_profile(tshark: Tshark) -> None:
         assert style in {"Line", "Dot", "Impulse"}
         assert axis in {"MAX(Y Field)", "AVG(Y Field)", "Packets"}
         assert (axis == "Packets") == (not field)
-        for each in filter(None, (asked, field)):  # tshark refuses a filter with a name that is none
+        for each in filter(
+            None, (asked, field)
+        ):  # tshark refuses a filter with a name that is none
             tshark("-r", STORY, "-c", "1", "-Y", each.replace("\x27", '"'))
 
 

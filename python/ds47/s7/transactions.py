@@ -5,10 +5,12 @@ What was wrong with them is not said here.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from ds47 import model
 from ds47.model import S7, Frames, Read, Transaction
 from ds47.s7 import addresses
-from ds47.s7.model import Connection, Item, Job
+from ds47.s7.model import Address, Connection, Item, Job
 from ds47.spec import s7
 
 _BYTE = 8
@@ -58,18 +60,23 @@ def _item(item: Item, sent: bool) -> model.Item:
     if address is None:
         length = len(item.value) if sent and item.value is not None else None
         return model.Item(None, None, None, None, None, length, item.value, item.code)
+    name, letter, db, start, bit, length = _named(address)
+    return model.Item(name, letter, db, start, bit, length, item.value, item.code)
+
+
+@lru_cache(maxsize=4096)
+def _named(address: Address) -> tuple[str, str | None, int | None, int, int | None, int | None]:
+    """An address as the report has it: its text, letter of the area, DB, start, bit, bytes."""
     row = s7.areas().get(address.area)
     elements = row is not None and row.elements
     start, bit = (address.start, None) if elements else divmod(address.start, _BYTE)
-    return model.Item(
+    return (
         addresses.text(address),
         None if row is None else row.letter,
         address.db if row is not None and row.numbered else None,
         start,
         bit if address.size == 1 or bit else None,
         address.length if address.size else None,
-        item.value,
-        item.code,
     )
 
 
