@@ -86,13 +86,18 @@ def pcap(
     link_type: int = 1,
     snap: int = 0,
     fraction: int = 5,
+    apart_s: int = 1,
 ) -> bytes:
-    """A pcap file; frame i is of second 1000 + i, cut to `snap` bytes where that is not 0."""
+    """A pcap file; frame i is of second 1000 + i, cut to `snap` bytes where that is not 0.
+
+    Without seconds `apart_s` all are of second 1000, a microsecond (or nanosecond) after each other.
+    """
     out = [struct.pack(order + "IHHiIII", magic, 2, 4, 0, 0, snap or 65535, link_type)]
     extra = bytes(8) if magic == 0xA1B2CD34 else b""
     for i, frame in enumerate(frames):
         kept = frame[:snap] if snap else frame
-        head = struct.pack(order + "4I", 1000 + i, fraction, len(kept), len(frame))
+        later = fraction if apart_s else fraction + i
+        head = struct.pack(order + "4I", 1000 + i * apart_s, later, len(kept), len(frame))
         out.append(head + extra + kept)
     return b"".join(out)
 

@@ -207,9 +207,9 @@ class Talk:
         return cut
 
 
-def capture(*talks: Talk) -> bytes:
+def capture(*talks: Talk, apart_s: int = 1) -> bytes:
     """A capture file with the frames of connections, one connection behind the other."""
-    return pcap([frame for talk in talks for frame in talk.frames()])
+    return pcap([frame for talk in talks for frame in talk.frames()], apart_s=apart_s)
 
 
 def result(data: bytes, options: AnalysisOptions | None = None) -> CaptureResult:

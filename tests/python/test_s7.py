@@ -473,7 +473,8 @@ def test_segments_may_be_cut_repeated_and_out_of_order(
         runs[-1].append(shot)
     mixed = [shot for run in runs for shot in chance.sample(run, len(run))]
     changed = replace(cut, shots=mixed)
-    assert gist(result(capture(changed))) == gist(result(capture(talk)))
+    told = result(capture(changed, apart_s=0))  # a job that is open for a minute has no answer
+    assert gist(told) == gist(result(capture(talk)))
 
 
 def test_a_retransmission_with_other_borders_is_read_once() -> None:
