@@ -332,7 +332,7 @@ BUTTONS = {
     "Changes": {TOUR: 16},
     "Slow": {TOUR: 0, "conversation-slow": 1},
     "Drives//Events": {TOUR: 0, STARTS: 8},
-    "Drives//Faults": {TOUR: 0, FAULT: 2},
+    "Drives//Faults": {TOUR: 0, FAULT: 1},
     "Drives//PKW": {TOUR: 0, PKW: 12},
     "S7//Jobs": {TOUR: 0, S7: 14},
     "S7//Not ok": {TOUR: 0, S7: 12},
