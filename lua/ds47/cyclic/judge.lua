@@ -56,8 +56,10 @@ local function of_end(remarks, job, asked)
     local args = {request = job.request.at.frame, by = ended.frame}
     put(remarks, "DS504", ended.frame, which(asked, args))
   elseif job.reason == "withdrawn" and ended then
-    local stood = json.float((ended.time - job.request.at.time) / 1e6)
-    put(remarks, "DS503", ended.frame, which(asked, {milliseconds = stood}))
+    local stood_ns = ended.time - job.request.at.time
+    if stood_ns >= 0 then -- else somebody set the clock meanwhile: how long it stood is not known
+      put(remarks, "DS503", ended.frame, which(asked, {milliseconds = json.float(stood_ns / 1e6)}))
+    end
   end
 end
 

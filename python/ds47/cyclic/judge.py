@@ -32,8 +32,10 @@ def remarks(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Iterator[
         frames = {"request": job.request.at.frame, "by": job.ended.frame}
         yield Remark("DS504", job.ended.frame, which | frames)
     elif job.reason == handshake.WITHDRAWN and job.ended is not None:
-        stood = (job.ended.time_ns - job.request.at.time_ns) / 1e6
-        yield Remark("DS503", job.ended.frame, which | {"milliseconds": stood})
+        stood_ns = job.ended.time_ns - job.request.at.time_ns
+        if stood_ns >= 0:  # else somebody set the clock meanwhile: how long it stood is not known
+            which |= {"milliseconds": stood_ns / 1e6}
+            yield Remark("DS503", job.ended.frame, which)
 
 
 def _request(job: Job, asked: pkw.Message, which: dict[str, Any]) -> Iterator[Remark]:

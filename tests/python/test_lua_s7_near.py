@@ -1,0 +1,165 @@
+"""Conversations of S7 that chance seldom makes, in both analyses: the edges of DS905, DS907, DS910 and DS912.
+
+Each is a few jobs of some clients in the order in which they were heard. How often Python tells the rules of whole
+data is written here, and Lua says the same of all of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import s7_segments as s7
+from frames import pcap
+from test_lua_analysis import VERSIONS, Source, compare
+
+from ds47.analysis import analyze
+from ds47.spec.semantics import limits
+
+FULL = 240 - 28
+"""Bytes of a PUT that fills its PDU."""
+PATTERN = bytes(range(1, 33))
+
+
+class Plant:
+    """Clients of one server; all that they say is one capture, a microsecond apart."""
+
+    def __init__(self, clients: int = 2) -> None:
+        self.talks = [s7.Talk((f"10.0.1.{n}", 49152 + n)) for n in range(1, clients + 1)]
+        self._heard = [0] * clients
+        self._frames: list[bytes] = []
+        self._reference = 0
+        for number, talk in enumerate(self.talks):
+            talk.opened(pdu=240)
+            self._hear(number)
+
+    def _hear(self, client: int) -> None:
+        frames = self.talks[client].frames()
+        self._frames += frames[self._heard[client] :]
+        self._heard[client] = len(frames)
+
+    def say(self, client: int, up: bool, pdu: bytes) -> None:
+        self.talks[client].say(up, s7.dt(pdu))
+        self._hear(client)
+
+    def close(self, client: int) -> None:
+        self.talks[client].closed()
+        self._hear(client)
+
+    def reference(self) -> int:
+        self._reference += 1
+        return self._reference
+
+    def put(self, client: int, start: int, value: bytes) -> None:
+        reference = self.reference()
+        where = s7.item(1, 8 * start, len(value))
+        self.say(client, True, s7.put(reference, where, value))
+        self.say(client, False, s7.taken(reference, 0xFF))
+
+    def ask(self, client: int, start: int, count: int) -> int:
+        """The request of a GET."""
+        reference = self.reference()
+        self.say(client, True, s7.get(reference, s7.item(1, 8 * start, count)))
+        return reference
+
+    def tell(self, client: int, reference: int, value: bytes) -> None:
+        self.say(client, False, s7.got(reference, s7.entry(value)))
+
+    def send(self, client: int, r_id: int, *, last: bool, total: int = 20) -> None:
+        """The first segment of a BSEND, 20 bytes, and its acknowledge."""
+        reference = self.reference()
+        data = s7.bsend(reference, r_id, bytes(20), last=last, total=total)
+        self.say(client, True, data)
+        self.say(client, False, s7.received(reference, 7))
+
+    def capture(self) -> bytes:
+        return pcap(self._frames, apart_s=0)
+
+
+def a_read_between_the_parts_that_is_answered_later() -> Plant:
+    """The PUT in two parts is complete before the answer: bytes of both its old and its new value are in there."""
+    plant = Plant()
+    plant.put(0, 0, bytes(FULL))
+    plant.put(0, FULL, bytes(48))
+    plant.put(0, 0, b"\x11" * FULL)
+    reference = plant.ask(1, FULL - 8, 16)
+    plant.put(0, FULL, b"\x11" * 48)
+    plant.tell(1, reference, b"\x11" * 8 + bytes(8))
+    return plant
+
+
+def a_read_of_what_stood_there_before_the_put() -> Plant:
+    """Two parts of a PUT, and a read of what is behind them."""
+    plant = Plant()
+    plant.put(0, 0, bytes(FULL))
+    plant.put(0, FULL, bytes(48))
+    plant.tell(1, plant.ask(1, FULL - 8, 16), bytes(16))
+    return plant
+
+
+def two_writers_of_the_same_values() -> Plant:
+    """Where both write they write the same, and only there."""
+    plant = Plant()
+    plant.put(0, 4, PATTERN[4:20])
+    plant.put(1, 8, PATTERN[8:24])
+    return plant
+
+
+def two_writers_of_other_values() -> Plant:
+    """They agree in all common bytes but the last."""
+    plant = Plant()
+    plant.put(0, 0, PATTERN[:16])
+    plant.put(1, 8, PATTERN[8:15] + b"\xff" + PATTERN[16:24])
+    return plant
+
+
+def a_client_leaves_while_another_one_sends() -> Plant:
+    """Both have a BSEND with the same R_ID open; that of the other goes on, and is begun anew."""
+    plant = Plant(3)
+    for client in (0, 1, 2):
+        plant.send(client, 9, last=False, total=40)
+    plant.close(1)
+    plant.send(2, 9, last=True)
+    return plant
+
+
+def a_transfer_that_does_not_end() -> Plant:
+    """All bytes that were announced, and no last segment."""
+    plant = Plant(1)
+    plant.send(0, 3, last=False)
+    plant.close(0)
+    return plant
+
+
+def more_transfers_than_are_remembered() -> Plant:
+    """Open BSENDs of more R_IDs than are kept, of two clients, and then those at the edge begun anew."""
+    plant, most = Plant(2), limits().s7_notes
+    for r_id in range(most + 2):
+        plant.send(r_id % 2, r_id, last=False, total=40)
+    for r_id in (most + 1, most, most - 1, 0):
+        plant.send(r_id % 2, r_id, last=False, total=40)
+    return plant
+
+
+SAID: dict[Callable[[], Plant], dict[str, int]] = {
+    a_read_between_the_parts_that_is_answered_later: {"DS904": 1, "DS905": 1},
+    a_read_of_what_stood_there_before_the_put: {"DS904": 1},
+    two_writers_of_the_same_values: {},
+    two_writers_of_other_values: {"DS907": 1},
+    a_client_leaves_while_another_one_sends: {},
+    a_transfer_that_does_not_end: {},
+    more_transfers_than_are_remembered: {},
+}
+"""How often a rule of whole data is told."""
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("play", SAID, ids=lambda play: play.__name__)
+def test_both_say_the_same(play: Callable[[], Plant], version: str, tmp_path: Path) -> None:
+    source = Source(play.__name__, play().capture(), False)
+    told = [each.rule for each in analyze(source.open()).findings]
+    assert {rule: told.count(rule) for rule in ("DS904", "DS905", "DS907") if rule in told} == SAID[
+        play
+    ]
+    compare(version, "en", [source], tmp_path)
