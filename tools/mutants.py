@@ -61,6 +61,7 @@ LUA_BUS = (
 )
 PZD = "test_lua_pzd:5.4 and not zh"
 CYCLIC = (
+    "test_parameter_channels",
     "test_cyclic",
     "test_cyclic_scenes:not much_random",
     PZD,
@@ -68,11 +69,11 @@ CYCLIC = (
     "test_audit_profibus",
     "test_cyclic_scenes:much_random",
 )
-LUA_CYCLIC = (PZD, "test_lua_cyclic", "test_lua_analysis:5.4 and ppo")
+LUA_CYCLIC = (PZD, "test_lua_cyclic", "test_lua_analysis:5.4-en")
 S7 = ("test_s7_judge", "test_s7_audit", "test_s7_moments", "test_s7_scenes", "test_s7")
 S7_BY_CHANCE = "test_lua_s7_scenes:5.4 and not zh"
 S7_QUESTIONS = "test_lua_s7:5.4 and questions"
-LUA_S7 = (S7_BY_CHANCE, "test_lua_analysis:5.4-en")
+LUA_S7 = ("test_lua_s7_near:5.4", S7_BY_CHANCE, "test_lua_analysis:5.4-en")
 TESTS: dict[str, tuple[str, ...]] = {
     "python/ds47/acyclic/judge.py": RULES,
     "python/ds47/acyclic/readback.py": RULES,

@@ -24,6 +24,7 @@ from ds47.lab.cyclic import BAD, GOOD, INPUT, OUTPUT, PKW, PZD, Cyclic, Module
 from ds47.lab.stage import Stage
 from ds47.model import CaptureResult, Transaction
 from ds47.report import contract
+from ds47.spec.semantics import limits
 from ds47.wireshark.engine import differences
 
 READ, FIFTY = "143a000000000000", "243a000042480000"
@@ -419,3 +420,14 @@ def test_what_is_said_of_random_talk_is_so(steps: list[tuple[str, str, int]]) ->
         path = Path(folder) / "talk.pcapng"
         path.write_bytes(machine.capture())
         assert list(map(str, run.audit(path))) == []
+
+
+def test_a_parameter_that_is_read_all_the_time() -> None:
+    """As often as the limit says it is none of our business, and once more is told with its count."""
+    most = limits().pkw_reads
+    line = proven()
+    for _ in range(most):
+        line.ask(OTHER[0]).respond(OTHER[1]).ask(IDLE)
+    assert "DS509" not in dict(rules_of(line))
+    told = dict(rules_of(line.ask(OTHER[0]).respond(OTHER[1]).ask(IDLE)))["DS509"]
+    assert (told["pnu"], told["count"], told["limit"]) == (1083, most + 1, most)

@@ -30,6 +30,7 @@ from ds47.s7.model import (
     Connection,
     End,
     Evidence,
+    Flaw,
     Item,
     Job,
     Segment,
@@ -471,6 +472,17 @@ def test_the_areas_of_a_usend_change() -> None:
     assert line.told("DS913") == {
         "r_id": R_ID, "before": [10], "now": [10, 2], "first": first.asked.frame
     }  # fmt: skip
+
+
+def test_a_usend_that_cannot_be_read_has_no_areas() -> None:
+    line = Line()
+    line.usend(10)
+    job = Job(USEND, line.connection, True, 7, line.at(), [], r_id=R_ID, state=OK)
+    job.flaws = [Flaw("cut", 4, {"have": 4, "want": 12})]
+    line.judge.asked(job)
+    line.over(job)
+    line.usend(10)
+    assert [each.rule for each in line.found() if each.rule == "DS913"] == []
 
 
 def test_the_r_ids_whose_areas_are_remembered_are_bounded() -> None:
