@@ -23,6 +23,7 @@ from test_parameter_channels import (
     REFUSED,
     USS,
     Machine,
+    proven,
     talk,
 )
 
@@ -152,3 +153,15 @@ def test_the_layout_of_the_index_is_that_of_the_drive(
     (item,) = analyze(io.BytesIO(content), options).transactions
     assert item.parameters[0].pnu in (10, 2010)
     compare(version, "en", [Source("uss", content, True)], tmp_path, options)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_slowest_response_is_named(version: str, tmp_path: Path) -> None:
+    """Two are slow, the first one more so."""
+    line = proven()
+    for cycles in (700, 600):
+        line.ask(OTHER[0], cycles).respond(OTHER[1]).ask(IDLE).respond(IDLE)
+    source = Source("slow", line.capture(), True)
+    (told,) = [each for each in analyze(source.open()).findings if each.rule == "DS511"]
+    assert (told.args["count"], told.args["slowest"]) == (2, 2800.1)
+    compare(version, "en", [source], tmp_path)
