@@ -297,6 +297,9 @@ function ds47.dissector(tvb, pinfo, tree)
   end
   local ip = ip_field()
   if ip == nil then
+    if track.hears_stations then
+      track.hear_station(pinfo.number, tvb:raw())
+    end
     if track.watching then
       dissect_cyclic(tvb, pinfo, tree)
     end

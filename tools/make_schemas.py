@@ -47,7 +47,7 @@ def entity(
     return found | {
         "type": own,
         "additionalProperties": False,
-        "required": [key.name for key in keys if key.required and not key.channel],
+        "required": [key.name for key in keys if key.required and not (key.channel or key.rare)],
         "properties": {key.name: value(key) for key in keys},
     }
 

@@ -84,6 +84,7 @@ local FIELDS = {
   { "master", "Master", "uint8", "DEC" },
   { "device", "Device", "ipv4" },
   { "device.mac", "Device", "ether" },
+  { "vendor_assumed", "Vendor assumed", "uint16", "HEX" },
   { "station", "Station", "uint8", "DEC" },
   { "ar", "AR UUID", "guid" },
   { "api", "API", "uint32", "DEC_HEX" },

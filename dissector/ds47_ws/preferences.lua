@@ -13,6 +13,7 @@ local AUTO, ALWAYS, NEVER = 0, 1, 2
 local CYCLIC, USS = 0, 1
 local ENGLISH, CHINESE = 0, 1
 local INDEX_47 = 47
+local SIEMENS = 0x002A
 
 --- Gives the protocol its preferences. Names as in `-o ds47.index_47:never`.
 function M.define(proto)
@@ -28,6 +29,9 @@ function M.define(proto)
     "Format 0x10 is OctetString and 0x13 TimeDifference")
   prefs.profile_v3_types = Pref.bool("Data types of profile V3", false,
     "Formats 0x21 to 0x2C are N2, N4, V2 and so on")
+  prefs.assume_sinamics = Pref.bool("Drives without a vendor are SINAMICS", false,
+    "Where the capture does not show whose a device is (object UUID, DCP), names, units and error numbers "
+    .. "are those of SINAMICS, and ds47.vendor_assumed says so. Frames without IP are looked at for DCP")
   prefs.pkw_layout = Pref.enum("Layout of IND in PKW", CYCLIC,
     "cyclic: the page is the low byte of IND, as in cyclic transfer; uss: the high one, as some makers "
     .. "have it",
@@ -111,6 +115,7 @@ function M.options(proto)
     forbid_47 = prefs.index_47 == NEVER,
     slow_ms = prefs.slow_ms,
     ignore = rules(prefs.ignore),
+    vendor_id = prefs.assume_sinamics and SIEMENS or nil,
     pkw_layout = prefs.pkw_layout == USS and "uss" or "cyclic",
     pkw_layouts = layouts(prefs.pkw_layouts),
     cyclic = named.list(prefs.cyclic or ""),

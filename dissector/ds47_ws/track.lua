@@ -28,6 +28,7 @@ local TCP, UDP = 6, 17
 local RPC_HEADER = rpc.HEADER_LENGTH
 -- The end of the interface UUIDs of PROFINET (docs/protocol.md E.2), bytes 32 to 39 of the RPC header.
 local RPC_NODE, INTERFACE_END = rpc.NODE, rpc.INTERFACE_END
+local FIRST_DCP = 0xFEFC -- the first frame id of DCP
 local MOST_WAITING = 4096 -- frames that name stations and are not given to the analysis yet
 local MOST_TEXTS = 4096
 local MOST_OURS = 4096
@@ -157,6 +158,7 @@ function M.begin()
   if chosen and chosen.cyclic and #chosen.cyclic > 0 then
     note_relations(the_analysis().cyclic.all)
   end
+  M.hears_stations = chosen ~= nil and chosen.vendor_id ~= nil
 end
 
 --- Takes a frame that names a station (DCP, LLDP): its number and its bytes.
@@ -180,6 +182,18 @@ function M.station(number, frame)
   stations[#stations + 1] = { kind, payload, source, destination }
   if #stations >= MOST_WAITING then
     hand_over_stations()
+  end
+end
+
+--- Takes a frame without IP while vendors may be assumed: what it says of one counts from now on.
+function M.hear_station(number, frame)
+  local kind, at = station_payload(frame)
+  local names = kind == "lldp" or kind == "dcp" and (u16(frame, at) or 0) >= FIRST_DCP
+  if names and number > newest_station then
+    M.station(number, frame)
+    if #stations > 0 then
+      hand_over_stations()
+    end
   end
 end
 

@@ -470,14 +470,15 @@ local function is_main(view)
   return view.role == "read_response" or (view.role == "write_request" and not view.item.frames.read_response)
 end
 
-local CHANNEL = { "api", "slot", "subslot", "index" }
+local CHANNEL = { "vendor_assumed", "api", "slot", "subslot", "index" }
 local OF_TRANSACTION = {
   "transaction", "channel", "operation", "state", "cycles", "request_reference", "axis", "polls", "start",
   "duration_ms",
   "bytes.request", "bytes.response", "status.write", "status.read", "plc", "frames.write_request",
   "frames.write_response", "frames.read_request", "frames.read_response", "frames.poll.request",
   "frames.poll.response", "frames.reread.request", "frames.reread.response", "controller",
-  "controller.mac", "master", "device", "device.mac", "station", "ar", "api", "slot", "subslot", "index",
+  "controller.mac", "master", "device", "device.mac", "vendor_assumed", "station",
+  "ar", "api", "slot", "subslot", "index",
 }
 local HALVES = {
   "frames.write_request", "frames.write_response", "frames.read_request", "frames.read_response",

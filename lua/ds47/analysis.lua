@@ -70,6 +70,7 @@ local UNCHANGING = {
 --   pkw_layouts   the same by the IP address of the device, where it is not that
 --   cyclic        channels in cyclic frames that are named by hand, as named.lua takes them
 --   ppos          numbers of PPO by the address of the station on PROFIBUS, where Chk_Cfg is missing
+--   vendor_id     PROFINET vendor id of devices of which the capture shows none
 --   s7            choices for S7 communication, as communication.lua takes them
 --   every_cyclic  true: every frame of a watched channel is looked at, as somebody chose them already
 --   frames_dropped  whether the capture says that frames are missing (docs/pairing.md P47)
@@ -83,7 +84,7 @@ function M.new(options)
     codec = options.codec or {},
     findings = findings.new(options.select, options.ignore),
     diagnoses = diagnosis.new(options.codec or {}),
-    naming = naming.Naming.new(),
+    naming = naming.Naming.new(nil, options.vendor_id),
     fragments = rpc.Fragments.new(limits.fragment_expiry_ns),
     reassembly = ip.Reassembly.new(limits),
     answers = {}, -- job -> its remarks, from the answer until the job is closed
@@ -97,14 +98,14 @@ function M.new(options)
   self.gate = gate.Gate.new(options.indices, limits.waiting_calls, options.forbid_47)
   self.judge = rules.new(limits, slow_ns, function(device) return self.gate:waits(device) end)
   self.events = recordevents.RecordEvents.new(self.gate, self.pairing, self.codec, self)
-  self.records = recordcalls.RecordCalls.new(self.events, self.gate, self.pairing, self)
+  self.records = recordcalls.RecordCalls.new(self.events, self.gate, self.pairing, self, self.naming)
   self.calls = calls.CallTracker.new(limits, self)
   self.bus_judge = bus_judge.new(limits)
   self.bus_stations = bus_stations.new(self.bus_judge)
   self.ms1 = ms1calls.new(self.events, self.bus_judge, self.findings)
   self.services = services.CallTracker.new(self.ms1)
   self.start_ups = ms1calls.start_ups(self.pairing)
-  self.cyclic = channels.new(self, limits, options.every_cyclic)
+  self.cyclic = channels.new(self, limits, options.every_cyclic, self.naming)
   self.cyclic:name(named.relations(options.cyclic or NONE))
   local named_ppo = ppo.new(self.cyclic, options.ppos or NONE)
   local listeners = {self.bus_stations, self.start_ups, self.services, named_ppo}
@@ -283,7 +284,7 @@ local function asked_last(self)
   if not context then
     return NONE
   end
-  return context.records, recordcalls.peer(call.request)
+  return context.records, recordcalls.peer(call.request, self.naming)
 end
 
 --- The jobs that the last packet touched: array of {job, role}; role is one of "write_request",

@@ -86,6 +86,7 @@ class AnalysisOptions:
         cyclic: channels in cyclic frames that are named by hand, two for each; `cyclic.named.pairs` likes them.
         ppos: numbers of PPO by the address of the station, for captures of PROFIBUS without Chk_Cfg.
         s7: choices for S7 communication.
+        vendor_id: PROFINET vendor id of devices of which the capture shows none; None: they stay without one.
     """
 
     indices: frozenset[int] = frozenset()
@@ -99,12 +100,14 @@ class AnalysisOptions:
     cyclic: tuple[Name, ...] = ()
     ppos: tuple[tuple[int, int], ...] = ()
     s7: Choices = field(default_factory=Choices)
+    vendor_id: int | None = None
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         """To another process, compiled too: pickle itself cannot fill in what is frozen."""
         return type(self), (
             self.indices, self.slow_ms, self.select, self.ignore, self.codec, self.digest,
             self.pkw_layouts, self.channels, self.cyclic, self.ppos, self.s7,
+            self.vendor_id,
         )  # fmt: skip
 
 
@@ -208,14 +211,17 @@ class Analysis:
             bounds, self._answered, self._closed, self._nothing_to_read, self._refused,
             self._asked, self._judge.connected,
         )  # fmt: skip
-        self._cyclic = CyclicChannels(self._exchanged, self._watch, bounds, options.channels)
+        self._stations = Names(bounds.stations, options.vendor_id)
+        vendor = self._stations.vendor if options.vendor_id is not None else None
+        self._cyclic = CyclicChannels(
+            self._exchanged, self._watch, bounds, options.channels, vendor
+        )
         self._events = RecordEvents(index47, self._pairing, options.codec, self._remark)
         self._records = RecordCalls(
             self._events, index47, self._pairing, self._remark, self._diagnoses.foreign,
-            self._cyclic.connected, bounds,
+            self._cyclic.connected, bounds, vendor,
         )  # fmt: skip
         self._calls = CallTracker(bounds, self._records.handlers())
-        self._stations = Names(bounds.stations)
         choices = options.s7 if S7 in options.channels else None
         self._s7 = Communication(choices, bounds, self._communicated, self._remark)
         self._transport = Transport(

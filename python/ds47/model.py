@@ -17,6 +17,8 @@ from ds47.spec.units import milliseconds, status, timestamp
 Value = int | float | str
 """One value as JSON shows it: docs/report.md, values."""
 
+SIEMENS = 0x002A
+"""PROFINET vendor id of the drives whose own parameters and error numbers are known."""
 OPERATIONS = ("read", "change", "vendor", "unknown", "get", "put", "bsend", "usend")
 """The last four are those of S7."""
 STATES = ("ok", "partial", "error", "mismatch", "refused", "unanswered", "superseded", "orphan")
@@ -470,6 +472,13 @@ class Device(_Plain):
     station: str | None = None
     vendor_id: int | None = None
     device_id: int | None = None
+    assumed_vendor_id: int | None = None
+    """Whose it is where the capture does not show it and a user said so."""
+
+    @property
+    def vendor(self) -> int | None:
+        """Whose names and error numbers count for it: as shown, else as assumed."""
+        return self.assumed_vendor_id if self.vendor_id is None else self.vendor_id
 
 
 LENGTHS, SEEN, NAMED, REFUTED = "lengths", "seen", "named", "refuted"

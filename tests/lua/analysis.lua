@@ -214,7 +214,9 @@ local function capture()
     rpc = result.rpc,
     records = records,
     devices = list(result.devices, function(item)
-      return object(item, "ip mac station vendor_id device_id")
+      local told = object(item, "ip mac station vendor_id device_id")
+      told.assumed_vendor_id = item.assumed_vendor_id -- left out where there is none
+      return told
     end),
     transactions = list(result.transactions, function(item) return transaction(item, run.base_seconds) end),
     findings = list(result.findings, finding),
@@ -251,6 +253,7 @@ function take.begin(line)
   local names = named.list(line.cyclic)
   run = analysis.new({
     pkw_layout = line.layouts[""], pkw_layouts = line.layouts, cyclic = names,
+    vendor_id = line.vendor_id ~= json.null and line.vendor_id or nil,
     ppos = ppo.list(line.ppos), s7 = line.s7 ~= json.null and line.s7 or nil,
   })
   language, look = line.lang, line.look

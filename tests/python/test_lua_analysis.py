@@ -245,6 +245,7 @@ def compare(
                 f"{each.mac}@{each.frame_id:x}:{each.offset}:{each.kind}" for each in options.cyclic
             )
             begin["s7"] = of_s7(options)
+            begin["vendor_id"] = options.vendor_id
             begin["ppos"] = " ".join(f"{station}=ppo{number}" for station, number in options.ppos)
             print(json.dumps(begin), file=stream)
             for line in lines(everything(source.open())):

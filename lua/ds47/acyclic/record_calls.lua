@@ -34,12 +34,32 @@ local function known_peer(pdu)
   return peer
 end
 
---- Who talks to whom: {controller, device, vendor_id, device_id}.
+-- The same peer with the vendor that is known or assumed up to now.
+local function with_vendor(peer, naming)
+  local vendor_id, assumed = naming:vendor(peer.device)
+  local known, only_assumed = peer.with_vendor, assumed and vendor_id or nil
+  if known == nil or known.vendor_id ~= vendor_id or known.vendor_assumed ~= only_assumed then
+    known = {
+      controller = peer.controller, device = peer.device, vendor_id = vendor_id,
+      vendor_assumed = only_assumed,
+    }
+    peer.with_vendor = known
+  end
+  return known
+end
+
+--- Who talks to whom: {controller, device, vendor_id, device_id}, and vendor_assumed, the same vendor,
+-- where a user said so.
 -- The same table again while it stays the same, so nobody may change it.
-function M.peer(pdu)
+-- @param naming knows the vendors of devices whose calls do not say it (stations.lua)
+function M.peer(pdu, naming)
   local peer = pdu.peer
   if peer == nil then
     peer = known_peer(pdu)
+    if peer.vendor_id == nil and naming.vendor_id ~= nil then
+      pdu.peer = with_vendor(peer, naming) -- of this PDU alone: the next one may know more
+      return pdu.peer
+    end
     getmetatable(pdu).peer = peer -- the head of its conversation
   end
   return peer
@@ -48,8 +68,8 @@ end
 local peer_of = M.peer
 
 -- The PDU, which knows its peers then: that is where an event happens.
-local function placed(pdu)
-  peer_of(pdu)
+local function placed(self, pdu)
+  peer_of(pdu, self.naming)
   return pdu
 end
 
@@ -63,9 +83,10 @@ M.RecordCalls = RecordCalls
 -- @param pairing   hears of connections that begin and end
 -- @param listener  takes the transport findings: listener:remark({rule, frame, args, offset, job}), and
 --   hears of every answered Connect: listener:set_up(request, response)
-function RecordCalls.new(events, gate, pairing, listener)
+-- @param naming    knows the vendors of devices whose calls do not say it (stations.lua)
+function RecordCalls.new(events, gate, pairing, listener, naming)
   return setmetatable({
-    events = events, gate = gate, pairing = pairing, listener = listener,
+    events = events, gate = gate, pairing = pairing, listener = listener, naming = naming,
     forgot_requests = false, -- whether a limit pushed out a request whose response may still come
     limits = ordered.new(), -- name of a limit -> what it pushed out: {frame = of the first, count}
   }, RecordCalls)
@@ -107,15 +128,15 @@ function RecordCalls:incomplete(pdu, have, kind, limit, call)
     return
   end
   if limit then
-    self.events:then_run(placed(pdu), record, self, "limit_reached", limit)
+    self.events:then_run(placed(self, pdu), record, self, "limit_reached", limit)
     self.forgot_requests = self.forgot_requests or pdu.ptype == 0
   else
     local remark = {rule = "DS105", frame = pdu.frame, args = {have = have, kind = kind}}
     local asked = call and call.context and not record.write and call.context.records[1]
     if asked then
-      self.events:about_job(placed(pdu), asked, remark)
+      self.events:about_job(placed(self, pdu), asked, remark)
     else
-      self.events:about(placed(pdu), record, remark)
+      self.events:about(placed(self, pdu), record, remark)
     end
   end
 end
@@ -146,7 +167,7 @@ function RecordCalls:_about_call(call, remark)
   end
   for _, record in ipairs(context.records) do
     if self.events:concerns(record.index) then
-      self.events:about_job(placed(call.request), record, remark)
+      self.events:about_job(placed(self, call.request), record, remark)
       return
     end
   end
@@ -162,7 +183,7 @@ function RecordCalls:request(call)
     if ar then
       self.pairing:release(pdu.client, pdu.server, ar, pdu.frame)
       local of_ar = records.ar_text(pdu.client, pdu.server, ar)
-      self.gate:follow(of_ar, self.events.event_of(placed(pdu), self, "_released", ar))
+      self.gate:follow(of_ar, self.events.event_of(placed(self, pdu), self, "_released", ar))
     end
   elseif opnum == rpc.CONNECT then
     local ar, only = records.connected_ar(pdu), records.is_only_ar(pdu)
@@ -179,7 +200,7 @@ function RecordCalls:request(call)
   end
   for number = 1, #list do
     self.events:count(list[number].index, list[number].write)
-    self.pairing:goes_on(ar_key(peer_of(pdu), list[number]))
+    self.pairing:goes_on(ar_key(peer_of(pdu, self.naming), list[number]))
   end
   if body.nested then
     self.listener:remark({rule = "DS208", frame = pdu.frame, args = {}})
@@ -187,7 +208,7 @@ function RecordCalls:request(call)
   for number = 1, #list do
     local record = list[number]
     if self.events:concerns(record.index) then
-      self.events:asked(placed(pdu), record)
+      self.events:asked(placed(self, pdu), record)
     end
   end
 end
@@ -219,7 +240,7 @@ function RecordCalls:pushed_out(call, limit)
   for _, record in ipairs(context.records) do
     if self.events:concerns(record.index) then
       self.forgot_requests = true
-      self.events:then_run(placed(pdu), record, self, "limit_reached", limit)
+      self.events:then_run(placed(self, pdu), record, self, "limit_reached", limit)
       break
     end
   end
@@ -229,7 +250,7 @@ end
 function RecordCalls:_reads_lost(pdu, context)
   for _, record in ipairs(context.records) do
     if self.events:concerns(record.index) then
-      self.events:lost(placed(pdu), record)
+      self.events:lost(placed(self, pdu), record)
     end
   end
 end
@@ -254,9 +275,9 @@ function RecordCalls:response(call)
       record.response = half
       if not half.status then
         local remark = {rule = "DS108", frame = pdu.frame, args = {}}
-        self.events:about_job(placed(pdu), record, remark)
+        self.events:about_job(placed(self, pdu), record, remark)
       end
-      self.events:answered(placed(pdu), record)
+      self.events:answered(placed(self, pdu), record)
     end
   end
 end
@@ -272,9 +293,9 @@ function RecordCalls:orphan_response(pdu, certain)
     if self.events:concerns(record.index) then
       if certain and not self.forgot_requests then
         local remark = {rule = "DS102", frame = pdu.frame, args = {operation = operation}}
-        self.events:about(placed(pdu), record, remark)
+        self.events:about(placed(self, pdu), record, remark)
       end
-      self.events:unasked(placed(pdu), record)
+      self.events:unasked(placed(self, pdu), record)
     end
   end
 end
@@ -297,7 +318,7 @@ function RecordCalls:fault(call, pdu)
   end
   for _, record in ipairs(context.records) do
     if self.events:concerns(record.index) then
-      self.events:failed(placed(pdu), record)
+      self.events:failed(placed(self, pdu), record)
     end
   end
 end

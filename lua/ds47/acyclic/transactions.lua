@@ -250,7 +250,7 @@ local KEYS = {
   stray = function(_, job) return is_mismatch(job) end, -- its response is the one of another request
 }
 
-for _, key in ipairs({"controller", "device", "vendor_id", "station"}) do
+for _, key in ipairs({"controller", "device", "vendor_id", "vendor_assumed", "station"}) do
   KEYS[key] = function(_, job) return job.peer[key] end
 end
 

@@ -44,9 +44,9 @@ Channels.__index = Channels
 --   it is over
 -- @param limits the flat table of tables.lua
 -- @param every whether every watched frame is looked at: somebody chose them already
-function M.new(listener, limits, every)
+function M.new(listener, limits, every, naming)
   return setmetatable({
-    every = every, listener = listener, limits = limits, lines = {},
+    naming = naming, every = every, listener = listener, limits = limits, lines = {},
     rows = {}, -- source, EtherType and frame id -> row
     senders = 0, -- how many rows there are
     stations = {}, -- the same of stations of PROFIBUS, by source
@@ -311,6 +311,9 @@ function Channels:connected(request, response)
   connect.answered(asked, frame_ids)
   replace(self, asked.controller_mac, device_mac, response.frame)
   local vendor_id = rpc.device_identity(response.object_uuid)
+  if vendor_id == nil and self.naming and self.naming.vendor_id then
+    vendor_id = self.naming:vendor(request.server)
+  end
   for _, found in ipairs(relations.channels(asked)) do
     if #self.all >= self.limits.relations then break end
     local item, channel, offset = found.submodule, found.channel, found.offset

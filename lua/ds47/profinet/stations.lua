@@ -16,9 +16,12 @@ M.Naming = Naming
 --- Collects what the capture says about who is who.
 -- @param most how many stations are kept, the oldest goes first, and how many devices, the first stay; nil
 --   for the shipped limit
-function Naming.new(most)
+-- @param vendor_id whose devices are of which nothing says a vendor; nil: nobody's
+function Naming.new(most, vendor_id)
   return setmetatable({
     servers = ordered.new(), stations = ordered.new(), most = most or tables.limits.stations,
+    by_ip = {}, -- MAC address of the station that was the last to say that it has an IP address
+    vendor_id = vendor_id,
   }, Naming)
 end
 
@@ -43,7 +46,28 @@ function Naming:station(kind, payload, src_mac, dst_mac)
       end
     end
   end
+  if station.ip then
+    self.by_ip[station.ip] = station.mac
+  end
   self.stations:keep(station.mac, station, self.most)
+end
+
+--- Vendor id of a device whose record call does not say it: as shown up to now, else what is assumed. The
+-- second value is true where it is assumed.
+function Naming:vendor(ip)
+  local device = self.servers:get(ip)
+  if device and device.vendor_id then
+    return device.vendor_id, false
+  end
+  local mac = self.by_ip[ip]
+  local station = mac and self.stations:get(mac)
+  if station == nil or station.ip ~= ip then
+    station = device and device.mac and self.stations:get(device.mac)
+  end
+  if station and station.vendor_id then
+    return station.vendor_id, false
+  end
+  return self.vendor_id, self.vendor_id ~= nil
 end
 
 --- Takes an RPC message: responses come from devices, a Connect names device and controller.
@@ -58,7 +82,7 @@ function Naming:message(pdu)
 end
 
 --- Every device that answered or was connected to, in the order of first sight.
--- An array of {ip, mac, station, vendor_id, device_id}, made anew each time.
+-- An array of {ip, mac, station, vendor_id, assumed_vendor_id, device_id}, made anew each time.
 function Naming:devices()
   local by_ip, devices = {}, {}
   for _, station in self.stations:iterate() do
@@ -68,9 +92,11 @@ function Naming:devices()
   end
   for ip, device in self.servers:iterate() do
     local station = by_ip[ip] or device.mac and self.stations:get(device.mac) or {}
+    local vendor_id = device.vendor_id or station.vendor_id
     devices[#devices + 1] = {
       ip = ip, mac = device.mac or station.mac, station = station.name,
-      vendor_id = device.vendor_id or station.vendor_id, device_id = device.device_id or station.device_id,
+      vendor_id = vendor_id, assumed_vendor_id = not vendor_id and self.vendor_id or nil,
+      device_id = device.device_id or station.device_id,
     }
   end
   return devices

@@ -37,6 +37,8 @@ function M.about(device, lang)
   end
   if device.vendor_id then
     add(say(lang, "vendor_id", { id = format("%04X", device.vendor_id) }))
+  elseif device.assumed_vendor_id then
+    add(say(lang, "vendor_assumed", { id = format("%04X", device.assumed_vendor_id) }))
   end
   if device.device_id then
     add(say(lang, "device_id", { id = format("%04X", device.device_id) }))

@@ -1343,6 +1343,7 @@ M.report_words = {
   other_devices_head = {en = "Other devices", zh = "其他设备"},
   more_drives = {en = "and {n} more drive|and {n} more drives", zh = "另有 {n} 台驱动器"},
   more_devices = {en = "and {n} more device|and {n} more devices", zh = "另有 {n} 台设备"},
+  vendor_assumed = {en = "no vendor seen, taken for 0x{id} (SINAMICS)", zh = "未见厂商，按 0x{id}（SINAMICS）处理"},
   vendor_id = {en = "vendor 0x{id}", zh = "厂商 0x{id}"},
   device_id = {en = "device 0x{id}", zh = "设备 0x{id}"},
   to_do_head = {en = "What to do", zh = "怎么处理"},

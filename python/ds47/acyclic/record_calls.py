@@ -74,6 +74,7 @@ class RecordCalls:
         foreign: hears of every answered Write to an index that cannot be ours, or without its request.
         connected: hears of every answered Connect.
         limits: the numbers of spec/limits.toml.
+        vendor: gives the vendor id of the device at an IP address whose calls do not say it; None: nobody does.
     """
 
     def __init__(
@@ -85,7 +86,9 @@ class RecordCalls:
         foreign: Callable[[Peer, Record], None],
         connected: Callable[[rpc.Pdu, rpc.Pdu], None],
         limits: Limits,
+        vendor: Callable[[str], int | None] | None = None,
     ) -> None:
+        self._vendor = vendor
         self._limits = limits
         self._events = events
         self._index47 = index47
@@ -141,9 +144,9 @@ class RecordCalls:
             remark = Remark("DS105", pdu.frame, {"have": have, "kind": kind})
             context = _context(call) if call is not None and not record.write else None
             if context is None:
-                self._events.about(peer(pdu), record, remark)
+                self._events.about(self._peer(pdu), record, remark)
             else:
-                self._events.about_job(peer(pdu), record, remark, context.jobs)
+                self._events.about_job(self._peer(pdu), record, remark, context.jobs)
 
     def first_record(self, pdu: rpc.Pdu) -> Record | None:
         """The first record in the beginning of a message; None where that tells of none that can be ours."""
@@ -172,7 +175,7 @@ class RecordCalls:
         if pdu.opnum not in _OPERATIONS:
             return
         body = parse_request(pdu)
-        context = call.context = _Context(body, peer(pdu))
+        context = call.context = _Context(body, self._peer(pdu))
         if body.multiple:
             self._events.count(RECORD_WRITE_MULTIPLE, write=True)
         pairing = self._pairing
@@ -233,12 +236,12 @@ class RecordCalls:
                 half = Half(pdu.frame, pdu.time_ns, status=status)
             record.response = half
             if not ours:
-                self._foreign(peer(pdu), record)
+                self._foreign(self._peer(pdu), record)
                 continue
             if half.status is None:
                 remark = Remark("DS108", pdu.frame)
-                self._events.about_job(peer(pdu), record, remark, context.jobs)
-            self._events.answered(peer(pdu), record, _cut(pdu), context.jobs)
+                self._events.about_job(self._peer(pdu), record, remark, context.jobs)
+            self._events.answered(self._peer(pdu), record, _cut(pdu), context.jobs)
 
     def _orphan_response(self, pdu: rpc.Pdu, certain: bool) -> None:
         if pdu.opnum not in _OPERATIONS:
@@ -248,10 +251,10 @@ class RecordCalls:
                 continue
             if certain and not self._forgot_requests:
                 args = {"operation": _OPERATIONS[pdu.opnum]}
-                self._events.about(peer(pdu), record, Remark("DS102", pdu.frame, args))
+                self._events.about(self._peer(pdu), record, Remark("DS102", pdu.frame, args))
             if record.write:
-                self._foreign(peer(pdu), record)
-            self._events.unasked(peer(pdu), record, _cut(pdu))
+                self._foreign(self._peer(pdu), record)
+            self._events.unasked(self._peer(pdu), record, _cut(pdu))
 
     def _fault(self, call: Call, pdu: rpc.Pdu) -> None:
         code = int.from_bytes(pdu.body[:4], "little" if pdu.little else "big")
@@ -263,7 +266,14 @@ class RecordCalls:
         for record in context.body.records:
             if self._events.concerns(record.index):
                 half = Half(pdu.frame, pdu.time_ns)
-                self._events.failed(peer(pdu), record, half, context.jobs)
+                self._events.failed(self._peer(pdu), record, half, context.jobs)
+
+    def _peer(self, pdu: rpc.Pdu) -> Peer:
+        """Who talks to whom, by the addresses and the object UUID, and whose the device is."""
+        found = _who(pdu.client, pdu.server, pdu.object_uuid)
+        if found.vendor_id is None and self._vendor is not None:
+            return found._replace(vendor_id=self._vendor(found.device))
+        return found
 
     # Findings
 
@@ -278,7 +288,7 @@ class RecordCalls:
                 return
 
     def _pushed_out_with(self, pdu: rpc.Pdu, record: Record, limit: str) -> None:
-        self._events.pass_on(peer(pdu), record, partial(self.pushed_out, limit, pdu.frame))
+        self._events.pass_on(self._peer(pdu), record, partial(self.pushed_out, limit, pdu.frame))
 
 
 def _context(call: Call) -> _Context | None:
@@ -296,8 +306,3 @@ def _cut(pdu: rpc.Pdu) -> Cut | None:
 def _who(client: str, server: str, object_uuid: bytes) -> Peer:
     identity = rpc.device_identity(object_uuid) or (None, None)
     return Peer(client, server, *identity)
-
-
-def peer(pdu: rpc.Pdu) -> Peer:
-    """Who talks to whom, by the addresses and the object UUID."""
-    return _who(pdu.client, pdu.server, pdu.object_uuid)

@@ -1,6 +1,7 @@
-"""What the `ds47.toml` beside captures says of their channels: the tables `[cyclic]` and `[s7]`.
+"""What the `ds47.toml` beside captures says of their channels: the tables `[cyclic]`, `[s7]` and `[names]`.
 
-`[cyclic]` has `channels`, `ppo` and `pkw_layout`, `[s7]` has `ports`, `cpu`, `block` and `readback`. What a folder
+`[cyclic]` has `channels`, `ppo` and `pkw_layout`, `[s7]` has `ports`, `cpu`, `block` and `readback`, `[names]` has
+`vendor`. What a folder
 of captures does not show is named once there, and not at each command. What is typed at a command counts more.
 Everything else in the file is about comparing results (`ds47.regression.config`).
 """
@@ -18,6 +19,7 @@ from ds47.analysis import AnalysisOptions
 from ds47.capture import CaptureError
 from ds47.cyclic import CYCLIC, USS, named, ppo
 from ds47.cyclic.named import Name
+from ds47.model import SIEMENS
 from ds47.s7 import choices
 from ds47.s7.choices import Choices
 
@@ -26,12 +28,13 @@ FILE: Final = "ds47.toml"
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """The table `[cyclic]`: channels that are named, and layouts of IND by the address of a device; and `[s7]`."""
+    """`[cyclic]`: channels that are named, and layouts of IND by the address of a device; and the other tables."""
 
     channels: tuple[Name, ...] = ()
     pkw_layouts: tuple[tuple[str, str], ...] = ()
     ppos: tuple[tuple[int, int], ...] = ()
     s7: Choices = field(default_factory=Choices)
+    vendor_id: int | None = None
 
 
 def parse(table: Any) -> Settings:
@@ -83,6 +86,23 @@ def parse_s7(table: Any) -> Choices:
         raise ValueError(f"[s7] {problem}") from None
 
 
+def parse_names(table: Any) -> int | None:
+    """The vendor id of a table `[names]`: that of devices of which a capture shows none.
+
+    Raises:
+        ValueError: the key and what is allowed.
+    """
+    if not isinstance(table, dict):
+        raise ValueError("names: write it as a table, [names]")
+    unknown = set(table) - {"vendor"}
+    if unknown:
+        raise ValueError(f"[names]: unknown key {min(unknown)!r}; known is vendor")
+    vendor = table.get("vendor")
+    if vendor not in (None, "sinamics"):
+        raise ValueError(f'[names] vendor: "sinamics", not {vendor!r}')
+    return None if vendor is None else SIEMENS
+
+
 def _texts(table: dict[str, Any], key: str, name: str = "cyclic") -> Sequence[str]:
     found = table.get(key, [])
     if not isinstance(found, list) or not all(isinstance(each, str) for each in found):
@@ -120,6 +140,7 @@ def options_for(place: str, options: AnalysisOptions) -> AnalysisOptions:
         pkw_layouts=(*settings.pkw_layouts, *options.pkw_layouts),
         ppos=(*settings.ppos, *options.ppos),
         s7=settings.s7.and_then(options.s7),
+        vendor_id=settings.vendor_id if options.vendor_id is None else options.vendor_id,
     )
 
 
@@ -134,6 +155,10 @@ def _nearest(folder: Path) -> Settings:
 def _read(path: Path) -> Settings:
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-        return replace(parse(table.get("cyclic", {})), s7=parse_s7(table.get("s7", {})))
+        return replace(
+            parse(table.get("cyclic", {})),
+            s7=parse_s7(table.get("s7", {})),
+            vendor_id=parse_names(table.get("names", {})),
+        )
     except (OSError, ValueError) as problem:  # a mistake in TOML is a ValueError, too
         raise CaptureError(f"{path}: {problem}") from None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from ds47.cli.common import codec_options, dialect_options, lang_option
-from ds47.model import CHANNELS, SEVERITIES
+from ds47.model import CHANNELS, SEVERITIES, SIEMENS
 
 if TYPE_CHECKING:
     from ds47.analysis import AnalysisOptions
@@ -32,7 +32,7 @@ fail_on_option = click.option(
 
 
 def analysis_options(function: Function) -> Function:
-    """Adds --select, --ignore, --index, --lang, --slow, --channels, and what the channels have."""
+    """Adds --select, --ignore, --index, --lang, --slow, --vendor, --channels, and what the channels have."""
     for option in (
         dialect_options,
         s7_options,
@@ -63,6 +63,11 @@ def analysis_options(function: Function) -> Function:
             default=",".join(CHANNELS),
             show_default=True,
             help="Which channels to report, with commas: record calls, PKW, PZD, S7.",
+        ),
+        click.option(
+            "--vendor",
+            type=click.Choice(["sinamics"], case_sensitive=False),
+            help="Whose a device is of which the capture shows no vendor: names, units, error numbers.",
         ),
         click.option(
             "--slow", type=float, metavar="MS", help="Limit for a slow transaction, in ms."
@@ -138,6 +143,7 @@ def options_from(
     s7_readback: bool,
     legacy_g120_formats: bool,
     profile_v3_types: bool,
+    vendor: str | None = None,
     **others: Any,
 ) -> AnalysisOptions:
     """The options of an analysis.
@@ -161,6 +167,7 @@ def options_from(
         cyclic=_named(cyclic),
         ppos=_ppos(ppos),
         s7=_s7(s7_ports, s7_cpus, s7_blocks, s7_readback),
+        vendor_id=None if vendor is None else SIEMENS,
         **others,
     )
 

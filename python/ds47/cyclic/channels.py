@@ -211,7 +211,9 @@ class CyclicChannels:
         watch: Callable[[Sequence[Watch]], None],
         bounds: Limits,
         wanted: Sequence[str] = (PKW, PZD),
+        vendor: Callable[[str], int | None] | None = None,
     ) -> None:
+        self._vendor = vendor
         self._closed = closed
         self._watch = watch
         self._wanted = {PKW, *wanted}
@@ -276,6 +278,7 @@ class CyclicChannels:
         self.is_set_up = True
         device_mac, frame_ids = told[1:]
         identity = device_identity(response.object_uuid)
+        vendor_id = identity[0] if identity else self._vendor and self._vendor(request.server)
         self._replace(asked.controller_mac, device_mac)
         for found in channels(asked.answered(frame_ids)):
             if found.channel not in self._wanted:
@@ -286,7 +289,7 @@ class CyclicChannels:
             assert submodule.output is not None
             assert submodule.input is not None
             self._add(Relation(
-                found.channel, request.client, request.server, identity and identity[0], asked.ar,
+                found.channel, request.client, request.server, vendor_id, asked.ar,
                 submodule.api, submodule.slot, submodule.subslot, found.telegrams,
                 side(submodule.output, asked.controller_mac, *about),
                 side(submodule.input, device_mac, *about), response.frame,

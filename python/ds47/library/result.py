@@ -258,6 +258,7 @@ def analyze(
     s7_cpus: Mapping[str, str] | None = None,
     s7_blocks: Mapping[str, int] | None = None,
     s7_readback: bool = False,
+    vendor_id: int | None = None,
     select: Iterable[str] = (),
     ignore: Iterable[str] = (),
     options: Options | None = None,
@@ -283,6 +284,7 @@ def analyze(
         s7_cpus: the kind of CPU ("s7-400", docs/s7.md) by the IP address of a server; "" for all others.
         s7_blocks: likewise how many bytes it copies at once when others read and write its memory.
         s7_readback: whether to say where what is read is not what was written (DS916).
+        vendor_id: PROFINET vendor id of devices of which the capture shows none, 0x2A for SINAMICS.
         select: rules to report, by id, beginning of an id, or name; empty for all.
         ignore: rules to leave out.
         options: dialects of the parameter channel.
@@ -305,6 +307,7 @@ def analyze(
             tuple(s7_ports), [f"{ip}={kind}" for ip, kind in (s7_cpus or {}).items()],
             [f"{ip}={size}" for ip, size in (s7_blocks or {}).items()], s7_readback,
         ),
+        vendor_id=vendor_id,
     )  # fmt: skip
     name_pairs(chosen.cyclic)
     if engine not in get_args(Engine):

@@ -15,12 +15,16 @@ class Stations:
 
     Args:
         most: how many stations are kept, the oldest goes first; and how many devices, the first stay.
+        vendor_id: whose devices are of which nothing says a vendor; None: nobody's.
     """
 
-    def __init__(self, most: int = 65_536) -> None:
+    def __init__(self, most: int = 65_536, vendor_id: int | None = None) -> None:
         self._most = most
+        self._vendor_id = vendor_id
         self._servers: OrderedDict[str, Device] = OrderedDict()
         self._stations: OrderedDict[str, dcp.Station] = OrderedDict()
+        self._by_ip: dict[str, str] = {}
+        """MAC address of the station that was the last to say that it has this IP address."""
 
     def station(self, packet: Packet) -> None:
         """Takes a DCP or LLDP packet."""
@@ -33,8 +37,12 @@ class Stations:
                 if getattr(station, key) is None:
                     setattr(station, key, getattr(known, key))
         self._stations[station.mac] = station
+        if station.ip is not None:
+            self._by_ip[station.ip] = station.mac
         while len(self._stations) > self._most:
-            self._stations.popitem(last=False)
+            _, forgotten = self._stations.popitem(last=False)
+            if self._by_ip.get(forgotten.ip or "") == forgotten.mac:
+                del self._by_ip[forgotten.ip or ""]
 
     def message(self, pdu: rpc.Pdu) -> None:
         """Takes an RPC message: responses come from devices, a Connect names device and controller."""
@@ -47,6 +55,17 @@ class Stations:
         """Whether no message of a device can say more of it."""
         device = self._servers.get(ip)
         return device is not None and bool(device.mac) and device.vendor_id is not None
+
+    def vendor(self, ip: str) -> int | None:
+        """Vendor id of a device whose record call does not say it: as shown up to now, else what is assumed."""
+        device = self._servers.get(ip)
+        if device is not None and device.vendor_id is not None:
+            return device.vendor_id
+        station = self._stations.get(self._by_ip.get(ip, ""))
+        if station is None or station.ip != ip:
+            station = self._stations.get((device and device.mac) or "")
+        shown = station.vendor_id if station is not None else None
+        return self._vendor_id if shown is None else shown
 
     def devices(self) -> list[Device]:
         """Every device that answered or was connected to, in the order of first sight."""
@@ -62,6 +81,7 @@ class Stations:
                 device.device_id = (
                     device.device_id if device.device_id is not None else station.device_id
                 )
+            device.assumed_vendor_id = self._vendor_id if device.vendor_id is None else None
         return list(self._servers.values())
 
     def _learn(self, ip: str, mac: str | None, object_uuid: bytes) -> None:

@@ -118,7 +118,7 @@ class Comparison:
         )
         self._old_places, self._new_places = _places(stored), _places(now)
         self._vendors = {
-            each["ip"]: each.get("vendor_id")
+            each["ip"]: _vendor(each)
             for result in (stored, now)
             for each in result.get("devices", [])
         }
@@ -531,6 +531,12 @@ def _address(parameter: Json) -> str:
     """`p2900[0]`; `p?` where no request names it."""
     pnu, subindex = parameter["pnu"], parameter["subindex"]
     return "p?" if pnu is None else f"p{pnu}[{subindex}]"
+
+
+def _vendor(device: Json) -> int | None:
+    """Whose a device is: as the capture shows it, else as it was assumed."""
+    shown: int | None = device.get("vendor_id")
+    return device.get("assumed_vendor_id") if shown is None else shown
 
 
 def _outcome(parameter: Json, vendor_id: int | None) -> Both:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ds47 import spec
-from ds47.batch.settings import FILE, parse_s7
+from ds47.batch.settings import FILE, parse_names, parse_s7
 from ds47.batch.settings import parse as parse_cyclic
 from ds47.model import SEVERITIES
 
@@ -155,14 +155,15 @@ def load(path: Path) -> Config:
         raise ConfigError(f"{path}: {problem}") from None
 
 
-_TOP = ("tolerance", "mask", "ignore", "labels", "check", "cyclic", "s7")
+_TOP = ("tolerance", "mask", "ignore", "labels", "check", "cyclic", "s7", "names")
 
 
 def _config(folder: Path, table: dict[str, Any]) -> Config:
     _known_keys("the file", table, _TOP)
     try:
-        parse_cyclic(table.get("cyclic", {}))  # who reads the captures takes both from there
+        parse_cyclic(table.get("cyclic", {}))  # who reads the captures takes these from there
         parse_s7(table.get("s7", {}))
+        parse_names(table.get("names", {}))
     except ValueError as problem:
         raise ConfigError(str(problem)) from None
     tolerance = _section(table, "tolerance")

@@ -40,6 +40,7 @@ class Key(NamedTuple):
         required: whether every object has it.
         later: whether objects of `ds47.report/1` do without it.
         channel: the only one whose transactions have it; empty for all.
+        rare: whether most objects do without it: it is left out where it is None.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Key(NamedTuple):
     required: bool = True
     later: bool = False
     channel: str = ""
+    rare: bool = False
 
 
 class Shape:
@@ -87,6 +89,10 @@ class Shape:
     def _of_a_channel(self) -> list[Key]:
         return [key for key in self.keys if key.channel]
 
+    @cached_property
+    def _rare(self) -> list[str]:
+        return [key.name for key in self.keys if key.rare]
+
     def plain(self, item: Any, lang: str = "en") -> dict[str, Any]:
         """An object of the model as one of the contract, its texts in "en" or "zh"."""
         found = dict(zip(self._names, self._get(item), strict=False))
@@ -98,6 +104,9 @@ class Shape:
         for key in self._of_a_channel:
             if item.channel != key.channel:
                 del found[key.name]
+        for name_ in self._rare:
+            if found[name_] is None:
+                del found[name_]
         return found
 
     def load(self, item: dict[str, Any], vendor_id: int | None = None) -> Any:
@@ -111,7 +120,7 @@ class Shape:
 
     def _arguments(self, item: dict[str, Any], vendor_id: int | None) -> Iterator[tuple[str, Any]]:
         for key in self.keys:
-            absent = key.later or not key.required or key.channel
+            absent = key.later or not key.required or key.channel or key.rare
             if key.into == "" or (key.name not in item and absent):
                 continue
             value = item[key.name]
@@ -216,6 +225,7 @@ DEVICE = Shape("device", (
     Key("station", MAYBE_TEXT),
     Key("vendor_id", WORD),
     Key("device_id", WORD),
+    Key("assumed_vendor_id", WORD, "Whose it was said to be, where the capture does not show it.", rare=True),
 ), model.Device)  # fmt: skip
 
 READ = Shape("", (Key("request", FRAME), Key("response", FRAME)), model.Read)

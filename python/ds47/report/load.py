@@ -21,7 +21,7 @@ def capture(item: dict[str, Any]) -> CaptureResult:
     loaded: CaptureResult = contract.CAPTURE.load(
         item | {"transactions": [], "findings": [], "diagnoses": []}
     )
-    vendors = {each.ip: each.vendor_id for each in loaded.devices}
+    vendors = {each.ip: each.vendor for each in loaded.devices}
     loaded.transactions = [
         transaction(each, vendors.get(each["device"])) for each in item["transactions"]
     ]

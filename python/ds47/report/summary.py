@@ -249,6 +249,8 @@ def about(item: Device, lang: str = "en") -> str:
         parts.append(f'"{escape(item.station)}"')
     if item.vendor_id is not None:
         parts.append(say("vendor_id", id=f"{item.vendor_id:04X}").text(lang))
+    elif item.assumed_vendor_id is not None:
+        parts.append(say("vendor_assumed", id=f"{item.assumed_vendor_id:04X}").text(lang))
     if item.device_id is not None:
         parts.append(say("device_id", id=f"{item.device_id:04X}").text(lang))
     return "".join(f"  {part}" for part in parts)

@@ -23,7 +23,7 @@ from ds47.capture import Capture, CaptureError, Frame, sha256
 from ds47.capture.stream import Stream
 from ds47.capture.writer import PcapngWriter, nearest
 from ds47.findings.collection import Findings
-from ds47.model import CaptureResult, Finding, Read, Transaction
+from ds47.model import SIEMENS, CaptureResult, Finding, Read, Transaction
 from ds47.profibus.bus import LINK_TYPES, PROFIBUS_DL, proves
 from ds47.profibus.telegram import decode
 from ds47.regression.compare import Change, compare
@@ -241,6 +241,7 @@ def preferences(options: AnalysisOptions) -> list[str]:
         "ds47.language:en",
         f"ds47.slow_ms:{int(slow_ms)}",
         f"ds47.legacy_g120_formats:{str(codec.legacy_g120_formats).upper()}",
+        f"ds47.assume_sinamics:{str(options.vendor_id == SIEMENS).upper()}",
         f"ds47.profile_v3_types:{str(codec.profile_v3_types).upper()}",
     ]
 
@@ -334,7 +335,7 @@ class _Original:
         self._numbers = capture.numbers
         self._shift = capture.shift
         self._dropped = bool(native.dropped)
-        self._vendors = {each.ip: each.vendor_id for each in native.devices}
+        self._vendors = {each.ip: each.vendor for each in native.devices}
 
     def transaction(self, item: Json) -> Transaction:
         """The transaction, with the frame numbers and the time of the capture."""
