@@ -34,8 +34,7 @@ def remarks(relation: Relation, job: Job, layout: str = pkw.CYCLIC) -> Iterator[
     elif job.reason == handshake.WITHDRAWN and job.ended is not None:
         stood_ns = job.ended.time_ns - job.request.at.time_ns
         if stood_ns >= 0:  # else somebody set the clock meanwhile: how long it stood is not known
-            which |= {"milliseconds": stood_ns / 1e6}
-            yield Remark("DS503", job.ended.frame, which)
+            yield Remark("DS503", job.ended.frame, which | {"milliseconds": stood_ns / 1e6})
 
 
 def _request(job: Job, asked: pkw.Message, which: dict[str, Any]) -> Iterator[Remark]:
