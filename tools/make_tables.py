@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ds47 import __version__, spec
-from ds47.spec import codes, cyclic, explanations, profibus, s7, semantics
+from ds47.spec import codes, cyclic, descriptions, explanations, profibus, s7, semantics
 from ds47.spec.reporting import COVERS, covers, report_words
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -252,6 +252,27 @@ def _semantics() -> Iterator[str]:
     yield ""
     reasons = both(*map(semantics.reasons, LANGUAGES))
     yield from block("M.reasons", {f'["{name}"]': words for name, words in reasons.items()})
+
+
+def _descriptions() -> Iterator[str]:
+    length, text, powers = descriptions.length(), descriptions.text_length(), descriptions.powers()
+    yield f"M.descriptions = {{length = {length}, text_length = {text}, powers = {powers}}}"
+    elements = [
+        fields(row, ("number", "name", "offset", "size")) for row in descriptions.elements()
+    ]
+    yield from block("M.descriptions.elements", elements)
+    yield f"M.descriptions.bits = {literal(descriptions.bits())}"
+    yield f"M.descriptions.normalisation = {literal(descriptions.normalisation())}"
+    yield from table("M.descriptions.quantities", {
+        index: fields(row, ("unit", "prefix")) for index, row in descriptions.quantities().items()
+    }, key="{}")  # fmt: skip
+    yield "M.descriptions.units = {}"
+    for quantity in sorted({quantity for quantity, _ in descriptions.own_units()}):
+        units = {
+            index: unit for (of, index), unit in descriptions.own_units().items() if of == quantity
+        }
+        yield from table(f"M.descriptions.units[{quantity}]", units, key="{}")
+    yield from table("M.descriptions.prefixes", descriptions.prefixes(), key="{}")
 
 
 def _pkw() -> Iterator[str]:
@@ -486,6 +507,7 @@ def generate() -> str:
         ),
         later("report_words", block("M.report_words", report_words())),
         later("covers", block("M.covers", {how: covers(how) for how in COVERS})),
+        later("descriptions", _descriptions()),
         later("pkw", _pkw()),
         later("pzd", _pzd()),
         later("profibus", _profibus()),

@@ -6,6 +6,7 @@
 -- told as drives.lua gives them: {relation, event}.
 
 local cyclic = require("ds47.spec.cyclic")
+local descriptions = require("ds47.report.descriptions")
 local entries = require("ds47.support.later").entries
 local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
@@ -87,7 +88,12 @@ local function parameter(item, written, named)
   elseif #item.values == 0 then
     return text
   end
-  text = text .. (written and " := " or " = ") .. words.values(item.values, item.format)
+  text = text .. (written and " := " or " = ")
+  local described = descriptions.is_about(item.attribute) and descriptions.parts(item, words, language)
+  if described then
+    return text .. table.concat(described, ", ")
+  end
+  text = text .. words.values(item.values, item.format)
   local unit = item.unit and " " .. words.escape(item.unit) or ""
   if item.scaled and #item.scaled > 0 then
     unit = " (" .. words.values(item.scaled, item.format, true) .. unit .. ")"

@@ -11,8 +11,9 @@
 --                  `start` as [second, nanosecond] and `duration_ns` instead of `duration_ms`
 
 local root = arg[0]:match("^(.*[/\\])[^/\\]*$") or "./"
-package.path = root .. "../../lua/?.lua;" .. package.path
+package.path = root .. "../../lua/?.lua;" .. root .. "?.lua;" .. package.path
 
+local described = require("described")
 local analysis = require("ds47.analysis")
 local formats = require("ds47.profidrive.formats")
 local json = require("ds47.support.json")
@@ -72,6 +73,8 @@ local function parameter(item)
     result.error = object(item.error, "code info")
     result.error.text = sentences.error_words(item.error, language)
   end
+  result.description = described.of(item)
+  result.texts = described.texts(item)
   return result
 end
 

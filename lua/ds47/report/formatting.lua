@@ -2,6 +2,7 @@
 -- Also the little of UTF-8 that fixed-width text needs. No layout here, no file is opened.
 
 local tables = require("ds47.spec.tables")
+local descriptions = require("ds47.report.descriptions")
 local formats = require("ds47.profidrive.formats")
 local sentences = require("ds47.report.sentences")
 
@@ -233,7 +234,11 @@ function M.parameter(item, written, lang)
   if name then
     text = text .. " (" .. name .. ")"
   end
-  if item.values and #item.values > 0 then
+  local described = descriptions.is_about(item.attribute) and item.values
+    and descriptions.parts(item, M, lang)
+  if described then
+    text = text .. (written and " := " or " = ") .. M.joined(lang, described)
+  elseif item.values and #item.values > 0 then
     local unit = item.unit and " " .. M.escape(item.unit) or ""
     text = text .. (written and " := " or " = ") .. M.values(item.values, item.format, false, lang)
     if item.scaled and #item.scaled > 0 then

@@ -1343,6 +1343,10 @@ M.report_words = {
   other_devices_head = {en = "Other devices", zh = "其他设备"},
   more_drives = {en = "and {n} more drive|and {n} more drives", zh = "另有 {n} 台驱动器"},
   more_devices = {en = "and {n} more device|and {n} more devices", zh = "另有 {n} 台设备"},
+  description_read_only = {en = "write-protected", zh = "写保护"},
+  description_texts = {en = "has texts", zh = "有文本"},
+  description_changed = {en = "not at its factory setting", zh = "非出厂设置"},
+  description_reset = {en = "can only be reset", zh = "只能复位"},
   vendor_assumed = {en = "no vendor seen, taken for 0x{id} (SINAMICS)", zh = "未见厂商，按 0x{id}（SINAMICS）处理"},
   vendor_id = {en = "vendor 0x{id}", zh = "厂商 0x{id}"},
   device_id = {en = "device 0x{id}", zh = "设备 0x{id}"},
@@ -1587,6 +1591,57 @@ M.covers = {
   job = {DS704 = {"DS403", "DS404", "DS405", "DS406", "DS407"}, DS705 = {"DS203", "DS413", "DS414"}, DS709 = {"DS410"}, DS711 = {"DS3", "DS201", "DS203", "DS401", "DS410"}, DS712 = {"DS315", "DS201", "DS202", "DS407", "DS408"}, DS713 = {"DS307", "DS407", "DS408", "DS410"}, DS714 = {"DS3", "DS201", "DS203", "DS417"}, DS715 = {"DS3", "DS201", "DS203", "DS410", "DS417"}, DS716 = {"DS3", "DS201", "DS203", "DS410", "DS417"}, DS717 = {"DS307", "DS308", "DS310"}, DS722 = {"DS101", "DS401", "DS402"}},
   word = {DS701 = {"DS410"}, DS708 = {"DS201", "DS203"}, DS714 = {"DS410"}, DS717 = {"DS410"}, DS718 = {"DS410"}, DS719 = {"DS410"}, DS720 = {"DS410"}},
   whole = {DS703 = {"DS206", "DS808"}, DS706 = {"DS206", "DS808", "DS401", "DS402", "DS403", "DS413", "DS414"}, DS724 = {"DS205"}, DS725 = {"DS101", "DS102", "DS105", "DS106", "DS108", "DS202", "DS315", "DS401", "DS402", "DS403"}},
+}
+]=]
+
+later.descriptions = [=[
+M.descriptions = {length = 46, text_length = 16, powers = 63}
+M.descriptions.elements = {
+  {number = 1, name = "identifier", offset = 0, size = 2},
+  {number = 2, name = "elements", offset = 2, size = 2},
+  {number = 3, name = "factor", offset = 4, size = 4},
+  {number = 4, name = "variable", offset = 8, size = 2},
+  {number = 5, name = "reserved", offset = 10, size = 4},
+  {number = 6, name = "name", offset = 14, size = 16},
+  {number = 7, name = "low", offset = 30, size = 4},
+  {number = 8, name = "high", offset = 34, size = 4},
+  {number = 9, name = "reserved", offset = 38, size = 2},
+  {number = 10, name = "extension", offset = 40, size = 2},
+  {number = 11, name = "reference", offset = 42, size = 2},
+  {number = 12, name = "normalisation", offset = 44, size = 2},
+}
+M.descriptions.bits = {read_only = 9, text_array = 10, changed = 12, reset_only = 13, array = 14}
+M.descriptions.normalisation = {valid = 15, bits = 32}
+M.descriptions.quantities = {
+  [4] = {unit = "s", prefix = true},
+  [8] = {unit = "Wh", prefix = true},
+  [9] = {unit = "W", prefix = true},
+  [11] = {unit = "1/min", prefix = false},
+  [16] = {unit = "Nm", prefix = true},
+  [17] = {unit = "°C", prefix = false},
+  [21] = {unit = "V", prefix = true},
+  [22] = {unit = "A", prefix = true},
+  [23] = {unit = "Ohm", prefix = true},
+  [24] = {unit = "%", prefix = false},
+  [27] = {unit = "%", prefix = false},
+  [28] = {unit = "Hz", prefix = true},
+}
+M.descriptions.units = {}
+M.descriptions.units[4] = {
+  [70] = "min",
+  [74] = "h",
+  [77] = "d",
+}
+M.descriptions.units[11] = {
+  [67] = "1/min",
+}
+M.descriptions.prefixes = {
+  [-9] = "n",
+  [-6] = "µ",
+  [-3] = "m",
+  [3] = "k",
+  [6] = "M",
+  [9] = "G",
 }
 ]=]
 

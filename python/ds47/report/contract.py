@@ -13,6 +13,7 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 from ds47 import model
+from ds47.report import descriptions
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.filters import display_filter
 from ds47.report.sentences import error_words, message, name, sentence
@@ -245,6 +246,36 @@ ERROR = Shape("error", (
     Key("info", WORD, column="Second word of the error: often the subindex or the limit."),
 ))  # fmt: skip
 
+_FLAG: dict[str, Any] = {"type": ["boolean", "null"]}
+_LIMIT: dict[str, Any] = {"type": ["number", "string", "null"]}
+DESCRIPTION = Shape("description", (
+    Key("identifier", WORD, "The word of data type and bits."),
+    Key("type", MAYBE_TEXT, "Name of the data type, 0x7F of one that has none."),
+    Key("writable", _FLAG, "False where the parameter is write-protected."),
+    Key("text_array", _FLAG, "Whether it has texts."),
+    Key("changed", _FLAG, "Whether it differs from its factory setting."),
+    Key("reset_only", _FLAG, "Whether it can only be reset."),
+    Key("array", _FLAG, "Whether it has elements."),
+    Key("elements", WORD, "How many, or the length of a string; 0 where it is neither."),
+    Key("factor", _LIMIT, "To the standard unit."),
+    Key("quantity", BYTE, "Variable index."),
+    Key("conversion", whole(-128, 127, maybe=True), "Conversion index."),
+    Key("unit", MAYBE_TEXT, "What the two mean; null where no table says it."),
+    Key("name", MAYBE_TEXT, "Without the blanks at its end."),
+    Key("low", _LIMIT, "Lower limit in the type of the parameter; null where the bytes do not fit it."),
+    Key("high", _LIMIT, "Upper limit."),
+    Key("extension", WORD, "Extension of the identifier."),
+    Key("reference", WORD, "PNU whose value is 100 %."),
+    Key("normalisation", WORD, "The word of normalisation."),
+    Key("full_scale", whole(maybe=True), "What is 100 % in the value, where that word is valid."),
+), about="What a description says (docs/protocol.md C); null where the message does not have it.")  # fmt: skip
+
+
+def _described(item: model.Parameter, _lang: str) -> dict[str, Any] | None:
+    found = descriptions.of(item)
+    return None if found is None else DESCRIPTION.plain(found)
+
+
 PARAMETER = Shape("parameter", (
     Key("pnu", WORD, column="Parameter number; null where the request is not known."),
     Key("subindex", WORD, column="First subindex asked for."),
@@ -260,6 +291,10 @@ PARAMETER = Shape("parameter", (
     Key("scaled", MAYBE_VALUES),
     Key("error", ref("error"), tell=lambda item, lang: item.error and ERROR.plain(item.error, lang),
         take=_maybe_error),
+    Key("description", ref("description"), "Only of a description (attribute 0x20): what it says.",
+        tell=_described, into="", rare=True),
+    Key("texts", many(TEXT), "Only of texts (attribute 0x30): the entries.",
+        tell=lambda item, _: descriptions.entries(item), into="", rare=True),
 ), model.Parameter)  # fmt: skip
 
 _BYTES = Shape("", (

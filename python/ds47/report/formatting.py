@@ -8,26 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ds47.model import Parameter, ParameterError, Value
-from ds47.report import is_text
+from ds47.report import descriptions, is_text
 from ds47.report.bilingual import Both, say
+from ds47.report.escaping import escape as escape
+from ds47.report.escaping import quoted
 from ds47.report.sentences import error_words
 from ds47.report.sentences import name as parameter_name
 
 VALUES_SHOWN = 8
 """A longer list of values is cut, and its length stated."""
-
-
-def escape(text: str) -> str:
-    """The text with everything a terminal might obey, or nobody could see, as an escape.
-
-    That is control characters (C0 and C1), marks that turn the direction of writing, line and
-    paragraph separators, lone surrogates.
-    """
-    if text.isprintable():
-        return text
-    return "".join(
-        char if char.isprintable() else char.encode("unicode_escape").decode() for char in text
-    )
 
 
 def count(number: int, noun: str) -> str:
@@ -58,8 +47,7 @@ def address(item: Parameter) -> str:
 def value(item: Value, format_name: str | None) -> str:
     """One value; text from the drive in quotes."""
     if isinstance(item, str):
-        plain = escape(item)
-        return '"' + plain.replace('"', '\\"') + '"' if is_text(format_name) else plain
+        return quoted(item) if is_text(format_name) else escape(item)
     return str(item)
 
 
@@ -91,5 +79,8 @@ def parameter(item: Parameter, written: bool, lang: str = "en") -> str:
     sign = ":=" if written else "="
     given = f" {sign} {values(item.values, item.format, lang)}" if item.values else ""
     scaled = f" ({values(item.scaled, item.format, lang)}{unit})" if item.scaled else unit
+    described = descriptions.words(item)
+    if described is not None:  # which has its own unit
+        given, scaled = f" {sign} {described.text(lang)}", ""
     failed = f" {error(item.error, lang)}" if item.error else ""
     return f"{address(item)}{about}{given}{scaled if given else ''}{failed}"

@@ -143,7 +143,19 @@ def _parameter_text(item: Parameter, lang: str) -> str:
         failed = text(contract.ERROR.plain(error, lang))
     scaled = _NULL if item.scaled is None else list_text(item.scaled)
     head, values = parameter_head(item, lang), list_text(item.values)
-    return f'{head}, "values": {values}, "scaled": {scaled}, "error": {failed}}}'
+    rare = "" if item.attribute in _PLAIN else _described(item)
+    return f'{head}, "values": {values}, "scaled": {scaled}, "error": {failed}{rare}}}'
+
+
+_PLAIN: Final = ("value", None)
+"""Attributes of most parameters: those that describe nothing."""
+
+
+def _described(item: Parameter) -> str:
+    """The keys of a description or a text."""
+    whole = contract.PARAMETER.plain(item)
+    keys = [key for key in ("description", "texts") if key in whole]
+    return "".join(f', "{key}": {text(whole[key])}' for key in keys)
 
 
 def parameter_head(item: Parameter, lang: str) -> str:

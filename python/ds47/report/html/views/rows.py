@@ -20,7 +20,7 @@ from ds47.model import (
     Transaction,
 )
 from ds47.profidrive.drive_objects import Identity
-from ds47.report import plc, s7
+from ds47.report import descriptions, plc, s7
 from ds47.report.bilingual import LANGUAGES
 from ds47.report.formatting import address, escape, value
 from ds47.report.html import messages
@@ -214,13 +214,16 @@ def _parameter(item: Parameter, tables: _Tables) -> list[Any]:
     known = (
         item.pnu, item.subindex, item.attribute, item.element_count, item.listed, item.unit, item.format,
     )  # fmt: skip
+    described = descriptions.parts(item)
     row: list[Any] = [
         tables.place("addresses", known),
-        [
+        described[:VALUES]
+        if described
+        else [
             value(each, item.format) if isinstance(each, str) else each
             for each in item.values[:VALUES]
         ],
-        len(item.values),
+        len(described) if described else len(item.values),
     ]
     scaled = None if item.scaled is None else [str(each) for each in item.scaled[:VALUES]]
     if item.error is not None:
