@@ -11,6 +11,7 @@
 
 local info = require("ds47_ws.info")
 local later = require("ds47.support.later").module
+local description_tree = later("ds47_ws.description_tree")
 local finding_tree = later("ds47_ws.finding_tree")
 local pkw_tree = later("ds47_ws.pkw_tree")
 local own_experts = require("ds47_ws.experts")
@@ -331,6 +332,8 @@ local function places(view, number)
   return address, block or nil, not (change and message)
 end
 
+local DESCRIBING = { description = true, text = true } -- attributes whose values say what they mean
+
 -- What the request of a response wrote.
 local function add_written(parent, item)
   derive(parent, "written.format", types.format_code(item.format))
@@ -360,6 +363,9 @@ local function add_parameter(parent, view, number, record)
   for place = 1, #item.values do
     add_value(shown, item, place, here and block or nil, record)
   end
+  if here and block and not block.error and DESCRIBING[item.attribute] then
+    description_tree.add(adding, shown, item, block, record)
+  end
   if block and block.error and not asked then
     add_error(shown, block.error, item.error, block, record)
   elseif block and not (here and #item.values > 0) then
@@ -378,7 +384,10 @@ local OF_PARAMETERS = {
   "pnu", "value", "parameter", "subindex", "attribute", "element_count", "name", "unit", "format",
   "value_count", "written.format", "written.value_count", "value.number", "value.signed", "value.unsigned",
   "value.float", "value.double", "value.string", "value.bytes", "value.time", "value.hex", "scaled",
-  "scaled.number", "error.code", "error.text", "error.info", "raw",
+  "scaled.number", "error.code", "error.text", "error.info", "raw", "description.identifier",
+  "description.type", "description.writable", "description.changed", "description.elements",
+  "description.factor", "description.unit", "description.name", "description.low", "description.high",
+  "description.reference", "description.normalisation", "description.full_scale", "description.text",
 }
 
 local function add_parameters(parent, view, message, record)
