@@ -79,7 +79,7 @@ def test_every_option_goes_to_another_process() -> None:
     given = AnalysisOptions(
         frozenset({48}), 2.5, ("DS3",), ("DS301",), Options(True, True, 42), True, (("", "uss"),),
         ("pzd",), (parse("00:1b:1b:11:22:33@8000:0:pkw"),), ((3, 1),),
-        Choices((1102,), (("", 32),), (("10.0.0.2", "s7-400"),), True),
+        Choices((1102,), (("", 32),), (("10.0.0.2", "s7-400"),), True), 0x002A,
     )  # fmt: skip
     assert pickle.loads(pickle.dumps(given)) == given
     for options, default in (
