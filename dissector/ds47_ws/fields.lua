@@ -7,6 +7,7 @@
 -- own: so one question tells whether anybody wants it. What happened to a drive stands below that protocol,
 -- too: a frame of `ds47` is one of the parameter channel.
 
+local description_rows = require("ds47_ws.description_fields")
 local profibus_fields = require("ds47_ws.profibus_fields")
 local s7_rows = require("ds47_ws.s7_fields")
 local tables = require("ds47.spec.tables")
@@ -53,21 +54,6 @@ local FIELDS = {
   { "value.hex", "Bytes of the text", "bytes" }, -- only where the text cannot be shown as it is
   { "scaled", "Physical value", "string" },
   { "scaled.number", "Number", "double" },
-  -- what a description or a text says
-  { "description.identifier", "Identifier", "uint16", "HEX" },
-  { "description.type", "Data type", "string" },
-  { "description.writable", "Writable", "bool" },
-  { "description.changed", "Differs from the factory setting", "bool" },
-  { "description.elements", "Number of elements, or length", "uint16", "DEC" },
-  { "description.factor", "Factor", "double" },
-  { "description.unit", "Unit", "string" },
-  { "description.name", "Name", "string" },
-  { "description.low", "Lower limit", "double" },
-  { "description.high", "Upper limit", "double" },
-  { "description.reference", "Reference parameter", "uint16", "DEC" },
-  { "description.normalisation", "Normalisation", "uint16", "HEX" },
-  { "description.full_scale", "100 % as a value", "uint32", "DEC" },
-  { "description.text", "Entry", "string" },
   { "error.code", "Error number", "uint16", "HEX", "errors" },
   { "error.text", "Error", "string" },
   { "error.info", "Additional information", "uint16", "DEC" },
@@ -324,8 +310,10 @@ end
 function M.define(proto, words, bus)
   local fields = {}
   local list = add_fields(fields, FIELDS)
-  for _, field in ipairs(add_fields(fields, s7_rows)) do
-    list[#list + 1] = field
+  for _, rows in ipairs({ description_rows, s7_rows }) do
+    for _, field in ipairs(add_fields(fields, rows)) do
+      list[#list + 1] = field
+    end
   end
   proto.fields = list
   define_words(words, fields)

@@ -332,8 +332,6 @@ local function places(view, number)
   return address, block or nil, not (change and message)
 end
 
-local DESCRIBING = { description = true, text = true } -- attributes whose values say what they mean
-
 -- What the request of a response wrote.
 local function add_written(parent, item)
   derive(parent, "written.format", types.format_code(item.format))
@@ -363,8 +361,8 @@ local function add_parameter(parent, view, number, record)
   for place = 1, #item.values do
     add_value(shown, item, place, here and block or nil, record)
   end
-  if here and block and not block.error and DESCRIBING[item.attribute] then
-    description_tree.add(adding, shown, item, block, record)
+  if item.attribute == "description" or item.attribute == "text" then
+    description_tree.add(shown, item, here and block or nil, record, adding)
   end
   if block and block.error and not asked then
     add_error(shown, block.error, item.error, block, record)
@@ -384,11 +382,11 @@ local OF_PARAMETERS = {
   "pnu", "value", "parameter", "subindex", "attribute", "element_count", "name", "unit", "format",
   "value_count", "written.format", "written.value_count", "value.number", "value.signed", "value.unsigned",
   "value.float", "value.double", "value.string", "value.bytes", "value.time", "value.hex", "scaled",
-  "scaled.number", "error.code", "error.text", "error.info", "raw", "description.identifier",
-  "description.type", "description.writable", "description.changed", "description.elements",
-  "description.factor", "description.unit", "description.name", "description.low", "description.high",
-  "description.reference", "description.normalisation", "description.full_scale", "description.text",
+  "scaled.number", "error.code", "error.text", "error.info", "raw",
 }
+for _, row in ipairs(require("ds47_ws.description_fields")) do
+  OF_PARAMETERS[#OF_PARAMETERS + 1] = row[1]
+end
 
 local function add_parameters(parent, view, message, record)
   if not any_wanted(OF_PARAMETERS) then

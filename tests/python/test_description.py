@@ -11,9 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fake_tshark import real_tshark
 from lua_program import LUAS, lua_program
+from test_wireshark_plugin import COMPLETE, run
 
 import ds47
+from ds47.cli import main
 from ds47.model import Parameter
 from ds47.profidrive.description import KEYS
 from ds47.report import contract, descriptions
@@ -146,3 +149,79 @@ def test_lua_says_the_same_of_anything(version: str) -> None:
     found = by_lua(version, asked)
     for question_, item in zip(asked, found, strict=True):
         assert _sorted(item) == _sorted(told(question_)), question_
+
+
+NAMES = (
+    "identifier",
+    "type",
+    "elements",
+    "factor",
+    "quantity",
+    "unit",
+    "name",
+    "low",
+    "high",
+    "reference",
+    "full_scale",
+)
+CAPTURES = ("captures/format-description.pcapng", "captures/real-stacks/o1_profinetpy062_be.pcapng")
+
+
+@pytest.mark.parametrize("capture", CAPTURES)
+def test_wireshark_shows_them(capture: str, tmp_path: Path) -> None:
+    real_tshark()
+    wanted = [f"ds47.description.{name}" for name in NAMES] + ["ds47.text"]
+    options = [part for name in ("frame.number", *wanted) for part in ("-e", name)]
+    text = run(
+        tmp_path, *COMPLETE, "-r", ROOT / capture, "-T", "fields", "-E", "aggregator=|", *options
+    ).decode()
+    shown = {int(line.split("\t")[0]): line.split("\t")[1:] for line in text.splitlines()}
+    seen = 0
+    for item in ds47.analyze(ROOT / capture).transactions:
+        frame = (
+            item.frames.write_request if item.operation == "change" else item.frames.read_response
+        )
+        if frame is None:
+            continue
+        plain = [contract.PARAMETER.plain(each) for each in item.parameters]
+        told_ = [each["description"] for each in plain if "description" in each]
+        for place, name in enumerate(NAMES):
+            expected = [str(each[name]) for each in told_ if each[name] is not None]
+            found = [each for each in shown[frame][place].split("|") if each]
+            assert [_number(each) for each in found] == [_number(each) for each in expected], (
+                frame,
+                name,
+            )
+            seen += len(found)
+        texts = [each for item_ in plain for each in item_.get("texts", [])]
+        assert [each for each in shown[frame][len(NAMES)].split("|") if each] == [
+            each for each in texts if each
+        ]
+    assert seen > 10
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(int(text, 0)) if text.startswith("0x") else float(text)
+    except ValueError:
+        return text
+
+
+def test_the_text_of_a_report_has_no_row_of_digits(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["report", str(ROOT / CAPTURES[0])]) == 0
+    text = capsys.readouterr().out
+    assert (
+        'p922[0].description (Telegram selection) = "Speed setpoint", Unsigned16, 0..65535' in text
+    )
+    assert "810600003f80" not in text
+    assert 'p922[0..1].text (Telegram selection) = "Standard", ""' in text
+    assert main(["report", "-f", "html", str(ROOT / CAPTURES[0])]) == 0
+    page = capsys.readouterr().out
+    assert "Speed setpoint" in page
+    assert "0..65535" in page
+
+
+def test_pkw_has_elements_of_an_older_profile() -> None:
+    item = Parameter(922, 1, "description", None, format="Word", value_count=1, values=[0x8106])
+    assert descriptions.of(item) is None
+    assert parameter(item, False) == "p922[1].description = 33030"

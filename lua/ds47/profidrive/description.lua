@@ -19,7 +19,7 @@ local gsub, rep, sub = string.gsub, string.rep, string.sub
 local M = {}
 
 local WHOLE = 0 -- the subindex of a whole description
-local LIMIT = 4 -- bytes of a limit, and of the largest number that elements and texts are sent as
+local LIMIT = 4 -- bytes of a limit
 local LIMITED = { number = true, float = true, duration = true, time_of_day = true } -- kinds with limits
 
 local rows = later(function(name) -- format name -> {code, row}
@@ -48,11 +48,13 @@ local function latin1(text)
   end))
 end
 
+local MOST = { number = 4, text = 16, octets = 16 } -- bytes of a value
+
 -- What gives the bytes of one value, by kind of format; nil where the value is none of it.
 local bytes_of = {}
 
 function bytes_of.number(value, row)
-  if type(value) ~= "number" or row.size > LIMIT then
+  if type(value) ~= "number" then
     return nil
   end
   local found = {}
@@ -83,8 +85,8 @@ end
 -- The bytes that these values were in the message; nil where that is not known.
 local function octets(format_name, values)
   local row = row_of(format_name)
-  local make = row and row.size and row.size <= tables.descriptions.text_length and bytes_of[row.kind]
-  if not make or #values == 0 then
+  local make = row and row.size and bytes_of[row.kind]
+  if not make or #values == 0 or row.size > MOST[row.kind] then
     return nil
   end
   local found = {}
@@ -201,6 +203,16 @@ for _, name in ipairs({ "elements", "extension", "reference" }) do
   end
 end
 
+-- Whether nothing is known from a description.
+local function is_empty(found)
+  for key in pairs(found) do
+    if key ~= "limit_format" then
+      return false
+    end
+  end
+  return true
+end
+
 --- The description that these values are, nil where they are none: the keys of the JSON report, and
 -- `limit_format`, the name of the format of its limits.
 -- @param subindex    0 for all elements, else the number of one
@@ -224,20 +236,10 @@ function M.describe(subindex, format_name, values)
       end
     end
   end
-  if M.is_empty(found) then
+  if is_empty(found) then
     return nil
   end
   return found
-end
-
---- Whether nothing is known from a description.
-function M.is_empty(found)
-  for key in pairs(found) do
-    if key ~= "limit_format" then
-      return false
-    end
-  end
-  return true
 end
 
 --- The entries of a text array without the blanks at their end, nil where these values are no text.

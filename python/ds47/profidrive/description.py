@@ -22,10 +22,8 @@ _WHOLE: Final = 0
 """The subindex of a whole description."""
 _LIMIT: Final = 4
 """Bytes of a limit."""
-_BYTES: Final = frozenset(("number", "text", "octets"))
-"""Kinds of formats in which drives send a description or a text."""
-_WORD: Final = 4
-"""Bytes of the largest number that elements and texts are sent as."""
+_BYTES: Final = {"number": 4, "text": 16, "octets": 16}
+"""Kinds of formats in which drives send a description or a text, and the most bytes of a value."""
 _LIMITED: Final = frozenset(("number", "float", "duration", "time_of_day"))
 """Kinds of formats whose values have limits."""
 
@@ -119,12 +117,7 @@ def texts(format_name: str | None, values: Sequence[Value]) -> list[str] | None:
 def _octets(format_name: str | None, values: Sequence[Value]) -> bytes | None:
     """The bytes that these values were in the message; None where that is not known."""
     row = None if format_name is None else spec.format_named(format_name)
-    if (
-        row is None
-        or row.kind not in _BYTES
-        or not values
-        or (row.size or 0) > (_WORD if row.kind == "number" else descriptions.text_length())
-    ):
+    if row is None or row.size is None or not values or row.size > _BYTES.get(row.kind, -1):
         return None
     found = codec(row.code)
     try:

@@ -75,12 +75,19 @@ def parameter(item: Parameter, written: bool, lang: str = "en") -> str:
     """A parameter with what is known of it: `p50303[0] = 10.0`, with `:=` if it was written."""
     name = parameter_name(item, lang)
     about = f" ({name})" if name else ""
-    unit = f" {escape(item.unit)}" if item.unit and item.values else ""
-    sign = ":=" if written else "="
-    given = f" {sign} {values(item.values, item.format, lang)}" if item.values else ""
-    scaled = f" ({values(item.scaled, item.format, lang)}{unit})" if item.scaled else unit
-    described = descriptions.words(item)
-    if described is not None:  # which has its own unit
-        given, scaled = f" {sign} {described.text(lang)}", ""
+    told = _told(item, lang)
+    given = f" {':=' if written else '='} {told}" if told else ""
     failed = f" {error(item.error, lang)}" if item.error else ""
-    return f"{address(item)}{about}{given}{scaled if given else ''}{failed}"
+    return f"{address(item)}{about}{given}{failed}"
+
+
+def _told(item: Parameter, lang: str) -> str:
+    """Values with their unit, or what they describe; empty where there are none."""
+    described = descriptions.words(item)
+    if described is not None:
+        return described.text(lang)
+    if not item.values:
+        return ""
+    unit = f" {escape(item.unit)}" if item.unit else ""
+    scaled = f" ({values(item.scaled, item.format, lang)}{unit})" if item.scaled else unit
+    return values(item.values, item.format, lang) + scaled
