@@ -1,0 +1,56 @@
+"""What docs/upstream.md says of Wireshark's own decoder: the comparison in tools/, and the patch as a text."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from fake_tshark import real_tshark
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = (ROOT / "docs/upstream.md").read_text("utf-8")
+
+
+def compared(*names: str) -> subprocess.CompletedProcess[str]:
+    paths = [str(ROOT / "captures" / f"{name}.pcapng") for name in names]
+    command = [sys.executable, str(ROOT / "tools/compare_builtin.py"), real_tshark(), *paths]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+
+
+def test_blocks_that_the_built_in_reads_are_those_of_ds47() -> None:
+    done = compared("seed-g120-read", "seed-dcm-change")
+    assert done.returncode == 0, done.stderr
+    assert (
+        done.stdout == "seed-g120-read: 1 of 1 frames agree\nseed-dcm-change: 1 of 1 frames agree\n"
+    )
+
+
+@pytest.mark.parametrize("name", ["message-error-no-words", "format-mixed"])
+def test_the_frames_that_the_page_names_do_not_agree(name: str) -> None:
+    text = subprocess.run([real_tshark(), "-v"], capture_output=True, text=True, check=False).stdout
+    version = tuple(map(int, re.findall(r"\d+", text)[:2]))
+    if version > (4, 6):
+        pytest.skip(f"nobody has looked at {version}")
+    done = compared(name)
+    assert (done.returncode, done.stdout) == (1, f"{name}: 0 of 1 frames agree; not frames 4\n"), (
+        done.stderr
+    )
+    assert f"| `{name}` | 0 of 1 | 0 of 1 | 1 of 1 |" in PAGE
+
+
+def test_the_patch_is_one() -> None:
+    """Each hunk has as many lines as its head says: `patch` takes no other."""
+    (patch,) = re.findall(r"^```diff\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+    head, *hunks = re.split(r"^(?=@@ )", patch, flags=re.MULTILINE)
+    assert head.splitlines()[0].startswith("--- a/plugins/epan/profinet/packet-dcerpc-pn-io.c")
+    assert len(hunks) > 5
+    for hunk in hunks:
+        first, *lines = hunk.splitlines()
+        found = re.match(r"@@ -\d+(?:,(\d+))? \+\d+(?:,(\d+))? @@", first)
+        assert found
+        before, after = (int(number or 1) for number in found.groups())
+        assert sum(line[0] in " -" for line in lines) == before
+        assert sum(line[0] in " +" for line in lines) == after
