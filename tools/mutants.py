@@ -61,15 +61,16 @@ LUA_BUS = (
 )
 PZD = "test_lua_pzd:5.4 and not zh"
 CYCLIC = (
-    "test_parameter_channels",
     "test_cyclic",
+    "test_cyclic_limits:not lua",
+    "test_parameter_channels",
     "test_cyclic_scenes:not much_random",
     PZD,
     "test_profibus_ppo",
     "test_audit_profibus",
     "test_cyclic_scenes:much_random",
 )
-LUA_CYCLIC = (PZD, "test_lua_cyclic", "test_lua_analysis:5.4-en")
+LUA_CYCLIC = ("test_cyclic_limits:5.4", PZD, "test_lua_cyclic", "test_lua_analysis:5.4-en")
 S7 = ("test_s7_judge", "test_s7_audit", "test_s7_moments", "test_s7_scenes", "test_s7")
 S7_BY_CHANCE = "test_lua_s7_scenes:5.4 and not zh"
 S7_QUESTIONS = "test_lua_s7:5.4 and questions"

@@ -34,8 +34,8 @@ local function key_of(asked)
   return (asked.pnu or "-") .. "[" .. asked.subindex .. "]"
 end
 
-local function has_room(self, key)
-  return self.reads[key] ~= nil or #self.reads < self.limits.written_values
+local function has_room(self, list, key)
+  return list[key] ~= nil or #self.saved + #self.reads < self.limits.written_values
 end
 
 local function count(list, key, asked, frame)
@@ -70,18 +70,16 @@ function Habits:take(job, took, remarks)
   local asked = pkw.decode(job.request.data, false, self.layout)
   local row, key, frame = tables.pkw.requests[asked.ak], key_of(asked), job.request.at.frame
   page(self, job.request.data, frame, asked)
-  if has_room(self, key) then
-    if row.eeprom then
-      count(self.saved, key, asked, frame)
-    elseif row.access == "read" then
-      count(self.reads, key, asked, frame)
-    end
+  if row.eeprom and has_room(self, self.saved, key) then
+    count(self.saved, key, asked, frame)
+  elseif row.access == "read" and has_room(self, self.reads, key) then
+    count(self.reads, key, asked, frame)
   end
   if job.answer == nil then return end
   local at = job.answer.at.frame
   time(self, took, at)
   local told = pkw.decode(job.answer.data, true, self.layout)
-  if row.access == "read" and tables.pkw.answers[told.ak].width == 32 and has_room(self, key) then
+  if row.access == "read" and tables.pkw.answers[told.ak].width == 32 and self.reads[key] then
     self.double[key] = at
   end
   local wrong = told.error and told.error.code == WRONG_TYPE

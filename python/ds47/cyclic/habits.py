@@ -58,26 +58,25 @@ class Habits:
         row = cyclic.requests()[asked.ak]
         which, frame = (asked.pnu, asked.subindex), job.request.at.frame
         self._page(job.request.data, frame, asked.fits_layout)
-        if self._has_room(which):
-            if row.eeprom:
-                self._saved[which] += 1
-                self._newest["saved", which] = frame
-            elif row.access == "read":
-                self._reads[which] += 1
-                self._newest["read", which] = frame
+        if row.eeprom and self._has_room("saved", which):
+            self._saved[which] += 1
+            self._newest["saved", which] = frame
+        elif row.access == "read" and self._has_room("read", which):
+            self._reads[which] += 1
+            self._newest["read", which] = frame
         if job.answer is None:
             return
         self._time(job.duration_ns, job.answer.at.frame)
         told = pkw.decode(job.answer.data, answer=True, layout=self.layout)
-        if row.access == "read" and cyclic.answers()[told.ak].width == 32 and self._has_room(which):
+        if row.access == "read" and cyclic.answers()[told.ak].width == 32 and which in self._reads:
             self._double[which] = job.answer.at.frame
         wrong = told.error is not None and told.error.code == _WRONG_TYPE
         if row.access == "change" and row.width == 16 and wrong and which in self._double:
             args = {"pnu": asked.pnu, "subindex": asked.subindex, "read": self._double[which]}
             yield Remark("DS507", job.answer.at.frame, args)
 
-    def _has_room(self, which: _Which) -> bool:
-        return which in self._reads or len(self._reads) < self.bounds.written_values
+    def _has_room(self, kind: str, which: _Which) -> bool:
+        return (kind, which) in self._newest or len(self._newest) < self.bounds.written_values
 
     def _page(self, data: bytes, frame: int, fits: bool) -> None:
         other = pkw.decode(data, answer=False, layout=_OTHER[self.layout])
