@@ -20,6 +20,7 @@ from ds47.model import DS47, S7
 from ds47.profidrive.formats import codec
 from ds47.profidrive.model import ERROR
 from ds47.spec.codes import words
+from ds47.wireshark import described
 
 _PREFIX = "ds47."
 _TREES = ("ds47", "ds47_s7")
@@ -281,6 +282,7 @@ def _parameter(item: Element, place: str | None) -> dict[str, Any]:
         "values": [_value(each, name) for each in values],
         "scaled": _scaled(values, name),
         "error": _error(seen),
+        **described.read(item, name),
     }
 
 
