@@ -70,11 +70,18 @@ CYCLIC = (
     "test_audit_profibus",
     "test_cyclic_scenes:much_random",
 )
-LUA_CYCLIC = ("test_cyclic_limits:5.4", PZD, "test_lua_cyclic", "test_lua_analysis:5.4-en")
-S7 = ("test_s7_judge", "test_s7_audit", "test_s7_moments", "test_s7_scenes", "test_s7")
+LUA_CYCLIC = ("test_cyclic_limits:5.4", PZD, "test_lua_cyclic", "test_lua_analysis:5.4 and ppo")
+S7 = (
+    "test_s7_judge",
+    "test_s7_limits:not lua",
+    "test_s7_audit",
+    "test_s7_moments",
+    "test_s7_scenes",
+    "test_s7",
+)
 S7_BY_CHANCE = "test_lua_s7_scenes:5.4 and not zh"
 S7_QUESTIONS = "test_lua_s7:5.4 and questions"
-LUA_S7 = ("test_lua_s7_near:5.4", S7_BY_CHANCE, "test_lua_analysis:5.4-en")
+LUA_S7 = ("test_lua_s7_near:5.4", "test_s7_limits:5.4", S7_BY_CHANCE, "test_lua_analysis:5.4-en")
 TESTS: dict[str, tuple[str, ...]] = {
     "python/ds47/acyclic/judge.py": RULES,
     "python/ds47/acyclic/readback.py": RULES,

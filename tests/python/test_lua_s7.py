@@ -481,10 +481,21 @@ def large(chance: random.Random) -> dict[str, Any]:
             "before": [[n, 1] for n in range(8)], "foreign": []}  # fmt: skip
 
 
+def wide(chance: random.Random) -> dict[str, Any]:
+    """So many bytes that each event costs more than one step."""
+    data = chance.randbytes(3 * 4096 + 5)
+    front = access(chance, 1, True, True) | {"data": data[:9000].hex(), "start": 0, "sure": True}
+    back = access(chance, 2, True, True) | {"data": data[8000:].hex(), "start": 8000, "sure": True}
+    read = access(chance, 900, False, True) | {"data": data.hex(), "start": 0, "known": True}
+    others = [each | {"known": True, "asked_ns": 1, "answered_ns": 9} for each in (front, back)]
+    return {"kind": "question", "read": [read | {"asked_ns": 2, "answered_ns": 8}], "others": others,
+            "before": [[n, 0] for n in range(0, len(data), 7)], "foreign": []}  # fmt: skip
+
+
 @cache
 def questions_by_chance() -> list[dict[str, Any]]:
     chance = random.Random(47)
-    lines = [large(chance)]
+    lines = [large(chance), wide(chance)]
     for number in range(QUESTIONS):
         calm = number % 2 == 0
         read = [access(chance, 900 + n, False, calm) for n in range(chance.choice((1, 1, 2, 3)))]

@@ -1,0 +1,161 @@
+"""Findings about S7 at their limits, in captures made by hand: just within, and just beyond; both implementations.
+
+What is kept has its limits in frames here, too: so many partners, so many areas in parts.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import s7_segments as s7
+from s7_talk import DONE, Talk, Tape
+from test_lua_analysis import VERSIONS, Source, compare
+
+from ds47.analysis import analyze
+from ds47.capture.writer import PcapngWriter
+from ds47.model import Finding
+from ds47.spec.semantics import limits
+
+PDU = 240
+READ, WRITE = PDU - 18, PDU - 28
+"""Bytes that a read and a write of one item have room for."""
+REST = 20
+RECENT = 8
+"""Areas read in parts that are remembered of one memory."""
+
+
+def taped(play: Callable[[Tape], None]) -> bytes:
+    """The capture of what is said, a frame each millisecond."""
+    tape, target = Tape(), io.BytesIO()
+    play(tape)
+    with PcapngWriter(target, link_type=1) as writer:
+        for time_ns, data in tape.shots:
+            writer.write(time_ns, data)
+    return target.getvalue()
+
+
+def same_bytes(tape: Tape) -> None:
+    """Two stations write areas that overlap, and the bytes that both write are alike."""
+    one, two = (Talk(tape, station).open() for station in (1, 2))
+    one.put(1, 0, b"\1\2\3\4")
+    two.put(1, 2, b"\3\4\5\6")
+    one.put(3, 5, b"\1\2\3")
+    two.put(3, 6, b"\2\3")
+
+
+def other_bytes(tape: Tape) -> None:
+    """The second of them is not."""
+    one, two = (Talk(tape, station).open() for station in (1, 2))
+    one.put(2, 4, b"\1\2\3\4")
+    two.put(2, 5, b"\2\7\4")
+
+
+def never_last(tape: Tape) -> None:
+    """All bytes of a BSEND are there, and its last segment does not say that it is the last."""
+    talk = Talk(tape).open()
+    talk.tpkt(True, b"\2\xf0\x80" + s7.bsend(7, 9, bytes(20), last=False))
+    talk.tpkt(False, b"\2\xf0\x80" + s7.received(7, 5))
+    talk.close()
+
+
+def closed_beside(tape: Tape) -> None:
+    """A connection ends, and another one keeps what it knows: the areas of a USEND change."""
+    one, two = (Talk(tape, station).open() for station in (1, 2))
+    for talk, size in ((one, 10), (two, 10), (two, 12)):
+        if size == 12:
+            one.close()
+        area = b"\xff\x09\0\1" + s7.entry(bytes(size), 0)
+        head = b"\0\1\x12\6\x13\0\0\0\0\1"
+        talk.tpkt(True, b"\2\xf0\x80" + s7.header(7, 0, head, area))
+
+
+def read_between(count: int) -> Callable[[Tape], None]:
+    """An area is written in parts, and so many times read in parts between them, with the same border.
+
+    The first of these reads shows a moment between; the others find what the one before found. The last one is
+    known to be over only behind the write.
+    """
+
+    def play(tape: Tape) -> None:
+        writer, reader = (Talk(tape, station).open(pdu=PDU) for station in (1, 2))
+        for value in (b"\1", b"\2"):
+            writer.put(1, READ - WRITE, value * WRITE)
+            for _ in range(count if value == b"\2" else 0):
+                front = b"\0" * (READ - WRITE) + value * WRITE
+                reader.get(1, 0, front).get(1, READ, b"\1" * REST)
+            writer.put(1, READ, value * REST)
+        writer.close()
+        reader.close()
+
+    return play
+
+
+def partners(others: int) -> bytes:
+    """A station writes to a server, then asks so many others, and another station writes other values."""
+    frames, ways = (
+        [],
+        [(1, "10.0.0.2", 1), *((1, f"10.1.{n >> 8}.{n & 255}", 1) for n in range(others))],
+    )
+    for number, (station, server, value) in enumerate([*ways, (2, "10.0.0.2", 7)]):
+        talk = s7.Talk((f"10.0.0.{200 + station}", 1024 + number), (server, 102)).opened()
+        talk.ask(s7.put(1, s7.item(1, 0, 1), bytes((value,))), s7.taken(1, DONE))
+        frames += talk.frames()
+    return frames_at_once(frames)
+
+
+def frames_at_once(frames: list[bytes]) -> bytes:
+    """The frames as one capture, a tenth of a millisecond apart: it is only their order that matters."""
+    target = io.BytesIO()
+    with PcapngWriter(target, link_type=1) as writer:
+        for number, data in enumerate(frames):
+            writer.write(1_767_254_400_000_000_000 + 100_000 * number, data)
+    return target.getvalue()
+
+
+MOST = limits().s7_memories
+SCENES: dict[str, tuple[bytes, list[str]]] = {
+    "the same bytes": (taped(same_bytes), []),
+    "other bytes": (taped(other_bytes), ["DS907"]),
+    "never the last segment": (taped(never_last), ["DS910"]),
+    "closed beside": (taped(closed_beside), ["DS913"]),
+    "as many reads as are remembered": (taped(read_between(RECENT)), ["DS904", "DS904", "DS905"]),
+    "one read more": (taped(read_between(RECENT + 1)), ["DS904", "DS904"]),
+    "as many partners as are kept": (partners(MOST - 1), ["DS907"]),
+    "one partner more": (partners(MOST), []),
+}
+
+
+def findings(name: str) -> list[Finding]:
+    found = analyze(io.BytesIO(SCENES[name][0])).findings
+    return sorted(found, key=lambda each: each.rule)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_just_within_and_just_beyond(name: str) -> None:
+    assert [each.rule for each in findings(name)] == SCENES[name][1]
+
+
+def test_the_byte_in_which_two_writers_differ_is_named() -> None:
+    (found,) = findings("other bytes")
+    assert found.args["byte"] == "DB2.DBB6"
+
+
+def test_what_was_not_said_to_be_the_last_segment_is_open() -> None:
+    (found,) = findings("never the last segment")
+    assert (found.args["case"], found.args["size"], found.args["total"]) == ("bsend_open", 20, 20)
+
+
+def test_the_first_read_between_the_parts_of_a_write_is_the_one_that_mixes() -> None:
+    """It is the oldest one, so that it is the first that is forgotten."""
+    *splits, mixed = findings("as many reads as are remembered")
+    (reads,) = [each for each in splits if each.args["operation"] == "GET"]
+    assert mixed.args["frames"][2:6] == reads.frames[:4]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_lua_has_the_same_limits(version: str, tmp_path: Path) -> None:
+    sources = [Source(name, content, False) for name, (content, _) in SCENES.items()]
+    compare(version, "en", sources, tmp_path)
