@@ -27,6 +27,13 @@ RECENT = 8
 """Areas read in parts that are remembered of one memory."""
 
 
+def usend(size: int, lacks: int = 0) -> bytes:
+    """A USEND of one area, at the end of which so many bytes are missing."""
+    content = b"\xff\x09\0\1" + s7.entry(bytes(size), 0)
+    content = content[: len(content) - lacks]
+    return s7.header(7, 0, b"\0\1\x12\6\x13\0\0\0\0\1", content)
+
+
 def taped(play: Callable[[Tape], None]) -> bytes:
     """The capture of what is said, a frame each millisecond."""
     tape, target = Tape(), io.BytesIO()
@@ -67,9 +74,14 @@ def closed_beside(tape: Tape) -> None:
     for talk, size in ((one, 10), (two, 10), (two, 12)):
         if size == 12:
             one.close()
-        area = b"\xff\x09\0\1" + s7.entry(bytes(size), 0)
-        head = b"\0\1\x12\6\x13\0\0\0\0\1"
-        talk.tpkt(True, b"\2\xf0\x80" + s7.header(7, 0, head, area))
+        talk.tpkt(True, b"\2\xf0\x80" + usend(size))
+
+
+def cut_areas(tape: Tape) -> None:
+    """The second USEND lacks its end: how long its area was meant to be is said, and not how long it is."""
+    talk = Talk(tape).open()
+    for size, lacks in ((10, 0), (12, 3), (10, 0)):
+        talk.tpkt(True, b"\2\xf0\x80" + usend(size, lacks))
 
 
 def read_between(count: int) -> Callable[[Tape], None]:
@@ -94,15 +106,15 @@ def read_between(count: int) -> Callable[[Tape], None]:
 
 
 def partners(others: int) -> bytes:
-    """A station writes to a server, then asks so many others, and another station writes other values."""
-    frames, ways = (
-        [],
-        [(1, "10.0.0.2", 1), *((1, f"10.1.{n >> 8}.{n & 255}", 1) for n in range(others))],
-    )
-    for number, (station, server, value) in enumerate([*ways, (2, "10.0.0.2", 7)]):
-        talk = s7.Talk((f"10.0.0.{200 + station}", 1024 + number), (server, 102)).opened()
-        talk.ask(s7.put(1, s7.item(1, 0, 1), bytes((value,))), s7.taken(1, DONE))
-        frames += talk.frames()
+    """A station writes to a server, sends something to so many others, and another station writes other values."""
+    frames = []
+    for number in range(others + 2):
+        between = 0 < number <= others
+        server = f"10.1.{number >> 8}.{number & 255}" if between else "10.0.0.2"
+        talk = s7.Talk((f"10.0.0.{202 if number > others else 201}", 1024 + number), (server, 102))
+        write = s7.put(1, s7.item(1, 0, 1), bytes((number > others,)))
+        told = (usend(1), None) if between else (write, s7.taken(1, DONE))
+        frames += talk.opened().ask(*told).frames()
     return frames_at_once(frames)
 
 
@@ -120,6 +132,7 @@ SCENES: dict[str, tuple[bytes, list[str]]] = {
     "the same bytes": (taped(same_bytes), []),
     "other bytes": (taped(other_bytes), ["DS907"]),
     "never the last segment": (taped(never_last), ["DS910"]),
+    "areas without their end": (taped(cut_areas), []),
     "closed beside": (taped(closed_beside), ["DS913"]),
     "as many reads as are remembered": (taped(read_between(RECENT)), ["DS904", "DS904", "DS905"]),
     "one read more": (taped(read_between(RECENT + 1)), ["DS904", "DS904"]),
