@@ -12,7 +12,7 @@
 #   make dist       write the plugin as one Lua file, dist/ds47-0_1_0.lua (the version, with underscores)
 #   make captures   let the lab write captures/ again
 #   make tables     write lua/ds47/spec/tables.lua from python/ds47/spec/*.toml again, and the JSON Schemas
-#   make screenshot take the README's picture of Wireshark again
+#   make screenshot take the pictures of Wireshark again
 #   make readme     put the present report into README.md
 #   make oracles    record the two S7 stacks anew and compare what they did with what is said of it (Linux)
 #   make constraints  resolve constraints.txt anew
@@ -102,9 +102,7 @@ tables: $(STAMP)
 	$(BIN)/python tools/make_schemas.py
 
 screenshot: $(STAMP)
-	tools/screenshot.sh
-	$(BIN)/ds47 export --link profibus tools/screenshot-profibus.txt -o build/line.pcapng
-	tools/screenshot.sh build/line.pcapng 36 wireshark-profibus
+	$(BIN)/python tools/screenshots.py
 
 readme: $(STAMP)
 	$(BIN)/python tools/readme_report.py

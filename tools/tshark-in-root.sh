@@ -1,6 +1,6 @@
 #!/bin/sh
 # Runs the tshark of an unpacked root (tools/wireshark-roots.sh), or with / this machine's own.
-# Usage: tshark-in-root.sh ROOT [tshark's arguments]
+# Usage: tshark-in-root.sh ROOT [tshark's arguments]; DS47_PROGRAM=wireshark in front runs that instead
 #
 # The root's own loader runs it on the root's own libraries, without chroot or mounts: so files keep
 # their paths, and a container that forbids both is no obstacle. Started by root it goes on as user 1000,
@@ -10,7 +10,7 @@ root=$1
 shift
 
 if [ "$root" = / ]; then
-    set -- tshark "$@"
+    set -- "${DS47_PROGRAM:-tshark}" "$@"
 else
     libraries=$(echo "$root"/usr/lib/*-linux-gnu*)
     loader=
@@ -20,8 +20,11 @@ else
     export WIRESHARK_DATA_DIR="$root/usr/share/wireshark"
     export WIRESHARK_PLUGIN_DIR="$libraries/wireshark/plugins"
     export WIRESHARK_EXTCAP_DIR="$root/none"
+    export QT_PLUGIN_PATH="$libraries/qt6/plugins"
     export GCONV_PATH="$libraries/gconv" LOCPATH="$root/usr/lib/locale"
-    set -- "${loader:?none in $libraries}" --library-path "$libraries:$libraries/wireshark" "$root/usr/bin/tshark" "$@"
+    path="$libraries:$libraries/wireshark"
+    [ "${DS47_PROGRAM:-tshark}" = tshark ] || path="$path:$libraries/pulseaudio:$libraries/libproxy" # of the window
+    set -- "${loader:?none in $libraries}" --library-path "$path" "$root/usr/bin/${DS47_PROGRAM:-tshark}" "$@"
 fi
 [ "$(id -u)" -eq 0 ] || exec "$@"
 

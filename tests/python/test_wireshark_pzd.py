@@ -401,7 +401,7 @@ def test_graphs_of_the_profile(tshark: Tshark) -> None:
     lines = (folder / "io_graphs").read_text(encoding="ascii").splitlines()
     lines = [line for line in lines if not line.startswith("#")]
     assert all(re.fullmatch(r'"[^"]*"(,"[^"]*"){7}', line) for line in lines)
-    graphs = [re.findall(r'"([^"]*)"', line.replace("\\x22", "\x27")) for line in lines]
+    graphs = [re.findall(r'"([^"]*)"', line) for line in lines]
     assert {each[0] for each in graphs} <= {"Enabled", "Disabled"}
     shown = [each[6] for each in graphs if each[0] == "Enabled"]
     assert shown == ["ds47.duration_ms", "ds47.pzd.setpoint", "ds47.pzd.actual"]
