@@ -736,6 +736,11 @@ local function test_names()
   local set = "\xfe\xfd\4\0" .. identify:sub(5)
   check("a Set names its destination", dcp.parse(set, "02:33", "02:01").mac, "02:01")
   check("a request asks only", dcp.parse("\xfe\xfe\5\0" .. identify:sub(5), "02:33"), nil)
+  local few = naming.Naming.new(2)
+  for last = 1, 5 do
+    few:station("dcp", identify:gsub("\192\168\133\33", "\192\168\133" .. string.char(last)), "02:33")
+  end
+  check("addresses that are kept", few.by_ip.length, 2)
 end
 
 local function tlv(kind, value)

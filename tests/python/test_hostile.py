@@ -373,9 +373,16 @@ def stations(wire_, number):
     yield Packet("dcp", number, START, payload, f"mac-{number}", "02:00:00:00:00:01")
 
 
+def addresses(wire_, number):
+    """One station that has another IP address each time."""
+    block = struct.pack(">BBHH4s8x", 1, 2, 14, 1, number.to_bytes(4, "big"))
+    head = b"\xfe\xff\x05\x01" + bytes(6) + struct.pack(">H", len(block))
+    yield Packet("dcp", number, START, head + block, "mac", "02:00:00:00:00:01")
+
+
 STREAMS = (
     activities, unanswered_calls, unanswered_writes, channels, orphans, foreign_records,
-    controllers, changes, rpc_fragments, stations,
+    controllers, changes, rpc_fragments, stations, addresses,
 )  # fmt: skip
 
 
@@ -403,6 +410,7 @@ def kept(run):
         "longest": len(run._judge._longest),
         "servers": len(run._stations._servers),
         "stations": len(run._stations._stations),
+        "addresses": len(run._stations._by_ip),
     }
 
 
@@ -424,7 +432,7 @@ def test_an_endless_stream_stays_within_the_limits(stream):
         "activities": 32, "calls": 8 + 8 + 1, "datagrams": 256, "channels": 32, "asked": 8,
         "answers": 32, "transactions": 0, "open": 48, "held ARs": 16, "held": 16 * 16,
         "messages": 16, "fragments": 300, "given up": 0, "written": 64, "longest": 32,
-        "servers": 64, "stations": 64,
+        "servers": 64, "stations": 64, "addresses": 64,
     }  # fmt: skip
     over = {key: number for key, number in kept(run).items() if number > most[key]}
     assert over == {}

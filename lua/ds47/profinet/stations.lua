@@ -20,7 +20,7 @@ M.Naming = Naming
 function Naming.new(most, vendor_id)
   return setmetatable({
     servers = ordered.new(), stations = ordered.new(), most = most or tables.limits.stations,
-    by_ip = {}, -- MAC address of the station that was the last to say that it has an IP address
+    by_ip = ordered.new(), -- MAC address of the station that was the last to say that it has an IP address
     vendor_id = vendor_id,
   }, Naming)
 end
@@ -47,7 +47,7 @@ function Naming:station(kind, payload, src_mac, dst_mac)
     end
   end
   if station.ip then
-    self.by_ip[station.ip] = station.mac
+    self.by_ip:keep(station.ip, station.mac, self.most)
   end
   self.stations:keep(station.mac, station, self.most)
 end
@@ -59,7 +59,7 @@ function Naming:vendor(ip)
   if device and device.vendor_id then
     return device.vendor_id, false
   end
-  local mac = self.by_ip[ip]
+  local mac = self.by_ip:get(ip)
   local station = mac and self.stations:get(mac)
   if station == nil or station.ip ~= ip then
     station = device and device.mac and self.stations:get(device.mac)

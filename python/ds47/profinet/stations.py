@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from typing import TypeVar
 
 from ds47.model import Device
 from ds47.profinet import dcp, lldp, rpc
 from ds47.profinet.link import Packet
 from ds47.spec.layouts import RPC_CONNECT, RPC_CONTROL
+
+Kept = TypeVar("Kept")
 
 
 class Stations:
@@ -23,7 +26,7 @@ class Stations:
         self._vendor_id = vendor_id
         self._servers: OrderedDict[str, Device] = OrderedDict()
         self._stations: OrderedDict[str, dcp.Station] = OrderedDict()
-        self._by_ip: dict[str, str] = {}
+        self._by_ip: OrderedDict[str, str] = OrderedDict()
         """MAC address of the station that was the last to say that it has this IP address."""
 
     def station(self, packet: Packet) -> None:
@@ -31,18 +34,21 @@ class Stations:
         station = dcp.parse(packet) if packet.kind == "dcp" else lldp.parse(packet)
         if station is None or station.mac is None:
             return
-        known = self._stations.pop(station.mac, None)
+        known = self._stations.get(station.mac)
         if known is not None:
             for key in ("ip", "name", "vendor_id", "device_id"):
                 if getattr(station, key) is None:
                     setattr(station, key, getattr(known, key))
-        self._stations[station.mac] = station
+        self._keep(self._stations, station.mac, station)
         if station.ip is not None:
-            self._by_ip[station.ip] = station.mac
-        while len(self._stations) > self._most:
-            _, forgotten = self._stations.popitem(last=False)
-            if self._by_ip.get(forgotten.ip or "") == forgotten.mac:
-                del self._by_ip[forgotten.ip or ""]
+            self._keep(self._by_ip, station.ip, station.mac)
+
+    def _keep(self, memory: OrderedDict[str, Kept], key: str, value: Kept) -> None:
+        """Keeps a value as the newest one; of more than are kept the oldest goes."""
+        memory[key] = value
+        memory.move_to_end(key)
+        if len(memory) > self._most:
+            memory.popitem(last=False)
 
     def message(self, pdu: rpc.Pdu) -> None:
         """Takes an RPC message: responses come from devices, a Connect names device and controller."""
