@@ -374,6 +374,6 @@ end
 
 require("ds47_ws.stats").register(track, arguments)
 require("ds47_ws.menu").register(track, { version = tables.version, path = source })
-if gui_enabled() and register_packet_menu then -- 4.0 has none
+if WINDOW and register_packet_menu then -- 4.0 has none
   require("ds47_ws.packet_menu").register(track)
 end

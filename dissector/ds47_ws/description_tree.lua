@@ -4,11 +4,10 @@
 
 local descriptions = require("ds47.report.descriptions")
 local tables = require("ds47.spec.tables")
+local types = require("ds47_ws.types")
 local words = require("ds47.report.formatting")
 
 local M = {}
-
-local FLOAT_WORDS = { NaN = 0 / 0, Infinity = 1 / 0, ["-Infinity"] = -1 / 0 }
 
 -- The fields of an element, in their order: those of `variable` and of the identifier have several.
 local FIELDS = {
@@ -16,74 +15,58 @@ local FIELDS = {
   variable = { "quantity", "conversion", "unit" },
   normalisation = { "normalisation", "full_scale" },
 }
+local BYTES = { quantity = 0, conversion = 1 } -- of `variable`: fields of one byte, and which one it is
 local DOUBLES = { factor = true, low = true, high = true }
 
 local function value_of(name, value)
   if DOUBLES[name] then
-    return FLOAT_WORDS[value] or tonumber(value)
+    return types.number(value)
   elseif type(value) == "string" then
     return words.escape(value)
   end
   return value
 end
 
--- One element: at `offset` of the record, or in brackets where it is nil.
-local function add_element(parent, found, element, offset, record, put)
-  for place, name in ipairs(FIELDS[element.name] or { element.name }) do
-    local at, size = offset, element.size
-    if element.name == "variable" and place < 3 and at then
-      at, size = at + place - 1, 1
-    end
-    local key, value = "description." .. name, found[name]
-    if value ~= nil and at then
-      put.add(parent, key, value_of(name, value), record, at, size)
-    elseif value ~= nil then
-      put.derive(parent, key, value_of(name, value))
-    end
+-- An element, whose bytes stand at `offset` of the record where `here` says that they are in this frame.
+local function add_element(put, parent, found, name, here, record, offset, size)
+  for _, key in ipairs(FIELDS[name] or { name }) do
+    local byte = BYTES[key]
+    local at, length = byte and offset + byte or offset, byte and 1 or size
+    put.show(parent, "description." .. key, value_of(key, found[key]), here, record, at, length)
   end
 end
 
-local function add_description(parent, item, found, block, record, put)
-  local start, whole = block and block.offset + 2, item.subindex == 0
-  local shown
+local function add_description(put, parent, item, found, block, record)
+  local start, all = block and block.offset + 2 or 0, block and #block.raw or 0
   local parts = descriptions.parts(item, words)
   local label = parts and table.concat(parts, ", ") or words.values(item.values, item.format)
-  if start then
-    shown = put.add(parent, "description", label, record, start, #block.raw) or parent
-  else
-    shown = put.derive(parent, "description", label) or parent
-  end
-  for _, element in ipairs(tables.descriptions.elements) do
-    if element.name ~= "reserved" and (whole or element.number == item.subindex) then
-      local at = start and start + (whole and element.offset or 0)
-      local size = whole and element.size or block and #block.raw or 0
-      local part = { name = element.name, size = size }
-      add_element(shown, found, part, at, record, put)
+  local shown = put.show(parent, "description", label, block, record, start, all) or parent
+  for _, each in ipairs(tables.descriptions.elements) do
+    if item.subindex == 0 then
+      add_element(put, shown, found, each.name, block, record, start + each.offset, each.size)
+    elseif item.subindex == each.number then
+      add_element(put, shown, found, each.name, block, record, start, all)
     end
   end
 end
 
-local function add_texts(parent, entries, block, record, put)
-  local size = block and math.floor(#block.raw / #entries)
+local function add_texts(put, parent, entries, block, record)
+  local start, size = block and block.offset + 2 or 0, block and math.floor(#block.raw / #entries) or 0
   for number, text in ipairs(entries) do
-    if block then
-      put.add(parent, "text", words.escape(text), record, block.offset + 2 + (number - 1) * size, size)
-    else
-      put.derive(parent, "text", words.escape(text))
-    end
+    put.show(parent, "text", words.escape(text), block, record, start + (number - 1) * size, size)
   end
 end
 
 --- Adds what the values of a parameter describe; nothing where they describe nothing.
+-- @param put    the functions of tree.lua that add fields
 -- @param block  where they stand, nil where that is not in this frame
 -- @param record the bytes of the record in this frame
--- @param put    wanted, add and derive of tree.lua
-function M.add(parent, item, block, record, put)
+function M.add(put, parent, item, block, record)
   local found, entries = descriptions.of(item), descriptions.entries(item)
   if found then
-    add_description(parent, item, found, block, record, put)
+    add_description(put, parent, item, found, block, record)
   elseif entries then
-    add_texts(parent, entries, block, record, put)
+    add_texts(put, parent, entries, block, record)
   end
 end
 

@@ -2,15 +2,13 @@
 -- has some, and nobody may look at a tree: what is not loaded is not looked through by the collector.
 
 local info = require("ds47_ws.info")
-local sentences = require("ds47.report.sentences")
 local words = require("ds47.report.formatting")
 
 local M = {}
 
---- What the expert info of a finding says, and the same without the place in the message.
+--- What the expert info of a finding says.
 function M.of_finding(finding, lang)
-  local said = words.escape(sentences.sentence(finding, lang))
-  return words.escape(words.message(finding, lang)), said
+  return words.escape(words.message(finding, lang))
 end
 
 --- The key of the expert info of an event, and what it says.
@@ -26,7 +24,7 @@ function M.add(tree, experts, findings, events, lang)
     tree:add_proto_expert_info(experts[key], text)
   end
   for _, finding in ipairs(findings) do
-    tree:add_proto_expert_info(experts[finding.rule], (M.of_finding(finding, lang)))
+    tree:add_proto_expert_info(experts[finding.rule], M.of_finding(finding, lang))
   end
 end
 

@@ -67,7 +67,7 @@ local FIELDS = {
   { "pkw.pwe1", "PWE1", "uint16", "HEX" },
   { "pkw.pwe2", "PWE2", "uint16", "HEX" },
   { "pkw.value", "Value", "double" },
-  { "pkw.error", "Error number", "uint16", "DEC", "pkw_errors" },
+  { "pkw.error", "Error number", "uint16", "DEC", "pkw.errors" },
   -- the other frames
   { "request_in", "Request in frame", "framenum", "REQUEST" },
   { "response_in", "Response in frame", "framenum", "RESPONSE" },
@@ -167,14 +167,14 @@ local GROUPS = {
   response = "RESPONSE_CODE", malformed = "MALFORMED", sequence = "SEQUENCE", protocol = "PROTOCOL",
 }
 
--- Tables that stand in another one.
-local INNER = { pkw_errors = function() return tables.pkw.errors end }
-
--- Names of the codes in a table of tables.lua, for Wireshark to show beside the number: none of numbers that
--- are nothing but reserved.
-local function names(table_name)
-  local result = {}
-  for code, row in pairs(INNER[table_name] and INNER[table_name]() or tables[table_name]) do
+-- Names of the codes in a table of tables.lua (`formats`, `pkw.errors`), for Wireshark to show beside the
+-- number: none of numbers that are nothing but reserved.
+local function names(path)
+  local result, rows = {}, tables
+  for name in string.gmatch(path, "[^.]+") do
+    rows = rows[name]
+  end
+  for code, row in pairs(rows) do
     local name = row.name or row.en
     result[code] = name ~= "Reserved" and name or nil
   end

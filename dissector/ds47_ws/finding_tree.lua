@@ -1,13 +1,14 @@
 -- The part of the tree that is about a finding: what it is called, what was seen (the expert info), cause,
 -- what to do, the request as it should have been, and the other frames that it is about.
 --
--- `put` are the functions of tree.lua that add fields: {wanted, derive}. The sentence stands in the expert
--- info alone, and Wireshark's dialog shows that; as fields message and arguments are there, hidden.
+-- `put` are the functions of tree.lua that add fields. The sentence stands in the expert info alone, and
+-- Wireshark's dialog shows that; as fields message and arguments are there, hidden.
 
 local json = require("ds47.support.json")
 local later = require("ds47.support.later").module
 local own_experts = require("ds47_ws.experts")
 local s7_tree = later("ds47_ws.s7_tree")
+local sentences = require("ds47.report.sentences")
 local suggest = later("ds47.diagnosis.suggest")
 local tables = require("ds47.spec.tables")
 local words = require("ds47.report.formatting")
@@ -28,13 +29,15 @@ local function label(finding, row, lang)
   })
 end
 
--- A text that may be longer than Wireshark shows in one line (240 bytes): the rest stands in lines below it.
--- `shown` is the text with its name.
-local function add_long(put, parent, key, text, shown)
-  local item = put.derive(parent, key, text)
+-- What the rule says of all its findings, its "cause" or "advice". It may be longer than Wireshark shows in
+-- one line (240 bytes): the rest stands in lines below it.
+local function add_of_rule(put, parent, row, key, lang)
+  local text = in_language(row, key, lang)
+  local item = put.derive(parent, "finding." .. key, text)
   if not item then
     return
   end
+  local shown = words.say(lang, "finding_" .. key, { text = text })
   for number, line in ipairs(words.wrap(shown, WIDTH, HANGING)) do
     if number == 1 then
       item:set_text(line)
@@ -59,9 +62,7 @@ local function add_instead(put, parent, finding)
   local shown = suggest.corrected(finding.corrected)
   local item = parent
   if put.wanted("finding.instead") then
-    local bytes = ByteArray.new(shown.hex):tvb("Send instead")
-    item = put.take(parent, "finding.instead", bytes:range(), 0, bytes:len())
-    item:set_generated()
+    item = put.point(parent, "finding.instead", put.elsewhere(finding.corrected, "Send instead"))
   end
   put.derive(item, "finding.instead.words", table.concat(shown.words, " "))
   put.derive(item, "finding.instead.encode", shown.encode)
@@ -88,21 +89,21 @@ end
 -- @param request number of the frame with the request of its transaction; nil where there is none, or where
 --   the tree of the transaction has the link
 function M.add(put, parent, finding, experts, request, lang)
-  local text, said = own_experts.of_finding(finding, lang)
   local row = tables.rules[finding.rule]
   local shown = put.derive(parent, "finding", finding.rule)
   if shown then
     shown:set_text(label(finding, row, lang))
   end
   shown = shown or parent
-  shown:add_proto_expert_info(experts[finding.rule], text)
-  hide(put.derive(shown, "finding.message", said))
+  shown:add_proto_expert_info(experts[finding.rule], own_experts.of_finding(finding, lang))
+  if put.wanted("finding.message") then
+    hide(put.derive(shown, "finding.message", words.escape(sentences.sentence(finding, lang))))
+  end
   if put.wanted("finding.args") then
     hide(put.derive(shown, "finding.args", json.encode(finding.args)))
   end
-  local cause, advice = in_language(row, "cause", lang), in_language(row, "advice", lang)
-  add_long(put, shown, "finding.cause", cause, words.say(lang, "finding_cause", { text = cause }))
-  add_long(put, shown, "finding.advice", advice, words.say(lang, "finding_advice", { text = advice }))
+  add_of_rule(put, shown, row, "cause", lang)
+  add_of_rule(put, shown, row, "advice", lang)
   add_instead(put, shown, finding)
   add_frames(put, shown, finding, request)
   put.derive(shown, "finding.severity", tables.codes.severities[finding.severity])

@@ -93,12 +93,7 @@ local function parameter(item, written, named)
   if described then
     return text .. table.concat(described, ", ")
   end
-  text = text .. words.values(item.values, item.format)
-  local unit = item.unit and " " .. words.escape(item.unit) or ""
-  if item.scaled and #item.scaled > 0 then
-    unit = " (" .. words.values(item.scaled, item.format, true) .. unit .. ")"
-  end
-  return text .. unit
+  return text .. words.with_unit(item)
 end
 
 local parts = {}

@@ -73,8 +73,7 @@ local function device_term(item, fields)
   end
   local mac = item.device:find(":", 1, true) and fields["ds47.device.mac"]
   local name = mac and "ds47.device.mac" or "ds47.device"
-  local is_text = fields[name] and fields[name].type == ftypes.STRING
-  return format(is_text and '%s == "%s"' or "%s == %s", name, item.device)
+  return name .. " == " .. item.device
 end
 
 -- Adds a term that is not there yet.

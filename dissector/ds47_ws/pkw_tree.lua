@@ -90,7 +90,7 @@ local function add_value(put, parent, item, told, record)
     offset, size = value_place(told)
   end
   local function one(under, key, what)
-    return told and put.add(under, key, what, record, offset, size) or put.derive(under, key, what)
+    return put.show(under, key, what, told, record, offset, size)
   end
   local shown = one(parent, "value", words.value(value, item.format)) or parent
   one(shown, "value.number", types.number(value))

@@ -6,6 +6,7 @@ local named = require("ds47.cyclic.named")
 local ppo = require("ds47.cyclic.ppo")
 local s7 = require("ds47.s7.choices")
 local tables = require("ds47.spec.tables")
+local transactions = require("ds47.acyclic.transactions")
 
 local M = {}
 
@@ -13,7 +14,6 @@ local AUTO, ALWAYS, NEVER = 0, 1, 2
 local CYCLIC, USS = 0, 1
 local ENGLISH, CHINESE = 0, 1
 local INDEX_47 = 47
-local SIEMENS = 0x002A
 
 --- Gives the protocol its preferences. Names as in `-o ds47.index_47:never`.
 function M.define(proto)
@@ -115,7 +115,7 @@ function M.options(proto)
     forbid_47 = prefs.index_47 == NEVER,
     slow_ms = prefs.slow_ms,
     ignore = rules(prefs.ignore),
-    vendor_id = prefs.assume_sinamics and SIEMENS or nil,
+    vendor_id = prefs.assume_sinamics and transactions.SIEMENS or nil,
     pkw_layout = prefs.pkw_layout == USS and "uss" or "cyclic",
     pkw_layouts = layouts(prefs.pkw_layouts),
     cyclic = named.list(prefs.cyclic or ""),

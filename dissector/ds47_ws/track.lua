@@ -161,13 +161,9 @@ function M.begin()
   M.hears_stations = chosen ~= nil and chosen.vendor_id ~= nil
 end
 
---- Takes a frame that names a station (DCP, LLDP): its number and its bytes.
-function M.station(number, frame)
-  if number <= newest_station then
-    return
-  end
+-- What a frame says of a station, where that is not what was told last.
+local function note_station(number, frame, kind, at)
   newest_station = number
-  local kind, at = station_payload(frame)
   if kind == nil then
     return
   end
@@ -185,12 +181,21 @@ function M.station(number, frame)
   end
 end
 
+--- Takes a frame that names a station (DCP, LLDP): its number and its bytes.
+function M.station(number, frame)
+  if number > newest_station then
+    note_station(number, frame, station_payload(frame))
+  end
+end
+
 --- Takes a frame without IP while vendors may be assumed: what it says of one counts from now on.
 function M.hear_station(number, frame)
+  if number <= newest_station then
+    return
+  end
   local kind, at = station_payload(frame)
-  local names = kind == "lldp" or kind == "dcp" and (u16(frame, at) or 0) >= FIRST_DCP
-  if names and number > newest_station then
-    M.station(number, frame)
+  if kind == "lldp" or kind == "dcp" and (u16(frame, at) or 0) >= FIRST_DCP then
+    note_station(number, frame, kind, at)
     if #stations > 0 then
       hand_over_stations()
     end

@@ -18,6 +18,7 @@ local own_experts = require("ds47_ws.experts")
 local passes = require("ds47_ws.passes")
 local plc = require("ds47.report.plc")
 local pzd_tree = later("ds47_ws.pzd_tree")
+local reader = require("ds47.support.bytes")
 local spec = require("ds47.spec.lookup")
 local status = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
@@ -27,7 +28,7 @@ local s7_tree = later("ds47_ws.s7_tree")
 local sentences = require("ds47.report.sentences")
 local types = require("ds47_ws.types")
 
-local byte, find, format, gsub, sub = string.byte, string.find, string.format, string.gsub, string.sub
+local byte, find, format, sub = string.byte, string.find, string.format, string.sub
 local floor = math.floor
 
 local WINDOW = gui_enabled()
@@ -107,6 +108,14 @@ local function derive(parent, key, value)
   return item
 end
 
+-- Adds a field at its bytes where they are in this frame, else in brackets.
+local function show(parent, key, value, here, record, offset, size)
+  if here then
+    return add(parent, key, value, record, offset, size)
+  end
+  return derive(parent, key, value)
+end
+
 -- Adds a field whose value is that of bytes, which need not be in the frame.
 local function point(parent, key, range)
   local item = parent:add(fields[key], range)
@@ -119,9 +128,10 @@ local function elsewhere(data, name)
   return types.range_of(data, name, find_bytes)
 end
 
--- For pkw_tree.lua, pzd_tree.lua and s7_tree.lua.
+-- For the trees of single things: pkw_tree.lua, finding_tree.lua and the like.
 local adding = {
-  wanted = wanted, add = add, take = take, derive = derive, point = point, elsewhere = elsewhere,
+  wanted = wanted, add = add, take = take, derive = derive, show = show, point = point,
+  elsewhere = elsewhere,
 }
 
 -- Values with the type of their format
@@ -177,10 +187,7 @@ local NUMBERS = { number = true, float = true }
 -- The value as a number, whatever its format: of all formats but those of times, texts and octets.
 local function add_number(parent, kind, value, record, offset, size)
   if NUMBERS[kind] and wanted("value.number") then
-    local shown = add(parent, "value.number", types.number(value), record, offset, size)
-    if record == nil then
-      mark_generated(shown)
-    end
+    show(parent, "value.number", types.number(value), record, record, offset, size)
   end
 end
 
@@ -201,20 +208,13 @@ local function physical(parent, kind, item, number)
   end
 end
 
--- One character of two UTF-8 bytes as the Latin-1 byte that the drive sent.
-local function latin1_byte(character)
-  local first, second = byte(character, 1, 2)
-  return string.char((first - 194) * 64 + second)
-end
-
 -- Text that is not shown as it is has its bytes as well, so that nothing of it is lost; `range` is where they
 -- stand.
 local function text_bytes(parent, item, value, range)
   if type(value) ~= "string" or not words.is_text(item.format) or not wanted("value.hex") then
     return
   elseif find(value, "[^ -~]") or find(value, '[\\"]') then
-    local bytes = gsub(value, "[\194\195][\128-\191]", latin1_byte)
-    point(parent, "value.hex", range or elsewhere(bytes, "Text"))
+    point(parent, "value.hex", range or elsewhere(reader.from_latin1(value), "Text"))
   end
 end
 
@@ -232,10 +232,7 @@ local function add_value(parent, item, number, block, record)
   local here = block and record or nil
   local shown = parent
   if wanted("value") then
-    shown = add(parent, "value", words.value(value, item.format), here, offset, size)
-    if block == nil then
-      mark_generated(shown)
-    end
+    shown = show(parent, "value", words.value(value, item.format), block, record, offset, size)
   end
   if block and typed[kind] then
     typed[kind](shown, row, value, bytes, record, offset)
@@ -362,7 +359,7 @@ local function add_parameter(parent, view, number, record)
     add_value(shown, item, place, here and block or nil, record)
   end
   if item.attribute == "description" or item.attribute == "text" then
-    description_tree.add(shown, item, here and block or nil, record, adding)
+    description_tree.add(adding, shown, item, here and block or nil, record)
   end
   if block and block.error and not asked then
     add_error(shown, block.error, item.error, block, record)

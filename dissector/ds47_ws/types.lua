@@ -1,6 +1,7 @@
 -- What the analysis says, as the types that fields of Wireshark take: numbers of words, numbers, addresses,
 -- bytes that the frame does not have. Which field has which type is in fields.lua.
 
+local code_of = require("ds47.profidrive.formats").code_of
 local entries = require("ds47.support.later").entries
 local tables = require("ds47.spec.tables")
 
@@ -21,14 +22,9 @@ function M.words(name)
   return found
 end
 
-local FORMATS = {} -- name -> code
-for code, row in pairs(tables.formats) do
-  FORMATS[row.name] = code
-end
-
 --- The code of a format by its name, which is `0x77` where it has none; nil of nil.
 function M.format_code(name)
-  return name and (FORMATS[name] or tonumber(name))
+  return name and (code_of(name) or tonumber(name))
 end
 
 -- Numbers

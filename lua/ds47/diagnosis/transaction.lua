@@ -6,6 +6,7 @@
 -- and repair.lua (what the bytes were meant to be). Those that need the whole capture are the analyzer's
 -- alone.
 
+local code_of = require("ds47.profidrive.formats").code_of
 local later = require("ds47.support.later").module
 local length = later("ds47.diagnosis.length")
 local memory = require("ds47.diagnosis.memory")
@@ -39,18 +40,13 @@ local NONE = {}
 local ONLY = 0 -- second key of a memory that needs none
 local NO_END = 2 ^ 17 -- behind every subindex
 
-local codes = {} -- name of a format -> its code
-for code, row in pairs(tables.formats) do
-  codes[row.name] = code
-end
-
 -- The format of a parameter by the list of parameters; nil where the list says nothing of this device.
 local function listed(pnu, siemens)
   local row = tables.parameters[pnu]
   if not row or row.family ~= "profile" and not siemens then
     return nil
   end
-  return codes[(row.type:gsub("%[%]$", ""))]
+  return code_of((row.type:gsub("%[%]$", "")))
 end
 
 -- The way of a request to its drive object, as one text: device, slot, subslot, and the axis byte where it

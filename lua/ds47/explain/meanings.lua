@@ -8,6 +8,7 @@ local statuses = require("ds47.spec.statuses")
 local tables = require("ds47.spec.tables")
 
 local floor, format, gsub, upper = math.floor, string.format, string.gsub, string.upper
+local fill = spec.fill
 
 local M = {}
 
@@ -23,10 +24,6 @@ end
 
 local function words_in(lang)
   return in_language(tables.explain.words, lang)
-end
-
-local function filled(template, values)
-  return (gsub(template, "{([%w_]+)}", function(name) return values[name] end))
 end
 
 -- The four bytes of a status, the first one in the highest place.
@@ -82,7 +79,7 @@ local function headline(entry, status, lang)
   local code, decode, code_1, code_2 = four(status)
   local service = name_of("error_code", code, lang) or ""
   local inputs, number = tables.explain.inputs, decode % 16
-  return filled(in_language(entry, lang), {
+  return fill(in_language(entry, lang), {
     service = gsub(service, "^%l", upper),
     name = name_of(decode == ACCESS and "access" or "protocol", code_1, lang) or format("0x%02X", code_1),
     code2 = format("0x%02X", code_2), n = format("%d", number),
@@ -147,8 +144,8 @@ local function meaning(title, known, entry, lang, more)
     title = title, known = known, parts = more.parts, rank = more.rank, name = more.name,
     plc = blocks(more.view, more.shown or "", lang), causes = causes_of(entry, lang),
     look = in_language(entry, lang, "look_"),
-    filter = templates.wireshark and filled(templates.wireshark, more.values),
-    plugin_filter = templates.plugin and filled(templates.plugin, more.values),
+    filter = templates.wireshark and fill(templates.wireshark, more.values),
+    plugin_filter = templates.plugin and fill(templates.plugin, more.values),
   }
 end
 
@@ -167,19 +164,19 @@ end
 function M.status(status, lang)
   local words, code, entry = words_in(lang), statuses.status_hex(status), entry_of(status)
   if entry then
-    local title = filled(words.status, {code = code, text = headline(entry, status, lang)})
+    local title = fill(words.status, {code = code, text = headline(entry, status, lang)})
     return known_status(entry, status, lang, title)
   end
   local code_1, code_2, code_3, code_4 = four(status)
   local turned = ((code_4 * 256 + code_3) * 256 + code_2) * 256 + code_1
   entry = entry_of(turned)
   if entry then
-    return known_status(entry, turned, lang, filled(words.bytes_reversed, {
+    return known_status(entry, turned, lang, fill(words.bytes_reversed, {
       given = code, code = statuses.status_hex(turned), text = headline(entry, turned, lang),
     }))
   end
   local text = format("%s (%s)", words.unknown_status, statuses.status_text(status, lang))
-  return meaning(filled(words.status, {code = code, text = text}), false, tables.explain.unknown, lang, {
+  return meaning(fill(words.status, {code = code, text = text}), false, tables.explain.unknown, lang, {
     parts = parts_of(status, lang), view = "unknown", shown = code, filter = "status",
     values = status_values(status),
   })
@@ -219,7 +216,7 @@ local function of_vendor(code, text, vendor, lang)
     title, known = words.error, known and tables.errors[code] ~= nil
   end
   local values = {code = name, decimal = format("%d", code), text = text, vendor = vendor}
-  return meaning(filled(title, values), known, entry, lang, {
+  return meaning(fill(title, values), known, entry, lang, {
     parts = parts, view = "in_response", filter = "error", values = {value = name:lower()}, rank = rank,
     name = alone,
   })

@@ -8,7 +8,6 @@
 
 local bit = require("ds47.support.bits").bit
 local formats = require("ds47.profidrive.formats")
-local later = require("ds47.support.later").entries
 local numbers = require("ds47.support.numbers")
 local reader = require("ds47.support.bytes")
 local tables = require("ds47.spec.tables")
@@ -22,31 +21,13 @@ local WHOLE = 0 -- the subindex of a whole description
 local LIMIT = 4 -- bytes of a limit
 local LIMITED = { number = true, float = true, duration = true, time_of_day = true } -- kinds with limits
 
-local rows = later(function(name) -- format name -> {code, row}
-  for code, row in pairs(tables.formats) do
-    if row.name == name then
-      return { code = code, row = row }
-    end
-  end
-  return false
-end, 256)
-
+-- The row of a format in the tables, and its code; nil where it has none.
 local function row_of(format_name)
-  local found = format_name and rows[format_name]
-  return found and found.row, found and found.code
+  local code = format_name and formats.code_of(format_name)
+  return code and tables.formats[code], code
 end
 
 -- The bytes of values
-
--- UTF-8 of Latin-1 characters as these; nil of any other.
-local function latin1(text)
-  if find(text, "[^\0-\127\194\195\128-\191]") then
-    return nil
-  end
-  return (gsub(text, "([\194\195])([\128-\191])", function(first, second)
-    return char((first:byte() - 194) * 64 + second:byte())
-  end))
-end
 
 local MOST = { number = 4, text = 16, octets = 16 } -- bytes of a value
 
@@ -66,7 +47,7 @@ function bytes_of.number(value, row)
 end
 
 function bytes_of.text(value, row)
-  local text = type(value) == "string" and latin1(value)
+  local text = type(value) == "string" and reader.from_latin1(value)
   if not text or (not row.whole and #text > row.size) then
     return nil
   end
@@ -111,14 +92,6 @@ end
 
 -- Elements
 
-local function number_of(raw)
-  local value = 0
-  for place = 1, #raw do
-    value = value * 256 + raw:byte(place)
-  end
-  return value
-end
-
 local function text_of(raw)
   return reader.latin1((gsub(raw, "[\0 ]+$", "")))
 end
@@ -158,7 +131,7 @@ end
 local TAKE = {}
 
 function TAKE.identifier(found, raw)
-  local word, code, bits = number_of(raw), raw:byte(2), tables.descriptions.bits
+  local word, code, bits = reader.u16(raw, 0), raw:byte(2), tables.descriptions.bits
   local row = tables.formats[code]
   found.identifier, found.type = word, row and row.name or format("0x%02X", code)
   found.writable = bit(word, bits.read_only) == 0
@@ -190,7 +163,7 @@ function TAKE.high(found, raw)
 end
 
 function TAKE.normalisation(found, raw)
-  local word, known = number_of(raw), tables.descriptions.normalisation
+  local word, known = reader.u16(raw, 0), tables.descriptions.normalisation
   found.normalisation = word
   if bit(word, known.valid) == 1 then
     found.full_scale = 2 ^ (word % known.bits)
@@ -199,7 +172,7 @@ end
 
 for _, name in ipairs({ "elements", "extension", "reference" }) do
   TAKE[name] = function(found, raw)
-    found[name] = number_of(raw)
+    found[name] = reader.u16(raw, 0)
   end
 end
 

@@ -177,6 +177,17 @@ function M.name_of(block)
   return block
 end
 
+local codes -- format name -> code
+
+--- The code of a format by its name; nil of a name that no format has.
+function M.code_of(name)
+  if not codes then
+    codes = {}
+    for code, row in pairs(tables.formats) do codes[row.name] = code end
+  end
+  return codes[name]
+end
+
 --- A number as Python shows it: a float always with a point or an exponent, an integer never.
 -- The format says which it is: Lua 5.2 has one kind of number only.
 function M.number_text(number, format_name, scaled)

@@ -2,9 +2,10 @@
 -- ds47.report.explanation). The meanings are those of ds47.explain.meanings.
 
 local formatting = require("ds47.report.formatting")
+local spec = require("ds47.spec.lookup")
 local tables = require("ds47.spec.tables")
 
-local concat, format, gsub = table.concat, string.format, string.gsub
+local concat, fill, format = table.concat, spec.fill, string.format
 
 local M = {}
 
@@ -12,16 +13,12 @@ M.WIDTH = 100
 local LABEL = 12
 local WITH_CAUSE = 2
 
-local function filled(template, name, text)
-  return (gsub(template, "{" .. name .. "}", function() return text end))
-end
-
 local function label(text)
   return "  " .. text .. (" "):rep(math.max(1, LABEL - formatting.width(text)))
 end
 
 local function cause(each, words)
-  return each.text .. filled(words.bracket, "text", words[each.basis])
+  return each.text .. fill(words.bracket, {text = words[each.basis]})
 end
 
 -- `RDREC VALID 0  BUSY 0  ERROR 1  STATUS 16#DE80B500  (for one call only)`.
@@ -31,7 +28,7 @@ local function block_text(block, words)
   local done = block.block == "RDREC" and "VALID" or "DONE"
   local shown = format("%s %d  BUSY %d  ERROR %d", done, block.done and 1 or 0, block.busy and 1 or 0,
     block.error and 1 or 0)
-  local note = filled(words.bracket, "text", block.note)
+  local note = fill(words.bracket, {text = block.note})
   return format("%s  %-24s  STATUS 16#%s %s", block.block, shown, block.status, note)
 end
 
@@ -103,8 +100,8 @@ function M.lines(meanings, lang, width)
       out.labelled(words.causes, cause(each.causes[1], words))
     end
   end
-  if empty[1] then out.wrapped(filled(words.nothing, "list", concat(empty, words.list_separator))) end
-  if others[1] then out.add(filled(words.more, "command", others[1].name)) end
+  if empty[1] then out.wrapped(fill(words.nothing, {list = concat(empty, words.list_separator)})) end
+  if others[1] then out.add(fill(words.more, {command = others[1].name})) end
   return lines
 end
 

@@ -227,6 +227,15 @@ function M.error(item, lang)
   return M.noted(lang, text, info and M.say(lang, "parameter_error_info", info))
 end
 
+--- The values of a parameter with its unit: `10.0 s`, `5461 (33.33 %)`. `lang` as in `values`.
+function M.with_unit(item, lang)
+  local unit = item.unit and " " .. M.escape(item.unit) or ""
+  if item.scaled and #item.scaled > 0 then
+    unit = " (" .. M.values(item.scaled, item.format, true, lang) .. unit .. ")"
+  end
+  return M.values(item.values, item.format, false, lang) .. unit
+end
+
 --- A parameter with what is known of it: `p50303[0] = 10.0`, with `:=` if it was written.
 -- `lang` as in `values`.
 function M.parameter(item, written, lang)
@@ -239,12 +248,7 @@ function M.parameter(item, written, lang)
   if described then
     text = text .. (written and " := " or " = ") .. M.joined(lang, described)
   elseif item.values and #item.values > 0 then
-    local unit = item.unit and " " .. M.escape(item.unit) or ""
-    text = text .. (written and " := " or " = ") .. M.values(item.values, item.format, false, lang)
-    if item.scaled and #item.scaled > 0 then
-      unit = " (" .. M.values(item.scaled, item.format, true, lang) .. unit .. ")"
-    end
-    text = text .. unit
+    text = text .. (written and " := " or " = ") .. M.with_unit(item, lang)
   end
   return item.error and text .. " " .. M.error(item.error, lang) or text
 end

@@ -43,6 +43,14 @@ function M.latin1(data)
   return (gsub(data, "[\128-\255]", UTF8))
 end
 
+--- The Latin-1 bytes of such a text; nil where it has other characters.
+function M.from_latin1(text)
+  if find(text, "[^\0-\127\194\195\128-\191]") then return nil end
+  return (gsub(text, "([\194\195])([\128-\191])", function(first, second)
+    return char((byte(first) - 194) * 64 + byte(second))
+  end))
+end
+
 --- Whether no byte from an offset on is anything but zero.
 function M.only_zeros(data, offset)
   return not find(data, "[^\0]", offset + 1)
