@@ -31,13 +31,14 @@ end
 
 -- What the rule says of all its findings, its "cause" or "advice". It may be longer than Wireshark shows in
 -- one line (240 bytes): the rest stands in lines below it.
-local function add_of_rule(put, parent, row, key, lang)
+-- @param word the word of the report that the line has
+local function add_of_rule(put, parent, row, key, word, lang)
   local text = in_language(row, key, lang)
   local item = put.derive(parent, "finding." .. key, text)
   if not item then
     return
   end
-  local shown = words.say(lang, "finding_" .. key, { text = text })
+  local shown = words.say(lang, word, { text = text })
   for number, line in ipairs(words.wrap(shown, WIDTH, HANGING)) do
     if number == 1 then
       item:set_text(line)
@@ -102,8 +103,8 @@ function M.add(put, parent, finding, experts, request, lang)
   if put.wanted("finding.args") then
     hide(put.derive(shown, "finding.args", json.encode(finding.args)))
   end
-  add_of_rule(put, shown, row, "cause", lang)
-  add_of_rule(put, shown, row, "advice", lang)
+  add_of_rule(put, shown, row, "cause", "finding_cause", lang)
+  add_of_rule(put, shown, row, "advice", "finding_advice", lang)
   add_instead(put, shown, finding)
   add_frames(put, shown, finding, request)
   put.derive(shown, "finding.severity", tables.codes.severities[finding.severity])

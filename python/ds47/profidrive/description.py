@@ -3,7 +3,7 @@
 Made from the values that a message has, whatever format a drive puts them in: a whole description of 46 bytes, one
 element of it, entries of a text array. What is no description is None, and no bytes raise. Nothing is guessed: a
 limit whose bytes do not fit the type of the parameter, a type or a unit that no table has, stay None.
-Learning from it, and words, are elsewhere.
+Words are elsewhere.
 """
 
 from __future__ import annotations

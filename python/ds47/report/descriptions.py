@@ -32,23 +32,23 @@ def entries(item: Parameter) -> list[str] | None:
 
 def words(item: Parameter) -> Both | None:
     """What a description or a text says, in a line; None where the values say it themselves."""
-    if item.attribute not in ("description", "text"):
-        return None
-    told = parts(item)
-    described = of(item)
+    told, described = _told(item)
     marks = [] if described is None else _marks(described)
-    if told is None and not marks:
-        return None
-    return joined([*map(Both.same, told or []), *marks])
+    return joined([*map(Both.same, told), *marks]) if told or marks else None
 
 
 def parts(item: Parameter) -> list[str] | None:
     """The same without what needs words of a language: name, type, unit, limits; None where there is nothing."""
+    return _told(item)[0] or None
+
+
+def _told(item: Parameter) -> tuple[list[str], Description | None]:
+    """The parts, none where there is nothing; and the description, if it is one."""
     listed = entries(item)
     if listed is not None:
-        return [quoted(each) for each in listed]
+        return [quoted(each) for each in listed], None
     described = of(item)
-    return None if described is None else _plain(described) or None
+    return ([] if described is None else _plain(described)), described
 
 
 def _plain(item: Description) -> list[str]:

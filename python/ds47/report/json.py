@@ -137,25 +137,19 @@ def _hex(data: bytes | None) -> str:
 
 
 def _parameter_text(item: Parameter, lang: str) -> str:
+    if item.attribute not in _PLAIN:
+        return text(contract.PARAMETER.plain(item, lang))
     error = item.error
     failed = _NULL
     if error is not None:
         failed = text(contract.ERROR.plain(error, lang))
     scaled = _NULL if item.scaled is None else list_text(item.scaled)
     head, values = parameter_head(item, lang), list_text(item.values)
-    rare = "" if item.attribute in _PLAIN else _described(item)
-    return f'{head}, "values": {values}, "scaled": {scaled}, "error": {failed}{rare}}}'
+    return f'{head}, "values": {values}, "scaled": {scaled}, "error": {failed}}}'
 
 
 _PLAIN: Final = ("value", None)
-"""Attributes of most parameters: those that describe nothing."""
-
-
-def _described(item: Parameter) -> str:
-    """The keys of a description or a text."""
-    whole = contract.PARAMETER.plain(item)
-    keys = [key for key in ("description", "texts") if key in whole]
-    return "".join(f', "{key}": {text(whole[key])}' for key in keys)
+"""Attributes of most parameters: those that describe nothing, and have no keys of their own."""
 
 
 def parameter_head(item: Parameter, lang: str) -> str:

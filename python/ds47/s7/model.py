@@ -84,11 +84,6 @@ class Address:
     def __hash__(self) -> int:
         return hash((self.area, self.db, self.start, self.size, self.count, self.transport))
 
-    @property
-    def memory(self) -> tuple[int, int]:
-        """What two addresses have in common that can overlap."""
-        return self.area, self.db
-
 
 @dataclass(slots=True, init=False, eq=False)
 class Item:

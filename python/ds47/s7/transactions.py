@@ -60,8 +60,7 @@ def _item(item: Item, sent: bool) -> model.Item:
     if address is None:
         length = len(item.value) if sent and item.value is not None else None
         return model.Item(None, None, None, None, None, length, item.value, item.code)
-    name, letter, db, start, bit, length = _named(address)
-    return model.Item(name, letter, db, start, bit, length, item.value, item.code)
+    return model.Item(*_named(address), item.value, item.code)
 
 
 @lru_cache(maxsize=4096)

@@ -6,13 +6,13 @@ in `fields`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any
 from xml.etree.ElementTree import Element
 
 from ds47 import spec
 from ds47.profidrive.description import KEYS
+from ds47.profidrive.formats import number_value
 
 _PREFIX = "ds47."
 _FLAGS = frozenset(("writable", "text_array", "changed", "reset_only", "array"))
@@ -42,10 +42,11 @@ def _description(item: Element, format_name: str | None) -> dict[str, Any]:
         elif name == "name":
             found[name] = _text(element)
         elif name == "factor":
-            found[name] = _real(shown)
+            found[name] = number_value(float(shown))
         elif name in ("low", "high"):
-            row = spec.format_named(of_limits or "")
-            found[name] = _real(shown) if row is None or row.kind == "float" else int(float(shown))
+            row, number = spec.format_named(of_limits or ""), float(shown)
+            is_float = row is None or row.kind == "float"
+            found[name] = number_value(number) if is_float else int(number)
         else:
             found[name] = int(shown, 0)
     return found
@@ -62,10 +63,3 @@ def _text(item: Element) -> str:
     return (
         item.get("show", "") if raw is None else bytes.fromhex(raw).decode("latin-1").rstrip("\0 ")
     )
-
-
-def _real(text: str) -> float | str:
-    number = float(text)
-    if math.isfinite(number):
-        return number
-    return "NaN" if math.isnan(number) else "Infinity" if number > 0 else "-Infinity"

@@ -7,7 +7,7 @@ wire: what is compared with the analyzer here was decoded by the plugin. Running
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from json import loads
@@ -252,12 +252,12 @@ def _formats() -> dict[str, spec.Format]:
     return {row.name: row for row in spec.formats().values()}
 
 
-def _format(text: str | None) -> str | None:
-    """The name of a format, `0x77` of one that has none."""
+def _named(rows: Mapping[int, spec.Format | spec.Attribute], text: str | None) -> str | None:
+    """The name of a format or an attribute, `0x77` of one that has none."""
     if text is None:
         return None
     code = int(text, 0)
-    known = spec.formats().get(code)
+    known = rows.get(code)
     return known.name if known else f"0x{code:02X}"
 
 
@@ -266,14 +266,17 @@ def _parameter(item: Element, place: str | None) -> dict[str, Any]:
     seen = _children(item)
     name = count = None
     if place is not None:
-        name, count = _format(seen.get(f"{place}format")), _number(seen.get(f"{place}value_count"))
+        name, count = (
+            _named(spec.formats(), seen.get(f"{place}format")),
+            _number(seen.get(f"{place}value_count")),
+        )
         if name == spec.formats()[ERROR].name:
             name = count = None
     values = [each for each in item.iterfind("field") if _name(each) == "value"]
     return {
         "pnu": _number(seen.get("pnu")),
         "subindex": _number(seen.get("subindex")),
-        "attribute": _attribute(seen.get("attribute")),
+        "attribute": _named(spec.attributes(), seen.get("attribute")),
         "element_count": _number(seen.get("element_count")),
         "name": seen.get("name"),
         "unit": seen.get("unit"),
@@ -284,14 +287,6 @@ def _parameter(item: Element, place: str | None) -> dict[str, Any]:
         "error": _error(seen),
         **described.read(item, name),
     }
-
-
-def _attribute(text: str | None) -> str | None:
-    if text is None:
-        return None
-    code = int(text, 0)
-    known = spec.attributes().get(code)
-    return known.name if known else f"0x{code:02X}"
 
 
 def _error(seen: dict[str, str]) -> dict[str, Any] | None:
@@ -310,8 +305,9 @@ def _value(item: Element, name: str | None) -> int | float | str:
         return int(_show(item))  # a number of elements, which PKW tells without a format
     below = _children(item)
     if kind == "text":
-        if "value.hex" in below:
-            return bytes.fromhex(below["value.hex"].replace(":", "")).decode("latin-1")
+        digits = _digits(below.get("value.hex"))
+        if digits is not None:
+            return bytes.fromhex(digits).decode("latin-1")
         return _show(item)[1:-1]  # in quotes
     if kind in ("octets", "with_status"):
         return _show(item).strip('"')  # characters of an unknown code are shown in quotes, too

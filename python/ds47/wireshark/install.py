@@ -85,11 +85,7 @@ def install_plugin(plugins: Path, sources: Sources, force: bool = False) -> Outc
     """
     folder, files = plugins / FOLDER, plugin_files(sources)
     with _in_words(folder):
-        _put_back(folder)
-        _only_a_folder(folder)
-        marker = read_marker(folder)
-        if marker is None and not force:
-            _refuse_loss(folder, files)
+        marker = _found(folder, files, force)
         if marker is not None and not force and (touched := changed(folder, marker)):
             names = ", ".join(touched)
             raise RefusedError(
@@ -106,11 +102,7 @@ def install_profile(folder: Path, sources: Sources, force: bool = False) -> Outc
     """
     files = profile_files(sources)
     with _in_words(folder):
-        _put_back(folder)
-        _only_a_folder(folder)
-        marker = read_marker(folder)
-        if marker is None and not force:
-            _refuse_loss(folder, files)
+        marker = _found(folder, files, force)
         kept = [] if marker is None or force else changed(folder, marker, missing=False)
         return _put(folder, files, marker, kept)
 
@@ -335,11 +327,18 @@ def _user_name(user: int) -> str:
         return str(user)
 
 
-def _refuse_loss(folder: Path, files: Iterable[str]) -> None:
-    """Raises RefusedError where files of a folder that we did not make would be replaced."""
-    if lost := not_ours(folder, files):
+def _found(folder: Path, files: Iterable[str], force: bool) -> Marker | None:
+    """What is installed in a folder before `files` are put there; None where nothing is.
+
+    Raises RefusedError where files that we did not make would be replaced (not with `force`).
+    """
+    _put_back(folder)
+    _only_a_folder(folder)
+    marker = read_marker(folder)
+    if marker is None and not force and (lost := not_ours(folder, files)):
         names = listed(lost)
         raise RefusedError(f"{names} in {folder}: not of ds47 plugin install (--force replaces it)")
+    return marker
 
 
 def _remove_own(folder: Path, marker: Marker) -> int:
