@@ -12,7 +12,8 @@ import pytest
 
 from ds47.analysis import analyze
 from ds47.regression import baseline
-from ds47.regression.difference import difference, mann_whitney
+from ds47.regression.chance import fisher, mann_whitney
+from ds47.regression.difference import difference
 from ds47.regression.difference_report import lines, place_text, write
 from ds47.regression.shape import flaw
 
@@ -50,9 +51,15 @@ def capture(*items: dict[str, Any], station: str | None = None) -> dict[str, Any
     }
 
 
+CONCLUDED = "what is otherwise in B, the worst first:"
+
+
 def told(a: dict[str, Any], b: dict[str, Any]) -> list[str]:
-    """The lines from the verdict on, without findings, states and durations."""
+    """The lines from the verdict on, without conclusions, findings, states and durations."""
     all_ = list(lines(difference(a, b, ("a", "b")), everything=True))[3:]
+    if CONCLUDED in all_:
+        start = all_.index(CONCLUDED)
+        del all_[start : all_.index("", start)]
     return [
         line
         for line in all_
@@ -99,8 +106,8 @@ def test_a_read_is_never_compared_with_a_change():
 def test_one_negative_response_is_not_what_a_parameter_became():
     one = capture(*[asked(2, 10)] * 27, asked(2, code=0x01, element_count=1))
     assert told(one, capture(*[asked(2, 10)] * 3)) == [
-        "1 of 1 parameter elements that both captures show differs.",
-        "parameter elements that differ:",
+        "The 1 parameter element that both captures show is the same in both.",
+        "the same last value in both; failures beside it are within chance:",
         "  10.0.0.2 slot 1.1 axis 2 p2[0] read  A: 27 x = 10, 1 x negative response 0x01 text 1; B: 3 x = 10",
     ]
 
@@ -382,6 +389,104 @@ def test_a_time_before_the_request_is_no_duration(a):
     a["transactions"] = [deepcopy(item) | {"duration_ms": each} for each in times]
     (each,) = difference(a, a, ("a", "b")).latencies
     assert (each.counts, each.p95) == ((20, 20), (19.0, 19.0)), "nearest rank, as the report has it"
+
+
+def concluded(a: dict[str, Any], b: dict[str, Any]) -> list[str]:
+    """The conclusions that the text opens with."""
+    all_ = list(lines(difference(a, b, ("a", "b"))))
+    if CONCLUDED not in all_:
+        return []
+    start = all_.index(CONCLUDED) + 1
+    return all_[start : all_.index("", start)]
+
+
+def test_it_opens_with_what_is_otherwise_the_worst_first():
+    one = capture(
+        asked(2, 10), asked(5, 7, operation="change"), asked(6, 1), asked(21, 50), asked(8, code=0x02),
+        asked(9, code=0x00),
+    )  # fmt: skip
+    change = asked(5, 7, operation="change", code=0x11)
+    refused = asked(6, state="refused", status={"write": "DF80B600", "read": None})
+    other = capture(asked(2, 11), change, refused, asked(21, 51), asked(8, code=0x03), asked(9, 4))
+    for side in (one, other):
+        side["transactions"][3]["parameters"][0]["name"] = "Actual frequency"
+    place = "10.0.0.2 slot 1.1 axis 2"
+    assert concluded(one, other) == [
+        f"  {place}: changes that A shows accepted fail in B: p5[0] (0x11 text 17)",
+        f"  {place}: reads that brought a value in A fail in B: p6[0] (STATUS DF80B600)",
+        f"  {place}: other values read: p2[0] 10 -> 11",
+        f"  {place}: the same requests (read) fail in both, in B with: p8[0] (0x03 text 3)",
+        f"  {place}: reads that failed in A bring a value in B: p9[0] (0x00 text 0)",
+        f"  {place}: other values of parameters that the drive changes by itself: p21[0] 50 -> 51",
+    ]
+    assert concluded(one, one) == []
+
+
+def test_a_conclusion_names_few_parameters_and_counts_the_others():
+    one = capture(*(asked(number, 1) for number in range(100, 120, 2)))
+    other = capture(*(asked(number, 2) for number in range(100, 120, 2)))
+    assert concluded(one, other) == [
+        "  10.0.0.2 slot 1.1 axis 2: other values read: p100[0] 1 -> 2, p102[0] 1 -> 2, p104[0] 1 -> 2, "
+        "7 more elements"
+    ]
+    many = [asked(5, 1, axis=axis) for axis in range(1, 15)]
+    changed = [asked(5, 2, axis=axis) for axis in range(1, 15)]
+    assert concluded(capture(*many), capture(*changed))[-1] == "  and 2 more: see below"
+
+
+def test_an_error_of_another_request_is_not_named():
+    """p5[0] by another number of elements failed in both; that is no part of what is otherwise."""
+    always = asked(5, code=0x04, element_count=9)
+    one, other = capture(always, asked(5, 1)), capture(always, asked(5, code=0x11))
+    assert concluded(one, other) == [
+        "  10.0.0.2 slot 1.1 axis 2: reads that brought a value in A fail in B: p5[0] (0x11 text 17)"
+    ]
+
+
+def test_failures_beside_values_count_where_they_are_more_than_chance():
+    def often(failures: int) -> dict[str, Any]:
+        return capture(
+            *[asked(5, 1)] * (40 - failures), *[asked(5, code=0x11)] * failures, asked(5, 1)
+        )
+
+    few, many = often(1), often(20)
+    assert concluded(often(0), few) == []
+    assert difference(often(0), few, ("a", "b")).rows[0].result == "sometimes"
+    place = "10.0.0.2 slot 1.1 axis 2"
+    assert concluded(few, many) == [
+        f"  {place}: the same requests (read) fail more often in B (failed / asked): p5[0] 1 / 41 -> 20 / 41"
+    ]
+    assert concluded(many, few) == [
+        f"  {place}: the same requests (read) fail less often in B (failed / asked): p5[0] 20 / 41 -> 1 / 41"
+    ]
+
+
+def test_faults_and_latency_are_conclusions(a):
+    def with_faults(n: int, left_out: int = 0) -> dict[str, Any]:
+        relation = {"device": "10.0.0.2", "slot": 1, "subslot": 1}
+        events = [{"name": name} for name in ["running", *["fault", "fault-cleared"] * n]]
+        timeline = {"relation": 1, "events": events, "events_left_out": left_out}
+        times = [asked(5, 1, duration_ms=10.0 + n * 5 + step / 10) for step in range(20)]
+        return capture(*times) | {"relations": [relation], "timelines": [timeline]}
+
+    assert concluded(with_faults(0), with_faults(2)) == [
+        "  10.0.0.2 slot 1.1: the status word began to report a fault, times: 0 -> 2",
+        "  10.0.0.2: read is slower in B: median 10.9 -> 20.9 ms (p = 6.8e-08)",
+    ]
+    assert [line.partition(": ")[2][:24] for line in concluded(with_faults(2), with_faults(0))] == [
+        "the status word began to", "read is quicker in B: me",
+    ]  # fmt: skip
+    assert difference(with_faults(0, 1), with_faults(2), ("a", "b")).faults == []
+    assert difference(a, with_faults(2), ("a", "b")).faults == []
+
+
+def test_fisher_against_published_values():
+    # The lady tasting tea, and values of R's fisher.test.
+    assert fisher(3, 1, 1, 3) == pytest.approx(0.4857143)
+    assert fisher(1, 11, 9, 3) == pytest.approx(0.002759456)
+    assert fisher(0, 10, 5, 5) == pytest.approx(0.03250774)
+    assert fisher(0, 0, 5, 5) == fisher(7, 0, 0, 0) == 1.0
+    assert 0 <= fisher(1000, 49000, 3000, 47000) < 1e-200
 
 
 def test_mann_whitney_against_published_values():

@@ -12,22 +12,32 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from math import erf, sqrt
 from statistics import median
 from typing import Final, NamedTuple
 
 from ds47.model import S7
-from ds47.regression.elements import OPERATIONS, Element, History, Outcomes, Shown, equal, shown
+from ds47.regression.chance import SIGNIFICANT, fisher, mann_whitney
+from ds47.regression.elements import (
+    OPERATIONS,
+    VALUE,
+    Element,
+    History,
+    Outcomes,
+    Shown,
+    equal,
+    shown,
+)
 from ds47.regression.places import Json, Place, Places
 
-SIGNIFICANT = 0.01
-"""From this probability down a shift of the latency is taken for real."""
 _FEW = 8
 """Below this many durations on one side the normal approximation says nothing."""
 
 SAME: Final = "same"
 DIFFERENT: Final = "different"
-"""The last values differ, or the same request had another kind of outcome."""
+"""The last values differ, the same request brings a value in one capture only, or it fails more often than
+chance explains."""
+SOMETIMES: Final = "sometimes"
+"""The last value is the same in both, and negative responses beside it are not: by chance, as far as is known."""
 OTHER_REQUESTS: Final = "other requests"
 """The kinds of negative response differ, and the requests were not the same: by another way, number of
 elements, value or format."""
@@ -39,6 +49,10 @@ OTHER_OPERATION: Final = "other operation"
 """The other capture asked for the element, but did not read it (or did not change it)."""
 OTHER_WAY: Final = "other way"
 """The other capture asked for this PNU and subindex at what may be the same drive object, or another one."""
+
+
+FAULT: Final = "fault"
+"""The event of spec/pzd.toml."""
 
 
 class Row(NamedTuple):
@@ -73,6 +87,21 @@ class Latency:
         """Whether the shift is more than chance."""
         return self.probability is not None and self.probability <= SIGNIFICANT
 
+    @property
+    def is_slower(self) -> bool:
+        """Whether the median became longer."""
+        return self.medians[1] > self.medians[0]
+
+
+class Faults(NamedTuple):
+    """How often the status word of a drive began to say a fault (bit 3 of ZSW1), in both captures."""
+
+    device: str
+    slot: int | None
+    subslot: int | None
+    a: int
+    b: int
+
 
 @dataclass(slots=True)
 class Difference:
@@ -84,6 +113,8 @@ class Difference:
     """Rule, count in the first, count in the second."""
     states: list[tuple[str, int, int]] = field(default_factory=list)
     latencies: list[Latency] = field(default_factory=list)
+    faults: list[Faults] = field(default_factory=list)
+    """Of drives whose words both captures have."""
     unknown: tuple[int, int] = (0, 0)
     """For each capture: transactions that asked for something that it does not show."""
     texts: dict[tuple[str, int | None], str] = field(default_factory=dict)
@@ -96,7 +127,7 @@ class Difference:
     @property
     def compared(self) -> int:
         """Elements that can be compared: both captures asked for them in the same way, and show an outcome."""
-        return len({row.element for row in self.of(SAME, DIFFERENT)})
+        return len({row.element for row in self.of(SAME, DIFFERENT, SOMETIMES)})
 
     @property
     def different(self) -> int:
@@ -106,7 +137,7 @@ class Difference:
     @property
     def changed(self) -> list[Row]:
         """The rows that are not the same, or not in both captures."""
-        return [row for row in self.rows if row.result not in (SAME, OPEN)]
+        return [row for row in self.rows if row.result not in (SAME, SOMETIMES, OPEN)]
 
 
 def difference(a: Json, b: Json, names: tuple[str, str]) -> Difference:
@@ -130,6 +161,7 @@ def difference(a: Json, b: Json, names: tuple[str, str]) -> Difference:
         *((each["state"] for each in capture["transactions"]) for capture in (a, b))
     )
     result.latencies = _latencies(a, b, called)
+    result.faults = _faults(a, b, called)
     return result
 
 
@@ -187,16 +219,52 @@ def _rows(a: Shown, b: Shown, places: Places) -> Iterator[Row]:
 
 
 def compare(a: Outcomes, b: Outcomes) -> str:
-    """SAME, DIFFERENT, OTHER_REQUESTS or OPEN: what two captures show of the reads or changes of an element."""
-    if a.values and b.values and not equal(a.last, a.format, b.last, b.format):
+    """SAME, DIFFERENT, SOMETIMES, OTHER_REQUESTS or OPEN: of the reads, or changes, of an element in both."""
+    if not equal_last(a, b):
         return DIFFERENT
     if not a.kinds or not b.kinds:
         return OPEN
+    shared = shared_requests(a, b)
+    if any(map(turned, shared)):
+        return DIFFERENT
     if a.kinds == b.kinds:
         return SAME
-    shared = a.of_requests.keys() & b.of_requests.keys()
-    same = all(a.of_requests[each] == b.of_requests[each] for each in shared)
-    return OTHER_REQUESTS if same else DIFFERENT
+    return OTHER_REQUESTS if all(one.keys() == other.keys() for one, other in shared) else SOMETIMES
+
+
+def equal_last(a: Outcomes, b: Outcomes) -> bool:
+    """Whether the last values are the same; True where a capture has none."""
+    return not (a.values and b.values) or equal(a.last, a.format, b.last, b.format)
+
+
+Pair = tuple[Counter[object], Counter[object]]
+"""How often the same request had which kind of outcome, in A and in B."""
+
+
+def shared_requests(a: Outcomes, b: Outcomes) -> list[Pair]:
+    """The requests that both captures show, with their outcomes."""
+    shared = [each for each in a.of_requests if each in b.of_requests]
+    return [(a.of_requests[each], b.of_requests[each]) for each in shared]
+
+
+def turned(pair: Pair) -> bool:
+    """Whether the same request is answered otherwise in B.
+
+    It brings a value in one capture only, fails in both with other errors, or fails more often in one of them than
+    chance explains.
+    """
+    one, other = pair
+    if one[VALUE] and other[VALUE]:
+        return fails_otherwise(pair)
+    return one.keys() != other.keys()
+
+
+def fails_otherwise(pair: Pair) -> bool:
+    """Whether a request fails more often in one capture than chance explains."""
+    (failed, passed), (failed_too, passed_too) = (
+        (each.total() - each[VALUE], each[VALUE]) for each in pair
+    )
+    return fisher(failed, passed, failed_too, passed_too) <= SIGNIFICANT
 
 
 def _one_sided(element: Element, asked: Iterable[Place], places: Places) -> str:
@@ -255,34 +323,22 @@ def _percentile(values: list[float], percent: int) -> float:
     return sorted(values)[max(0, -(-percent * len(values) // 100) - 1)]
 
 
-def mann_whitney(a: list[float], b: list[float]) -> float:
-    """Two-sided probability that two samples differ so much by chance.
-
-    The rank test of Mann and Whitney with the normal approximation, corrected for ties and for
-    continuity; it asks nothing of the shape of the distributions, which latencies never give.
-
-    Args:
-        a: one sample, at least one value.
-        b: the other.
-    """
-    ranks = dict(_ranks(sorted(a + b)))
-    size_a, size_b = len(a), len(b)
-    total = size_a + size_b
-    u = sum(ranks[value] for value in a) - size_a * (size_a + 1) / 2
-    ties = sum(count**3 - count for count in Counter(a + b).values())
-    spread = size_a * size_b / 12 * (total + 1 - ties / (total * (total - 1)))
-    if spread <= 0:
-        return 1.0  # all values are equal
-    z = max(0.0, abs(u - size_a * size_b / 2) - 0.5) / sqrt(spread)
-    return 1 - erf(z / sqrt(2))
+def _faults(a: Json, b: Json, called: tuple[dict[str, str], dict[str, str]]) -> list[Faults]:
+    one, other = (_counted(*side) for side in zip((a, b), called, strict=True))
+    both = sorted(one.keys() & other.keys(), key=str)
+    return [Faults(*key, one[key], other[key]) for key in both]
 
 
-def _ranks(ordered: list[float]) -> Iterator[tuple[float, float]]:
-    """Each value with its rank from 1; equal values share the mean of theirs."""
-    start = 0
-    while start < len(ordered):
-        end = start
-        while end < len(ordered) and ordered[end] == ordered[start]:
-            end += 1
-        yield ordered[start], (start + 1 + end) / 2
-        start = end
+def _counted(capture: Json, names: dict[str, str]) -> dict[tuple[str, int | None, int | None], int]:
+    """The faults of each drive whose events are all there."""
+    relations = capture.get("relations") or []
+    found: Counter[tuple[str, int | None, int | None]] = Counter()
+    partly = set()
+    for timeline in capture.get("timelines") or []:
+        relation = relations[timeline["relation"] - 1]
+        device = names.get(relation["device"], relation["device"])
+        key = device, relation["slot"], relation["subslot"]
+        found[key] += sum(event["name"] == FAULT for event in timeline["events"])
+        if timeline["events_left_out"]:
+            partly.add(key)
+    return {key: count for key, count in found.items() if key not in partly}

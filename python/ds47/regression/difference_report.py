@@ -7,12 +7,14 @@ the same, what a drive did otherwise first, and durations last.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NamedTuple, TextIO
 
 from ds47 import __version__, spec
+from ds47.regression import conclusions as concluded
 from ds47.regression import difference as kinds
-from ds47.regression.difference import Difference, Latency, Row
+from ds47.regression.conclusions import Conclusion, conclusions, failures, shares
+from ds47.regression.difference import Difference, Faults, Latency, Row
 from ds47.regression.elements import Outcomes, is_whole
 from ds47.regression.places import Place
 from ds47.report.bilingual import Both, joined, operation, say, state
@@ -29,6 +31,27 @@ _REST = (
     (kinds.OPEN, "diff_open"),
 )
 """What was not compared, and its heading."""
+_CONCLUSIONS = 12
+"""Conclusions that text and page open with; the others are counted."""
+_NAMED = 3
+"""Parameters that a conclusion names."""
+_CONCLUDED = {
+    concluded.CHANGE_FAILS: "diff_change_fails",
+    concluded.READ_FAILS: "diff_read_fails",
+    concluded.FAULTS: "diff_faults",
+    concluded.MORE_FAIL: "diff_more_fail",
+    concluded.SLOWER: "diff_is_slower",
+    concluded.VALUES: "diff_other_values",
+    concluded.WRITTEN: "diff_other_written",
+    concluded.ERRORS: "diff_other_errors",
+    concluded.CHANGE_WORKS: "diff_change_works",
+    concluded.READ_WORKS: "diff_read_works",
+    concluded.FEWER_FAULTS: "diff_faults",
+    concluded.FEWER_FAIL: "diff_fewer_fail",
+    concluded.QUICKER: "diff_is_quicker",
+    concluded.CHANGING: "diff_changing",
+}
+"""What a conclusion says, by its kind."""
 _VALUES = {
     "read": ("diff_read", "diff_read_several"),
     "change": ("diff_change", "diff_change_several"),
@@ -88,6 +111,7 @@ def lines(found: Difference, lang: str = "en", *, everything: bool = False) -> I
     yield f"B {escape(b)}"
     yield ""
     yield verdict(found).text(lang)
+    yield from _conclusion_lines(found, lang)
     for section in sections(found):
         yield from _section(section.title, [_line(run, found) for run in section.runs], lang)
     yield from _section(
@@ -111,9 +135,82 @@ def verdict(found: Difference) -> Both:
     return say("diff_differ", n=found.different, total=f"{found.compared:,}")
 
 
+def _conclusion_lines(found: Difference, lang: str) -> Iterator[str]:
+    all_ = conclusions(found)
+    if not all_:
+        return
+    yield from _section(
+        say("diff_concluded"), [conclusion_text(each, found) for each in all_[:_CONCLUSIONS]], lang
+    )
+    if len(all_) > _CONCLUSIONS:
+        yield f"  {say('diff_more', n=len(all_) - _CONCLUSIONS).text(lang)}"
+
+
+def conclusion_text(each: Conclusion, found: Difference) -> Both:
+    """A conclusion in a line: `press-1 DO 2: a read that brought a value in A fails in B: p2900[0] (..)`."""
+    if each.faults is not None:
+        return say(
+            _CONCLUDED[each.kind],
+            place=_submodule(each.faults),
+            counts=f"{each.faults.a:,} -> {each.faults.b:,}",
+        )
+    if each.latency is not None:
+        was, now = each.latency.medians
+        return say(
+            _CONCLUDED[each.kind],
+            place=escape(each.latency.device),
+            operation=operation(each.latency.operation),
+            medians=f"{was:.1f} -> {now:.1f}",
+            p=f"{each.latency.probability:.2g}",
+        )
+    return say(
+        _CONCLUDED[each.kind],
+        place=place_text(each.place),
+        operation=operation(each.rows[0].operation),
+        parameters=_named(each, found),
+    )
+
+
+def _submodule(each: Faults) -> str:
+    """`press-1 slot 1.1`; of a channel that was named by hand only the device is known."""
+    device = escape(each.device)
+    return device if each.slot is None else f"{device} slot {slot_number(each.slot, each.subslot)}"
+
+
+def _named(each: Conclusion, found: Difference) -> Both:
+    """The first of its parameters with what matters of them, and how many elements there are beside."""
+    all_ = runs(each.rows, lambda row: (failures(row, each.kind), shares(row)))
+    named = [_brief(run, each.kind, found) for run in all_[:_NAMED]]
+    left = sum(len(run.rows) for run in all_[_NAMED:])
+    return joined([*named, *([say("diff_elements_more", n=left)] if left else [])])
+
+
+def _brief(run: Run, kind: str, found: Difference) -> Both:
+    """`p2900[0] 10.0 -> 12.0`, `p2900[0] (0x11 ...)`, `p2900[0..3] 1 of 27 -> 9 of 12`."""
+    name = f"p{run.first.element.pnu}[{_indices(run)}]"
+    if kind in (concluded.VALUES, concluded.WRITTEN, concluded.CHANGING):
+        sides = [_last(run, side) for side in ("a", "b")]
+        return Both(*(f"{name} {was} -> {now}" for was, now in zip(*sides, strict=True)))
+    if kind in (concluded.MORE_FAIL, concluded.FEWER_FAIL):
+        return Both.same(f"{name} {' -> '.join(f'{n:,} / {of:,}' for n, of in shares(run.first))}")
+    told = (_failure(each, run, found) for each in failures(run.first, kind))
+    return Both.same(f"{name} ({', '.join(told)})")
+
+
+def _failure(kind: object, run: Run, found: Difference) -> str:
+    """`0x11 not in this operating state`, `STATUS DF80B500`, `-` for a negative response without a number."""
+    if isinstance(kind, int):
+        return _error(kind, run.first.element.place.device, found)
+    return "-" if kind is None else f"STATUS {escape(str(kind))}"
+
+
 def sections(found: Difference) -> list[Section]:
     """What differs, asked for by the same requests and by others; where there is something."""
-    headings = ((kinds.DIFFERENT, "diff_parameters"), (kinds.OTHER_REQUESTS, "diff_requests"))
+    headings = (
+        (kinds.DIFFERENT, "diff_parameters"),
+        (kinds.OTHER_REQUESTS, "diff_requests"),
+        (kinds.SOMETIMES, "diff_sometimes"),
+    )
     all_ = [Section(say(title), runs(found.of(kind))) for kind, title in headings]
     return [section for section in all_ if section.runs]
 
@@ -170,14 +267,14 @@ def _in_b(row: Row) -> bool:
     return row.b is not None
 
 
-def runs(rows: Iterable[Row]) -> list[Run]:
-    """Rows put together to runs, in the order of their parameters."""
+def runs(rows: Iterable[Row], about: Callable[[Row], object] = lambda _: None) -> list[Run]:
+    """Rows put together to runs, in the order of their parameters; in one run `about` gives the same for all."""
     found: list[list[Row]] = []
     ordered = sorted(
         rows, key=lambda row: (row.element.place.sort_key, row.element.pnu, row.operation)
     )
     for row in ordered:
-        if found and _follows(found[-1][-1], row):
+        if found and _follows(found[-1][-1], row) and about(found[-1][-1]) == about(row):
             found[-1].append(row)
         else:
             found.append([row])
@@ -217,19 +314,22 @@ def place_text(place: Place) -> str:
 
 def parameter_text(run: Run) -> str:
     """The parameter elements of a run: `192.168.0.1 DO 2 p2900[0]`, `.. p2902[2..5]`."""
-    element, last = run.first.element, run.rows[-1].element.subindex
-    index = f"{element.subindex}" if len(run.rows) == 1 else f"{element.subindex}..{last}"
-    return f"{place_text(element.place)} p{element.pnu}[{index}]"
+    element = run.first.element
+    return f"{place_text(element.place)} p{element.pnu}[{_indices(run)}]"
+
+
+def _indices(run: Run) -> str:
+    first, last = (run.rows[place].element.subindex for place in (0, -1))
+    return f"{first}" if first == last else f"{first}..{last}"
 
 
 def side_text(run: Run, side: str, found: Difference) -> Both:
     """What capture "a" or "b" shows of a run."""
-    all_ = [getattr(row, side) for row in run.rows]
-    first: Outcomes | None = all_[0]
+    first: Outcomes | None = getattr(run.first, side)
     if first is None:
         return say("diff_absent")
     device = run.first.element.place.device
-    parts = [_values(run, all_)] if first.values else []
+    parts = [_values(run, side)] if first.values else []
     parts += [
         say("diff_negative_bare", n=count)
         if code is None
@@ -248,20 +348,27 @@ def _error(code: int, device: str, found: Difference) -> str:
     return f"{error_hex(code)} {escape(found.texts.get((device, code), ''))}".strip()
 
 
-def _values(run: Run, sides: list[Outcomes]) -> Both:
+def _values(run: Run, side: str) -> Both:
     """How often there was a value, and the last one."""
-    row, first = run.first, sides[0]
-    last = [each.last for each in sides]
+    first: Outcomes = getattr(run.first, side)
+    once, often = _VALUES[run.first.operation]
+    if first.distinct > 1:
+        return say(often, n=first.values, values=str(first.distinct), value=_last(run, side))
+    return say(once, n=first.values, value=_last(run, side))
+
+
+def _last(run: Run, side: str) -> Both:
+    """The last values of a run in capture "a" or "b"; with the format where the other has another one."""
+    row = run.first
+    all_: list[Outcomes] = [getattr(each, side) for each in run.rows]
+    first = all_[0]
+    last = [each.last for each in all_]
     if is_whole(first.format):
         last = ["".join(map(str, last))]
     unit = f" {escape(row.unit)}" if row.unit else ""
     formats = {each.format for each in (row.a, row.b) if each is not None and each.values}
     kind = f" ({escape(str(first.format))})" if len(formats) > 1 else ""
-    shown = Both(*(values(last, first.format, lang) + unit + kind for lang in ("en", "zh")))
-    once, often = _VALUES[row.operation]
-    if first.distinct > 1:
-        return say(often, n=first.values, values=str(first.distinct), value=shown)
-    return say(once, n=first.values, value=shown)
+    return Both(*(values(last, first.format, lang) + unit + kind for lang in ("en", "zh")))
 
 
 def _line(run: Run, found: Difference) -> Both:
@@ -294,7 +401,7 @@ def shift_text(each: Latency) -> Both:
         return say("diff_few")
     key = "diff_no_shift"
     if each.significant:
-        key = "diff_slower" if each.medians[1] > each.medians[0] else "diff_quicker"
+        key = "diff_slower" if each.is_slower else "diff_quicker"
     return say(key, p=f"{each.probability:.2g}")
 
 
@@ -320,6 +427,7 @@ def document(found: Difference) -> dict[str, Any]:
         "b": found.names[1],
         "compared": found.compared,
         "different": found.different,
+        "conclusions": [_conclusion(each) for each in conclusions(found)],
         "parameters": [_parameter(row, found) for row in found.rows],
         "unknown_requests": list(found.unknown),
         "states": [{"state": name, "a": was, "b": now} for name, was, now in found.states],
@@ -337,6 +445,28 @@ def document(found: Difference) -> dict[str, Any]:
             for each in found.latencies
         ],
     }
+
+
+def _conclusion(each: Conclusion) -> dict[str, Any]:
+    place, faults = each.place, each.faults
+    return {
+        "kind": each.kind,
+        "device": place.device,
+        "drive_object": place.drive_object,
+        "slot": place.slot if faults is None else faults.slot,
+        "subslot": place.subslot if faults is None else faults.subslot,
+        "axis": place.axis,
+        "local": place.local,
+        "operation": _operation(each),
+        "elements": [[row.element.pnu, row.element.subindex] for row in each.rows],
+        "faults": None if faults is None else [faults.a, faults.b],
+    }
+
+
+def _operation(each: Conclusion) -> str | None:
+    if each.latency is not None:
+        return each.latency.operation
+    return each.rows[0].operation if each.rows else None
 
 
 def _parameter(row: Row, found: Difference) -> dict[str, Any]:
@@ -397,6 +527,7 @@ def _page(found: Difference, lang: str, everything: bool) -> str:
         rules=spec.rules(),
         version=__version__,
         verdict=verdict(found).text(lang),
+        concluded=[conclusion_text(each, found).text(lang) for each in conclusions(found)],
         sections=sections(found),
         rest=rest(found),
         notes=[each.text(lang) for each in notes(found)],

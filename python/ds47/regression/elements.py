@@ -47,9 +47,9 @@ class Outcomes:
     """Negative responses by error number; None for one without a number."""
     refused: Counter[str] = field(default_factory=Counter)
     """Record calls with a negative STATUS, by its eight hex digits."""
-    of_requests: dict[tuple[Any, ...], set[object]] = field(default_factory=dict)
-    """The kinds of outcome of each request: its way, subindex and number of elements, for a change what was
-    written."""
+    of_requests: dict[tuple[Any, ...], Counter[object]] = field(default_factory=dict)
+    """How often each request had which kind of outcome. A request is its way, subindex and number of elements,
+    for a change what was written, too."""
 
     seen: set[object] = field(default_factory=set)
     """The values by their numbers and by their bits."""
@@ -76,8 +76,8 @@ class Outcomes:
         self.last, self.format = value, format_name
 
     def note(self, request: tuple[Any, ...], kind: object) -> None:
-        """Remembers which kind of outcome a request had."""
-        self.of_requests.setdefault(request, set()).add(kind)
+        """Counts which kind of outcome a request had."""
+        self.of_requests.setdefault(request, Counter())[kind] += 1
 
 
 @dataclass(slots=True)

@@ -9,13 +9,11 @@ from __future__ import annotations
 
 from typing import Any, TextIO
 
-from ds47 import __version__
 from ds47.model import CaptureResult, Report
 from ds47.report import Options, write_all
 from ds47.report import Writer as _Writer
-from ds47.report.formatting import count, duration, escape
-from ds47.report.html import embed, plots
-from ds47.report.html.texts import Words, say
+from ds47.report.html import plots, shell
+from ds47.report.html.texts import say
 from ds47.report.html.views import (
     CaptureView,
     Overview,
@@ -50,7 +48,6 @@ SCRIPTS = (
     "page",
 )
 """The files of templates/report/ that make the one script of the page, in this order."""
-_FOLDER = "report"
 
 
 def write(report: Report, stream: TextIO, options: Options | None = None) -> None:
@@ -87,28 +84,10 @@ class Writer(_Writer):
 
 def page(overview: list[Overview], views: list[CaptureView], lang: str) -> str:
     """The whole page as text."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # only for this format
-
-    environment = Environment(
-        loader=PackageLoader("ds47.report"), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
-    words = Words(lang)
-    environment.filters |= {"shown": escape, "duration": duration, "size": count}
+    templates = shell.environment()
     library = plots.library() if any(view.plots for view in views) else None
-    script = _script(environment)
-    known: dict[str, Any] = {
-        "lang": lang,
-        "version": __version__,
-        "t": words.spans,
-        "both": words.pair,
-        "label": words.attributes,
-        "label_of": words.attribute,
-        "style": embed.safe_style(_source(environment, "page.css")),
-        "script": embed.safe_script(script),
-        "policy": embed.policy([script, *(library.scripts if library else ())]),
-        "library": library,
-        "words": embed.as_json(words.for_script()),
+    page_of: dict[str, Any] = {
+        **shell.known(templates, lang, SCRIPTS, library),
         "levels": LEVELS,
         "kinds": KINDS,
         "overview": sorted(overview, key=worst_first),
@@ -119,7 +98,6 @@ def page(overview: list[Overview], views: list[CaptureView], lang: str) -> str:
         "views": sorted(views, key=lambda each: worst_first(each.overview)),
         "most_drives": DRIVES,
         "words_of": say,
-        "data_element": embed.data_element,
         "left": timelines.LEFT,
         "width": timelines.WIDTH,
         "right": timelines.RIGHT,
@@ -127,14 +105,4 @@ def page(overview: list[Overview], views: list[CaptureView], lang: str) -> str:
         "flags": timelines.FLAGS,
         "curve": timelines.CURVE,
     }
-    return environment.get_template("report.html.j2").render(known)
-
-
-def _script(environment: Any) -> str:
-    parts = (_source(environment, f"{name}.js") for name in SCRIPTS)
-    return '"use strict";\n(() => {\n' + "\n".join(parts) + "\n})();\n"
-
-
-def _source(environment: Any, name: str) -> str:
-    source, _, _ = environment.loader.get_source(environment, f"{_FOLDER}/{name}")
-    return str(source)
+    return str(templates.get_template("report.html.j2").render(page_of))

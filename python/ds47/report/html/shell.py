@@ -1,0 +1,68 @@
+"""What every page of ours begins with: its look, its script, its policy and its words, as the templates name them.
+
+What a page is about is not known here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from ds47 import __version__
+from ds47.report.formatting import count, duration, escape
+from ds47.report.html import embed
+from ds47.report.html.plots import Library
+from ds47.report.html.texts import Words
+
+_FOLDER = "report"
+
+
+def environment() -> Any:
+    """The templates, with the filters that they use."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # only for pages
+
+    found = Environment(
+        loader=PackageLoader("ds47.report"), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    found.filters |= {"shown": escape, "duration": duration, "size": count}
+    return found
+
+
+def known(
+    templates: Any, lang: str, scripts: Iterable[str], library: Library | None
+) -> dict[str, Any]:
+    """The names that a template of a whole page has.
+
+    Args:
+        templates: the environment.
+        lang: "en" or "zh", the language that shows first.
+        scripts: the files of templates/report/ that make the one script of the page, in this order.
+        library: that of the plots, None without.
+    """
+    words = Words(lang)
+    script = _script(templates, scripts)
+    return {
+        "lang": lang,
+        "version": __version__,
+        "t": words.spans,
+        "both": words.pair,
+        "label": words.attributes,
+        "label_of": words.attribute,
+        "style": embed.safe_style(_source(templates, "page.css")),
+        "script": embed.safe_script(script),
+        "policy": embed.policy([script, *(library.scripts if library else ())]),
+        "library": library,
+        "words": embed.as_json(words.for_script()),
+        "data_element": embed.data_element,
+    }
+
+
+def _script(templates: Any, names: Iterable[str]) -> str:
+    parts = (_source(templates, f"{name}.js") for name in names)
+    return '"use strict";\n(() => {\n' + "\n".join(parts) + "\n})();\n"
+
+
+def _source(templates: Any, name: str) -> str:
+    source, _, _ = templates.loader.get_source(templates, f"{_FOLDER}/{name}")
+    return str(source)
