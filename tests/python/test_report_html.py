@@ -33,6 +33,7 @@ from ds47.model import (
     Report,
     Transaction,
 )
+from ds47.regression import difference_page
 from ds47.report import Options, causes, html, sentences
 from ds47.report.html import embed, messages, plots, texts
 from ds47.report.html.verdict import quality
@@ -697,7 +698,8 @@ def test_the_scripts_make_no_markup_out_of_text_and_ask_no_network():
 
 
 def test_every_script_file_is_part_of_the_page():
-    assert {f"{name}.js" for name in html.SCRIPTS} == set(sources("*.js"))
+    names = {*html.SCRIPTS, *difference_page.SCRIPTS}
+    assert {f"{name}.js" for name in names} == set(sources("*.js"))
 
 
 def test_data_cannot_end_its_element():

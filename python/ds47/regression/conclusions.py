@@ -52,6 +52,9 @@ KINDS: Final = (
     CHANGE_WORKS, READ_WORKS, FEWER_FAULTS, FEWER_FAIL, QUICKER, CHANGING,
 )  # fmt: skip
 """The worst first, and last what is no change of anything."""
+_BAD: Final = frozenset({CHANGE_FAILS, READ_FAILS, FAULTS, MORE_FAIL})
+_GOOD: Final = frozenset({CHANGE_WORKS, READ_WORKS, FEWER_FAULTS, FEWER_FAIL, QUICKER})
+_NEITHER: Final = frozenset({CHANGING, WRITTEN})
 
 
 class Conclusion(NamedTuple):
@@ -66,6 +69,13 @@ class Conclusion(NamedTuple):
     rows: tuple[Row, ...] = ()
     faults: Faults | None = None
     latency: Latency | None = None
+
+    @property
+    def level(self) -> str:
+        """How bad it is: "bad", "warn", "good", or "none" where it says nothing about the drive."""
+        if self.kind in _NEITHER:
+            return "none"
+        return "bad" if self.kind in _BAD else "good" if self.kind in _GOOD else "warn"
 
 
 def conclusions(found: Difference) -> list[Conclusion]:

@@ -67,6 +67,9 @@ class Row(NamedTuple):
     unit: str | None
 
 
+Took = tuple[str | None, float]
+
+
 @dataclass(frozen=True, slots=True)
 class Latency:
     """Durations of one operation on one device in both captures, in milliseconds.
@@ -81,6 +84,8 @@ class Latency:
     medians: tuple[float, float]
     p95: tuple[float, float]
     probability: float | None
+    points: tuple[list[Took], list[Took]] = ([], [])
+    """When each transaction began, as the report has it, and how long it took."""
 
     @property
     def significant(self) -> bool:
@@ -117,6 +122,8 @@ class Difference:
     """Of drives whose words both captures have."""
     unknown: tuple[int, int] = (0, 0)
     """For each capture: transactions that asked for something that it does not show."""
+    starts: tuple[str | None, str | None] = (None, None)
+    """When the first transaction of each capture began."""
     texts: dict[tuple[str, int | None], str] = field(default_factory=dict)
     """The words of error numbers, by device and number."""
 
@@ -152,6 +159,7 @@ def difference(a: Json, b: Json, names: tuple[str, str]) -> Difference:
     sides = [shown(capture, name, places) for capture, name in zip(drives, called, strict=True)]
     result = Difference(names)
     result.rows = list(_rows(sides[0], sides[1], places))
+    result.starts = _start(drives[0]), _start(drives[1])
     result.unknown = sides[0].unknown, sides[1].unknown
     result.texts = sides[1].texts | sides[0].texts
     result.findings = _counts(
@@ -163,6 +171,11 @@ def difference(a: Json, b: Json, names: tuple[str, str]) -> Difference:
     result.latencies = _latencies(a, b, called)
     result.faults = _faults(a, b, called)
     return result
+
+
+def _start(capture: Json) -> str | None:
+    times = [each.get("start") for each in capture["transactions"]]
+    return min((each for each in times if isinstance(each, str)), default=None)
 
 
 def _without_s7(capture: Json) -> Json:
@@ -298,16 +311,19 @@ def _counts(a: Iterable[str], b: Iterable[str]) -> list[tuple[str, int, int]]:
 
 
 def _latencies(a: Json, b: Json, called: tuple[dict[str, str], dict[str, str]]) -> list[Latency]:
-    groups: dict[tuple[str, str], tuple[list[float], list[float]]] = {}
+    groups: dict[tuple[str, str], tuple[list[Took], list[Took]]] = {}
     for side, (capture, names) in enumerate(zip((a, b), called, strict=True)):
         for item in capture["transactions"]:
             if item["duration_ms"] is not None and item["duration_ms"] >= 0:  # no clock set back
                 key = names.get(item["device"], item["device"]), item["operation"]
-                groups.setdefault(key, ([], []))[side].append(item["duration_ms"])
+                groups.setdefault(key, ([], []))[side].append(
+                    (item.get("start"), item["duration_ms"])
+                )
     return [_latency(*key, *sides) for key, sides in sorted(groups.items()) if all(sides)]
 
 
-def _latency(device: str, operation: str, a: list[float], b: list[float]) -> Latency:
+def _latency(device: str, operation: str, one: list[Took], other: list[Took]) -> Latency:
+    a, b = ([took for _, took in side] for side in (one, other))
     return Latency(
         device,
         operation,
@@ -315,6 +331,7 @@ def _latency(device: str, operation: str, a: list[float], b: list[float]) -> Lat
         (median(a), median(b)),
         (_percentile(a, 95), _percentile(b, 95)),
         mann_whitney(a, b) if min(len(a), len(b)) >= _FEW else None,
+        (one, other),
     )
 
 

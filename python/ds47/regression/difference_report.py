@@ -1,80 +1,23 @@
-"""How a difference between two captures looks: text, JSON and HTML.
+"""How a difference between two captures is written: as text, as JSON, as a page.
 
-What differs is found in `ds47.regression.difference`; the page is `templates/difference.html.j2`. All three say
-the same, what a drive did otherwise first, and durations last.
+What differs is found in `ds47.regression.difference`, its words are in `difference_words`. All three forms say the
+same, what a drive did otherwise first, and durations last.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any, NamedTuple, TextIO
+from collections.abc import Iterator
+from typing import TextIO
 
-from ds47 import __version__, spec
-from ds47.regression import conclusions as concluded
-from ds47.regression import difference as kinds
-from ds47.regression.conclusions import Conclusion, conclusions, failures, shares
-from ds47.regression.difference import Difference, Faults, Latency, Row
-from ds47.regression.elements import Outcomes, is_whole
-from ds47.regression.places import Place
-from ds47.report.bilingual import Both, joined, operation, say, state
-from ds47.report.formatting import escape, values
-from ds47.report.sentences import slot_number
-from ds47.spec import error_hex
+from ds47.regression import difference_words as words
+from ds47.regression.conclusions import conclusions
+from ds47.regression.difference import Difference
+from ds47.regression.difference_json import document
+from ds47.report.bilingual import Both, say, state
+from ds47.report.formatting import escape
 
-SCHEMA = "ds47.diff/2"
 FORMATS = ("text", "json", "html")
-_REST = (
-    (kinds.ONLY, "diff_only"),
-    (kinds.OTHER_OPERATION, "diff_operation"),
-    (kinds.OTHER_WAY, "diff_way"),
-    (kinds.OPEN, "diff_open"),
-)
-"""What was not compared, and its heading."""
-_CONCLUSIONS = 12
-"""Conclusions that text and page open with; the others are counted."""
-_NAMED = 3
-"""Parameters that a conclusion names."""
-_CONCLUDED = {
-    concluded.CHANGE_FAILS: "diff_change_fails",
-    concluded.READ_FAILS: "diff_read_fails",
-    concluded.FAULTS: "diff_faults",
-    concluded.MORE_FAIL: "diff_more_fail",
-    concluded.SLOWER: "diff_is_slower",
-    concluded.VALUES: "diff_other_values",
-    concluded.WRITTEN: "diff_other_written",
-    concluded.ERRORS: "diff_other_errors",
-    concluded.CHANGE_WORKS: "diff_change_works",
-    concluded.READ_WORKS: "diff_read_works",
-    concluded.FEWER_FAULTS: "diff_faults",
-    concluded.FEWER_FAIL: "diff_fewer_fail",
-    concluded.QUICKER: "diff_is_quicker",
-    concluded.CHANGING: "diff_changing",
-}
-"""What a conclusion says, by its kind."""
-_VALUES = {
-    "read": ("diff_read", "diff_read_several"),
-    "change": ("diff_change", "diff_change_several"),
-}
-"""How a side tells its values, and how where they were not always the same."""
-
-
-class Run(NamedTuple):
-    """Rows of elements that follow one another, of which the captures show the same but for the values."""
-
-    rows: tuple[Row, ...]
-
-    @property
-    def first(self) -> Row:
-        """The row of the first element."""
-        return self.rows[0]
-
-
-class Section(NamedTuple):
-    """Runs under a heading."""
-
-    title: Both
-    runs: list[Run]
 
 
 def write(
@@ -99,7 +42,9 @@ def write(
             json.dumps(document(found), ensure_ascii=False, indent=1, allow_nan=False) + "\n"
         )
     elif format_name == "html":
-        stream.write(_page(found, lang, everything))
+        from ds47.regression.difference_page import page
+
+        stream.write(page(found, lang, everything=everything))
     else:
         stream.writelines(f"{line}\n" for line in lines(found, lang, everything=everything))
 
@@ -110,29 +55,24 @@ def lines(found: Difference, lang: str = "en", *, everything: bool = False) -> I
     yield f"A {escape(a)}"
     yield f"B {escape(b)}"
     yield ""
-    yield verdict(found).text(lang)
+    yield words.verdict(found).text(lang)
     yield from _conclusion_lines(found, lang)
-    for section in sections(found):
-        yield from _section(section.title, [_line(run, found) for run in section.runs], lang)
+    for section in words.sections(found):
+        yield from _section(section.title, [words.line(run, found) for run in section.runs], lang)
     yield from _section(
         say("diff_states"),
-        [_count(state(name), was, now) for name, was, now in _changed(found.states)],
+        [words.count_text(state(name), was, now) for name, was, now in words.changed(found.states)],
         lang,
     )
     yield from _section(
-        say("diff_findings"), [_finding(*row) for row in _changed(found.findings)], lang
+        say("diff_findings"),
+        [words.finding_text(*row) for row in words.changed(found.findings)],
+        lang,
     )
     yield from _rest_lines(found, lang, everything)
-    yield from _section(say("diff_durations"), [_latency(each) for each in found.latencies], lang)
-
-
-def verdict(found: Difference) -> Both:
-    """How many parameter elements differ, of how many."""
-    if not found.compared:
-        return say("diff_nothing")
-    if not found.different:
-        return say("diff_equal", n=found.compared)
-    return say("diff_differ", n=found.different, total=f"{found.compared:,}")
+    yield from _section(
+        say("diff_durations"), [words.latency_text(each) for each in found.latencies], lang
+    )
 
 
 def _conclusion_lines(found: Difference, lang: str) -> Iterator[str]:
@@ -140,115 +80,24 @@ def _conclusion_lines(found: Difference, lang: str) -> Iterator[str]:
     if not all_:
         return
     yield from _section(
-        say("diff_concluded"), [conclusion_text(each, found) for each in all_[:_CONCLUSIONS]], lang
+        say("diff_concluded"),
+        [words.conclusion_text(each, found) for each in all_[: words.CONCLUSIONS]],
+        lang,
     )
-    if len(all_) > _CONCLUSIONS:
-        yield f"  {say('diff_more', n=len(all_) - _CONCLUSIONS).text(lang)}"
-
-
-def conclusion_text(each: Conclusion, found: Difference) -> Both:
-    """A conclusion in a line: `press-1 DO 2: a read that brought a value in A fails in B: p2900[0] (..)`."""
-    if each.faults is not None:
-        return say(
-            _CONCLUDED[each.kind],
-            place=_submodule(each.faults),
-            counts=f"{each.faults.a:,} -> {each.faults.b:,}",
-        )
-    if each.latency is not None:
-        was, now = each.latency.medians
-        return say(
-            _CONCLUDED[each.kind],
-            place=escape(each.latency.device),
-            operation=operation(each.latency.operation),
-            medians=f"{was:.1f} -> {now:.1f}",
-            p=f"{each.latency.probability:.2g}",
-        )
-    return say(
-        _CONCLUDED[each.kind],
-        place=place_text(each.place),
-        operation=operation(each.rows[0].operation),
-        parameters=_named(each, found),
-    )
-
-
-def _submodule(each: Faults) -> str:
-    """`press-1 slot 1.1`; of a channel that was named by hand only the device is known."""
-    device = escape(each.device)
-    return device if each.slot is None else f"{device} slot {slot_number(each.slot, each.subslot)}"
-
-
-def _named(each: Conclusion, found: Difference) -> Both:
-    """The first of its parameters with what matters of them, and how many elements there are beside."""
-    all_ = runs(each.rows, lambda row: (failures(row, each.kind), shares(row)))
-    named = [_brief(run, each.kind, found) for run in all_[:_NAMED]]
-    left = sum(len(run.rows) for run in all_[_NAMED:])
-    return joined([*named, *([say("diff_elements_more", n=left)] if left else [])])
-
-
-def _brief(run: Run, kind: str, found: Difference) -> Both:
-    """`p2900[0] 10.0 -> 12.0`, `p2900[0] (0x11 ...)`, `p2900[0..3] 1 of 27 -> 9 of 12`."""
-    name = f"p{run.first.element.pnu}[{_indices(run)}]"
-    if kind in (concluded.VALUES, concluded.WRITTEN, concluded.CHANGING):
-        sides = [_last(run, side) for side in ("a", "b")]
-        return Both(*(f"{name} {was} -> {now}" for was, now in zip(*sides, strict=True)))
-    if kind in (concluded.MORE_FAIL, concluded.FEWER_FAIL):
-        return Both.same(f"{name} {' -> '.join(f'{n:,} / {of:,}' for n, of in shares(run.first))}")
-    told = (_failure(each, run, found) for each in failures(run.first, kind))
-    return Both.same(f"{name} ({', '.join(told)})")
-
-
-def _failure(kind: object, run: Run, found: Difference) -> str:
-    """`0x11 not in this operating state`, `STATUS DF80B500`, `-` for a negative response without a number."""
-    if isinstance(kind, int):
-        return _error(kind, run.first.element.place.device, found)
-    return "-" if kind is None else f"STATUS {escape(str(kind))}"
-
-
-def sections(found: Difference) -> list[Section]:
-    """What differs, asked for by the same requests and by others; where there is something."""
-    headings = (
-        (kinds.DIFFERENT, "diff_parameters"),
-        (kinds.OTHER_REQUESTS, "diff_requests"),
-        (kinds.SOMETIMES, "diff_sometimes"),
-    )
-    all_ = [Section(say(title), runs(found.of(kind))) for kind, title in headings]
-    return [section for section in all_ if section.runs]
-
-
-def rest(found: Difference) -> list[Section]:
-    """What was not compared."""
-    all_ = [Section(say(title), runs(found.of(kind))) for kind, title in _REST]
-    return [section for section in all_ if section.runs]
-
-
-def rest_text(section: Section) -> Both:
-    """How much of it there is: `12 elements in A, 3 elements in B`."""
-    rows = [row for run in section.runs for row in run.rows]
-    sides = [{row.element for row in rows if side(row)} for side in (_in_a, _in_b)]
-    if sides[0] == sides[1]:
-        return say("diff_elements", n=len(sides[0]))
-    told = (("diff_in_a", len(sides[0])), ("diff_in_b", len(sides[1])))
-    return joined([say(key, text=say("diff_elements", n=count)) for key, count in told if count])
-
-
-def notes(found: Difference) -> list[Both]:
-    """What a capture does not show of its requests, where that limits what is said of "one capture only"."""
-    if not found.of(kinds.ONLY, kinds.OTHER_OPERATION, kinds.OTHER_WAY):
-        return []
-    sides = zip("AB", found.unknown, strict=True)
-    return [say("diff_unknown", capture=name, n=count) for name, count in sides if count]
+    if len(all_) > words.CONCLUSIONS:
+        yield f"  {say('diff_more', n=len(all_) - words.CONCLUSIONS).text(lang)}"
 
 
 def _rest_lines(found: Difference, lang: str, everything: bool) -> Iterator[str]:
-    left = rest(found)
+    left = words.rest(found)
     if not left:
         return
     yield ""
     for section in left:
-        yield say("diff_row", what=section.title, text=rest_text(section)).text(lang)
+        yield say("diff_row", what=section.title, text=words.rest_text(section)).text(lang)
         if everything:
-            yield from (f"  {_line(run, found).text(lang)}" for run in section.runs)
-    yield from (each.text(lang) for each in notes(found))
+            yield from (f"  {words.line(run, found).text(lang)}" for run in section.runs)
+    yield from (each.text(lang) for each in words.notes(found))
     if not everything:
         yield say("diff_list").text(lang)
 
@@ -257,283 +106,3 @@ def _section(title: Both, rows: list[Both], lang: str) -> Iterator[str]:
     yield ""
     yield say("diff_section" if rows else "diff_none", title=title).text(lang)
     yield from (f"  {row.text(lang)}" for row in rows)
-
-
-def _in_a(row: Row) -> bool:
-    return row.a is not None
-
-
-def _in_b(row: Row) -> bool:
-    return row.b is not None
-
-
-def runs(rows: Iterable[Row], about: Callable[[Row], object] = lambda _: None) -> list[Run]:
-    """Rows put together to runs, in the order of their parameters; in one run `about` gives the same for all."""
-    found: list[list[Row]] = []
-    ordered = sorted(
-        rows, key=lambda row: (row.element.place.sort_key, row.element.pnu, row.operation)
-    )
-    for row in ordered:
-        if found and _follows(found[-1][-1], row) and about(found[-1][-1]) == about(row):
-            found[-1].append(row)
-        else:
-            found.append([row])
-    return [Run(tuple(each)) for each in found]
-
-
-def _follows(one: Row, other: Row) -> bool:
-    mine, theirs = one.element, other.element
-    return (
-        mine._replace(subindex=mine.subindex + 1) == theirs
-        and (one.operation, one.result, one.unit) == (other.operation, other.result, other.unit)
-        and _kind(one.a) == _kind(other.a)
-        and _kind(one.b) == _kind(other.b)
-    )
-
-
-def _kind(side: Outcomes | None) -> tuple[object, ...] | None:
-    """What a line says of one side, but for the last value."""
-    if side is None:
-        return None
-    return side.asked, side.values, side.distinct, side.format, side.negative, side.refused
-
-
-def place_text(place: Place) -> str:
-    """A place as people write it: `press-1-drive DO 2`, `192.168.0.1 slot 1.1 axis 2`. No two have the same."""
-    words = [escape(place.device)]
-    if place.drive_object is not None:
-        words.append(f"DO {place.drive_object}")
-    if place.slot is not None:
-        words.append(f"slot {slot_number(place.slot, place.subslot)}")
-    if place.axis is not None:
-        words.append(f"axis {place.axis}")
-    if place.local:
-        words.append("(0xB02E)")
-    return " ".join(words)
-
-
-def parameter_text(run: Run) -> str:
-    """The parameter elements of a run: `192.168.0.1 DO 2 p2900[0]`, `.. p2902[2..5]`."""
-    element = run.first.element
-    return f"{place_text(element.place)} p{element.pnu}[{_indices(run)}]"
-
-
-def _indices(run: Run) -> str:
-    first, last = (run.rows[place].element.subindex for place in (0, -1))
-    return f"{first}" if first == last else f"{first}..{last}"
-
-
-def side_text(run: Run, side: str, found: Difference) -> Both:
-    """What capture "a" or "b" shows of a run."""
-    first: Outcomes | None = getattr(run.first, side)
-    if first is None:
-        return say("diff_absent")
-    device = run.first.element.place.device
-    parts = [_values(run, side)] if first.values else []
-    parts += [
-        say("diff_negative_bare", n=count)
-        if code is None
-        else say("diff_negative", n=count, error=_error(code, device, found))
-        for code, count in sorted(first.negative.items(), key=lambda each: each[0] or 0)
-    ]
-    parts += [
-        say("diff_refused", n=count, status=escape(status))
-        for status, count in sorted(first.refused.items())
-    ]
-    parts += [say("diff_unseen", n=first.open)] if first.open else []
-    return joined(parts)
-
-
-def _error(code: int, device: str, found: Difference) -> str:
-    return f"{error_hex(code)} {escape(found.texts.get((device, code), ''))}".strip()
-
-
-def _values(run: Run, side: str) -> Both:
-    """How often there was a value, and the last one."""
-    first: Outcomes = getattr(run.first, side)
-    once, often = _VALUES[run.first.operation]
-    if first.distinct > 1:
-        return say(often, n=first.values, values=str(first.distinct), value=_last(run, side))
-    return say(once, n=first.values, value=_last(run, side))
-
-
-def _last(run: Run, side: str) -> Both:
-    """The last values of a run in capture "a" or "b"; with the format where the other has another one."""
-    row = run.first
-    all_: list[Outcomes] = [getattr(each, side) for each in run.rows]
-    first = all_[0]
-    last = [each.last for each in all_]
-    if is_whole(first.format):
-        last = ["".join(map(str, last))]
-    unit = f" {escape(row.unit)}" if row.unit else ""
-    formats = {each.format for each in (row.a, row.b) if each is not None and each.values}
-    kind = f" ({escape(str(first.format))})" if len(formats) > 1 else ""
-    return Both(*(values(last, first.format, lang) + unit + kind for lang in ("en", "zh")))
-
-
-def _line(run: Run, found: Difference) -> Both:
-    return say(
-        "diff_sides",
-        parameter=parameter_text(run),
-        operation=operation(run.first.operation),
-        a=side_text(run, "a", found),
-        b=side_text(run, "b", found),
-    )
-
-
-def _changed(rows: list[tuple[str, int, int]]) -> list[tuple[str, int, int]]:
-    return [row for row in rows if row[1] != row[2]]
-
-
-def _finding(rule: str, was: int, now: int) -> Both:
-    known = spec.rules().get(rule)
-    name = f"{escape(rule)} {known.name if known else ''}".strip()
-    return _count(Both.same(name), was, now)
-
-
-def _count(name: Both, was: int, now: int) -> Both:
-    return say("diff_row", what=name, text=f"{was:,} -> {now:,}")
-
-
-def shift_text(each: Latency) -> Both:
-    """What became of the latency, in words that do not claim more than the numbers hold."""
-    if each.probability is None:
-        return say("diff_few")
-    key = "diff_no_shift"
-    if each.significant:
-        key = "diff_slower" if each.is_slower else "diff_quicker"
-    return say(key, p=f"{each.probability:.2g}")
-
-
-def _latency(each: Latency) -> Both:
-    return say(
-        "diff_latency",
-        device=escape(each.device),
-        operation=operation(each.operation),
-        medians=f"{each.medians[0]:.1f} -> {each.medians[1]:.1f}",
-        p95=f"{each.p95[0]:.1f} -> {each.p95[1]:.1f}",
-        a=str(each.counts[0]),
-        b=str(each.counts[1]),
-        shift=shift_text(each),
-    )
-
-
-def document(found: Difference) -> dict[str, Any]:
-    """The difference as plain dictionaries (docs/regression.md says what the keys mean)."""
-    return {
-        "schema": SCHEMA,
-        "tool": {"name": "ds47", "version": __version__},
-        "a": found.names[0],
-        "b": found.names[1],
-        "compared": found.compared,
-        "different": found.different,
-        "conclusions": [_conclusion(each) for each in conclusions(found)],
-        "parameters": [_parameter(row, found) for row in found.rows],
-        "unknown_requests": list(found.unknown),
-        "states": [{"state": name, "a": was, "b": now} for name, was, now in found.states],
-        "findings": [{"rule": rule, "a": was, "b": now} for rule, was, now in found.findings],
-        "latency": [
-            {
-                "device": each.device,
-                "operation": each.operation,
-                "count": list(each.counts),
-                "median_ms": list(each.medians),
-                "p95_ms": list(each.p95),
-                "probability": each.probability,
-                "significant": each.significant,
-            }
-            for each in found.latencies
-        ],
-    }
-
-
-def _conclusion(each: Conclusion) -> dict[str, Any]:
-    place, faults = each.place, each.faults
-    return {
-        "kind": each.kind,
-        "device": place.device,
-        "drive_object": place.drive_object,
-        "slot": place.slot if faults is None else faults.slot,
-        "subslot": place.subslot if faults is None else faults.subslot,
-        "axis": place.axis,
-        "local": place.local,
-        "operation": _operation(each),
-        "elements": [[row.element.pnu, row.element.subindex] for row in each.rows],
-        "faults": None if faults is None else [faults.a, faults.b],
-    }
-
-
-def _operation(each: Conclusion) -> str | None:
-    if each.latency is not None:
-        return each.latency.operation
-    return each.rows[0].operation if each.rows else None
-
-
-def _parameter(row: Row, found: Difference) -> dict[str, Any]:
-    place, pnu, subindex = row.element
-    return {
-        "device": place.device,
-        "drive_object": place.drive_object,
-        "slot": place.slot,
-        "subslot": place.subslot,
-        "axis": place.axis,
-        "local": place.local,
-        "pnu": pnu,
-        "subindex": subindex,
-        "name": row.name,
-        "unit": row.unit,
-        "operation": row.operation,
-        "result": row.result,
-        "a": _outcomes(row.a, place.device, found),
-        "b": _outcomes(row.b, place.device, found),
-    }
-
-
-def _outcomes(side: Outcomes | None, device: str, found: Difference) -> dict[str, Any] | None:
-    if side is None:
-        return None
-    return {
-        "asked": side.asked,
-        "values": side.values,
-        "distinct": side.distinct,
-        "last": side.last,
-        "format": side.format,
-        "negative": [
-            {"code": code, "text": found.texts.get((device, code), ""), "count": count}
-            for code, count in side.negative.items()
-        ],
-        "refused": [{"status": status, "count": count} for status, count in side.refused.items()],
-        "open": side.open,
-    }
-
-
-def _page(found: Difference, lang: str, everything: bool) -> str:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    def word(key: str, **values: Any) -> str:
-        return say(key, **values).text(lang)
-
-    environment = Environment(
-        loader=PackageLoader("ds47.report"), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
-    return environment.get_template("difference.html.j2").render(
-        found=found,
-        lang=lang,
-        everything=everything,
-        word=word,
-        state=lambda each: state(each).text(lang),
-        operation=lambda each: operation(each).text(lang),
-        rules=spec.rules(),
-        version=__version__,
-        verdict=verdict(found).text(lang),
-        concluded=[conclusion_text(each, found).text(lang) for each in conclusions(found)],
-        sections=sections(found),
-        rest=rest(found),
-        notes=[each.text(lang) for each in notes(found)],
-        changed=_changed,
-        rest_text=lambda section: rest_text(section).text(lang),
-        parameter_text=parameter_text,
-        side_text=lambda run, side: side_text(run, side, found).text(lang),
-        shift_text=lambda each: shift_text(each).text(lang),
-    )

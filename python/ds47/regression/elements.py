@@ -53,6 +53,8 @@ class Outcomes:
 
     seen: set[object] = field(default_factory=set)
     """The values by their numbers and by their bits."""
+    history: list[tuple[str | None, Any]] = field(default_factory=list)
+    """When the transaction of each value began, as the report has it, and the value."""
 
     @property
     def open(self) -> int:
@@ -64,7 +66,7 @@ class Outcomes:
         """The kinds of outcome: VALUE, error numbers, STATUS words."""
         return set().union(*self.of_requests.values())
 
-    def value(self, value: object, format_name: str | None) -> None:
+    def value(self, value: object, format_name: str | None, time: str | None) -> None:
         """Counts a value that was read, or accepted."""
         keys = {
             repr(float(value)) if isinstance(value, int | float) else repr(value),
@@ -74,6 +76,7 @@ class Outcomes:
         self.distinct += self.seen.isdisjoint(keys)
         self.seen |= keys
         self.last, self.format = value, format_name
+        self.history.append((time, value))
 
     def note(self, request: tuple[Any, ...], kind: object) -> None:
         """Counts which kind of outcome a request had."""
@@ -199,7 +202,7 @@ def _count(
         outcomes.refused[word] += 1
         outcomes.note(form, word)
     elif value is not None and _has_value(item, position):
-        outcomes.value(value, each.get("format"))
+        outcomes.value(value, each.get("format"), item.get("start"))
         outcomes.note(form, VALUE)
 
 
