@@ -460,10 +460,10 @@ def test_failures_beside_values_count_where_they_are_more_than_chance():
     assert difference(often(0), few, ("a", "b")).rows[0].result == "sometimes"
     place = "10.0.0.2 slot 1.1 axis 2"
     assert concluded(few, many) == [
-        f"  {place}: the same requests (read) fail more often in B (failed / asked): p5[0] 1 / 41 -> 20 / 41"
+        f"  {place}: the same requests (read) fail more often in B (failed/asked): p5[0] 1/41 -> 20/41"
     ]
     assert concluded(many, few) == [
-        f"  {place}: the same requests (read) fail less often in B (failed / asked): p5[0] 20 / 41 -> 1 / 41"
+        f"  {place}: the same requests (read) fail less often in B (failed/asked): p5[0] 20/41 -> 1/41"
     ]
 
 

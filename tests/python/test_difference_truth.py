@@ -358,7 +358,7 @@ VALUE_CLAIMS = {
     "other values written": "change",
 }
 SHARE_CLAIM = re.compile(
-    r"the same requests \(\w+\) fail (more|less) often in B \(failed / asked\)"
+    r"the same requests \(\w+\) fail (more|less) often in B \(failed/asked\)"
 )
 
 
@@ -408,7 +408,7 @@ def check_conclusion(
             assert f" -> {now}" in about, row
         return
     if share := SHARE_CLAIM.fullmatch(claim):
-        numbers = re.fullmatch(r"([\d,]+) / ([\d,]+) -> ([\d,]+) / ([\d,]+)", about)
+        numbers = re.fullmatch(r"([\d,]+)/([\d,]+) -> ([\d,]+)/([\d,]+)", about)
         assert numbers, row
         a, of_a, b, of_b = (int(each.replace(",", "")) for each in numbers.groups())
         assert (b / of_b > a / of_a) == (share[1] == "more"), row

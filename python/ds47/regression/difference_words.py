@@ -129,7 +129,7 @@ def _brief(run: Run, kind: str, found: Difference) -> Both:
         sides = [_last(run, side) for side in ("a", "b")]
         return Both(*(f"{name} {was} -> {now}" for was, now in zip(*sides, strict=True)))
     if kind in (concluded.MORE_FAIL, concluded.FEWER_FAIL):
-        return Both.same(f"{name} {' -> '.join(f'{n:,} / {of:,}' for n, of in shares(run.first))}")
+        return Both.same(f"{name} {' -> '.join(f'{n:,}/{of:,}' for n, of in shares(run.first))}")
     told = (_failure(each, run, found) for each in failures(run.first, kind))
     return Both.same(f"{name} ({', '.join(told)})")
 
