@@ -357,9 +357,7 @@ VALUE_CLAIMS = {
     "other values of parameters that the drive changes by itself": "read",
     "other values written": "change",
 }
-SHARE_CLAIM = re.compile(
-    r"the same requests \(\w+\) fail (more|less) often in B \(failed/asked\)"
-)
+SHARE_CLAIM = re.compile(r"the same requests \(\w+\) fail (more|less) often in B \(failed/asked\)")
 
 
 def check_conclusions(
